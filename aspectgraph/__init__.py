@@ -1,0 +1,1 @@
+"""Exact entity-based aspect graphs of polyhedral parts."""

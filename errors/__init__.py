@@ -1,0 +1,1 @@
+"""Measurement error of dimensions taken from an image: densities and probabilities."""

@@ -1,0 +1,1 @@
+"""A genetic algorithm for bit-string problems."""

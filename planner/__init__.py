@@ -1,0 +1,1 @@
+"""Planning of sensor settings for active visual inspection."""
