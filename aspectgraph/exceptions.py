@@ -1,0 +1,53 @@
+"""Exceptions raised by :mod:`aspectgraph`; each also inherits the builtin one would expect."""
+
+
+class AspectGraphError(Exception):
+    """Base of every error this package raises on purpose."""
+
+
+class SolidError(AspectGraphError, ValueError):
+    """The vertices and faces given do not describe a valid solid."""
+
+
+class OpenSolidError(SolidError):
+    """An edge has a face on one side only: the surface has a hole."""
+
+
+class NonManifoldError(SolidError):
+    """An edge has more than two faces, or a vertex more than one fan of faces."""
+
+
+class OrientationError(SolidError):
+    """Faces disagree about which side is outside, or the whole is inside out."""
+
+
+class PlanarityError(SolidError):
+    """The vertices of a face do not lie in one plane."""
+
+
+class SelfIntersectionError(SolidError):
+    """Parts of the surface cross each other, or solids overlap."""
+
+
+class TouchingError(SelfIntersectionError):
+    """Parts of the surface that are not neighbours touch without crossing."""
+
+
+class ReadError(AspectGraphError, ValueError):
+    """A part file cannot be read, or does not hold what its name says."""
+
+
+class PartFileNotFoundError(ReadError, FileNotFoundError):
+    """There is no such part file."""
+
+
+class MissingExtraError(ReadError, ImportError):
+    """An optional package needed for this operation is not installed."""
+
+
+class EntityError(AspectGraphError, ValueError):
+    """An entity of interest is not a sharp straight edge of the solid."""
+
+
+class WorkspaceError(AspectGraphError, ValueError):
+    """The workspace is not a box around the solid, or a point lies outside it."""
