@@ -1,0 +1,193 @@
+"""Minimum set cover with a proof of optimality, and the checker that does not trust it.
+
+Notation: a *column* is a set of entities that one sensor setting can inspect; ``membership[c, e]`` is True where
+column c contains entity e. A cover is a set of columns that together contain every entity.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import LinearConstraint, linprog, milp
+from scipy.sparse import csr_matrix
+
+from .exceptions import CoverError
+
+# the preferences of all chosen columns together stay below this, so they can never outweigh one column
+_PREFERENCE = 0.5
+
+
+@dataclass(frozen=True)
+class Cover:
+    """Columns that cover every entity.
+
+    Attributes
+    ----------
+    chosen : tuple of int
+        Indices of the chosen columns, ascending.
+    lower_bound : int
+        No cover by these columns has fewer.
+    optimal : bool
+        ``len(chosen) == lower_bound``.
+    """
+
+    chosen: tuple[int, ...]
+    lower_bound: int
+
+    @property
+    def optimal(self) -> bool:
+        """Whether the cover is proven minimal."""
+        return len(self.chosen) == self.lower_bound
+
+
+def min_cover(membership, preference=None, *, time_limit_s: float = 60.0) -> Cover:
+    """Find the fewest columns that cover every entity, by integer programming (HiGHS).
+
+    **Guarantee.** The result covers every entity; ``lower_bound`` is proven; among covers of the same size the total
+    preference is the largest. The result depends on the arguments only, unless the time limit strikes.
+
+    Parameters
+    ----------
+    membership : array_like of bool, shape (c, e)
+        ``membership[c, e]``: column c contains entity e.
+    preference : array_like, shape (c,), optional
+        Numbers in [0, 1]; between covers of equal size larger is better.
+    time_limit_s : float
+        When it strikes, the best cover so far is returned with the bound proven so far.
+
+    Returns
+    -------
+    Cover
+
+    Raises
+    ------
+    CoverError
+        If some entity is in no column.
+    """
+    membership = check_membership(membership)
+    n_columns, n_entities = membership.shape
+    if n_entities == 0:
+        return Cover((), 0)
+    preference = np.zeros(n_columns) if preference is None else np.asarray(preference, dtype=float)
+    cost = 1.0 + _PREFERENCE / (n_entities + 1) * (1.0 - preference)
+    result = milp(
+        cost,
+        integrality=np.ones(n_columns),
+        bounds=(0, 1),
+        constraints=LinearConstraint(csr_matrix(membership.T.astype(float)), lb=1.0),
+        options={"mip_rel_gap": 0.0, "time_limit": time_limit_s},
+    )
+    chosen = greedy_cover(membership) if result.x is None else np.flatnonzero(result.x > 0.5)
+    chosen = _without_spare(membership, chosen, preference)
+    bound = len(chosen) if result.status == 0 else _bound_on_count(result.mip_dual_bound, n_entities)
+    return Cover(tuple(int(c) for c in chosen), bound)
+
+
+def is_cover(membership, chosen) -> bool:
+    """Tell whether the chosen columns contain every entity (independent of how they were found)."""
+    membership = np.asarray(membership, dtype=bool)
+    seen: set[int] = set()
+    for column in chosen:
+        seen.update(np.flatnonzero(membership[column]).tolist())
+    return seen == set(range(membership.shape[1]))
+
+
+def greedy_cover(membership) -> np.ndarray:
+    """Cover by always taking the column with most entities still missing: the classical rival.
+
+    Returns
+    -------
+    ndarray of int
+        Column indices in the order they were taken; at most H(e) times the minimum (Chvatal 1979).
+    """
+    membership = check_membership(membership)
+    missing = np.ones(membership.shape[1], dtype=bool)
+    chosen = []
+    while missing.any():
+        chosen.append(int(np.argmax((membership & missing).sum(axis=1))))
+        missing &= ~membership[chosen[-1]]
+    return np.array(chosen, dtype=int)
+
+
+def fractional_cover(membership) -> tuple[float, np.ndarray]:
+    """Solve the linear relaxation and its dual.
+
+    Returns
+    -------
+    value : float
+        The fractional cover number; no cover has fewer than ``ceil(value)`` columns.
+    weights : ndarray, shape (e,)
+        The dual: non-negative weights of the entities, no column weighing more than 1, of total ``value``.
+    """
+    membership = check_membership(membership)
+    n_columns, n_entities = membership.shape
+    if n_entities == 0:
+        return 0.0, np.zeros(0)
+    result = linprog(
+        -np.ones(n_entities),
+        A_ub=csr_matrix(membership.astype(float)),
+        b_ub=np.ones(n_columns),
+        bounds=(0.0, 1.0),
+    )
+    weights = np.clip(result.x, 0.0, None)
+    weights /= max(1.0, float((membership @ weights).max()))
+    return float(weights.sum()), weights
+
+
+def maximal_columns(membership) -> np.ndarray:
+    """Return the indices of the columns contained in no other one; of equal columns the first.
+
+    Parameters
+    ----------
+    membership : array_like of bool, shape (c, e)
+
+    Returns
+    -------
+    ndarray of int, ascending
+    """
+    membership = np.asarray(membership, dtype=bool)
+    _, first = np.unique(membership, axis=0, return_index=True)
+    order = first[np.argsort(-membership[first].sum(axis=1), kind="stable")]
+    kept = np.zeros((0, membership.shape[1]), dtype=bool)
+    kept_idx = []
+    for column_idx in order:
+        column = membership[column_idx]
+        if not column.any() or (len(kept) and (kept[:, column].all(axis=1)).any()):
+            continue
+        kept = np.vstack([kept, column])
+        kept_idx.append(int(column_idx))
+    return np.array(sorted(kept_idx), dtype=int)
+
+
+def check_membership(membership) -> np.ndarray:
+    """Return the membership as a Boolean matrix in which every entity is in some column.
+
+    Raises
+    ------
+    CoverError
+        If it is not a matrix or some entity is in no column.
+    """
+    membership = np.asarray(membership, dtype=bool)
+    if membership.ndim != 2:
+        raise CoverError(f"membership must have shape (columns, entities). Got {membership.shape}.")
+    missing = np.flatnonzero(~membership.any(axis=0))
+    if missing.size:
+        raise CoverError(f"every entity must be in some column. Entities {missing.tolist()} are in none.")
+    return membership
+
+
+def _without_spare(membership: np.ndarray, chosen, preference: np.ndarray) -> np.ndarray:
+    """Drop chosen columns that the others make superfluous (only a stopped solver leaves any)."""
+    kept = sorted(int(c) for c in chosen)
+    for column in sorted(kept, key=lambda c: preference[c]):
+        rest = [c for c in kept if c != column]
+        if membership[rest].any(axis=0).all():
+            kept = rest
+    return np.array(kept, dtype=int)
+
+
+def _bound_on_count(dual_bound: float | None, n_entities: int) -> int:
+    """Turn the solver's bound on the cost (count plus less than one half) into one on the count."""
+    if dual_bound is None or not np.isfinite(dual_bound):
+        return 1
+    worst_preference = _PREFERENCE * n_entities / (n_entities + 1)
+    return max(1, int(np.ceil(dual_bound - worst_preference - 1e-9)))
