@@ -1,1 +1,38 @@
 """Exact entity-based aspect graphs of polyhedral parts."""
+
+from aspectgraph.exceptions import (
+    AspectGraphError,
+    EntityError,
+    MissingExtraError,
+    NonManifoldError,
+    OpenSolidError,
+    OrientationError,
+    PartFileNotFoundError,
+    PlanarityError,
+    ReadError,
+    SelfIntersectionError,
+    SolidError,
+    TouchingError,
+    WorkspaceError,
+)
+from aspectgraph.solid import Solid
+from aspectgraph.topology import Edge, Face
+
+__all__ = [
+    "AspectGraphError",
+    "Edge",
+    "EntityError",
+    "Face",
+    "MissingExtraError",
+    "NonManifoldError",
+    "OpenSolidError",
+    "OrientationError",
+    "PartFileNotFoundError",
+    "PlanarityError",
+    "ReadError",
+    "SelfIntersectionError",
+    "Solid",
+    "SolidError",
+    "TouchingError",
+    "WorkspaceError",
+]
