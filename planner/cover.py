@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import LinearConstraint, linprog, milp
 from scipy.sparse import csr_matrix
 
-from .exceptions import CoverError
+from planner.exceptions import CoverError
 
 # the preferences of all chosen columns together stay below this, so they can never outweigh one column
 _PREFERENCE = 0.5

@@ -40,3 +40,19 @@ class InfeasibleError(PlannerError, RuntimeError):
         """Keep the attributes when the error crosses a process boundary."""
         state = {"constraint": self.constraint, "entity": self.entity, "margin": self.margin}
         return type(self), (str(self),), state
+
+
+class CoverError(PlannerError, ValueError):
+    """A set-cover problem that is malformed or cannot be covered."""
+
+
+class PlanFileError(PlannerError, ValueError):
+    """A plan or state file that cannot be read, is malformed, or belongs to another problem."""
+
+
+class OutputError(PlannerError, OSError):
+    """A file or folder that cannot be written."""
+
+
+class PictureError(PlannerError, ValueError):
+    """A picture or report that cannot be made as asked."""
