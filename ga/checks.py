@@ -1,0 +1,117 @@
+"""Checks of everything that crosses the public boundary; no other module checks again."""
+
+import math
+from collections.abc import Callable, Collection
+from numbers import Integral, Real
+
+import numpy as np
+
+from ga.exceptions import FitnessError, ParameterError
+
+
+def check_integer(name: str, value: object, low: int, high: int | None = None) -> int:
+    """Return `value` as an int in [low, high] (no upper limit if `high` is None)."""
+    rule = f"an integer of at least {low}" if high is None else f"an integer in [{low}, {high}]" if not
+    isinstance(value, Integral) or isinstance(value, bool) or value < low or (high is not None and value > high):
+        raise ParameterError(f"{name} must be {rule}. Got {value!r}.")
+    return int(value)
+
+
+def check_probability(name: str, value: object) -> float:
+    """Return `value` as a float in [0, 1]."""
+    if not isinstance(value, Real) or isinstance(value, bool) or not 0.0 <= value <= 1.0:
+        raise ParameterError(f"{name} must be in [0, 1]. Got {value!r}.")
+    return float(value)
+
+
+def check_nonnegative(name: str, value: object) -> float:
+    """Return `value` as a finite float that is not negative."""
+    if not isinstance(value, Real) or isinstance(value, bool) or not (math.isfinite(value) and value >= 0.0):
+        raise ParameterError(f"{name} must be finite and not negative. Got {value!r}.")
+    return float(value)
+
+
+def check_choice(name: str, value: object, choices: Collection[str]) -> str:
+    """Return `value` if it is one of `choices`."""
+    if not isinstance(value, str) or value not in choices:
+        names = ", ".join(repr(choice) for choice in choices)
+        raise ParameterError(f"{name} must be one of {names}. Got {value!r}.")
+    return value
+
+
+def check_flag(name: str, value: object) -> bool:
+    """Return `value` as a bool."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise ParameterError(f"{name} must be True or False. Got {value!r}.")
+    return bool(value)
+
+
+def check_callable(name: str, value: object, *, optional: bool = False) -> None:
+    """Raise unless `value` can be called (or is None where `optional`)."""
+    if not callable(value) and not (optional and value is None):
+        raise ParameterError(f"{name} must be callable{' or None' if optional else ''}. Got {value!r}.")
+
+
+def check_rng(rng: object) -> tuple[np.random.Generator, int | None]:
+    """Return a generator and the seed that repeats it.
+
+    An integer is its own seed. None draws a fresh seed, which is returned so that the run can be repeated. A
+    ``Generator`` is used as it is and has no seed to report (None), since it may have been advanced already.
+    """
+    if isinstance(rng, np.random.Generator):
+        return rng, None
+    if rng is None:
+        seed = int(np.random.SeedSequence().entropy)
+    elif isinstance(rng, Integral) and not isinstance(rng, bool) and rng >= 0:
+        seed = int(rng)
+    else:
+        raise ParameterError(f"rng must be a non-negative integer, a numpy Generator or None. Got {rng!r}.")
+    return np.random.default_rng(seed), seed
+
+
+def check_bits(name: str, bits: object, n_bits: int) -> np.ndarray:
+    """Return `bits` as a boolean array of shape (..., n_bits); zeros and ones of any type are accepted."""
+    array = np.asarray(bits)
+    if array.ndim == 0 or array.shape[-1] != n_bits:
+        raise ParameterError(f"{name} must have {n_bits} bits along its last axis. Got shape {array.shape}.")
+    if array.dtype.kind not in "biuf":
+        raise ParameterError(f"{name} must hold only 0 and 1. Got an array of {array.dtype}.")
+    wrong = (array != 0) & (array != 1)
+    if wrong.any():
+        raise ParameterError(f"{name} must hold only 0 and 1. Got {array[wrong][0]}.")
+    return array.astype(bool)
+
+
+def check_population(name: str, bits: object, n_bits: int) -> np.ndarray:
+    """Return `bits` as a boolean array of shape (N, n_bits)."""
+    array = check_bits(name, bits, n_bits)
+    if array.ndim != 2:
+        raise ParameterError(f"{name} must have shape (N, {n_bits}). Got shape {array.shape}.")
+    return array
+
+
+def call_fitness(fitness: Callable, bits: np.ndarray) -> np.ndarray:
+    """Call the caller's `fitness` on rows of `bits`; return its values as float64, shape (N,), all finite."""
+    values = np.asarray(fitness(bits))
+    if values.dtype.kind not in "biuf" or values.shape != (len(bits),):
+        raise FitnessError(
+            f"fitness must return one number per individual, shape ({len(bits)},). "
+            f"Got an array of {values.dtype} of shape {values.shape}."
+        )
+    values = values.astype(np.float64)
+    wrong = np.flatnonzero(~np.isfinite(values))
+    if wrong.size:
+        raise FitnessError(f"fitness must be finite. Got {values[wrong[0]]} for individual {wrong[0]} of
+        {len(bits)}.")
+    return values
+
+
+def call_feasible(feasible: Callable, bits: np.ndarray) -> np.ndarray:
+    """Call the caller's `feasible` on rows of `bits`; return its booleans, shape (N,)."""
+    mask = np.asarray(feasible(bits))
+    if mask.dtype != bool or mask.shape != (len(bits),):
+        raise FitnessError(
+            f"feasible must return one bool per individual, shape ({len(bits)},). "
+            f"Got an array of {mask.dtype} of shape {mask.shape}."
+        )
+    return mask

@@ -1,0 +1,162 @@
+"""Bit strings and the numbers they stand for.
+
+A chromosome is a row of bits: `n_genes` genes of `bits_per_gene` bits each, the most significant bit first. A gene is
+read as an integer in [0, 2**M - 1], and that as a fraction of a range, so that both ends of the range are exactly
+representable.
+
+In plain binary a step of one may flip every bit (0111 -> 1000, a "Hamming cliff"); in Gray code neighbouring integers
+always differ in exactly one bit, so a single mutation can make a smallest step from anywhere.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ga.checks import check_bits, check_flag, check_integer
+from ga.exceptions import ParameterError
+
+#: Integers up to 2**53 are exact in float64.
+MAX_BITS_PER_GENE = 53
+
+
+def gray_from_binary(bits: np.ndarray) -> np.ndarray:
+    """Gray code of plain binary numbers.
+
+    Parameters
+    ----------
+    bits : (..., M) bool
+        Numbers in plain binary, most significant bit first.
+
+    Returns
+    -------
+    (..., M) bool
+        The same numbers in reflected Gray code: each bit xor the one before it.
+    """
+    bits = np.asarray(bits, dtype=bool)
+    gray = bits.copy()
+    gray[..., 1:] ^= bits[..., :-1]
+    return gray
+
+
+def binary_from_gray(bits: np.ndarray) -> np.ndarray:
+    """Plain binary of Gray-coded numbers, the inverse of `gray_from_binary`.
+
+    Parameters
+    ----------
+    bits : (..., M) bool
+        Numbers in reflected Gray code, most significant bit first.
+
+    Returns
+    -------
+    (..., M) bool
+        The same numbers in plain binary: the running xor of the bits.
+    """
+    return np.logical_xor.accumulate(np.asarray(bits, dtype=bool), axis=-1)
+
+
+@dataclass(frozen=True)
+class Chromosome:
+    """Layout of a chromosome: equal genes, plain binary or Gray code.
+
+    Guarantee: `integers` and `bits_from_integers` are inverse to each other, and `fractions(encode(t))` is within
+    half a step, 0.5 / (2**bits_per_gene - 1), of t.
+
+    Parameters
+    ----------
+    n_genes : int
+        Number of genes, at least 1.
+    bits_per_gene : int
+        Bits of each gene (M in the paper), 1 to 53.
+    gray : bool
+        Whether genes are in Gray code.
+
+    Raises
+    ------
+    ParameterError
+        When a parameter breaks its rule.
+    """
+
+    n_genes: int
+    bits_per_gene: int
+    gray: bool = False
+
+    def __post_init__(self):
+        check_integer("n_genes", self.n_genes, 1)
+        check_integer("bits_per_gene", self.bits_per_gene, 1, MAX_BITS_PER_GENE)
+        check_flag("gray", self.gray)
+
+    @property
+    def n_bits(self) -> int:
+        """Length of the whole bit string."""
+        return self.n_genes * self.bits_per_gene
+
+    @property
+    def largest(self) -> int:
+        """Largest integer a gene can hold."""
+        return 2**self.bits_per_gene - 1
+
+    def genes(self, bits: np.ndarray) -> np.ndarray:
+        """Split bits of shape (..., n_bits) into genes: (..., n_genes, bits_per_gene) bool."""
+        bits = check_bits("bits", bits, self.n_bits)
+        return bits.reshape(*bits.shape[:-1], self.n_genes, self.bits_per_gene)
+
+    def integers(self, bits: np.ndarray) -> np.ndarray:
+        """Read each gene of bits (..., n_bits) as an integer: (..., n_genes) int64."""
+        genes = self.genes(bits)
+        if self.gray:
+            genes = binary_from_gray(genes)
+        return genes @ self._weights
+
+    def fractions(self, bits: np.ndarray) -> np.ndarray:
+        """Read each gene of bits (..., n_bits) as a fraction in [0, 1], ends included: (..., n_genes) float64."""
+        return self.integers(bits) / self.largest
+
+    def decode(self, bits: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """Read each gene as a number in [low, high].
+
+        Parameters
+        ----------
+        bits : (..., n_bits) bool
+            Chromosomes.
+        low, high : float or (n_genes,) float64
+            Ends of the range of each gene, in any unit.
+
+        Returns
+        -------
+        (..., n_genes) float64
+            In the unit of `low` and `high`.
+        """
+        fractions = self.fractions(bits)
+        # This form returns both ends exactly, which low + t (high - low) need not.
+        return (1.0 - fractions) * low + fractions * high
+
+    def bits_from_integers(self, integers: np.ndarray) -> np.ndarray:
+        """Write integers (..., n_genes) in [0, 2**bits_per_gene - 1] as bits: (..., n_bits) bool."""
+        integers = np.asarray(integers)
+        self._check_genes("integers", integers)
+        outside = (integers < 0) | (integers > self.largest)
+        if integers.dtype.kind not in "iu" or outside.any():
+            value = integers[outside][0] if outside.any() else f"an array of {integers.dtype}"
+            raise ParameterError(f"integers must be integers in [0, {self.largest}]. Got {value}.")
+        genes = (integers[..., None].astype(np.int64) & self._weights) != 0
+        if self.gray:
+            genes = gray_from_binary(genes)
+        return genes.reshape(*integers.shape[:-1], self.n_bits)
+
+    def encode(self, fractions: np.ndarray) -> np.ndarray:
+        """Write fractions (..., n_genes) in [0, 1] as the bits (..., n_bits) of the nearest representable values."""
+        fractions = np.asarray(fractions, dtype=np.float64)
+        self._check_genes("fractions", fractions)
+        inside = (fractions >= 0.0) & (fractions <= 1.0)
+        if not inside.all():
+            raise ParameterError(f"fractions must be in [0, 1]. Got {fractions[~inside][0]}.")
+        return self.bits_from_integers(np.rint(fractions * self.largest).astype(np.int64))
+
+    @property
+    def _weights(self) -> np.ndarray:
+        return 1 << np.arange(self.bits_per_gene - 1, -1, -1, dtype=np.int64)
+
+    def _check_genes(self, name: str, array: np.ndarray) -> None:
+        if array.ndim == 0 or array.shape[-1] != self.n_genes:
+            raise ParameterError(f"{name} must have {self.n_genes} genes along its last axis. Got shape
+            {array.shape}.")

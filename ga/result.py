@@ -1,0 +1,108 @@
+"""What a run shows while it runs and hands back when it ends."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Generation:
+    """State shown to the callback, once for the initial population (nit = 0) and once after every generation.
+
+    Attributes
+    ----------
+    nit : int
+        Generations so far.
+    population : (N, n_bits) bool, read-only
+        The individuals.
+    fitness : (N,) float64, read-only
+        Their fitness.
+    x : (n_bits,) bool, read-only
+        Best bits of the run so far.
+    fun : float
+        Their fitness.
+    nfev : int
+        Individuals evaluated so far.
+    """
+
+    nit: int
+    population: np.ndarray
+    fitness: np.ndarray
+    x: np.ndarray
+    fun: float
+    nfev: int
+
+
+@dataclass(frozen=True)
+class History:
+    """One entry per generation, the initial population first; every array has shape (nit + 1,).
+
+    Attributes
+    ----------
+    best, mean, total : float64
+        Highest, mean and summed fitness of the population of that generation.
+    nfev : int64
+        Individuals evaluated up to and including that generation.
+    drawn : int64
+        Offspring drawn (initial population: individuals drawn).
+    eliminated : int64
+        How many of those were infeasible, so ``1 - eliminated / drawn`` is the feasible fraction.
+    kept : int64
+        Places that went to a parent because every offspring drawn for them was eliminated.
+    """
+
+    best: np.ndarray
+    mean: np.ndarray
+    total: np.ndarray
+    nfev: np.ndarray
+    drawn: np.ndarray
+    eliminated: np.ndarray
+    kept: np.ndarray
+
+    @property
+    def best_so_far(self) -> np.ndarray:
+        """Best fitness of the run up to each generation, shape (nit + 1,)."""
+        return np.maximum.accumulate(self.best)
+
+
+@dataclass(frozen=True)
+class GAResult:
+    """Outcome of `ga.maximize`.
+
+    Attributes
+    ----------
+    x : (n_bits,) bool
+        Best bits ever evaluated; the earliest of several equally good.
+    fun : float
+        Their fitness.
+    success : bool
+        Whether the run converged or stalled, rather than being cut short by a cap or the callback.
+    reason : str
+        Why it stopped: "converged", "stalled", "max_generations", "max_nfev" or "callback".
+    message : str
+        The same as a sentence, with the numbers.
+    nit : int
+        Generations.
+    nfev : int
+        Individuals evaluated.
+    history : History
+        Course of the run.
+    population : (N, n_bits) bool
+        The last population.
+    fitness : (N,) float64
+        Its fitness.
+    seed : int or None
+        Seed that repeats the run bit for bit; None when a Generator was given.
+    """
+
+    x: np.ndarray
+    fun: float
+    success: bool
+    reason: str
+    message: str
+    nit: int
+    nfev: int
+    history: History
+    population: np.ndarray
+    fitness: np.ndarray
+    seed: int | None

@@ -1,0 +1,182 @@
+"""The genetic algorithm itself: `maximize`."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ga import checks
+from ga.exceptions import ParameterError
+from ga.offspring import Breeding, next_generation
+from ga.population import Brood, Feasible, Fitness, Sampler, evaluate, initial_population
+from ga.record import Record, Stopping
+from ga.result import GAResult, Generation
+from ga.selection import SCALINGS, SELECTIONS
+
+
+def maximize(
+    fitness: Fitness,
+    n_bits: int,
+    population: int = 100,
+    crossover: float = 0.9,
+    mutation: float = 0.1,
+    feasible: Feasible | None = None,
+    initial: np.ndarray | Sampler | None = None,
+    rng: int | np.random.Generator | None = 0,
+    callback: Callable[[Generation], object] | None = None,
+    *,
+    selection: str = "roulette",
+    scaling: str = "proportional",
+    elitism: int = 0,
+    duplicates: bool = True,
+    epsilon: float = 1e-3,
+    patience: int = 5,
+    max_stall: int | None = None,
+    max_generations: int = 1000,
+    max_nfev: int | None = None,
+    attempts: int = 20,
+    initial_attempts: int = 100,
+) -> GAResult:
+    """Maximise a function of bits by the genetic algorithm of Yang and Ciarallo (2001, section 4).
+
+    With the default options this is the paper's algorithm: roulette-wheel selection, one-point crossover, mutation of
+    every bit, elimination of infeasible offspring, and an end when the total fitness of the population has settled.
+    The best individual ever evaluated is returned, whether or not it survived.
+
+    Guarantee: `feasible` is called before `fitness`, and `fitness` only on individuals that are feasible, different
+    from each other and not in the previous population (their fitness is known). Every population, the first included,
+    has exactly `population` individuals, all feasible. The same arguments with the same integer `rng` give the same
+    result, bit for bit.
+
+    Parameters
+    ----------
+    fitness : callable
+        ``fitness(bits) -> values``: bits (k, n_bits) bool, read-only, 1 <= k <= population; values (k,) finite,
+        higher is better. It must depend on the bits alone. For values that can be negative, see `scaling`.
+    n_bits : int
+        Length of the bit string, at least 1.
+    population : int
+        Individuals in every generation (N), at least 2.
+    crossover : float
+        Probability P_c in [0, 1] that a couple is crossed, at a place uniform in [1, n_bits - 1].
+    mutation : float
+        Probability P_m in [0, 1] that a bit flips, each bit by itself.
+    feasible : callable, optional
+        ``feasible(bits) -> mask``: bits as for `fitness`; mask (k,) bool. Default: everything is feasible.
+    initial : array or callable, optional
+        First individuals: (n, n_bits) of 0 and 1 with n <= population, all feasible, the rest being drawn; or a
+        sampler ``initial(n, rng) -> (m, n_bits)``. Infeasible draws are discarded and redrawn. Default: even random
+        bits.
+    rng : int, numpy.random.Generator or None
+        Seed, or source of chance; None takes a fresh seed, reported in the result.
+    callback : callable, optional
+        ``callback(generation)``, see `ga.Generation`, after the initial population and after every generation. A true
+        return value or ``StopIteration`` ends the run.
+    selection : {"roulette", "sus"}
+        Independent spins of the wheel, or stochastic universal sampling.
+    scaling : {"proportional", "window", "rank"}
+        Slots of the wheel: the fitness itself (if any is negative, all are raised by the lowest of the population; if
+        all are zero, the chances are even), the fitness above the lowest, or the rank.
+    elitism : int
+        How many of the best pass unchanged to the next generation, in [0, population - 1].
+    duplicates : bool
+        False: an offspring equal to another individual of the new population is eliminated too.
+    epsilon : float
+        Converged when the total fitness changes by less than this (or not at all) in `patience` generations running.
+        It is absolute as in the paper: total of the whole population, in units of the fitness.
+    patience : int
+        Generations for `epsilon`, at least 1.
+    max_stall : int, optional
+        Also stop when the best fitness of the run has not improved in so many generations.
+    max_generations : int
+        Cap on generations.
+    max_nfev : int, optional
+        Cap on evaluated individuals, at least `population`; never exceeded: no generation begins that might exceed
+        it.
+    attempts : int
+        Offspring drawn for a place at most, before the parent of the last one keeps it.
+    initial_attempts : int
+        Times a whole initial population is drawn at most.
+
+    Returns
+    -------
+    GAResult
+        Best bits and fitness, reason of the end, history, last population and seed.
+
+    Raises
+    ------
+    ParameterError
+        When a parameter breaks its rule (also a ValueError).
+    FitnessError
+        When `fitness` or `feasible` return the wrong shape or type, or a fitness is nan or infinite (also a
+        ValueError).
+    InfeasiblePopulationError
+        When given individuals are infeasible or too few feasible ones are found to begin (also a ValueError).
+
+    Examples
+    --------
+    >>> result = maximize(lambda bits: bits.sum(axis=1), 20, mutation=0.02, elitism=1, max_stall=50)
+    >>> result.fun
+    20.0
+    """
+    for name, function, optional in (
+        ("fitness", fitness, False),
+        ("feasible", feasible, True),
+        ("callback", callback, True),
+    ):
+        checks.check_callable(name, function, optional=optional)
+    n_bits = checks.check_integer("n_bits", n_bits, 1)
+    size = checks.check_integer("population", population, 2)
+    how = Breeding(
+        crossover=checks.check_probability("crossover", crossover),
+        mutation=checks.check_probability("mutation", mutation),
+        weigh=SCALINGS[checks.check_choice("scaling", scaling, SCALINGS)],
+        select=SELECTIONS[checks.check_choice("selection", selection, SELECTIONS)],
+        elitism=checks.check_integer("elitism", elitism, 0, size - 1),
+        duplicates=checks.check_flag("duplicates", duplicates),
+        attempts=checks.check_integer("attempts", attempts, 1),
+        feasible=feasible,
+    )
+    if not how.duplicates and n_bits < size.bit_length() and 2**n_bits < size:
+        raise ParameterError(f"population must be at most 2**n_bits = {2**n_bits} without duplicates. Got {size}.")
+    stopping = Stopping(
+        epsilon=checks.check_nonnegative("epsilon", epsilon),
+        patience=checks.check_integer("patience", patience, 1),
+        max_stall=None if max_stall is None else checks.check_integer("max_stall", max_stall, 1),
+        max_generations=checks.check_integer("max_generations", max_generations, 1),
+        max_nfev=None if max_nfev is None else checks.check_integer("max_nfev", max_nfev, size),
+        evaluations_ahead=size - how.elitism,
+    )
+    initial_attempts = checks.check_integer("initial_attempts", initial_attempts, 1)
+    generator, seed = checks.check_rng(rng)
+    first = initial_population(initial, (size, n_bits), feasible, initial_attempts, not how.duplicates, generator)
+    record, reason = _evolve(fitness, first, how, stopping, callback, generator)
+    return stopping.result(record, reason, seed)
+
+
+def _evolve(
+    fitness: Fitness,
+    first: Brood,
+    how: Breeding,
+    stopping: Stopping,
+    callback: Callable | None,
+    rng: np.random.Generator,
+) -> tuple[Record, str]:
+    """Evaluate and breed until there is a reason to stop; return what happened and that reason."""
+    record = Record()
+    record.add(first, *evaluate(fitness, first.population, first.population[:0], np.empty(0)))
+    while True:
+        reason = _ask(callback, record) or stopping.reason(record)
+        if reason:
+            return record, reason
+        brood = next_generation(record.population, record.fitness, how, rng)
+        record.add(brood, *evaluate(fitness, brood.population, record.population, record.fitness))
+
+
+def _ask(callback: Callable | None, record: Record) -> str | None:
+    """Show the generation to the callback; "callback" if it wants to stop."""
+    if callback is None:
+        return None
+    try:
+        return "callback" if callback(record.generation()) else None
+    except StopIteration:
+        return "callback"
