@@ -11,8 +11,8 @@ from ga.exceptions import FitnessError, ParameterError
 
 def check_integer(name: str, value: object, low: int, high: int | None = None) -> int:
     """Return `value` as an int in [low, high] (no upper limit if `high` is None)."""
-    rule = f"an integer of at least {low}" if high is None else f"an integer in [{low}, {high}]" if not
-    isinstance(value, Integral) or isinstance(value, bool) or value < low or (high is not None and value > high):
+    rule = f"an integer of at least {low}" if high is None else f"an integer in [{low}, {high}]"
+    if not isinstance(value, Integral) or isinstance(value, bool) or value < low or (high is not None and value > high):
         raise ParameterError(f"{name} must be {rule}. Got {value!r}.")
     return int(value)
 
@@ -101,8 +101,7 @@ def call_fitness(fitness: Callable, bits: np.ndarray) -> np.ndarray:
     values = values.astype(np.float64)
     wrong = np.flatnonzero(~np.isfinite(values))
     if wrong.size:
-        raise FitnessError(f"fitness must be finite. Got {values[wrong[0]]} for individual {wrong[0]} of
-        {len(bits)}.")
+        raise FitnessError(f"fitness must be finite. Got {values[wrong[0]]} for individual {wrong[0]} of {len(bits)}.")
     return values
 
 
