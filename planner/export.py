@@ -1,0 +1,182 @@
+"""Camera poses in the formats of other programs.
+
+=============  =====================  ==========================  ==============  =================================
+format         file                   pose                        camera axes     length, first pixel's centre
+=============  =====================  ==========================  ==============  =================================
+OpenCV         poses_opencv.json      world to camera, R and t    x right y down  mm, (0, 0)
+COLMAP         colmap/images.txt      world to camera, q (wxyz)   x right y down  mm, (0.5, 0.5)
+Open3D         poses_open3d.json      world to camera, 4x4        x right y down  mm, (0, 0); matrix column by column
+ROS            poses_ros.yaml         camera to world, q (xyzw)   x right y down  metres (the optical frame, REP 103)
+nerfstudio     transforms.json        camera to world, 4x4        x right y up    mm, (0.5, 0.5)
+=============  =====================  ==========================  ==============  =================================
+
+Every writer takes a plan and returns text; `write_poses` writes them all. Settings are numbered from 1 in the order of
+travel and their images are called ``setting_01.png`` and so on.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from planner.files import write_text
+
+# OpenCV camera axes (x right, y down, z forward) to OpenGL ones (x right, y up, z backward)
+_OPENCV_TO_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def write_poses(plan, folder) -> list[Path]:
+    """Write the poses of a plan in every format.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+    folder : path
+        An existing folder.
+
+    Returns
+    -------
+    list of pathlib.Path
+        The files written, sorted.
+
+    Raises
+    ------
+    OutputError
+        If a file cannot be written.
+    """
+    folder = Path(folder)
+    files = {
+        "poses_opencv.json": opencv_json(plan),
+        "poses_open3d.json": open3d_json(plan),
+        "poses_ros.yaml": ros_yaml(plan),
+        "transforms.json": nerfstudio_json(plan),
+        "colmap/cameras.txt": colmap_cameras(plan),
+        "colmap/images.txt": colmap_images(plan),
+        "colmap/points3D.txt": "# no points: the poses are planned, not reconstructed\n",
+    }
+    (folder / "colmap").mkdir(exist_ok=True)
+    for name, text in files.items():
+        write_text(folder / name, text)
+    return sorted(folder / name for name in files)
+
+
+def opencv_json(plan) -> str:
+    """Return the poses for OpenCV: ``K``, and per setting ``R``, ``rvec`` and ``t`` with x_cam = R x_world + t, mm."""
+    settings = []
+    for k, setting in enumerate(plan.settings):
+        world2cam = inverse(setting.cam2world)
+        settings.append(
+            {
+                "name": image_name(k),
+                "R": world2cam[:3, :3].tolist(),
+                "rvec": Rotation.from_matrix(world2cam[:3, :3]).as_rotvec().tolist(),
+                "t": world2cam[:3, 3].tolist(),
+                "entities": list(setting.entities),
+            }
+        )
+    data = {
+        "convention": "x_cam = R x_world + t; millimetres; axes x right, y down, z forward",
+        "K": np.asarray(plan.camera.matrix).tolist(),
+        "distortion": [0.0] * 5,
+        "image_size": list(plan.camera.resolution),
+        "settings": settings,
+    }
+    return json.dumps(data, indent=1) + "\n"
+
+
+def colmap_cameras(plan) -> str:
+    """Return COLMAP's cameras.txt: one PINHOLE camera."""
+    (width, height), matrix = plan.camera.resolution, np.asarray(plan.camera.matrix)
+    numbers = (matrix[0, 0], matrix[1, 1], matrix[0, 2] + 0.5, matrix[1, 2] + 0.5)
+    parameters = " ".join(repr(float(x)) for x in numbers)
+    return f"# CAMERA_ID MODEL WIDTH HEIGHT FX FY CX CY\n1 PINHOLE {width} {height} {parameters}\n"
+
+
+def colmap_images(plan) -> str:
+    """Return COLMAP's images.txt: world-to-camera quaternion and translation in mm, and no observations."""
+    lines = ["# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME", "# (empty line: no observed points)"]
+    for k, setting in enumerate(plan.settings):
+        world2cam = inverse(setting.cam2world)
+        x, y, z, w = Rotation.from_matrix(world2cam[:3, :3]).as_quat(canonical=True)
+        numbers = " ".join(repr(float(v)) for v in (w, x, y, z, *world2cam[:3, 3]))
+        lines += [f"{k + 1} {numbers} 1 {image_name(k)}", ""]
+    return "\n".join(lines) + "\n"
+
+
+def open3d_json(plan) -> str:
+    """Return an Open3D PinholeCameraTrajectory; its matrices are stored column by column."""
+    width, height = plan.camera.resolution
+    version = {"version_major": 1, "version_minor": 0}
+    intrinsic = {
+        "width": width,
+        "height": height,
+        "intrinsic_matrix": np.asarray(plan.camera.matrix).T.ravel().tolist(),
+    }
+    parameters = [
+        {
+            "class_name": "PinholeCameraParameters",
+            "extrinsic": inverse(setting.cam2world).T.ravel().tolist(),
+            "intrinsic": intrinsic,
+            **version,
+        }
+        for setting in plan.settings
+    ]
+    data = {"class_name": "PinholeCameraTrajectory", "parameters": parameters, **version}
+    return json.dumps(data, indent=1) + "\n"
+
+
+def ros_yaml(plan, frame_id: str = "part") -> str:
+    """Return a ROS geometry_msgs/PoseArray: camera optical frames in the part's frame, metres, quaternion x y z w."""
+    lines = ["header:", "  stamp: {sec: 0, nanosec: 0}", f"  frame_id: {json.dumps(frame_id)}"]
+    lines.append("poses:" if plan.settings else "poses: []")
+    for setting in plan.settings:
+        position = np.asarray(setting.cam2world)[:3, 3] / 1000.0
+        quaternion = Rotation.from_matrix(np.asarray(setting.cam2world)[:3, :3]).as_quat(canonical=True)
+        lines.append(f"- position: {_flow('xyz', position)}")
+        lines.append(f"  orientation: {_flow('xyzw', quaternion)}")
+    return "\n".join(lines) + "\n"
+
+
+def nerfstudio_json(plan) -> str:
+    """Return a nerfstudio transforms.json: camera to world with OpenGL axes, in the part's millimetres."""
+    (width, height), matrix = plan.camera.resolution, np.asarray(plan.camera.matrix)
+    frames = [
+        {
+            "file_path": f"images/{image_name(k)}",
+            "transform_matrix": (np.asarray(setting.cam2world) @ _OPENCV_TO_OPENGL).tolist(),
+        }
+        for k, setting in enumerate(plan.settings)
+    ]
+    data = {
+        "camera_model": "OPENCV",
+        "fl_x": float(matrix[0, 0]),
+        "fl_y": float(matrix[1, 1]),
+        "cx": float(matrix[0, 2]) + 0.5,
+        "cy": float(matrix[1, 2]) + 0.5,
+        "w": width,
+        "h": height,
+        **dict.fromkeys(("k1", "k2", "p1", "p2"), 0.0),
+        "frames": frames,
+    }
+    return json.dumps(data, indent=1) + "\n"
+
+
+def image_name(setting_idx: int) -> str:
+    """Return the file name of the image a setting will take."""
+    return f"setting_{setting_idx + 1:02d}.png"
+
+
+def inverse(cam2world) -> np.ndarray:
+    """Invert a rigid motion (4, 4) without losing its exact last row."""
+    cam2world = np.asarray(cam2world, dtype=float)
+    world2cam = np.eye(4)
+    world2cam[:3, :3] = cam2world[:3, :3].T
+    world2cam[:3, 3] = -cam2world[:3, :3].T @ cam2world[:3, 3]
+    return world2cam
+
+
+def _flow(names: str, values) -> str:
+    # YAML 1.1 reads 1e-05 as a string, so no exponents
+    pairs = zip(names, values, strict=True)
+    return "{" + ", ".join(f"{n}: {np.format_float_positional(float(v), trim='0')}" for n, v in pairs) + "}"

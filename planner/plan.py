@@ -1,0 +1,273 @@
+"""The inspection plan: what was decided, how sure it is, and its file."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from planner.camera import Camera
+from planner.exceptions import PlanFileError, PlannerError
+from planner.files import write_text
+from planner.pose import PoseUncertainty
+from planner.setting import SensorSetting
+
+FORMAT = "aspectgraph inspection plan"
+VERSION = 1
+_UNITS = {"length": "mm", "angle": "rad", "pose": "camera to world, OpenCV axes (x right, y down, z forward)"}
+
+
+@dataclass(frozen=True, eq=False)
+class InspectionPlan:
+    """Sensor settings from which every entity that can be inspected is inspected.
+
+    **Guarantee.** Every entity is either inspected by a setting with at least ``probability``, or listed in
+    ``uninspectable`` with the reason. No plan that inspects the same entities has fewer than ``lower_bound`` settings.
+
+    Attributes
+    ----------
+    settings : tuple of SensorSetting
+        In the order of the robot's travel.
+    lower_bound : int
+        Proven least number of settings.
+    bound_proof : str
+        What the bound rests on, in one sentence.
+    uninspectable : mapping of str to str
+        Name of each entity that is not inspected, and why.
+    entities : mapping of str to array (2, 3)
+        End points of every entity that was asked for, mm, in the part's frame.
+    camera : Camera
+    pose_uncertainty : PoseUncertainty
+    accuracy : float
+        Required accuracy A: an entity's measured image length may be off by (1 - A) of it.
+    probability : float
+        Required probability of that.
+    workspace : array (2, 3)
+        Opposite corners of the box the camera may be in, mm.
+    part : str
+        Name of the part.
+    seed : int
+        Repeats the plan.
+    simulation : SimulationResult or None
+        What drawing displaced poses gave, once `simulated` was called.
+    """
+
+    settings: tuple[SensorSetting, ...]
+    lower_bound: int
+    uninspectable: Mapping[str, str]
+    entities: Mapping[str, np.ndarray]
+    camera: Camera
+    pose_uncertainty: PoseUncertainty
+    accuracy: float
+    probability: float
+    workspace: np.ndarray
+    part: str = ""
+    seed: int = 0
+    bound_proof: str = ""
+    simulation: object | None = field(default=None, repr=False)
+
+    def __post_init__(self):
+        entities = {name: _read_only(points, (2, 3)) for name, points in self.entities.items()}
+        object.__setattr__(self, "settings", tuple(self.settings))
+        object.__setattr__(self, "entities", MappingProxyType(entities))
+        object.__setattr__(self, "uninspectable", MappingProxyType(dict(self.uninspectable)))
+        object.__setattr__(self, "workspace", _read_only(self.workspace, (2, 3)))
+        self._check_names()
+
+    def _check_names(self) -> None:
+        inspected = {name for setting in self.settings for name in setting.entities}
+        for name in [*inspected, *self.uninspectable]:
+            if name not in self.entities:
+                raise PlanFileError(f"entities must hold every name that the plan uses. Got no {name!r}.")
+        for name in self.entities:
+            if (name in inspected) == (name in self.uninspectable):
+                where = "both" if name in inspected else "neither"
+                raise PlanFileError(f"entity {name!r} must be in a setting or uninspectable. Got {where}.")
+
+    @property
+    def complete(self) -> bool:
+        """Whether every entity is inspected."""
+        return not self.uninspectable
+
+    @property
+    def minimal(self) -> bool:
+        """Whether the number of settings is proven to be the least possible."""
+        return len(self.settings) == self.lower_bound
+
+    @property
+    def inspected(self) -> dict[str, float]:
+        """The best probability with which each inspected entity is measured, in the order of ``entities``."""
+        best = {
+            name: max((s.probability[name] for s in self.settings if name in s.entities), default=math.nan)
+            for name in self.entities
+        }
+        return {name: p for name, p in best.items() if name not in self.uninspectable}
+
+    def simulate(self, n: int = 10_000, rng=0):
+        """Draw displaced poses, measure, and count how often the accuracy is met.
+
+        Parameters
+        ----------
+        n : int
+            Displaced poses per setting.
+        rng : int or numpy.random.Generator
+            Seed.
+
+        Returns
+        -------
+        SimulationResult
+            Per setting and entity the success frequency and its confidence interval.
+        """
+        from planner.simulate import simulate_plan
+
+        return simulate_plan(self, n, rng=rng)
+
+    def simulated(self, n: int = 10_000, rng=0) -> InspectionPlan:
+        """Return the same plan with the result of `simulate` attached."""
+        return replace(self, simulation=self.simulate(n, rng))
+
+    def to_dict(self) -> dict:
+        """Return the plan as plain Python values that JSON can hold without loss."""
+        return {
+            "format": FORMAT,
+            "version": VERSION,
+            "units": dict(_UNITS),
+            "part": self.part,
+            "accuracy": self.accuracy,
+            "probability": self.probability,
+            "seed": self.seed,
+            "lower_bound": self.lower_bound,
+            "bound_proof": self.bound_proof,
+            "minimal": self.minimal,
+            "workspace": self.workspace.tolist(),
+            "camera": self.camera.to_dict(),
+            "pose_uncertainty": self.pose_uncertainty.to_dict(),
+            "entities": {name: points.tolist() for name, points in self.entities.items()},
+            "uninspectable": dict(self.uninspectable),
+            "settings": [setting.to_dict() for setting in self.settings],
+            "simulation": None if self.simulation is None else self.simulation.to_dict(),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping) -> InspectionPlan:
+        """Build from the result of `to_dict`.
+
+        Raises
+        ------
+        PlanFileError
+            If the format, the version or a field is missing or wrong; the message names it.
+        """
+        _check_format(data)
+        try:
+            return cls(
+                settings=tuple(SensorSetting.from_dict(s) for s in data["settings"]),
+                camera=Camera.from_dict(data["camera"]),
+                pose_uncertainty=PoseUncertainty.from_dict(data["pose_uncertainty"]),
+                simulation=_simulation_from(data.get("simulation")),
+                **{name: data[name] for name in _PLAIN_FIELDS},
+            )
+        except KeyError as error:
+            raise PlanFileError(f"plan must have the field {error.args[0]!r}. Got none.") from None
+        except (TypeError, AttributeError) as error:
+            raise PlanFileError(f"plan must have fields of the right types. Got: {error}.") from None
+
+    def write(self, path) -> None:
+        """Write the plan as JSON; the file appears whole or not at all.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+        """
+        write_text(path, json.dumps(_encoded(self.to_dict()), indent=1, allow_nan=False) + "\n")
+
+    def __eq__(self, other) -> bool:
+        if not isinstance(other, InspectionPlan):
+            return NotImplemented
+        return self.to_dict() == other.to_dict()
+
+    __hash__ = None
+
+
+_PLAIN_FIELDS = (
+    "lower_bound",
+    "bound_proof",
+    "uninspectable",
+    "entities",
+    "accuracy",
+    "probability",
+    "workspace",
+    "part",
+    "seed",
+)
+
+
+def read_plan(path) -> InspectionPlan:
+    """Read a plan written by `InspectionPlan.write`.
+
+    Raises
+    ------
+    PlanFileError
+        If the file cannot be read, is not JSON, or is not a plan of a version this program knows; the message names the
+        file and, for malformed JSON, line and column.
+    """
+    path = Path(path)
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        return InspectionPlan.from_dict(_decoded(data))
+    except OSError as error:
+        raise PlanFileError(f"{path}: plan file must be readable. Got: {error.strerror}.") from None
+    except UnicodeDecodeError:
+        raise PlanFileError(f"{path}: plan file must be UTF-8 text. Got other bytes.") from None
+    except json.JSONDecodeError as error:
+        raise PlanFileError(f"{path}:{error.lineno}:{error.colno}: plan file must be JSON. Got: {error.msg}.") from None
+    except PlannerError as error:
+        raise PlanFileError(f"{path}: {error}") from None
+
+
+def _check_format(data) -> None:
+    if not isinstance(data, Mapping) or data.get("format") != FORMAT:
+        found = data.get("format") if isinstance(data, Mapping) else type(data).__name__
+        raise PlanFileError(f"format must be {FORMAT!r}. Got {found!r}.")
+    if data.get("version") != VERSION:
+        raise PlanFileError(f"version must be {VERSION}. Got {data.get('version')!r}.")
+
+
+def _simulation_from(data):
+    if data is None:
+        return None
+    from planner.simulate import SimulationResult
+
+    return SimulationResult.from_dict(data)
+
+
+def _read_only(values, shape: tuple[int, ...]) -> np.ndarray:
+    array = np.array(values, dtype=np.float64)
+    if array.shape != shape:
+        raise PlanFileError(f"points must have the shape {shape}. Got {array.shape}.")
+    array.setflags(write=False)
+    return array
+
+
+def _encoded(value):
+    """Replace numbers JSON has no notation for, such as the margin of a constraint that was not set."""
+    if isinstance(value, dict):
+        return {key: _encoded(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_encoded(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return {"not finite": str(value)}
+    return value
+
+
+def _decoded(value):
+    if isinstance(value, dict):
+        return (
+            float(value["not finite"]) if set(value) == {"not finite"} else {k: _decoded(v) for k, v in value.items()}
+        )
+    return [_decoded(item) for item in value] if isinstance(value, list) else value

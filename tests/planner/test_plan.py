@@ -1,0 +1,139 @@
+import json
+import os
+
+import numpy as np
+import pytest
+from plan_examples import ENTITIES, plan, setting
+
+from planner.exceptions import OutputError, PlanFileError
+from planner.files import staged_folder, write_text
+from planner.plan import read_plan
+
+
+def test_round_trip_loses_nothing(tmp_path):
+    original = plan()
+    original.write(tmp_path / "plan.json")
+    again = read_plan(tmp_path / "plan.json")
+    assert again == original
+    assert np.array_equal(again.settings[0].cam2world, original.settings[0].cam2world)
+    assert again.settings[0].margins["reach"] == float("inf")
+    assert list(again.entities) == list(ENTITIES)
+    again.write(tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "plan.json").read_bytes()
+
+
+def test_file_is_strict_json_with_a_version(tmp_path):
+    plan().write(tmp_path / "plan.json")
+    data = json.loads((tmp_path / "plan.json").read_text(), parse_constant=pytest.fail)
+    assert data["version"] == 1
+    assert data["units"]["length"] == "mm"
+    assert data["lower_bound"] == 1
+    assert data["minimal"] is False
+
+
+def test_plan_knows_whether_it_is_complete_and_minimal():
+    assert not plan().complete
+    assert not plan().minimal
+    assert plan(lower_bound=2).minimal
+    assert plan().inspected == {"top front": 0.95, "top right": 0.99}
+
+
+def test_forgotten_entity_is_refused():
+    with pytest.raises(PlanFileError, match="entity 'bottom' must be in a setting or uninspectable. Got neither"):
+        plan(uninspectable={})
+
+
+def test_entity_cannot_be_inspected_and_uninspectable():
+    with pytest.raises(PlanFileError, match="'top right' must be in a setting or uninspectable. Got both"):
+        plan(uninspectable={"top right": "?", "bottom": "?"})
+
+
+def test_unknown_name_is_refused():
+    with pytest.raises(PlanFileError, match="Got no 'nowhere'"):
+        plan(settings=(setting((0.0, 0.0, 600.0), ["nowhere"]),))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"version": 2}, "version must be 1. Got 2"),
+        ({"format": "a shopping list"}, "format must be 'aspectgraph inspection plan'. Got 'a shopping list'"),
+        ({"camera": {}}, "focal_length_mm must be given"),
+        ({"pose_uncertainty": {"covariance": [[1.0]]}}, r"covariance must have the shape \(6, 6\)"),
+        ({"settings": [{"entities": []}]}, "right types"),
+        ({"entities": {"top front": [1, 2, 3]}}, r"points must have the shape \(2, 3\)"),
+    ],
+)
+def test_wrong_content_is_named_with_the_file(tmp_path, change, message):
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps({**json.loads(json.dumps(plan().to_dict()).replace("Infinity", "1")), **change}))
+    with pytest.raises(PlanFileError, match=f"plan.json: .*{message}"):
+        read_plan(path)
+
+
+def test_missing_field_is_named(tmp_path):
+    data = plan().to_dict()
+    del data["lower_bound"]
+    (tmp_path / "plan.json").write_text(json.dumps(data))
+    with pytest.raises(PlanFileError, match="must have the field 'lower_bound'"):
+        read_plan(tmp_path / "plan.json")
+
+
+def test_malformed_json_is_named_with_line_and_column(tmp_path):
+    (tmp_path / "plan.json").write_text('{\n "format": oops\n}')
+    with pytest.raises(PlanFileError, match=r"plan.json:2:12: plan file must be JSON"):
+        read_plan(tmp_path / "plan.json")
+
+
+def test_missing_and_binary_files_are_named(tmp_path):
+    with pytest.raises(PlanFileError, match="nothing.json: plan file must be readable"):
+        read_plan(tmp_path / "nothing.json")
+    (tmp_path / "binary.json").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(PlanFileError, match="must be UTF-8"):
+        read_plan(tmp_path / "binary.json")
+
+
+def test_writing_replaces_the_old_file_whole(tmp_path):
+    target = tmp_path / "plan.json"
+    target.write_text("old")
+    plan().write(target)
+    assert read_plan(target) == plan()
+    assert os.listdir(tmp_path) == ["plan.json"]
+
+
+def test_writing_into_a_missing_folder_is_refused(tmp_path):
+    with pytest.raises(OutputError, match="must be in a folder that can be written"):
+        write_text(tmp_path / "no" / "plan.json", "x")
+
+
+def test_failed_block_leaves_the_folder_as_it_was(tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "kept.txt").write_text("kept")
+
+    class Stop(Exception):
+        pass
+
+    with pytest.raises(Stop), staged_folder(out) as staging:
+        (staging / "half.txt").write_text("half")
+        raise Stop
+    assert os.listdir(out) == ["kept.txt"]
+    assert os.listdir(tmp_path) == ["out"]
+
+
+def test_staged_files_arrive_together_and_others_stay(tmp_path):
+    out = tmp_path / "deep" / "out"
+    for text in ("one", "two"):
+        with staged_folder(out) as staging:
+            (staging / "sub").mkdir()
+            (staging / "sub" / "a.txt").write_text(text)
+            (staging / f"{text}.txt").write_text(text)
+    assert (out / "sub" / "a.txt").read_text() == "two"
+    assert sorted(os.listdir(out)) == ["one.txt", "sub", "two.txt"]
+    assert os.listdir(out.parent) == ["out"]
+
+
+def test_output_folder_that_is_a_file_is_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="file is a file"), staged_folder(tmp_path / "file" / "out"):
+        pass
