@@ -15,14 +15,14 @@ Theorem. For generic v outside S, T meets int S if and only if
       (that is: not [g convex and v in front of exactly one of the two faces of g]).
 
 Proof. As v is on no face plane and ab lies in a face plane, v, a, b are not collinear and Π is no face plane.
-*If.* (1) At a point of T ∩ F° the plane Π crosses F's plane, so T has points just behind F°, in int S. (2) Near a point of
-g°, S is a wedge bounded by two half-planes neither of which lies in Π, and Π contains g: the two directions of Π away from
-g are u (towards v) and −u. u is inside a convex wedge iff v is behind both faces, −u iff v is in front of both; at a
-re-entrant edge "or" replaces "and", so one of u, −u always is inside; at a flat edge (coplanar faces) too.
-*Only if.* Let T meet int S. v is outside the closed set S, hence so are all points of T near v. T is connected and stays
-connected without any finite set of points, so T minus (vertices of S, and points where an edge crosses Π) contains a point y
-on the boundary of T ∩ int S. y lies on the boundary of S, on some F° — which is (1) — or on some g° with g in Π, and
-then S has interior points in Π arbitrarily near y, so one of u, −u is inside: (2). ∎
+*If.* (1) At a point of T ∩ F° the plane Π crosses F's plane, so T has points just behind F°, in int S. (2) Near a
+point of g°, S is a wedge bounded by two half-planes neither of which lies in Π, and Π contains g: the two directions of
+Π away from g are u (towards v) and −u. u is inside a convex wedge iff v is behind both faces, −u iff v is in front of
+both; at a re-entrant edge "or" replaces "and", so one of u, −u always is inside; at a flat edge (coplanar faces) too.
+*Only if.* Let T meet int S. v is outside the closed set S, hence so are all points of T near v. T is connected and
+stays so without any finite set of points, hence T minus (vertices of S, and points where an edge crosses Π) contains a
+point y on the boundary of T ∩ int S. y lies on the boundary of S, on some F° — which is (1) — or on some g° with g in
+Π, and then S has interior points in Π arbitrarily near y, so one of u, −u is inside: (2). ∎
 
 Points inside S count as not observable. Whether v is inside is decided by the parity of faces above it.
 
@@ -188,7 +188,7 @@ class ExactChecker:
         return visible
 
     def _faces_between(self, s_v, s_a, s_b, heights) -> np.ndarray:
-        """Return which faces T can meet, bool (n, f): T on both sides of the face's plane, the face on both sides of Π."""
+        """Return which faces T can meet: T on both sides of the face's plane, the face on both sides of Π."""
         ahead, behind = (s_a > 0) | (s_b > 0), (s_a < 0) | (s_b < 0)
         faces = np.where(s_v > 0, behind.astype(bool), ahead.astype(bool))
         for f, loops in enumerate(self.loops):

@@ -110,8 +110,7 @@ def cell_solid(full: np.ndarray, ticks, name: str = "cells") -> Part | None:
         The grid planes, nx + 1, ny + 1 and nz + 1 of them.
     """
     full = np.pad(full, 1)
-    ticks = [(None, *t, None) for t in ticks]
-    corners = [c for c in product(*(range(n) for n in np.array(full.shape) - 1))]
+    corners = list(product(*(range(n) for n in np.array(full.shape) - 1)))
     octants = {c: full[c[0] : c[0] + 2, c[1] : c[1] + 2, c[2] : c[2] + 2] for c in corners}
     if not all(_is_manifold(block) for block in octants.values()) or _count_pieces(~full) != 1:
         return None
@@ -126,7 +125,7 @@ def cell_solid(full: np.ndarray, ticks, name: str = "cells") -> Part | None:
                 loops = [_corner_loop(loop, axis, level, outward, number) for loop in _outlines(piece)]
                 loops.sort(key=lambda loop: -_extent(loop, vertices))
                 faces.append((loops[0], tuple(loops[1:])))
-    places = tuple(tuple(ticks[k][c[k] + 1] for k in range(3)) for c in vertices)
+    places = tuple(tuple(ticks[k][c[k]] for k in range(3)) for c in vertices)
     return Part(name, places, tuple(faces))
 
 
@@ -167,7 +166,7 @@ def _count_pieces(mask: np.ndarray) -> int:
 
 
 def _outlines(piece: set) -> list[list[tuple[int, int]]]:
-    """Return the boundary loops of a set of unit squares (i, j), material on the left; corner (i, j) is its low corner."""
+    """Return the boundary loops of a set of unit squares, squares on the left; (i, j) also names the low corner."""
     step = {}
     for i, j in piece:
         square = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
