@@ -69,9 +69,32 @@ def check_rng(rng: object) -> tuple[np.random.Generator, int | None]:
     return np.random.default_rng(seed), seed
 
 
+def as_array(value: object) -> np.ndarray:
+    """Return `value` as an array; one of objects, which every check refuses, where rows have different lengths."""
+    try:
+        return np.asarray(value)
+    except ValueError:
+        return np.array([None])
+
+
+def check_range(low: object, high: object, n_genes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the ends of the genes' ranges as float64 arrays, finite and in order, of shape () or (n_genes,)."""
+    ends = []
+    for name, value in (("low", low), ("high", high)):
+        array = as_array(value)
+        if array.dtype.kind not in "biuf" or array.shape not in ((), (n_genes,)) or not np.isfinite(array).all():
+            raise ParameterError(
+                f"{name} must be one finite number, or one for each of {n_genes} genes. Got {value!r}."
+            )
+        ends.append(array.astype(np.float64))
+    if np.any(ends[0] > ends[1]):
+        raise ParameterError(f"low must not be above high. Got {low!r} and {high!r}.")
+    return ends[0], ends[1]
+
+
 def check_bits(name: str, bits: object, n_bits: int) -> np.ndarray:
     """Return `bits` as a boolean array of shape (..., n_bits); zeros and ones of any type are accepted."""
-    array = np.asarray(bits)
+    array = as_array(bits)
     if array.ndim == 0 or array.shape[-1] != n_bits:
         raise ParameterError(f"{name} must have {n_bits} bits along its last axis. Got shape {array.shape}.")
     if array.dtype.kind not in "biuf":
@@ -92,7 +115,7 @@ def check_population(name: str, bits: object, n_bits: int) -> np.ndarray:
 
 def call_fitness(fitness: Callable, bits: np.ndarray) -> np.ndarray:
     """Call the caller's `fitness` on rows of `bits`; return its values as float64, shape (N,), all finite."""
-    values = np.asarray(fitness(bits))
+    values = as_array(fitness(bits))
     if values.dtype.kind not in "biuf" or values.shape != (len(bits),):
         raise FitnessError(
             f"fitness must return one number per individual, shape ({len(bits)},). "
@@ -107,7 +130,7 @@ def call_fitness(fitness: Callable, bits: np.ndarray) -> np.ndarray:
 
 def call_feasible(feasible: Callable, bits: np.ndarray) -> np.ndarray:
     """Call the caller's `feasible` on rows of `bits`; return its booleans, shape (N,)."""
-    mask = np.asarray(feasible(bits))
+    mask = as_array(feasible(bits))
     if mask.dtype != bool or mask.shape != (len(bits),):
         raise FitnessError(
             f"feasible must return one bool per individual, shape ({len(bits)},). "

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ga.checks import check_bits, check_flag, check_integer
+from ga.checks import check_bits, check_flag, check_integer, check_range
 from ga.exceptions import ParameterError
 
 #: Integers up to 2**53 are exact in float64.
@@ -125,7 +125,13 @@ class Chromosome:
         -------
         (..., n_genes) float64
             In the unit of `low` and `high`.
+
+        Raises
+        ------
+        ParameterError
+            When bits have the wrong length, or a range is not finite or upside down.
         """
+        low, high = check_range(low, high, self.n_genes)
         fractions = self.fractions(bits)
         # This form returns both ends exactly, which low + t (high - low) need not.
         return (1.0 - fractions) * low + fractions * high

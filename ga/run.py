@@ -79,7 +79,8 @@ def maximize(
     elitism : int
         How many of the best pass unchanged to the next generation, in [0, population - 1].
     duplicates : bool
-        False: an offspring equal to another individual of the new population is eliminated too.
+        False: an offspring equal to another individual of the new population is eliminated too (a place that has
+        drawn in vain still goes to a parent, whoever else is there).
     epsilon : float
         Converged when the total fitness changes by less than this (or not at all) in `patience` generations running.
         It is absolute as in the paper: total of the whole population, in units of the fitness.

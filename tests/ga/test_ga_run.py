@@ -1,0 +1,222 @@
+"""Runs as a whole: guarantees, ends, and problems with known optima."""
+
+import doctest
+import importlib
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ga import Chromosome, maximize
+
+STRONG = {"elitism": 2, "scaling": "rank", "selection": "sus", "mutation": 0.02}
+
+
+def onemax(bits):
+    return bits.sum(axis=1)
+
+
+def first_or_last(bits):
+    return bits[:, 0] | bits[:, -1]
+
+
+def same(a, b):
+    numbers = all(np.array_equal(getattr(a.history, name), getattr(b.history, name)) for name in vars(a.history))
+    bits = np.array_equal(a.x, b.x) and np.array_equal(a.population, b.population)
+    return numbers and bits and (a.fun, a.nit, a.nfev, a.message) == (b.fun, b.nit, b.nfev, b.message)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_onemax_is_solved(seed):
+    result = maximize(onemax, 64, rng=seed, max_stall=60, **STRONG)
+    assert result.fun == 64.0
+    assert result.x.all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_onemax_is_solved_by_the_plain_algorithm(seed):
+    result = maximize(onemax, 16, mutation=0.05, rng=seed, max_generations=300)
+    assert result.fun == 16.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_rastrigin_is_solved(seed):
+    chromosome = Chromosome(4, 12, gray=True)
+
+    def rastrigin(x):
+        return 10.0 * x.shape[-1] + (x**2 - 10.0 * np.cos(2.0 * np.pi * x)).sum(axis=-1)
+
+    result = maximize(
+        lambda bits: -rastrigin(chromosome.decode(bits, -5.12, 5.12)),
+        chromosome.n_bits,
+        rng=seed,
+        max_stall=120,
+        **STRONG,
+    )
+    # 2**12 values lie symmetrically about 0, half a step 5.12 / 4095 away: the best of the grid.
+    assert result.fun == pytest.approx(-rastrigin(np.full(4, 5.12 / 4095)), abs=1e-9)
+
+
+def test_a_constrained_optimum():
+    # At most five ones: the best string has exactly five. Even random bits would hardly ever be feasible.
+    result = maximize(
+        onemax,
+        30,
+        feasible=lambda bits: bits.sum(axis=1) <= 5,
+        initial=lambda n, rng: rng.random((n, 30)) < 0.1,
+        max_generations=50,
+    )
+    assert result.fun == 5.0
+    assert (result.population.sum(axis=1) <= 5).all()
+    assert result.history.eliminated.sum() > 0
+
+
+@pytest.mark.parametrize("options", [{}, STRONG, {"duplicates": False}, {"feasible": first_or_last}])
+def test_same_seed_same_bits(options):
+    first, again, other = (maximize(onemax, 40, rng=seed, max_generations=30, **options) for seed in (3, 3, 4))
+    assert same(first, again)
+    assert not same(first, other)
+    assert first.seed == 3
+
+
+def test_a_generator_is_used_as_it_is():
+    a = maximize(onemax, 20, rng=np.random.default_rng(5), max_generations=20)
+    b = maximize(onemax, 20, rng=5, max_generations=20)
+    assert same(a, b)
+    assert (a.seed, b.seed) == (None, 5)
+
+
+def test_a_fresh_seed_repeats_the_run():
+    a = maximize(onemax, 20, rng=None, max_generations=5)
+    assert same(a, maximize(onemax, 20, rng=a.seed, max_generations=5))
+    assert not same(a, maximize(onemax, 20, rng=None, max_generations=5))
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    n_bits=st.integers(5, 70),
+    population=st.integers(2, 15),
+    crossover=st.floats(0.0, 1.0),
+    mutation=st.floats(0.0, 1.0),
+    selection=st.sampled_from(["roulette", "sus"]),
+    scaling=st.sampled_from(["proportional", "window", "rank"]),
+    elitism=st.integers(0, 1),
+    duplicates=st.booleans(),
+    offset=st.sampled_from([0.0, -3.0, -1e6]),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_guarantees(n_bits, population, offset, seed, **options):
+    generations, asked, evaluated = [], set(), []
+
+    def feasible(bits):
+        asked.update(row.tobytes() for row in bits)
+        return first_or_last(bits)
+
+    def fitness(bits):
+        keys = [row.tobytes() for row in bits]
+        assert first_or_last(bits).all()
+        assert len(set(keys)) == len(keys)
+        assert asked.issuperset(keys)
+        if generations:
+            assert not set(keys) & {row.tobytes() for row in generations[-1].population}
+        evaluated.append(len(keys))
+        return onemax(bits) + offset
+
+    result = maximize(
+        fitness, n_bits, population, feasible=feasible, rng=seed, max_generations=8, attempts=3,
+        callback=generations.append, **options,
+    )  # fmt: skip
+    for generation in generations:
+        assert generation.population.shape == (population, n_bits)
+        assert first_or_last(generation.population).all()
+        assert np.array_equal(generation.fitness, onemax(generation.population) + offset)
+    assert (
+        result.fun == max(generation.fitness.max() for generation in generations) == onemax(result.x[None])[0] + offset
+    )
+    assert result.nfev == sum(evaluated) == result.history.nfev[-1]
+    assert len(evaluated) <= result.nit + 1 == len(generations) == len(result.history.best)
+
+
+def test_history_matches_the_generations():
+    seen = []
+    result = maximize(onemax, 25, population=7, feasible=first_or_last, max_generations=12, callback=seen.append)
+    history = result.history
+    assert history.best.tolist() == [g.fitness.max() for g in seen]
+    assert history.total.tolist() == [g.fitness.sum() for g in seen]
+    assert history.mean == pytest.approx(history.total / 7)
+    assert history.nfev.tolist() == [g.nfev for g in seen]
+    assert history.best_so_far.tolist() == [g.fun for g in seen]
+    assert [g.nit for g in seen] == list(range(13))
+    assert ((history.drawn - history.eliminated + history.kept)[1:] == 7).all()
+    assert np.array_equal(result.population, seen[-1].population)
+    assert np.array_equal(result.fitness, seen[-1].fitness)
+
+
+def test_elitism_never_loses_the_best():
+    best = maximize(onemax, 30, mutation=0.3, elitism=1, max_generations=60).history.best
+    assert (np.diff(best) >= 0).all()
+
+
+def test_the_best_is_returned_even_if_it_died():
+    result = maximize(onemax, 30, mutation=0.5, max_generations=60)
+    assert result.fun == result.history.best.max() > result.history.best[-1]
+    assert result.x.sum() == result.fun
+
+
+def test_callers_cannot_change_a_population():
+    def meddle(generation):
+        generation.population[0] = True
+
+    with pytest.raises(ValueError, match="read-only"):
+        maximize(onemax, 8, callback=meddle)
+
+
+def test_results_can_be_pickled():
+    result = maximize(onemax, 8, max_generations=3)
+    assert same(pickle.loads(pickle.dumps(result)), result)
+
+
+def test_converged():
+    result = maximize(lambda bits: np.full(len(bits), 0.5), 8, patience=4)
+    assert (result.success, result.reason, result.nit) == (True, "converged", 4)
+    assert result.message == "The total fitness changed by less than epsilon = 0.001 in 4 generations running."
+
+
+def test_stalled():
+    result = maximize(lambda bits: np.zeros(len(bits)), 8, patience=50, max_stall=7)
+    assert (result.success, result.reason, result.nit) == (True, "stalled", 7)
+
+
+def test_cap_on_generations():
+    result = maximize(onemax, 40, max_generations=6)
+    assert (result.success, result.reason, result.nit) == (False, "max_generations", 6)
+
+
+def test_cap_on_evaluations():
+    result = maximize(onemax, 60, population=20, max_nfev=87)
+    assert (result.success, result.reason) == (False, "max_nfev")
+    assert 67 < result.nfev <= 87
+    assert maximize(onemax, 60, population=20, max_nfev=20).nit == 0
+
+
+def test_callback_stops():
+    result = maximize(onemax, 40, callback=lambda generation: generation.nit == 3)
+    assert (result.success, result.reason, result.nit) == (False, "callback", 3)
+
+
+def test_stop_iteration_stops():
+    def stop(generation):
+        raise StopIteration
+
+    assert maximize(onemax, 40, callback=stop).nit == 0
+
+
+def test_a_single_bit():
+    assert maximize(lambda bits: bits[:, 0] * 2.0, 1, population=2, mutation=0.5, rng=1).fun == 2.0
+
+
+def test_the_example_of_the_docstring():
+    outcome = doctest.testmod(importlib.import_module("ga.run"))
+    assert (outcome.attempted, outcome.failed) == (2, 0)
