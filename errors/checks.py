@@ -1,0 +1,128 @@
+"""Checks at the public boundary: each returns the cleaned array or raises with parameter, rule and value."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from errors.exceptions import (
+    BehindLensError,
+    CovarianceError,
+    DegenerateSegmentError,
+    InvalidParameterError,
+    InvalidShapeError,
+)
+
+# An image segment shorter than this (mm, a thousandth of an atom) is the image of an edge seen end-on.
+MIN_IMAGE_LENGTH_MM = 1e-10
+
+# Symmetry and semi-definiteness are judged relative to the largest entry: round-off of a product of matrices passes.
+_COVARIANCE_RTOL = 1e-9
+
+
+def check_finite(value: ArrayLike, name: str) -> NDArray[np.float64]:
+    """Return `value` as a float64 array without NaN or infinity."""
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidParameterError(f"{name} must be numeric. Got {value!r}.") from error
+    bad = ~np.isfinite(array)
+    if bad.any():
+        where = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise InvalidParameterError(f"{name} must be finite. Got {array[where]} at index {where}.")
+    return array
+
+
+def check_positive(value: float, name: str) -> float:
+    """Return `value` as a float greater than zero."""
+    array = check_finite(value, name)
+    if array.ndim != 0:
+        raise InvalidShapeError(f"{name} must be a single number. Got an array of shape {array.shape}.")
+    if array <= 0.0:
+        raise InvalidParameterError(f"{name} must be > 0. Got {float(array)}.")
+    return float(array)
+
+
+def check_count(value: int, name: str) -> int:
+    """Return `value` as an integer of at least one."""
+    if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 1:
+        raise InvalidParameterError(f"{name} must be an integer >= 1. Got {value!r}.")
+    return int(value)
+
+
+def check_probability(value: float, name: str) -> float:
+    """Return `value` as a float in the open interval (0, 1)."""
+    array = check_finite(value, name)
+    if array.ndim != 0:
+        raise InvalidShapeError(f"{name} must be a single number. Got an array of shape {array.shape}.")
+    if not 0.0 < array < 1.0:
+        raise InvalidParameterError(f"{name} must be in (0, 1). Got {float(array)}.")
+    return float(array)
+
+
+def check_pixel_pitch(value: ArrayLike, name: str = "pixel_pitch_mm") -> NDArray[np.float64]:
+    """Return the pixel pitch (r_x, r_y) in millimetres, both greater than zero."""
+    pitch = check_finite(value, name)
+    if pitch.shape != (2,):
+        raise InvalidShapeError(f"{name} must have shape (2,). Got shape {pitch.shape}.")
+    if (pitch <= 0.0).any():
+        raise InvalidParameterError(f"{name} must be > 0. Got {tuple(pitch.tolist())}.")
+    return pitch
+
+
+def check_points(value: ArrayLike, focal_length_mm: float, name: str = "points") -> NDArray[np.float64]:
+    """Return camera-frame points (..., 3), all in front of the lens centre."""
+    points = check_finite(value, name)
+    if points.ndim < 1 or points.shape[-1] != 3:
+        raise InvalidShapeError(f"{name} must have shape (..., 3). Got shape {points.shape}.")
+    _check_in_front(points, focal_length_mm, name)
+    return points
+
+
+def check_endpoints(value: ArrayLike, focal_length_mm: float, name: str = "endpoints") -> NDArray[np.float64]:
+    """Return edge ends (..., 2, 3) that lie in front of the lens and whose image has a length."""
+    endpoints = check_finite(value, name)
+    if endpoints.ndim < 2 or endpoints.shape[-2:] != (2, 3):
+        raise InvalidShapeError(f"{name} must have shape (..., 2, 3). Got shape {endpoints.shape}.")
+    _check_in_front(endpoints, focal_length_mm, name)
+    scale = focal_length_mm / (focal_length_mm - endpoints[..., 2])
+    image = endpoints[..., :2] * scale[..., None]
+    difference = image[..., 1, :] - image[..., 0, :]
+    length = np.hypot(difference[..., 0], difference[..., 1])
+    if (length <= MIN_IMAGE_LENGTH_MM).any():
+        where = tuple(int(i) for i in np.argwhere(length <= MIN_IMAGE_LENGTH_MM)[0])
+        raise DegenerateSegmentError(
+            f"{name} must project to a segment longer than zero. Got image length {float(length[where])} mm "
+            f"at index {where}."
+        )
+    return endpoints
+
+
+def check_covariance(value: ArrayLike, name: str = "pose_covariance") -> NDArray[np.float64]:
+    """Return covariances (..., 6, 6) that are symmetric and positive semi-definite."""
+    covariance = check_finite(value, name)
+    if covariance.ndim < 2 or covariance.shape[-2:] != (6, 6):
+        raise InvalidShapeError(f"{name} must have shape (..., 6, 6). Got shape {covariance.shape}.")
+    # Translations (mm2) and rotations (rad2) differ by orders of magnitude: judge the scale-free matrix.
+    scale = np.sqrt(np.abs(np.diagonal(covariance, axis1=-2, axis2=-1)))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    normalised = covariance / (scale[..., :, None] * scale[..., None, :])
+    asymmetry = np.abs(normalised - np.swapaxes(normalised, -1, -2))
+    if (asymmetry > _COVARIANCE_RTOL).any():
+        largest = np.abs(covariance - np.swapaxes(covariance, -1, -2)).max()
+        raise CovarianceError(f"{name} must be symmetric. Got a largest asymmetry of {largest:.6g}.")
+    smallest = np.linalg.eigvalsh(normalised).min(initial=0.0)
+    if smallest < -_COVARIANCE_RTOL:
+        smallest = np.linalg.eigvalsh(covariance).min()
+        raise CovarianceError(f"{name} must be positive semi-definite. Got smallest eigenvalue {smallest:.6g}.")
+    return covariance
+
+
+def _check_in_front(points: NDArray[np.float64], focal_length_mm: float, name: str) -> None:
+    behind = points[..., 2] >= focal_length_mm
+    if behind.any():
+        where = tuple(int(i) for i in np.argwhere(behind)[0])
+        raise BehindLensError(
+            f"{name} must lie in front of the lens centre (C3 < focal_length_mm = {focal_length_mm}). "
+            f"Got C3 = {float(points[where][2])} at index {where}."
+        )

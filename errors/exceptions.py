@@ -1,0 +1,25 @@
+"""Exceptions of the package; each also inherits the builtin a caller would expect."""
+
+
+class MeasurementModelError(Exception):
+    """Base class of everything this package raises on purpose."""
+
+
+class InvalidParameterError(MeasurementModelError, ValueError):
+    """A number is outside the range its meaning allows, or is not finite."""
+
+
+class InvalidShapeError(InvalidParameterError):
+    """An array does not have the shape the call documents."""
+
+
+class CovarianceError(InvalidParameterError):
+    """A covariance matrix is not symmetric or not positive semi-definite."""
+
+
+class BehindLensError(InvalidParameterError):
+    """An end point lies at or behind the lens centre, so it has no image."""
+
+
+class DegenerateSegmentError(InvalidParameterError):
+    """The image of an edge is a single point, so it has neither length nor angle."""
