@@ -92,11 +92,12 @@ def check_range(low: object, high: object, n_genes: int) -> tuple[np.ndarray, np
     return ends[0], ends[1]
 
 
-def check_bits(name: str, bits: object, n_bits: int) -> np.ndarray:
-    """Return `bits` as a boolean array of shape (..., n_bits); zeros and ones of any type are accepted."""
+def check_bits(name: str, bits: object, n_bits: int | None = None) -> np.ndarray:
+    """Return `bits` as a boolean array of shape (..., n_bits), of any length if None; any type of 0 and 1 will do."""
     array = as_array(bits)
-    if array.ndim == 0 or array.shape[-1] != n_bits:
-        raise ParameterError(f"{name} must have {n_bits} bits along its last axis. Got shape {array.shape}.")
+    if array.ndim == 0 or (n_bits is not None and array.shape[-1] != n_bits):
+        length = "" if n_bits is None else f"{n_bits} "
+        raise ParameterError(f"{name} must have {length}bits along its last axis. Got shape {array.shape}.")
     if array.dtype.kind not in "biuf":
         raise ParameterError(f"{name} must hold only 0 and 1. Got an array of {array.dtype}.")
     wrong = (array != 0) & (array != 1)

@@ -32,7 +32,7 @@ def gray_from_binary(bits: np.ndarray) -> np.ndarray:
     (..., M) bool
         The same numbers in reflected Gray code: each bit xor the one before it.
     """
-    bits = np.asarray(bits, dtype=bool)
+    bits = check_bits("bits", bits)
     gray = bits.copy()
     gray[..., 1:] ^= bits[..., :-1]
     return gray
@@ -51,7 +51,7 @@ def binary_from_gray(bits: np.ndarray) -> np.ndarray:
     (..., M) bool
         The same numbers in plain binary: the running xor of the bits.
     """
-    return np.logical_xor.accumulate(np.asarray(bits, dtype=bool), axis=-1)
+    return np.logical_xor.accumulate(check_bits("bits", bits), axis=-1)
 
 
 @dataclass(frozen=True)

@@ -91,6 +91,8 @@ def test_every_integer_once():
         (lambda: Chromosome(2, 4).integers(np.zeros((3, 7))), r"bits must have 8 bits .* Got shape \(3, 7\)\."),
         (lambda: Chromosome(1, 2).integers([[0, 2]]), r"bits must hold only 0 and 1\. Got 2\."),
         (lambda: Chromosome(1, 2).integers([["0", "1"]]), r"bits must hold only 0 and 1\. Got an array of <U1\."),
+        (lambda: gray_from_binary(1), r"bits must have bits along its last axis\. Got shape \(\)\."),
+        (lambda: binary_from_gray([0, 3]), r"bits must hold only 0 and 1\. Got 3\."),
         (lambda: Chromosome(1, 2).encode([1.5]), r"fractions must be in \[0, 1\]\. Got 1\.5\."),
         (lambda: Chromosome(1, 2).encode([np.nan]), r"fractions must be in \[0, 1\]\. Got nan\."),
         (lambda: Chromosome(2, 2).encode([0.5]), r"fractions must have 2 genes .* Got shape \(1,\)\."),

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare
 
-from ga import exchange_tails, flip_bits, one_point
-from ga.crossover import draw_cuts
+from ga.crossover import draw_cuts, exchange_tails, one_point
+from ga.mutation import flip_bits
 from ga.offspring import Breeding, breed
 from ga.selection import proportional_weights, roulette
 

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chisquare
 
-from ga import proportional_weights, rank_weights, roulette, stochastic_universal, window_weights
-from ga.selection import spin
+from ga.selection import proportional_weights, rank_weights, roulette, spin, stochastic_universal, window_weights
 
 WEIGHTS = np.array([1.0, 3.0, 0.0, 4.0])  # edges of the slots at 1/8, 4/8, 4/8, 8/8
 
