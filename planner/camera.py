@@ -135,7 +135,7 @@ class Camera:
         Raises
         ------
         CameraError
-            If the name is unknown; the message offers the nearest names.
+            If the name is unknown (the message offers the nearest names), or a change breaks its rule.
         """
         known = {key.lower(): key for key in _catalogue()}
         key = known.get(str(name).lower())
@@ -143,7 +143,14 @@ class Camera:
             near = difflib.get_close_matches(str(name).lower(), known, n=3, cutoff=0.3) or sorted(known)[:3]
             offered = ", ".join(known[n] for n in near)
             raise CameraError(f"camera must be a name of the catalogue. Got {str(name)!r}; nearest: {offered}.")
-        return cls.from_dict({**_catalogue()[key], "name": key, **changes})
+        facts = dict(_catalogue()[key])
+        widest = facts.pop("widest_f_number")
+        camera = cls.from_dict({**facts, "name": key, **changes})
+        if camera.f_number < widest:
+            raise CameraError(
+                f"f_number must be at least {widest:g}, the lens's widest aperture. Got {camera.f_number:g}."
+            )
+        return camera
 
     @classmethod
     def from_toml(cls, path: str | PathLike) -> Camera:
@@ -192,7 +199,7 @@ def _catalogue() -> dict[str, dict]:
     for name, pair in data["pair"].items():
         body, lens = data["body"][pair["body"]], data["lens"][pair["lens"]]
         cameras[name] = {
-            "focal_length_mm": lens["focal_length_mm"],
+            **lens,
             "pixel_pitch_mm": body["pixel_pitch_mm"],
             "resolution": body["resolution"],
             "f_number": pair["f_number"],

@@ -1,0 +1,153 @@
+"""Why a request cannot be met: which constraint, for which entity, by how much."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from planner.constraints import Constraints
+from planner.encoding import PoseEncoding
+from planner.exceptions import InfeasibleError
+from planner.start import neighbours
+
+_UNITS = {"mm": "mm", "px": "px"}
+_ROUNDS = np.geomspace(0.2, 1e-4, 20)
+
+
+def check_observable(space, names: Sequence[str]):
+    """Return the covering cells of the entities, or raise `InfeasibleError` naming who cannot be seen."""
+    cells = space.covering_cells(list(names))
+    if len(cells):
+        return cells
+    hidden = [name for name in names if not len(space.covering_cells([name]))]
+    if hidden:
+        raise InfeasibleError(
+            f"visibility cannot be met: entity {hidden[0]!r} is observable from nowhere in the workspace.",
+            constraint="visibility",
+            entity=hidden[0],
+            margin=-1.0,
+        )
+    first, second = next(
+        ((a, b) for i, a in enumerate(names) for b in names[i + 1 :] if not len(space.covering_cells([a, b]))),
+        (None, None),
+    )
+    who = f"entities {first!r} and {second!r} are" if first is not None else f"the entities {', '.join(names)} are"
+    raise InfeasibleError(
+        f"visibility cannot be met: {who} observable together from nowhere in the workspace.",
+        constraint="visibility",
+        entity=second or "",
+        margin=-1.0,
+    )
+
+
+def check_resolvable(constraints: Constraints) -> None:
+    """Raise `InfeasibleError` for an entity too short to be resolved wherever the lens can focus.
+
+    The projection stretches by at most d / (z·cos θ) at depth z and angle θ to the axis, so no image is longer than
+    d·L_w / (D_min·cos θ) with θ at the sensor's corner.
+    """
+    camera = constraints.camera
+    nearest = camera.depth_of_field_mm[0]
+    gain = camera.image_distance_mm / (nearest * math.cos(camera.half_diagonal_rad))
+    lengths = np.linalg.norm(constraints.ends[:, 1] - constraints.ends[:, 0], axis=1)
+    worst = int(np.argmin(lengths))
+    margin = float(lengths[worst] * gain - constraints.min_length_mm)
+    if margin < 0:
+        raise InfeasibleError(
+            f"resolution_mm cannot be met for entity {constraints.names[worst]!r}: {lengths[worst]:.6g} mm long, its "
+            f"image is at most {lengths[worst] * gain:.4g} mm where the lens focuses (nearest {nearest:.4g} mm), "
+            f"and must be at least {constraints.min_length_mm:.4g} mm.",
+            constraint="resolution_mm",
+            entity=constraints.names[worst],
+            margin=margin,
+        )
+
+
+def aimed_parameters(positions: np.ndarray) -> np.ndarray:
+    """Return parameters (n, 6) that look straight at the target from positions (n, 3)."""
+    return np.hstack([positions, np.zeros((len(positions), 3))])
+
+
+def explain_positions(constraints: Constraints, cells, rng: np.random.Generator) -> InfeasibleError:
+    """Explain a request whose covering domains hold no viewpoint at a distance where the lens can focus."""
+    positions = np.concatenate([cells.sample(4096, rng), *(cell.vertices for cell in cells)])
+    distance = np.linalg.norm(positions[:, None, None] - constraints.ends, axis=-1)
+    camera = constraints.camera
+    nearest, farthest = camera.depth_of_field_mm[0], camera.depth_of_field_mm[1] / math.cos(camera.half_diagonal_rad)
+    slack = np.minimum(distance - nearest, farthest - distance).min(axis=-1)
+    best = int(np.argmax(slack.min(axis=1)))
+    worst = int(np.argmin(slack[best]))
+    return InfeasibleError(
+        f"focus_mm cannot be met for entity {constraints.names[worst]!r}: its ends must be {nearest:.5g} to "
+        f"{farthest:.5g} mm from the camera, and the best of {len(positions)} viewpoints that see all entities has "
+        f"{distance[best, worst].min():.5g} to {distance[best, worst].max():.5g} mm.",
+        constraint="focus_mm",
+        entity=constraints.names[worst],
+        margin=float(slack[best, worst]),
+    )
+
+
+def explain_infeasible(
+    constraints: Constraints, encoding: PoseEncoding, tried: np.ndarray, rng: np.random.Generator
+) -> InfeasibleError:
+    """Explain why none of the tried parameters (m, 6), the least violating first, could be made feasible.
+
+    A constraint that fails by itself in every pose, even after a search for its own best margin, is named first;
+    else the constraints conflict, and those the least violating pose breaks are named.
+    """
+    margins = constraints.margins(encoding.poses(tried))
+    for name in sorted(margins, key=lambda name: margins[name].min(axis=1).max() / constraints.scale(name)):
+        if margins[name].min(axis=1).max() >= 0:
+            break
+        margin, entity = _best_margin(name, constraints, encoding, tried, rng)
+        if margin < 0:
+            return InfeasibleError(
+                f"{name} cannot be met{_for(entity)}: the best margin found is {_quantity(name, margin)}.",
+                constraint=name,
+                entity=entity,
+                margin=margin,
+            )
+    return _conflict({name: margin[0] for name, margin in margins.items()}, constraints)
+
+
+def _best_margin(name, constraints, encoding, tried, rng) -> tuple[float, str]:
+    """Search poses for the largest margin of one constraint; return it and the entity that sets it."""
+    pool = tried[:32]
+    for step in _ROUNDS:
+        pool = np.concatenate([pool, neighbours(pool, 96, step, encoding, rng)])
+        margin = constraints.slacks(encoding.poses(pool), [name])[name].min(axis=-1)
+        best = np.argsort(-margin.min(axis=1), kind="stable")[:32]
+        pool, margin = pool[best], margin[best]
+    return _worst(margin[0], constraints)
+
+
+def _worst(margin: np.ndarray, constraints: Constraints) -> tuple[float, str]:
+    """Return the smallest of the margins (k,) or (1,), and the entity's name if they belong to entities."""
+    index = int(np.argmin(margin))
+    shared = len(margin) == 1 and len(constraints.names) > 1
+    return float(margin[index]), "" if shared else constraints.names[index]
+
+
+def _conflict(margins: dict[str, np.ndarray], constraints: Constraints) -> InfeasibleError:
+    """Explain by the pose that comes nearest: what it still misses."""
+    worst = {name: _worst(margin, constraints) for name, margin in margins.items()}
+    missed = sorted((m / constraints.scale(name), name) for name, (m, _) in worst.items() if m < 0)
+    parts = [f"{name} by {_quantity(name, -worst[name][0])}{_for(worst[name][1])}" for _, name in missed]
+    name = missed[0][1] if missed else ""
+    what = f"the nearest pose misses {', '.join(parts)}" if parts else "no pose was found that meets all of them"
+    return InfeasibleError(
+        f"constraints cannot be met together for {', '.join(constraints.names)}: {what}.",
+        constraint=name,
+        entity=worst[name][1] if name else "",
+        margin=worst[name][0] if name else float("nan"),
+    )
+
+
+def _for(entity: str) -> str:
+    return f" for entity {entity!r}" if entity else ""
+
+
+def _quantity(name: str, value: float) -> str:
+    return f"{value:.4g} {_UNITS.get(name.rsplit('_', 1)[-1], '')}".rstrip()

@@ -1,0 +1,125 @@
+"""Signed distance to solids, and the regions a robot can reach.
+
+A region is anything with ``margin(positions) -> (n,)``: the distance in mm to its boundary, positive inside. A plain
+``callable(positions) -> (n,) bool`` is accepted wherever a region is, which is where inverse kinematics goes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from planner.exceptions import RequestError
+
+
+class Region(Protocol):
+    """A reachable region of space."""
+
+    def margin(self, positions: np.ndarray) -> np.ndarray:
+        """Return the signed distance (n,) in mm of positions (n, 3) to the boundary, positive inside."""
+
+
+class SignedDistance:
+    """Distance to a closed triangle mesh, by Open3D's ray casting scene (float32: about 1e-7 of the mesh's size).
+
+    Parameters
+    ----------
+    vertices : array (v, 3)
+        Corners, mm.
+    triangles : array (t, 3)
+        Vertex indices, outward counter-clockwise.
+    """
+
+    def __init__(self, vertices, triangles):
+        import open3d as o3d
+
+        vertices = np.asarray(vertices, dtype=np.float64)
+        # float32 loses digits far from the origin, so distances are computed around the mesh's own centre
+        self._center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+        self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+        self._scene.add_triangles(
+            np.ascontiguousarray(vertices - self._center, dtype=np.float32),
+            np.ascontiguousarray(triangles, dtype=np.uint32),
+        )
+
+    def __call__(self, positions) -> np.ndarray:
+        """Return the distance (n,) in mm of positions (n, 3), negative inside the mesh."""
+        local = np.ascontiguousarray(np.asarray(positions, dtype=np.float64) - self._center, dtype=np.float32)
+        if not len(local):
+            return np.empty(0)
+        return self._scene.compute_signed_distance(local, nsamples=3, nthreads=1).numpy().astype(np.float64)
+
+
+@dataclass(frozen=True)
+class BoxRegion:
+    """An axis-parallel box between the corners `low` and `high` (3,), mm."""
+
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+    def __post_init__(self):
+        if not np.all(np.asarray(self.low, dtype=float) < np.asarray(self.high, dtype=float)):
+            raise RequestError(f"low must be below high in every coordinate. Got {self.low!r} and {self.high!r}.")
+
+    def margin(self, positions: np.ndarray) -> np.ndarray:
+        """Return the distance (n,) to the nearest face, mm; outside, minus the largest overshoot along an axis."""
+        return np.minimum(positions - np.asarray(self.low), np.asarray(self.high) - positions).min(axis=-1)
+
+
+@dataclass(frozen=True)
+class SphereRegion:
+    """A ball, such as the dexterous reach about a robot's shoulder; `center` (3,) and `radius_mm` in mm."""
+
+    center: tuple[float, float, float]
+    radius_mm: float
+
+    def __post_init__(self):
+        if not self.radius_mm > 0:
+            raise RequestError(f"radius_mm must be positive. Got {self.radius_mm!r}.")
+
+    def margin(self, positions: np.ndarray) -> np.ndarray:
+        """Return the distance (n,) to the sphere, mm, positive inside."""
+        return self.radius_mm - np.linalg.norm(positions - np.asarray(self.center), axis=-1)
+
+
+class MeshRegion:
+    """The inside of a closed triangle mesh: `vertices` (v, 3) in mm, `triangles` (t, 3) outward counter-clockwise."""
+
+    def __init__(self, vertices, triangles):
+        self.vertices = np.asarray(vertices, dtype=np.float64)
+        self.triangles = np.asarray(triangles)
+        self._distance: SignedDistance | None = None
+
+    def margin(self, positions: np.ndarray) -> np.ndarray:
+        """Return the distance (n,) to the surface, mm, positive inside."""
+        if self._distance is None:
+            self._distance = SignedDistance(self.vertices, self.triangles)
+        return -self._distance(positions)
+
+    def __getstate__(self) -> dict:
+        """Leave the scene behind: it cannot cross a process boundary and is rebuilt on demand."""
+        return {**self.__dict__, "_distance": None}
+
+
+Reach = Region | Callable[[np.ndarray], np.ndarray]
+
+
+def check_reach(reach: Reach | None) -> Reach | None:
+    """Return the region, or raise `RequestError` if it is neither a region nor a callable."""
+    if reach is None or hasattr(reach, "margin") or callable(reach):
+        return reach
+    raise RequestError(f"reach must have a margin method or be callable. Got {reach!r}.")
+
+
+def reach_margin(reach: Reach, positions: np.ndarray) -> np.ndarray:
+    """Return the margin (n,) of positions (n, 3): mm for a region, +1 or -1 for a callable."""
+    if hasattr(reach, "margin"):
+        margin = np.asarray(reach.margin(positions), dtype=np.float64)
+    else:
+        margin = np.where(np.asarray(reach(positions), dtype=bool), 1.0, -1.0)
+    if margin.shape != (len(positions),):
+        raise RequestError(f"reach must return one value per position, shape ({len(positions)},). Got {margin.shape}.")
+    return margin
