@@ -266,7 +266,7 @@ class ExactChecker:
     def contains_point(self, v) -> bool:
         """Return whether a generic point (Python ints or Fractions) is inside S: odd number of faces straight above.
 
-        The half-open rule on the edges' projections is the limit of shifting v by (ε², ε, 0).
+        The rule on the edges' projections is the limit of shifting v by (ε, ε², 0).
         """
         inside = False
         for (normal, offset), edges in zip(self.planes, self.face_edges, strict=True):
@@ -280,7 +280,7 @@ class ExactChecker:
             p, q = self.vertices[i], self.vertices[j]
             if (p[1] > v[1]) != (q[1] > v[1]):
                 side = (q[0] - p[0]) * (v[1] - p[1]) - (v[0] - p[0]) * (q[1] - p[1])
-                odd ^= (side > 0) == (q[1] > p[1])
+                odd ^= side != 0 and (side > 0) == (q[1] > p[1])
         return odd
 
 
