@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ga import Chromosome, maximize
+from ga.record import settled
 
 STRONG = {"elitism": 2, "scaling": "rank", "selection": "sus", "mutation": 0.02}
 
@@ -184,6 +185,21 @@ def test_converged():
     assert result.message == "The total fitness changed by less than epsilon = 0.001 in 4 generations running."
 
 
+@pytest.mark.parametrize(
+    ("totals", "epsilon", "expected"),
+    [
+        ([9.0, 1.0, 1.4, 0.95], 0.5, True),  # the last two changes are +0.4 and -0.45
+        ([1.0, 1.0, 1.4, 0.85], 0.5, False),  # the last is -0.55
+        ([1.0, 1.6, 1.4], 0.5, False),  # the first of the two is +0.6
+        ([1.0, 1.25, 1.0], 0.25, False),  # not less than epsilon
+        ([1.0, 1.0, 1.0], 0.0, True),  # no change at all
+        ([1.0, 1.0], 0.5, False),  # too few generations
+    ],
+)
+def test_settled(totals, epsilon, expected):
+    assert settled(totals, epsilon, patience=2) is expected
+
+
 def test_stalled():
     result = maximize(lambda bits: np.zeros(len(bits)), 8, patience=50, max_stall=7)
     assert (result.success, result.reason, result.nit) == (True, "stalled", 7)
@@ -199,6 +215,8 @@ def test_cap_on_evaluations():
     assert (result.success, result.reason) == (False, "max_nfev")
     assert 67 < result.nfev <= 87
     assert maximize(onemax, 60, population=20, max_nfev=20).nit == 0
+    assert maximize(onemax, 60, population=20, max_nfev=29, elitism=10).nit == 0
+    assert maximize(onemax, 60, population=20, max_nfev=30, elitism=10).nit >= 1
 
 
 def test_callback_stops():

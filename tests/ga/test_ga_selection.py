@@ -90,6 +90,13 @@ def test_stochastic_universal_is_within_one_of_the_share(weights, n, seed):
     assert np.abs(counts - n * shares(weights)).max() < 1.0 + 1e-9
 
 
+def test_one_pointer_is_a_roulette_wheel():
+    rng = np.random.default_rng(9)
+    chosen = np.concatenate([stochastic_universal(WEIGHTS, 1, rng) for _ in range(8_000)])
+    counts = np.bincount(chosen, minlength=4)
+    assert chisquare(counts[[0, 1, 3]], [1_000, 3_000, 4_000]).pvalue > 0.01
+
+
 def test_stochastic_universal_couples_at_random():
     rng = np.random.default_rng(3)
     chosen = np.concatenate([stochastic_universal(np.ones(4), 4, rng)[:2] for _ in range(6_000)]).reshape(-1, 2)
