@@ -1,5 +1,12 @@
-"""Measurement error of dimensions taken from an image: densities and probabilities."""
+"""Measurement error of dimensions taken from an image: densities and probabilities.
 
+Arrays of numbers in millimetres and radians go in, densities and probabilities come out. `success_probability` is the
+one call a planner needs; the laws of the paper's equations are `AxisQuantization` (1-2), `SegmentQuantization` (3),
+`displacement_terms` (8-9), `point_displacement` (10-11), `AxisDisplacement` (12-13), `SegmentDisplacement` (14) and
+`SegmentError` (15).
+"""
+
+from errors.displacement import DisplacementTerms, displacement_terms, point_displacement
 from errors.exceptions import (
     BehindLensError,
     CovarianceError,
@@ -9,20 +16,33 @@ from errors.exceptions import (
     MeasurementModelError,
 )
 from errors.expansion import length_expansion
-from errors.montecarlo import MonteCarloEstimate, simulate_success
+from errors.montecarlo import MonteCarloEstimate, binomial_interval, simulate_success
 from errors.probability import success_probability
 from errors.projection import image_segment, project
+from errors.quantization import AxisQuantization, SegmentQuantization
+from errors.ratio import NormalRatio
+from errors.segment import AxisDisplacement, SegmentDisplacement, SegmentError
 
 __all__ = [
+    "AxisDisplacement",
+    "AxisQuantization",
     "BehindLensError",
     "CovarianceError",
     "DegenerateSegmentError",
+    "DisplacementTerms",
     "InvalidParameterError",
     "InvalidShapeError",
     "MeasurementModelError",
     "MonteCarloEstimate",
+    "NormalRatio",
+    "SegmentDisplacement",
+    "SegmentError",
+    "SegmentQuantization",
+    "binomial_interval",
+    "displacement_terms",
     "image_segment",
     "length_expansion",
+    "point_displacement",
     "project",
     "simulate_success",
     "success_probability",

@@ -12,7 +12,7 @@ alpha     diagonal of M after the orthogonal change of coordinates that makes M 
 beta      first axis; beta is the off-diagonal
 D_k       1 - i t alpha_k + t^2 beta_k^2 / D_{k+1}, the pivots of I - itM from the last to the first; Re D_k >= 1
 
-Then, without any eigenvalue (in the eigenbasis it would read prod (1 - it lambda)^(-1/2) exp(-t^2 b^2 / 2 (1 - it lambda))),
+Then, without any eigenvalue (the eigenbasis would give prod (1 - it lambda)^(-1/2) exp(-t^2 b^2 / 2(1 - it lambda)))
 
     E exp(itx) = prod D_k^(-1/2) exp(-1/2 t^2 |b|^2 / D_0) sinc^2(t r_x e1 / 2) sinc^2(t r_y e2 / 2)
 

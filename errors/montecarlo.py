@@ -81,9 +81,9 @@ def simulate_success(
     confidence : float
         Coverage of the confidence interval, in (0, 1).
     quantization : {"uniform", "grid", "none"}
-        "uniform" rounds every coordinate on a grid of its own random phase, which is the paper's model (errors uniform in
-        +-r/2 and independent); "grid" rounds to the fixed grid through the image's origin, so that a length can only
-        take the values the grid has; "none" leaves the projected points as they are.
+        "uniform" rounds every coordinate on a grid of its own random phase, which is the paper's model (errors uniform
+        in +-r/2 and independent); "grid" rounds to the fixed grid through the image's origin, so that a length can
+        only take the values the grid has; "none" leaves the projected points as they are.
 
     Returns
     -------

@@ -10,8 +10,9 @@ from errors.covariance import covariance_root
 from errors.exceptions import InvalidParameterError, InvalidShapeError
 from errors.joint import joint_probability
 from errors.montecarlo import simulate_success
+from errors.segment import independent_probability
 
-MODELS = ("joint", "montecarlo")
+MODELS = ("joint", "independent", "montecarlo")
 
 # Edges handled at a time: bounds the memory of whatever a model needs per edge.
 _CHUNK = {"joint": 1 << 16, "independent": 1 << 9}
@@ -30,8 +31,8 @@ def success_probability(
 ) -> NDArray[np.float64] | np.float64:
     """Return the probability that the image length of an edge is measured to the required accuracy.
 
-    P(|epsilon| <= (1 - A) L), with L the nominal image length and epsilon the error of the measured one: displacement of
-    the camera and quantization of both ends together.
+    P(|epsilon| <= (1 - A) L), with L the nominal image length and epsilon the error of the measured one: displacement
+    of the camera and quantization of both ends together.
 
     Guarantee: the result of every edge depends on that edge (and its covariance) alone, not on the rest of the batch.
     "joint" agrees with "montecarlo" to 0.001 for rotations of up to 0.03 rad s.d. and to 0.003 up to 0.055 rad; memory
@@ -40,14 +41,14 @@ def success_probability(
     Parameters
     ----------
     endpoints : array-like, shape (..., 2, 3)
-        Edge ends in the paper's camera frame (C1 right, C2 up, C3 backwards, image plane at 0, lens centre at f), in mm.
+        Edge ends in mm, in the paper's camera frame: C1 right, C2 up, C3 backwards, image plane at 0, lens centre at f.
     focal_length_mm : float
-        Distance from image plane to lens centre, in mm: the image distance of a thin lens, the focal length at infinity.
+        Distance from image plane to lens centre, in mm: the image distance of a thin lens focused at a distance.
     pixel_pitch_mm : array-like, shape (2,)
         Pixel pitch (r_x, r_y) in mm.
     pose_covariance : array-like, shape (6, 6) or (..., 6, 6)
-        Covariance of the displacement (dx, dy, dz, phi_x, phi_y, phi_z) in mm and rad, in the camera frame, phi a rotation
-        vector about the frame's origin. Leading dimensions broadcast against those of `endpoints`.
+        Covariance of the displacement (dx, dy, dz, phi_x, phi_y, phi_z) in mm and rad, in the camera frame, phi a
+        rotation vector about the frame's origin. Leading dimensions broadcast against those of `endpoints`.
     accuracy : float
         A in (0, 1); 0.98 allows an error of 2 % of the length.
     model : {"joint", "independent", "montecarlo"}
@@ -72,8 +73,8 @@ def success_probability(
     DegenerateSegmentError
         If an edge is seen end-on, so that its image has no length.
     InvalidParameterError
-        If accuracy is outside (0, 1), a length is not positive, a value is not finite or the model is unknown. All of the
-        above inherit from it.
+        If accuracy is outside (0, 1), a length is not positive, a value is not finite or the model is unknown. All of
+        the above inherit from it.
     """
     if model not in MODELS:
         raise InvalidParameterError(f"model must be one of {MODELS}. Got {model!r}.")
@@ -95,9 +96,12 @@ def success_probability(
         )
         return estimate.probability[()]
     out = np.empty(lead)
-    solve = joint_probability
-    for ends, root, part in _chunks(endpoints, covariance_root(covariance), out, _CHUNK[model]):
-        part[:] = solve(ends, f, pitch, root, accuracy)
+    if model == "joint":
+        solve, spread = joint_probability, covariance_root(covariance)
+    else:
+        solve, spread = independent_probability, covariance
+    for ends, part_spread, part in _chunks(endpoints, spread, out, _CHUNK[model]):
+        part[:] = solve(ends, f, pitch, part_spread, accuracy)
     return out[()]
 
 
@@ -111,16 +115,16 @@ def _leading_shape(endpoints, covariance):
         ) from error
 
 
-def _chunks(endpoints, root, out, size):
-    """Yield flat pieces (ends, root, view of out); a single covariance is passed on unrepeated."""
+def _chunks(endpoints, spread, out, size):
+    """Yield flat pieces (ends, covariance or its root, view of out); a single covariance is passed on unrepeated."""
     flat_out = out.reshape(-1)
-    if root.ndim == 2 and endpoints.shape[:-2] == out.shape:
+    if spread.ndim == 2 and endpoints.shape[:-2] == out.shape:
         flat_ends = endpoints.reshape(-1, 2, 3)
         for start in range(0, len(flat_out), size):
-            yield flat_ends[start : start + size], root[None], flat_out[start : start + size]
+            yield flat_ends[start : start + size], spread[None], flat_out[start : start + size]
         return
     ends = np.broadcast_to(endpoints, (*out.shape, 2, 3))
-    roots = np.broadcast_to(root, (*out.shape, 6, 6))
+    spreads = np.broadcast_to(spread, (*out.shape, 6, 6))
     for start in range(0, len(flat_out), size):
         where = np.unravel_index(np.arange(start, min(start + size, len(flat_out))), out.shape)
-        yield ends[where], roots[where], flat_out[start : start + size]
+        yield ends[where], spreads[where], flat_out[start : start + size]

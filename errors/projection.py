@@ -5,7 +5,7 @@ centre is C3 = f, and what is looked at has C3 < 0, so the depth in front of the
 
 References
 ----------
-C. C. Yang and F. W. Ciarallo, "Optimized sensor placement for active visual inspection", J. Robotic Systems 18(1), 2001.
+C. C. Yang and F. W. Ciarallo, "Optimized sensor placement for active visual inspection", J. Robotic Systems 18, 2001.
 """
 
 from __future__ import annotations
