@@ -33,8 +33,8 @@ def resolution_slacks(camera: Camera, ends_cam: np.ndarray, min_length_mm: float
     first, second = ends_cam[..., 0, :], ends_cam[..., 1, :]
     z1, z2 = first[..., 2], second[..., 2]
     in_front = (z1 > 0) & (z2 > 0)
-    # L_w·[(r1 − r_v) × u] × v has the length of the first two components of r1 × (r2 − r1)
-    turned = np.cross(first, second - first)
+    # L_w·[(r1 − r_v) × u] × v has the length of the first two components of r1 × (r2 − r1) = r1 × r2
+    turned = first[..., :2] * z2[..., None] - second[..., :2] * z1[..., None]
     length = camera.image_distance_mm * np.hypot(turned[..., 0], turned[..., 1]) / np.where(in_front, z1 * z2, 1.0)
     return (np.where(in_front, length, 0.0) - min_length_mm)[..., None]
 

@@ -74,7 +74,8 @@ class ViewpointSampler:
 
     def in_shell(self, positions: np.ndarray) -> np.ndarray:
         """Return which positions (n, 3) have every end at a distance that can be in focus; (n,) bool."""
-        squared = ((positions[:, None] - self.points) ** 2).sum(axis=-1)
+        local, ends = positions - self._center, self.points - self._center
+        squared = (local**2).sum(axis=1, keepdims=True) - 2 * local @ ends.T + (ends**2).sum(axis=1)
         return (squared.min(axis=1) >= self.near**2) & (squared.max(axis=1) <= self.far**2)
 
     def sample(self, n: int, rng: np.random.Generator, max_proposals: int = 500_000) -> np.ndarray:
