@@ -15,6 +15,7 @@ from aspectgraph.exceptions import (
     TouchingError,
     WorkspaceError,
 )
+from aspectgraph.reader import read_solid
 from aspectgraph.solid import Solid
 from aspectgraph.topology import Edge, Face
 
@@ -35,4 +36,5 @@ __all__ = [
     "SolidError",
     "TouchingError",
     "WorkspaceError",
+    "read_solid",
 ]

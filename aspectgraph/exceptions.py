@@ -51,3 +51,7 @@ class EntityError(AspectGraphError, ValueError):
 
 class WorkspaceError(AspectGraphError, ValueError):
     """The workspace is not a box around the solid, or a point lies outside it."""
+
+
+class GraphMLError(AspectGraphError, ValueError):
+    """A graph cannot be written as GraphML without loss, or a GraphML file does not hold such a graph."""

@@ -16,6 +16,8 @@ from functools import cached_property
 
 import numpy as np
 
+from aspectgraph.contacts import check_contacts
+from aspectgraph.shells import check_shells
 from aspectgraph.topology import (
     Edge,
     Face,
@@ -30,7 +32,6 @@ from aspectgraph.validation import (
     check_areas,
     check_indices,
     check_planarity,
-    check_shell_orientation,
     check_vertices,
     default_planarity_mm,
     face_area_vectors,
@@ -104,7 +105,8 @@ class Solid:
         self.face_shell = label_shells(len(self.faces), edge_faces)
         self.edges = self._build_edges(edge_vertices, edge_faces, curved_edges)
         self.volume = signed_volume(self.vertices, self.triangles)
-        check_shell_orientation(self.vertices, self.triangles, self.face_shell[self.triangle_face])
+        check_contacts(self)
+        check_shells(self.vertices, self.triangles, self.face_shell[self.triangle_face])
 
     def _checked_normals(self) -> np.ndarray:
         area_vectors = face_area_vectors(self.vertices, self.faces)

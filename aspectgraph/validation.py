@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aspectgraph.exceptions import OrientationError, PlanarityError, SolidError
+from aspectgraph.exceptions import PlanarityError, SolidError
 from aspectgraph.topology import Face, describe_point
-from aspectgraph.triangulate import newell_area_vector, signed_volume
+from aspectgraph.triangulate import newell_area_vector
 
 RELATIVE_PLANARITY = 1e-6
 """Default planarity tolerance as a fraction of the bounding box diagonal."""
@@ -116,18 +116,3 @@ def check_planarity(vertices: np.ndarray, faces: Sequence[Face], normals: np.nda
             raise PlanarityError(
                 f"a face must be planar within {planarity_mm:.3g} mm. Got {deviation:.3g} mm for face {f} at {place}."
             )
-
-
-def check_shell_orientation(vertices: np.ndarray, triangles: np.ndarray, triangle_shell: np.ndarray) -> None:
-    """Check that the whole has a positive volume.
-
-    Raises
-    ------
-    OrientationError
-        The volume is not positive: the faces run clockwise seen from outside.
-    """
-    volume = signed_volume(vertices, triangles)
-    if volume <= 0:
-        raise OrientationError(
-            f"faces must run counter-clockwise seen from outside. Got a volume of {volume:.6g} mm³; reverse the loops."
-        )

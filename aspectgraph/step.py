@@ -1,0 +1,142 @@
+"""STEP files: read with OCCT, solid by solid, in millimetres."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from aspectgraph.exceptions import MissingExtraError, ReadError, SelfIntersectionError
+from aspectgraph.facets import Tessellation, assemble
+from aspectgraph.solid import Solid
+from aspectgraph.validation import RELATIVE_PLANARITY
+
+RELATIVE_CHORD = 1e-3
+"""Default chord tolerance as a fraction of the bounding box diagonal of the solids read."""
+
+_MAX_REFINEMENTS = 3
+
+
+def read_step(
+    path: Path,
+    *,
+    chord_tolerance_mm: float | None = None,
+    angular_tolerance_deg: float = 30.0,
+    planarity_mm: float | None = None,
+    solids: Sequence[int] | None = None,
+    name: str = "",
+) -> Solid:
+    """Read the solids of a STEP file as one polyhedral solid, in mm.
+
+    Parameters
+    ----------
+    path : Path
+        An uncompressed STEP file.
+    chord_tolerance_mm : float, optional
+        Largest distance between a curved face and the flat facets that stand for it. Default: a thousandth of the
+        bounding box diagonal. If the facets of neighbouring walls would run into each other, a quarter of it is tried,
+        up to three times; a tolerance given is never exceeded.
+    angular_tolerance_deg : float
+        Largest turn between neighbouring chords of a curve.
+    planarity_mm : float, optional
+        Facets this close to one plane become one face; see `assemble`.
+    solids : sequence of int, optional
+        Which solids of the file to read, counted from 0; default: all.
+    name : str
+        Name of the part.
+
+    Raises
+    ------
+    MissingExtraError
+        The package cadquery-ocp-novtk is not installed.
+    ReadError
+        The file is not a STEP file, or holds no closed solid.
+    SolidError
+        A solid is not valid, or solids overlap or touch.
+    """
+    shapes = _select(_load_solids(path), solids, path)
+    diagonal = _diagonal_mm(shapes)
+    chord = diagonal * RELATIVE_CHORD if chord_tolerance_mm is None else float(chord_tolerance_mm)
+    flat = diagonal * RELATIVE_PLANARITY
+    for _ in range(_MAX_REFINEMENTS):
+        try:
+            return _build(shapes, chord, angular_tolerance_deg, flat, planarity_mm, name)
+        except SelfIntersectionError:
+            chord /= 4.0
+    return _build(shapes, chord, angular_tolerance_deg, flat, planarity_mm, name)
+
+
+def _build(shapes, chord_mm: float, angle_deg: float, flat_mm: float, planarity_mm, name: str) -> Solid:
+    from aspectgraph.brep import tessellate
+
+    parts = [tessellate(shape, chord_mm, math.radians(angle_deg), flat_mm) for shape in shapes]
+    notes = []
+    if any(part.curved_patch.any() for part in parts):
+        notes.append(f"curved faces tessellated with a chord tolerance of {chord_mm:.4g} mm and {angle_deg:g} degrees")
+    if len(shapes) > 1:
+        notes.append(f"{len(shapes)} solids")
+    return assemble(_concatenate(parts), name=name, planarity_mm=planarity_mm, notes=notes)
+
+
+def _concatenate(parts: list[Tessellation]) -> Tessellation:
+    first_vertex = np.cumsum([0] + [len(part.vertices) for part in parts]).tolist()
+    first_patch = np.cumsum([0] + [len(part.curved_patch) for part in parts]).tolist()
+    curved = {(a + v, b + v) for part, v in zip(parts, first_vertex, strict=False) for a, b in part.curved_edges}
+    return Tessellation(
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([part.triangles + v for part, v in zip(parts, first_vertex, strict=False)]),
+        np.concatenate([part.patch + p for part, p in zip(parts, first_patch, strict=False)]),
+        np.concatenate([part.curved_patch for part in parts]),
+        curved,
+    )
+
+
+def _load_solids(path: Path) -> list:
+    """Return the solids of the file, each once, in file order."""
+    try:
+        from OCP.IFSelect import IFSelect_ReturnStatus
+        from OCP.Interface import Interface_Static
+        from OCP.STEPControl import STEPControl_Reader
+        from OCP.TopAbs import TopAbs_ShapeEnum
+    except ImportError as error:
+        raise MissingExtraError(
+            f"STEP files need the package cadquery-ocp-novtk. Got {error}; "
+            "install it with: pip install aspectgraph[step]"
+        ) from error
+    from aspectgraph.brep import explore
+
+    reader = STEPControl_Reader()
+    Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
+    if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
+        raise ReadError(f"a .step or .stp file must be a STEP file. Got {path.name}, which OCCT cannot read.")
+    reader.TransferRoots()
+    shape = reader.OneShape()
+    if shape is None or shape.IsNull():
+        raise ReadError(f"a STEP file must hold at least one closed solid. Got {path.name} without any shape.")
+    solids = explore(shape, TopAbs_ShapeEnum.TopAbs_SOLID)
+    if not solids:
+        n = len(explore(shape, TopAbs_ShapeEnum.TopAbs_FACE))
+        raise ReadError(f"a STEP file must hold at least one closed solid. Got {path.name} with {n} loose faces only.")
+    return solids
+
+
+def _select(shapes: list, wanted: Sequence[int] | None, path: Path) -> list:
+    if wanted is None:
+        return shapes
+    bad = [i for i in wanted if not 0 <= i < len(shapes)]
+    if bad or not len(wanted):
+        raise ReadError(f"solids must name some of 0..{len(shapes) - 1} of {path.name}. Got {list(wanted)}.")
+    return [shapes[i] for i in wanted]
+
+
+def _diagonal_mm(shapes: list) -> float:
+    from OCP.Bnd import Bnd_Box
+    from OCP.BRepBndLib import BRepBndLib
+
+    box = Bnd_Box()
+    for shape in shapes:
+        BRepBndLib.AddOptimal_s(shape, box, False, False)
+    low, high = box.CornerMin(), box.CornerMax()
+    return math.dist((low.X(), low.Y(), low.Z()), (high.X(), high.Y(), high.Z()))
