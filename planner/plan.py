@@ -123,7 +123,7 @@ class InspectionPlan:
         SimulationResult
             Per setting and entity the success frequency and its confidence interval.
         """
-        from planner.simulate import simulate_plan
+        from planner.verification import simulate_plan
 
         return simulate_plan(self, n, rng=rng)
 
@@ -241,7 +241,7 @@ def _check_format(data) -> None:
 def _simulation_from(data):
     if data is None:
         return None
-    from planner.simulate import SimulationResult
+    from planner.verification import SimulationResult
 
     return SimulationResult.from_dict(data)
 

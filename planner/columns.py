@@ -1,0 +1,194 @@
+"""Columns of the set cover: which entities a pose inspects, judged for many poses at once.
+
+Notation: k entities, n poses. A pose *inspects* an entity if every constraint holds for it and its probability reaches
+the threshold. It *nearly* inspects it if it can be seen from there and the other margins miss by little; a set of
+entities that some pose nearly inspects is an optimistic column, worth a run of the genetic algorithm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from errors import success_probability
+from planner.camera import Camera
+from planner.constraints import Constraints, Requirements
+from planner.pose import PoseUncertainty, cam_to_paper, world_to_cam
+from planner.setting import SensorSetting
+
+_BATCH = 2048
+# how far a margin may miss for an entity still to count as nearly inspected
+_NEAR_FIELD = 0.06
+_NEAR_LENGTH = 0.1
+_NEAR_FOCUS = 0.1
+_NEAR_PROBABILITY = 0.05
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What poses inspect.
+
+    Attributes
+    ----------
+    inspects : array of bool (n, k)
+        All constraints hold and the probability reaches the threshold.
+    nearly : array of bool (n, k)
+        The same with some slack; contains ``inspects``.
+    probability : array (n, k)
+        Success probability; 0 where the constraints rule the entity out.
+    """
+
+    inspects: np.ndarray
+    nearly: np.ndarray
+    probability: np.ndarray
+
+
+class Judge:
+    """Judges poses against all entities of a request.
+
+    Parameters
+    ----------
+    space : VisibilityRegions or EntityAspectGraph
+        Tells which entities are observable from a position.
+    names : sequence of str
+        Entities (k), the columns of every result.
+    camera : Camera
+    pose_uncertainty : PoseUncertainty
+    accuracy, probability : float
+        Required accuracy, and required probability of it.
+    requirements : Requirements, optional
+    """
+
+    def __init__(
+        self,
+        space,
+        names,
+        camera: Camera,
+        pose_uncertainty: PoseUncertainty,
+        accuracy: float,
+        probability: float,
+        requirements: Requirements | None = None,
+    ):
+        self.space, self.names, self.camera = space, tuple(names), camera
+        self.accuracy, self.threshold = accuracy, probability
+        self.requirements = requirements or Requirements()
+        self.constraints = Constraints(space, self.names, camera, self.requirements)
+        self.ends = self.constraints.ends
+        self._covariance = pose_uncertainty.paper_covariance(camera.image_distance_mm)
+        nearest, farthest = camera.depth_of_field_mm
+        depth = min(farthest, 10 * nearest) - nearest
+        self._tolerance = {
+            "resolution_mm": _NEAR_LENGTH * self.constraints.min_length_mm,
+            "focus_mm": _NEAR_FOCUS * depth,
+            "field_of_view_px": _NEAR_FIELD * max(camera.resolution),
+        }
+
+    def __call__(self, cam2world: np.ndarray, worthwhile: np.ndarray | None = None) -> Judgement:
+        """Judge poses (n, 4, 4).
+
+        Parameters
+        ----------
+        cam2world : array (n, 4, 4)
+        worthwhile : callable, optional
+            Maps what would be nearly inspected by the constraints alone, (n, k) bool, to (n,) bool; probabilities of
+            the other poses are not computed, and they inspect nothing.
+        """
+        parts = [self._judge(cam2world[i : i + _BATCH], worthwhile) for i in range(0, len(cam2world), _BATCH)]
+        if not parts:
+            empty = np.zeros((0, len(self.names)))
+            return Judgement(empty.astype(bool), empty.astype(bool), empty)
+        return Judgement(*(np.concatenate(field) for field in zip(*parts, strict=True)))
+
+    def _judge(self, cam2world, worthwhile) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        holds, nearly = self._constraints_hold(cam2world)
+        if worthwhile is not None:
+            nearly &= worthwhile(nearly)[:, None]
+        probability = np.zeros(nearly.shape)
+        if nearly.any():
+            probability[nearly] = self._probability(cam2world, nearly)
+        inspects = holds & nearly & (probability >= self.threshold)
+        nearly &= probability >= self.threshold - _NEAR_PROBABILITY
+        return inspects, nearly, probability
+
+    def _constraints_hold(self, cam2world) -> tuple[np.ndarray, np.ndarray]:
+        """Evaluate the constraints, costly ones only for poses that the cheap ones leave something."""
+        n, k = len(cam2world), len(self.names)
+        holds, nearly = np.ones((n, k), dtype=bool), np.ones((n, k), dtype=bool)
+        for name in self.constraints.constraint_names:
+            left = np.flatnonzero(nearly.any(axis=1))
+            if not left.size:
+                break
+            margin = self.constraints.slacks(cam2world[left], only=[name])[name].min(axis=-1)
+            holds[left] &= margin >= 0
+            nearly[left] &= margin >= -self._tolerance.get(name, 0.0)
+        return holds & nearly, nearly
+
+    def _probability(self, cam2world, wanted: np.ndarray) -> np.ndarray:
+        ends_cam = world_to_cam(self.ends, cam2world)[wanted]
+        in_front = (ends_cam[..., 2] > 0).all(axis=-1)
+        probability = np.zeros(len(ends_cam))
+        if in_front.any():
+            probability[in_front] = success_probability(
+                cam_to_paper(ends_cam[in_front], self.camera.image_distance_mm),
+                focal_length_mm=self.camera.image_distance_mm,
+                pixel_pitch_mm=self.camera.pixel_pitch_mm,
+                pose_covariance=self._covariance,
+                accuracy=self.accuracy,
+            )
+        return probability
+
+    def setting(self, cam2world: np.ndarray, names, message: str, seed: int | None = None, nfev: int = 1) -> SensorSetting:
+        """Describe a pose (4, 4) as a setting that inspects some of the entities."""
+        idx = [self.names.index(name) for name in names]
+        pose = np.asarray(cam2world)[None]
+        probability = self._probability(pose, np.isin(np.arange(len(self.names)), idx)[None])
+        by_idx = dict(zip(sorted(idx), probability.tolist(), strict=True))
+        own = Constraints(self.space, names, self.camera, self.requirements)
+        return SensorSetting(
+            cam2world=cam2world,
+            entities=tuple(names),
+            probability={name: by_idx[i] for name, i in zip(names, idx, strict=True)},
+            margins={name: float(margin.min()) for name, margin in own.margins(pose).items()},
+            fitness=float(sum(by_idx.values())),
+            nfev=nfev,
+            generations=0,
+            message=message,
+            seed=seed,
+        )
+
+
+class ColumnPool:
+    """Distinct sets of entities, each with the best pose found for it.
+
+    **Guarantee.** The pool depends on what was added in which order, on nothing else.
+    """
+
+    def __init__(self, n_entities: int):
+        self.membership = np.zeros((0, n_entities), dtype=bool)
+        self.poses = np.zeros((0, 4, 4))
+        self.quality = np.zeros(0)
+
+    def __len__(self) -> int:
+        return len(self.membership)
+
+    def add(self, membership: np.ndarray, poses: np.ndarray, probability: np.ndarray) -> None:
+        """Add columns (n, k) with their poses (n, 4, 4) and probabilities (n, k); keep the maximal ones.
+
+        Of poses for the same set the one with the largest mean probability stays.
+        """
+        from planner.cover import maximal_columns
+
+        some = membership.any(axis=1)
+        membership, poses, probability = membership[some], poses[some], probability[some]
+        quality = np.where(membership, probability, 0.0).sum(axis=1) / np.maximum(membership.sum(axis=1), 1)
+        membership = np.concatenate([self.membership, membership])
+        poses, quality = np.concatenate([self.poses, poses]), np.concatenate([self.quality, quality])
+        best_first = np.argsort(-quality, kind="stable")
+        kept = best_first[maximal_columns(membership[best_first])]
+        self.membership, self.poses, self.quality = membership[kept], poses[kept], quality[kept]
+
+    def best_containing(self, column: np.ndarray) -> int | None:
+        """Return the index of the best pose whose set contains a column (k,), or None."""
+        containing = np.flatnonzero(self.membership[:, column].all(axis=1))
+        return int(containing[np.argmax(self.quality[containing])]) if containing.size else None

@@ -1,0 +1,324 @@
+"""The whole inspection: as few sensor settings as possible, every entity measured with the required probability.
+
+The way
+-------
+1. Candidate poses are drawn from the domains and improved (`planner.candidates`). Each gives a column: what it inspects;
+   and an optimistic one: what it nearly inspects.
+2. A minimum cover is chosen from both kinds. The genetic algorithm tries to realise the optimistic columns in it; one that
+   misses is refuted, with everything that contains it, and replaced by the largest part it reached. Choose again, until all
+   chosen columns are realised.
+3. Every chosen column gets its own run of the genetic algorithm, for the best probabilities.
+4. A lower bound is proven without any of this (`planner.bound`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from numbers import Integral
+
+import numpy as np
+
+from planner.bound import lower_bound
+from planner.camera import Camera
+from planner.candidates import column_seed, entity_poses, price_poses
+from planner.columns import ColumnPool, Judge
+from planner.constraints import Requirements
+from planner.cover import min_cover
+from planner.exceptions import InfeasibleError, RequestError
+from planner.plan import InspectionPlan
+from planner.pose import PoseUncertainty
+from planner.progress import report
+from planner.realise import realise, reason_for
+from planner.setting import pose_margin_px
+from planner.state import PlanningState
+from planner.tour import travel_order
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How long to search; the defaults suit a hundred entities.
+
+    Parameters
+    ----------
+    viewpoints : int
+        Viewpoints drawn for every entity.
+    pricing_rounds : int
+        Rounds of column generation at most.
+    refutations : int
+        Rounds of choosing optimistic columns and trying to realise them, at most.
+    bound_nodes : int
+        Nodes of the search tree behind the lower bound, at most.
+    """
+
+    viewpoints: int = 300
+    pricing_rounds: int = 120
+    refutations: int = 8
+    bound_nodes: int = 400_000
+
+
+def plan_inspection(
+    solid,
+    entities,
+    camera: Camera,
+    pose_uncertainty: PoseUncertainty,
+    *,
+    accuracy: float = 0.98,
+    probability: float = 0.9,
+    rng: int | np.random.Generator = 0,
+    workspace=None,
+    stand_off_mm: float = 50.0,
+    min_length_px: float = 20.0,
+    field_margin_px: float | None = None,
+    reach=None,
+    space=None,
+    effort: Effort | None = None,
+    state=None,
+    executor=None,
+    progress=None,
+) -> InspectionPlan:
+    """Plan the inspection of entities of a part.
+
+    **Guarantee.** Every entity is inspected by some setting with at least ``probability`` and all constraints met, or
+    is listed as uninspectable with the reason. The number of settings is at least ``lower_bound``, which is proven. The
+    plan depends on the request and the seed, not on the executor or on interruptions.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    entities : mapping
+        Name to edge id or to two end points.
+    camera : Camera
+    pose_uncertainty : PoseUncertainty
+    accuracy : float
+        Required accuracy A in (0, 1).
+    probability : float
+        Required probability of it, in (0, 1).
+    rng : int or numpy.random.Generator
+        Seed; a generator is asked for one.
+    workspace : array_like (2, 3), optional
+        Opposite corners of the box the camera may be in, mm. Default: as far around the part as the lens focuses.
+    stand_off_mm, min_length_px, field_margin_px, reach
+        Constraints, see `plan_setting`.
+    space : VisibilityRegions or EntityAspectGraph, optional
+        Visibility computed before, for these entities and this workspace.
+    effort : Effort, optional
+        How long to search.
+    state : path, optional
+        File to resume from, if it exists, and to keep results in while planning; deleted when the plan is done.
+    executor : concurrent.futures.Executor, optional
+        Runs the per-entity and per-column work.
+    progress : callable, optional
+        ``progress(done, total, label)``; an exception it raises cancels the work.
+
+    Returns
+    -------
+    InspectionPlan
+
+    Raises
+    ------
+    RequestError
+        If an argument breaks its rule.
+    PlanFileError
+        If the state file belongs to another request.
+    """
+    check_fraction("accuracy", accuracy)
+    check_fraction("probability", probability)
+    seed = check_seed(rng)
+    if not entities:
+        raise RequestError("entities must hold at least one entity. Got none.")
+    if space is None:
+        from aspectgraph import compute_regions
+
+        box = default_workspace(solid, camera) if workspace is None else workspace
+        space = compute_regions(solid, entities, workspace=box, executor=executor, progress=progress)
+    if field_margin_px is None:
+        field_margin_px = pose_margin_px(camera, pose_uncertainty)
+    requirements = Requirements(min_length_px, field_margin_px, "exact", stand_off_mm, reach)
+    judge = Judge(space, space.entity_names, camera, pose_uncertainty, accuracy, probability, requirements)
+    memo = PlanningState(_request(judge, pose_uncertainty, seed), state)
+    work = _Work(judge, pose_uncertainty, seed, memo, effort or Effort(), executor, progress)
+    plan = work.plan()
+    memo.discard()
+    return plan
+
+
+def default_workspace(solid, camera: Camera) -> np.ndarray:
+    """Return the box (2, 3) around a part from whose walls the lens can just focus on it, mm."""
+    size = float(np.linalg.norm(solid.bounds[1] - solid.bounds[0]))
+    distance = min(camera.depth_of_field_mm[1] / np.cos(camera.half_diagonal_rad), 10 * camera.focus_distance_mm)
+    return solid.bounds + np.array([[-1.0], [1.0]]) * max(distance, size)
+
+
+def check_fraction(name: str, value) -> float:
+    """Return a number in (0, 1) or raise `RequestError`."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0 < value < 1:
+        raise RequestError(f"{name} must be in (0, 1). Got {value!r}.")
+    return float(value)
+
+
+def check_seed(rng) -> int:
+    """Return a seed: the integer itself, or one drawn from the generator."""
+    if isinstance(rng, np.random.Generator):
+        return int(rng.integers(2**31))
+    if isinstance(rng, bool) or not isinstance(rng, Integral) or rng < 0:
+        raise RequestError(f"rng must be a non-negative integer or a numpy Generator. Got {rng!r}.")
+    return int(rng)
+
+
+def _request(judge: Judge, pose_uncertainty: PoseUncertainty, seed: int) -> dict:
+    """Return what the outcome of a genetic algorithm run depends on, apart from the set of entities."""
+    need = judge.requirements
+    return {
+        "vertices": np.round(judge.space.solid.vertices, 6).tolist(),
+        "entities": {name: ends.tolist() for name, ends in zip(judge.names, judge.ends, strict=True)},
+        "workspace": np.asarray(judge.space.workspace, dtype=float).tolist(),
+        "camera": judge.camera.to_dict(),
+        "pose_uncertainty": pose_uncertainty.to_dict(),
+        "limits": [judge.accuracy, judge.threshold, need.min_length_px, need.field_margin_px, need.stand_off_mm],
+        "reach": repr(need.reach),
+        "seed": seed,
+    }
+
+
+class _Work:
+    """One planning run: the pools of columns, and the steps that fill them."""
+
+    def __init__(self, judge, pose_uncertainty, seed, memo, effort, executor, progress):
+        self.judge, self.pose_uncertainty, self.seed, self.memo = judge, pose_uncertainty, seed, memo
+        self.effort, self.executor, self.progress = effort, executor, progress
+        self.names = judge.names
+        self.pool, self.near = ColumnPool(len(self.names)), ColumnPool(len(self.names))
+        self.refuted = np.zeros((0, len(self.names)), dtype=bool)
+        self.runs = 0
+
+    def plan(self) -> InspectionPlan:
+        """Do all steps."""
+        self._sample()
+        price_poses(self.judge, self.pool, self.near, self.seed, self.effort.pricing_rounds, self._report("column generation", self.effort.pricing_rounds))
+        uninspectable = self._try_alone()
+        inspected = self.pool.membership.any(axis=0)
+        self._refute(inspected)
+        settings = self._settle(inspected)
+        bound, proof = self._bound(inspected, len(settings))
+        order = travel_order(np.array([s.cam2world for s in settings]).reshape(-1, 4, 4))
+        return InspectionPlan(
+            settings=tuple(settings[i] for i in order),
+            lower_bound=bound,
+            bound_proof=proof,
+            uninspectable=uninspectable,
+            entities={name: ends for name, ends in zip(self.names, self.judge.ends, strict=True)},
+            camera=self.judge.camera,
+            pose_uncertainty=self.pose_uncertainty,
+            accuracy=self.judge.accuracy,
+            probability=self.judge.threshold,
+            workspace=np.asarray(self.judge.space.workspace, dtype=float),
+            part=self.judge.space.solid.name,
+            seed=self.seed,
+        )
+
+    def _report(self, label: str, total: int):
+        return lambda done: report(self.progress, done, total, label)
+
+    def _sample(self) -> None:
+        """Fill the pools from viewpoints of every entity."""
+        for k, name in enumerate(self.names):
+            poses = entity_poses(self.judge, name, self.effort.viewpoints, self.seed)
+            judged = self.judge(poses)
+            self.pool.add(judged.inspects, poses, judged.probability)
+            self.near.add(judged.nearly, poses, judged.probability)
+            report(self.progress, k + 1, len(self.names), "candidate poses")
+
+    def _try_alone(self) -> dict[str, str]:
+        """Give entities that no pose inspects a run of their own; return the reasons of those that fail."""
+        missing = [name for i, name in enumerate(self.names) if not self.pool.membership[:, i].any()]
+        reasons = {}
+        for name, outcome in zip(missing, self._realise([(name,) for name in missing]), strict=True):
+            if not self._accept(outcome):
+                reasons[name] = reason_for(outcome, self.judge.threshold)
+        return reasons
+
+    def _refute(self, inspected: np.ndarray) -> None:
+        """Try to do with fewer settings by optimistic columns; refute what cannot be realised."""
+        for _ in range(self.effort.refutations):
+            sure = min_cover(self.pool.membership[:, inspected], self.pool.quality)
+            wanted = self._wanted(inspected, len(sure.chosen))
+            if not wanted:
+                return
+            for names, outcome in zip(wanted, self._realise(wanted), strict=True):
+                reached = self._accept(outcome)
+                if set(names) - set(reached):
+                    self.refuted = np.vstack([self.refuted, np.isin(self.names, names)])
+
+    def _wanted(self, inspected: np.ndarray, enough: int) -> list[tuple[str, ...]]:
+        """Choose a cover with optimistic columns; return the sets to realise if it would be smaller than ``enough``."""
+        hopeful = self.near.membership & inspected
+        kept = ~np.array([(self.refuted <= column).all(axis=1).any() for column in hopeful], dtype=bool)
+        hopeful = hopeful[kept]
+        both = np.concatenate([self.pool.membership, hopeful])[:, inspected]
+        preference = np.concatenate([np.ones(len(self.pool)), np.zeros(len(hopeful))])
+        cover = min_cover(both, preference)
+        if len(cover.chosen) >= enough:
+            return []
+        sure = [c for c in cover.chosen if c < len(self.pool)]
+        left = inspected & ~self.pool.membership[sure].any(axis=0)
+        wanted = []
+        for c in cover.chosen[len(sure) :]:
+            column = hopeful[c - len(self.pool)] & left
+            left &= ~column
+            if column.any():
+                wanted.append(tuple(np.array(self.names)[column].tolist()))
+        return wanted
+
+    def _settle(self, inspected: np.ndarray) -> list:
+        """Choose the final cover and give every column in it the best pose there is."""
+        cover = min_cover(self.pool.membership[:, inspected], self.pool.quality)
+        sets = [tuple(np.array(self.names)[self.pool.membership[c]].tolist()) for c in cover.chosen]
+        settings = []
+        for c, names, outcome in zip(cover.chosen, sets, self._realise(sets), strict=True):
+            found = self.judge.setting(self.pool.poses[c], names, "candidate pose", seed=column_seed(self.seed, names))
+            ga_wins = not isinstance(outcome, str) and self._holds(outcome, names) and outcome.fitness >= found.fitness - 1e-6
+            settings.append(outcome if ga_wins else found)
+        return settings
+
+    def _holds(self, setting, names) -> bool:
+        """Judge a setting anew: does it inspect all these entities?"""
+        return bool(self.judge(setting.cam2world[None]).inspects[0, np.isin(self.names, names)].all())
+
+    def _accept(self, outcome) -> tuple[str, ...]:
+        """Add what a run achieved to the pool; return the entities it inspects."""
+        if isinstance(outcome, str):
+            return ()
+        pose = outcome.cam2world[None]
+        judged = self.judge(pose)
+        self.pool.add(judged.inspects, pose, judged.probability)
+        return tuple(np.array(self.names)[judged.inspects[0]].tolist())
+
+    def _realise(self, sets: list[tuple[str, ...]]) -> list:
+        """Run the genetic algorithm for sets of entities not tried before; return all outcomes in order."""
+        todo = [names for names in dict.fromkeys(sets) if self.memo.get(names) is None]
+        done, self.runs = self.runs, self.runs + len(todo)
+        arguments = [(self.judge, self.pose_uncertainty, names, column_seed(self.seed, names)) for names in todo]
+        if self.executor is None:
+            outcomes = (realise(*a) for a in arguments)
+        else:
+            futures = [self.executor.submit(realise, *a) for a in arguments]
+            outcomes = (future.result() for future in futures)
+        for names, outcome in zip(todo, outcomes, strict=True):
+            self.memo.put(names, outcome)
+            done += 1
+            report(self.progress, done, self.runs, "genetic algorithm")
+        return [self.memo.get(names) for names in sets]
+
+    def _bound(self, inspected: np.ndarray, n_settings: int) -> tuple[int, str]:
+        return lower_bound(
+            self.judge,
+            np.flatnonzero(inspected),
+            n_settings,
+            self.pool.membership[:, inspected],
+            max_nodes=self.effort.bound_nodes,
+            progress=self.progress,
+        )
+
+
+__all__ = ["Effort", "InfeasibleError", "check_fraction", "check_seed", "default_workspace", "plan_inspection"]

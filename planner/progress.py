@@ -1,0 +1,72 @@
+"""Progress of long work, for programs (a callable) and for people (a bar on the terminal).
+
+A progress callable is ``progress(done, total, label)``; None everywhere means silence. It may raise to cancel the work.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+Progress = Callable[[int, int, str], None]
+
+
+def report(progress: Progress | None, done: int, total: int, label: str) -> None:
+    """Call the callable if there is one."""
+    if progress is not None:
+        progress(done, total, label)
+
+
+@contextmanager
+def terminal_progress(stream=None) -> Iterator[Progress]:
+    """Show progress: a live bar per label on a terminal, otherwise one line per finished label.
+
+    Parameters
+    ----------
+    stream : text file, optional
+        Default: standard error, so that results on standard output can be piped.
+    """
+    stream = sys.stderr if stream is None else stream
+    if stream.isatty():
+        with _bars(stream) as progress:
+            yield progress
+    else:
+        yield _Lines(stream)
+
+
+@contextmanager
+def _bars(stream) -> Iterator[Progress]:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as RichProgress
+
+    columns = (TextColumn("{task.description:<34}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with RichProgress(*columns, console=Console(file=stream)) as bars:
+        tasks: dict[str, int] = {}
+
+        def progress(done: int, total: int, label: str) -> None:
+            if label not in tasks:
+                tasks[label] = bars.add_task(label, total=total)
+            bars.update(tasks[label], completed=done, total=total)
+
+        yield progress
+
+
+class _Lines:
+    """One line when a label is first seen and one when it is done: readable in a log."""
+
+    def __init__(self, stream):
+        self._stream = stream
+        self._started: dict[str, float] = {}
+        self._finished: set[str] = set()
+
+    def __call__(self, done: int, total: int, label: str) -> None:
+        if label not in self._started:
+            self._started[label] = time.monotonic()
+            self._finished.discard(label)
+        if done >= total and label not in self._finished:
+            seconds = time.monotonic() - self._started[label]
+            self._finished.add(label)
+            print(f"{label}: {done}/{total} ({seconds:.1f} s)", file=self._stream, flush=True)

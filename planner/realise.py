@@ -1,0 +1,63 @@
+"""One column's run of the genetic algorithm, as a task for any executor, and the reasons when it fails."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.columns import Judge
+from planner.exceptions import InfeasibleError
+from planner.pose import PoseUncertainty
+from planner.setting import SensorSetting, plan_setting
+
+# what a failing constraint means to the person who reads the plan
+_MEANING = {
+    "visibility": "unobservable",
+    "resolution_mm": "too short for the resolution",
+    "focus_mm": "out of focus",
+    "field_of_view_px": "larger than the field of view",
+    "workspace_mm": "out of reach",
+    "reach": "out of reach",
+    "clearance_mm": "out of reach",
+}
+
+
+def realise(judge: Judge, pose_uncertainty: PoseUncertainty, names, seed: int) -> SensorSetting | str:
+    """Look for a setting that inspects a set of entities: first by the sum of probabilities, then by the smallest.
+
+    Returns
+    -------
+    SensorSetting or str
+        The setting (it may miss the threshold for some entities), or the reason why there is none.
+    """
+    need = judge.requirements
+    found = None
+    for objective in ("sum", "min"):
+        try:
+            setting = plan_setting(
+                judge.space,
+                names,
+                judge.camera,
+                pose_uncertainty,
+                accuracy=judge.accuracy,
+                rng=seed,
+                stand_off_mm=need.stand_off_mm,
+                min_length_px=need.min_length_px,
+                field_margin_px=need.field_margin_px,
+                reach=need.reach,
+                objective=objective,
+            )
+        except InfeasibleError as error:
+            return f"{_MEANING.get(error.constraint, 'no feasible view')}: {error}"
+        if found is None or min(setting.probability.values()) > min(found.probability.values()):
+            found = setting
+        if min(found.probability.values()) >= judge.threshold or len(names) == 1:
+            break
+    return found
+
+
+def reason_for(outcome: SensorSetting | str, threshold: float) -> str:
+    """Say why an entity is not inspected, given the outcome of its own run."""
+    if isinstance(outcome, str):
+        return outcome
+    best = float(np.max(list(outcome.probability.values())))
+    return f"probability too low: the best pose found reaches P = {best:.4f}, below the required {threshold:g}."

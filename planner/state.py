@@ -1,0 +1,89 @@
+"""What a plan in the making has found out so far, kept in a file so that it can be resumed.
+
+A plan is a deterministic function of its request; the costly part of it are runs of the genetic algorithm, one per set
+of entities, each with a seed derived from the plan's seed and the set. So the state is a memo of their outcomes:
+resuming means planning again and finding the outcomes there. With or without interruption the plan is the same.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+from planner.exceptions import PlanFileError
+from planner.files import write_text
+from planner.setting import SensorSetting
+
+FORMAT = "aspectgraph planning state"
+VERSION = 1
+
+
+class PlanningState:
+    """Outcomes of genetic algorithm runs by set of entities, saved after each one if there is a file.
+
+    Parameters
+    ----------
+    request : dict
+        Everything the outcomes depend on, as plain values; a file made for another request is refused.
+    path : path, optional
+        File to continue from, if it exists, and to save to.
+
+    Raises
+    ------
+    PlanFileError
+        If the file is not a state file, or belongs to another request.
+    """
+
+    def __init__(self, request: dict, path=None):
+        self.fingerprint = hashlib.sha256(json.dumps(request, sort_keys=True).encode()).hexdigest()
+        self.path = None if path is None else Path(path)
+        self._outcomes: dict[str, dict] = {}
+        if self.path is not None and self.path.exists():
+            self._outcomes = self._read()
+
+    def __len__(self) -> int:
+        return len(self._outcomes)
+
+    def get(self, names) -> SensorSetting | str | None:
+        """Return the setting found for a set of entities, the reason why there is none, or None if not tried yet."""
+        outcome = self._outcomes.get(_key(names))
+        if outcome is None:
+            return None
+        return SensorSetting.from_dict(outcome["setting"]) if "setting" in outcome else outcome["reason"]
+
+    def put(self, names, outcome: SensorSetting | str) -> None:
+        """Remember an outcome and save all of them."""
+        entry = {"reason": outcome} if isinstance(outcome, str) else {"setting": outcome.to_dict()}
+        self._outcomes[_key(names)] = entry
+        self.save()
+
+    def save(self) -> None:
+        """Write the file, if there is one, whole or not at all."""
+        if self.path is None:
+            return
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        data = {"format": FORMAT, "version": VERSION, "request": self.fingerprint, "outcomes": self._outcomes}
+        write_text(self.path, json.dumps(data) + "\n")
+
+    def discard(self) -> None:
+        """Delete the file: the plan is done."""
+        if self.path is not None:
+            self.path.unlink(missing_ok=True)
+
+    def _read(self) -> dict[str, dict]:
+        try:
+            data = json.loads(self.path.read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+            raise PlanFileError(f"{self.path}: state file must be readable JSON. Got: {error}.") from None
+        if not isinstance(data, dict) or data.get("format") != FORMAT or data.get("version") != VERSION:
+            raise PlanFileError(f"{self.path}: state file must be a planning state of version {VERSION}. Got another file.")
+        if data.get("request") != self.fingerprint:
+            raise PlanFileError(
+                f"{self.path}: state file must belong to the same part, entities, camera, limits and seed. Got another request's."
+            )
+        return data["outcomes"]
+
+
+def _key(names) -> str:
+    return json.dumps(sorted(names))
