@@ -55,3 +55,7 @@ class WorkspaceError(AspectGraphError, ValueError):
 
 class GraphMLError(AspectGraphError, ValueError):
     """A graph cannot be written as GraphML without loss, or a GraphML file does not hold such a graph."""
+
+
+class ContradictionError(AspectGraphError, ArithmeticError):
+    """Ray casting and exact arbitration refute a viewing domain's list."""

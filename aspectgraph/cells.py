@@ -1,0 +1,420 @@
+"""A convex cell complex cut by planes, exactly.
+
+Notation
+--------
+vertex  the common point of three planes (``predicates``)
+edge    two vertices and the two planes whose line carries it
+face    a convex polygon on one plane, an unordered list of edges, and the cells on its positive and negative side
+cell    a convex polyhedron, a list of faces; once split by plane h it keeps h and its two children, so the cells of
+        a complex form a binary space partition tree whose leaves are the present cells
+
+Neighbours share their faces and edges: splitting a cell splits what it shares, and the other owner looks its lists up
+again through the children (`_refresh_face`, `_refresh_cell`) when it is next touched.
+
+Guarantee: the leaves always tile the starting box without gap or overlap, two leaves share exactly the faces that
+carry both of their numbers, and no decision depends on rounding.
+"""
+
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from .predicates import LIMBS, meet, sign_at_vertex
+
+# rows of Complex.count
+N_VERTICES, N_EDGES, N_FACES, N_CELLS, N_EDGE_LIST, N_FACE_LIST, MARK = range(7)
+
+POSITIVE, NEGATIVE, CROSSED = 1, 2, 3
+
+
+class Complex(NamedTuple):
+    """Arrays of a cell complex; only the first ``count`` rows of each are in use, and -1 means none."""
+
+    planes: np.ndarray
+    vertices: np.ndarray
+    coordinates: np.ndarray
+    vertex_plane: np.ndarray
+    vertex_sign: np.ndarray
+    edge_vertices: np.ndarray
+    edge_planes: np.ndarray
+    edge_child: np.ndarray
+    edge_mark: np.ndarray
+    face_plane: np.ndarray
+    face_sides: np.ndarray
+    face_first: np.ndarray
+    face_size: np.ndarray
+    face_child: np.ndarray
+    cell_first: np.ndarray
+    cell_size: np.ndarray
+    cell_plane: np.ndarray
+    cell_child: np.ndarray
+    label: np.ndarray
+    edge_list: np.ndarray
+    face_list: np.ndarray
+    count: np.ndarray
+
+
+def allocate(planes, n_cells, n_words=1):
+    """Return an empty complex with room for about `n_cells` cells over the (p, 4) int64 plane table.
+
+    The arrays are not touched, so the operating system commits memory only for the rows that come into use.
+    """
+    n_vertices, n_edges, n_faces = 8 * n_cells + 64, 16 * n_cells + 128, 10 * n_cells + 64
+    return Complex(
+        planes=planes,
+        vertices=np.empty((n_vertices, 4, LIMBS), np.int64),
+        coordinates=np.empty((n_vertices, 3)),
+        vertex_plane=np.empty(n_vertices, np.int32),
+        vertex_sign=np.empty(n_vertices, np.int8),
+        edge_vertices=np.empty((n_edges, 2), np.int32),
+        edge_planes=np.empty((n_edges, 2), np.int32),
+        edge_child=np.empty((n_edges, 2), np.int32),
+        edge_mark=np.empty(n_edges, np.int32),
+        face_plane=np.empty(n_faces, np.int32),
+        face_sides=np.empty((n_faces, 2), np.int32),
+        face_first=np.empty(n_faces, np.int32),
+        face_size=np.empty(n_faces, np.int32),
+        face_child=np.empty((n_faces, 2), np.int32),
+        cell_first=np.empty(2 * n_cells + 8, np.int32),
+        cell_size=np.empty(2 * n_cells + 8, np.int32),
+        cell_plane=np.empty(2 * n_cells + 8, np.int32),
+        cell_child=np.empty((2 * n_cells + 8, 2), np.int32),
+        label=np.empty((2 * n_cells + 8, n_words), np.uint64),
+        edge_list=np.empty(64 * n_cells + 512, np.int32),
+        face_list=np.empty(32 * n_cells + 256, np.int32),
+        count=np.zeros(7, np.int64),
+    )
+
+
+def with_room(build, n_cells=1024, limit=1 << 24):
+    """Call `build(n_cells)` with doubled room until it fits.
+
+    Raises
+    ------
+    MemoryError
+        If `limit` cells are not enough.
+    """
+    while True:
+        try:
+            return build(n_cells)
+        except MemoryError:
+            n_cells *= 4
+            if n_cells > limit:
+                raise MemoryError(f"the cell complex needs more than {limit} cells.") from None
+
+
+@nb.njit(cache=True)
+def _require(used, extra, room):
+    if used + extra > room:
+        raise MemoryError
+
+
+@nb.njit(cache=True)
+def add_vertex(cx, p, q, r):
+    """Append the common point of planes p, q and r."""
+    v = cx.count[N_VERTICES]
+    _require(v, 1, len(cx.vertices))
+    meet(cx.planes, p, q, r, cx.vertices, cx.coordinates, v)
+    cx.vertex_plane[v] = -1
+    cx.count[N_VERTICES] = v + 1
+    return v
+
+
+@nb.njit(cache=True)
+def add_edge(cx, v, w, p, q):
+    """Append the edge from vertex v to w on the line of planes p and q."""
+    e = cx.count[N_EDGES]
+    _require(e, 1, len(cx.edge_vertices))
+    cx.edge_vertices[e, 0], cx.edge_vertices[e, 1] = v, w
+    cx.edge_planes[e, 0], cx.edge_planes[e, 1] = p, q
+    cx.edge_child[e, 0] = -1
+    cx.edge_mark[e] = -1
+    cx.count[N_EDGES] = e + 1
+    return e
+
+
+@nb.njit(cache=True)
+def add_face(cx, plane, positive, negative):
+    """Append a face without edges; `push_edge` fills the newest face."""
+    f = cx.count[N_FACES]
+    _require(f, 1, len(cx.face_plane))
+    cx.face_plane[f] = plane
+    cx.face_sides[f, 0], cx.face_sides[f, 1] = positive, negative
+    cx.face_first[f], cx.face_size[f] = cx.count[N_EDGE_LIST], 0
+    cx.face_child[f, 0] = -1
+    cx.count[N_FACES] = f + 1
+    return f
+
+
+@nb.njit(cache=True)
+def push_edge(cx, f, e):
+    """Append edge e to the face whose list was opened last."""
+    k = cx.count[N_EDGE_LIST]
+    _require(k, 1, len(cx.edge_list))
+    cx.edge_list[k] = e
+    cx.face_size[f] += 1
+    cx.count[N_EDGE_LIST] = k + 1
+
+
+@nb.njit(cache=True)
+def add_cell(cx):
+    """Append a cell without faces; `push_face` fills the newest cell."""
+    c = cx.count[N_CELLS]
+    _require(c, 1, len(cx.cell_first))
+    cx.cell_first[c], cx.cell_size[c] = cx.count[N_FACE_LIST], 0
+    cx.cell_plane[c] = -1
+    cx.cell_child[c, 0] = -1
+    cx.label[c] = 0
+    cx.count[N_CELLS] = c + 1
+    return c
+
+
+@nb.njit(cache=True)
+def push_face(cx, c, f):
+    """Append face f to the cell whose list was opened last."""
+    k = cx.count[N_FACE_LIST]
+    _require(k, 1, len(cx.face_list))
+    cx.face_list[k] = f
+    cx.cell_size[c] += 1
+    cx.count[N_FACE_LIST] = k + 1
+
+
+@nb.njit(cache=True)
+def add_box(cx, box):
+    """Start the complex with one cell; `box` holds the planes x_min, x_max, y_min, y_max, z_min, z_max."""
+    c = add_cell(cx)
+    corner = np.empty((2, 2, 2), np.int64)
+    for i in range(2):
+        for j in range(2):
+            for k in range(2):
+                corner[i, j, k] = add_vertex(cx, box[i], box[2 + j], box[4 + k])
+    edge = np.empty((3, 2, 2), np.int64)
+    for i in range(2):
+        for j in range(2):
+            edge[0, i, j] = add_edge(cx, corner[0, i, j], corner[1, i, j], box[2 + i], box[4 + j])
+            edge[1, i, j] = add_edge(cx, corner[i, 0, j], corner[i, 1, j], box[i], box[4 + j])
+            edge[2, i, j] = add_edge(cx, corner[i, j, 0], corner[i, j, 1], box[i], box[2 + j])
+    for axis in range(3):
+        for side in range(2):
+            f = add_face(cx, box[2 * axis + side], c if side == 0 else -1, -1 if side == 0 else c)
+            for k in range(2):
+                if axis == 0:
+                    push_edge(cx, f, edge[1, side, k])
+                    push_edge(cx, f, edge[2, side, k])
+                elif axis == 1:
+                    push_edge(cx, f, edge[0, side, k])
+                    push_edge(cx, f, edge[2, k, side])
+                else:
+                    push_edge(cx, f, edge[0, k, side])
+                    push_edge(cx, f, edge[1, k, side])
+            push_face(cx, c, f)
+    return c
+
+
+@nb.njit(inline="always")
+def vertex_sign(cx, h, v):
+    """Sign of plane h at vertex v, remembered until another plane asks."""
+    if cx.vertex_plane[v] != h:
+        cx.vertex_plane[v] = h
+        cx.vertex_sign[v] = sign_at_vertex(cx.planes, h, cx.vertices, cx.coordinates, v)
+    return cx.vertex_sign[v]
+
+
+@nb.njit(cache=True)
+def _push_edge_leaves(cx, f, e):
+    if cx.edge_child[e, 0] < 0:
+        push_edge(cx, f, e)
+    else:
+        _push_edge_leaves(cx, f, cx.edge_child[e, 0])
+        _push_edge_leaves(cx, f, cx.edge_child[e, 1])
+
+
+@nb.njit(cache=True)
+def refresh_face(cx, f):
+    """Replace edges of face f that were split since by their parts."""
+    first, size = cx.face_first[f], cx.face_size[f]
+    stale = False
+    for k in range(first, first + size):
+        if cx.edge_child[cx.edge_list[k], 0] >= 0:
+            stale = True
+            break
+    if stale:
+        cx.face_first[f], cx.face_size[f] = cx.count[N_EDGE_LIST], 0
+        for k in range(first, first + size):
+            _push_edge_leaves(cx, f, cx.edge_list[k])
+
+
+@nb.njit(cache=True)
+def _push_face_leaves(cx, c, f):
+    if cx.face_child[f, 0] < 0:
+        push_face(cx, c, f)
+    else:
+        _push_face_leaves(cx, c, cx.face_child[f, 0])
+        _push_face_leaves(cx, c, cx.face_child[f, 1])
+
+
+@nb.njit(cache=True)
+def refresh_cell(cx, c):
+    """Replace faces of cell c that were split since by their parts, and refresh those."""
+    first, size = cx.cell_first[c], cx.cell_size[c]
+    stale = False
+    for k in range(first, first + size):
+        if cx.face_child[cx.face_list[k], 0] >= 0:
+            stale = True
+            break
+    if stale:
+        cx.cell_first[c], cx.cell_size[c] = cx.count[N_FACE_LIST], 0
+        for k in range(first, first + size):
+            _push_face_leaves(cx, c, cx.face_list[k])
+    for k in range(cx.cell_first[c], cx.cell_first[c] + cx.cell_size[c]):
+        refresh_face(cx, cx.face_list[k])
+
+
+@nb.njit(cache=True)
+def face_side(cx, f, h):
+    """POSITIVE, NEGATIVE, CROSSED, or 0 where face f lies in plane h."""
+    side = 0
+    for k in range(cx.face_first[f], cx.face_first[f] + cx.face_size[f]):
+        e = cx.edge_list[k]
+        for end in range(2):
+            s = vertex_sign(cx, h, cx.edge_vertices[e, end])
+            if s > 0:
+                side |= POSITIVE
+            elif s < 0:
+                side |= NEGATIVE
+        if side == CROSSED:
+            return side
+    return side
+
+
+@nb.njit(cache=True)
+def cell_side(cx, c, h):
+    """POSITIVE, NEGATIVE or CROSSED: where the open cell c lies from plane h."""
+    side = 0
+    for k in range(cx.cell_first[c], cx.cell_first[c] + cx.cell_size[c]):
+        f = cx.face_list[k]
+        if cx.face_child[f, 0] >= 0:
+            refresh_cell(cx, c)
+            return cell_side(cx, c, h)
+        if cx.face_plane[f] != h:
+            side |= face_side(cx, f, h)
+        if side == CROSSED:
+            return side
+    return side
+
+
+@nb.njit(cache=True)
+def _split_edge(cx, e, h):
+    """Split edge e, whose ends lie on opposite sides of h, into its positive and negative part."""
+    v, w = cx.edge_vertices[e, 0], cx.edge_vertices[e, 1]
+    p, q = cx.edge_planes[e, 0], cx.edge_planes[e, 1]
+    m = add_vertex(cx, p, q, h)
+    cx.vertex_plane[m] = h
+    cx.vertex_sign[m] = 0
+    if vertex_sign(cx, h, v) < 0:
+        v, w = w, v
+    positive = add_edge(cx, v, m, p, q)
+    negative = add_edge(cx, m, w, p, q)
+    cx.edge_child[e, 0], cx.edge_child[e, 1] = positive, negative
+
+
+@nb.njit(cache=True)
+def split_face(cx, f, h):
+    """Split face f, crossed by plane h, into its positive and negative part; return their common edge.
+
+    The two ends of the cut are the only vertices of the face on h, because the face is convex and crossed.
+    """
+    refresh_face(cx, f)
+    first, size = cx.face_first[f], cx.face_size[f]
+    for k in range(first, first + size):
+        e = cx.edge_list[k]
+        if vertex_sign(cx, h, cx.edge_vertices[e, 0]) * vertex_sign(cx, h, cx.edge_vertices[e, 1]) < 0:
+            _split_edge(cx, e, h)
+    refresh_face(cx, f)
+    first, size = cx.face_first[f], cx.face_size[f]
+    start = end = -1
+    for k in range(first, first + size):
+        for side in range(2):
+            v = cx.edge_vertices[cx.edge_list[k], side]
+            if vertex_sign(cx, h, v) == 0:
+                if start < 0:
+                    start = v
+                elif v != start:
+                    end = v
+    cut = add_edge(cx, start, end, cx.face_plane[f], h)
+    for child in range(2):
+        part = add_face(cx, cx.face_plane[f], cx.face_sides[f, 0], cx.face_sides[f, 1])
+        cx.face_child[f, child] = part
+        for k in range(first, first + size):
+            e = cx.edge_list[k]
+            s = vertex_sign(cx, h, cx.edge_vertices[e, 0]) + vertex_sign(cx, h, cx.edge_vertices[e, 1])
+            if (s > 0) == (child == 0):
+                push_edge(cx, part, e)
+        push_edge(cx, part, cut)
+    return cut
+
+
+@nb.njit(cache=True)
+def _push_cut_edges(cx, cap, f, h, mark):
+    """Append the edges of face f that lie in plane h to the face `cap`, each once."""
+    for k in range(cx.face_first[f], cx.face_first[f] + cx.face_size[f]):
+        e = cx.edge_list[k]
+        if (
+            cx.edge_mark[e] != mark
+            and vertex_sign(cx, h, cx.edge_vertices[e, 0]) == 0
+            and vertex_sign(cx, h, cx.edge_vertices[e, 1]) == 0
+        ):
+            cx.edge_mark[e] = mark
+            push_edge(cx, cap, e)
+
+
+@nb.njit(cache=True)
+def _own(cx, f, old, new):
+    for side in range(2):
+        if cx.face_sides[f, side] == old:
+            cx.face_sides[f, side] = new
+
+
+@nb.njit(cache=True)
+def split_cell(cx, c, h):
+    """Split cell c, crossed by plane h, into its positive and its negative child (``cx.cell_child[c]``)."""
+    refresh_cell(cx, c)
+    first, size = cx.cell_first[c], cx.cell_size[c]
+    for k in range(first, first + size):
+        f = cx.face_list[k]
+        if face_side(cx, f, h) == CROSSED:
+            split_face(cx, f, h)
+    refresh_cell(cx, c)
+    first, size = cx.cell_first[c], cx.cell_size[c]
+    cx.count[MARK] += 1
+    mark = cx.count[MARK]
+    cap = add_face(cx, h, -1, -1)
+    for k in range(first, first + size):
+        _push_cut_edges(cx, cap, cx.face_list[k], h, mark)
+    for child in range(2):
+        part = add_cell(cx)
+        cx.label[part] = cx.label[c]
+        cx.cell_child[c, child] = part
+        cx.face_sides[cap, child] = part
+        for k in range(first, first + size):
+            f = cx.face_list[k]
+            if (face_side(cx, f, h) == POSITIVE) == (child == 0):
+                push_face(cx, part, f)
+                _own(cx, f, c, part)
+        push_face(cx, part, cap)
+    cx.cell_plane[c] = h
+
+
+@nb.njit(cache=True)
+def leaves(cx):
+    """Numbers of the present cells, refreshed, in ascending order."""
+    n = cx.count[N_CELLS]
+    result = np.empty(n, np.int64)
+    m = 0
+    for c in range(n):
+        if cx.cell_child[c, 0] < 0:
+            refresh_cell(cx, c)
+            result[m] = c
+            m += 1
+    return result[:m]

@@ -1,0 +1,131 @@
+"""Sets of convex cells as users see them: in millimetres, to measure, to draw from and to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from .cells import N_CELLS, Complex
+from .lattice import Grid
+from .measure import cell_sizes, cell_triangles, half_spaces
+from .tree import Tree, holds
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A convex polytope.
+
+    Attributes
+    ----------
+    half_spaces : ndarray, shape (k, 4)
+        Rows (a, b, c, d) with unit normals: a·x + b·y + c·z + d <= 0 inside, in mm.
+    vertices : ndarray, shape (v, 3)
+        Corners in mm.
+    volume : float
+        In mm³.
+    """
+
+    half_spaces: np.ndarray
+    vertices: np.ndarray
+    volume: float
+
+
+class CellSet:
+    """A union of convex cells of one partition of the workspace.
+
+    Parameters
+    ----------
+    cx : Complex
+        The partition.
+    cells : array_like of int
+        The cells of the set.
+    grid : Grid
+
+    Attributes
+    ----------
+    volumes : ndarray, shape (m,)
+        Volume of each cell in mm³.
+    """
+
+    def __init__(self, cx: Complex, cells: np.ndarray, grid: Grid):
+        self._cx = cx
+        self._cells = np.asarray(cells, np.int64)
+        self._grid = grid
+        self._sizes = cell_sizes(cx, self._cells)
+        self.volumes = self._sizes[:, 0] * grid.step_mm**3
+
+    def __len__(self) -> int:
+        return len(self._cells)
+
+    def __iter__(self) -> Iterator[Cell]:
+        return (self[k] for k in range(len(self)))
+
+    def __getitem__(self, k: int) -> Cell:
+        cell = int(self._cells[k])
+        rows = half_spaces(self._cx, cell)
+        rows[:, 3] = rows[:, 3] * self._grid.step_mm - rows[:, :3] @ self._grid.to_mm(np.zeros(3))
+        corners = np.unique(cell_triangles(self._cx, cell).reshape(-1, 3), axis=0)
+        return Cell(rows, self._grid.to_mm(corners), float(self.volumes[k]))
+
+    @property
+    def volume(self) -> float:
+        """Total volume in mm³."""
+        return float(self.volumes.sum())
+
+    @cached_property
+    def bounds(self) -> np.ndarray:
+        """Lowest and highest corner in mm, shape (2, 3).
+
+        Raises
+        ------
+        ValueError
+            If the set is empty.
+        """
+        if not len(self):
+            raise ValueError("bounds need at least one cell. The set is empty.")
+        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        for cell in self._cells:
+            corners = cell_triangles(self._cx, cell).reshape(-1, 3)
+            low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
+        return self._grid.to_mm(np.array([low, high]))
+
+    def contains(self, points) -> np.ndarray:
+        """Whether the closed set holds each of (n, 3) points in mm, exactly; (n,) bool."""
+        n = int(self._cx.count[N_CELLS])
+        flag = np.zeros(n, bool)
+        flag[self._cells] = True
+        tree = Tree(self._cx.planes, self._cx.cell_plane[:n], self._cx.cell_child[:n])
+        return holds(tree, flag, self._grid.to_points(np.asarray(points, float).reshape(-1, 3)))
+
+    def sample(self, n: int, rng=0) -> np.ndarray:
+        """Draw n points uniformly from the union, in mm, shape (n, 3).
+
+        Raises
+        ------
+        ValueError
+            If the set is empty.
+        """
+        if not len(self):
+            raise ValueError("sample needs at least one cell. The set is empty.")
+        generator = np.random.default_rng(rng)
+        corners, volumes = self._tetrahedra
+        chosen = corners[generator.choice(len(volumes), size=n, p=volumes / volumes.sum())]
+        weights = generator.exponential(size=(n, 4))
+        weights /= weights.sum(axis=1, keepdims=True)
+        return self._grid.to_mm(np.einsum("nk,nkc->nc", weights, chosen))
+
+    @cached_property
+    def _tetrahedra(self) -> tuple[np.ndarray, np.ndarray]:
+        """Tetrahedra that tile the cells: corners in grid steps, shape (t, 4, 3), and volumes."""
+        parts = []
+        for cell in self._cells:
+            triangles = cell_triangles(self._cx, cell)
+            apex = np.broadcast_to(triangles.reshape(-1, 3).mean(axis=0), (len(triangles), 1, 3))
+            parts.append(np.concatenate([apex, triangles], axis=1))
+        corners = np.concatenate(parts)
+        edges = corners[:, 1:] - corners[:, :1]
+        volumes = np.abs(np.linalg.det(edges)) / 6.0
+        return corners, volumes

@@ -1,0 +1,250 @@
+"""The entity-based aspect graph: viewing domains as nodes, common boundaries as edges (paper section 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+
+import networkx as nx
+import numpy as np
+
+from .carve import carve, surface_facets, with_facet_planes
+from .cells import N_CELLS, Complex, leaves
+from .cellset import CellSet
+from .domains import Domain, Domains, find_domains
+from .entities import Entity
+from .exceptions import EntityError
+from .overlay import overlay, share_planes
+from .partition import Provenance
+from .raycast import confirm
+from .regions import Progress, VisibilityRegions, compute_regions
+from .solid import Solid
+from .tree import Tree, locate
+
+# domains and contacts thinner than this share of the part's largest extent are slivers
+_MIN_WIDTH_SHARE = 1e-4
+
+
+class EntityAspectGraph:
+    """EAG(E, V, O, A) of a solid: entities E, viewing domains V, observable lists O, adjacencies A.
+
+    Made by `build_aspect_graph`.
+
+    Attributes
+    ----------
+    graph : networkx.Graph
+        Nodes 0, 1, … are viewing domains, longest lists first, with attributes ``observable`` (tuple of names),
+        ``volume`` (mm³, inside the workspace), ``unbounded`` (reaches the workspace's boundary), ``viewpoint`` and
+        ``clearance`` (centre and radius in mm of the largest ball in one of its cells), ``bbox_min``, ``bbox_max``,
+        ``n_cells``, ``confirmed``, ``n_rays``, ``n_arbitrated``. Edges carry ``area`` (mm²) and ``surfaces`` (tuple of
+        `PartitionSurface`).
+    regions : VisibilityRegions
+        The regions of the entities, which answer `observable` and `covering_cells`.
+    """
+
+    def __init__(self, regions: VisibilityRegions, graph: nx.Graph, cx: Complex, domains: Domains):
+        self.regions = regions
+        self.graph = graph
+        self._cx = cx
+        self._domains = domains
+        n = int(cx.count[N_CELLS])
+        self._tree = Tree(cx.planes, cx.cell_plane[:n], cx.cell_child[:n])
+
+    @property
+    def solid(self) -> Solid:
+        """The solid."""
+        return self.regions.solid
+
+    @property
+    def workspace(self) -> np.ndarray:
+        """Lowest and highest corner of the viewpoint space in mm, shape (2, 3)."""
+        return self.regions.workspace
+
+    @property
+    def entities(self) -> dict[str, Entity]:
+        """The entities by name, in order."""
+        return self.regions.entities
+
+    @property
+    def entity_names(self) -> tuple[str, ...]:
+        """Names of the entities, in order."""
+        return self.regions.entity_names
+
+    def observable(self, points, names: Sequence[str] | None = None) -> np.ndarray:
+        """Whether entities are observable from viewpoints, (n, k) bool; see `VisibilityRegions.observable`."""
+        return self.regions.observable(points, names)
+
+    def covering_cells(self, names: Sequence[str]) -> CellSet:
+        """Viewpoints from which all named entities are observable; see `VisibilityRegions.covering_cells`."""
+        return self.regions.covering_cells(names)
+
+    def domain_of(self, points) -> np.ndarray:
+        """Node of each viewpoint.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, 3)
+            Viewpoints in mm.
+
+        Returns
+        -------
+        ndarray of int64, shape (n,)
+            Node numbers; -1 inside the solid and outside the workspace.
+        """
+        viewpoints = np.asarray(points, float).reshape(-1, 3)
+        result = np.full(len(viewpoints), -1, np.int64)
+        inside = ((viewpoints >= self.workspace[0]) & (viewpoints <= self.workspace[1])).all(axis=1)
+        cells = locate(self._tree, self.regions.grid.to_points(viewpoints[inside]))
+        result[inside] = self._domains.of_cell[cells]
+        return result
+
+    def covering(self, names: Sequence[str]) -> list[int]:
+        """Nodes whose list contains all the names."""
+        wanted = set(self.regions.check_names(names))
+        return [node for node, listed in self.graph.nodes(data="observable") if wanted <= set(listed)]
+
+    def cells(self, node: int) -> CellSet:
+        """Convex cells of one viewing domain."""
+        return CellSet(self._cx, self._domains.domains[node].cells, self.regions.grid)
+
+    def sample(self, names: Sequence[str], n: int, rng=0) -> np.ndarray:
+        """Draw n viewpoints in mm uniformly from all domains that cover the names, shape (n, 3).
+
+        Raises
+        ------
+        EntityError
+            If no domain covers them.
+        """
+        nodes = self.covering(names)
+        if not nodes:
+            raise EntityError(f"names must be observable together from somewhere. Got {', '.join(names)}.")
+        cells = np.concatenate([self._domains.domains[node].cells for node in nodes])
+        return CellSet(self._cx, cells, self.regions.grid).sample(n, rng)
+
+
+def build_aspect_graph(
+    solid: Solid,
+    entities: Mapping | Sequence,
+    workspace=None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    *,
+    min_width_mm: float | None = None,
+) -> EntityAspectGraph:
+    """Build the entity-based aspect graph of a solid.
+
+    Parameters
+    ----------
+    solid : Solid
+    entities : mapping of str to edge id or pair of points
+        What shall be dimensioned.
+    workspace : array_like, shape (2, 3), optional
+        Corners of the viewpoint space in mm. Default: the part's box with ten diagonals of room.
+    executor : concurrent.futures.Executor, optional
+        Computes the entities' regions in parallel.
+    progress : callable(done, total, label), optional
+    min_width_mm : float, optional
+        Thinner domains and contacts are slivers. Default: 10⁻⁴ of the part's largest extent.
+
+    Returns
+    -------
+    EntityAspectGraph
+        Guarantee: every viewpoint outside the solid and off the partition surfaces lies in exactly one domain, whose
+        list names exactly the entities with an unobstructed sight triangle from there, save in merged slivers.
+
+    Raises
+    ------
+    EntityError, WorkspaceError
+        For bad input.
+    ContradictionError
+        If ray casting and exact arbitration refute a domain's list.
+    """
+    return compute_regions(solid, entities, workspace, executor, progress).graph(min_width_mm=min_width_mm)
+
+
+def graph_of(regions: VisibilityRegions, names: Sequence[str], min_width_mm: float | None) -> EntityAspectGraph:
+    """Build the graph of some entities from regions already computed."""
+    chosen = regions.subset(names)
+    grid, scene = chosen.grid, chosen._scene
+    if min_width_mm is None:
+        min_width_mm = _MIN_WIDTH_SHARE * float(np.ptp(chosen.solid.bounds, axis=0).max())
+    own = [chosen._regions[name] for name in chosen.entity_names]
+    box = grid.box_planes(chosen.workspace)
+    shared = share_planes(own, scene, box)
+    facets = surface_facets(scene)
+    cx = overlay(own, shared._replace(planes=with_facet_planes(shared.planes, facets)))
+    carve(cx, scene, facets, len(box), grid)
+    domains = find_domains(cx, min_width_mm / grid.step_mm)
+    graph = _networkx(
+        chosen, cx, domains, Provenance(chosen.solid, scene, grid, list(chosen.entities.values()), own, shared)
+    )
+    graph.graph["min_width_mm"] = float(min_width_mm)
+    eag = EntityAspectGraph(chosen, graph, cx, domains)
+    _confirm(eag, scene)
+    return eag
+
+
+def _networkx(regions: VisibilityRegions, cx: Complex, domains: Domains, provenance: Provenance) -> nx.Graph:
+    names, grid = regions.entity_names, regions.grid
+    graph = nx.Graph(
+        part=regions.solid.name,
+        entities=names,
+        endpoints=tuple(tuple(map(float, e.endpoints.ravel())) for e in regions.entities.values()),
+        workspace_min=tuple(map(float, regions.workspace[0])),
+        workspace_max=tuple(map(float, regions.workspace[1])),
+        grid_mm=float(grid.step_mm),
+        snapping_mm=float(grid.snapping_mm),
+        n_slivers=int(domains.n_slivers),
+    )
+    at_boundary = _cells_at_boundary(cx)
+    members = [_listed(domain) for domain in domains.domains]
+    for node, domain in enumerate(domains.domains):
+        low, high = CellSet(cx, domain.cells, grid).bounds
+        graph.add_node(
+            node,
+            observable=tuple(names[k] for k in sorted(members[node])),
+            volume=domain.volume * grid.step_mm**3,
+            unbounded=bool(at_boundary[domain.cells].any()),
+            viewpoint=tuple(map(float, grid.to_mm(domain.viewpoint))),
+            clearance=domain.clearance * grid.step_mm,
+            bbox_min=tuple(map(float, low)),
+            bbox_max=tuple(map(float, high)),
+            n_cells=len(domain.cells),
+        )
+    for (i, j), contact in domains.contacts.items():
+        graph.add_edge(
+            i,
+            j,
+            area=contact.area * grid.step_mm**2,
+            surfaces=provenance.surfaces(sorted(contact.planes), sorted(members[i] ^ members[j])),
+        )
+    return graph
+
+
+def _listed(domain: Domain) -> set[int]:
+    bits = sum(word << (64 * k) for k, word in enumerate(domain.label))
+    return {k for k in range(bits.bit_length()) if bits >> k & 1}
+
+
+def _cells_at_boundary(cx: Complex) -> np.ndarray:
+    n_faces = int(cx.count[2])
+    sides = cx.face_sides[:n_faces]
+    rows = (cx.face_child[:n_faces, 0] < 0) & (sides.min(axis=1) < 0)
+    at_boundary = np.zeros(int(cx.count[N_CELLS]), bool)
+    at_boundary[sides[rows].max(axis=1)] = True
+    return at_boundary
+
+
+def _confirm(eag: EntityAspectGraph, scene) -> None:
+    """Cast rays from every node's viewpoint and note the result on the node."""
+    graph, names = eag.graph, eag.entity_names
+    viewpoints = np.array([graph.nodes[node]["viewpoint"] for node in graph])
+    observable = np.array([[name in graph.nodes[node]["observable"] for name in names] for node in graph])
+    found = confirm(eag.solid, eag.entities, scene, eag.regions.grid, viewpoints, observable.reshape(len(graph), -1))
+    for node in graph:
+        graph.nodes[node].update(confirmed=True, n_rays=found.n_rays, n_arbitrated=int(found.n_arbitrated[node]))
+
+
+def cells_per_domain(eag: EntityAspectGraph) -> float:
+    """Mean number of convex cells per viewing domain."""
+    return len(leaves(eag._cx)) / max(1, len(eag.graph))

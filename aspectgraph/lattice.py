@@ -1,0 +1,231 @@
+"""The integer grid and the planes that live on it.
+
+A part is snapped once to a cubic grid whose step is a power of two in millimetres, about 2**20 steps over the part.
+From then on every vertex is an integer triple and every plane through three of them an integer quadruple
+(a, b, c, d), a·x + b·y + c·z = d, reduced by its greatest common divisor.
+
+Where snapping displaced anything, vertices that ought to lie in one plane need not any more. `Grid.resolution` says
+how far, in steps, a vertex may lie from a plane and still count as lying on it; it is 0 where snapping was exact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba as nb
+import numpy as np
+
+from .exceptions import SolidError, WorkspaceError
+from .predicates import POINT_BITS
+
+GRID_BITS = 20
+# a vertex is displaced by at most sqrt(3)/2 steps; so is the plane it is compared with, at each of its three points
+_RESOLUTION_STEPS = 4.0
+_LARGEST_COORDINATE_STEPS = 1 << 40
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A cubic integer grid laid over a part.
+
+    Attributes
+    ----------
+    step_mm : float
+        A power of two.
+    origin : ndarray of int64, shape (3,)
+        Grid coordinates of the grid's zero, counted from the zero of the part's frame.
+    points : ndarray of int64, shape (n, 3)
+        The part's vertices, counted from `origin`; magnitudes below 2**20.
+    snapping_mm : float
+        Largest displacement of a vertex.
+    resolution : float
+        Distance in steps up to which a vertex counts as lying on a plane; 0 where snapping displaced nothing.
+    """
+
+    step_mm: float
+    origin: np.ndarray
+    points: np.ndarray
+    snapping_mm: float
+    resolution: float
+
+    @classmethod
+    def over(cls, vertices: np.ndarray, bits: int = GRID_BITS) -> Grid:
+        """Lay a grid of at least 2**(bits - 1) steps over (n, 3) vertices in mm.
+
+        Raises
+        ------
+        SolidError
+            If the part lies so far from the origin that its coordinates do not fit the grid.
+        """
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        step = 2.0 ** (np.ceil(np.log2((high - low).max())) - bits)
+        if np.abs(vertices).max() / step > _LARGEST_COORDINATE_STEPS:
+            raise SolidError(
+                f"vertices must lie within {_LARGEST_COORDINATE_STEPS * step:g} mm of the origin, 2**40 grid steps. "
+                f"Got {np.abs(vertices).max():g} mm."
+            )
+        scaled = vertices / step
+        snapped = np.rint(scaled).astype(np.int64)
+        displacement = float(np.linalg.norm(snapped - scaled, axis=1).max())
+        origin = (snapped.min(axis=0) + snapped.max(axis=0)) // 2
+        return cls(step, origin, snapped - origin, displacement * step, _RESOLUTION_STEPS if displacement else 0.0)
+
+    def to_mm(self, coordinates: np.ndarray) -> np.ndarray:
+        """Convert (..., 3) grid coordinates to mm."""
+        return (np.asarray(coordinates) + self.origin) * self.step_mm
+
+    def to_points(self, viewpoints_mm: np.ndarray) -> np.ndarray:
+        """Convert (n, 3) viewpoints in mm to int64 query points, 2**POINT_BITS to a step."""
+        scale = 2.0**POINT_BITS
+        whole = np.floor(viewpoints_mm / self.step_mm)
+        fraction = np.rint((viewpoints_mm / self.step_mm - whole) * scale).astype(np.int64)
+        return ((whole.astype(np.int64) - self.origin) << POINT_BITS) + fraction
+
+    def box_planes(self, workspace: np.ndarray) -> np.ndarray:
+        """Planes x_min, x_max, y_min, y_max, z_min, z_max of a (2, 3) workspace in mm, rounded outwards to the grid.
+
+        Raises
+        ------
+        WorkspaceError
+            If the workspace does not contain the part.
+        """
+        low = np.floor(workspace[0] / self.step_mm).astype(np.int64) - self.origin
+        high = np.ceil(workspace[1] / self.step_mm).astype(np.int64) - self.origin
+        if (low >= self.points.min(axis=0)).any() or (high <= self.points.max(axis=0)).any():
+            raise WorkspaceError(
+                f"workspace must contain the part with room on all sides. Got {workspace[0].tolist()} to "
+                f"{workspace[1].tolist()} mm for a part from {self.to_mm(self.points.min(axis=0)).tolist()} to "
+                f"{self.to_mm(self.points.max(axis=0)).tolist()} mm."
+            )
+        planes = np.zeros((6, 4), np.int64)
+        for axis in range(3):
+            planes[2 * axis : 2 * axis + 2, axis] = 1
+            planes[2 * axis : 2 * axis + 2, 3] = low[axis], high[axis]
+        return planes
+
+
+@nb.njit(cache=True)
+def plane_through(p, q, r):
+    """Plane through three integer points, reduced and oriented by the turn p, q, r; all zero if they are collinear."""
+    plane = np.zeros(4, np.int64)
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        plane[k] = (q[i] - p[i]) * (r[j] - p[j]) - (q[j] - p[j]) * (r[i] - p[i])
+    divisor = np.gcd(np.gcd(plane[0], plane[1]), plane[2])
+    if divisor:
+        for k in range(3):
+            plane[k] //= divisor
+            plane[3] += plane[k] * p[k]
+    return plane
+
+
+@nb.njit(inline="always")
+def height(plane, point):
+    """a·x + b·y + c·z - d at an integer point of the part, exact in int64."""
+    return plane[0] * point[0] + plane[1] * point[1] + plane[2] * point[2] - plane[3]
+
+
+@nb.njit(inline="always")
+def side_of(plane, point, resolution):
+    """Sign of a plane at an integer point of the part; 0 within `resolution` steps of it."""
+    h = height(plane, point)
+    if resolution > 0.0:
+        square = np.float64(plane[0]) ** 2 + np.float64(plane[1]) ** 2 + np.float64(plane[2]) ** 2
+        if np.float64(h) ** 2 <= resolution * resolution * square:
+            return 0
+    return 1 if h > 0 else (-1 if h < 0 else 0)
+
+
+@nb.njit(cache=True)
+def find_plane(planes, n, points, trio, resolution):
+    """Number of the first of the first n planes through all three points, or -1."""
+    for k in range(n):
+        if (
+            side_of(planes[k], points[trio[0]], resolution) == 0
+            and side_of(planes[k], points[trio[1]], resolution) == 0
+            and side_of(planes[k], points[trio[2]], resolution) == 0
+        ):
+            return k
+    return -1
+
+
+@nb.njit(cache=True)
+def _widest_triangle(points, loop):
+    """Three of the loop's points that span nearly the largest triangle, in the loop's cyclic order."""
+    a = loop[0]
+    for _ in range(2):
+        b, best = a, -1.0
+        for v in loop:
+            length = 0.0
+            for k in range(3):
+                length += np.float64(points[v, k] - points[a, k]) ** 2
+            if length > best:
+                b, best = v, length
+        a, b = b, a
+    c, best = a, -1.0
+    for v in loop:
+        area = 0.0
+        for k in range(3):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            area += (
+                np.float64(points[b, i] - points[a, i]) * np.float64(points[v, j] - points[a, j])
+                - np.float64(points[b, j] - points[a, j]) * np.float64(points[v, i] - points[a, i])
+            ) ** 2
+        if area > best:
+            c, best = v, area
+    return a, b, c
+
+
+def face_planes(grid: Grid, loops: list[np.ndarray], normals: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Integer planes of all faces, coplanar faces sharing one.
+
+    Parameters
+    ----------
+    grid : Grid
+    loops : list of f int arrays
+        Vertices of each face's outer loop.
+    normals : ndarray, shape (f, 3)
+        Outward unit normals.
+
+    Returns
+    -------
+    planes : ndarray of int64, shape (p, 4)
+    plane_of_face : ndarray of int, shape (f,)
+    side_of_face : ndarray of int8, shape (f,)
+        1 where the face's outward side is the plane's positive side, else -1.
+
+    Raises
+    ------
+    SolidError
+        If a face vanishes on the grid.
+    """
+    planes: list[np.ndarray] = []
+    plane_of_face = np.empty(len(loops), np.int64)
+    side_of_face = np.empty(len(loops), np.int8)
+    sizes = [np.ptp(grid.points[loop], axis=0).sum() for loop in loops]
+    for face in np.argsort(sizes, kind="stable")[::-1]:
+        loop = np.asarray(loops[face], np.int64)
+        trio = _widest_triangle(grid.points, loop)
+        plane = plane_through(*grid.points[list(trio)])
+        if not plane.any():
+            raise SolidError(f"face {face} must be wider than the grid step of {grid.step_mm:g} mm. It vanishes on it.")
+        known = _same_plane(np.array(planes).reshape(-1, 4), grid.points[loop], grid.resolution)
+        if known < 0:
+            known = len(planes)
+            planes.append(plane)
+        plane_of_face[face] = known
+        side_of_face[face] = 1 if normals[face] @ planes[known][:3] > 0 else -1
+    return np.array(planes), plane_of_face, side_of_face
+
+
+@nb.njit(cache=True)
+def _same_plane(planes, points, resolution):
+    for k in range(len(planes)):
+        contains = True
+        for point in points:
+            if side_of(planes[k], point, resolution) != 0:
+                contains = False
+                break
+        if contains:
+            return k
+    return -1

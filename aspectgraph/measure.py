@@ -1,0 +1,150 @@
+"""Sizes of cells and faces, in doubles: for weighting and for users' eyes, never to decide topology."""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+from .cells import N_FACES, Complex
+
+
+@nb.njit(cache=True)
+def cell_centre(cx, c):
+    """Mean of the corners of cell c as its faces list them, in grid steps."""
+    total, n = np.zeros(3), 0
+    for k in range(cx.cell_first[c], cx.cell_first[c] + cx.cell_size[c]):
+        f = cx.face_list[k]
+        for m in range(cx.face_first[f], cx.face_first[f] + cx.face_size[f]):
+            for end in range(2):
+                total += cx.coordinates[cx.edge_vertices[cx.edge_list[m], end]]
+                n += 1
+    return total / n
+
+
+@nb.njit(cache=True)
+def _face_area(cx, f):
+    """Area and perimeter of face f, in squared steps and steps."""
+    first, size = cx.face_first[f], cx.face_size[f]
+    centre = np.zeros(3)
+    for k in range(first, first + size):
+        centre += cx.coordinates[cx.edge_vertices[cx.edge_list[k], 0]]
+        centre += cx.coordinates[cx.edge_vertices[cx.edge_list[k], 1]]
+    centre /= 2 * size
+    area = perimeter = 0.0
+    for k in range(first, first + size):
+        p = cx.coordinates[cx.edge_vertices[cx.edge_list[k], 0]] - centre
+        q = cx.coordinates[cx.edge_vertices[cx.edge_list[k], 1]] - centre
+        cross = np.array([p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]])
+        area += 0.5 * np.sqrt((cross * cross).sum())
+        perimeter += np.sqrt(((p - q) ** 2).sum())
+    return area, perimeter
+
+
+@nb.njit(cache=True)
+def _cell_sizes(cx, cells):
+    """Volume and surface of cells, in cubic and square steps, as (n, 2)."""
+    sizes = np.zeros((len(cells), 2))
+    for row in range(len(cells)):
+        c = cells[row]
+        centre = cell_centre(cx, c)
+        for k in range(cx.cell_first[c], cx.cell_first[c] + cx.cell_size[c]):
+            f = cx.face_list[k]
+            area, _ = _face_area(cx, f)
+            plane = cx.planes[cx.face_plane[f]]
+            a, b, d = np.float64(plane[0]), np.float64(plane[1]), np.float64(plane[2])
+            distance = abs(a * centre[0] + b * centre[1] + d * centre[2] - plane[3]) / np.sqrt(a * a + b * b + d * d)
+            sizes[row, 0] += area * distance / 3
+            sizes[row, 1] += area
+    return sizes
+
+
+def cell_sizes(cx: Complex, cells: np.ndarray) -> np.ndarray:
+    """Volume and surface of cells, in cubic and square grid steps, shape (n, 2)."""
+    return _cell_sizes(cx, np.asarray(cells, np.int64))
+
+
+@nb.njit(cache=True)
+def _interfaces(cx):
+    n = cx.count[N_FACES]
+    sides = np.empty((n, 3), np.int64)
+    sizes = np.empty((n, 2))
+    m = 0
+    for f in range(n):
+        positive, negative = cx.face_sides[f, 0], cx.face_sides[f, 1]
+        if cx.face_child[f, 0] >= 0 or positive < 0 or negative < 0 or not _has_face(cx, positive, f):
+            continue
+        sides[m, 0], sides[m, 1], sides[m, 2] = positive, negative, cx.face_plane[f]
+        area, perimeter = _face_area(cx, f)
+        sizes[m, 0] = area
+        sizes[m, 1] = 2.0 * area / perimeter if perimeter > 0 else 0.0
+        m += 1
+    return sides[:m], sizes[:m]
+
+
+@nb.njit(cache=True)
+def _has_face(cx, c, f):
+    """Whether f bounds cell c; free facets carry label rows, not cells, on their sides."""
+    if cx.cell_child[c, 0] >= 0:
+        return False
+    for k in range(cx.cell_first[c], cx.cell_first[c] + cx.cell_size[c]):
+        if cx.face_list[k] == f:
+            return True
+    return False
+
+
+def interfaces(cx: Complex) -> tuple[np.ndarray, np.ndarray]:
+    """Faces between present cells.
+
+    Returns
+    -------
+    sides : ndarray of int64, shape (n, 3)
+        Positive cell, negative cell, plane.
+    sizes : ndarray, shape (n, 2)
+        Area in squared steps, and width in steps: twice the area over the perimeter, at least the inscribed radius and
+        at most twice that.
+    """
+    return _interfaces(cx)
+
+
+@nb.njit(cache=True)
+def _cell_planes(cx, c):
+    """Planes of cell c, each once, with the side (1 or -1) the cell lies on."""
+    size = cx.cell_size[c]
+    planes, side = np.empty(size, np.int64), np.empty(size, np.int64)
+    n = 0
+    for k in range(cx.cell_first[c], cx.cell_first[c] + size):
+        f = cx.face_list[k]
+        if not (planes[:n] == cx.face_plane[f]).any():
+            planes[n] = cx.face_plane[f]
+            side[n] = 1 if cx.face_sides[f, 0] == c else -1
+            n += 1
+    return planes[:n], side[:n]
+
+
+def half_spaces(cx: Complex, c: int) -> np.ndarray:
+    """Rows (a, b, c, d) with a·x + b·y + c·z + d <= 0 inside cell c, unit normals, in grid steps, shape (k, 4)."""
+    planes, side = _cell_planes(cx, c)
+    rows = cx.planes[planes].astype(float) * -side[:, None]
+    rows[:, 3] *= -1
+    return rows / np.linalg.norm(rows[:, :3], axis=1, keepdims=True)
+
+
+@nb.njit(cache=True)
+def cell_triangles(cx, c):
+    """Triangles that tile the surface of cell c, as (t, 3, 3) corners in grid steps."""
+    n = 0
+    for k in range(cx.cell_first[c], cx.cell_first[c] + cx.cell_size[c]):
+        n += cx.face_size[cx.face_list[k]]
+    triangles = np.empty((n, 3, 3))
+    n = 0
+    for k in range(cx.cell_first[c], cx.cell_first[c] + cx.cell_size[c]):
+        f = cx.face_list[k]
+        first, size = cx.face_first[f], cx.face_size[f]
+        anchor = cx.coordinates[cx.edge_vertices[cx.edge_list[first], 0]]
+        for m in range(first, first + size):
+            e = cx.edge_list[m]
+            triangles[n, 0] = anchor
+            triangles[n, 1] = cx.coordinates[cx.edge_vertices[e, 0]]
+            triangles[n, 2] = cx.coordinates[cx.edge_vertices[e, 1]]
+            n += 1
+    return triangles

@@ -1,0 +1,153 @@
+"""The joint complex of several regions: one convex partition in which every entity is observable or not per cell.
+
+The regions' trees are laid over each other entity by entity; a cell is cut only where the next tree cuts it. Bit k of a
+cell's label says that entity k is observable from it. Since trees cut wider than the true boundary of their region,
+the result is simplified whenever the cells have multiplied.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from .cells import CROSSED, N_CELLS, POSITIVE, Complex, add_box, allocate, cell_side, split_cell, with_room
+from .lattice import find_plane
+from .region import Region
+from .shadow import FACE, Scene
+from .simplify import n_leaves, simplify
+
+_BOX = np.arange(6)
+_SIMPLIFY_ABOVE = 256
+_ROOM = 1 << 16
+
+
+class SharedPlanes(NamedTuple):
+    """One plane table for several regions.
+
+    Attributes
+    ----------
+    planes : ndarray of int64, shape (p, 4)
+        The box, the faces of the solid, then what the regions add.
+    number : list of ndarray of int32
+        For each region, the shared number of each of its planes.
+    flipped : list of ndarray of bool
+        For each region, whether the shared plane has the opposite positive side.
+    """
+
+    planes: np.ndarray
+    number: list[np.ndarray]
+    flipped: list[np.ndarray]
+
+
+def share_planes(regions: Sequence[Region], scene: Scene, box: np.ndarray) -> SharedPlanes:
+    """Number the planes of all regions jointly; planes that agree at their defining points are one plane."""
+    room = len(box) + len(scene.planes) + sum(len(region.tree.planes) for region in regions)
+    planes = np.empty((room, 4), np.int64)
+    known: dict[tuple[int, ...], int] = {}
+    n = 0
+    for plane in [*box, *scene.planes]:
+        planes[n] = plane
+        known.setdefault(_key(plane), n)
+        n += 1
+    numbers, flips = [], []
+    for region in regions:
+        number = np.empty(len(region.tree.planes), np.int32)
+        for k, (plane, origin) in enumerate(zip(region.tree.planes, region.origin, strict=True)):
+            match = known.get(_key(plane), -1)
+            if match < 0 and scene.resolution > 0 and origin[0] != FACE:
+                trio = origin[1:].astype(np.int64)
+                match = len(box) + find_plane(planes[len(box) : n], n - len(box), scene.points, trio, scene.resolution)
+                match = match if match >= len(box) else -1
+            if match < 0:
+                match, n = n, n + 1
+                planes[match] = plane
+                known[_key(plane)] = match
+            number[k] = match
+        numbers.append(number)
+        dot = (planes[number, :3].astype(float) * region.tree.planes[:, :3]).sum(axis=1)
+        flips.append(dot < 0)
+    return SharedPlanes(planes[:n].copy(), numbers, flips)
+
+
+def _key(plane: np.ndarray) -> tuple[int, ...]:
+    coefficients = plane.tolist()
+    leading = next(c for c in coefficients if c)
+    return tuple(coefficients) if leading > 0 else tuple(-c for c in coefficients)
+
+
+def n_words(n_entities: int) -> int:
+    """Words of a label that holds one bit per entity and two flags."""
+    return (n_entities + 2 + 63) // 64
+
+
+def overlay(regions: Sequence[Region], shared: SharedPlanes, *, covering_only: bool = False) -> Complex:
+    """Lay regions over each other.
+
+    Parameters
+    ----------
+    regions : sequence of k Region
+    shared : SharedPlanes
+        Their planes.
+    covering_only : bool
+        Leave cells uncut from which some entity is not observable: enough to find where all of them are.
+
+    Returns
+    -------
+    Complex
+        Bit k of a present cell's label is set iff entity k is observable from it (with `covering_only`: all bits are
+        right where all are set).
+    """
+    return with_room(lambda n_cells: _overlay(regions, shared, covering_only, n_cells), n_cells=_ROOM)
+
+
+def _overlay(regions, shared: SharedPlanes, covering_only: bool, n_cells: int) -> Complex:
+    cx = allocate(shared.planes, n_cells, n_words(len(regions)))
+    add_box(cx, _BOX)
+    limit = _SIMPLIFY_ABOVE
+    for k, region in enumerate(regions):
+        tree = region.tree
+        inner = tree.plane >= 0
+        plane = np.where(inner, shared.number[k][tree.plane], -1).astype(np.int32)
+        child = tree.child.copy()
+        swapped = inner & shared.flipped[k][tree.plane]
+        child[swapped] = child[swapped][:, ::-1]
+        _add_region(cx, plane, child, region.observable, k, covering_only)
+        if n_leaves(cx) > limit:
+            cx = simplify(cx, _BOX, n_cells)
+            limit = max(_SIMPLIFY_ABOVE, 2 * n_leaves(cx))
+    return simplify(cx, _BOX, n_cells)
+
+
+@nb.njit(cache=True)
+def _covers(label, k):
+    """Whether the bits of entities 0 to k - 1 are all set."""
+    for bit in range(k):
+        if not (label[bit // 64] >> np.uint64(bit % 64)) & np.uint64(1):
+            return False
+    return True
+
+
+@nb.njit(cache=True)
+def _add_region(cx, plane, child, observable, k, covering_only):
+    """Set bit k where region k holds the cell, cutting cells its tree cuts."""
+    bit = np.uint64(1) << np.uint64(k % 64)
+    stack = [(0, 0) for _ in range(0)]
+    for c in range(cx.count[N_CELLS]):
+        if cx.cell_child[c, 0] < 0 and not (covering_only and not _covers(cx.label[c], k)):
+            stack.append((c, 0))
+    while len(stack) > 0:
+        cell, node = stack.pop()
+        if plane[node] < 0:
+            if observable[node]:
+                cx.label[cell, k // 64] |= bit
+            continue
+        place = cell_side(cx, cell, plane[node])
+        if place == CROSSED:
+            split_cell(cx, cell, plane[node])
+            stack.append((np.int64(cx.cell_child[cell, 0]), np.int64(child[node, 0])))
+            stack.append((np.int64(cx.cell_child[cell, 1]), np.int64(child[node, 1])))
+        else:
+            stack.append((cell, np.int64(child[node, 0 if place == POSITIVE else 1])))
