@@ -231,13 +231,18 @@ class Constraints:
     def scale(self, name: str) -> float:
         """Return a natural size of a constraint's margin, to weigh violations of different units."""
         low, high = (np.asarray(corner, dtype=float) for corner in self.space.workspace)
+        diagonal = float(np.linalg.norm(high - low))
         return {
             "resolution_mm": max(self.min_length_mm, 1e-9),
             "focus_mm": self.camera.depth_of_field_mm[0],
             "field_of_view_px": float(max(self.camera.resolution)),
             "field_of_view_mm": max(self.sphere_radius, 1e-9),
             "clearance_mm": max(self.requirements.stand_off_mm, 1.0),
-        }.get(name, float(np.linalg.norm(high - low)) if name == "workspace_mm" else 1.0)
+            "workspace_mm": diagonal,
+            # a region's margin is a distance, a callable's is +1 or -1
+            "reach": diagonal if hasattr(self.requirements.reach, "margin") else 1.0,
+            "visibility": 1.0,
+        }[name]
 
     def violation(self, cam2world: np.ndarray) -> np.ndarray:
         """Return how far poses (n, 4, 4) are from feasible: 0 is feasible, else a sum over constraints; (n,)."""
