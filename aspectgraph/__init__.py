@@ -1,5 +1,6 @@
 """Exact entity-based aspect graphs of polyhedral parts."""
 
+from aspectgraph.entities import Entity, read_entities, resolve_entities
 from aspectgraph.exceptions import (
     AspectGraphError,
     EntityError,
@@ -22,6 +23,7 @@ from aspectgraph.topology import Edge, Face
 __all__ = [
     "AspectGraphError",
     "Edge",
+    "Entity",
     "EntityError",
     "Face",
     "MissingExtraError",
@@ -36,5 +38,7 @@ __all__ = [
     "SolidError",
     "TouchingError",
     "WorkspaceError",
+    "read_entities",
     "read_solid",
+    "resolve_entities",
 ]

@@ -27,8 +27,11 @@ from aspectgraph.exceptions import NonManifoldError, OpenSolidError, ReadError
 from aspectgraph.facets import Tessellation
 from aspectgraph.topology import describe_point
 
-SMOOTH_DEG = 1.0
-"""Two CAD faces whose normals differ by less along their whole common edge meet smoothly there."""
+SMOOTH_DEG = 5.0
+"""Two CAD faces, at least one of them curved, meet smoothly where their normals differ by less all along the edge.
+
+Between planar faces the facets have the true angle, so the caller of ``straight_edges`` decides.
+"""
 
 _N_SAMPLES = 7
 
@@ -96,9 +99,8 @@ class _Collector:
         patch = np.repeat(np.arange(len(blocks)), [len(block) for block in blocks])
         whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
         curved_patch = np.array([not is_planar(face, self.flat_mm) for face in self.faces])
-        return Tessellation(
-            np.array(self.points), triangles[whole], patch[whole], curved_patch, self._curved_edges(root)
-        )
+        curved_edges = self._curved_edges(root, curved_patch)
+        return Tessellation(np.array(self.points), triangles[whole], patch[whole], curved_patch, curved_edges)
 
     def _id(self, key: tuple, point: np.ndarray) -> int:
         if key not in self.ids:
@@ -151,12 +153,14 @@ class _Collector:
             use = _Use(edge, face, face_index, tuple(int(number[node]) for node in nodes))
             self.uses.setdefault(edge_index, []).append(use)
 
-    def _curved_edges(self, root: np.ndarray) -> set[tuple[int, int]]:
+    def _curved_edges(self, root: np.ndarray, curved_patch: np.ndarray) -> set[tuple[int, int]]:
         """Return the chords of edges that are not straight or not sharp."""
         chords = set()
         for uses in self.uses.values():
             _check_uses(uses, self.points)
-            if is_straight(uses[0].edge, self.flat_mm) and turn_deg(*uses) >= SMOOTH_DEG:
+            on_curved = any(curved_patch[use.face_index] for use in uses)
+            smooth = on_curved and turn_deg(*uses) < SMOOTH_DEG
+            if is_straight(uses[0].edge, self.flat_mm) and not smooth:
                 continue
             chain = root[list(uses[0].nodes)].tolist()
             chords.update((min(a, b), max(a, b)) for a, b in pairwise(chain))

@@ -43,7 +43,9 @@ def check_contacts(solid: Solid) -> None:
     ends = np.array([edge.vertices for edge in solid.edges])
     edge_idx, triangle_idx = _near_pairs(solid, points, ends, tolerance)
     triangles = solid.triangles[triangle_idx]
-    gap, pierces = segment_triangle_gap(points[ends[edge_idx]], points[triangles], tolerance)
+    gap, pierces = segment_triangle_gap(
+        points[ends[edge_idx]], points[triangles], tolerance, _on_rim(triangles, ends, len(points))
+    )
     contact = np.flatnonzero(gap <= tolerance)
     if len(contact):
         first = contact[np.argmax(pierces[contact])]
@@ -78,8 +80,14 @@ def _near_pairs(solid: Solid, points: np.ndarray, ends: np.ndarray, tolerance: f
     return edge_idx[~shared], triangle_idx[~shared]
 
 
+def _on_rim(triangles: np.ndarray, ends: np.ndarray, n: int) -> np.ndarray:
+    """Return which sides of triangles are edges of the solid rather than cuts through a face, shape (t, 3)."""
+    sides = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).astype(np.int64)
+    return np.isin(sides.min(axis=-1) * n + sides.max(axis=-1), ends.min(axis=1) * n + ends.max(axis=1))
+
+
 def segment_triangle_gap(
-    segments: np.ndarray, triangles: np.ndarray, tolerance: float
+    segments: np.ndarray, triangles: np.ndarray, rim: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return how close segments come to triangles, and which go through.
 
@@ -87,6 +95,8 @@ def segment_triangle_gap(
     ----------
     segments : ndarray, shape (n, 2, 3)
     triangles : ndarray, shape (n, 3, 3)
+    rim : ndarray of bool, shape (n, 3)
+        Whether the side from corner k to the next is a rim of the surface; a segment may pierce the other sides.
     tolerance : float
         Distances above it need not be exact: infinity is returned for pairs separated by the triangle's plane.
 
@@ -94,37 +104,40 @@ def segment_triangle_gap(
     -------
     gap : ndarray, shape (n,)
     pierces : ndarray of bool, shape (n,)
-        The segment passes through the inside of the triangle, by more than the tolerance on every side.
+        The segment passes through the triangle, by more than the tolerance beyond both ends and every rim.
     """
     gap, pierces = np.full(len(segments), np.inf), np.zeros(len(segments), dtype=bool)
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     heights = np.einsum("nij,nj->ni", segments - triangles[:, :1], normals)
     near = np.flatnonzero((heights.min(axis=1) <= tolerance) & (heights.max(axis=1) >= -tolerance))
-    segments, triangles, normals, heights = segments[near], triangles[near], normals[near], heights[near]
+    segments, triangles, rim = segments[near], triangles[near], rim[near]
+    normals, heights = normals[near], heights[near]
     (p, q), (hp, hq) = segments.swapaxes(0, 1), heights.T
     best = np.full(len(near), np.inf)
     for point, height in ((p, hp), (q, hq)):
-        best = np.where(_inset(point, triangles, normals) >= 0, np.minimum(best, np.abs(height)), best)
+        inside = (_insets(point, triangles, normals) >= 0).all(axis=1)
+        best = np.where(inside, np.minimum(best, np.abs(height)), best)
     for k in range(3):
         best = np.minimum(best, segment_distance(p, q, triangles[:, k], triangles[:, (k + 1) % 3]))
     across = hp * hq < 0
     share = np.divide(hp, hp - hq, out=np.zeros_like(hp), where=across)
-    inset = np.where(across, _inset(p + share[:, None] * (q - p), triangles, normals), -np.inf)
-    gap[near] = np.where(inset >= 0, 0.0, best)
-    pierces[near] = (inset > tolerance) & (np.abs(heights).min(axis=1) > tolerance)
+    insets = _insets(p + share[:, None] * (q - p), triangles, normals)
+    gap[near] = np.where(across & (insets >= 0).all(axis=1), 0.0, best)
+    through = across & (np.abs(heights).min(axis=1) > tolerance)
+    pierces[near] = through & (insets > np.where(rim, tolerance, -tolerance)).all(axis=1)
     return gap, pierces
 
 
-def _inset(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Return the distance of points, seen along the normal, from the triangle's rim: positive inside."""
+def _insets(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Return the distances of points, seen along the normal, from the sides, shape (n, 3): positive inside."""
     insets = []
     for k in range(3):
         start, end = triangles[:, k], triangles[:, (k + 1) % 3]
         inward = np.cross(normals, end - start)
-        inward /= np.linalg.norm(inward, axis=1, keepdims=True)
+        inward /= np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-300)
         insets.append(np.einsum("ij,ij->i", points - start, inward))
-    return np.min(insets, axis=0)
+    return np.stack(insets, axis=1)
 
 
 def segment_distance(p: np.ndarray, q: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from aspectgraph.exceptions import MissingExtraError, ReadError, SelfIntersectionError
+from aspectgraph.exceptions import MissingExtraError, NonManifoldError, ReadError, SelfIntersectionError
 from aspectgraph.facets import Tessellation, assemble
 from aspectgraph.solid import Solid
 from aspectgraph.validation import RELATIVE_PLANARITY
@@ -60,12 +60,18 @@ def read_step(
     diagonal = _diagonal_mm(shapes)
     chord = diagonal * RELATIVE_CHORD if chord_tolerance_mm is None else float(chord_tolerance_mm)
     flat = diagonal * RELATIVE_PLANARITY
-    for _ in range(_MAX_REFINEMENTS):
-        try:
-            return _build(shapes, chord, angular_tolerance_deg, flat, planarity_mm, name)
-        except SelfIntersectionError:
-            chord /= 4.0
-    return _build(shapes, chord, angular_tolerance_deg, flat, planarity_mm, name)
+    try:
+        for _ in range(_MAX_REFINEMENTS):
+            try:
+                return _build(shapes, chord, angular_tolerance_deg, flat, planarity_mm, name)
+            except SelfIntersectionError:
+                chord /= 4.0
+        return _build(shapes, chord, angular_tolerance_deg, flat, planarity_mm, name)
+    except (SelfIntersectionError, NonManifoldError) as error:
+        if len(shapes) == 1:
+            raise
+        hint = f"The file holds {len(shapes)} solids; read some of them with solids=[...]."
+        raise type(error)(f"{error} {hint}") from error
 
 
 def _build(shapes, chord_mm: float, angle_deg: float, flat_mm: float, planarity_mm, name: str) -> Solid:
