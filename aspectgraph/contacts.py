@@ -43,9 +43,8 @@ def check_contacts(solid: Solid) -> None:
     ends = np.array([edge.vertices for edge in solid.edges])
     edge_idx, triangle_idx = _near_pairs(solid, points, ends, tolerance)
     triangles = solid.triangles[triangle_idx]
-    gap, pierces = segment_triangle_gap(
-        points[ends[edge_idx]], points[triangles], tolerance, _on_rim(triangles, ends, len(points))
-    )
+    rim = _on_rim(triangles, ends, len(points))
+    gap, pierces = segment_triangle_gap(points[ends[edge_idx]], points[triangles], rim, tolerance)
     contact = np.flatnonzero(gap <= tolerance)
     if len(contact):
         first = contact[np.argmax(pierces[contact])]
