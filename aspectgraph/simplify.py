@@ -138,6 +138,12 @@ def _choose(cx, facets):
 
 
 @nb.njit(cache=True)
+def _retire(cx, f):
+    """Take a free facet that did its work out of everybody's sight: its sides are not cells of this complex."""
+    cx.face_sides[f] = -1
+
+
+@nb.njit(cache=True)
 def partition(cx, root, facets, labels):
     """Cut cell `root` along free facets and label the parts.
 
@@ -161,6 +167,8 @@ def partition(cx, root, facets, labels):
                 if cx.face_plane[pool[k]] != h:
                     pool[kept] = pool[k]
                     kept += 1
+                else:
+                    _retire(cx, pool[k])
             size = kept - start
         if size == 0:
             n_parts += 1
@@ -181,11 +189,14 @@ def partition(cx, root, facets, labels):
             if side & NEGATIVE:
                 pool[behind + n_behind] = cx.face_child[f, 1] if side == CROSSED else f
                 n_behind += 1
+            if side == 0 and f != chosen:
+                _retire(cx, f)
         used += 2 * size
         for child in range(2):
             part = cx.cell_child[cell, child]
             cx.label[part] = labels[cx.face_sides[chosen, child]]
             refresh_cell(cx, part)
+        _retire(cx, chosen)
         stack.append((cx.cell_child[cell, 0], ahead, n_ahead))
         stack.append((cx.cell_child[cell, 1], behind, n_behind))
     return n_parts
