@@ -6,7 +6,7 @@ one call a planner needs; the laws of the paper's equations are `AxisQuantizatio
 `SegmentError` (15).
 """
 
-from errors.displacement import DisplacementTerms, displacement_terms, point_displacement
+from errors.displacement import DisplacementTerms, displace, displacement_terms, point_displacement
 from errors.exceptions import (
     BehindLensError,
     CovarianceError,
@@ -17,11 +17,13 @@ from errors.exceptions import (
 )
 from errors.expansion import length_expansion
 from errors.montecarlo import MonteCarloEstimate, binomial_interval, simulate_success
+from errors.pixels import coverage_image, measure_lengths
 from errors.probability import success_probability
 from errors.projection import image_segment, project
 from errors.quantization import AxisQuantization, SegmentQuantization
 from errors.ratio import NormalRatio
 from errors.segment import AxisDisplacement, SegmentDisplacement, SegmentError
+from errors.twin import simulate_measurement
 
 __all__ = [
     "AxisDisplacement",
@@ -39,11 +41,15 @@ __all__ = [
     "SegmentError",
     "SegmentQuantization",
     "binomial_interval",
+    "coverage_image",
+    "displace",
     "displacement_terms",
     "image_segment",
     "length_expansion",
+    "measure_lengths",
     "point_displacement",
     "project",
+    "simulate_measurement",
     "simulate_success",
     "success_probability",
 ]

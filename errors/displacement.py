@@ -24,7 +24,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from errors.checks import check_covariance, check_points, check_positive
+from errors.checks import check_covariance, check_finite, check_points, check_positive
+from errors.exceptions import InvalidShapeError
 from errors.ratio import NormalRatio
 
 
@@ -45,6 +46,40 @@ class DisplacementTerms(NamedTuple):
     n_v: NDArray[np.float64]
     d_mean: NDArray[np.float64]
     d: NDArray[np.float64]
+
+
+def displace(points: ArrayLike, displacement: ArrayLike) -> NDArray[np.float64]:
+    """Return points as seen from the displaced camera, C' = R(phi) C + d with the exact rotation.
+
+    Parameters
+    ----------
+    points : array-like, shape (..., 3)
+        Points in the paper's camera frame, in mm.
+    displacement : array-like, shape (..., 6)
+        (dx, dy, dz, phi_x, phi_y, phi_z) in mm and rad, phi a rotation vector; broadcasts against the points.
+
+    Returns
+    -------
+    array, shape (..., 3)
+        Displaced points in mm.
+
+    Raises
+    ------
+    InvalidShapeError
+        If a last dimension is not 3 or 6.
+    InvalidParameterError
+        If a value is not finite.
+    """
+    points, displacement = check_finite(points, "points"), check_finite(displacement, "displacement")
+    for name, array, size in (("points", points, 3), ("displacement", displacement, 6)):
+        if array.ndim < 1 or array.shape[-1] != size:
+            raise InvalidShapeError(f"{name} must have shape (..., {size}). Got shape {array.shape}.")
+    phi = displacement[..., 3:]
+    angle = np.linalg.norm(phi, axis=-1, keepdims=True)
+    # np.sinc(x) = sin(pi x) / (pi x), finite at 0: Rodrigues' formula without a special case.
+    first, second = np.sinc(angle / np.pi), 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
+    turned = np.cross(phi, points)
+    return points + first * turned + second * np.cross(phi, turned) + displacement[..., :3]
 
 
 def displacement_terms(points: ArrayLike, *, focal_length_mm: float) -> DisplacementTerms:

@@ -1,0 +1,86 @@
+"""Digital twin of a measurement: displaced pose, synthetic image, detected ends, length.
+
+Is the predicted probability true? `success_probability` models what a pixel grid does to a length by four independent
+uniform errors (eq 3). The twin does not: it draws a displaced pose, makes the pixel image of the edge on the one fixed
+grid of the sensor, finds the edge's ends in it by the paper's rule and compares the length with the nominal one. Where
+both agree the model holds.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from errors.checks import (
+    check_count,
+    check_covariance,
+    check_endpoints,
+    check_positive,
+    check_probability,
+)
+from errors.covariance import covariance_root
+from errors.displacement import displace
+from errors.exceptions import InvalidShapeError
+from errors.montecarlo import MonteCarloEstimate, binomial_interval
+from errors.pixels import measure_lengths
+from errors.projection import image_segment, project
+
+_CHUNK = 1 << 14
+
+
+def simulate_measurement(
+    endpoints: ArrayLike,
+    *,
+    focal_length_mm: float,
+    pixel_pitch_mm: ArrayLike,
+    pose_covariance: ArrayLike,
+    accuracy: float,
+    samples: int = 10_000,
+    rng: int | np.random.Generator = 0,
+    confidence: float = 0.95,
+    detector: str = "axes",
+    band_px: float = 3.0,
+) -> MonteCarloEstimate:
+    """Measure one edge in synthetic images from displaced poses and return how often the length is accurate.
+
+    Parameters
+    ----------
+    endpoints : array-like, shape (2, 3)
+        Edge ends in the paper's camera frame, in mm.
+    focal_length_mm, pixel_pitch_mm, pose_covariance, accuracy
+        As `success_probability`; one covariance (6, 6).
+    samples, rng, confidence
+        As `simulate_success`.
+    detector, band_px
+        How ends are found in the image; see `errors.pixels`.
+
+    Returns
+    -------
+    MonteCarloEstimate
+        Success frequency (a scalar) and its interval. An edge that is not found, or a pose that puts an end behind the
+        lens, is a failure.
+
+    Raises
+    ------
+    InvalidParameterError
+        As `success_probability` and `measure_lengths`.
+    """
+    f = check_positive(focal_length_mm, "focal_length_mm")
+    endpoints = check_endpoints(endpoints, f)
+    covariance = check_covariance(pose_covariance)
+    for name, array, shape in (("endpoints", endpoints, (2, 3)), ("pose_covariance", covariance, (6, 6))):
+        if array.shape != shape:
+            raise InvalidShapeError(f"{name} must have shape {shape}. Got shape {array.shape}.")
+    tolerance = 1.0 - check_probability(accuracy, "accuracy")
+    samples, confidence = check_count(samples, "samples"), check_probability(confidence, "confidence")
+    length, rng = image_segment(endpoints, focal_length_mm=f)[0], np.random.default_rng(rng)
+    hits = 0
+    for start in range(0, samples, _CHUNK):
+        normal = rng.standard_normal((min(_CHUNK, samples - start), 6))
+        ends = displace(endpoints, (normal @ covariance_root(covariance).T)[:, None, :])
+        ends = ends[(ends[..., 2] < f).all(axis=1)]
+        images = project(ends, focal_length_mm=f)
+        measured = measure_lengths(images, pixel_pitch_mm=pixel_pitch_mm, detector=detector, band_px=band_px)
+        hits += int((np.abs(measured - length) <= tolerance * length).sum())
+    lower, upper = binomial_interval(hits, samples, confidence)
+    return MonteCarloEstimate(np.float64(hits / samples), lower[()], upper[()], samples=samples, confidence=confidence)
