@@ -1,8 +1,10 @@
 """Exact entity-based aspect graphs of polyhedral parts."""
 
+from aspectgraph.cellset import Cell, CellSet
 from aspectgraph.entities import Entity, read_entities, resolve_entities
 from aspectgraph.exceptions import (
     AspectGraphError,
+    ContradictionError,
     EntityError,
     MissingExtraError,
     NonManifoldError,
@@ -16,14 +18,22 @@ from aspectgraph.exceptions import (
     TouchingError,
     WorkspaceError,
 )
+from aspectgraph.graph import EntityAspectGraph, build_aspect_graph
+from aspectgraph.graphml import read_graphml, write_graphml
+from aspectgraph.partition import PartitionSurface
 from aspectgraph.reader import read_solid
+from aspectgraph.regions import VisibilityRegions, compute_regions
 from aspectgraph.solid import Solid
 from aspectgraph.topology import Edge, Face
 
 __all__ = [
     "AspectGraphError",
+    "Cell",
+    "CellSet",
+    "ContradictionError",
     "Edge",
     "Entity",
+    "EntityAspectGraph",
     "EntityError",
     "Face",
     "MissingExtraError",
@@ -31,14 +41,20 @@ __all__ = [
     "OpenSolidError",
     "OrientationError",
     "PartFileNotFoundError",
+    "PartitionSurface",
     "PlanarityError",
     "ReadError",
     "SelfIntersectionError",
     "Solid",
     "SolidError",
     "TouchingError",
+    "VisibilityRegions",
     "WorkspaceError",
+    "build_aspect_graph",
+    "compute_regions",
     "read_entities",
+    "read_graphml",
     "read_solid",
     "resolve_entities",
+    "write_graphml",
 ]

@@ -143,10 +143,7 @@ def _insert_facets(cx, first, plane, side, n_perpendicular):
 
 @nb.njit(cache=True)
 def _is_empty(label):
-    for word in label:
-        if word != 0:
-            return False
-    return True
+    return not label.any()
 
 
 @nb.njit(cache=True)

@@ -175,9 +175,8 @@ def graph_of(regions: VisibilityRegions, names: Sequence[str], min_width_mm: flo
     cx = overlay(own, shared._replace(planes=with_facet_planes(shared.planes, facets)))
     carve(cx, scene, facets, len(box), grid)
     domains = find_domains(cx, min_width_mm / grid.step_mm)
-    graph = _networkx(
-        chosen, cx, domains, Provenance(chosen.solid, scene, grid, list(chosen.entities.values()), own, shared)
-    )
+    provenance = Provenance(chosen.solid, scene, grid, list(chosen.entities.values()), own, shared)
+    graph = _networkx(chosen, cx, domains, provenance)
     graph.graph["min_width_mm"] = float(min_width_mm)
     eag = EntityAspectGraph(chosen, graph, cx, domains)
     _confirm(eag, scene)

@@ -86,10 +86,7 @@ def _has_face(cx, c, f):
     """Whether f bounds cell c; free facets carry label rows, not cells, on their sides."""
     if cx.cell_child[c, 0] >= 0:
         return False
-    for k in range(cx.cell_first[c], cx.cell_first[c] + cx.cell_size[c]):
-        if cx.face_list[k] == f:
-            return True
-    return False
+    return (cx.face_list[cx.cell_first[c] : cx.cell_first[c] + cx.cell_size[c]] == f).any()
 
 
 def interfaces(cx: Complex) -> tuple[np.ndarray, np.ndarray]:

@@ -27,7 +27,7 @@ class PartitionSurface:
     entity : str
         Name of the entity.
     vertices, edges, faces : tuple of int
-        What spans the plane, by numbers of the solid: a face (type A, or B where such a plane is also that of a face), an
+        What spans the plane, by numbers of the solid: a face (type A; type B where the plane is also that of a face), an
         edge and an end of the entity, or a vertex and the entity's edges.
     plane : tuple of float
         (a, b, c, d) with unit normal, a·x + b·y + c·z = d in mm.
@@ -101,14 +101,8 @@ class Provenance:
                 vertices, edges = (numbers[0],), entity.edge_ids
             else:
                 faces = (numbers[0],)
-        return PartitionSurface(
-            "A" if next_to else "B",
-            entity.name,
-            vertices,
-            edges,
-            faces,
-            plane_in_mm(self._shared.planes[plane], self._grid),
-        )
+        in_mm = plane_in_mm(self._shared.planes[plane], self._grid)
+        return PartitionSurface("A" if next_to else "B", entity.name, vertices, edges, faces, in_mm)
 
     @staticmethod
     def _same_plane(plane: np.ndarray, other: np.ndarray) -> bool:

@@ -96,13 +96,10 @@ def _insert(cx, first, plane, side, start, limit):
 
     A blocked cell is not cut again, and a set that misses a cell does not cut it.
     """
-    seen = np.empty(cx.count[N_CELLS], np.int64)
-    n_open = 0
+    open_cells = [np.int64(0) for _ in range(0)]
     for c in range(cx.count[N_CELLS]):
         if cx.cell_child[c, 0] < 0 and cx.label[c, 0] == 1:
-            seen[n_open] = c
-            n_open += 1
-    open_cells = [c for c in seen[:n_open]]
+            open_cells.append(np.int64(c))
     for k in range(start, len(first) - 1):
         if cx.count[N_CELLS] > limit:
             return k
