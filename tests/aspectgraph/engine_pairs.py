@@ -1,0 +1,101 @@
+"""Viewpoint–entity pairs on which the engine is compared with the referee.
+
+Generated solids have integer vertices, viewpoints lie on a grid of 1/64 mm: both programs get the same numbers.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from exact_checker import ExactChecker
+from generated_solids import Part, generated_solid
+
+from aspectgraph.entities import Entity, resolve_entities
+from aspectgraph.regions import compute_regions
+from aspectgraph.solid import Solid
+
+STEPS_PER_MM = 64
+
+
+class Comparison(NamedTuple):
+    """Answers of both programs for one solid, (n, k) bool, and what they were asked."""
+
+    part: Part
+    points: np.ndarray
+    edges: list[tuple[int, int]]
+    engine: np.ndarray
+    referee: np.ndarray
+
+    def disagreements(self) -> list[tuple[str, tuple, tuple, bool]]:
+        """Return (solid, viewpoint, edge's end points, engine's answer) for every pair that differs."""
+        return [
+            (
+                self.part.name,
+                tuple(self.points[i]),
+                tuple(self.part.vertices[v] for v in self.edges[k]),
+                self.engine[i, k],
+            )
+            for i, k in np.argwhere(self.engine != self.referee)
+        ]
+
+
+def solid_of(part: Part) -> Solid:
+    """Return the part as the package's solid."""
+    return Solid(part.vertices, part.faces, name=part.name)
+
+
+def sharp_edges(part: Part, checker: ExactChecker) -> list[tuple[int, int]]:
+    """Return the edges whose faces are not coplanar."""
+    return [pair for pair in part.edges() if checker.convexity[pair]]
+
+
+def entities_of(solid: Solid, edges) -> dict[str, Entity]:
+    """Return vertex pairs as entities, however slightly their faces turn."""
+    points = {f"e{i}": solid.vertices[list(pair)] for i, pair in enumerate(edges)}
+    return resolve_entities(solid, points, min_dihedral_deg=1e-3)
+
+
+def workspace_of(part: Part) -> np.ndarray:
+    """Return a box with one diagonal of room, so that most partition surfaces matter in it."""
+    low, high = np.min(part.vertices, axis=0), np.max(part.vertices, axis=0)
+    room = int(np.ceil(np.linalg.norm(high - low)))
+    return np.array([low - room, high + room], dtype=float)
+
+
+def uniform_viewpoints(rng: np.random.Generator, workspace, n: int) -> np.ndarray:
+    """Return points on the grid, uniform in the workspace."""
+    return rng.integers(workspace[0] * STEPS_PER_MM, workspace[1] * STEPS_PER_MM + 1, (n, 3)) / STEPS_PER_MM
+
+
+def viewpoints_near_partition_planes(rng: np.random.Generator, part: Part, edges, workspace, n: int) -> np.ndarray:
+    """Return points on the grid about a grid step from planes through entity and vertex, or entity's end and edge."""
+    vertices, all_edges = np.array(part.vertices, dtype=float), part.edges()
+    points = []
+    for _ in range(n):
+        a, b = edges[rng.integers(len(edges))]
+        if rng.random() < 0.5:
+            base, span = vertices[a], vertices[[b, rng.integers(len(vertices))]]
+        else:
+            base, span = vertices[rng.choice([a, b])], vertices[list(all_edges[rng.integers(len(all_edges))])]
+        weights = rng.normal(size=2) * rng.choice([1, 4, 16])
+        points.append(base + weights @ (span - base) + rng.integers(-1, 2, 3) / STEPS_PER_MM)
+    points = np.rint(np.array(points).reshape(-1, 3) * STEPS_PER_MM) / STEPS_PER_MM
+    return points[((points >= workspace[0]) & (points <= workspace[1])).all(axis=1)]
+
+
+def compare(seed: int, n_points: int, n_edges: int) -> Comparison:
+    """Ask both programs about one generated solid."""
+    rng = np.random.default_rng([seed, 1])
+    part = generated_solid(seed)
+    checker = ExactChecker(part.vertices, part.faces, STEPS_PER_MM)
+    edges = sharp_edges(part, checker)
+    edges = [edges[i] for i in rng.permutation(len(edges))[:n_edges]]
+    workspace = workspace_of(part)
+    near = viewpoints_near_partition_planes(rng, part, edges, workspace, n_points // 2)
+    points = np.concatenate([uniform_viewpoints(rng, workspace, n_points - len(near)), near])
+    points = points[checker.generic(points)]
+    solid = solid_of(part)
+    regions = compute_regions(solid, entities_of(solid, edges), workspace)
+    assert regions.grid.snapping_mm == 0.0
+    return Comparison(part, points, edges, regions.observable(points), checker.observable(points, edges))
