@@ -6,11 +6,14 @@ that were meant flat, so that chords of a hole's rim are not offered as straight
 Rules
 -----
 * An edge is *gentle* if the normal turns by less than `GENTLE_DEG` there.
-* The *width* of a face is its area over the length of its longest gentle edge. Neighbours match a face if they are at
-  least 1 / `WIDTH_RATIO` times as wide.
-* A face is a *facet* of a curved surface if at least two gentle edges to matching neighbours turn the same way, and an
-  arc through the face that turns by the mean of both turns would stand off from it by no more than `RELATIVE_SAGITTA`
-  of the part's bounding box diagonal. So is a face across a gentle edge of a facet that the facet matches.
+* The *width* of a face is its area over the length of its longest gentle edge. A face matches a neighbour if it is no
+  wider than `WIDTH_RATIO` times that.
+* Where a plane runs into an arc, it turns by half of what neighbouring facets of the arc do. A gentle edge is *tangent*
+  for a face if it turns by less than `TANGENT_SHARE` of what the face across turns, the same way, at another edge.
+* A face is a *facet* of a curved surface if it has two or more gentle edges to matching neighbours that turn the same
+  way, not all of them tangent, and an arc through the face that turns by the mean of the two largest turns would stand
+  off from it by no more than `RELATIVE_SAGITTA` of the part's bounding box diagonal.
+* So is a face that matches a facet across a gentle edge that is not tangent for it.
 * Curved, and thus no candidate, are the gentle edges of facets, and the edges of facets that start at a gentle edge of
   theirs (the chords of a rim). An edge of a facet that meets no gentle one is a straight end of the surface and stays.
 
@@ -20,6 +23,7 @@ A prism that really has twelve or more sides is therefore taken for a cylinder; 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,8 +36,11 @@ GENTLE_DEG = 31.0
 RELATIVE_SAGITTA = 0.02
 """Largest distance of a facet from its arc, as a fraction of the bounding box diagonal."""
 
-WIDTH_RATIO = 2.0
-"""How much wider than its neighbour the last facet of a curved surface may be."""
+WIDTH_RATIO = 4.0
+"""How much wider than its neighbour a facet of a curved surface may be."""
+
+TANGENT_SHARE = 0.75
+"""Between the half of a tangent plane and the whole of an even arc, nearer to the whole: arcs are seldom uneven."""
 
 _FLAT_DEG = 1e-3
 
@@ -62,8 +69,9 @@ def find_curved(vertices: np.ndarray, faces: list[Face]) -> tuple[list[Face], se
     gentle = np.abs(turns) < GENTLE_DEG
     widths = _widths(vertices, faces, area_vectors, edge_vertices, edge_faces, gentle)
     sagitta_mm = RELATIVE_SAGITTA * float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    facet = _first_facets(len(faces), edge_faces, turns, gentle, widths, sagitta_mm)
-    facet = _with_ends(facet, edge_faces[gentle], widths)
+    bends = _bends(len(faces), edge_faces[gentle], turns[gentle], widths)
+    facet = np.array([_is_facet(around, width, sagitta_mm) for around, width in zip(bends, widths, strict=True)])
+    facet |= np.array([any(facet[b.across] and b.matches and not b.tangent for b in around) for around in bends])
     curved = _chords(facet, edge_vertices, edge_faces, gentle)
     pairs = {(min(a, b), max(a, b)) for a, b in edge_vertices[curved].tolist()}
     return [replace(face, curved=bool(facet[f])) for f, face in enumerate(faces)], pairs
@@ -79,30 +87,46 @@ def _widths(vertices, faces, area_vectors, edge_vertices, edge_faces, gentle) ->
     return np.divide(areas, longest, out=np.full(len(faces), np.inf), where=longest > 0)
 
 
-def _first_facets(n_faces: int, edge_faces, turns, gentle, widths, sagitta_mm: float) -> np.ndarray:
-    bends: list[list[float]] = [[] for _ in range(n_faces)]
-    for (f, g), turn in zip(edge_faces[gentle].tolist(), turns[gentle].tolist(), strict=True):
-        for face, neighbour in ((f, g), (g, f)):
-            if abs(turn) > _FLAT_DEG and widths[face] <= WIDTH_RATIO * widths[neighbour]:
-                bends[face].append(turn)
-    facet = np.zeros(n_faces, dtype=bool)
-    for f, around in enumerate(bends):
-        for way in (1.0, -1.0):
-            same = sorted((turn * way for turn in around if turn * way > 0), reverse=True)
-            if len(same) >= 2:
-                # Chord of width w that turns by the angle t: the arc stands off by w / 2 tan(t / 4).
-                stand_off = 0.5 * widths[f] * np.tan(np.radians(0.5 * (same[0] + same[1])) / 4.0)
-                facet[f] |= bool(stand_off <= sagitta_mm)
-    return facet
+class _Bend(NamedTuple):
+    """A gentle edge as one of its faces sees it."""
+
+    turn: float
+    across: int
+    matches: bool
+    tangent: bool
 
 
-def _with_ends(facet: np.ndarray, gentle_pairs: np.ndarray, widths: np.ndarray) -> np.ndarray:
-    """Add the faces across gentle edges of facets that are about as narrow."""
-    ends = facet.copy()
-    for f, g in np.concatenate([gentle_pairs, gentle_pairs[:, ::-1]]).tolist():
-        if facet[f] and widths[g] <= WIDTH_RATIO * widths[f]:
-            ends[g] = True
-    return ends
+def _bends(n_faces: int, edge_faces: np.ndarray, turns: np.ndarray, widths: np.ndarray) -> list[list[_Bend]]:
+    """Return the gentle edges of every face that are not flat."""
+    around: list[list[float]] = [[] for _ in range(n_faces)]
+    pairs = [(f, g, t) for (f, g), t in zip(edge_faces.tolist(), turns.tolist(), strict=True) if abs(t) > _FLAT_DEG]
+    for f, g, turn in pairs:
+        around[f].append(turn)
+        around[g].append(turn)
+    bends: list[list[_Bend]] = [[] for _ in range(n_faces)]
+    for f, g, turn in pairs:
+        for face, across in ((f, g), (g, f)):
+            tangent = abs(turn) < TANGENT_SHARE * _largest_other(around[across], turn)
+            bends[face].append(_Bend(turn, across, bool(widths[face] <= WIDTH_RATIO * widths[across]), tangent))
+    return bends
+
+
+def _largest_other(turns: list[float], turn: float) -> float:
+    """Return the largest of `turns` the same way as `turn`, leaving that one out once; 0 if there is none."""
+    others = sorted(abs(t) for t in turns if t * turn > 0)
+    others.remove(abs(turn))
+    return others[-1] if others else 0.0
+
+
+def _is_facet(bends: list[_Bend], width: float, sagitta_mm: float) -> bool:
+    for way in (1.0, -1.0):
+        same = sorted((b for b in bends if b.matches and b.turn * way > 0), key=lambda b: -abs(b.turn))
+        if len(same) >= 2 and not all(bend.tangent for bend in same):
+            # A chord of width w under an arc that turns by t: the arc stands off by w / 2 tan(t / 4).
+            turn = 0.5 * (abs(same[0].turn) + abs(same[1].turn))
+            if 0.5 * width * np.tan(np.radians(turn) / 4.0) <= sagitta_mm:
+                return True
+    return False
 
 
 def _chords(facet: np.ndarray, edge_vertices: np.ndarray, edge_faces: np.ndarray, gentle: np.ndarray) -> np.ndarray:
