@@ -27,7 +27,7 @@ from planner.cover import min_cover
 from planner.exceptions import InfeasibleError, RequestError
 from planner.plan import InspectionPlan
 from planner.pose import PoseUncertainty
-from planner.progress import report
+from planner.progress import labelled, report
 from planner.realise import realise, reason_for
 from planner.setting import pose_margin_px
 from planner.state import PlanningState
@@ -131,9 +131,12 @@ def plan_inspection(
         from aspectgraph import compute_regions
 
         box = default_workspace(solid, camera) if workspace is None else workspace
-        space = compute_regions(solid, entities, workspace=box, executor=executor, progress=progress)
+        space = compute_regions(
+            solid, entities, workspace=box, executor=executor, progress=labelled(progress, "visible regions")
+        )
     if field_margin_px is None:
-        field_margin_px = pose_margin_px(camera, pose_uncertainty)
+        # ends that leave the image are failures too: 4.5 standard deviations make them negligible beside P
+        field_margin_px = 1.5 * pose_margin_px(camera, pose_uncertainty)
     requirements = Requirements(min_length_px, field_margin_px, "exact", stand_off_mm, reach)
     judge = Judge(space, space.entity_names, camera, pose_uncertainty, accuracy, probability, requirements)
     memo = PlanningState(_request(judge, pose_uncertainty, seed), state)
@@ -195,7 +198,14 @@ class _Work:
     def plan(self) -> InspectionPlan:
         """Do all steps."""
         self._sample()
-        price_poses(self.judge, self.pool, self.near, self.seed, self.effort.pricing_rounds, self._report("column generation", self.effort.pricing_rounds))
+        price_poses(
+            self.judge,
+            self.pool,
+            self.near,
+            self.seed,
+            self.effort.pricing_rounds,
+            self._report("column generation", self.effort.pricing_rounds),
+        )
         uninspectable = self._try_alone()
         inspected = self.pool.membership.any(axis=0)
         self._refute(inspected)
@@ -277,7 +287,9 @@ class _Work:
         settings = []
         for c, names, outcome in zip(cover.chosen, sets, self._realise(sets), strict=True):
             found = self.judge.setting(self.pool.poses[c], names, "candidate pose", seed=column_seed(self.seed, names))
-            ga_wins = not isinstance(outcome, str) and self._holds(outcome, names) and outcome.fitness >= found.fitness - 1e-6
+            ga_wins = (
+                not isinstance(outcome, str) and self._holds(outcome, names) and outcome.fitness >= found.fitness - 1e-6
+            )
             settings.append(outcome if ga_wins else found)
         return settings
 

@@ -108,7 +108,7 @@ class InspectionPlan:
         }
         return {name: p for name, p in best.items() if name not in self.uninspectable}
 
-    def simulate(self, n: int = 10_000, rng=0):
+    def simulate(self, n: int = 10_000, rng=0, progress=None):
         """Draw displaced poses, measure, and count how often the accuracy is met.
 
         Parameters
@@ -117,6 +117,8 @@ class InspectionPlan:
             Displaced poses per setting.
         rng : int or numpy.random.Generator
             Seed.
+        progress : callable, optional
+            ``progress(done, total, label)``.
 
         Returns
         -------
@@ -125,11 +127,11 @@ class InspectionPlan:
         """
         from planner.verification import simulate_plan
 
-        return simulate_plan(self, n, rng=rng)
+        return simulate_plan(self, n, rng=rng, progress=progress)
 
-    def simulated(self, n: int = 10_000, rng=0) -> InspectionPlan:
+    def simulated(self, n: int = 10_000, rng=0, progress=None) -> InspectionPlan:
         """Return the same plan with the result of `simulate` attached."""
-        return replace(self, simulation=self.simulate(n, rng))
+        return replace(self, simulation=self.simulate(n, rng, progress))
 
     def to_dict(self) -> dict:
         """Return the plan as plain Python values that JSON can hold without loss."""

@@ -19,6 +19,11 @@ def report(progress: Progress | None, done: int, total: int, label: str) -> None
         progress(done, total, label)
 
 
+def labelled(progress: Progress | None, label: str) -> Progress | None:
+    """Return a callable that reports everything under one label."""
+    return None if progress is None else lambda done, total, _: progress(done, total, label)
+
+
 @contextmanager
 def terminal_progress(stream=None) -> Iterator[Progress]:
     """Show progress: a live bar per label on a terminal, otherwise one line per finished label.

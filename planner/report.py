@@ -1,0 +1,229 @@
+"""The report: one self-contained HTML file about a plan, for the screen, the printer and the customer."""
+
+from __future__ import annotations
+
+from html import escape
+from importlib import resources
+from string import Template
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from planner.picture import PictureMaker
+from planner.plot import color_of, plan_figure
+from planner.progress import report
+from planner.tables import margin_texts
+
+
+def report_html(plan, space, progress=None) -> str:
+    """Return the report about a plan.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        With or without the result of its simulation.
+    space : VisibilityRegions or EntityAspectGraph
+        Gives the part and the viewing domains.
+    progress : callable, optional
+        ``progress(done, total, label)``.
+
+    Returns
+    -------
+    str
+        A page without references to anything outside it. The same plan gives the same page.
+    """
+    from plotly.offline import get_plotlyjs
+
+    figure = plan_figure(plan, space.solid, space)
+    template = Template(resources.files("planner").joinpath("report.html").read_text(encoding="utf-8"))
+    return template.substitute(
+        title=escape(f"Inspection plan: {plan.part}"),
+        plotly=get_plotlyjs(),
+        part=escape(plan.part or "part"),
+        lead=escape(_lead(plan)),
+        figures=_figures(plan),
+        scene=figure.to_html(
+            full_html=False,
+            include_plotlyjs=False,
+            div_id="scene",
+            default_height="100%",
+            config={"displaylogo": False, "responsive": True, "scrollZoom": True},
+        ),
+        uninspectable=_uninspectable(plan),
+        tolerance=f"{100 * (1 - plan.accuracy):.3g} %",
+        summary=_summary(plan),
+        settings=_settings(plan, space.solid, progress),
+        request=_request(plan),
+        method=_method(plan),
+        footer="Lengths in millimetres, in the part's own frame. Camera axes: x right, y down, z forward.",
+    )
+
+
+def _lead(plan) -> str:
+    n, inspected = len(plan.settings), len(plan.inspected)
+    text = f"{_count(inspected, 'edge')} of {len(plan.entities)} can be measured from {_count(n, 'camera pose')}."
+    if plan.minimal and n:
+        text += " No plan with fewer poses exists: this is proven."
+    elif n:
+        text += f" At least {plan.lower_bound} are needed: this is proven."
+    if plan.simulation is not None and n:
+        text += (
+            " Simulated measurements confirm every stated probability."
+            if plan.simulation.confirmed
+            else " Simulated measurements contradict some of the stated probabilities."
+        )
+    return text
+
+
+def _figures(plan) -> str:
+    worst = min(plan.inspected.values(), default=float("nan"))
+    cells = [
+        (str(len(plan.settings)), "camera poses"),
+        (str(plan.lower_bound), "proven minimum" if plan.minimal else "proven lower bound"),
+        (f"{len(plan.inspected)} / {len(plan.entities)}", "edges inspected"),
+        (f"{worst:.3f}", f"smallest probability (required {plan.probability:g})"),
+    ]
+    if plan.simulation is not None:
+        cells.append((f"{plan.simulation.worst_difference:.4f}", "largest difference to the simulation"))
+    return "".join(f"<div><b>{escape(value)}</b><span>{escape(what)}</span></div>" for value, what in cells)
+
+
+def _uninspectable(plan) -> str:
+    if not plan.uninspectable:
+        return ""
+    rows = "".join(
+        f"<tr><td>{escape(name)}</td><td>{escape(why)}</td></tr>" for name, why in plan.uninspectable.items()
+    )
+    return (
+        '<h2 class="bad">Not inspected</h2><p class="note">These edges are in no setting, for the reason given.</p>'
+        f'<div class="scroll"><table><tr><th>Edge</th><th>Reason</th></tr>{rows}</table></div>'
+    )
+
+
+def _summary(plan) -> str:
+    rows = []
+    for k, setting in enumerate(plan.settings):
+        probabilities = setting.probability.values()
+        position = " ".join(f"{x:.1f}" for x in setting.position)
+        rows.append(
+            f'<tr><td><a href="#setting-{k + 1}">{_swatch(k)}{k + 1}</a></td><td class="n">{position}</td>'
+            f'<td class="n">{len(setting.entities)}</td><td class="n">{min(probabilities):.4f}</td>'
+            f"<td>{escape(', '.join(setting.entities))}</td></tr>"
+        )
+    head = '<th>Setting</th><th class="n">Position (mm)</th><th class="n">Edges</th><th class="n">Smallest P</th><th>Which</th>'
+    return f'<div class="scroll"><table><tr>{head}</tr>{"".join(rows)}</table></div>'
+
+
+def _settings(plan, solid, progress) -> str:
+    maker = PictureMaker(solid, plan.camera)
+    sections = []
+    for k, setting in enumerate(plan.settings):
+        sections.append(_setting(plan, k, setting, maker))
+        report(progress, k + 1, len(plan.settings), "predicted images")
+    return "".join(sections)
+
+
+def _setting(plan, k: int, setting, maker: PictureMaker) -> str:
+    entities = {name: plan.entities[name] for name in setting.entities}
+    x, y, z, w = Rotation.from_matrix(setting.cam2world[:3, :3]).as_quat(canonical=True)
+    position = ", ".join(f"{value:.3f}" for value in setting.position)
+    return (
+        f'<section class="setting" id="setting-{k + 1}"><div class="head"><h3>{_swatch(k)}Setting {k + 1}</h3>'
+        f'<span class="note">camera at ({position}) mm, quaternion x y z w = ({x:.6f}, {y:.6f}, {z:.6f}, {w:.6f})</span></div>'
+        f'<div class="shots"><figure>{maker.image_svg(setting.cam2world, entities, color_of(k))}'
+        "<figcaption>Predicted image, hidden lines removed</figcaption></figure>"
+        f"<figure>{maker.edge_map_svg(setting.cam2world, entities)}"
+        "<figcaption>Edge map: the measured edges and their ends in bold</figcaption></figure></div>"
+        f'<div class="scroll">{_probabilities(plan, k, setting)}</div>'
+        f'<p class="note">Margins: {escape("; ".join(margin_texts(setting.margins)))}.</p></section>'
+    )
+
+
+def _probabilities(plan, k: int, setting) -> str:
+    rates = plan.simulation.rates[k] if plan.simulation is not None else {}
+    rows = []
+    for name in setting.entities:
+        length = np.linalg.norm(plan.entities[name][1] - plan.entities[name][0])
+        row = (
+            f'<td>{escape(name)}</td><td class="n">{length:.3f}</td><td class="n">{setting.probability[name]:.4f}</td>'
+        )
+        if name in rates:
+            row += _rate_cells(rates[name], plan.probability)
+        rows.append(f"<tr>{row}</tr>")
+    head = '<th>Edge</th><th class="n">Length (mm)</th><th class="n">P</th>'
+    if rates:
+        head += f'<th class="n">Simulated</th><th>{plan.simulation.confidence:.0%} interval</th><th></th>'
+    return f"<table><tr>{head}</tr>{''.join(rows)}</table>"
+
+
+def _rate_cells(rate, threshold: float) -> str:
+    """Return the simulated frequency, and the interval as numbers and as a bar with the prediction marked."""
+    low_end = min(threshold, rate.low, rate.predicted) - 0.02
+
+    def place(value: float) -> float:
+        return 100 * (value - low_end) / (1.0 - low_end)
+
+    bar = (
+        f'<span class="bar"><i style="left:{place(rate.low):.1f}%;width:{max(place(rate.high) - place(rate.low), 1.5):.1f}%"></i>'
+        f'<u style="left:calc({place(rate.predicted):.1f}% - 1px)"></u></span>'
+    )
+    broken = rate.predicted > rate.high
+    told = '<span class="bad">promises too much</span>' if broken else '<span class="good">confirmed</span>'
+    return f'<td class="n">{rate.frequency:.4f}</td><td>{rate.low:.4f} to {rate.high:.4f}{bar}</td><td>{told}</td>'
+
+
+def _request(plan) -> str:
+    camera, sigmas = plan.camera, plan.pose_uncertainty.sigmas
+    near, far = camera.depth_of_field_mm
+    field = np.array(camera.sensor_size_mm) / camera.image_distance_mm * camera.focus_distance_mm
+    rows = {
+        "Required accuracy": f"{plan.accuracy:g} (error at most {100 * (1 - plan.accuracy):.3g} % of an edge's image)",
+        "Required probability": f"{plan.probability:g}",
+        "Camera": f"{camera.name or 'camera'}: f = {camera.focal_length_mm:g} mm, f/{camera.f_number:g}",
+        "Sensor": f"{camera.resolution[0]} x {camera.resolution[1]} pixels of "
+        f"{1000 * camera.pixel_pitch_mm[0]:g} x {1000 * camera.pixel_pitch_mm[1]:g} um",
+        "Focus": f"{camera.focus_distance_mm:g} mm; sharp from {near:.1f} to {far:.1f} mm",
+        "Field of view": f"{field[0]:.0f} x {field[1]:.0f} mm in the plane of focus",
+        "Camera pose, std. deviations": f"{_list(sigmas[:3])} mm along x, y, z; {_list(sigmas[3:])} rad about x, y, z",
+        "Workspace": f"({_list(plan.workspace[0], '.1f')}) to ({_list(plan.workspace[1], '.1f')}) mm",
+        "Seed": str(plan.seed),
+    }
+    return "<dl>" + "".join(f"<dt>{escape(k)}</dt><dd>{escape(v)}</dd>" for k, v in rows.items()) + "</dl>"
+
+
+def _method(plan) -> str:
+    n, bound = len(plan.settings), plan.lower_bound
+    gap = (
+        f"The plan has {_count(n, 'setting')} and the bound is {bound}, so the plan is minimal."
+        if plan.minimal
+        else f"The plan has {_count(n, 'setting')}; between {bound} and {n} may suffice."
+    )
+    paragraphs = [
+        "Which edges can be seen from where was computed exactly from the part's geometry. Camera poses were searched by a "
+        "genetic algorithm inside the viewing domains, subject to resolution, focus, field of view, visibility, clearance and "
+        "workspace; the fewest poses that cover all edges were chosen by integer programming.",
+        f"Lower bound. {plan.bound_proof} {gap}",
+    ]
+    if plan.simulation is not None:
+        paragraphs.append(
+            f"Simulation. For each setting {plan.simulation.n} displaced poses were drawn, the edges projected, their ends "
+            "rounded to pixels and measured. An end outside the image counts as a failure. All intervals hold together with "
+            f"{plan.simulation.confidence:.0%} confidence."
+        )
+    paragraphs.append(
+        "Method after C. C. Yang and F. W. Ciarallo, Optimized sensor placement for active visual inspection, Journal of "
+        "Robotic Systems 18(1), 1-15, 2001."
+    )
+    return "".join(f"<p>{escape(text)}</p>" for text in paragraphs)
+
+
+def _swatch(k: int) -> str:
+    return f'<span class="swatch" style="background:{color_of(k)}"></span>'
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}{'' if n == 1 else 's'}"
+
+
+def _list(values, spec: str = ".4g") -> str:
+    return ", ".join(f"{value:{spec}}" for value in values)
