@@ -19,6 +19,9 @@ MIN_IMAGE_LENGTH_MM = 1e-10
 # Symmetry and semi-definiteness are judged relative to the largest entry: round-off of a product of matrices passes.
 _COVARIANCE_RTOL = 1e-9
 
+# Edges checked at a time, so that checking a large batch needs no memory of its size.
+_CHUNK = 1 << 16
+
 
 def check_finite(value: ArrayLike, name: str) -> NDArray[np.float64]:
     """Return `value` as a float64 array without NaN or infinity."""
@@ -85,16 +88,7 @@ def check_endpoints(value: ArrayLike, focal_length_mm: float, name: str = "endpo
     if endpoints.ndim < 2 or endpoints.shape[-2:] != (2, 3):
         raise InvalidShapeError(f"{name} must have shape (..., 2, 3). Got shape {endpoints.shape}.")
     _check_in_front(endpoints, focal_length_mm, name)
-    scale = focal_length_mm / (focal_length_mm - endpoints[..., 2])
-    image = endpoints[..., :2] * scale[..., None]
-    difference = image[..., 1, :] - image[..., 0, :]
-    length = np.hypot(difference[..., 0], difference[..., 1])
-    if (length <= MIN_IMAGE_LENGTH_MM).any():
-        where = tuple(int(i) for i in np.argwhere(length <= MIN_IMAGE_LENGTH_MM)[0])
-        raise DegenerateSegmentError(
-            f"{name} must project to a segment longer than zero. Got image length {float(length[where])} mm "
-            f"at index {where}."
-        )
+    _check_image_length(endpoints, focal_length_mm, name)
     return endpoints
 
 
@@ -126,3 +120,18 @@ def _check_in_front(points: NDArray[np.float64], focal_length_mm: float, name: s
             f"{name} must lie in front of the lens centre (C3 < focal_length_mm = {focal_length_mm}). "
             f"Got C3 = {float(points[where][2])} at index {where}."
         )
+
+
+def _check_image_length(endpoints: NDArray[np.float64], focal_length_mm: float, name: str) -> None:
+    flat = endpoints.reshape(-1, 2, 3)
+    for start in range(0, len(flat), _CHUNK):
+        part = flat[start : start + _CHUNK]
+        image = part[..., :2] * (focal_length_mm / (focal_length_mm - part[..., 2:]))
+        length = np.hypot(image[:, 1, 0] - image[:, 0, 0], image[:, 1, 1] - image[:, 0, 1])
+        short = np.flatnonzero(length <= MIN_IMAGE_LENGTH_MM)
+        if len(short):
+            where = tuple(int(i) for i in np.unravel_index(start + short[0], endpoints.shape[:-2]))
+            raise DegenerateSegmentError(
+                f"{name} must project to a segment longer than zero. "
+                f"Got image length {float(length[short[0]])} mm at index {where}."
+            )

@@ -24,8 +24,8 @@ from errors.exceptions import InvalidParameterError, InvalidShapeError
 
 DETECTORS = ("axes", "area")
 
-# Columns looked at on each side of an end; a band's square cut reaches about half its width along the columns.
-_SEARCH = 6
+# Columns looked at on each side of an end; the chain's last pixel is within two of it.
+_SEARCH = 4
 
 
 def measure_lengths(
