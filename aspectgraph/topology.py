@@ -167,13 +167,12 @@ def check_fans(vertices: np.ndarray, faces: Sequence[Face]) -> None:
     following: dict[tuple[int, int], int] = {}
     corners: dict[int, list[int]] = {}
     for face in faces:
-        for loop in face.loops:
-            for before, at, after in zip((loop[-1], *loop[:-1]), loop, (*loop[1:], loop[0]), strict=True):
-                following[at, after] = before
-                corners.setdefault(at, []).append(after)
+        for at, after, before in _corners(vertices, face):
+            following[at, after] = before
+            corners.setdefault(at, []).append(after)
     for at, ends in corners.items():
         end, n = following[at, ends[0]], 1
-        while end != ends[0]:
+        while end != ends[0] and n <= len(ends):
             end, n = following[at, end], n + 1
         if n != len(ends):
             place = describe_point(vertices[at])
@@ -181,6 +180,31 @@ def check_fans(vertices: np.ndarray, faces: Sequence[Face]) -> None:
                 f"the faces around a vertex must form one fan. Got more at {place} (vertex {at}); "
                 "solids that touch in a point are not one solid."
             )
+
+
+def _corners(vertices: np.ndarray, face: Face) -> Iterator[tuple[int, int, int]]:
+    """Yield the corners (at, after, before) of a face, each between the edge to `after` and that from `before`."""
+    visits: dict[int, list[tuple[int, int]]] = {}
+    for loop in face.loops:
+        for before, at, after in zip((loop[-1], *loop[:-1]), loop, (*loop[1:], loop[0]), strict=True):
+            visits.setdefault(at, []).append((after, before))
+    for at, pairs in visits.items():
+        if len(pairs) > 1:
+            pairs = _pair_around(vertices, face, at, pairs)
+        yield from ((at, after, before) for after, before in pairs)
+
+
+def _pair_around(vertices: np.ndarray, face: Face, at: int, pairs: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Pair the edges of a face that touches itself in a vertex: a corner reaches left from `after` to the next edge."""
+    ring = vertices[list(face.outer)] - vertices[at]
+    normal = np.cross(ring, np.roll(ring, -1, axis=0)).sum(axis=0)
+
+    def turn(after: int, before: int) -> float:
+        a, b = vertices[after] - vertices[at], vertices[before] - vertices[at]
+        sine = np.cross(a, b) @ normal / np.linalg.norm(normal)
+        return float(np.arctan2(sine, a @ b)) % (2.0 * np.pi)
+
+    return [(after, min((before for _, before in pairs), key=lambda b: turn(after, b))) for after, _ in pairs]
 
 
 def label_shells(n_faces: int, edge_faces: np.ndarray) -> np.ndarray:
