@@ -114,7 +114,8 @@ def carve(cx: Complex, scene: Scene, facets: Facets, n_box: int, grid: Grid) -> 
     )
     words = cx.label.shape[1]
     labels = np.zeros((2, words), np.uint64)
-    labels[1, -1] = INSIDE
+    # Facets of displaced vertices overlap or gape by a step: their sides tell only where snapping was exact.
+    labels[:, -1] = (0, INSIDE) if scene.resolution == 0.0 else UNKNOWN
     _carve(cx, free, labels)
     for c in _unknown(cx):
         inside = is_inside(scene, grid, cell_centre(cx, c))
