@@ -68,6 +68,7 @@ def simulate_setting(
     rng: int | np.random.Generator = 0,
     confidence: float = 0.99,
     sensor_limits: bool = True,
+    random_phase: bool = False,
 ) -> dict[str, SuccessRate]:
     """Measure the entities of a setting from n displaced poses.
 
@@ -91,6 +92,10 @@ def simulate_setting(
         Confidence level of the intervals, in (0, 1).
     sensor_limits : bool
         Whether a pose that pushes an end out of the image is a failure.
+    random_phase : bool
+        False: the sensor's one pixel grid. True: each end is rounded on a grid shifted at random, which is what the
+        paper's quantization error (eqs 1–3) means; on one grid, an image of 50.2 px is 50 or 51 px long and never 49,
+        so the success of short edges depends on the fraction of a pixel in their length.
 
     Returns
     -------
@@ -115,7 +120,8 @@ def simulate_setting(
     for start in range(0, n, _BATCH):
         poses = displaced_poses(setting.cam2world, pose_uncertainty, min(_BATCH, n - start), rng)
         pixels = _project(ends, poses, camera)
-        error = _image_lengths(np.rint(pixels), camera) - nominal
+        phase = rng.uniform(-0.5, 0.5, pixels.shape) if random_phase else 0.0
+        error = _image_lengths(np.rint(pixels + phase) - phase, camera) - nominal
         accurate = np.abs(error) <= (1 - accuracy) * nominal
         lost = ~_in_image(pixels, camera)
         successes += (accurate & ~lost if sensor_limits else accurate).sum(axis=0)

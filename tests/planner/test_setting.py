@@ -6,7 +6,7 @@ import pytest
 from known_box import BoxSpace
 from pocket_block import entities, two_pocket_block
 
-from aspectgraph.regions import compute_regions
+from aspectgraph import compute_regions
 from planner import (
     BoxRegion,
     Camera,

@@ -63,6 +63,22 @@ def test_displaced_poses_have_the_given_covariance_and_exact_rotations():
     assert np.cov(shifts.T) == pytest.approx(uncertainty.covariance[:3, :3], abs=0.04 * scale)
 
 
+def test_one_grid_and_random_phases_differ_for_a_short_edge():
+    """An image of 20.25 px moved along the rows: on one grid it is 20 px long in 3 of 4 cases, otherwise 21."""
+    per_pixel = 0.01 * 400 / CAMERA.image_distance_mm
+    entities = {"edge": np.array([[0.0, 0, 0], [20.25, 0, 0]]) * per_pixel}
+    covariance = np.zeros((6, 6))
+    covariance[0, 0] = 1.0
+    slide = PoseUncertainty(covariance)
+    # 1.3 % of 20.25 px is 0.26 px: only 20 px is accurate; one grid gives it with chance 0.75
+    options = {"accuracy": 1 - 0.26 / 20.25, "n": 20_000}
+    fixed = simulate_setting(setting_at(400.0, ("edge",)), entities, CAMERA, slide, **options)["edge"]
+    assert fixed.frequency == pytest.approx(0.75, abs=0.015)
+    # two independent uniform errors: |difference| <= 0.26 has the chance 1 - (1 - 0.26)²
+    free = simulate_setting(setting_at(400.0, ("edge",)), entities, CAMERA, slide, random_phase=True, **options)["edge"]
+    assert free.frequency == pytest.approx(1 - 0.74**2, abs=0.015)
+
+
 def test_an_end_that_leaves_the_image_is_a_failure_unless_limits_are_ignored():
     half_width = 320 * 0.01 / CAMERA.image_distance_mm * 400
     entities = {"edge": np.array([[0, 0, 0], [half_width - 0.05, 0, 0]])}
