@@ -5,7 +5,7 @@ Notation
 vertex  the common point of three planes (``predicates``)
 edge    two vertices and the two planes whose line carries it
 face    a convex polygon on one plane, an unordered list of edges, and the cells on its positive and negative side
-cell    a convex polyhedron, a list of faces; once split by plane h it keeps h and its two children, so the cells of
+cell    a convex polyhedron, a list of faces and a list of all its corners; once split by plane h it keeps h and its two children, so the cells of
         a complex form a binary space partition tree whose leaves are the present cells
 
 Neighbours share their faces and edges: splitting a cell splits what it shares, and the other owner looks its lists up
@@ -23,7 +23,7 @@ import numpy as np
 from .predicates import LIMBS, meet, sign_at_vertex
 
 # rows of Complex.count
-N_VERTICES, N_EDGES, N_FACES, N_CELLS, N_EDGE_LIST, N_FACE_LIST, MARK = range(7)
+N_VERTICES, N_EDGES, N_FACES, N_CELLS, N_EDGE_LIST, N_FACE_LIST, N_CORNER_LIST, MARK = range(8)
 
 POSITIVE, NEGATIVE, CROSSED = 1, 2, 3
 
@@ -36,6 +36,7 @@ class Complex(NamedTuple):
     coordinates: np.ndarray
     vertex_plane: np.ndarray
     vertex_sign: np.ndarray
+    vertex_mark: np.ndarray
     edge_vertices: np.ndarray
     edge_planes: np.ndarray
     edge_child: np.ndarray
@@ -47,11 +48,14 @@ class Complex(NamedTuple):
     face_child: np.ndarray
     cell_first: np.ndarray
     cell_size: np.ndarray
+    corner_first: np.ndarray
+    corner_size: np.ndarray
     cell_plane: np.ndarray
     cell_child: np.ndarray
     label: np.ndarray
     edge_list: np.ndarray
     face_list: np.ndarray
+    corner_list: np.ndarray
     count: np.ndarray
 
 
@@ -67,6 +71,7 @@ def allocate(planes, n_cells, n_words=1):
         coordinates=np.empty((n_vertices, 3)),
         vertex_plane=np.empty(n_vertices, np.int32),
         vertex_sign=np.empty(n_vertices, np.int8),
+        vertex_mark=np.empty(n_vertices, np.int32),
         edge_vertices=np.empty((n_edges, 2), np.int32),
         edge_planes=np.empty((n_edges, 2), np.int32),
         edge_child=np.empty((n_edges, 2), np.int32),
@@ -78,12 +83,15 @@ def allocate(planes, n_cells, n_words=1):
         face_child=np.empty((n_faces, 2), np.int32),
         cell_first=np.empty(2 * n_cells + 8, np.int32),
         cell_size=np.empty(2 * n_cells + 8, np.int32),
+        corner_first=np.empty(2 * n_cells + 8, np.int32),
+        corner_size=np.empty(2 * n_cells + 8, np.int32),
         cell_plane=np.empty(2 * n_cells + 8, np.int32),
         cell_child=np.empty((2 * n_cells + 8, 2), np.int32),
         label=np.empty((2 * n_cells + 8, n_words), np.uint64),
         edge_list=np.empty(64 * n_cells + 512, np.int32),
         face_list=np.empty(32 * n_cells + 256, np.int32),
-        count=np.zeros(7, np.int64),
+        corner_list=np.empty(64 * n_cells + 256, np.int32),
+        count=np.zeros(8, np.int64),
     )
 
 
@@ -117,6 +125,7 @@ def add_vertex(cx, p, q, r):
     _require(v, 1, len(cx.vertices))
     meet(cx.planes, p, q, r, cx.vertices, cx.coordinates, v)
     cx.vertex_plane[v] = -1
+    cx.vertex_mark[v] = -1
     cx.count[N_VERTICES] = v + 1
     return v
 
@@ -163,6 +172,7 @@ def add_cell(cx):
     c = cx.count[N_CELLS]
     _require(c, 1, len(cx.cell_first))
     cx.cell_first[c], cx.cell_size[c] = cx.count[N_FACE_LIST], 0
+    cx.corner_first[c], cx.corner_size[c] = cx.count[N_CORNER_LIST], 0
     cx.cell_plane[c] = -1
     cx.cell_child[c, 0] = -1
     cx.label[c] = 0
@@ -181,6 +191,16 @@ def push_face(cx, c, f):
 
 
 @nb.njit(cache=True)
+def push_corner(cx, c, v):
+    """Append vertex v to the corners of the newest cell."""
+    k = cx.count[N_CORNER_LIST]
+    _require(k, 1, len(cx.corner_list))
+    cx.corner_list[k] = v
+    cx.corner_size[c] += 1
+    cx.count[N_CORNER_LIST] = k + 1
+
+
+@nb.njit(cache=True)
 def add_box(cx, box):
     """Start the complex with one cell; `box` holds the planes x_min, x_max, y_min, y_max, z_min, z_max."""
     c = add_cell(cx)
@@ -189,6 +209,7 @@ def add_box(cx, box):
         for j in range(2):
             for k in range(2):
                 corner[i, j, k] = add_vertex(cx, box[i], box[2 + j], box[4 + k])
+                push_corner(cx, c, corner[i, j, k])
     edge = np.empty((3, 2, 2), np.int64)
     for i in range(2):
         for j in range(2):
@@ -212,7 +233,7 @@ def add_box(cx, box):
     return c
 
 
-@nb.njit(inline="always")
+@nb.njit(cache=True)
 def vertex_sign(cx, h, v):
     """Sign of plane h at vertex v, remembered until another plane asks."""
     if cx.vertex_plane[v] != h:
@@ -292,13 +313,12 @@ def face_side(cx, f, h):
 def cell_side(cx, c, h):
     """POSITIVE, NEGATIVE or CROSSED: where the open cell c lies from plane h."""
     side = 0
-    for k in range(cx.cell_first[c], cx.cell_first[c] + cx.cell_size[c]):
-        f = cx.face_list[k]
-        if cx.face_child[f, 0] >= 0:
-            refresh_cell(cx, c)
-            return cell_side(cx, c, h)
-        if cx.face_plane[f] != h:
-            side |= face_side(cx, f, h)
+    for k in range(cx.corner_first[c], cx.corner_first[c] + cx.corner_size[c]):
+        s = vertex_sign(cx, h, cx.corner_list[k])
+        if s > 0:
+            side |= POSITIVE
+        elif s < 0:
+            side |= NEGATIVE
         if side == CROSSED:
             return side
     return side
@@ -377,6 +397,23 @@ def _own(cx, f, old, new):
 
 
 @nb.njit(cache=True)
+def _push_corners(cx, c, part, cap, h, side):
+    """Corners of the part of cell c on one side of h: those of c on that side, and those of the cap."""
+    cx.count[MARK] += 1
+    mark = cx.count[MARK]
+    for k in range(cx.corner_first[c], cx.corner_first[c] + cx.corner_size[c]):
+        v = cx.corner_list[k]
+        if vertex_sign(cx, h, v) == side:
+            push_corner(cx, part, v)
+    for k in range(cx.face_first[cap], cx.face_first[cap] + cx.face_size[cap]):
+        for end in range(2):
+            v = cx.edge_vertices[cx.edge_list[k], end]
+            if cx.vertex_mark[v] != mark:
+                cx.vertex_mark[v] = mark
+                push_corner(cx, part, v)
+
+
+@nb.njit(cache=True)
 def split_cell(cx, c, h):
     """Split cell c, crossed by plane h, into its positive and its negative child (``cx.cell_child[c]``)."""
     refresh_cell(cx, c)
@@ -403,6 +440,7 @@ def split_cell(cx, c, h):
                 push_face(cx, part, f)
                 _own(cx, f, c, part)
         push_face(cx, part, cap)
+        _push_corners(cx, c, part, cap, h, 1 if child == 0 else -1)
     cx.cell_plane[c] = h
 
 

@@ -119,13 +119,13 @@ def plane_through(p, q, r):
     return plane
 
 
-@nb.njit(inline="always")
+@nb.njit(cache=True)
 def height(plane, point):
     """a·x + b·y + c·z - d at an integer point of the part, exact in int64."""
     return plane[0] * point[0] + plane[1] * point[1] + plane[2] * point[2] - plane[3]
 
 
-@nb.njit(inline="always")
+@nb.njit(cache=True)
 def side_of(plane, point, resolution):
     """Sign of a plane at an integer point of the part; 0 within `resolution` steps of it."""
     h = height(plane, point)

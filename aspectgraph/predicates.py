@@ -130,7 +130,7 @@ def _sign_at_point_exact(typingctx, planes, h, x, y, z):
     return signature, codegen
 
 
-@nb.njit(inline="always")
+@nb.njit(cache=True)
 def _magnitude(limbs):
     """Double nearest to a 256-bit integer, to a relative error below 4 ulp."""
     negative = limbs[LIMBS - 1] < 0
@@ -158,7 +158,7 @@ def meet(planes, p, q, r, vertices, coordinates, v):
     return True
 
 
-@nb.njit(inline="always")
+@nb.njit(cache=True)
 def sign_at_vertex(planes, h, vertices, coordinates, v):
     """Sign (-1, 0, 1) of plane h at vertex v."""
     x = planes[h, 0] * coordinates[v, 0]
@@ -174,7 +174,7 @@ def sign_at_vertex(planes, h, vertices, coordinates, v):
     return _sign_at_vertex_exact(planes, h, vertices, v)
 
 
-@nb.njit(inline="always")
+@nb.njit(cache=True)
 def sign_at_point(planes, h, point):
     """Sign (-1, 0, 1) of plane h at an int64 point of denominator 2**POINT_BITS."""
     scale = 1.0 / (1 << POINT_BITS)

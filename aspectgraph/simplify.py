@@ -33,7 +33,7 @@ from .cells import (
     split_face,
 )
 
-_CANDIDATES = 24
+_CANDIDATES = 10
 
 
 def simplify(old: Complex, box: np.ndarray, n_cells: int) -> Complex:
