@@ -15,6 +15,7 @@ import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.BRepTools import BRepTools
 from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
 from OCP.GeomAbs import GeomAbs_CurveType, GeomAbs_SurfaceType
 from OCP.gp import gp_Pnt, gp_Vec
@@ -74,7 +75,9 @@ def tessellate(solid, chord_tolerance_mm: float, angular_tolerance_rad: float, f
     ReadError
         A face could not be cut into triangles.
     """
-    BRepMesh_IncrementalMesh(solid, chord_tolerance_mm, False, angular_tolerance_rad, False)
+    BRepTools.Clean_s(solid)
+    # Chords of circles turn by half of the angle the mesher is given.
+    BRepMesh_IncrementalMesh(solid, chord_tolerance_mm, False, 2.0 * angular_tolerance_rad, False)
     return _Collector(solid, flat_mm).collect()
 
 

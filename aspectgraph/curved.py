@@ -33,8 +33,9 @@ from aspectgraph.validation import face_area_vectors
 GENTLE_DEG = 31.0
 """Largest turn between neighbouring facets of a curved surface: twelve facets to a full turn, and some rounding."""
 
-RELATIVE_SAGITTA = 0.02
-"""Largest distance of a facet from its arc, as a fraction of the bounding box diagonal."""
+RELATIVE_SAGITTA = 0.0125
+"""Largest distance of a facet from its arc, as a fraction of the bounding box diagonal: 0.012 for a whole cylinder of
+twelve facets."""
 
 WIDTH_RATIO = 4.0
 """How much wider than its neighbour a facet of a curved surface may be."""

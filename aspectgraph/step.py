@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from aspectgraph.exceptions import MissingExtraError, NonManifoldError, ReadError, SelfIntersectionError
+from aspectgraph.exceptions import MissingExtraError, NonManifoldError, ReadError, SelfIntersectionError, SolidError
 from aspectgraph.facets import Tessellation, assemble
 from aspectgraph.solid import Solid
 from aspectgraph.validation import RELATIVE_PLANARITY
@@ -59,14 +59,14 @@ def read_step(
     shapes = _select(_load_solids(path), solids, path)
     diagonal = _diagonal_mm(shapes)
     chord = diagonal * RELATIVE_CHORD if chord_tolerance_mm is None else float(chord_tolerance_mm)
-    flat = diagonal * RELATIVE_PLANARITY
+    options = {"angle_deg": angular_tolerance_deg, "flat_mm": diagonal * RELATIVE_PLANARITY, "name": name}
     try:
         for _ in range(_MAX_REFINEMENTS):
-            try:
-                return _build(shapes, chord, angular_tolerance_deg, flat, planarity_mm, name)
-            except SelfIntersectionError:
-                chord /= 4.0
-        return _build(shapes, chord, angular_tolerance_deg, flat, planarity_mm, name)
+            solid = _build(shapes, chord, planarity_mm, last=False, **options)
+            if solid is not None:
+                return solid
+            chord /= 4.0
+        return _build(shapes, chord, planarity_mm, last=True, **options)
     except (SelfIntersectionError, NonManifoldError) as error:
         if len(shapes) == 1:
             raise
@@ -74,16 +74,23 @@ def read_step(
         raise type(error)(f"{error} {hint}") from error
 
 
-def _build(shapes, chord_mm: float, angle_deg: float, flat_mm: float, planarity_mm, name: str) -> Solid:
+def _build(shapes, chord_mm: float, planarity_mm, *, last: bool, angle_deg: float, flat_mm: float, name: str):
+    """Return the solid, or None if its facets run into each other and a finer chord tolerance could help."""
     from aspectgraph.brep import tessellate
 
     parts = [tessellate(shape, chord_mm, math.radians(angle_deg), flat_mm) for shape in shapes]
+    curved = any(part.curved_patch.any() for part in parts)
     notes = []
-    if any(part.curved_patch.any() for part in parts):
+    if curved:
         notes.append(f"curved faces tessellated with a chord tolerance of {chord_mm:.4g} mm and {angle_deg:g} degrees")
     if len(shapes) > 1:
         notes.append(f"{len(shapes)} solids")
-    return assemble(_concatenate(parts), name=name, planarity_mm=planarity_mm, notes=notes)
+    try:
+        return assemble(_concatenate(parts), name=name, planarity_mm=planarity_mm, notes=notes)
+    except SolidError:
+        if last or not curved:
+            raise
+        return None
 
 
 def _concatenate(parts: list[Tessellation]) -> Tessellation:
