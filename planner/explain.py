@@ -65,9 +65,30 @@ def check_resolvable(constraints: Constraints) -> None:
         )
 
 
-def aimed_parameters(positions: np.ndarray) -> np.ndarray:
-    """Return parameters (n, 6) that look straight at the target from positions (n, 3)."""
-    return np.hstack([positions, np.zeros((len(positions), 3))])
+def check_extent(constraints: Constraints) -> None:
+    """Raise `InfeasibleError` for entities too far apart for one image.
+
+    All ends lie between D_min and D_max in the pyramid of the image, so no two are farther apart than two of its
+    corners.
+    """
+    camera = constraints.camera
+    nearest, farthest = camera.depth_of_field_mm
+    slope = math.tan(camera.half_diagonal_rad)
+    limit = max(2 * slope * farthest, math.hypot(slope * (nearest + farthest), farthest - nearest))
+    ends = constraints.ends.reshape(-1, 3)
+    apart = np.linalg.norm(ends[:, None] - ends, axis=-1)
+    first, second = np.unravel_index(np.argmax(apart), apart.shape)
+    if apart[first, second] > limit:
+        names = [constraints.names[i // 2] for i in (first, second)]
+        margin = (limit - apart[first, second]) * camera.image_distance_mm / farthest / min(camera.pixel_pitch_mm)
+        raise InfeasibleError(
+            f"field_of_view_px cannot be met for entities {names[0]!r} and {names[1]!r}: their ends are "
+            f"{apart[first, second]:.5g} mm apart, and where the lens focuses the image is at most {limit:.5g} mm "
+            "across.",
+            constraint="field_of_view_px",
+            entity=names[1],
+            margin=float(margin),
+        )
 
 
 def explain_positions(constraints: Constraints, cells, rng: np.random.Generator) -> InfeasibleError:

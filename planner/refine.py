@@ -16,6 +16,7 @@ from planner.objective import Objective
 
 _STEP = 1e-4
 _BACK_OFF = 1e-9
+_LARGEST_MOVE = 0.5
 _SMOOTH = ("resolution_mm", "focus_mm", "field_of_view_px", "field_of_view_mm", "workspace_mm", "reach", "clearance_mm")
 
 
@@ -40,9 +41,9 @@ class _Neighbourhood:
     def at(self, x: np.ndarray):
         """Return (fitness, gradient (6,), slacks (m,), their Jacobian (m, 6)) at a move x (6,)."""
         if self._x is None or not np.array_equal(x, self._x):
-            shifts = np.vstack([np.zeros(6), _STEP * np.eye(6), -_STEP * np.eye(6)])
-            poses = self.poses(x + shifts)
-            fitness, slacks = self.objective.fitness(poses), self._slacks(poses)
+            moves = x + np.vstack([np.zeros(6), _STEP * np.eye(6), -_STEP * np.eye(6)])
+            poses = self.poses(moves)
+            fitness, slacks = self.objective.fitness(poses), self._slacks(moves, poses)
             self.nfev += len(poses)
             self._x = x.copy()
             self._values = (
@@ -53,12 +54,12 @@ class _Neighbourhood:
             )
         return self._values
 
-    def _slacks(self, poses: np.ndarray) -> np.ndarray:
-        """Return all smooth slacks of poses (n, 4, 4) in units of their scale; (n, m)."""
+    def _slacks(self, moves: np.ndarray, poses: np.ndarray) -> np.ndarray:
+        """Return all smooth slacks of poses (n, 4, 4) in units of their scale, and of the moves' limits; (n, m)."""
         slacks = self.constraints.slacks(poses, self.names)
         columns = [value.reshape(len(poses), -1) / self.constraints.scale(name) for name, value in slacks.items()]
         inside = -(poses[:, :3, 3] @ self.half_spaces[:, :3].T + self.half_spaces[:, 3]) / self._cell_scale
-        return np.hstack([*columns, inside]) - _BACK_OFF
+        return np.hstack([*columns, inside, _LARGEST_MOVE - moves, _LARGEST_MOVE + moves]) - _BACK_OFF
 
     @property
     def _cell_scale(self) -> np.ndarray:
@@ -101,7 +102,6 @@ def refine(
         np.zeros(6),
         jac=lambda x: -near.at(x)[1],
         constraints={"type": "ineq", "fun": lambda x: near.at(x)[2], "jac": lambda x: near.at(x)[3]},
-        bounds=[(-0.5, 0.5)] * 6,
         method="SLSQP",
         options={"maxiter": max_iterations, "ftol": 1e-7},
     )

@@ -52,10 +52,9 @@ class ViewpointSampler:
 
     def _clip_boxes(self) -> None:
         """Clip the bounding box of every cell to the box that contains the shell."""
-        if len(self.cells):
-            corners = np.array([[v.min(axis=0), v.max(axis=0)] for v in (cell.vertices for cell in self.cells)])
-        else:
-            corners = np.empty((0, 2, 3))
+        self._parts = list(self.cells)
+        corners = np.array([[part.vertices.min(axis=0), part.vertices.max(axis=0)] for part in self._parts])
+        corners = corners.reshape(-1, 2, 3)
         low = np.maximum(corners[:, 0], (self.points - self.far).max(axis=0))
         high = np.minimum(corners[:, 1], (self.points + self.far).min(axis=0))
         self._kept = np.flatnonzero((low < high).all(axis=1) & _reaches(low, high, self.points, self.near, self.far))
@@ -120,8 +119,7 @@ class ViewpointSampler:
     def _half_spaces(self) -> np.ndarray:
         """Half-spaces (m, s, 4) of the kept cells, padded with 0·x − 1 <= 0, which always holds."""
         if not hasattr(self, "_padded"):
-            cells = list(self.cells)
-            planes = [np.asarray(cells[i].half_spaces, dtype=float) for i in self._kept]
+            planes = [np.asarray(self._parts[i].half_spaces, dtype=float) for i in self._kept]
             self._padded = np.tile([0.0, 0.0, 0.0, -1.0], (len(planes), max(map(len, planes)), 1))
             for row, own in zip(self._padded, planes, strict=True):
                 row[: len(own)] = own
@@ -131,6 +129,19 @@ class ViewpointSampler:
         """Return the half-spaces (s, 4) of the cell that contains a position (3,), or None."""
         inside = (self._half_spaces[..., :3] @ position + self._half_spaces[..., 3] <= 0).all(axis=1)
         return self._half_spaces[np.argmax(inside)] if inside.any() else None
+
+
+class WorkspaceSampler(ViewpointSampler):
+    """Uniform draws from the whole workspace: what the restriction to the covering domains is measured against."""
+
+    def __init__(self, cells, ends: np.ndarray, camera: Camera, workspace):
+        super().__init__(cells, ends, camera)
+        if not self.empty:
+            self.bounds = np.array(workspace, dtype=np.float64)
+            self.proposal = "workspace"
+
+    def _propose(self, n: int, rng: np.random.Generator) -> np.ndarray:
+        return rng.uniform(self.bounds[0], self.bounds[1], (n, 3))
 
 
 def _reaches(low: np.ndarray, high: np.ndarray, points: np.ndarray, near: float, far: float) -> np.ndarray:

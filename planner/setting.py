@@ -14,12 +14,12 @@ from planner.camera import Camera
 from planner.constraints import Constraints, Requirements
 from planner.encoding import PoseEncoding
 from planner.exceptions import RequestError
-from planner.explain import check_observable, check_resolvable, explain_infeasible, explain_positions
+from planner.explain import check_extent, check_observable, check_resolvable, explain_infeasible, explain_positions
 from planner.objective import Objective
 from planner.pose import PoseUncertainty
 from planner.reach import Reach
 from planner.refine import refine
-from planner.sampling import ViewpointSampler
+from planner.sampling import ViewpointSampler, WorkspaceSampler
 from planner.start import draw_start
 
 
@@ -41,6 +41,14 @@ class Search:
         How many of the last population's best individuals are refined locally; 0 leaves the genetic algorithm's best.
     max_draws : int
         Most poses drawn for the first population before the least violating ones are repaired.
+    sampling : {"covering", "workspace"}
+        Where positions are drawn and encoded: in the covering domains where the lens can focus, or, for comparison, in
+        the whole workspace.
+
+    Raises
+    ------
+    RequestError
+        If `refine_starts`, `max_draws` or `sampling` breaks its rule; the others are checked by `ga`.
     """
 
     population: int = 100
@@ -58,6 +66,14 @@ class Search:
     gray_code: bool = True
     refine_starts: int = 3
     max_draws: int = 8192
+    sampling: str = "covering"
+
+    def __post_init__(self):
+        if self.sampling not in ("covering", "workspace"):
+            raise RequestError(f"sampling must be 'covering' or 'workspace'. Got {self.sampling!r}.")
+        for name, least in (("refine_starts", 0), ("max_draws", 1)):
+            if not isinstance(getattr(self, name), Integral) or getattr(self, name) < least:
+                raise RequestError(f"{name} must be an integer of at least {least}. Got {getattr(self, name)!r}.")
 
     @classmethod
     def paper(cls, **changes) -> Search:
@@ -74,7 +90,7 @@ class Search:
 
     def ga_options(self) -> dict:
         """Return the keyword arguments of `ga.maximize`."""
-        own = ("gene_bits", "gray_code", "refine_starts", "max_draws")
+        own = ("gene_bits", "gray_code", "refine_starts", "max_draws", "sampling")
         return {name: value for name, value in self.__dict__.items() if name not in own}
 
 
@@ -225,8 +241,11 @@ def plan_setting(
     constraints = Constraints(space, names, camera, requirements)
     goal = Objective(constraints.ends, camera, pose_uncertainty, accuracy, objective, model)
     check_resolvable(constraints)
+    check_extent(constraints)
     cells = check_observable(space, names)
     sampler = ViewpointSampler(cells, constraints.ends, camera)
+    if search.sampling == "workspace":
+        sampler = WorkspaceSampler(cells, constraints.ends, camera, space.workspace)
     if sampler.empty:
         raise explain_positions(constraints, cells, rng)
     encoding = PoseEncoding(

@@ -19,7 +19,10 @@ from planner import (
     plan_setting,
 )
 from planner.constraints import Constraints, Requirements
+from planner.encoding import PoseEncoding
 from planner.objective import Objective
+from planner.sampling import ViewpointSampler, WorkspaceSampler
+from planner.start import draw_start
 
 REAL = Camera.named("basler-acA2440-20gm-25mm")
 PAPER_CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 300.0, largest_blur_mm=0.03)
@@ -92,10 +95,6 @@ def test_settings_on_the_box(box, names, view):
 
 def test_the_search_beats_random_poses_and_repeats_over_seeds(box):
     """Ten times as many feasible random poses must not be better, and four seeds agree within 0.1 %."""
-    from planner.encoding import PoseEncoding
-    from planner.sampling import ViewpointSampler
-    from planner.start import draw_start
-
     names = ["x00", "z00", "y00"]
     found = [plan_setting(box, names, PAPER_CAMERA, PAPER, field_margin_px=0, rng=seed) for seed in range(4)]
     values = np.array([setting.fitness for setting in found])
@@ -155,9 +154,6 @@ def test_the_callback_sees_every_generation_and_can_stop(box):
 
 def test_no_individual_is_ever_outside_the_covering_domains(box):
     """Every individual the search evaluates, in every generation, sees all entities."""
-    from planner.encoding import PoseEncoding
-    from planner.sampling import ViewpointSampler
-
     names = ["x00", "y00"]
     constraints = Constraints(box, names, PAPER_CAMERA, Requirements())
     sampler = ViewpointSampler(box.covering_cells(names), constraints.ends, PAPER_CAMERA)
@@ -273,3 +269,52 @@ def test_box_region_is_accepted(box):
     region = BoxRegion((-700, -700, -700), (700, -100, 700))
     setting = plan_setting(box, ["x00"], REAL, LOOSE, reach=region, field_margin_px=0)
     assert setting.position[1] <= -100
+
+
+def test_entities_too_far_apart_for_one_image():
+    """By hand: D_max times the sensor's diagonal over d is the widest the sharp image can be."""
+    with pytest.raises(
+        InfeasibleError, match=r"'x00' and 'x11'.* 411\.98 mm apart.* at most 259\.\d+ mm across"
+    ) as caught:
+        plan_setting(BoxSpace(size=(350.0, 200.0, 85.0)), ["x00", "x11"], REAL, LOOSE)
+    assert caught.value.constraint == "field_of_view_px"
+    diagonal = np.hypot(2448, 2048) * 0.00345
+    assert REAL.depth_of_field_mm[1] * diagonal / REAL.image_distance_mm == pytest.approx(259.9, abs=0.1)
+    fits = plan_setting(BoxSpace(size=(120.0, 80.0, 30.0)), ["x00", "x01"], REAL, PoseUncertainty(np.zeros((6, 6))))
+    assert fits.margins["field_of_view_px"] >= 0
+
+
+def test_restricted_sampling_finds_feasible_poses_more_often(box):
+    """The benefit over draws from the whole workspace: feasible fraction of the first population's draws."""
+    names = ["x00", "z00"]
+    constraints = Constraints(box, names, PAPER_CAMERA, Requirements())
+    cells, turn = box.covering_cells(names), PAPER_CAMERA.half_diagonal_rad
+    fractions = []
+    for sampler in (
+        ViewpointSampler(cells, constraints.ends, PAPER_CAMERA),
+        WorkspaceSampler(cells, constraints.ends, PAPER_CAMERA, box.workspace),
+    ):
+        encoding = PoseEncoding(sampler.bounds, constraints.sphere_center, turn)
+        start = draw_start(10_000, sampler, encoding, constraints, np.random.default_rng(0), max_draws=8192)
+        fractions.append(start.feasible_drawn / start.drawn)
+    assert fractions[0] > 30 * fractions[1]
+
+
+def test_unrestricted_search_still_ends_feasible(box):
+    setting = plan_setting(
+        box, ["x00", "z00"], PAPER_CAMERA, PAPER, field_margin_px=0, search=Search(sampling="workspace", population=30)
+    )
+    check(setting, box, PAPER_CAMERA, PAPER, 0.98, Requirements())
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"sampling": "sphere"}, r"sampling must be 'covering' or 'workspace'\. Got 'sphere'\."),
+        ({"refine_starts": -1}, r"refine_starts must be an integer of at least 0\. Got -1\."),
+        ({"max_draws": 0.5}, r"max_draws must be an integer of at least 1\. Got 0\.5\."),
+    ],
+)
+def test_bad_search_options_are_refused(options, message):
+    with pytest.raises(RequestError, match=message):
+        Search(**options)
