@@ -69,9 +69,9 @@ def test_a_run_of_the_papers_size_takes_less_than_a_second(block):
     plan_setting(block, ["e1", "e2"], PAPER_CAMERA, PAPER, field_margin_px=0)
     times = []
     for seed in range(3):
-        start = time.perf_counter()
+        start = time.process_time()
         plan_setting(block, ["e1", "e2"], PAPER_CAMERA, PAPER, field_margin_px=0, rng=seed)
-        times.append(time.perf_counter() - start)
+        times.append(time.process_time() - start)
     assert min(times) < 1.0
 
 
