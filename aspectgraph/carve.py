@@ -13,7 +13,11 @@ import numba as nb
 import numpy as np
 
 from .cells import (
+    CELL_CHILD,
+    CELL_PLANE,
     CROSSED,
+    FACE_CHILD,
+    FACE_PLANE,
     N_CELLS,
     NEGATIVE,
     POSITIVE,
@@ -153,33 +157,33 @@ def _carve(cx, facets, labels):
     stack = [(0, facets)]
     while len(stack) > 0:
         cell, own = stack.pop()
-        if cx.cell_child[cell, 0] < 0:
+        if cx.cell[cell, CELL_CHILD] < 0:
             if _is_empty(cx.label[cell]):
                 cx.label[cell, cx.label.shape[1] - 1] = UNKNOWN
                 refresh_cell(cx, cell)
                 partition(cx, cell, own, labels)
             continue
-        h = cx.cell_plane[cell]
+        h = cx.cell[cell, CELL_PLANE]
         parts = np.empty((2, len(own)), np.int64)
         n_ahead = n_behind = 0
         for f in own:
             refresh_face(cx, f)
-            side = 0 if cx.face_plane[f] == h else face_side(cx, f, h)
+            side = 0 if cx.face[f, FACE_PLANE] == h else face_side(cx, f, h)
             if side == CROSSED:
                 split_face(cx, f, h)
             if side & POSITIVE:
-                parts[0, n_ahead] = cx.face_child[f, 0] if side == CROSSED else f
+                parts[0, n_ahead] = cx.face[f, FACE_CHILD] if side == CROSSED else f
                 n_ahead += 1
             if side & NEGATIVE:
-                parts[1, n_behind] = cx.face_child[f, 1] if side == CROSSED else f
+                parts[1, n_behind] = cx.face[f, FACE_CHILD + 1] if side == CROSSED else f
                 n_behind += 1
-        stack.append((np.int64(cx.cell_child[cell, 0]), parts[0, :n_ahead].copy()))
-        stack.append((np.int64(cx.cell_child[cell, 1]), parts[1, :n_behind].copy()))
+        stack.append((np.int64(cx.cell[cell, CELL_CHILD]), parts[0, :n_ahead].copy()))
+        stack.append((np.int64(cx.cell[cell, CELL_CHILD + 1]), parts[1, :n_behind].copy()))
 
 
 def _unknown(cx: Complex) -> list[int]:
     n = int(cx.count[N_CELLS])
-    return np.flatnonzero((cx.cell_child[:n, 0] < 0) & (cx.label[:n, -1] == UNKNOWN)).tolist()
+    return np.flatnonzero((cx.cell[:n, CELL_CHILD] < 0) & (cx.label[:n, -1] == UNKNOWN)).tolist()
 
 
 def is_inside(scene: Scene, grid: Grid, position: np.ndarray) -> bool:

@@ -5,8 +5,8 @@ Notation
 vertex  the common point of three planes (``predicates``)
 edge    two vertices and the two planes whose line carries it
 face    a convex polygon on one plane, an unordered list of edges, and the cells on its positive and negative side
-cell    a convex polyhedron, a list of faces and a list of all its corners; once split by plane h it keeps h and its two children, so the cells of
-        a complex form a binary space partition tree whose leaves are the present cells
+cell    a convex polyhedron, a list of faces and a list of all its corners; once split by plane h it keeps h and its two
+        children, so the cells of a complex form a binary space partition tree whose leaves are the present cells
 
 Neighbours share their faces and edges: splitting a cell splits what it shares, and the other owner looks its lists up
 again through the children (`_refresh_face`, `_refresh_cell`) when it is next touched.
@@ -22,44 +22,52 @@ import numpy as np
 
 from .predicates import LIMBS, meet, sign_at_vertex
 
-# rows of Complex.count
-N_VERTICES, N_EDGES, N_FACES, N_CELLS, N_EDGE_LIST, N_FACE_LIST, N_CORNER_LIST, MARK = range(8)
+# columns of Complex.vertex: plane of the remembered sign, that sign, mark
+SIGN_PLANE, SIGN, VERTEX_MARK = range(3)
+# columns of Complex.edge: two vertices, two planes, two parts, mark
+ENDS, LINE, EDGE_CHILD, EDGE_MARK = 0, 2, 4, 6
+# columns of Complex.face: plane, cells on the positive and negative side, two parts, place in the list of edges
+FACE_PLANE, SIDES, FACE_CHILD, FACE_FIRST, FACE_SIZE = 0, 1, 3, 5, 6
+# columns of Complex.cell: plane that split it, two parts, places in the lists of faces and corners
+CELL_PLANE, CELL_CHILD, CELL_FIRST, CELL_SIZE, CORNER_FIRST, CORNER_SIZE = 0, 1, 3, 4, 5, 6
+# rows of Complex.lists
+EDGE_LIST, FACE_LIST, CORNER_LIST = range(3)
+# entries of Complex.count; the lengths of the lists follow N_LIST
+N_VERTICES, N_EDGES, N_FACES, N_CELLS, MARK, N_LIST = range(6)
 
 POSITIVE, NEGATIVE, CROSSED = 1, 2, 3
 
 
 class Complex(NamedTuple):
-    """Arrays of a cell complex; only the first ``count`` rows of each are in use, and -1 means none."""
+    """Arrays of a cell complex; only the first ``count`` rows of each are in use, and -1 means none.
+
+    Attributes
+    ----------
+    planes : ndarray of int64, shape (p, 4)
+    vertices, coordinates : ndarray, shapes (v, 4, LIMBS) of int64 and (v, 3) of float64
+        Corners, exact and rounded (see `predicates`).
+    vertex, edge, face, cell : ndarray of int32, shapes (·, 3), (·, 7), (·, 7), (·, 7)
+        Links, by the columns named above.
+    label : ndarray of uint64, shape (c, words)
+        What is known of each cell.
+    lists : ndarray of int32, shape (3, l)
+        Edges of faces, faces of cells and corners of cells, one after the other.
+    count : ndarray of int64, shape (8,)
+    """
 
     planes: np.ndarray
     vertices: np.ndarray
     coordinates: np.ndarray
-    vertex_plane: np.ndarray
-    vertex_sign: np.ndarray
-    vertex_mark: np.ndarray
-    edge_vertices: np.ndarray
-    edge_planes: np.ndarray
-    edge_child: np.ndarray
-    edge_mark: np.ndarray
-    face_plane: np.ndarray
-    face_sides: np.ndarray
-    face_first: np.ndarray
-    face_size: np.ndarray
-    face_child: np.ndarray
-    cell_first: np.ndarray
-    cell_size: np.ndarray
-    corner_first: np.ndarray
-    corner_size: np.ndarray
-    cell_plane: np.ndarray
-    cell_child: np.ndarray
+    vertex: np.ndarray
+    edge: np.ndarray
+    face: np.ndarray
+    cell: np.ndarray
     label: np.ndarray
-    edge_list: np.ndarray
-    face_list: np.ndarray
-    corner_list: np.ndarray
+    lists: np.ndarray
     count: np.ndarray
 
 
-def allocate(planes, n_cells, n_words=1):
+def allocate(planes: np.ndarray, n_cells: int, n_words: int = 1) -> Complex:
     """Return an empty complex with room for about `n_cells` cells over the (p, 4) int64 plane table.
 
     The arrays are not touched, so the operating system commits memory only for the rows that come into use.
@@ -69,29 +77,13 @@ def allocate(planes, n_cells, n_words=1):
         planes=planes,
         vertices=np.empty((n_vertices, 4, LIMBS), np.int64),
         coordinates=np.empty((n_vertices, 3)),
-        vertex_plane=np.empty(n_vertices, np.int32),
-        vertex_sign=np.empty(n_vertices, np.int8),
-        vertex_mark=np.empty(n_vertices, np.int32),
-        edge_vertices=np.empty((n_edges, 2), np.int32),
-        edge_planes=np.empty((n_edges, 2), np.int32),
-        edge_child=np.empty((n_edges, 2), np.int32),
-        edge_mark=np.empty(n_edges, np.int32),
-        face_plane=np.empty(n_faces, np.int32),
-        face_sides=np.empty((n_faces, 2), np.int32),
-        face_first=np.empty(n_faces, np.int32),
-        face_size=np.empty(n_faces, np.int32),
-        face_child=np.empty((n_faces, 2), np.int32),
-        cell_first=np.empty(2 * n_cells + 8, np.int32),
-        cell_size=np.empty(2 * n_cells + 8, np.int32),
-        corner_first=np.empty(2 * n_cells + 8, np.int32),
-        corner_size=np.empty(2 * n_cells + 8, np.int32),
-        cell_plane=np.empty(2 * n_cells + 8, np.int32),
-        cell_child=np.empty((2 * n_cells + 8, 2), np.int32),
+        vertex=np.empty((n_vertices, 3), np.int32),
+        edge=np.empty((n_edges, 7), np.int32),
+        face=np.empty((n_faces, 7), np.int32),
+        cell=np.empty((2 * n_cells + 8, 7), np.int32),
         label=np.empty((2 * n_cells + 8, n_words), np.uint64),
-        edge_list=np.empty(64 * n_cells + 512, np.int32),
-        face_list=np.empty(32 * n_cells + 256, np.int32),
-        corner_list=np.empty(64 * n_cells + 256, np.int32),
-        count=np.zeros(8, np.int64),
+        lists=np.empty((3, 64 * n_cells + 512), np.int32),
+        count=np.zeros(N_LIST + 3, np.int64),
     )
 
 
@@ -124,8 +116,8 @@ def add_vertex(cx, p, q, r):
     v = cx.count[N_VERTICES]
     _require(v, 1, len(cx.vertices))
     meet(cx.planes, p, q, r, cx.vertices, cx.coordinates, v)
-    cx.vertex_plane[v] = -1
-    cx.vertex_mark[v] = -1
+    cx.vertex[v, SIGN_PLANE] = -1
+    cx.vertex[v, VERTEX_MARK] = -1
     cx.count[N_VERTICES] = v + 1
     return v
 
@@ -134,11 +126,11 @@ def add_vertex(cx, p, q, r):
 def add_edge(cx, v, w, p, q):
     """Append the edge from vertex v to w on the line of planes p and q."""
     e = cx.count[N_EDGES]
-    _require(e, 1, len(cx.edge_vertices))
-    cx.edge_vertices[e, 0], cx.edge_vertices[e, 1] = v, w
-    cx.edge_planes[e, 0], cx.edge_planes[e, 1] = p, q
-    cx.edge_child[e, 0] = -1
-    cx.edge_mark[e] = -1
+    _require(e, 1, len(cx.edge))
+    cx.edge[e, ENDS], cx.edge[e, ENDS + 1] = v, w
+    cx.edge[e, LINE], cx.edge[e, LINE + 1] = p, q
+    cx.edge[e, EDGE_CHILD] = -1
+    cx.edge[e, EDGE_MARK] = -1
     cx.count[N_EDGES] = e + 1
     return e
 
@@ -147,11 +139,11 @@ def add_edge(cx, v, w, p, q):
 def add_face(cx, plane, positive, negative):
     """Append a face without edges; `push_edge` fills the newest face."""
     f = cx.count[N_FACES]
-    _require(f, 1, len(cx.face_plane))
-    cx.face_plane[f] = plane
-    cx.face_sides[f, 0], cx.face_sides[f, 1] = positive, negative
-    cx.face_first[f], cx.face_size[f] = cx.count[N_EDGE_LIST], 0
-    cx.face_child[f, 0] = -1
+    _require(f, 1, len(cx.face))
+    cx.face[f, FACE_PLANE] = plane
+    cx.face[f, SIDES], cx.face[f, SIDES + 1] = positive, negative
+    cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE] = cx.count[N_LIST + EDGE_LIST], 0
+    cx.face[f, FACE_CHILD] = -1
     cx.count[N_FACES] = f + 1
     return f
 
@@ -159,22 +151,22 @@ def add_face(cx, plane, positive, negative):
 @nb.njit(cache=True)
 def push_edge(cx, f, e):
     """Append edge e to the face whose list was opened last."""
-    k = cx.count[N_EDGE_LIST]
-    _require(k, 1, len(cx.edge_list))
-    cx.edge_list[k] = e
-    cx.face_size[f] += 1
-    cx.count[N_EDGE_LIST] = k + 1
+    k = cx.count[N_LIST + EDGE_LIST]
+    _require(k, 1, cx.lists.shape[1])
+    cx.lists[EDGE_LIST, k] = e
+    cx.face[f, FACE_SIZE] += 1
+    cx.count[N_LIST + EDGE_LIST] = k + 1
 
 
 @nb.njit(cache=True)
 def add_cell(cx):
     """Append a cell without faces; `push_face` fills the newest cell."""
     c = cx.count[N_CELLS]
-    _require(c, 1, len(cx.cell_first))
-    cx.cell_first[c], cx.cell_size[c] = cx.count[N_FACE_LIST], 0
-    cx.corner_first[c], cx.corner_size[c] = cx.count[N_CORNER_LIST], 0
-    cx.cell_plane[c] = -1
-    cx.cell_child[c, 0] = -1
+    _require(c, 1, len(cx.cell))
+    cx.cell[c, CELL_FIRST], cx.cell[c, CELL_SIZE] = cx.count[N_LIST + FACE_LIST], 0
+    cx.cell[c, CORNER_FIRST], cx.cell[c, CORNER_SIZE] = cx.count[N_LIST + CORNER_LIST], 0
+    cx.cell[c, CELL_PLANE] = -1
+    cx.cell[c, CELL_CHILD] = -1
     cx.label[c] = 0
     cx.count[N_CELLS] = c + 1
     return c
@@ -183,21 +175,21 @@ def add_cell(cx):
 @nb.njit(cache=True)
 def push_face(cx, c, f):
     """Append face f to the cell whose list was opened last."""
-    k = cx.count[N_FACE_LIST]
-    _require(k, 1, len(cx.face_list))
-    cx.face_list[k] = f
-    cx.cell_size[c] += 1
-    cx.count[N_FACE_LIST] = k + 1
+    k = cx.count[N_LIST + FACE_LIST]
+    _require(k, 1, cx.lists.shape[1])
+    cx.lists[FACE_LIST, k] = f
+    cx.cell[c, CELL_SIZE] += 1
+    cx.count[N_LIST + FACE_LIST] = k + 1
 
 
 @nb.njit(cache=True)
 def push_corner(cx, c, v):
     """Append vertex v to the corners of the newest cell."""
-    k = cx.count[N_CORNER_LIST]
-    _require(k, 1, len(cx.corner_list))
-    cx.corner_list[k] = v
-    cx.corner_size[c] += 1
-    cx.count[N_CORNER_LIST] = k + 1
+    k = cx.count[N_LIST + CORNER_LIST]
+    _require(k, 1, cx.lists.shape[1])
+    cx.lists[CORNER_LIST, k] = v
+    cx.cell[c, CORNER_SIZE] += 1
+    cx.count[N_LIST + CORNER_LIST] = k + 1
 
 
 @nb.njit(cache=True)
@@ -236,70 +228,70 @@ def add_box(cx, box):
 @nb.njit(cache=True)
 def vertex_sign(cx, h, v):
     """Sign of plane h at vertex v, remembered until another plane asks."""
-    if cx.vertex_plane[v] != h:
-        cx.vertex_plane[v] = h
-        cx.vertex_sign[v] = sign_at_vertex(cx.planes, h, cx.vertices, cx.coordinates, v)
-    return cx.vertex_sign[v]
+    if cx.vertex[v, SIGN_PLANE] != h:
+        cx.vertex[v, SIGN_PLANE] = h
+        cx.vertex[v, SIGN] = sign_at_vertex(cx.planes, h, cx.vertices, cx.coordinates, v)
+    return cx.vertex[v, SIGN]
 
 
 @nb.njit(cache=True)
 def _push_edge_leaves(cx, f, e):
-    if cx.edge_child[e, 0] < 0:
+    if cx.edge[e, EDGE_CHILD] < 0:
         push_edge(cx, f, e)
     else:
-        _push_edge_leaves(cx, f, cx.edge_child[e, 0])
-        _push_edge_leaves(cx, f, cx.edge_child[e, 1])
+        _push_edge_leaves(cx, f, cx.edge[e, EDGE_CHILD])
+        _push_edge_leaves(cx, f, cx.edge[e, EDGE_CHILD + 1])
 
 
 @nb.njit(cache=True)
 def refresh_face(cx, f):
     """Replace edges of face f that were split since by their parts."""
-    first, size = cx.face_first[f], cx.face_size[f]
+    first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
     stale = False
     for k in range(first, first + size):
-        if cx.edge_child[cx.edge_list[k], 0] >= 0:
+        if cx.edge[cx.lists[EDGE_LIST, k], EDGE_CHILD] >= 0:
             stale = True
             break
     if stale:
-        cx.face_first[f], cx.face_size[f] = cx.count[N_EDGE_LIST], 0
+        cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE] = cx.count[N_LIST + EDGE_LIST], 0
         for k in range(first, first + size):
-            _push_edge_leaves(cx, f, cx.edge_list[k])
+            _push_edge_leaves(cx, f, cx.lists[EDGE_LIST, k])
 
 
 @nb.njit(cache=True)
 def _push_face_leaves(cx, c, f):
-    if cx.face_child[f, 0] < 0:
+    if cx.face[f, FACE_CHILD] < 0:
         push_face(cx, c, f)
     else:
-        _push_face_leaves(cx, c, cx.face_child[f, 0])
-        _push_face_leaves(cx, c, cx.face_child[f, 1])
+        _push_face_leaves(cx, c, cx.face[f, FACE_CHILD])
+        _push_face_leaves(cx, c, cx.face[f, FACE_CHILD + 1])
 
 
 @nb.njit(cache=True)
 def refresh_cell(cx, c):
     """Replace faces of cell c that were split since by their parts, and refresh those."""
-    first, size = cx.cell_first[c], cx.cell_size[c]
+    first, size = cx.cell[c, CELL_FIRST], cx.cell[c, CELL_SIZE]
     stale = False
     for k in range(first, first + size):
-        if cx.face_child[cx.face_list[k], 0] >= 0:
+        if cx.face[cx.lists[FACE_LIST, k], FACE_CHILD] >= 0:
             stale = True
             break
     if stale:
-        cx.cell_first[c], cx.cell_size[c] = cx.count[N_FACE_LIST], 0
+        cx.cell[c, CELL_FIRST], cx.cell[c, CELL_SIZE] = cx.count[N_LIST + FACE_LIST], 0
         for k in range(first, first + size):
-            _push_face_leaves(cx, c, cx.face_list[k])
-    for k in range(cx.cell_first[c], cx.cell_first[c] + cx.cell_size[c]):
-        refresh_face(cx, cx.face_list[k])
+            _push_face_leaves(cx, c, cx.lists[FACE_LIST, k])
+    for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + cx.cell[c, CELL_SIZE]):
+        refresh_face(cx, cx.lists[FACE_LIST, k])
 
 
 @nb.njit(cache=True)
 def face_side(cx, f, h):
     """POSITIVE, NEGATIVE, CROSSED, or 0 where face f lies in plane h."""
     side = 0
-    for k in range(cx.face_first[f], cx.face_first[f] + cx.face_size[f]):
-        e = cx.edge_list[k]
+    for k in range(cx.face[f, FACE_FIRST], cx.face[f, FACE_FIRST] + cx.face[f, FACE_SIZE]):
+        e = cx.lists[EDGE_LIST, k]
         for end in range(2):
-            s = vertex_sign(cx, h, cx.edge_vertices[e, end])
+            s = vertex_sign(cx, h, cx.edge[e, ENDS + end])
             if s > 0:
                 side |= POSITIVE
             elif s < 0:
@@ -313,8 +305,8 @@ def face_side(cx, f, h):
 def cell_side(cx, c, h):
     """POSITIVE, NEGATIVE or CROSSED: where the open cell c lies from plane h."""
     side = 0
-    for k in range(cx.corner_first[c], cx.corner_first[c] + cx.corner_size[c]):
-        s = vertex_sign(cx, h, cx.corner_list[k])
+    for k in range(cx.cell[c, CORNER_FIRST], cx.cell[c, CORNER_FIRST] + cx.cell[c, CORNER_SIZE]):
+        s = vertex_sign(cx, h, cx.lists[CORNER_LIST, k])
         if s > 0:
             side |= POSITIVE
         elif s < 0:
@@ -327,16 +319,16 @@ def cell_side(cx, c, h):
 @nb.njit(cache=True)
 def _split_edge(cx, e, h):
     """Split edge e, whose ends lie on opposite sides of h, into its positive and negative part."""
-    v, w = cx.edge_vertices[e, 0], cx.edge_vertices[e, 1]
-    p, q = cx.edge_planes[e, 0], cx.edge_planes[e, 1]
+    v, w = cx.edge[e, ENDS], cx.edge[e, ENDS + 1]
+    p, q = cx.edge[e, LINE], cx.edge[e, LINE + 1]
     m = add_vertex(cx, p, q, h)
-    cx.vertex_plane[m] = h
-    cx.vertex_sign[m] = 0
+    cx.vertex[m, SIGN_PLANE] = h
+    cx.vertex[m, SIGN] = 0
     if vertex_sign(cx, h, v) < 0:
         v, w = w, v
     positive = add_edge(cx, v, m, p, q)
     negative = add_edge(cx, m, w, p, q)
-    cx.edge_child[e, 0], cx.edge_child[e, 1] = positive, negative
+    cx.edge[e, EDGE_CHILD], cx.edge[e, EDGE_CHILD + 1] = positive, negative
 
 
 @nb.njit(cache=True)
@@ -346,29 +338,29 @@ def split_face(cx, f, h):
     The two ends of the cut are the only vertices of the face on h, because the face is convex and crossed.
     """
     refresh_face(cx, f)
-    first, size = cx.face_first[f], cx.face_size[f]
+    first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
     for k in range(first, first + size):
-        e = cx.edge_list[k]
-        if vertex_sign(cx, h, cx.edge_vertices[e, 0]) * vertex_sign(cx, h, cx.edge_vertices[e, 1]) < 0:
+        e = cx.lists[EDGE_LIST, k]
+        if vertex_sign(cx, h, cx.edge[e, ENDS]) * vertex_sign(cx, h, cx.edge[e, ENDS + 1]) < 0:
             _split_edge(cx, e, h)
     refresh_face(cx, f)
-    first, size = cx.face_first[f], cx.face_size[f]
+    first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
     start = end = -1
     for k in range(first, first + size):
         for side in range(2):
-            v = cx.edge_vertices[cx.edge_list[k], side]
+            v = cx.edge[cx.lists[EDGE_LIST, k], ENDS + side]
             if vertex_sign(cx, h, v) == 0:
                 if start < 0:
                     start = v
                 elif v != start:
                     end = v
-    cut = add_edge(cx, start, end, cx.face_plane[f], h)
+    cut = add_edge(cx, start, end, cx.face[f, FACE_PLANE], h)
     for child in range(2):
-        part = add_face(cx, cx.face_plane[f], cx.face_sides[f, 0], cx.face_sides[f, 1])
-        cx.face_child[f, child] = part
+        part = add_face(cx, cx.face[f, FACE_PLANE], cx.face[f, SIDES], cx.face[f, SIDES + 1])
+        cx.face[f, FACE_CHILD + child] = part
         for k in range(first, first + size):
-            e = cx.edge_list[k]
-            s = vertex_sign(cx, h, cx.edge_vertices[e, 0]) + vertex_sign(cx, h, cx.edge_vertices[e, 1])
+            e = cx.lists[EDGE_LIST, k]
+            s = vertex_sign(cx, h, cx.edge[e, ENDS]) + vertex_sign(cx, h, cx.edge[e, ENDS + 1])
             if (s > 0) == (child == 0):
                 push_edge(cx, part, e)
         push_edge(cx, part, cut)
@@ -378,22 +370,22 @@ def split_face(cx, f, h):
 @nb.njit(cache=True)
 def _push_cut_edges(cx, cap, f, h, mark):
     """Append the edges of face f that lie in plane h to the face `cap`, each once."""
-    for k in range(cx.face_first[f], cx.face_first[f] + cx.face_size[f]):
-        e = cx.edge_list[k]
+    for k in range(cx.face[f, FACE_FIRST], cx.face[f, FACE_FIRST] + cx.face[f, FACE_SIZE]):
+        e = cx.lists[EDGE_LIST, k]
         if (
-            cx.edge_mark[e] != mark
-            and vertex_sign(cx, h, cx.edge_vertices[e, 0]) == 0
-            and vertex_sign(cx, h, cx.edge_vertices[e, 1]) == 0
+            cx.edge[e, EDGE_MARK] != mark
+            and vertex_sign(cx, h, cx.edge[e, ENDS]) == 0
+            and vertex_sign(cx, h, cx.edge[e, ENDS + 1]) == 0
         ):
-            cx.edge_mark[e] = mark
+            cx.edge[e, EDGE_MARK] = mark
             push_edge(cx, cap, e)
 
 
 @nb.njit(cache=True)
 def _own(cx, f, old, new):
     for side in range(2):
-        if cx.face_sides[f, side] == old:
-            cx.face_sides[f, side] = new
+        if cx.face[f, SIDES + side] == old:
+            cx.face[f, SIDES + side] = new
 
 
 @nb.njit(cache=True)
@@ -401,47 +393,47 @@ def _push_corners(cx, c, part, cap, h, side):
     """Corners of the part of cell c on one side of h: those of c on that side, and those of the cap."""
     cx.count[MARK] += 1
     mark = cx.count[MARK]
-    for k in range(cx.corner_first[c], cx.corner_first[c] + cx.corner_size[c]):
-        v = cx.corner_list[k]
+    for k in range(cx.cell[c, CORNER_FIRST], cx.cell[c, CORNER_FIRST] + cx.cell[c, CORNER_SIZE]):
+        v = cx.lists[CORNER_LIST, k]
         if vertex_sign(cx, h, v) == side:
             push_corner(cx, part, v)
-    for k in range(cx.face_first[cap], cx.face_first[cap] + cx.face_size[cap]):
+    for k in range(cx.face[cap, FACE_FIRST], cx.face[cap, FACE_FIRST] + cx.face[cap, FACE_SIZE]):
         for end in range(2):
-            v = cx.edge_vertices[cx.edge_list[k], end]
-            if cx.vertex_mark[v] != mark:
-                cx.vertex_mark[v] = mark
+            v = cx.edge[cx.lists[EDGE_LIST, k], ENDS + end]
+            if cx.vertex[v, VERTEX_MARK] != mark:
+                cx.vertex[v, VERTEX_MARK] = mark
                 push_corner(cx, part, v)
 
 
 @nb.njit(cache=True)
 def split_cell(cx, c, h):
-    """Split cell c, crossed by plane h, into its positive and its negative child (``cx.cell_child[c]``)."""
+    """Split cell c, crossed by plane h, into its positive and its negative part."""
     refresh_cell(cx, c)
-    first, size = cx.cell_first[c], cx.cell_size[c]
+    first, size = cx.cell[c, CELL_FIRST], cx.cell[c, CELL_SIZE]
     for k in range(first, first + size):
-        f = cx.face_list[k]
+        f = cx.lists[FACE_LIST, k]
         if face_side(cx, f, h) == CROSSED:
             split_face(cx, f, h)
     refresh_cell(cx, c)
-    first, size = cx.cell_first[c], cx.cell_size[c]
+    first, size = cx.cell[c, CELL_FIRST], cx.cell[c, CELL_SIZE]
     cx.count[MARK] += 1
     mark = cx.count[MARK]
     cap = add_face(cx, h, -1, -1)
     for k in range(first, first + size):
-        _push_cut_edges(cx, cap, cx.face_list[k], h, mark)
+        _push_cut_edges(cx, cap, cx.lists[FACE_LIST, k], h, mark)
     for child in range(2):
         part = add_cell(cx)
         cx.label[part] = cx.label[c]
-        cx.cell_child[c, child] = part
-        cx.face_sides[cap, child] = part
+        cx.cell[c, CELL_CHILD + child] = part
+        cx.face[cap, SIDES + child] = part
         for k in range(first, first + size):
-            f = cx.face_list[k]
+            f = cx.lists[FACE_LIST, k]
             if (face_side(cx, f, h) == POSITIVE) == (child == 0):
                 push_face(cx, part, f)
                 _own(cx, f, c, part)
         push_face(cx, part, cap)
         _push_corners(cx, c, part, cap, h, 1 if child == 0 else -1)
-    cx.cell_plane[c] = h
+    cx.cell[c, CELL_PLANE] = h
 
 
 @nb.njit(cache=True)
@@ -451,7 +443,7 @@ def leaves(cx):
     result = np.empty(n, np.int64)
     m = 0
     for c in range(n):
-        if cx.cell_child[c, 0] < 0:
+        if cx.cell[c, CELL_CHILD] < 0:
             refresh_cell(cx, c)
             result[m] = c
             m += 1

@@ -11,7 +11,7 @@ import numpy as np
 from .cells import N_CELLS, Complex
 from .lattice import Grid
 from .measure import cell_sizes, cell_triangles, half_spaces
-from .tree import Tree, holds
+from .tree import holds, tree_of
 
 
 @dataclass(frozen=True)
@@ -94,11 +94,9 @@ class CellSet:
 
     def contains(self, points) -> np.ndarray:
         """Whether the closed set holds each of (n, 3) points in mm, exactly; (n,) bool."""
-        n = int(self._cx.count[N_CELLS])
-        flag = np.zeros(n, bool)
+        flag = np.zeros(int(self._cx.count[N_CELLS]), bool)
         flag[self._cells] = True
-        tree = Tree(self._cx.planes, self._cx.cell_plane[:n], self._cx.cell_child[:n])
-        return holds(tree, flag, self._grid.to_points(np.asarray(points, float).reshape(-1, 3)))
+        return holds(tree_of(self._cx), flag, self._grid.to_points(np.asarray(points, float).reshape(-1, 3)))
 
     def sample(self, n: int, rng=0) -> np.ndarray:
         """Draw n points uniformly from the union, in mm, shape (n, 3).

@@ -9,7 +9,7 @@ import networkx as nx
 import numpy as np
 
 from .carve import carve, surface_facets, with_facet_planes
-from .cells import N_CELLS, Complex, leaves
+from .cells import FACE_CHILD, N_CELLS, N_FACES, SIDES, Complex, leaves
 from .cellset import CellSet
 from .domains import Domain, Domains, find_domains
 from .entities import Entity
@@ -19,7 +19,7 @@ from .partition import Provenance
 from .raycast import confirm
 from .regions import Progress, VisibilityRegions, compute_regions
 from .solid import Solid
-from .tree import Tree, locate
+from .tree import locate, tree_of
 
 # domains and contacts thinner than this share of the part's largest extent are slivers
 _MIN_WIDTH_SHARE = 1e-4
@@ -47,8 +47,7 @@ class EntityAspectGraph:
         self.graph = graph
         self._cx = cx
         self._domains = domains
-        n = int(cx.count[N_CELLS])
-        self._tree = Tree(cx.planes, cx.cell_plane[:n], cx.cell_child[:n])
+        self._tree = tree_of(cx)
 
     @property
     def solid(self) -> Solid:
@@ -226,18 +225,25 @@ def _listed(domain: Domain) -> set[int]:
 
 
 def _cells_at_boundary(cx: Complex) -> np.ndarray:
-    n_faces = int(cx.count[2])
-    sides = cx.face_sides[:n_faces]
-    rows = (cx.face_child[:n_faces, 0] < 0) & (sides.min(axis=1) < 0)
+    n_faces = int(cx.count[N_FACES])
+    sides = cx.face[:n_faces, SIDES : SIDES + 2]
+    rows = (cx.face[:n_faces, FACE_CHILD] < 0) & (sides.min(axis=1) < 0)
     at_boundary = np.zeros(int(cx.count[N_CELLS]), bool)
     at_boundary[sides[rows].max(axis=1)] = True
     return at_boundary
 
 
 def _confirm(eag: EntityAspectGraph, scene) -> None:
-    """Cast rays from every node's viewpoint and note the result on the node."""
+    """Cast rays from near every node's viewpoint and note the result on the node.
+
+    Not from the viewpoint itself: in symmetric parts it lies on partition planes and on seams between blocked sets. Any
+    other point of its ball, which lies in one cell, is as good a witness.
+    """
     graph, names = eag.graph, eag.entity_names
     viewpoints = np.array([graph.nodes[node]["viewpoint"] for node in graph])
+    clearances = np.array([graph.nodes[node]["clearance"] for node in graph])
+    aside = np.random.default_rng(0).normal(size=viewpoints.shape)
+    viewpoints = viewpoints + 0.25 * clearances[:, None] * aside / np.linalg.norm(aside, axis=1, keepdims=True)
     observable = np.array([[name in graph.nodes[node]["observable"] for name in names] for node in graph])
     found = confirm(eag.solid, eag.entities, scene, eag.regions.grid, viewpoints, observable.reshape(len(graph), -1))
     for node in graph:

@@ -5,18 +5,32 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from .cells import N_FACES, Complex
+from .cells import (
+    CELL_CHILD,
+    CELL_FIRST,
+    CELL_SIZE,
+    EDGE_LIST,
+    ENDS,
+    FACE_CHILD,
+    FACE_FIRST,
+    FACE_LIST,
+    FACE_PLANE,
+    FACE_SIZE,
+    N_FACES,
+    SIDES,
+    Complex,
+)
 
 
 @nb.njit(cache=True)
 def cell_centre(cx, c):
     """Mean of the corners of cell c as its faces list them, in grid steps."""
     total, n = np.zeros(3), 0
-    for k in range(cx.cell_first[c], cx.cell_first[c] + cx.cell_size[c]):
-        f = cx.face_list[k]
-        for m in range(cx.face_first[f], cx.face_first[f] + cx.face_size[f]):
+    for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + cx.cell[c, CELL_SIZE]):
+        f = cx.lists[FACE_LIST, k]
+        for m in range(cx.face[f, FACE_FIRST], cx.face[f, FACE_FIRST] + cx.face[f, FACE_SIZE]):
             for end in range(2):
-                total += cx.coordinates[cx.edge_vertices[cx.edge_list[m], end]]
+                total += cx.coordinates[cx.edge[cx.lists[EDGE_LIST, m], ENDS + end]]
                 n += 1
     return total / n
 
@@ -24,16 +38,16 @@ def cell_centre(cx, c):
 @nb.njit(cache=True)
 def _face_area(cx, f):
     """Area and perimeter of face f, in squared steps and steps."""
-    first, size = cx.face_first[f], cx.face_size[f]
+    first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
     centre = np.zeros(3)
     for k in range(first, first + size):
-        centre += cx.coordinates[cx.edge_vertices[cx.edge_list[k], 0]]
-        centre += cx.coordinates[cx.edge_vertices[cx.edge_list[k], 1]]
+        centre += cx.coordinates[cx.edge[cx.lists[EDGE_LIST, k], ENDS]]
+        centre += cx.coordinates[cx.edge[cx.lists[EDGE_LIST, k], ENDS + 1]]
     centre /= 2 * size
     area = perimeter = 0.0
     for k in range(first, first + size):
-        p = cx.coordinates[cx.edge_vertices[cx.edge_list[k], 0]] - centre
-        q = cx.coordinates[cx.edge_vertices[cx.edge_list[k], 1]] - centre
+        p = cx.coordinates[cx.edge[cx.lists[EDGE_LIST, k], ENDS]] - centre
+        q = cx.coordinates[cx.edge[cx.lists[EDGE_LIST, k], ENDS + 1]] - centre
         cross = np.array([p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]])
         area += 0.5 * np.sqrt((cross * cross).sum())
         perimeter += np.sqrt(((p - q) ** 2).sum())
@@ -47,10 +61,10 @@ def _cell_sizes(cx, cells):
     for row in range(len(cells)):
         c = cells[row]
         centre = cell_centre(cx, c)
-        for k in range(cx.cell_first[c], cx.cell_first[c] + cx.cell_size[c]):
-            f = cx.face_list[k]
+        for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + cx.cell[c, CELL_SIZE]):
+            f = cx.lists[FACE_LIST, k]
             area, _ = _face_area(cx, f)
-            plane = cx.planes[cx.face_plane[f]]
+            plane = cx.planes[cx.face[f, FACE_PLANE]]
             a, b, d = np.float64(plane[0]), np.float64(plane[1]), np.float64(plane[2])
             distance = abs(a * centre[0] + b * centre[1] + d * centre[2] - plane[3]) / np.sqrt(a * a + b * b + d * d)
             sizes[row, 0] += area * distance / 3
@@ -70,10 +84,10 @@ def _interfaces(cx):
     sizes = np.empty((n, 2))
     m = 0
     for f in range(n):
-        positive, negative = cx.face_sides[f, 0], cx.face_sides[f, 1]
-        if cx.face_child[f, 0] >= 0 or positive < 0 or negative < 0 or not _has_face(cx, positive, f):
+        positive, negative = cx.face[f, SIDES], cx.face[f, SIDES + 1]
+        if cx.face[f, FACE_CHILD] >= 0 or positive < 0 or negative < 0 or not _has_face(cx, positive, f):
             continue
-        sides[m, 0], sides[m, 1], sides[m, 2] = positive, negative, cx.face_plane[f]
+        sides[m, 0], sides[m, 1], sides[m, 2] = positive, negative, cx.face[f, FACE_PLANE]
         area, perimeter = _face_area(cx, f)
         sizes[m, 0] = area
         sizes[m, 1] = 2.0 * area / perimeter if perimeter > 0 else 0.0
@@ -84,9 +98,9 @@ def _interfaces(cx):
 @nb.njit(cache=True)
 def _has_face(cx, c, f):
     """Whether f bounds cell c; free facets carry label rows, not cells, on their sides."""
-    if cx.cell_child[c, 0] >= 0:
+    if cx.cell[c, CELL_CHILD] >= 0:
         return False
-    return (cx.face_list[cx.cell_first[c] : cx.cell_first[c] + cx.cell_size[c]] == f).any()
+    return (cx.lists[FACE_LIST, cx.cell[c, CELL_FIRST] : cx.cell[c, CELL_FIRST] + cx.cell[c, CELL_SIZE]] == f).any()
 
 
 def interfaces(cx: Complex) -> tuple[np.ndarray, np.ndarray]:
@@ -106,14 +120,14 @@ def interfaces(cx: Complex) -> tuple[np.ndarray, np.ndarray]:
 @nb.njit(cache=True)
 def _cell_planes(cx, c):
     """Planes of cell c, each once, with the side (1 or -1) the cell lies on."""
-    size = cx.cell_size[c]
+    size = cx.cell[c, CELL_SIZE]
     planes, side = np.empty(size, np.int64), np.empty(size, np.int64)
     n = 0
-    for k in range(cx.cell_first[c], cx.cell_first[c] + size):
-        f = cx.face_list[k]
-        if not (planes[:n] == cx.face_plane[f]).any():
-            planes[n] = cx.face_plane[f]
-            side[n] = 1 if cx.face_sides[f, 0] == c else -1
+    for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + size):
+        f = cx.lists[FACE_LIST, k]
+        if not (planes[:n] == cx.face[f, FACE_PLANE]).any():
+            planes[n] = cx.face[f, FACE_PLANE]
+            side[n] = 1 if cx.face[f, SIDES] == c else -1
             n += 1
     return planes[:n], side[:n]
 
@@ -130,18 +144,18 @@ def half_spaces(cx: Complex, c: int) -> np.ndarray:
 def cell_triangles(cx, c):
     """Triangles that tile the surface of cell c, as (t, 3, 3) corners in grid steps."""
     n = 0
-    for k in range(cx.cell_first[c], cx.cell_first[c] + cx.cell_size[c]):
-        n += cx.face_size[cx.face_list[k]]
+    for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + cx.cell[c, CELL_SIZE]):
+        n += cx.face[cx.lists[FACE_LIST, k], FACE_SIZE]
     triangles = np.empty((n, 3, 3))
     n = 0
-    for k in range(cx.cell_first[c], cx.cell_first[c] + cx.cell_size[c]):
-        f = cx.face_list[k]
-        first, size = cx.face_first[f], cx.face_size[f]
-        anchor = cx.coordinates[cx.edge_vertices[cx.edge_list[first], 0]]
+    for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + cx.cell[c, CELL_SIZE]):
+        f = cx.lists[FACE_LIST, k]
+        first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
+        anchor = cx.coordinates[cx.edge[cx.lists[EDGE_LIST, first], ENDS]]
         for m in range(first, first + size):
-            e = cx.edge_list[m]
+            e = cx.lists[EDGE_LIST, m]
             triangles[n, 0] = anchor
-            triangles[n, 1] = cx.coordinates[cx.edge_vertices[e, 0]]
-            triangles[n, 2] = cx.coordinates[cx.edge_vertices[e, 1]]
+            triangles[n, 1] = cx.coordinates[cx.edge[e, ENDS]]
+            triangles[n, 2] = cx.coordinates[cx.edge[e, ENDS + 1]]
             n += 1
     return triangles

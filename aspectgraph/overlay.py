@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from .cells import CROSSED, N_CELLS, POSITIVE, Complex, add_box, allocate, cell_side, split_cell, with_room
+from .cells import CELL_CHILD, CROSSED, N_CELLS, POSITIVE, Complex, add_box, allocate, cell_side, split_cell, with_room
 from .lattice import find_plane
 from .region import Region
 from .shadow import FACE, Scene
@@ -136,7 +136,7 @@ def _add_region(cx, plane, child, observable, k, covering_only):
     bit = np.uint64(1) << np.uint64(k % 64)
     stack = [(0, 0) for _ in range(0)]
     for c in range(cx.count[N_CELLS]):
-        if cx.cell_child[c, 0] < 0 and not (covering_only and not _covers(cx.label[c], k)):
+        if cx.cell[c, CELL_CHILD] < 0 and not (covering_only and not _covers(cx.label[c], k)):
             stack.append((c, 0))
     while len(stack) > 0:
         cell, node = stack.pop()
@@ -147,7 +147,7 @@ def _add_region(cx, plane, child, observable, k, covering_only):
         place = cell_side(cx, cell, plane[node])
         if place == CROSSED:
             split_cell(cx, cell, plane[node])
-            stack.append((np.int64(cx.cell_child[cell, 0]), np.int64(child[node, 0])))
-            stack.append((np.int64(cx.cell_child[cell, 1]), np.int64(child[node, 1])))
+            stack.append((np.int64(cx.cell[cell, CELL_CHILD]), np.int64(child[node, 0])))
+            stack.append((np.int64(cx.cell[cell, CELL_CHILD + 1]), np.int64(child[node, 1])))
         else:
             stack.append((cell, np.int64(child[node, 0 if place == POSITIVE else 1])))

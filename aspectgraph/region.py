@@ -11,11 +11,21 @@ from typing import TYPE_CHECKING, NamedTuple
 import numba as nb
 import numpy as np
 
-from .cells import CROSSED, N_CELLS, Complex, add_box, allocate, cell_side, split_cell, with_room
+from .cells import (
+    CELL_CHILD,
+    CROSSED,
+    N_CELLS,
+    Complex,
+    add_box,
+    allocate,
+    cell_side,
+    split_cell,
+    with_room,
+)
 from .shadow import Blockers, Scene, blockers
 from .simplify import n_leaves, simplify
 from .solid import Solid
-from .tree import Tree
+from .tree import Tree, tree_of
 
 if TYPE_CHECKING:
     from .entities import Entity
@@ -98,7 +108,7 @@ def _insert(cx, first, plane, side, start, limit):
     """
     open_cells = [np.int64(0) for _ in range(0)]
     for c in range(cx.count[N_CELLS]):
-        if cx.cell_child[c, 0] < 0 and cx.label[c, 0] == 1:
+        if cx.cell[c, CELL_CHILD] < 0 and cx.label[c, 0] == 1:
             open_cells.append(np.int64(c))
     for k in range(start, len(first) - 1):
         if cx.count[N_CELLS] > limit:
@@ -115,8 +125,8 @@ def _insert(cx, first, plane, side, start, limit):
                 if place == CROSSED:
                     split_cell(cx, inside, own_plane[j])
                     keep = 0 if own_side[j] > 0 else 1
-                    still_open.append(np.int64(cx.cell_child[inside, 1 - keep]))
-                    inside = np.int64(cx.cell_child[inside, keep])
+                    still_open.append(np.int64(cx.cell[inside, CELL_CHILD + 1 - keep]))
+                    inside = np.int64(cx.cell[inside, CELL_CHILD + keep])
                 elif place == (2 if own_side[j] > 0 else 1):
                     still_open.append(inside)
                     inside = np.int64(-1)
@@ -129,11 +139,10 @@ def _insert(cx, first, plane, side, start, limit):
 
 def _compact(cx: Complex, origin: np.ndarray) -> Region:
     """Keep of a complex only its tree and the planes that tree uses."""
-    n = int(cx.count[N_CELLS])
-    plane, child = cx.cell_plane[:n].copy(), cx.cell_child[:n].copy()
+    _, plane, child = tree_of(cx)
     used = np.unique(np.concatenate([_BOX, plane[plane >= 0]]))
     number = np.full(len(cx.planes), -1, np.int32)
     number[used] = np.arange(len(used))
     inner = plane >= 0
     plane[inner] = number[plane[inner]]
-    return Region(Tree(cx.planes[used], plane, child), origin[used], (cx.label[:n, 0] == 1) & ~inner)
+    return Region(Tree(cx.planes[used], plane, child), origin[used], (cx.label[: len(plane), 0] == 1) & ~inner)

@@ -12,11 +12,22 @@ import numba as nb
 import numpy as np
 
 from .cells import (
+    CELL_CHILD,
     CROSSED,
+    EDGE_LIST,
+    ENDS,
+    FACE_CHILD,
+    FACE_FIRST,
+    FACE_PLANE,
+    FACE_SIZE,
+    LINE,
     N_CELLS,
+    N_EDGES,
     N_FACES,
+    N_VERTICES,
     NEGATIVE,
     POSITIVE,
+    SIDES,
     Complex,
     add_box,
     add_edge,
@@ -61,29 +72,29 @@ def _copy_facets(old, cx):
     n = old.count[N_FACES]
     facets = np.empty(n, np.int64)
     m = 0
-    new_vertex = np.full(len(old.vertex_plane[: old.count[0]]), -1, np.int64)
-    new_edge = np.full(len(old.edge_child[: old.count[1]]), -1, np.int64)
+    new_vertex = np.full(old.count[N_VERTICES], -1, np.int64)
+    new_edge = np.full(old.count[N_EDGES], -1, np.int64)
     for f in range(n):
-        positive, negative = old.face_sides[f, 0], old.face_sides[f, 1]
-        if old.face_child[f, 0] >= 0 or positive < 0 or negative < 0:
+        positive, negative = old.face[f, SIDES], old.face[f, SIDES + 1]
+        if old.face[f, FACE_CHILD] >= 0 or positive < 0 or negative < 0:
             continue
         if (old.label[positive] == old.label[negative]).all():
             continue
-        edges = old.edge_list[old.face_first[f] : old.face_first[f] + old.face_size[f]]
+        edges = old.lists[EDGE_LIST, old.face[f, FACE_FIRST] : old.face[f, FACE_FIRST] + old.face[f, FACE_SIZE]]
         for e in edges:
             if new_edge[e] < 0:
                 for end in range(2):
-                    v = old.edge_vertices[e, end]
+                    v = old.edge[e, ENDS + end]
                     if new_vertex[v] < 0:
                         new_vertex[v] = _copy_vertex(old, cx, v)
                 new_edge[e] = add_edge(
                     cx,
-                    new_vertex[old.edge_vertices[e, 0]],
-                    new_vertex[old.edge_vertices[e, 1]],
-                    old.edge_planes[e, 0],
-                    old.edge_planes[e, 1],
+                    new_vertex[old.edge[e, ENDS]],
+                    new_vertex[old.edge[e, ENDS + 1]],
+                    old.edge[e, LINE],
+                    old.edge[e, LINE + 1],
                 )
-        facets[m] = add_face(cx, old.face_plane[f], positive, negative)
+        facets[m] = add_face(cx, old.face[f, FACE_PLANE], positive, negative)
         for e in edges:
             push_edge(cx, facets[m], new_edge[e])
         m += 1
@@ -115,14 +126,14 @@ def _choose(cx, facets):
     seen = np.full(_CANDIDATES + 2, -1, np.int64)
     n_seen = 0
     for j in range(0, len(facets), stride):
-        h = cx.face_plane[facets[j]]
+        h = cx.face[facets[j], FACE_PLANE]
         if n_seen == len(seen) or (seen[:n_seen] == h).any():
             continue
         seen[n_seen] = h
         n_seen += 1
         ahead = behind = crossed = coplanar = 0
         for f in facets:
-            side = 0 if cx.face_plane[f] == h else face_side(cx, f, h)
+            side = 0 if cx.face[f, FACE_PLANE] == h else face_side(cx, f, h)
             if side == POSITIVE:
                 ahead += 1
             elif side == NEGATIVE:
@@ -140,14 +151,14 @@ def _choose(cx, facets):
 @nb.njit(cache=True)
 def _retire(cx, f):
     """Take a free facet that did its work out of everybody's sight: its sides are not cells of this complex."""
-    cx.face_sides[f] = -1
+    cx.face[f, SIDES : SIDES + 2] = -1
 
 
 @nb.njit(cache=True)
 def partition(cx, root, facets, labels):
     """Cut cell `root` along free facets and label the parts.
 
-    ``cx.face_sides`` of a facet names the rows of `labels` that hold on its positive and its negative side. A root
+    The sides of a facet name the rows of `labels` that hold on its positive and its negative side. A root
     that no facet cuts keeps its label. Returns the number of parts.
     """
     pool = facets.copy()
@@ -158,13 +169,13 @@ def partition(cx, root, facets, labels):
         cell, start, size = stack.pop()
         while size > 0:
             chosen = _choose(cx, pool[start : start + size])
-            h = cx.face_plane[chosen]
+            h = cx.face[chosen, FACE_PLANE]
             if cell_side(cx, cell, h) == CROSSED:
                 break
             # only where facets are not exactly planar: what lies on the cell's own boundary separates nothing in it
             kept = start
             for k in range(start, start + size):
-                if cx.face_plane[pool[k]] != h:
+                if cx.face[pool[k], FACE_PLANE] != h:
                     pool[kept] = pool[k]
                     kept += 1
                 else:
@@ -180,28 +191,28 @@ def partition(cx, root, facets, labels):
         for k in range(start, start + size):
             f = pool[k]
             refresh_face(cx, f)
-            side = 0 if cx.face_plane[f] == h else face_side(cx, f, h)
+            side = 0 if cx.face[f, FACE_PLANE] == h else face_side(cx, f, h)
             if side == CROSSED:
                 split_face(cx, f, h)
             if side & POSITIVE:
-                pool[ahead + n_ahead] = cx.face_child[f, 0] if side == CROSSED else f
+                pool[ahead + n_ahead] = cx.face[f, FACE_CHILD] if side == CROSSED else f
                 n_ahead += 1
             if side & NEGATIVE:
-                pool[behind + n_behind] = cx.face_child[f, 1] if side == CROSSED else f
+                pool[behind + n_behind] = cx.face[f, FACE_CHILD + 1] if side == CROSSED else f
                 n_behind += 1
             if side == 0 and f != chosen:
                 _retire(cx, f)
         used += 2 * size
         for child in range(2):
-            part = cx.cell_child[cell, child]
-            cx.label[part] = labels[cx.face_sides[chosen, child]]
+            part = cx.cell[cell, CELL_CHILD + child]
+            cx.label[part] = labels[cx.face[chosen, SIDES + child]]
             refresh_cell(cx, part)
         _retire(cx, chosen)
-        stack.append((cx.cell_child[cell, 0], ahead, n_ahead))
-        stack.append((cx.cell_child[cell, 1], behind, n_behind))
+        stack.append((cx.cell[cell, CELL_CHILD], ahead, n_ahead))
+        stack.append((cx.cell[cell, CELL_CHILD + 1], behind, n_behind))
     return n_parts
 
 
 def n_leaves(cx: Complex) -> int:
     """Number of present cells."""
-    return int((cx.cell_child[: cx.count[N_CELLS], 0] < 0).sum())
+    return int((cx.cell[: cx.count[N_CELLS], CELL_CHILD] < 0).sum())

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
+from .cells import CELL_CHILD, CELL_PLANE, N_CELLS, Complex
 from .predicates import sign_at_point
 
 
@@ -26,6 +27,12 @@ class Tree(NamedTuple):
     planes: np.ndarray
     plane: np.ndarray
     child: np.ndarray
+
+
+def tree_of(cx: Complex) -> Tree:
+    """The partition whose leaves are the present cells of a complex; node numbers are cell numbers."""
+    n = int(cx.count[N_CELLS])
+    return Tree(cx.planes, cx.cell[:n, CELL_PLANE].copy(), cx.cell[:n, CELL_CHILD : CELL_CHILD + 2].copy())
 
 
 @nb.njit(cache=True)
