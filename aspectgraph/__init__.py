@@ -1,6 +1,7 @@
 """Exact entity-based aspect graphs of polyhedral parts."""
 
 from aspectgraph.cellset import Cell, CellSet
+from aspectgraph.edge_picture import edge_figure, write_edge_picture
 from aspectgraph.entities import Entity, read_entities, resolve_entities
 from aspectgraph.exceptions import (
     AspectGraphError,
@@ -52,9 +53,11 @@ __all__ = [
     "WorkspaceError",
     "build_aspect_graph",
     "compute_regions",
+    "edge_figure",
     "read_entities",
     "read_graphml",
     "read_solid",
     "resolve_entities",
+    "write_edge_picture",
     "write_graphml",
 ]

@@ -1,0 +1,298 @@
+"""Pictures of a part with the ids of its straight edges: a PNG of four views, or an HTML page to turn about."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from aspectgraph.exceptions import EntityError, MissingExtraError
+from aspectgraph.solid import Solid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from plotly.graph_objects import Figure
+
+VIEWS = {
+    "from the right, front and above": (0.6, -0.8, 0.7),
+    "from the left, back and above": (-0.6, 0.8, 0.7),
+    "from the right, back and below": (0.6, 0.8, -0.7),
+    "from the left, front and below": (-0.6, -0.8, -0.7),
+}
+"""The four views of the PNG: name and direction from the part towards the viewer."""
+
+_PALETTE = ("#c0392b", "#1f618d", "#1e8449", "#af601a", "#6c3483", "#117a65", "#b7950b", "#2e4053")
+_SAMPLES = np.linspace(0.01, 0.99, 50)
+_PIXELS = 800
+
+
+def write_edge_picture(solid: Solid, path: str | Path, edge_ids: Iterable[int] | None = None) -> Path:
+    """Draw a part with the ids of its edges.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    path : str or Path
+        Ends in .png (needs matplotlib) or .html (opens offline).
+    edge_ids : iterable of int, optional
+        The edges to name. Default: all of ``solid.straight_edges()``.
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    ValueError
+        The path ends otherwise.
+    MissingExtraError
+        matplotlib is not installed.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".html":
+        edge_figure(solid, edge_ids).write_html(path, include_plotlyjs=True)
+    elif suffix == ".png":
+        _write_png(solid, path, edge_ids)
+    else:
+        raise ValueError(f"a picture's path must end in .png or .html. Got {path.name!r}.")
+    return path
+
+
+def edge_figure(solid: Solid, edge_ids: Iterable[int] | None = None) -> Figure:
+    """Return an interactive 3-D picture; pointing at an edge shows its id, length, angle and ends."""
+    import plotly.graph_objects as go
+
+    ids = _checked_ids(solid, edge_ids)
+    x, y, z = solid.vertices.T
+    i, j, k = solid.triangles.T
+    body = go.Mesh3d(x=x, y=y, z=z, i=i, j=j, k=k, color="lightgrey", flatshading=True, hoverinfo="skip", name="part")
+    lines = [_line(solid, edge_id, n) for n, edge_id in enumerate(ids)]
+    middles = np.array([solid.edge_points(edge_id).mean(axis=0) for edge_id in ids]).reshape(-1, 3)
+    labels = go.Scatter3d(
+        x=middles[:, 0],
+        y=middles[:, 1],
+        z=middles[:, 2],
+        mode="text",
+        text=[str(edge_id) for edge_id in ids],
+        hoverinfo="skip",
+        name="ids",
+    )
+    figure = go.Figure([body, *lines, labels])
+    axis = {"title": {"font": {"size": 12}}, "backgroundcolor": "white", "gridcolor": "gainsboro"}
+    scene = {"aspectmode": "data", "camera": {"projection": {"type": "orthographic"}}}
+    scene |= {f"{name}axis": axis | {"title": {"text": f"{name} (mm)"}} for name in "xyz"}
+    figure.update_layout(title=f"{solid.name}: {len(ids)} straight edges", scene=scene, showlegend=False)
+    return figure
+
+
+def _line(solid: Solid, edge_id: int, n: int):
+    import plotly.graph_objects as go
+
+    points = np.linspace(*solid.edge_points(edge_id), 9)
+    ends = " to ".join("(" + ", ".join(f"{c:.6g}" for c in p) + ")" for p in points[[0, -1]])
+    text = (
+        f"edge {edge_id}<br>length {solid.edge_length_mm(edge_id):.6g} mm<br>"
+        f"angle {solid.edges[edge_id].dihedral_deg:.4g}°<br>{ends}"
+    )
+    return go.Scatter3d(
+        x=points[:, 0],
+        y=points[:, 1],
+        z=points[:, 2],
+        mode="lines",
+        line={"color": _PALETTE[n % len(_PALETTE)], "width": 6},
+        hovertemplate=text + "<extra></extra>",
+    )
+
+
+def _checked_ids(solid: Solid, edge_ids: Iterable[int] | None) -> list[int]:
+    if edge_ids is None:
+        return [edge.id for edge in solid.straight_edges()]
+    ids = [int(edge_id) for edge_id in edge_ids]
+    bad = [edge_id for edge_id in ids if not 0 <= edge_id < len(solid.edges)]
+    if bad:
+        raise EntityError(f"an edge id must be in 0..{len(solid.edges) - 1}. Got {bad[0]}.")
+    return ids
+
+
+def _write_png(solid: Solid, path: Path, edge_ids: Iterable[int] | None) -> None:
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingExtraError(
+            f"PNG pictures need the package matplotlib. Got {error}; install it with: pip install aspectgraph[plot]"
+        ) from error
+    ids = _checked_ids(solid, edge_ids)
+    figure = Figure(figsize=(22, 17), layout="constrained")
+    FigureCanvasAgg(figure)
+    for ax, (title, direction) in zip(figure.subplots(2, 2).ravel(), VIEWS.items(), strict=True):
+        draw_edges(solid, ids, direction, ax=ax)
+        ax.set_title(title)
+    figure.suptitle(f"{solid.name}: straight edges and their ids", fontsize=16)
+    figure.savefig(path, dpi=100)
+
+
+def draw_edges(solid: Solid, edge_ids: Iterable[int] | None, direction, *, ax: Axes) -> Axes:
+    """Draw one parallel view with the ids of the edges seen in it.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    edge_ids : iterable of int or None
+        The edges to name; None: all of ``solid.straight_edges()``.
+    direction : array_like, shape (3,)
+        From the part towards the viewer.
+    ax : matplotlib Axes
+        Where to draw.
+
+    Returns
+    -------
+    Axes
+        `ax`.
+    """
+    from matplotlib.collections import LineCollection
+
+    ids = _checked_ids(solid, edge_ids)
+    axes = view_axes(direction)
+    points = solid.vertices @ axes.T
+    front = solid.normals[solid.triangle_face] @ axes[2]
+    towards = np.flatnonzero(front > 1e-9)
+    corners = points[solid.triangles[towards]]
+    image, extent = render(corners, 0.62 + 0.33 * front[towards])
+    ax.imshow(image, cmap="gray", vmin=0.0, vmax=1.0, extent=extent, origin="lower", interpolation="nearest")
+    _draw_outlines(solid, points, corners, set(ids), ax)
+    spots = []
+    for n, edge_id in enumerate(ids):
+        run = points[list(solid.edges[edge_id].vertices)]
+        samples = run[0] + _SAMPLES[:, None] * (run[1] - run[0])
+        seen = is_seen(samples, corners)
+        pieces = _seen_pieces(samples, seen)
+        if pieces:
+            colour = _PALETTE[n % len(_PALETTE)]
+            ax.add_collection(LineCollection(pieces, colors=colour, linewidths=2.0))
+            spots.append((edge_id, colour, samples[seen][:, :2]))
+    ax.set_aspect("equal")
+    ax.autoscale_view()
+    ax.set_axis_off()
+    _place_labels(spots, ax)
+    return ax
+
+
+def _seen_pieces(samples: np.ndarray, seen: np.ndarray) -> list[np.ndarray]:
+    """Return the stretches of an edge between samples that are both seen, shape (2, 2) each."""
+    both = seen[:-1] & seen[1:]
+    return [samples[k : k + 2, :2] for k in np.flatnonzero(both)]
+
+
+def render(corners: np.ndarray, shades: np.ndarray) -> tuple[np.ndarray, tuple[float, float, float, float]]:
+    """Paint triangles into an image, the nearest on top.
+
+    Parameters
+    ----------
+    corners : ndarray, shape (t, 3, 3)
+        Triangles that face the viewer, in view coordinates.
+    shades : ndarray, shape (t,)
+        Grey of each triangle.
+
+    Returns
+    -------
+    image : ndarray, shape (h, w)
+        White where there is nothing; the first row is the lowest.
+    extent : tuple of float
+        Left, right, bottom and top of the image in view coordinates.
+    """
+    low, high = corners.reshape(-1, 3).min(axis=0)[:2], corners.reshape(-1, 3).max(axis=0)[:2]
+    pixel = float((high - low).max()) / _PIXELS
+    low, high = low - 2 * pixel, high + 2 * pixel
+    width, height = np.ceil((high - low) / pixel).astype(int)
+    image, depth = np.ones((height, width)), np.full((height, width), -np.inf)
+    for triangle, shade in zip(corners, shades, strict=True):
+        first = np.floor((triangle[:, :2].min(axis=0) - low) / pixel).astype(int)
+        last = np.ceil((triangle[:, :2].max(axis=0) - low) / pixel).astype(int) + 1
+        x = low[0] + (np.arange(first[0], last[0]) + 0.5) * pixel
+        y = low[1] + (np.arange(first[1], last[1]) + 0.5) * pixel
+        weights = _weights(np.stack(np.meshgrid(x, y), axis=-1), *triangle)
+        inside = (weights >= -1e-9).all(axis=0)
+        z = np.einsum("kyx,k->yx", weights, triangle[:, 2])
+        window = np.s_[first[1] : last[1], first[0] : last[0]]
+        nearer = inside & (z > depth[window])
+        depth[window][nearer] = z[nearer]
+        image[window][nearer] = shade
+    return image, (low[0], low[0] + width * pixel, low[1], low[1] + height * pixel)
+
+
+def _weights(p: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Return the barycentric weights of points seen along the third axis, first axis 3."""
+    a, b, c, p = (x[..., :2] for x in (a, b, c, p))
+    return np.stack([_cross(b - p, c - p), _cross(c - p, a - p), _cross(a - p, b - p)]) / _cross(b - a, c - a)
+
+
+def _draw_outlines(solid: Solid, points: np.ndarray, corners: np.ndarray, named: set[int], ax: Axes) -> None:
+    """Draw the sharp edges that are not named, where seen at their middle, in grey."""
+    from matplotlib.collections import LineCollection
+
+    rest = [e for e in solid.edges if e.id not in named and abs(e.dihedral_deg) > 35.0]
+    if rest:
+        runs = points[np.array([e.vertices for e in rest])]
+        seen = is_seen(runs.mean(axis=1), corners)
+        ax.add_collection(LineCollection(runs[seen][:, :, :2], colors="dimgrey", linewidths=0.6))
+
+
+def view_axes(direction) -> np.ndarray:
+    """Return the picture's right, up and towards-the-viewer axes as rows, shape (3, 3); z points up if it can."""
+    towards = np.asarray(direction, dtype=np.float64)
+    towards = towards / np.linalg.norm(towards)
+    up = np.array([0.0, 0.0, 1.0]) if abs(towards[2]) < 0.999 else np.array([0.0, 1.0, 0.0])
+    right = np.cross(up, towards)
+    right /= np.linalg.norm(right)
+    return np.array([right, np.cross(towards, right), towards])
+
+
+def is_seen(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Return which points no triangle hides from a viewer far up the third axis.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3)
+        In view coordinates.
+    corners : ndarray, shape (t, 3, 3)
+        Triangles that face the viewer, counter-clockwise in the picture.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    a, b, c = corners.swapaxes(0, 1)
+    extent = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
+    seen = np.empty(len(points), dtype=bool)
+    for n, p in enumerate(points):
+        weights = _weights(p, a, b, c)
+        height = np.einsum("kt,kt->t", weights, np.stack([a[:, 2], b[:, 2], c[:, 2]]))
+        hiding = (weights > 1e-6).all(axis=0) & (height > p[2] + 1e-4 * extent)
+        seen[n] = not hiding.any()
+    return seen
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def _place_labels(spots: list[tuple[int, str, np.ndarray]], ax: Axes) -> None:
+    """Write each id at the first of its places that is still free, else at the first."""
+    low, high = np.array([ax.get_xlim(), ax.get_ylim()]).T
+    room = np.array([0.022, 0.014]) * (high - low).max()
+    taken = np.empty((0, 2))
+    for edge_id, colour, places in spots:
+        middle_first = np.argsort(np.abs(np.arange(len(places)) - len(places) // 2), kind="stable")
+        places = places[middle_first]
+        free = [p for p in places if not (np.abs(taken - p) < room).all(axis=1).any()]
+        x, y = free[0] if free else places[0]
+        taken = np.vstack([taken, [x, y]])
+        box = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
+        ax.text(x, y, str(edge_id), color=colour, fontsize=8, ha="center", va="center", bbox=box)

@@ -1,0 +1,109 @@
+"""Pictures name every edge that can be seen, and only those."""
+
+from __future__ import annotations
+
+import builtins
+
+import numpy as np
+import pytest
+from solids import cube, hollow_box, l_block, two_pocket_block
+
+from aspectgraph import EntityError, MissingExtraError, edge_figure, write_edge_picture
+from aspectgraph.edge_picture import VIEWS, draw_edges, is_seen, render, view_axes
+
+figure = pytest.importorskip("matplotlib.figure")
+
+
+def named(solid, direction, edge_ids=None):
+    ax = figure.Figure().subplots()
+    draw_edges(solid, edge_ids, direction, ax=ax)
+    return {int(text.get_text()) for text in ax.texts}
+
+
+def test_a_cube_shows_nine_edges_in_each_view_and_all_in_the_four():
+    views = [named(cube(), direction) for direction in VIEWS.values()]
+    assert [len(ids) for ids in views] == [9, 9, 9, 9]
+    assert set.union(*views) == set(range(12))
+
+
+def test_the_lower_edges_behind_the_part_are_hidden():
+    solid = l_block()
+    ids = named(solid, (0.3, -0.2, 1))
+    for edge in solid.edges:
+        x, y, z = solid.edge_points(edge.id).T
+        if (z == 2).all():
+            assert edge.id in ids
+        elif (z == 0).all():
+            assert (edge.id in ids) == ((y == 0).all() or (x == 3).all())
+
+
+def test_the_edges_of_a_closed_void_are_never_named():
+    solid = hollow_box()
+    inner = {e.id for e in solid.edges if solid.face_shell[e.faces[0]] == 1}
+    assert len(inner) == 12
+    for direction in VIEWS.values():
+        assert not inner & named(solid, direction)
+
+
+def test_chosen_edges_only():
+    assert named(cube(), (1, 1, 1), [0, 1]) <= {0, 1}
+    with pytest.raises(EntityError, match=r"edge id must be in 0..11. Got 12"):
+        edge_figure(cube(), [12])
+
+
+def test_view_axes_are_a_right_handed_frame():
+    for direction in [*VIEWS.values(), (0, 0, 1), (0, 0, -2), (1, 0, 0)]:
+        axes = view_axes(direction)
+        assert axes @ axes.T == pytest.approx(np.eye(3))
+        assert np.linalg.det(axes) == pytest.approx(1.0)
+        assert axes[2] == pytest.approx(np.array(direction) / np.linalg.norm(direction))
+
+
+TWO_LAYERS = np.array([[(0, 0, 1), (4, 0, 1), (0, 4, 1)], [(0, 0, 2), (2, 0, 2), (0, 2, 2)]], dtype=float)
+
+
+def test_seen_and_hidden_points():
+    points = np.array([(0.5, 0.5, 1), (0.5, 0.5, 2), (1.5, 1.5, 1), (1.5, 1.5, 0), (5, 5, 0)], dtype=float)
+    assert is_seen(points, TWO_LAYERS).tolist() == [False, True, True, False, True]
+
+
+@pytest.mark.parametrize("order", [[0, 1], [1, 0]])
+def test_the_nearest_triangle_is_painted_on_top(order):
+    image, (left, right, bottom, top) = render(TWO_LAYERS[order], np.array([0.25, 0.75])[order])
+
+    def at(x, y):
+        h, w = image.shape
+        return image[int((y - bottom) / (top - bottom) * h), int((x - left) / (right - left) * w)]
+
+    assert (at(0.5, 0.5), at(1.5, 1.5), at(3.5, 3.5)) == (0.75, 0.25, 1.0)
+
+
+def test_png_and_html(tmp_path):
+    png = write_edge_picture(two_pocket_block(), tmp_path / "edges.png")
+    assert png.read_bytes().startswith(b"\x89PNG")
+    html = write_edge_picture(two_pocket_block(), tmp_path / "edges.html", [3, 5]).read_text(encoding="utf-8")
+    assert "edge 3<br>" in html.replace("\\u003c", "<").replace("\\u003e", ">")
+    assert 'src="http' not in html
+    with pytest.raises(ValueError, match=r"must end in .png or .html. Got 'edges.gif'"):
+        write_edge_picture(cube(), tmp_path / "edges.gif")
+
+
+def test_figure_has_one_line_for_each_candidate():
+    traces = edge_figure(l_block()).data
+    lines = [trace for trace in traces if trace.type == "scatter3d" and trace.mode == "lines"]
+    assert len(lines) == 18
+    assert {line.hovertemplate.split("<br>")[0] for line in lines} == {f"edge {i}" for i in range(18)}
+
+
+def test_without_matplotlib(tmp_path, monkeypatch):
+    real = builtins.__import__
+
+    def no_matplotlib(name, *args, **kwargs):
+        if name.split(".")[0] == "matplotlib":
+            raise ImportError("No module named 'matplotlib'")
+        return real(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", no_matplotlib)
+    with pytest.raises(MissingExtraError, match=r"pip install aspectgraph\[plot\]"):
+        write_edge_picture(cube(), tmp_path / "edges.png")
+    assert not (tmp_path / "edges.png").exists()
