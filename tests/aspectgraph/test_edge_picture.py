@@ -27,14 +27,14 @@ def test_a_cube_shows_nine_edges_in_each_view_and_all_in_the_four():
 
 
 def test_the_lower_edges_behind_the_part_are_hidden():
-    solid = l_block()
+    solid = cube()
     ids = named(solid, (0.3, -0.2, 1))
     for edge in solid.edges:
         x, y, z = solid.edge_points(edge.id).T
         if (z == 2).all():
             assert edge.id in ids
         elif (z == 0).all():
-            assert (edge.id in ids) == ((y == 0).all() or (x == 3).all())
+            assert (edge.id in ids) == ((y == 0).all() or (x == 2).all())
 
 
 def test_the_edges_of_a_closed_void_are_never_named():
