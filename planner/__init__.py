@@ -4,7 +4,8 @@ from planner.camera import Camera, camera_names
 from planner.exceptions import CameraError, InfeasibleError, PlannerError, RequestError, UncertaintyError
 from planner.pose import PoseUncertainty, look_at
 from planner.reach import BoxRegion, MeshRegion, SphereRegion
-from planner.setting import Search, SensorSetting, plan_setting
+from planner.search import Search
+from planner.setting import SensorSetting, plan_setting
 from planner.simulate import SuccessRate, simulate_setting
 
 __all__ = [

@@ -8,9 +8,10 @@ farther, the entities would leave the image. Roll is a full turn.
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ga import Chromosome
-from planner.pose import look_at
+from planner.pose import aim, look_at
 
 
 class PoseEncoding:
@@ -53,6 +54,13 @@ class PoseEncoding:
     def poses(self, parameters: np.ndarray) -> np.ndarray:
         """Return cam2world (n, 4, 4) of parameters (n, 6)."""
         return look_at(parameters[:, :3], self.target, *parameters[:, 3:].T)
+
+    def parameters_of(self, cam2world: np.ndarray) -> np.ndarray:
+        """Return the parameters (n, 6) of poses (n, 4, 4), the inverse of `poses`; they may be outside the range."""
+        positions = cam2world[:, :3, 3]
+        turned = np.swapaxes(aim(positions, self.target), 1, 2) @ cam2world[:, :3, :3]
+        angles = Rotation.from_matrix(turned).as_euler("YXZ") if len(turned) else np.empty((0, 3))
+        return np.hstack([positions, angles])
 
     def decode(self, bits: np.ndarray) -> np.ndarray:
         """Return cam2world (n, 4, 4) of chromosomes (n, 6·M)."""

@@ -63,7 +63,10 @@ class Objective:
 
     def probability(self, cam2world: np.ndarray) -> np.ndarray:
         """Return P (n, k) of poses (n, 4, 4); 0 for an entity that is not wholly in front of the camera."""
-        ends_cam = world_to_cam(self.ends, cam2world)
+        return self.probability_of(world_to_cam(self.ends, cam2world))
+
+    def probability_of(self, ends_cam: np.ndarray) -> np.ndarray:
+        """Return P (...) of entities whose ends in the camera frame are given, (..., 2, 3) in mm, OpenCV axes."""
         in_front = (ends_cam[..., 2] > 0).all(axis=-1)
         probability = np.zeros(in_front.shape)
         if in_front.any():

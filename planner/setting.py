@@ -9,89 +9,14 @@ from numbers import Integral
 
 import numpy as np
 
-from ga import GAResult, maximize
 from planner.camera import Camera
 from planner.constraints import Constraints, Requirements
-from planner.encoding import PoseEncoding
 from planner.exceptions import RequestError
-from planner.explain import check_extent, check_observable, check_resolvable, explain_infeasible, explain_positions
+from planner.explain import check_extent, check_observable, check_resolvable
 from planner.objective import Objective
 from planner.pose import PoseUncertainty
 from planner.reach import Reach
-from planner.refine import refine
-from planner.sampling import ViewpointSampler, WorkspaceSampler
-from planner.start import draw_start
-
-
-@dataclass(frozen=True)
-class Search:
-    """How the pose is searched; see `ga.maximize` for the genetic algorithm's parameters.
-
-    Parameters
-    ----------
-    population, crossover, mutation, elitism, selection, scaling
-        Passed to `ga.maximize`, which describes them.
-    epsilon, patience, max_stall, max_generations, max_nfev
-        When to stop; also passed on.
-    gene_bits : int
-        Bits per gene (M).
-    gray_code : bool
-        Gray code instead of plain binary.
-    refine_starts : int
-        How many of the last population's best individuals are refined locally; 0 leaves the genetic algorithm's best.
-    max_draws : int
-        Most poses drawn for the first population before the least violating ones are repaired.
-    sampling : {"covering", "workspace"}
-        Where positions are drawn and encoded: in the covering domains where the lens can focus, or, for comparison, in
-        the whole workspace.
-
-    Raises
-    ------
-    RequestError
-        If `refine_starts`, `max_draws` or `sampling` breaks its rule; the others are checked by `ga`.
-    """
-
-    population: int = 100
-    crossover: float = 0.9
-    mutation: float = 0.1
-    elitism: int = 2
-    selection: str = "roulette"
-    scaling: str = "window"
-    epsilon: float = 1e-3
-    patience: int = 5
-    max_stall: int | None = 15
-    max_generations: int = 100
-    max_nfev: int | None = None
-    gene_bits: int = 16
-    gray_code: bool = True
-    refine_starts: int = 3
-    max_draws: int = 8192
-    sampling: str = "covering"
-
-    def __post_init__(self):
-        if self.sampling not in ("covering", "workspace"):
-            raise RequestError(f"sampling must be 'covering' or 'workspace'. Got {self.sampling!r}.")
-        for name, least in (("refine_starts", 0), ("max_draws", 1)):
-            if not isinstance(getattr(self, name), Integral) or getattr(self, name) < least:
-                raise RequestError(f"{name} must be an integer of at least {least}. Got {getattr(self, name)!r}.")
-
-    @classmethod
-    def paper(cls, **changes) -> Search:
-        """Return the paper's plain algorithm: raw fitness, plain binary, no elitism, no refinement, no early end."""
-        plain = {
-            "elitism": 0,
-            "scaling": "proportional",
-            "max_stall": None,
-            "max_generations": 1000,
-            "gray_code": False,
-            "refine_starts": 0,
-        }
-        return cls(**{**plain, **changes})
-
-    def ga_options(self) -> dict:
-        """Return the keyword arguments of `ga.maximize`."""
-        own = ("gene_bits", "gray_code", "refine_starts", "max_draws", "sampling")
-        return {name: value for name, value in self.__dict__.items() if name not in own}
+from planner.search import Search, search_pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +112,7 @@ def plan_setting(
     objective: str = "sum",
     model: str = "joint",
     search: Search | None = None,
+    start=None,
     callback: Callable | None = None,
 ) -> SensorSetting:
     """Find the pose from which a set of entities is inspected with the highest probability of success.
@@ -219,6 +145,8 @@ def plan_setting(
         Error model, see `errors.success_probability`.
     search : Search, optional
         How to search; `Search.paper()` is the paper's plain algorithm.
+    start : array (m, 4, 4), optional
+        Poses to begin with, cam2world. The setting found is never worse than the best feasible one of them.
     callback : callable, optional
         ``callback(ga.Generation)`` after every generation; a true return value stops the search.
 
@@ -243,30 +171,20 @@ def plan_setting(
     check_resolvable(constraints)
     check_extent(constraints)
     cells = check_observable(space, names)
-    sampler = ViewpointSampler(cells, constraints.ends, camera)
-    if search.sampling == "workspace":
-        sampler = WorkspaceSampler(cells, constraints.ends, camera, space.workspace)
-    if sampler.empty:
-        raise explain_positions(constraints, cells, rng)
-    encoding = PoseEncoding(
-        sampler.bounds, constraints.sphere_center, camera.half_diagonal_rad, search.gene_bits, search.gray_code
+    outcome = search_pose(cells, constraints, goal, search, rng, _check_poses(start), callback)
+    pose = outcome.cam2world[None]
+    return SensorSetting(
+        cam2world=outcome.cam2world,
+        entities=names,
+        probability=dict(zip(names, goal.probability(pose)[0].tolist(), strict=True)),
+        margins={name: float(margin.min()) for name, margin in constraints.margins(pose).items()},
+        fitness=outcome.fitness,
+        nfev=outcome.nfev,
+        generations=outcome.generations,
+        message=outcome.message,
+        seed=seed,
+        history=outcome.history,
     )
-    start = draw_start(search.population, sampler, encoding, constraints, rng, search.max_draws)
-    if not len(start.bits):
-        if not len(start.tried):
-            raise explain_positions(constraints, cells, rng)
-        raise explain_infeasible(constraints, encoding, start.tried, rng)
-    result = maximize(
-        lambda bits: goal.fitness(encoding.decode(bits)),
-        encoding.n_bits,
-        feasible=lambda bits: constraints.feasible(encoding.decode(bits)),
-        initial=np.resize(start.bits, (search.population, encoding.n_bits)),
-        rng=rng,
-        callback=callback,
-        **search.ga_options(),
-    )
-    pose, fitness, nfev = _refine_best(result, sampler, encoding, goal, constraints, search.refine_starts)
-    return _describe(pose, fitness, result, nfev, goal, constraints, seed)
 
 
 def pose_margin_px(camera: Camera, pose_uncertainty: PoseUncertainty) -> float:
@@ -283,7 +201,7 @@ def pose_margin_px(camera: Camera, pose_uncertainty: PoseUncertainty) -> float:
 
 def check_names(space, names: Sequence[str]) -> tuple[str, ...]:
     """Return the names as a tuple, or raise `RequestError` if there are none, one is unknown or one comes twice."""
-    names = (names,) if isinstance(names, str) else tuple(names)
+    names = (names,) if isinstance(names, str) else tuple(str(name) for name in names)
     if not names:
         raise RequestError("names must hold at least one entity. Got none.")
     for name in names:
@@ -304,49 +222,13 @@ def _check_rng(rng) -> tuple[np.random.Generator, int | None]:
     return np.random.default_rng(int(rng)), int(rng)
 
 
-def _refine_best(
-    result: GAResult,
-    sampler: ViewpointSampler,
-    encoding: PoseEncoding,
-    goal: Objective,
-    constraints: Constraints,
-    starts: int,
-) -> tuple[np.ndarray, float, int]:
-    """Refine the best individuals of a run; return pose, fitness and the poses evaluated."""
-    best, fitness, nfev = encoding.decode(result.x[None])[0], result.fun, result.nfev
-    bits = np.vstack([result.x, result.population[np.argsort(-result.fitness, kind="stable")]])
-    distinct = np.sort(np.unique(bits, axis=0, return_index=True)[1])[:starts]
-    for pose in encoding.decode(bits[distinct]):
-        half_spaces = sampler.cell_of(pose[:3, 3])
-        if half_spaces is None:
-            continue
-        refined, value, evaluated = refine(pose, half_spaces, goal, constraints)
-        nfev += evaluated
-        if value > fitness:
-            best, fitness = refined, value
-    return best, fitness, nfev
-
-
-def _describe(
-    pose: np.ndarray,
-    fitness: float,
-    result: GAResult,
-    nfev: int,
-    goal: Objective,
-    constraints: Constraints,
-    seed: int | None,
-) -> SensorSetting:
-    """Gather what is known of a pose (4, 4)."""
-    probability = goal.probability(pose[None])[0]
-    return SensorSetting(
-        cam2world=pose,
-        entities=constraints.names,
-        probability={name: float(p) for name, p in zip(constraints.names, probability, strict=True)},
-        margins={name: float(margin.min()) for name, margin in constraints.margins(pose[None]).items()},
-        fitness=float(fitness),
-        nfev=int(nfev),
-        generations=int(result.nit),
-        message=result.message,
-        seed=seed,
-        history=tuple(result.history.best_so_far.tolist()),
-    )
+def _check_poses(start) -> np.ndarray:
+    """Return poses (m, 4, 4) to begin with, or raise `RequestError` if they are not rigid."""
+    poses = np.empty((0, 4, 4)) if start is None else np.asarray(start, dtype=np.float64)
+    poses = poses[None] if poses.shape == (4, 4) else poses
+    if poses.ndim != 3 or poses.shape[1:] != (4, 4):
+        raise RequestError(f"start must have the shape (m, 4, 4). Got {poses.shape}.")
+    rotations = poses[:, :3, :3]
+    if not np.allclose(rotations @ np.swapaxes(rotations, 1, 2), np.eye(3), atol=1e-6):
+        raise RequestError("start must hold rigid poses. Got a rotation that is not orthonormal.")
+    return poses

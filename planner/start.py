@@ -49,9 +49,13 @@ def draw_start(
     constraints: Constraints,
     rng: np.random.Generator,
     max_draws: int = 8192,
+    known: np.ndarray | None = None,
 ) -> Start:
-    """Return up to n feasible chromosomes from the covering domains, at most `max_draws` draws and then the repair."""
-    found, tried, drawn, hits = [], [], 0, 0
+    """Return up to n feasible chromosomes: known poses (m, 4, 4) first, then draws, then the repair."""
+    tried = [np.empty((0, 6)) if known is None else encoding.parameters_of(known)]
+    bits, ok = snap(tried[0], encoding, constraints)
+    found, drawn, hits = [bits[ok]], 0, int(ok.sum())
+    given = hits
     while hits < n and drawn < max_draws:
         positions = sampler.sample(_BATCH, rng)
         if not len(positions):
@@ -62,13 +66,12 @@ def draw_start(
         hits += int(ok.sum())
         found.append(bits[ok])
         tried.append(parameters)
-    tried = np.concatenate(tried) if tried else np.empty((0, 6))
+    tried = np.concatenate(tried)
     if hits < n and len(tried):
         tried = _least_violating(tried, encoding, constraints)
         repaired, tried = repair(n - hits, tried, encoding, constraints, rng)
         found.append(repaired)
-    bits = np.concatenate(found) if found else np.empty((0, encoding.n_bits), dtype=bool)
-    return Start(bits[:n], tried, drawn, hits)
+    return Start(np.concatenate(found)[:n], tried, drawn, hits - given)
 
 
 def snap(parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints) -> tuple[np.ndarray, np.ndarray]:

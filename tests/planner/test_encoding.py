@@ -163,3 +163,10 @@ def test_repair_finds_poses_that_draws_do_not():
     poses = encoding.decode(start.bits)
     assert constraints.feasible(poses).all()
     assert np.all(np.linalg.norm(poses[:, :3, 3] - spot, axis=1) <= 8)
+
+
+def test_parameters_of_poses_are_the_parameters_they_were_made_of():
+    encoding = PoseEncoding(BOUNDS, [0, 0, 0], 0.3)
+    parameters = np.random.default_rng(2).uniform(encoding.low, encoding.high, (200, 6))
+    assert encoding.parameters_of(encoding.poses(parameters)) == pytest.approx(parameters, abs=1e-9)
+    assert encoding.parameters_of(np.empty((0, 4, 4))).shape == (0, 6)

@@ -318,3 +318,44 @@ def test_unrestricted_search_still_ends_feasible(box):
 def test_bad_search_options_are_refused(options, message):
     with pytest.raises(RequestError, match=message):
         Search(**options)
+
+
+def test_known_poses_are_never_lost(box):
+    """Two generations from a good pose are at least as good as that pose, with refinement and without."""
+    names = ["x00", "z00", "y00"]
+    good = plan_setting(box, names, PAPER_CAMERA, PAPER, field_margin_px=0, rng=1)
+    for starts in (0, 3):
+        short = Search(population=4, max_generations=2, refine_starts=starts)
+        options = {"field_margin_px": 0, "search": short, "rng": 5}
+        with_it = plan_setting(box, names, PAPER_CAMERA, PAPER, start=good.cam2world, **options)
+        assert with_it.fitness >= good.fitness * (1 - 1e-12)
+        check(with_it, box, PAPER_CAMERA, PAPER, 0.98, Requirements())
+    options["search"] = Search(population=4, max_generations=2, refine_starts=0)
+    assert plan_setting(box, names, PAPER_CAMERA, PAPER, **options).fitness < good.fitness
+
+
+def test_a_known_pose_that_no_bits_can_express(box):
+    """Reachable: a thousandth of a millimetre around one position. Only the known pose is feasible."""
+    good = plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0)
+
+    def needle(positions):
+        return np.linalg.norm(positions - good.position, axis=1) < 1e-3
+
+    with pytest.raises(InfeasibleError, match="reach cannot be met"):
+        plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0, reach=needle)
+    kept = plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0, reach=needle, start=[good.cam2world])
+    assert np.linalg.norm(kept.position - good.position) < 1e-3
+    assert kept.generations == 0
+    assert kept.fitness >= good.fitness * (1 - 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("start", "message"),
+    [
+        (np.eye(3), r"start must have the shape \(m, 4, 4\)\. Got \(3, 3\)\."),
+        (2 * np.eye(4), r"start must hold rigid poses"),
+    ],
+)
+def test_impossible_known_poses_are_refused(box, start, message):
+    with pytest.raises(RequestError, match=message):
+        plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, start=start)

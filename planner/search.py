@@ -1,0 +1,200 @@
+"""The search for one pose: restricted sampling, the genetic algorithm, local refinement."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from numbers import Integral
+
+import numpy as np
+
+from ga import GAResult, maximize
+from planner.constraints import Constraints
+from planner.encoding import PoseEncoding
+from planner.exceptions import RequestError
+from planner.explain import explain_infeasible, explain_positions
+from planner.objective import Objective
+from planner.refine import refine
+from planner.sampling import ViewpointSampler, WorkspaceSampler
+from planner.start import draw_start
+
+
+@dataclass(frozen=True)
+class Search:
+    """How the pose is searched; see `ga.maximize` for the genetic algorithm's parameters.
+
+    Parameters
+    ----------
+    population, crossover, mutation, elitism, selection, scaling
+        Passed to `ga.maximize`, which describes them.
+    epsilon, patience, max_stall, max_generations, max_nfev
+        When to stop; also passed on.
+    gene_bits : int
+        Bits per gene (M).
+    gray_code : bool
+        Gray code instead of plain binary.
+    refine_starts : int
+        How many of the last population's best individuals are refined locally; 0 leaves the genetic algorithm's best.
+    max_draws : int
+        Most poses drawn for the first population before the least violating ones are repaired.
+    sampling : {"covering", "workspace"}
+        Where positions are drawn and encoded: in the covering domains where the lens can focus, or, for comparison, in
+        the whole workspace.
+
+    Raises
+    ------
+    RequestError
+        If `refine_starts`, `max_draws` or `sampling` breaks its rule; the others are checked by `ga`.
+    """
+
+    population: int = 100
+    crossover: float = 0.9
+    mutation: float = 0.1
+    elitism: int = 2
+    selection: str = "roulette"
+    scaling: str = "window"
+    epsilon: float = 1e-3
+    patience: int = 5
+    max_stall: int | None = 15
+    max_generations: int = 100
+    max_nfev: int | None = None
+    gene_bits: int = 16
+    gray_code: bool = True
+    refine_starts: int = 3
+    max_draws: int = 8192
+    sampling: str = "covering"
+
+    def __post_init__(self):
+        if self.sampling not in ("covering", "workspace"):
+            raise RequestError(f"sampling must be 'covering' or 'workspace'. Got {self.sampling!r}.")
+        for name, least in (("refine_starts", 0), ("max_draws", 1)):
+            if not isinstance(getattr(self, name), Integral) or getattr(self, name) < least:
+                raise RequestError(f"{name} must be an integer of at least {least}. Got {getattr(self, name)!r}.")
+
+    @classmethod
+    def paper(cls, **changes) -> Search:
+        """Return the paper's plain algorithm: raw fitness, plain binary, no elitism, no refinement, no early end."""
+        plain = {
+            "elitism": 0,
+            "scaling": "proportional",
+            "max_stall": None,
+            "max_generations": 1000,
+            "gray_code": False,
+            "refine_starts": 0,
+        }
+        return cls(**{**plain, **changes})
+
+    def ga_options(self) -> dict:
+        """Return the keyword arguments of `ga.maximize`."""
+        own = ("gene_bits", "gray_code", "refine_starts", "max_draws", "sampling")
+        return {name: value for name, value in self.__dict__.items() if name not in own}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The best pose of a search (4, 4), its fitness, and how the search went; see `SensorSetting` for the fields."""
+
+    cam2world: np.ndarray
+    fitness: float
+    nfev: int
+    generations: int
+    message: str
+    history: tuple[float, ...]
+
+
+def search_pose(
+    cells,
+    constraints: Constraints,
+    objective: Objective,
+    search: Search,
+    rng: np.random.Generator,
+    known: np.ndarray | None = None,
+    callback: Callable | None = None,
+) -> Outcome:
+    """Search the best pose in the covering domains.
+
+    Parameters
+    ----------
+    cells : CellSet
+        The covering domains.
+    constraints, objective : Constraints, Objective
+        What must hold, and what is maximised.
+    search : Search
+        How to search.
+    rng : numpy.random.Generator
+        Source of chance.
+    known : array (m, 4, 4), optional
+        Poses to begin with; the outcome is never worse than the best feasible one of them.
+    callback : callable, optional
+        See `ga.maximize`.
+
+    Raises
+    ------
+    InfeasibleError
+        If no feasible pose is found; it says why.
+    """
+    known = np.empty((0, 4, 4)) if known is None else known
+    sampler = ViewpointSampler(cells, constraints.ends, constraints.camera)
+    if search.sampling == "workspace":
+        sampler = WorkspaceSampler(cells, constraints.ends, constraints.camera, constraints.space.workspace)
+    if sampler.empty:
+        raise explain_positions(constraints, cells, rng)
+    turn = constraints.camera.half_diagonal_rad
+    encoding = PoseEncoding(sampler.bounds, constraints.sphere_center, turn, search.gene_bits, search.gray_code)
+    start = draw_start(search.population, sampler, encoding, constraints, rng, search.max_draws, known)
+    known = known[constraints.feasible(known)]
+    if len(start.bits):
+        result = _evolve(start.bits, encoding, constraints, objective, search, rng, callback)
+        outcome = _outcome(result, encoding)
+        poses = np.concatenate([encoding.decode(_best_distinct(result, search.refine_starts)), known])
+    elif len(known):
+        # feasible only between the steps of the encoding: what is left is to refine
+        outcome = Outcome(known[0], -np.inf, 0, 0, "No encoded pose is feasible; the known poses were refined.", ())
+        poses = known
+    else:
+        raise (
+            explain_infeasible(constraints, encoding, start.tried, rng)
+            if len(start.tried)
+            else explain_positions(constraints, cells, rng)
+        )
+    return _refine_all(outcome, poses, sampler, objective, constraints, refining=search.refine_starts > 0)
+
+
+def _evolve(bits, encoding, constraints, objective, search: Search, rng, callback) -> GAResult:
+    """Run the genetic algorithm from feasible chromosomes; too few of them are repeated."""
+    return maximize(
+        lambda population: objective.fitness(encoding.decode(population)),
+        encoding.n_bits,
+        feasible=lambda population: constraints.feasible(encoding.decode(population)),
+        initial=np.resize(bits, (search.population, encoding.n_bits)),
+        rng=rng,
+        callback=callback,
+        **search.ga_options(),
+    )
+
+
+def _outcome(result: GAResult, encoding: PoseEncoding) -> Outcome:
+    history = tuple(result.history.best_so_far.tolist())
+    pose = encoding.decode(result.x[None])[0]
+    return Outcome(pose, float(result.fun), int(result.nfev), int(result.nit), result.message, history)
+
+
+def _best_distinct(result: GAResult, n: int) -> np.ndarray:
+    """Return the best bits ever and the best different ones of the last population; up to n rows."""
+    bits = np.vstack([result.x, result.population[np.argsort(-result.fitness, kind="stable")]])
+    return bits[np.sort(np.unique(bits, axis=0, return_index=True)[1])[:n]]
+
+
+def _refine_all(outcome: Outcome, poses, sampler, objective, constraints, refining: bool) -> Outcome:
+    """Refine poses (m, 4, 4) and return the outcome with the best pose of all."""
+    best, fitness, nfev = outcome.cam2world, outcome.fitness, outcome.nfev
+    for pose in poses:
+        half_spaces = sampler.cell_of(pose[:3, 3]) if refining else None
+        if half_spaces is None:
+            value, evaluated = float(objective.fitness(pose[None])[0]), 1
+        else:
+            pose, value, evaluated = refine(pose, half_spaces, objective, constraints)
+        nfev += evaluated
+        if value > fitness:
+            best, fitness = pose, value
+    return Outcome(best, fitness, nfev, outcome.generations, outcome.message, outcome.history)
