@@ -112,6 +112,17 @@ def check_covariance(value: ArrayLike, name: str = "pose_covariance") -> NDArray
     return covariance
 
 
+def check_leading_shapes(endpoints: NDArray[np.float64], covariance: NDArray[np.float64]) -> tuple[int, ...]:
+    """Return the common leading shape of endpoints (..., 2, 3) and covariances (..., 6, 6)."""
+    try:
+        return np.broadcast_shapes(endpoints.shape[:-2], covariance.shape[:-2])
+    except ValueError as error:
+        raise InvalidShapeError(
+            "endpoints and pose_covariance must have leading shapes that broadcast. "
+            f"Got {endpoints.shape} and {covariance.shape}."
+        ) from error
+
+
 def _check_in_front(points: NDArray[np.float64], focal_length_mm: float, name: str) -> None:
     behind = points[..., 2] >= focal_length_mm
     if behind.any():

@@ -5,7 +5,8 @@ Notation
 L, L'     image length at the nominal and at the displaced pose;  A the required accuracy
 delta     displacement ~ N(0, Sigma), Sigma = S S';  delta = S xi with xi standard normal ("whitened")
 x         L ln(L'/L): the error itself to first order, but closer to quadratic in delta than L' - L is, since
-          perspective multiplies lengths. |L' - L| <= (1 - A) L  is exactly  L ln A <= x <= L ln(2 - A)
+          perspective multiplies lengths (at 0.055 rad the largest difference from Monte Carlo over 40 edges is 0.002
+          with x, 0.005 with L' - L). |L' - L| <= (1 - A) L  is exactly  L ln A <= x <= L ln(2 - A)
 g, H      gradient and Hessian of x: those of L (`expansion`), with H less g g' / L for the logarithm
 b, M      S'g and S'HS: the same in whitened coordinates, x ~ b.xi + 1/2 xi'M xi
 alpha     diagonal of M after the orthogonal change of coordinates that makes M tridiagonal and b a multiple of the
@@ -18,8 +19,8 @@ Then, without any eigenvalue (the eigenbasis would give prod (1 - it lambda)^(-1
 
 the sinc factors being the four uniform quantization errors of eq 3. The probability of an interval follows by the
 Gil-Pelaez inversion on equidistant nodes (Davies 1973), whose error is the probability outside one period and so
-shrinks faster than any power of the number of nodes: ten to twenty are typical, with the period and the last node
-chosen for a total error below 1e-5.
+shrinks faster than any power of the number of nodes: ten to twenty are typical, some eighty where M dominates, with the
+period and the last node chosen for a total error of about 1e-5.
 
 References
 ----------
@@ -35,7 +36,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.expansion import expand
+from errors.expansion import expand  # numba's cache of this file does not notice changes of that one
 
 # The sum stops where its terms are below this, which leaves less than about 1e-5 of it.
 _TAIL = 2e-6

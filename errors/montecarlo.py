@@ -21,6 +21,7 @@ from errors.checks import (
     check_count,
     check_covariance,
     check_endpoints,
+    check_leading_shapes,
     check_pixel_pitch,
     check_positive,
     check_probability,
@@ -98,13 +99,13 @@ def simulate_success(
     f = check_positive(focal_length_mm, "focal_length_mm")
     endpoints = check_endpoints(endpoints, f)
     pitch = check_pixel_pitch(pixel_pitch_mm)
-    root = covariance_root(check_covariance(pose_covariance))
+    covariance = check_covariance(pose_covariance)
     accuracy = check_probability(accuracy, "accuracy")
     samples = check_count(samples, "samples")
     confidence = check_probability(confidence, "confidence")
     if quantization not in QUANTIZATIONS:
         raise InvalidParameterError(f"quantization must be one of {QUANTIZATIONS}. Got {quantization!r}.")
-    lead = np.broadcast_shapes(endpoints.shape[:-2], root.shape[:-2])
+    lead, root = check_leading_shapes(endpoints, covariance), covariance_root(covariance)
     flat_ends = np.ascontiguousarray(np.broadcast_to(endpoints, (*lead, 2, 3))).reshape(-1, 2, 3)
     flat_root = root[None] if root.ndim == 2 else np.broadcast_to(root, (*lead, 6, 6)).reshape(-1, 6, 6)
     hits = _count(flat_ends, f, pitch, flat_root, 1.0 - accuracy, samples, np.random.default_rng(rng), quantization)

@@ -260,7 +260,7 @@ for detector in ("axes", "area"):
 # %% [markdown]
 # ### Over distances and angles
 #
-# Success frequency (8,000 images per cell) minus predicted probability, for two required accuracies, at a good
+# Success frequency (4,000 images per cell) minus predicted probability, for two required accuracies, at a good
 # robot's uncertainty (0.1 mm, 0.01 rad). The 50 mm edge is nearly frontal, so its length hardly moves with the pose.
 
 # %%
@@ -274,7 +274,7 @@ for row, accuracy in zip(axes, (0.99, 0.995), strict=True):
             for j, angle in enumerate(angles):
                 call = {**CAMERA, "pose_covariance": good, "accuracy": accuracy}
                 nominal = edge_at(depth, angle)
-                twin = simulate_measurement(nominal, **call, samples=8000, detector=detector, rng=1)
+                twin = simulate_measurement(nominal, **call, samples=4000, detector=detector, rng=1)
                 gap[i, j] = twin.probability - success_probability(nominal, **call)
         picture = ax.imshow(gap, origin="lower", cmap="RdBu", vmin=-0.3, vmax=0.3, aspect="auto")
         ax.grid(False)

@@ -119,6 +119,10 @@ def test_samples(samples):
     ("function", "message"),
     [
         (lambda: simulate_success(EDGE, **VALID, confidence=1.0), r"confidence must be in \(0, 1\)\. Got 1\.0\."),
+        (
+            lambda: simulate_success([EDGE] * 3, **{**VALID, "pose_covariance": [PAPER_COVARIANCE] * 2}),
+            r"leading shapes that broadcast",
+        ),
         (lambda: simulate_success(EDGE, **VALID, quantization="x"), r"quantization must be one of .* Got 'x'\."),
         (lambda: simulate_measurement(EDGE, **VALID, detector="x"), r"detector must be one of .* Got 'x'\."),
         (lambda: simulate_measurement([EDGE], **VALID), r"endpoints must have shape \(2, 3\)\. Got shape \(1, 2, 3\)"),
