@@ -34,6 +34,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from itertools import combinations, pairwise
+from math import gcd
 
 import numpy as np
 
@@ -101,7 +102,7 @@ class ExactChecker:
         normal = [0, 0, 0]
         for p, q in pairwise((*outer, outer[0])):
             normal = [m + c for m, c in zip(normal, cross(p, q), strict=True)]
-        divisor = int(np.gcd.reduce(normal))
+        divisor = gcd(*normal)
         normal = tuple(m // divisor for m in normal)
         offset = dot(normal, outer[0])
         if any(dot(normal, self.vertices[i]) != offset for loop in self.loops[face] for i in loop):
