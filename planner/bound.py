@@ -3,7 +3,9 @@
 Notation
 --------
 node       a box of positions (centre c, half sizes h) times a patch of viewing directions times an interval of rolls
-S(node)    its optimistic set: every entity that *may* be inspected by *some* pose of the node
+S(node)    its optimistic set: every entity that *may* be inspected by *some* pose of the node; where S contains two
+           entities that exclude each other (`planner.conflicts`), the node is split into two with the same poses, one
+           without the first entity, one without all that it excludes
 y          weights of the entities, y >= 0
 
 Every pose lies in some leaf of the subdivision, so what it inspects is part of that leaf's S. If no leaf's S weighs more
@@ -26,6 +28,7 @@ from numba import njit
 from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
+from planner.conflicts import Cells, find_conflicts, sensor_tangents
 from planner.cover import maximal_columns, min_cover
 from planner.progress import report
 
@@ -62,57 +65,56 @@ def lower_bound(judge, entity_idx, n_settings: int, columns, *, max_nodes: int, 
     """
     if n_settings <= 1:
         return n_settings, "Fewer settings than one inspect nothing."
-    tree = _Tree(judge, np.asarray(entity_idx))
+    entity_idx = np.asarray(entity_idx)
+    regions = Cells([judge.space.covering_cells([judge.names[i]]) for i in entity_idx])
+    conflict = find_conflicts(judge, entity_idx, columns, regions)
+    tree = _Tree(judge, entity_idx, regions, conflict)
     weights = _Weights(np.asarray(columns, dtype=bool))
-    best = 1
-    while True:
+    target = 2
+    while target <= n_settings and tree.made < max_nodes:
         y = weights.solve(tree.sets)
-        heaviest = tree.sets @ y
-        bound = math.ceil(float(y.sum()) / max(float(heaviest.max(initial=0.0)), _EPS) - 1e-7)
-        best = max(best, min(bound, n_settings))
+        heavy = _to_split(tree, y, target)
+        if heavy is None:
+            target += 1
+            continue
+        if not heavy.size:
+            break
+        tree.split(heavy)
         report(progress, min(tree.made, max_nodes), max_nodes, "lower bound")
-        if best >= n_settings or tree.made >= max_nodes:
-            break
-        open_nodes = _to_split(tree, y, n_settings)
-        if open_nodes is None:
-            best = n_settings
-            break
-        if not open_nodes.size:
-            break
-        tree.split(open_nodes)
     report(progress, max_nodes, max_nodes, "lower bound")
-    return best, (
+    return target - 1, (
         f"Covering by optimistic columns: {tree.made} boxes of camera poses were checked against necessary conditions "
-        "(visibility, focus, sensor size, resolution)."
+        f"(visibility, focus, sensor size, resolution), and {int(conflict.sum()) // 2} pairs of edges were found to exclude "
+        "each other."
     )
 
 
-def _to_split(tree: _Tree, y: np.ndarray, n_settings: int) -> np.ndarray | None:
-    """Choose the nodes to split; none if nothing can be gained, None if fewer settings are proven impossible."""
+def _to_split(tree: _Tree, y: np.ndarray, target: int) -> np.ndarray | None:
+    """Choose the nodes to split in order to prove ``target``; none if nothing is left to split, None if it is proven."""
     weight = tree.sets @ y
-    spare = n_settings - 1 - float(y.sum())
     splittable = tree.size > _FINEST_RAD
+    # what a cover with fewer settings may waste
+    spare = target - 1 - float(y.sum())
     if spare < -1e-6:
-        # the linear bound can still get there: split what weighs too much
-        limit = float(y.sum()) / (n_settings - 1) - 1e-7
-        heavy = np.flatnonzero((weight > limit) & splittable)
-        return heavy[np.argsort(-weight[heavy], kind="stable")[:_BATCH]]
+        return None
     usable = np.flatnonzero(weight >= 1.0 - spare - 1e-6)
     distinct, of_distinct = np.unique(tree.sets[usable], axis=0, return_inverse=True)
-    if len(distinct) > 50 * _MAX_INTEGER_COLUMNS:
-        return np.zeros(0, dtype=int)
-    kept = maximal_columns(distinct)
+    heaviest = np.argsort(-(distinct @ y), kind="stable")[: 4 * _MAX_INTEGER_COLUMNS]
+    kept = heaviest[maximal_columns(distinct[heaviest])][:_MAX_INTEGER_COLUMNS]
+    exhaustive = len(distinct) <= 4 * _MAX_INTEGER_COLUMNS and len(kept) < _MAX_INTEGER_COLUMNS
     if not distinct[kept].any(axis=0).all():
-        return None
-    if len(kept) > _MAX_INTEGER_COLUMNS:
-        heavy = usable[splittable[usable]]
-        return heavy[np.argsort(-weight[heavy], kind="stable")[:_BATCH]]
+        return None if exhaustive else _heaviest(usable[splittable[usable]], weight)
     cover = min_cover(distinct[kept], time_limit_s=20.0)
-    if cover.lower_bound >= n_settings:
+    if exhaustive and cover.lower_bound >= target:
         return None
-    chosen = kept[list(cover.chosen)]
-    nodes = usable[np.isin(of_distinct.ravel(), chosen)]
+    if len(cover.chosen) >= target:
+        return _heaviest(usable[splittable[usable]], weight)
+    nodes = usable[np.isin(of_distinct.ravel(), kept[list(cover.chosen)])]
     return nodes[splittable[nodes]][:_BATCH]
+
+
+def _heaviest(nodes: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    return nodes[np.argsort(-weight[nodes], kind="stable")[:_BATCH]]
 
 
 class _Weights:
@@ -153,20 +155,19 @@ class _Weights:
 class _Tree:
     """The leaves of the subdivision and their optimistic sets."""
 
-    def __init__(self, judge, entity_idx: np.ndarray):
+    def __init__(self, judge, entity_idx: np.ndarray, regions: Cells, conflict: np.ndarray):
+        self.conflict = conflict
+        self.cells = regions.planes, regions.plane_start, regions.entity_start
         camera, need = judge.camera, judge.requirements
         self.ends = judge.ends[entity_idx]
         self.image_distance = camera.image_distance_mm
         self.min_length = judge.constraints.min_length_mm
         self.near, self.far = camera.depth_of_field_mm
-        half = np.array(camera.sensor_size_mm) / 2 - need.field_margin_px * np.array(camera.pixel_pitch_mm)
-        self.tangents = np.maximum(half, 0.0) / self.image_distance
+        self.tangents = sensor_tangents(camera, need.field_margin_px)
         self.cone = math.atan(math.hypot(*self.tangents))
         self.reach = self.far / math.cos(self.cone)
         self.lengths = np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1)
         self.directions = (self.ends[:, 1] - self.ends[:, 0]) / self.lengths[:, None]
-        names = [judge.names[i] for i in entity_idx]
-        self.cells = _flatten([judge.space.covering_cells([name]) for name in names])
         self.made = 0
         self._plant(judge.space.workspace)
 
@@ -195,7 +196,10 @@ class _Tree:
         keep = np.ones(len(self.face), dtype=bool)
         keep[nodes] = False
         first, second = ({name: value[nodes].copy() for name, value in self._fields()} for _ in range(2))
-        self._halve(first, second, self._extents[nodes].argmax(axis=1))
+        conflicts = self.sets[nodes] @ self.conflict.astype(np.int32) * self.sets[nodes]
+        clash = conflicts.any(axis=1)
+        self._separate(first["sets"], second["sets"], conflicts, np.flatnonzero(clash))
+        self._halve(first, second, np.where(clash, -1, self._extents[nodes].argmax(axis=1)))
         n_old = int(keep.sum())
         for name, value in self._fields():
             setattr(self, name, np.concatenate([value[keep], first[name], second[name]]))
@@ -203,6 +207,12 @@ class _Tree:
         self.made += 2 * len(nodes)
         self._evaluate(np.arange(n_old, len(self.face)))
         self._drop_empty()
+
+    def _separate(self, first: np.ndarray, second: np.ndarray, conflicts: np.ndarray, rows: np.ndarray) -> None:
+        """Split sets instead of poses: a pose inspects the most contested entity of a set, or those it excludes."""
+        contested = conflicts[rows].argmax(axis=1)
+        first[rows, contested] = False
+        second[rows] &= ~self.conflict[contested]
 
     def _fields(self):
         return [(name, getattr(self, name)) for name in ("center", "half", "face", "patch", "roll", "sets")]
@@ -239,7 +249,9 @@ class _Tree:
             part = nodes[start : start + _BATCH]
             axis, spread, frame = _patch_frames(self.face[part], self.patch[part], self.roll[part, 0])
             radius = np.linalg.norm(self.half[part], axis=1)
-            possible = self.sets[part] & self._conditions(self.center[part], radius, axis, spread, frame, self.roll[part, 1])
+            possible = self.sets[part] & self._conditions(
+                self.center[part], radius, axis, spread, frame, self.roll[part, 1]
+            )
             _meets(self.center[part], self.half[part], *self.cells, possible)
             self.sets[part] = possible
             typical = 0.5 * (self.near + min(self.far, 4 * self.near))
@@ -308,18 +320,6 @@ def _directions(face: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     direction[rows, (face // 2 + 1) % 3] = u
     direction[rows, (face // 2 + 2) % 3] = v
     return direction / np.linalg.norm(direction, axis=1, keepdims=True)
-
-
-def _flatten(cell_sets) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return all half-spaces (p, 4), where each cell's begin (c + 1,), and where each entity's cells begin (e + 1,)."""
-    planes, cell_start, entity_start = [np.zeros((0, 4))], [0], [0]
-    for cells in cell_sets:
-        for cell in cells:
-            half_spaces = np.asarray(cell.half_spaces, dtype=float)
-            planes.append(half_spaces)
-            cell_start.append(cell_start[-1] + len(half_spaces))
-        entity_start.append(len(cell_start) - 1)
-    return np.concatenate(planes), np.array(cell_start), np.array(entity_start)
 
 
 @njit(cache=True)

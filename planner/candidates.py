@@ -14,6 +14,7 @@ import numpy as np
 from planner.columns import ColumnPool, Judge
 from planner.cover import fractional_cover
 from planner.pose import look_at
+from planner.progress import report
 from planner.sampling import ViewpointSampler
 
 _AXES_PER_VIEWPOINT = 6
@@ -56,21 +57,18 @@ def entity_poses(judge: Judge, name: str, n_viewpoints: int, seed: int) -> np.nd
 
 
 def _targets(judge: Judge, viewpoints: np.ndarray, own: int, rng) -> np.ndarray:
-    """Choose points to look at: the entity's middle, or the middle between it and another observable entity near it."""
+    """Choose points to look at: the entity's middle, or a point between it and the middle of another one near it."""
     middles = judge.ends.mean(axis=1)
-    observable = judge.space.observable(viewpoints, judge.names)
     width = 2 * judge.camera.focus_distance_mm * np.tan(judge.camera.half_diagonal_rad)
-    near = np.linalg.norm(middles - middles[own], axis=1) < width
-    weights = (observable & near) + 1e-12
-    cumulative = np.cumsum(weights / weights.sum(axis=1, keepdims=True), axis=1)
-    other = np.minimum((rng.random((len(viewpoints), 1)) > cumulative).sum(axis=1), len(middles) - 1)
+    near = np.flatnonzero(np.linalg.norm(middles - middles[own], axis=1) < width)
+    other = rng.choice(near, len(viewpoints))
     share = rng.uniform(0.0, 1.0, (len(viewpoints), 1))
     share[::_AXES_PER_VIEWPOINT] = 0.0
     return middles[own] + share * (middles[other] - middles[own])
 
 
-def price_poses(judge: Judge, pool: ColumnPool, near: ColumnPool, seed: int, rounds: int, report=None) -> None:
-    """Improve both pools by column generation until no better pose is found a few times in a row.
+def price_poses(judge: Judge, pool: ColumnPool, near: ColumnPool, seed: int, rounds: int, progress=None) -> None:
+    """Improve both pools by column generation.
 
     Parameters
     ----------
@@ -82,43 +80,43 @@ def price_poses(judge: Judge, pool: ColumnPool, near: ColumnPool, seed: int, rou
     seed : int
         The plan's seed.
     rounds : int
-        Rounds at most.
-    report : callable, optional
-        Called with the number of rounds done.
+        Rounds; fewer if one column covers everything.
+    progress : callable, optional
+        ``progress(done, total, label)``.
     """
     covered = pool.membership.any(axis=0)
-    if not covered.any():
-        return
     rng = np.random.default_rng(column_seed(seed, ["pricing"]))
-    value, idle = np.inf, 0
+    breed = pool.poses[:0]
     for done in range(rounds):
-        new_value, weights = fractional_cover(pool.membership[:, covered])
-        prices = np.zeros(len(covered))
-        prices[covered] = weights
-        idle = idle + 1 if new_value > value - 1e-6 else 0
-        value = new_value
-        if idle >= 12 or value <= 1 + 1e-9:
+        if not covered.any() or pool.membership[:, covered].all(axis=1).any():
             break
-        _improve(judge, pool, near, prices, rng)
-        if report is not None:
-            report(done + 1)
+        # the optimal prices are seldom unique: other ones every round keep the search from staring at one corner
+        bias = 1.0 + 0.5 * rng.random(int(covered.sum()))
+        prices = np.zeros(len(covered))
+        prices[covered] = fractional_cover(pool.membership[:, covered], bias)[1]
+        breed = _improve(judge, pool, near, breed, prices, rng)
+        report(progress, done + 1, rounds, "column generation")
+    report(progress, rounds, rounds, "column generation")
 
 
-def _improve(judge: Judge, pool: ColumnPool, near: ColumnPool, prices: np.ndarray, rng) -> None:
-    parents = _choose_parents(pool, near, prices, rng)
+def _improve(judge: Judge, pool: ColumnPool, near: ColumnPool, breed, prices: np.ndarray, rng) -> np.ndarray:
+    """Breed from the most promising poses; return the next parents."""
+    at_random = pool.poses[rng.integers(len(pool), size=_PARENTS // 4)]
+    worthy = pool.poses[np.argsort(-(pool.membership @ prices), kind="stable")[: _PARENTS // 4]]
+    parents = np.concatenate([breed, at_random, worthy])
     children = perturbed(np.repeat(parents, _CHILDREN, axis=0), judge.camera.focus_distance_mm, rng)
-    judged = judge(children, worthwhile=lambda nearly: nearly @ prices > 1.0 - 0.05)
+    judged = judge(children, prices)
     pool.add(judged.inspects, children, judged.probability)
     near.add(judged.nearly, children, judged.probability)
+    return children[_champions(judged.promise, prices, rng)]
 
 
-def _choose_parents(pool: ColumnPool, near: ColumnPool, prices: np.ndarray, rng) -> np.ndarray:
-    """Take the poses worth most, by what they inspect and by what they nearly inspect, and some at random."""
-    third = _PARENTS // 3
-    by_worth = pool.poses[np.argsort(-(pool.membership @ prices), kind="stable")[:third]]
-    by_hope = near.poses[np.argsort(-(near.membership @ prices), kind="stable")[:third]]
-    anyone = pool.poses[rng.integers(len(pool), size=third)]
-    return np.concatenate([by_worth, by_hope, anyone])
+def _champions(promise: np.ndarray, prices: np.ndarray, rng) -> np.ndarray:
+    """Choose poses of much promised worth, each for another entity, so that the search stays spread over the part."""
+    worth = promise @ prices
+    entities = rng.permutation(np.flatnonzero(prices > 0))[: _PARENTS // 2]
+    best = [int(np.argmax(np.where(promise[:, e] > 0.3, worth, -1.0))) for e in entities]
+    return np.unique(best)
 
 
 def perturbed(cam2world: np.ndarray, distance_mm: float, rng) -> np.ndarray:
@@ -139,5 +137,3 @@ def perturbed(cam2world: np.ndarray, distance_mm: float, rng) -> np.ndarray:
     moved[:, :3, 3] = pivot - distance_mm * moved[:, :3, 2]
     moved[:, :3, 3] += np.einsum("nij,nj->ni", moved[:, :3, :3], shift)
     return moved
-
-

@@ -13,7 +13,7 @@ import numpy as np
 
 from errors import success_probability
 from planner.camera import Camera
-from planner.constraints import Constraints, Requirements
+from planner.constraints import Constraints, Requirements, visibility_slacks
 from planner.pose import PoseUncertainty, cam_to_paper, world_to_cam
 from planner.setting import SensorSetting
 
@@ -23,6 +23,8 @@ _NEAR_FIELD = 0.06
 _NEAR_LENGTH = 0.1
 _NEAR_FOCUS = 0.1
 _NEAR_PROBABILITY = 0.05
+# missing a constraint by so many tolerances, an entity is not looked at further
+_HOPELESS = 6.0
 
 
 @dataclass(frozen=True)
@@ -37,11 +39,14 @@ class Judgement:
         The same with some slack; contains ``inspects``.
     probability : array (n, k)
         Success probability; 0 where the constraints rule the entity out.
+    promise : array (n, k)
+        1 where the constraints hold, falling to 0 as they are missed by more: a slope for a search to climb.
     """
 
     inspects: np.ndarray
     nearly: np.ndarray
     probability: np.ndarray
+    promise: np.ndarray
 
 
 class Judge:
@@ -84,45 +89,60 @@ class Judge:
             "field_of_view_px": _NEAR_FIELD * max(camera.resolution),
         }
 
-    def __call__(self, cam2world: np.ndarray, worthwhile: np.ndarray | None = None) -> Judgement:
+    def __call__(self, cam2world: np.ndarray, prices: np.ndarray | None = None) -> Judgement:
         """Judge poses (n, 4, 4).
 
         Parameters
         ----------
         cam2world : array (n, 4, 4)
-        worthwhile : callable, optional
-            Maps what would be nearly inspected by the constraints alone, (n, k) bool, to (n,) bool; probabilities of
-            the other poses are not computed, and they inspect nothing.
+        prices : array (k,), optional
+            Worth of the entities; probabilities are computed only for poses that nearly inspect a worth of more than 1,
+            the others inspect nothing.
         """
-        parts = [self._judge(cam2world[i : i + _BATCH], worthwhile) for i in range(0, len(cam2world), _BATCH)]
+        parts = [self._judge(cam2world[i : i + _BATCH], prices) for i in range(0, len(cam2world), _BATCH)]
         if not parts:
             empty = np.zeros((0, len(self.names)))
-            return Judgement(empty.astype(bool), empty.astype(bool), empty)
+            return Judgement(empty.astype(bool), empty.astype(bool), empty, empty)
         return Judgement(*(np.concatenate(field) for field in zip(*parts, strict=True)))
 
-    def _judge(self, cam2world, worthwhile) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        holds, nearly = self._constraints_hold(cam2world)
-        if worthwhile is not None:
-            nearly &= worthwhile(nearly)[:, None]
+    def _judge(self, cam2world, prices) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        missed = self._missed(cam2world)
+        nearly = missed <= 1.0
+        if prices is not None:
+            nearly &= (nearly @ prices > 1.0 + 1e-6)[:, None]
         probability = np.zeros(nearly.shape)
         if nearly.any():
             probability[nearly] = self._probability(cam2world, nearly)
-        inspects = holds & nearly & (probability >= self.threshold)
+        inspects = (missed == 0.0) & nearly & (probability >= self.threshold)
         nearly &= probability >= self.threshold - _NEAR_PROBABILITY
-        return inspects, nearly, probability
+        return inspects, nearly, probability, np.exp(-missed)
 
-    def _constraints_hold(self, cam2world) -> tuple[np.ndarray, np.ndarray]:
-        """Evaluate the constraints, costly ones only for poses that the cheap ones leave something."""
-        n, k = len(cam2world), len(self.names)
-        holds, nearly = np.ones((n, k), dtype=bool), np.ones((n, k), dtype=bool)
+    def _missed(self, cam2world) -> np.ndarray:
+        """Return how far the worst constraint of each entity is missed, in units of its tolerance; (n, k), 0 is met."""
+        missed = np.zeros((len(cam2world), len(self.names)))
         for name in self.constraints.constraint_names:
-            left = np.flatnonzero(nearly.any(axis=1))
+            left = np.flatnonzero((missed < _HOPELESS).any(axis=1))
             if not left.size:
                 break
+            if name == "visibility":
+                self._hide(cam2world, missed)
+                continue
             margin = self.constraints.slacks(cam2world[left], only=[name])[name].min(axis=-1)
-            holds[left] &= margin >= 0
-            nearly[left] &= margin >= -self._tolerance.get(name, 0.0)
-        return holds & nearly, nearly
+            short = np.maximum(-margin, 0.0)
+            tolerance = self._tolerance.get(name)
+            missed[left] = np.maximum(
+                missed[left], np.where(short > 0, np.inf, 0.0) if tolerance is None else short / tolerance
+            )
+        return missed
+
+    def _hide(self, cam2world, missed: np.ndarray) -> None:
+        """Ask for visibility, the costly constraint, only where the others leave hope."""
+        positions = cam2world[:, :3, 3]
+        for k, name in enumerate(self.names):
+            rows = np.flatnonzero(missed[:, k] < _HOPELESS)
+            if rows.size:
+                hidden = visibility_slacks(self.space, positions[rows], [name])[:, 0, 0] < 0
+                missed[rows[hidden], k] = np.inf
 
     def _probability(self, cam2world, wanted: np.ndarray) -> np.ndarray:
         ends_cam = world_to_cam(self.ends, cam2world)[wanted]
@@ -138,7 +158,9 @@ class Judge:
             )
         return probability
 
-    def setting(self, cam2world: np.ndarray, names, message: str, seed: int | None = None, nfev: int = 1) -> SensorSetting:
+    def setting(
+        self, cam2world: np.ndarray, names, message: str, seed: int | None = None, nfev: int = 1
+    ) -> SensorSetting:
         """Describe a pose (4, 4) as a setting that inspects some of the entities."""
         idx = [self.names.index(name) for name in names]
         pose = np.asarray(cam2world)[None]

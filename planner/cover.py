@@ -108,22 +108,28 @@ def greedy_cover(membership) -> np.ndarray:
     return np.array(chosen, dtype=int)
 
 
-def fractional_cover(membership) -> tuple[float, np.ndarray]:
+def fractional_cover(membership, bias=None) -> tuple[float, np.ndarray]:
     """Solve the linear relaxation and its dual.
+
+    Parameters
+    ----------
+    membership : array_like of bool, shape (c, e)
+    bias : array_like, shape (e,), optional
+        Positive factors; the dual maximises the weights times these. Default: all 1, which gives the relaxation's value.
 
     Returns
     -------
     value : float
-        The fractional cover number; no cover has fewer than ``ceil(value)`` columns.
+        Sum of the weights; no cover has fewer than ``ceil(value)`` columns.
     weights : ndarray, shape (e,)
-        The dual: non-negative weights of the entities, no column weighing more than 1, of total ``value``.
+        The dual: non-negative weights of the entities, no column weighing more than 1.
     """
     membership = check_membership(membership)
     n_columns, n_entities = membership.shape
     if n_entities == 0:
         return 0.0, np.zeros(0)
     result = linprog(
-        -np.ones(n_entities),
+        -np.ones(n_entities) if bias is None else -np.asarray(bias, dtype=float),
         A_ub=csr_matrix(membership.astype(float)),
         b_ub=np.ones(n_columns),
         bounds=(0.0, 1.0),

@@ -50,8 +50,8 @@ class Effort:
         Nodes of the search tree behind the lower bound, at most.
     """
 
-    viewpoints: int = 300
-    pricing_rounds: int = 120
+    viewpoints: int = 100
+    pricing_rounds: int = 400
     refutations: int = 8
     bound_nodes: int = 400_000
 
@@ -198,14 +198,7 @@ class _Work:
     def plan(self) -> InspectionPlan:
         """Do all steps."""
         self._sample()
-        price_poses(
-            self.judge,
-            self.pool,
-            self.near,
-            self.seed,
-            self.effort.pricing_rounds,
-            self._report("column generation", self.effort.pricing_rounds),
-        )
+        price_poses(self.judge, self.pool, self.near, self.seed, self.effort.pricing_rounds, self.progress)
         uninspectable = self._try_alone()
         inspected = self.pool.membership.any(axis=0)
         self._refute(inspected)
@@ -226,9 +219,6 @@ class _Work:
             part=self.judge.space.solid.name,
             seed=self.seed,
         )
-
-    def _report(self, label: str, total: int):
-        return lambda done: report(self.progress, done, total, label)
 
     def _sample(self) -> None:
         """Fill the pools from viewpoints of every entity."""

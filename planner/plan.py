@@ -7,7 +7,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -74,8 +73,8 @@ class InspectionPlan:
     def __post_init__(self):
         entities = {name: _read_only(points, (2, 3)) for name, points in self.entities.items()}
         object.__setattr__(self, "settings", tuple(self.settings))
-        object.__setattr__(self, "entities", MappingProxyType(entities))
-        object.__setattr__(self, "uninspectable", MappingProxyType(dict(self.uninspectable)))
+        object.__setattr__(self, "entities", entities)
+        object.__setattr__(self, "uninspectable", dict(self.uninspectable))
         object.__setattr__(self, "workspace", _read_only(self.workspace, (2, 3)))
         self._check_names()
 

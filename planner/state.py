@@ -77,7 +77,9 @@ class PlanningState:
         except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
             raise PlanFileError(f"{self.path}: state file must be readable JSON. Got: {error}.") from None
         if not isinstance(data, dict) or data.get("format") != FORMAT or data.get("version") != VERSION:
-            raise PlanFileError(f"{self.path}: state file must be a planning state of version {VERSION}. Got another file.")
+            raise PlanFileError(
+                f"{self.path}: state file must be a planning state of version {VERSION}. Got another file."
+            )
         if data.get("request") != self.fingerprint:
             raise PlanFileError(
                 f"{self.path}: state file must belong to the same part, entities, camera, limits and seed. Got another request's."

@@ -1,0 +1,217 @@
+"""Pairs of entities that no setting can inspect together, each for a reason that is a proof.
+
+* They do not fit: two of their ends are farther apart than any two points of the frustum between the nearest and the
+  farthest sharp plane.
+* No viewpoint serves both. Space is subdivided into boxes; a box is discarded when it is outside the one's or the other's
+  region, when an end in it cannot be at a distance the lens can focus on, or when two ends are farther apart in angle
+  than the corners of the sensor. The pair excludes each other if no box is left.
+
+The second test stops at boxes of half a millimetre, so it may miss a conflict, but it never invents one.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+# cells that overlap by less than this are apart: no robot aims that finely
+_OVERLAP_MM = 1e-3
+_FINEST_MM = 0.5
+_MOST_BOXES = 200_000
+_STACK = 256
+
+
+def find_conflicts(judge, entity_idx, columns, regions) -> np.ndarray:
+    """Find the pairs of entities that exclude each other.
+
+    Parameters
+    ----------
+    judge : Judge
+        The request.
+    entity_idx : array of int (e,)
+        Entities, as columns of the judge.
+    columns : array of bool (c, e)
+        Sets known to be inspected by some pose; their pairs need no test.
+    regions : Cells
+        The cells of each entity's region.
+
+    Returns
+    -------
+    array of bool (e, e)
+        Symmetric, false on the diagonal.
+    """
+    columns = np.asarray(columns, dtype=bool)
+    ends = judge.ends[entity_idx]
+    together = columns.T.astype(int) @ columns.astype(int) > 0
+    tangents = sensor_tangents(judge.camera, judge.requirements.field_margin_px)
+    conflict = too_far_apart(judge.camera, ends, tangents) & ~together
+    near, far = judge.camera.depth_of_field_mm
+    cone = math.atan(math.hypot(*tangents))
+    far /= math.cos(cone)
+    for a, b in np.argwhere(np.triu(~conflict & ~together, k=1)):
+        points = ends[[a, b]].reshape(-1, 3)
+        conflict[a, b] = conflict[b, a] = not _share_viewpoint(a, b, *regions.arrays, points, near, far, 2 * cone)
+    return conflict
+
+
+def sensor_tangents(camera, margin_px: float) -> np.ndarray:
+    """Return the tangents (2,) of the half angles of view, less a margin at the sides of the sensor."""
+    half = np.array(camera.sensor_size_mm) / 2 - margin_px * np.array(camera.pixel_pitch_mm)
+    return np.maximum(half, 0.0) / camera.image_distance_mm
+
+
+def too_far_apart(camera, ends: np.ndarray, tangents: np.ndarray) -> np.ndarray:
+    """Return which pairs of entities (ends: (e, 2, 3), mm) do not fit into the frustum together; (e, e) bool."""
+    near, far = camera.depth_of_field_mm
+    if not np.isfinite(far):
+        return np.zeros((len(ends), len(ends)), dtype=bool)
+    corners = np.array([[x, y, 1.0] for x in (-1, 1) for y in (-1, 1)]) * [*tangents, 1.0]
+    corners = np.concatenate([near * corners, far * corners])
+    # the two farthest points of a convex polytope are two of its corners
+    diameter = np.linalg.norm(corners[:, None] - corners, axis=-1).max()
+    distance = np.linalg.norm(ends[:, None, :, None] - ends[None, :, None], axis=-1).max(axis=(2, 3))
+    result = distance > diameter
+    np.fill_diagonal(result, False)
+    return result
+
+
+class Cells:
+    """The convex cells of several entities' regions in flat arrays, for compiled loops.
+
+    Parameters
+    ----------
+    cell_sets : sequence of CellSet
+        One per entity.
+
+    Attributes
+    ----------
+    planes : array (p, 4)
+        Half-spaces of all cells; of cell c those from ``plane_start[c]`` to ``plane_start[c + 1]``.
+    corners : array (v, 3)
+        Corners likewise, by ``corner_start``.
+    boxes : array (c, 2, 3)
+        Bounding boxes.
+    entity_start : array (e + 1,)
+        The cells of entity e are those from ``entity_start[e]`` to ``entity_start[e + 1]``.
+    """
+
+    def __init__(self, cell_sets):
+        cells = [[(np.asarray(c.half_spaces, float), np.asarray(c.vertices, float)) for c in cs] for cs in cell_sets]
+        flat = [cell for group in cells for cell in group]
+        self.planes = np.concatenate([np.zeros((0, 4)), *(planes for planes, _ in flat)])
+        self.corners = np.concatenate([np.zeros((0, 3)), *(corners for _, corners in flat)])
+        self.plane_start = np.cumsum([0, *(len(planes) for planes, _ in flat)])
+        self.corner_start = np.cumsum([0, *(len(corners) for _, corners in flat)])
+        self.entity_start = np.cumsum([0, *map(len, cells)])
+        boxes = [(corners.min(axis=0), corners.max(axis=0)) for _, corners in flat]
+        self.boxes = np.array(boxes).reshape(-1, 2, 3)
+
+    @property
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        """All arrays, in the order the compiled functions take them."""
+        return self.planes, self.plane_start, self.corners, self.corner_start, self.boxes, self.entity_start
+
+
+@njit(cache=True)
+def _share_viewpoint(a, b, planes, plane_start, corners, corner_start, boxes, entity_start, points, near, far, angle):
+    """Tell whether some cell of entity a may meet some cell of entity b where the lens can take all points at once."""
+    stack = np.empty((_STACK, 2, 3))
+    for i in range(entity_start[a], entity_start[a + 1]):
+        for j in range(entity_start[b], entity_start[b + 1]):
+            low = np.maximum(boxes[i, 0], boxes[j, 0])
+            high = np.minimum(boxes[i, 1], boxes[j, 1])
+            if np.any(high - low < _OVERLAP_MM):
+                continue
+            if _apart(i, j, planes, plane_start, corners, corner_start):
+                continue
+            if _apart(j, i, planes, plane_start, corners, corner_start):
+                continue
+            stack[0, 0], stack[0, 1] = (low + high) / 2, (high - low) / 2
+            if _search(stack, i, j, planes, plane_start, points, near, far, angle):
+                return True
+    return False
+
+
+@njit(cache=True)
+def _search(stack, i, j, planes, plane_start, points, near, far, angle):
+    """Subdivide the box on the stack; true when a viewpoint is found or the effort is spent."""
+    size = 1
+    for _ in range(_MOST_BOXES):
+        if size == 0:
+            return False
+        size -= 1
+        center, half = stack[size, 0].copy(), stack[size, 1].copy()
+        if _excluded(center, half, i, planes, plane_start) or _excluded(center, half, j, planes, plane_start):
+            continue
+        if not _in_view(center, math.sqrt(np.sum(half**2)), points, near, far, angle):
+            continue
+        axis = np.argmax(half)
+        if half[axis] < _FINEST_MM or size + 2 > _STACK:
+            return True
+        point = np.zeros(3)
+        if (
+            not _excluded(center, point, i, planes, plane_start)
+            and not _excluded(center, point, j, planes, plane_start)
+            and _in_view(center, 0.0, points, near, far, angle)
+        ):
+            return True
+        half[axis] /= 2
+        for sign in (-1.0, 1.0):
+            stack[size, 0], stack[size, 1] = center, half
+            stack[size, 0, axis] += sign * half[axis]
+            size += 1
+    return True
+
+
+@njit(cache=True)
+def _excluded(center, half, cell, planes, plane_start):
+    """Tell whether a box overlaps a cell by less than nothing to speak of."""
+    for p in range(plane_start[cell], plane_start[cell + 1]):
+        lowest = planes[p, 3]
+        for k in range(3):
+            lowest += planes[p, k] * center[k] - abs(planes[p, k]) * half[k]
+        if lowest > -_OVERLAP_MM:
+            return True
+    return False
+
+
+@njit(cache=True)
+def _in_view(center, radius, points, near, far, angle):
+    """Tell whether some viewpoint of a ball may have all points in focus and pairwise within an angle."""
+    n = points.shape[0]
+    for k in range(n):
+        distance = math.sqrt(np.sum((points[k] - center) ** 2))
+        if distance - radius > far or distance + radius < near:
+            return False
+    for k in range(n):
+        first = points[k] - center
+        first_length = math.sqrt(np.sum(first**2))
+        for m in range(k + 1, n):
+            second = points[m] - center
+            second_length = math.sqrt(np.sum(second**2))
+            if radius >= first_length or radius >= second_length:
+                continue
+            cosine = np.sum(first * second) / (first_length * second_length)
+            between = math.acos(min(1.0, max(-1.0, cosine)))
+            if between - math.asin(radius / first_length) - math.asin(radius / second_length) > angle + 1e-9:
+                return False
+    return True
+
+
+@njit(cache=True)
+def _apart(i, j, planes, plane_start, corners, corner_start):
+    """Tell whether a plane of cell i has all corners of cell j outside."""
+    for p in range(plane_start[i], plane_start[i + 1]):
+        separates = True
+        for v in range(corner_start[j], corner_start[j + 1]):
+            height = planes[p, 3]
+            for k in range(3):
+                height += planes[p, k] * corners[v, k]
+            if height < -_OVERLAP_MM:
+                separates = False
+                break
+        if separates:
+            return True
+    return False
