@@ -1,12 +1,14 @@
 """Exact entity-based aspect graphs of polyhedral parts."""
 
 from aspectgraph.cellset import Cell, CellSet
+from aspectgraph.complete import complete_aspect_graph
 from aspectgraph.edge_picture import edge_figure, write_edge_picture
 from aspectgraph.entities import Entity, read_entities, resolve_entities
 from aspectgraph.exceptions import (
     AspectGraphError,
     ContradictionError,
     EntityError,
+    GraphMLError,
     MissingExtraError,
     NonManifoldError,
     OpenSolidError,
@@ -37,6 +39,7 @@ __all__ = [
     "EntityAspectGraph",
     "EntityError",
     "Face",
+    "GraphMLError",
     "MissingExtraError",
     "NonManifoldError",
     "OpenSolidError",
@@ -52,6 +55,7 @@ __all__ = [
     "VisibilityRegions",
     "WorkspaceError",
     "build_aspect_graph",
+    "complete_aspect_graph",
     "compute_regions",
     "edge_figure",
     "read_entities",
