@@ -1,0 +1,114 @@
+"""The cell complex: it tiles its box, stays conforming, and does not care in which order planes come."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from aspectgraph.cells import (
+    CROSSED,
+    EDGE_LIST,
+    ENDS,
+    FACE_FIRST,
+    FACE_SIZE,
+    N_CELLS,
+    SIDES,
+    add_box,
+    allocate,
+    cell_side,
+    leaves,
+    split_cell,
+    with_room,
+)
+from aspectgraph.measure import cell_centre, cell_sizes, interfaces
+
+HALF = 1000
+
+
+def random_planes(n, seed, degenerate=False):
+    rng = np.random.default_rng(seed)
+    if degenerate:
+        normals = rng.integers(-1, 2, (4 * n, 3))
+        normals = normals[normals.any(axis=1)][:n]
+        return np.column_stack([normals, rng.integers(-1, 2, len(normals)) * 300])
+    points = rng.integers(-HALF, HALF, (n, 3, 3))
+    normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    return np.column_stack([normals, (normals * points[:, 0]).sum(axis=1)])
+
+
+def cut_box(planes, n_cells=4096):
+    box = np.zeros((6, 4), np.int64)
+    for axis, side in itertools.product(range(3), range(2)):
+        box[2 * axis + side, axis] = 1
+        box[2 * axis + side, 3] = HALF * (2 * side - 1)
+    cx = allocate(np.concatenate([box, planes]).astype(np.int64), n_cells)
+    add_box(cx, np.arange(6))
+    for h in range(6, 6 + len(planes)):
+        for c in leaves(cx):
+            if cell_side(cx, c, h) == CROSSED:
+                split_cell(cx, c, h)
+    return cx
+
+
+@pytest.mark.parametrize("degenerate", [False, True])
+def test_cells_tile_the_box(degenerate):
+    cx = cut_box(random_planes(12, 3, degenerate))
+    assert cell_sizes(cx, leaves(cx))[:, 0].sum() == pytest.approx((2 * HALF) ** 3, rel=1e-9)
+
+
+def test_planes_in_general_position_make_the_number_of_cells_theory_gives():
+    """n planes of which all triples meet inside a ball cut it into 1 + n + C(n, 2) + C(n, 3) parts (Schlaefli)."""
+    rng = np.random.default_rng(0)
+    normals = rng.integers(-(2**18), 2**18, (6, 3))
+    planes = np.column_stack([normals, rng.integers(-4, 5, 6)])
+    assert len(leaves(cut_box(planes))) == 1 + 6 + 15 + 20
+
+
+@pytest.mark.parametrize("degenerate", [False, True])
+def test_every_cell_is_a_closed_polyhedron(degenerate):
+    cx = cut_box(random_planes(10, 5, degenerate))
+    for c in leaves(cx):
+        faces = [f for f in range(cx.count[2]) if c in cx.face[f, SIDES : SIDES + 2] and cx.face[f, 3] < 0]
+        edges = {}
+        for f in faces:
+            for e in cx.lists[EDGE_LIST, cx.face[f, FACE_FIRST] : cx.face[f, FACE_FIRST] + cx.face[f, FACE_SIZE]]:
+                edges[int(e)] = edges.get(int(e), 0) + 1
+        corners = {int(v) for e in edges for v in cx.edge[e, ENDS : ENDS + 2]}
+        assert set(edges.values()) == {2}
+        assert len(corners) - len(edges) + len(faces) == 2
+
+
+def test_cells_lie_on_the_side_their_number_tells():
+    cx = cut_box(random_planes(8, 1))
+    sides, sizes = interfaces(cx)
+    assert len(sides) and (sizes[:, 0] > 0).all()
+    for positive, negative, h in sides:
+        a, b, c, d = cx.planes[h].astype(float)
+        for cell, expected in ((positive, 1), (negative, -1)):
+            x, y, z = cell_centre(cx, cell)
+            assert np.sign(a * x + b * y + c * z - d) == expected
+
+
+@pytest.mark.parametrize("degenerate", [False, True])
+def test_order_of_planes_changes_nothing(degenerate):
+    planes = random_planes(9, 7, degenerate)
+    volumes = [
+        np.sort(cell_sizes(cx, leaves(cx))[:, 0])
+        for cx in (cut_box(planes), cut_box(planes[::-1]), cut_box(planes[[4, 0, 7, 2, 8, 1, 3, 6, 5]]))
+    ]
+    assert volumes[1] == pytest.approx(volumes[0], rel=1e-9)
+    assert volumes[2] == pytest.approx(volumes[0], rel=1e-9)
+
+
+def test_room_grows_until_it_suffices():
+    planes = random_planes(12, 3)
+    asked = []
+
+    def build(n_cells):
+        asked.append(n_cells)
+        return cut_box(planes, n_cells)
+
+    assert with_room(build, n_cells=8).count[N_CELLS] == cut_box(planes).count[N_CELLS]
+    assert len(asked) > 1
+    with pytest.raises(MemoryError, match="more than 32 cells"):
+        with_room(build, n_cells=8, limit=32)
