@@ -14,9 +14,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from aspectgraph.coplanar import find_twins
 from aspectgraph.curved import find_curved
 from aspectgraph.exceptions import OrientationError, ReadError
-from aspectgraph.facets import Tessellation, find_twins, join_facets
+from aspectgraph.facets import Tessellation, join_facets
 from aspectgraph.mesh_glb import parse_glb
 from aspectgraph.mesh_ply import parse_ply
 from aspectgraph.mesh_stl import parse_stl
@@ -25,7 +26,7 @@ from aspectgraph.shells import face_outwards
 from aspectgraph.solid import Solid
 from aspectgraph.topology import Face, describe_edge, label_shells, pair_edges
 from aspectgraph.triangulate import newell_area_vector, triangulate_face
-from aspectgraph.validation import default_planarity_mm
+from aspectgraph.validation import check_vertices, default_planarity_mm
 from aspectgraph.weld import drop_repetitions, drop_thin, is_closed, weld
 
 UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "inch": 25.4, "ft": 304.8}
@@ -71,7 +72,7 @@ def read_mesh(
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if len(bad):
         raise ReadError(f"coordinates must be finite. Got {vertices[bad[0]].tolist()} at vertex {bad[0]} of the file.")
-    vertices, triangles = _welded_triangles(vertices * scale, polygons, notes)
+    vertices, triangles = _welded_triangles(check_vertices(vertices * scale), polygons, notes)
     if len(triangles) < 4:
         raise ReadError(f"a closed mesh must have at least 4 facets. Got {len(triangles)}.")
     tolerance = default_planarity_mm(vertices) if planarity_mm is None else planarity_mm

@@ -77,8 +77,11 @@ def _parse_header(data: bytes) -> tuple[str, list[_Element], bytes]:
             elif words[:1] == ["element"]:
                 elements.append(_Element(words[1], int(words[2])))
             elif words[:1] == ["property"]:
-                types = [_TYPES[word] for word in words[1:-1] if word != "list"]
-                elements[-1].properties.append((words[-1], *types))
+                *kind, name = words[1:]
+                types = [_TYPES[word] for word in (kind[1:] if kind[0] == "list" else kind)]
+                if len(types) != (2 if kind[0] == "list" else 1):
+                    raise ValueError("wrong number of types")
+                elements[-1].properties.append((name, *types))
         except (KeyError, IndexError, ValueError) as error:
             raise ReadError(f"a PLY header line must follow the format. Got {line.strip()[:60]!r}.") from error
     if order is None:

@@ -1,0 +1,132 @@
+"""Coplanar triangles found and grouped.
+
+Notation
+--------
+Half-edge ``h = 3 t + k`` runs from corner k of triangle t to the next corner. ``twin[h]`` is the half-edge on the other
+side, which runs the other way. A *group* is a set of triangles that becomes one face.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def find_twins(triangles: np.ndarray) -> np.ndarray:
+    """Return the twin of every half-edge of closed, oriented triangles, shape (3 t,)."""
+    start = triangles.astype(np.int64).ravel()
+    end = np.roll(triangles, -1, axis=1).astype(np.int64).ravel()
+    n = int(start.max()) + 1
+    forward, backward = start * n + end, end * n + start
+    order = np.argsort(forward)
+    return order[np.searchsorted(forward, backward, sorter=order)]
+
+
+def group_coplanar(
+    vertices: np.ndarray, triangles: np.ndarray, twin: np.ndarray, joinable: np.ndarray, tolerance_mm: float
+) -> np.ndarray:
+    """Label triangles that lie in one plane and hang together.
+
+    Groups grow from the largest triangle left. The plane is refitted whenever the area has doubled; a group that ends
+    up uneven all the same is taken apart again.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3)
+        In mm.
+    triangles : ndarray of int, shape (t, 3)
+        Closed and oriented.
+    twin : ndarray of int, shape (3 t,)
+        See `find_twins`.
+    joinable : ndarray of bool, shape (3 t,)
+        Whether a group may grow across a half-edge.
+    tolerance_mm : float
+        Largest distance of a corner from the plane of its group.
+
+    Returns
+    -------
+    ndarray of int, shape (t,)
+        Labels 0, 1, ... in order of each group's first triangle.
+    """
+    corners = (vertices - vertices.mean(axis=0))[triangles]
+    area_vectors = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    neighbour = twin // 3
+    grower = _Grower(corners, area_vectors, np.where(joinable, neighbour, -1).reshape(-1, 3), tolerance_mm)
+    for seed in np.argsort(-np.linalg.norm(area_vectors, axis=1), kind="stable").tolist():
+        if grower.label[seed] < 0:
+            grower.grow(seed)
+    _adopt_slivers(grower, corners, neighbour.reshape(-1, 3))
+    return _in_order(grower.label)
+
+
+def _in_order(label: np.ndarray) -> np.ndarray:
+    _, first, inverse = np.unique(label, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    return rank[inverse]
+
+
+class _Grower:
+    """State of `group_coplanar`."""
+
+    def __init__(self, corners, area_vectors, neighbour, tolerance_mm):
+        self.corners, self.area_vectors = corners, area_vectors
+        self.areas = np.linalg.norm(area_vectors, axis=1)
+        self.neighbour = neighbour.tolist()
+        self.tolerance_mm = tolerance_mm
+        self.label = np.full(len(corners), -1, dtype=np.int64)
+        self.n_groups = 0
+
+    def grow(self, seed: int) -> None:
+        """Collect a new group around triangle `seed`."""
+        members = self._flood(seed, 2.0 * self.tolerance_mm)
+        if len(members) > 1 and self._unevenness(members) > self.tolerance_mm:
+            members = self._flood(seed, 0.5 * self.tolerance_mm)
+            if self._unevenness(members) > self.tolerance_mm:
+                members = [seed]
+        self.label[members] = self.n_groups
+        self.n_groups += 1
+
+    def _flood(self, seed: int, band_mm: float) -> list[int]:
+        members, seen = [seed], {seed}
+        total, fitted_area = self.area_vectors[seed].copy(), self.areas[seed]
+        normal, height = self._plane(total, members)
+        front = [seed]
+        while front:
+            for t in self.neighbour[front.pop()]:
+                if t < 0 or t in seen or self.label[t] >= 0:
+                    continue
+                if not self._fits(t, normal, height, band_mm):
+                    continue
+                seen.add(t)
+                members.append(t)
+                front.append(t)
+                total += self.area_vectors[t]
+                if np.linalg.norm(total) > 2.0 * fitted_area:
+                    fitted_area = np.linalg.norm(total)
+                    normal, height = self._plane(total, members)
+        return members
+
+    def _fits(self, t: int, normal: np.ndarray, height: float, band_mm: float) -> bool:
+        if np.abs(self.corners[t] @ normal - height).max() > band_mm:
+            return False
+        longest = np.ptp(self.corners[t], axis=0).max()
+        return self.area_vectors[t] @ normal > -band_mm * longest
+
+    def _plane(self, total: np.ndarray, members: list[int]) -> tuple[np.ndarray, float]:
+        length = np.linalg.norm(total)
+        normal = total / length if length > 0 else total
+        heights = self.corners[members] @ normal
+        return normal, 0.5 * float(heights.min() + heights.max())
+
+    def _unevenness(self, members: list[int]) -> float:
+        normal, height = self._plane(self.area_vectors[members].sum(axis=0), members)
+        return float(np.abs(self.corners[members] @ normal - height).max())
+
+
+def _adopt_slivers(grower: _Grower, corners: np.ndarray, neighbour: np.ndarray) -> None:
+    """Give triangles without width that stayed alone to the group across their longest side."""
+    sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    alone = np.bincount(grower.label)[grower.label] == 1
+    thin = 2.0 * grower.areas <= grower.tolerance_mm * 1e-3 * sides.max(axis=1)
+    for t in np.flatnonzero(alone & thin):
+        grower.label[t] = grower.label[neighbour[t, int(np.argmax(sides[t]))]]

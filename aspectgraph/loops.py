@@ -1,0 +1,148 @@
+"""Boundary cycles of groups of triangles, and the vertices on them that say nothing.
+
+The notation is that of `coplanar`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def trace_loops(triangles: np.ndarray, twin: np.ndarray, group: np.ndarray) -> list[list[list[int]]]:
+    """Return the boundary cycles of every group; the group lies to the left, no cycle visits a vertex twice."""
+    start = triangles.ravel().tolist()
+    of_half_edge = np.repeat(group, 3)
+    rim = of_half_edge != of_half_edge[twin]
+    pending, twins = rim.tolist(), twin.tolist()
+    loops: list[list[list[int]]] = [[] for _ in range(int(group.max()) + 1)]
+    for first in np.flatnonzero(rim).tolist():
+        cycle, h = [], first
+        while pending[h]:
+            pending[h] = False
+            cycle.append(start[h])
+            h = _after(h)
+            while not rim[h]:
+                h = _after(twins[h])
+        if cycle:
+            loops[of_half_edge[first]].extend(_split_at_repeats(cycle))
+    return loops
+
+
+def _after(h: int) -> int:
+    """Return the next half-edge of the same triangle."""
+    return h - 2 if h % 3 == 2 else h + 1
+
+
+def _split_at_repeats(cycle: list[int]) -> list[list[int]]:
+    """Cut a cycle that touches itself in vertices into cycles that do not."""
+    simple, path, place = [], [], {}
+    for v in cycle:
+        if v in place:
+            cut = place[v]
+            simple.append(path[cut:])
+            for w in path[cut:]:
+                del place[w]
+            del path[cut:]
+        place[v] = len(path)
+        path.append(v)
+    return [*simple, path]
+
+
+def drop_idle_vertices(
+    vertices: np.ndarray, loops: list[list[list[int]]], curved_edges: set[tuple[int, int]], tolerance_mm: float
+) -> tuple[list[list[list[int]]], set[tuple[int, int]]]:
+    """Remove vertices on a straight run between two faces.
+
+    Returns
+    -------
+    loops, curved_edges
+        Without the removed vertices; a run keeps whether it is curved.
+    """
+    idle = _idle_vertices(vertices, loops, curved_edges, tolerance_mm)
+    kept_loops, kept_curved = [], set()
+    for cycles in loops:
+        kept_cycles = []
+        for cycle in cycles:
+            kept = [v for v in cycle if v not in idle]
+            kept = kept if len(kept) >= 3 else cycle
+            kept_cycles.append(kept)
+            kept_curved |= _curved_runs(cycle, kept, curved_edges)
+        kept_loops.append(kept_cycles)
+    return kept_loops, kept_curved
+
+
+def _curved_runs(cycle: list[int], kept: list[int], curved_edges: set[tuple[int, int]]) -> set[tuple[int, int]]:
+    """Return the edges of `kept` that stand for curved edges of `cycle`."""
+    following = dict(zip(cycle, [*cycle[1:], cycle[0]], strict=True))
+    pairs = zip(kept, [*kept[1:], kept[0]], strict=True)
+    return {_pair(a, b) for a, b in pairs if _pair(a, following[a]) in curved_edges}
+
+
+def _pair(a: int, b: int) -> tuple[int, int]:
+    return (a, b) if a < b else (b, a)
+
+
+def _idle_vertices(vertices, loops, curved_edges, tolerance_mm) -> set[int]:
+    neighbours: dict[int, set[int]] = {}
+    visits: dict[int, int] = {}
+    for cycles in loops:
+        for cycle in cycles:
+            for before, at, after in zip([cycle[-1], *cycle[:-1]], cycle, [*cycle[1:], cycle[0]], strict=True):
+                neighbours.setdefault(at, set()).update((before, after))
+                visits[at] = visits.get(at, 0) + 1
+    passing = {v for v, n in visits.items() if n == 2 and len(neighbours[v]) == 2}
+    passing = {v for v in passing if len({_pair(v, w) in curved_edges for w in neighbours[v]}) == 1}
+    passing = {v for v in passing if _is_between(vertices, v, neighbours[v], tolerance_mm)}
+    idle: set[int] = set()
+    for v in sorted(passing):
+        if v not in idle:
+            idle |= _idle_inside(vertices, _run_through(v, neighbours, passing), tolerance_mm)
+    return _spare_short_cycles(loops, idle)
+
+
+def _idle_inside(vertices: np.ndarray, run: list[int], tolerance_mm: float) -> set[int]:
+    """Return the vertices inside a run that a polyline within the tolerance can do without (Douglas and Peucker)."""
+    if len(run) < 3:
+        return set()
+    points = vertices[run]
+    if _is_straight(points, tolerance_mm):
+        return set(run[1:-1])
+    along = points[-1] - points[0]
+    far = 1 + int(np.argmax(np.linalg.norm(np.cross(points[1:-1] - points[0], along), axis=1)))
+    return _idle_inside(vertices, run[: far + 1], tolerance_mm) | _idle_inside(vertices, run[far:], tolerance_mm)
+
+
+def _spare_short_cycles(loops, idle: set[int]) -> set[int]:
+    """Keep all vertices of cycles that would lose too many."""
+    for cycles in loops:
+        for cycle in cycles:
+            if sum(v not in idle for v in cycle) < 3:
+                idle = idle - set(cycle)
+    return idle
+
+
+def _is_between(vertices: np.ndarray, v: int, ends: set[int], tolerance_mm: float) -> bool:
+    a, b = (vertices[w] for w in ends)
+    return bool((vertices[v] - a) @ (b - vertices[v]) > 0) and _is_straight(np.array([a, vertices[v], b]), tolerance_mm)
+
+
+def _is_straight(points: np.ndarray, tolerance_mm: float) -> bool:
+    along = points[-1] - points[0]
+    length = np.linalg.norm(along)
+    if length <= tolerance_mm:
+        return False
+    off = np.cross(points[1:-1] - points[0], along / length)
+    return bool(np.linalg.norm(off, axis=1).max() <= tolerance_mm)
+
+
+def _run_through(v: int, neighbours: dict[int, set[int]], passing: set[int]) -> list[int]:
+    """Return the run of passing vertices through `v` with the two vertices that end it."""
+    run = [v]
+    for _ in range(2):
+        run.reverse()
+        while True:
+            ahead = [w for w in neighbours[run[-1]] if w not in run]
+            if not ahead or run[-1] not in passing:
+                break
+            run.append(ahead[0])
+    return run
