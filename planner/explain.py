@@ -29,17 +29,28 @@ def check_observable(space, names: Sequence[str]):
             entity=hidden[0],
             margin=-1.0,
         )
-    first, second = next(
-        ((a, b) for i, a in enumerate(names) for b in names[i + 1 :] if not len(space.covering_cells([a, b]))),
-        (None, None),
-    )
-    who = f"entities {first!r} and {second!r} are" if first is not None else f"the entities {', '.join(names)} are"
+    pair = _pair_never_seen_together(space, names)
+    who = f"entities {pair[0]!r} and {pair[1]!r}" if pair else f"the entities {', '.join(names)}"
     raise InfeasibleError(
-        f"visibility cannot be met: {who} observable together from nowhere in the workspace.",
+        f"visibility cannot be met: {who} are observable together from nowhere in the workspace.",
         constraint="visibility",
-        entity=second or "",
+        entity=pair[1] if pair else "",
         margin=-1.0,
     )
+
+
+def _pair_never_seen_together(space, names: Sequence[str]) -> tuple[str, str] | None:
+    """Return two entities without a common viewpoint, or None if every two seem to have one.
+
+    Viewpoints drawn for one entity clear most pairs at little cost; a few of the others are looked into exactly.
+    """
+    if len(names) == 2:
+        return tuple(names)
+    seen = np.array(
+        [space.observable(space.covering_cells([name]).sample(1000, 0), names).any(axis=0) for name in names]
+    )
+    doubtful = [(names[i], names[j]) for i, j in np.argwhere(~(seen | seen.T)) if i < j]
+    return next((pair for pair in doubtful[:5] if not len(space.covering_cells(pair))), None)
 
 
 def check_resolvable(constraints: Constraints) -> None:

@@ -18,6 +18,8 @@ from planner.refine import refine
 from planner.sampling import ViewpointSampler, WorkspaceSampler
 from planner.start import draw_start
 
+_APART = 0.1
+
 
 @dataclass(frozen=True)
 class Search:
@@ -34,7 +36,8 @@ class Search:
     gray_code : bool
         Gray code instead of plain binary.
     refine_starts : int
-        How many of the last population's best individuals are refined locally; 0 leaves the genetic algorithm's best.
+        How many of the last population's best individuals, apart from each other, are refined locally; 0 leaves the
+        genetic algorithm's best.
     max_draws : int
         Most poses drawn for the first population before the least violating ones are repaired.
     sampling : {"covering", "workspace"}
@@ -60,7 +63,7 @@ class Search:
     max_nfev: int | None = None
     gene_bits: int = 16
     gray_code: bool = True
-    refine_starts: int = 3
+    refine_starts: int = 5
     max_draws: int = 8192
     sampling: str = "covering"
 
@@ -146,7 +149,7 @@ def search_pose(
     if len(start.bits):
         result = _evolve(start.bits, encoding, constraints, objective, search, rng, callback)
         outcome = _outcome(result, encoding)
-        poses = np.concatenate([encoding.decode(_best_distinct(result, search.refine_starts)), known])
+        poses = np.concatenate([encoding.decode(_best_apart(result, encoding, search.refine_starts)), known])
     elif len(known):
         # feasible only between the steps of the encoding: what is left is to refine
         outcome = Outcome(known[0], -np.inf, 0, 0, "No encoded pose is feasible; the known poses were refined.", ())
@@ -179,10 +182,18 @@ def _outcome(result: GAResult, encoding: PoseEncoding) -> Outcome:
     return Outcome(pose, float(result.fun), int(result.nfev), int(result.nit), result.message, history)
 
 
-def _best_distinct(result: GAResult, n: int) -> np.ndarray:
-    """Return the best bits ever and the best different ones of the last population; up to n rows."""
+def _best_apart(result: GAResult, encoding: PoseEncoding, n: int) -> np.ndarray:
+    """Return the best bits ever and the best of the last population that are apart from each other; up to n rows.
+
+    Apart means by a tenth of some parameter's range: neighbours would be refined to the same optimum.
+    """
     bits = np.vstack([result.x, result.population[np.argsort(-result.fitness, kind="stable")]])
-    return bits[np.sort(np.unique(bits, axis=0, return_index=True)[1])[:n]]
+    places = encoding.parameters(bits) / np.where(encoding.high > encoding.low, encoding.high - encoding.low, 1.0)
+    chosen: list[int] = []
+    for i in range(len(bits)):
+        if len(chosen) < n and np.all(np.abs(places[chosen] - places[i]).max(axis=1, initial=0.0) > _APART):
+            chosen.append(i)
+    return bits[chosen]
 
 
 def _refine_all(outcome: Outcome, poses, sampler, objective, constraints, refining: bool) -> Outcome:

@@ -235,15 +235,30 @@ def test_a_camera_that_cannot_focus_in_the_workspace():
     assert caught.value.margin == pytest.approx(distance - REAL.depth_of_field_mm[0], rel=0.01)
 
 
-def test_entities_that_cannot_be_seen_together():
-    hidden = BoxSpace()
-    hidden.covering_cells = lambda names: [0] if len(names) == 1 else []
-    with pytest.raises(InfeasibleError, match=r"entities 'x00' and 'y11' are observable together from nowhere"):
-        plan_setting(hidden, ["x00", "y11"], REAL, LOOSE)
-    hidden.covering_cells = lambda names: []
-    with pytest.raises(InfeasibleError, match=r"entity 'x00' is observable from nowhere") as caught:
-        plan_setting(hidden, ["x00"], REAL, LOOSE)
-    assert (caught.value.constraint, caught.value.entity) == ("visibility", "x00")
+class JealousSpace(BoxSpace):
+    """A box on which y11 hides wherever x00 is seen, and z10 always."""
+
+    def observable(self, points, names=None):
+        names = self.entity_names if names is None else names
+        x00 = super().observable(points, ["x00"])[:, 0]
+        hidden = np.column_stack([x00 if n == "y11" else np.full(len(x00), n == "z10") for n in names])
+        return super().observable(points, names) & ~hidden
+
+
+@pytest.mark.parametrize(
+    ("space", "names", "entity", "who"),
+    [
+        (JealousSpace(), ["x00", "z10"], "z10", "entity 'z10' is observable from nowhere"),
+        (JealousSpace(), ["x00", "y11"], "y11", "entities 'x00' and 'y11' are observable together from nowhere"),
+        (JealousSpace(), ["y11", "x01", "x00"], "x00", "entities 'y11' and 'x00' are observable together from nowhere"),
+        # around a box every two of four parallel edges share a viewpoint, but not all four
+        (BoxSpace(), ["x00", "x01", "x10", "x11"], "", "the entities x00, x01, x10, x11 are observable together"),
+    ],
+)
+def test_entities_that_cannot_be_seen_together(space, names, entity, who):
+    with pytest.raises(InfeasibleError, match=who) as caught:
+        plan_setting(space, names, REAL, LOOSE)
+    assert (caught.value.constraint, caught.value.entity) == ("visibility", entity)
 
 
 @pytest.mark.parametrize(
