@@ -217,7 +217,7 @@ def aim(positions, target) -> np.ndarray:
     forward = np.asarray(target, dtype=float) - positions
     length = np.linalg.norm(forward, axis=-1, keepdims=True)
     forward = np.where(length > 0, forward / np.where(length > 0, length, 1.0), [0.0, 0.0, 1.0])
-    # forward × z, which vanishes in a vertical view; world x is then only nearly perpendicular, so it is set upright below
+    # forward × z vanishes in a vertical view; world x, only nearly perpendicular then, is set upright below
     size = np.hypot(forward[..., 0], forward[..., 1])[..., None]
     level = np.stack([forward[..., 1], -forward[..., 0], np.zeros(size.shape[:-1])], axis=-1)
     right = np.where(size > 1e-9, level / np.where(size > 1e-9, size, 1.0), [1.0, 0.0, 0.0])
