@@ -9,9 +9,11 @@ from aspectgraph.cells import (
     CROSSED,
     EDGE_LIST,
     ENDS,
+    FACE_CHILD,
     FACE_FIRST,
     FACE_SIZE,
     N_CELLS,
+    N_FACES,
     SIDES,
     add_box,
     allocate,
@@ -68,7 +70,9 @@ def test_planes_in_general_position_make_the_number_of_cells_theory_gives():
 def test_every_cell_is_a_closed_polyhedron(degenerate):
     cx = cut_box(random_planes(10, 5, degenerate))
     for c in leaves(cx):
-        faces = [f for f in range(cx.count[2]) if c in cx.face[f, SIDES : SIDES + 2] and cx.face[f, 3] < 0]
+        faces = [
+            f for f in range(cx.count[N_FACES]) if c in cx.face[f, SIDES : SIDES + 2] and cx.face[f, FACE_CHILD] < 0
+        ]
         edges = {}
         for f in faces:
             for e in cx.lists[EDGE_LIST, cx.face[f, FACE_FIRST] : cx.face[f, FACE_FIRST] + cx.face[f, FACE_SIZE]]:
@@ -81,7 +85,8 @@ def test_every_cell_is_a_closed_polyhedron(degenerate):
 def test_cells_lie_on_the_side_their_number_tells():
     cx = cut_box(random_planes(8, 1))
     sides, sizes = interfaces(cx)
-    assert len(sides) and (sizes[:, 0] > 0).all()
+    assert len(sides)
+    assert (sizes[:, 0] > 0).all()
     for positive, negative, h in sides:
         a, b, c, d = cx.planes[h].astype(float)
         for cell, expected in ((positive, 1), (negative, -1)):
@@ -92,10 +97,9 @@ def test_cells_lie_on_the_side_their_number_tells():
 @pytest.mark.parametrize("degenerate", [False, True])
 def test_order_of_planes_changes_nothing(degenerate):
     planes = random_planes(9, 7, degenerate)
-    volumes = [
-        np.sort(cell_sizes(cx, leaves(cx))[:, 0])
-        for cx in (cut_box(planes), cut_box(planes[::-1]), cut_box(planes[[4, 0, 7, 2, 8, 1, 3, 6, 5]]))
-    ]
+    orders = [list(range(9)), list(range(9))[::-1], [4, 0, 7, 2, 8, 1, 3, 6, 5]]
+    complexes = [cut_box(planes[order]) for order in orders]
+    volumes = [np.sort(cell_sizes(cx, leaves(cx))[:, 0]) for cx in complexes]
     assert volumes[1] == pytest.approx(volumes[0], rel=1e-9)
     assert volumes[2] == pytest.approx(volumes[0], rel=1e-9)
 
