@@ -47,9 +47,9 @@ class _Use:
     nodes: tuple[int, ...]
 
 
-def explore(shape, kind: TopAbs_ShapeEnum) -> list:
-    """Return the sub-shapes of a kind in file order, once for each use."""
-    found, explorer = [], TopExp_Explorer(shape, kind)
+def explore(shape, kind: TopAbs_ShapeEnum, outside: TopAbs_ShapeEnum = TopAbs_ShapeEnum.TopAbs_SHAPE) -> list:
+    """Return the sub-shapes of a kind that are in none of the kind `outside`, in file order, once for each use."""
+    found, explorer = [], TopExp_Explorer(shape, kind, outside)
     while explorer.More():
         found.append(explorer.Current())
         explorer.Next()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -56,10 +57,12 @@ def read_step(
     SolidError
         A solid is not valid, or solids overlap or touch.
     """
-    shapes = _select(_load_solids(path), solids, path)
+    shapes, left_out = _load_solids(path)
+    shapes = _select(shapes, solids, path)
     diagonal = _diagonal_mm(shapes)
     chord = diagonal * RELATIVE_CHORD if chord_tolerance_mm is None else float(chord_tolerance_mm)
     options = {"angle_deg": angular_tolerance_deg, "flat_mm": diagonal * RELATIVE_PLANARITY, "name": name}
+    options["notes"] = left_out
     try:
         for _ in range(_MAX_REFINEMENTS):
             solid = _build(shapes, chord, planarity_mm, last=False, **options)
@@ -74,13 +77,13 @@ def read_step(
         raise type(error)(f"{error} {hint}") from error
 
 
-def _build(shapes, chord_mm: float, planarity_mm, *, last: bool, angle_deg: float, flat_mm: float, name: str):
+def _build(shapes, chord_mm: float, planarity_mm, *, last: bool, angle_deg: float, flat_mm: float, name: str, notes):
     """Return the solid, or None if its facets run into each other and a finer chord tolerance could help."""
     from aspectgraph.brep import tessellate
 
     parts = [tessellate(shape, chord_mm, math.radians(angle_deg), flat_mm) for shape in shapes]
     curved = any(part.curved_patch.any() for part in parts)
-    notes = []
+    notes = list(notes)
     if curved:
         notes.append(f"curved faces tessellated with a chord tolerance of {chord_mm:.4g} mm and {angle_deg:g} degrees")
     if len(shapes) > 1:
@@ -106,8 +109,8 @@ def _concatenate(parts: list[Tessellation]) -> Tessellation:
     )
 
 
-def _load_solids(path: Path) -> list:
-    """Return the solids of the file, each once, in file order."""
+def _load_solids(path: Path) -> tuple[list, list[str]]:
+    """Return the solids of the file, each once, in file order, and notes on what is left out."""
     try:
         from OCP.IFSelect import IFSelect_ReturnStatus
         from OCP.Interface import Interface_Static
@@ -120,11 +123,13 @@ def _load_solids(path: Path) -> list:
         ) from error
     from aspectgraph.brep import explore
 
-    reader = STEPControl_Reader()
-    Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
-    if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
-        raise ReadError(f"a .step or .stp file must be a STEP file. Got {path.name}, which OCCT cannot read.")
-    reader.TransferRoots()
+    with _quiet():
+        reader = STEPControl_Reader()
+        Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
+        if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
+            raise ReadError(f"a .step or .stp file must be a STEP file. Got {path.name}, which OCCT cannot read.")
+        _check_model(reader.Model(), path)
+        reader.TransferRoots()
     shape = reader.OneShape()
     if shape is None or shape.IsNull():
         raise ReadError(f"a STEP file must hold at least one closed solid. Got {path.name} without any shape.")
@@ -132,7 +137,50 @@ def _load_solids(path: Path) -> list:
     if not solids:
         n = len(explore(shape, TopAbs_ShapeEnum.TopAbs_FACE))
         raise ReadError(f"a STEP file must hold at least one closed solid. Got {path.name} with {n} loose faces only.")
-    return solids
+    return solids, _left_out(shape)
+
+
+def _left_out(shape) -> list[str]:
+    """Return a note on faces and edges that belong to no solid, such as annotations."""
+    from OCP.TopAbs import TopAbs_ShapeEnum
+
+    from aspectgraph.brep import explore
+
+    n_faces = len(explore(shape, TopAbs_ShapeEnum.TopAbs_FACE, outside=TopAbs_ShapeEnum.TopAbs_SOLID))
+    n_edges = len(explore(shape, TopAbs_ShapeEnum.TopAbs_EDGE, outside=TopAbs_ShapeEnum.TopAbs_FACE))
+    return [f"left out {n_faces} faces and {n_edges} edges that belong to no solid"] if n_faces or n_edges else []
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep OCCT from printing; what it would say is checked and raised instead."""
+    from OCP.Message import Message
+
+    messenger = Message.DefaultMessenger_s()
+    printers = [messenger.Printers().Value(k) for k in range(1, messenger.Printers().Length() + 1)]
+    for printer in printers:
+        messenger.RemovePrinter(printer)
+    try:
+        yield
+    finally:
+        for printer in printers:
+            messenger.AddPrinter(printer)
+
+
+def _check_model(model, path: Path) -> None:
+    """Refuse files whose geometry is damaged; OCCT would leave such faces out without a word.
+
+    Errors in other entities (annotations, styles) are common in good files and do no harm.
+    """
+    n_fails = model.GlobalCheck().NbFails()
+    if n_fails:
+        raise ReadError(f"a STEP file must be whole. Got {path.name} with {n_fails} syntax errors or missing entities.")
+    kinds = [model.Value(i).DynamicType().Name() for i in range(1, model.NbEntities() + 1) if model.IsErrorEntity(i)]
+    damaged = sorted({kind.split("_", 1)[1] for kind in kinds if kind.startswith(("StepShape_", "StepGeom_"))})
+    if damaged:
+        raise ReadError(
+            f"the geometry of a STEP file must be whole. Got {path.name} with errors in {', '.join(damaged)}."
+        )
 
 
 def _select(shapes: list, wanted: Sequence[int] | None, path: Path) -> list:

@@ -192,7 +192,8 @@ def test_broken_files(tmp_path):
     text = (EXAMPLES / "mfcad_6-11-11-19.step").read_text()
     cases = {
         "prose.step": ("no step", "must begin with ISO-10303-21"),
-        "unknown.step": (text.replace("ADVANCED_FACE", "ADVANCED_FARCE", 1), "closed solid"),
+        "unknown.step": (text.replace("ADVANCED_FACE", "ADVANCED_FARCE", 1), "geometry of a STEP file must be whole"),
+        "reference.step": (text.replace("#17,", "#1799,", 1), "must be whole. Got reference.step with 1 syntax errors"),
         "header.step": (text[:300], "STEP file"),
         "cut.step": (text[: len(text) // 2], "STEP file"),
     }
@@ -208,6 +209,13 @@ def test_loose_faces_only(tmp_path):
     face = explore(box(2, 2, 2), TopAbs_ShapeEnum.TopAbs_FACE)[0]
     with pytest.raises(ReadError, match=r"at least one closed solid\. Got part.step with 1 loose faces only"):
         read_solid(write(tmp_path / "part.step", face))
+
+
+def test_loose_faces_beside_a_solid_are_noted(tmp_path):
+    face = explore(box(9, 9, 9), TopAbs_ShapeEnum.TopAbs_FACE)[0]
+    solid = read_solid(write(tmp_path / "part.step", box(2, 2, 2), face))
+    assert solid.volume == pytest.approx(8)
+    assert solid.notes == ("left out 1 faces and 0 edges that belong to no solid",)
 
 
 def test_units_belong_to_meshes():
