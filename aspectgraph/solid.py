@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from aspectgraph.contacts import check_contacts
+from aspectgraph.exceptions import SolidError
 from aspectgraph.shells import check_shells
 from aspectgraph.topology import (
     Edge,
@@ -118,6 +119,9 @@ class Solid:
 
     def _build_edges(self, edge_vertices, edge_faces, curved_edges) -> tuple[Edge, ...]:
         curved = {(min(pair), max(pair)) for pair in curved_edges}
+        unknown = curved - set(map(tuple, np.sort(edge_vertices, axis=1).tolist()))
+        if unknown:
+            raise SolidError(f"curved_edges must name edges. Got vertices {min(unknown)}.")
         turns = signed_dihedrals_deg(self.vertices, self.normals, edge_vertices, edge_faces)
         rows = zip(edge_vertices.tolist(), edge_faces.tolist(), turns.tolist(), strict=True)
         return tuple(

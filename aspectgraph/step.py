@@ -116,13 +116,13 @@ def _load_solids(path: Path) -> tuple[list, list[str]]:
         from OCP.Interface import Interface_Static
         from OCP.STEPControl import STEPControl_Reader
         from OCP.TopAbs import TopAbs_ShapeEnum
+
+        from aspectgraph.brep import explore
     except ImportError as error:
         raise MissingExtraError(
-            f"STEP files need the package cadquery-ocp-novtk. Got {error}; "
+            f"STEP files need the package cadquery-ocp-novtk, 8 or newer. Got {error}; "
             "install it with: pip install aspectgraph[step]"
         ) from error
-    from aspectgraph.brep import explore
-
     with _quiet():
         reader = STEPControl_Reader()
         Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")

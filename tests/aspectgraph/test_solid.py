@@ -109,6 +109,8 @@ def test_curved_edges_are_no_candidates():
     solid = Solid(vertices, faces, curved_edges=[(b, a)])
     assert [edge.vertices for edge in solid.edges if edge.curved] == [(a, b)]
     assert len(solid.straight_edges()) == 11
+    with pytest.raises(SolidError, match=r"curved_edges must name edges. Got vertices \(0, 99\)"):
+        Solid(vertices, faces, curved_edges=[(99, 0)])
 
 
 def test_collinear_vertices_are_kept_and_used():
