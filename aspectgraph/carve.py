@@ -64,35 +64,54 @@ class Facets(NamedTuple):
 
 def surface_facets(scene: Scene) -> Facets:
     """Convex facets of the solid's whole surface."""
-    planes, sizes, faces = [], [], []
-    for piece, face in enumerate(scene.pieces.face.tolist()):
-        loop = scene.pieces.vertices[scene.pieces.first[piece] : scene.pieces.first[piece + 1]]
-        corners = _true_corners(scene.points[loop], scene.resolution)
-        if len(corners) < 3:
+    faces = scene.pieces.face
+    normals = scene.planes[scene.plane_of_face[faces], :3] * scene.side_of_face[faces, None]
+    lengths = np.linalg.norm(normals.astype(float), axis=1, keepdims=True)
+    steps = np.rint(normals / lengths * _NORMAL_STEPS).astype(np.int64)
+    planes, sizes = _perpendicular_planes(scene.points, scene.pieces, steps, scene.resolution)
+    kept = sizes > 0
+    first = np.concatenate([[0], np.cumsum(sizes[kept])]).astype(np.int32)
+    return Facets(planes, first, faces[kept])
+
+
+@nb.njit(cache=True)
+def _perpendicular_planes(points, pieces, steps, resolution):
+    """Planes through the sides of every piece and its normal, and how many each has; none for a piece without area."""
+    planes = np.empty((len(pieces.vertices), 4), np.int64)
+    sizes = np.zeros(len(pieces.face), np.int64)
+    n = 0
+    for k in range(len(pieces.face)):
+        loop = _true_corners(points, pieces.vertices[pieces.first[k] : pieces.first[k + 1]], resolution)
+        if len(loop) < 3:
             continue
-        normal = scene.planes[scene.plane_of_face[face], :3] * int(scene.side_of_face[face])
-        step = np.rint(normal / np.linalg.norm(normal.astype(float)) * _NORMAL_STEPS).astype(np.int64)
-        planes += [plane_through(p, q, p + step) for p, q in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
-        sizes.append(len(corners))
-        faces.append(face)
-    first = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
-    return Facets(np.array(planes, np.int64).reshape(-1, 4), first, np.array(faces, np.int32))
+        sizes[k] = len(loop)
+        for i in range(len(loop)):
+            p, q = points[loop[i]], points[loop[(i + 1) % len(loop)]]
+            planes[n] = plane_through(p, q, p + steps[k])
+            n += 1
+    return planes[:n].copy(), sizes
 
 
-def _true_corners(loop: np.ndarray, resolution: float) -> np.ndarray:
+@nb.njit(cache=True)
+def _true_corners(points, loop, resolution):
     """Drop vertices within the resolution of the line through their neighbours."""
-    kept = list(loop)
+    kept = [v for v in loop]  # noqa: C416 - numba makes no list of an array otherwise
     k = 0
     while k < len(kept) and len(kept) > 2:
-        before, here, after = kept[k - 1], kept[k], kept[(k + 1) % len(kept)]
-        along = (after - before).astype(float)
-        turn = np.cross(along, (here - before).astype(float))
-        if turn @ turn <= (resolution * resolution) * (along @ along):
-            del kept[k]
+        before, here, after = points[kept[k - 1]], points[kept[k]], points[kept[(k + 1) % len(kept)]]
+        turn = length = 0.0
+        for axis in range(3):
+            i, j = (axis + 1) % 3, (axis + 2) % 3
+            u = np.float64(after[i] - before[i]), np.float64(after[j] - before[j])
+            w = np.float64(here[i] - before[i]), np.float64(here[j] - before[j])
+            turn += (u[0] * w[1] - u[1] * w[0]) ** 2
+            length += np.float64(after[axis] - before[axis]) ** 2
+        if turn <= resolution * resolution * length:
+            kept.pop(k)
             k = max(0, k - 1)
         else:
             k += 1
-    return np.array(kept)
+    return kept
 
 
 def with_facet_planes(planes: np.ndarray, facets: Facets) -> np.ndarray:

@@ -21,7 +21,7 @@ from .simplify import n_leaves, simplify
 
 _BOX = np.arange(6)
 _SIMPLIFY_ABOVE = 256
-_ROOM = 1 << 16
+_ROOM = 1 << 12
 
 
 class SharedPlanes(NamedTuple):
@@ -100,7 +100,10 @@ def overlay(regions: Sequence[Region], shared: SharedPlanes, *, covering_only: b
         Bit k of a present cell's label is set iff entity k is observable from it (with `covering_only`: all bits are
         right where all are set).
     """
-    return with_room(lambda n_cells: _overlay(regions, shared, covering_only, n_cells), n_cells=_ROOM)
+    return with_room(
+        lambda n_cells: _overlay(regions, shared, covering_only, n_cells),
+        n_cells=max(_ROOM, 64 * sum(region.n_leaves for region in regions)),
+    )
 
 
 def _overlay(regions, shared: SharedPlanes, covering_only: bool, n_cells: int) -> Complex:

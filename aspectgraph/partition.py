@@ -27,7 +27,7 @@ class PartitionSurface:
     entity : str
         Name of the entity.
     vertices, edges, faces : tuple of int
-        What spans the plane, by numbers of the solid: a face (type A; type B where the plane is also that of a face), an
+        What spans the plane, by numbers of the solid: a face (type A; type B if the plane is also that of a face), an
         edge and an end of the entity, or a vertex and the entity's edges.
     plane : tuple of float
         (a, b, c, d) with unit normal, a·x + b·y + c·z = d in mm.

@@ -189,12 +189,3 @@ def sign_at_point(planes, h, point):
     if value < -bound:
         return -1
     return _sign_at_point_exact(planes, h, point[0], point[1], point[2])
-
-
-@nb.njit(cache=True)
-def signs_at_points(planes, h, points):
-    """Signs of one plane at (n, 3) int64 points, as (n,) int8."""
-    result = np.empty(len(points), np.int8)
-    for k in range(len(points)):
-        result[k] = sign_at_point(planes, h, points[k])
-    return result

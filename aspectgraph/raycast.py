@@ -11,14 +11,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+import numba as nb
 import numpy as np
 import open3d as o3d
 
 from .entities import Entity
 from .exceptions import ContradictionError
 from .lattice import Grid
-from .predicates import signs_at_points
-from .shadow import Blockers, Scene, blockers
+from .predicates import sign_at_point
+from .shadow import Scene, blockers
 from .solid import Solid
 
 RAYS_PER_ENTITY = 32
@@ -80,11 +81,18 @@ class SightLines:
         return result
 
 
-def is_blocked(sets: Blockers, query: np.ndarray) -> bool:
+@nb.njit(cache=True)
+def is_blocked(sets, query):
     """Whether one of the blocked sets holds an int64 query point (`Grid.to_points`) in its interior, exactly."""
-    signs = np.array([signs_at_points(sets.planes, h, query[None])[0] for h in range(len(sets.planes))])
-    inside = signs[sets.plane] * sets.side > 0
-    return bool(np.minimum.reduceat(inside, sets.first[:-1]).any())
+    for k in range(len(sets.first) - 1):
+        holds = True
+        for j in range(sets.first[k], sets.first[k + 1]):
+            if sign_at_point(sets.planes, sets.plane[j], query) * sets.side[j] <= 0:
+                holds = False
+                break
+        if holds:
+            return True
+    return False
 
 
 def confirm(

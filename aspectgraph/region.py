@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _BOX = np.arange(6)
 _SIMPLIFY_ABOVE = 512
-_ROOM = 1 << 16
+_ROOM = 1 << 11
 
 
 class Region(NamedTuple):
@@ -72,7 +72,7 @@ def observable_region(scene: Scene, solid: Solid, entity: Entity, box: np.ndarra
     shadows = blockers(scene, solid, entity)
     planes = np.concatenate([box, shadows.planes])
     shifted = shadows._replace(plane=shadows.plane + len(box))
-    cx = with_room(lambda n_cells: _cut(planes, shifted, n_cells), n_cells=_ROOM)
+    cx = with_room(lambda n_cells: _cut(planes, shifted, n_cells), n_cells=max(_ROOM, 16 * len(shadows.first)))
     box_origin = np.full((len(box), 4), -1, np.int32)
     return _compact(cx, np.concatenate([box_origin, shadows.origin]))
 

@@ -98,7 +98,8 @@ def blockers(scene: Scene, solid: Solid, entity: Entity) -> Blockers:
     origin[:n_face_planes, 0] = FACE
     origin[scene.plane_of_face[::-1], 1] = np.arange(len(scene.plane_of_face))[::-1]
     in_the_way = _facing(scene, a, b, wedge_first, wedge_plane, wedge_side)
-    order = in_the_way[np.argsort(-_apparent_size(scene, in_the_way, a, b), kind="stable")]
+    size = _apparent_size(scene.points, scene.pieces, in_the_way, a, b)
+    order = in_the_way[np.argsort(-size, kind="stable")]
     piece_plane = scene.plane_of_face[scene.pieces.face]
     piece_side = scene.side_of_face[scene.pieces.face]
     first, plane, side, n_planes = _cast(
@@ -173,15 +174,22 @@ def _facing(scene, a, b, wedge_first, wedge_plane, wedge_side):
     return result[:n]
 
 
-def _apparent_size(scene: Scene, chosen: np.ndarray, a: int, b: int) -> np.ndarray:
-    """Rough solid angle of pieces seen from the entity; only orders the work."""
-    eye = 0.5 * (scene.points[a] + scene.points[b])
+@nb.njit(cache=True)
+def _apparent_size(points, pieces, chosen, a, b):
+    """Rough solid angle of pieces seen from the middle of the entity; only orders the work."""
+    eye = 0.5 * (points[a] + points[b])
     size = np.empty(len(chosen))
-    for k, piece in enumerate(chosen):
-        loop = scene.points[scene.pieces.vertices[scene.pieces.first[piece] : scene.pieces.first[piece + 1]]] - eye
-        area = np.cross(loop - loop[0], np.roll(loop, -1, axis=0) - loop[0]).sum(axis=0)
-        centre = loop.mean(axis=0)
-        size[k] = abs(area @ centre) / max(np.linalg.norm(centre), 1.0) ** 3
+    for k in range(len(chosen)):
+        loop = pieces.vertices[pieces.first[chosen[k]] : pieces.first[chosen[k] + 1]]
+        centre, normal = np.zeros(3), np.zeros(3)
+        for i in range(len(loop)):
+            p, q = points[loop[i]] - eye, points[loop[(i + 1) % len(loop)]] - eye
+            centre += p / len(loop)
+            for axis in range(3):
+                j, m = (axis + 1) % 3, (axis + 2) % 3
+                normal[axis] += p[j] * q[m] - p[m] * q[j]
+        distance = np.sqrt((centre * centre).sum())
+        size[k] = abs((normal * centre).sum()) / max(distance, 1.0) ** 3
     return size
 
 
