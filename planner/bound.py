@@ -196,9 +196,10 @@ class _Tree:
         keep = np.ones(len(self.face), dtype=bool)
         keep[nodes] = False
         first, second = ({name: value[nodes].copy() for name, value in self._fields()} for _ in range(2))
-        conflicts = self.sets[nodes] @ self.conflict.astype(np.int32) * self.sets[nodes]
-        clash = conflicts.any(axis=1)
-        self._separate(first["sets"], second["sets"], conflicts, np.flatnonzero(clash))
+        radius = np.linalg.norm(self.half[nodes], axis=1)
+        clash = _separate(
+            self.center[nodes], radius, self.ends, 2 * self.cone, self.conflict, first["sets"], second["sets"]
+        )
         self._halve(first, second, np.where(clash, -1, self._extents[nodes].argmax(axis=1)))
         n_old = int(keep.sum())
         for name, value in self._fields():
@@ -207,12 +208,6 @@ class _Tree:
         self.made += 2 * len(nodes)
         self._evaluate(np.arange(n_old, len(self.face)))
         self._drop_empty()
-
-    def _separate(self, first: np.ndarray, second: np.ndarray, conflicts: np.ndarray, rows: np.ndarray) -> None:
-        """Split sets instead of poses: a pose inspects the most contested entity of a set, or those it excludes."""
-        contested = conflicts[rows].argmax(axis=1)
-        first[rows, contested] = False
-        second[rows] &= ~self.conflict[contested]
 
     def _fields(self):
         return [(name, getattr(self, name)) for name in ("center", "half", "face", "patch", "roll", "sets")]
@@ -343,3 +338,49 @@ def _meets(center, half, planes, cell_start, entity_start, possible):
                     met = True
                     break
             possible[n, e] = met
+
+
+@njit(cache=True)
+def _separate(center, radius, ends, angle, conflict, first, second):
+    """Split sets instead of poses: a pose inspects the most contested entity of a set, or none that it excludes.
+
+    Entities exclude each other for good, or from this box of positions: two of their ends are farther apart in angle than
+    the corners of the sensor. Changes the sets of both halves; returns where it did.
+    """
+    n, n_entities = first.shape
+    changed = np.zeros(n, dtype=np.bool_)
+    rays = np.empty((n_entities, 2, 3))
+    swing = np.empty((n_entities, 2))
+    for k in range(n):
+        for e in range(n_entities):
+            for i in range(2):
+                ray = ends[e, i] - center[k]
+                length = math.sqrt(np.sum(ray**2))
+                rays[e, i] = ray / max(length, 1e-9)
+                swing[e, i] = math.asin(radius[k] / length) if length > radius[k] else math.pi
+        excludes = np.zeros((n_entities, n_entities), dtype=np.bool_)
+        for e in range(n_entities):
+            for f in range(e + 1, n_entities):
+                if first[k, e] and first[k, f]:
+                    clash = conflict[e, f] or _too_wide(rays[e], rays[f], swing[e], swing[f], angle)
+                    excludes[e, f] = excludes[f, e] = clash
+        count = excludes.sum(axis=1)
+        worst = np.argmax(count)
+        if count[worst] > 0:
+            changed[k] = True
+            first[k, worst] = False
+            for f in range(n_entities):
+                if excludes[worst, f]:
+                    second[k, f] = False
+    return changed
+
+
+@njit(cache=True)
+def _too_wide(first, second, first_swing, second_swing, angle):
+    """Tell whether an end of one entity is always farther than an angle from an end of the other."""
+    for i in range(2):
+        for j in range(2):
+            allowed = angle + first_swing[i] + second_swing[j] + 1e-9
+            if allowed < math.pi and np.sum(first[i] * second[j]) < math.cos(allowed):
+                return True
+    return False

@@ -62,16 +62,19 @@ def main(arguments: list[str] | None = None) -> int:
         return getattr(commands, options.command)(options)
     except _UsageError as error:
         return _fail(str(error), BAD_INPUT)
-    except _own_errors() as error:
-        from planner.exceptions import InfeasibleError
-
-        return _fail(str(error), INCOMPLETE if isinstance(error, InfeasibleError) else BAD_INPUT)
+    except SystemExit:
+        raise
     except KeyboardInterrupt:
         return _fail("interrupted; 'plan' continues from where it was with --resume", INCOMPLETE)
     except BrokenPipeError:
         # the reader of a pipe has seen enough; without this the interpreter complains while it shuts down
         sys.stdout = None
         return DONE
+    # last, because finding out which exceptions are ours imports the packages
+    except _own_errors() as error:
+        from planner.exceptions import InfeasibleError
+
+        return _fail(str(error), INCOMPLETE if isinstance(error, InfeasibleError) else BAD_INPUT)
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -119,9 +122,9 @@ def _add_plan(commands) -> None:
     plan.add_argument("--accuracy", type=float, default=0.98, metavar="A", help="0.98 allows 2%% of an edge's length")
     plan.add_argument("--probability", type=float, default=0.9, metavar="P", help="required probability of it")
     plan.add_argument("--out", metavar="DIR", required=True, help="folder to write to")
-    plan.add_argument("--sigma-mm", type=float, default=0.05, metavar="MM", help="camera position, std. deviation")
+    plan.add_argument("--sigma-mm", type=float, default=0.2, metavar="MM", help="camera position, std. deviation")
     plan.add_argument(
-        "--sigma-rad", type=float, default=0.001, metavar="RAD", help="camera orientation, std. deviation"
+        "--sigma-rad", type=float, default=0.002, metavar="RAD", help="camera orientation, std. deviation"
     )
     plan.add_argument("--stand-off", type=float, default=50.0, metavar="MM", help="smallest distance from the part")
     plan.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same plan (default 0)")

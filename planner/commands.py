@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from aspectgraph import compute_regions, read_entities, read_solid, write_graphml
+from aspectgraph import AspectGraphError, compute_regions, read_entities, read_solid, write_graphml
 from planner import tables
 from planner.camera import Camera
 from planner.cli import DONE, INCOMPLETE
@@ -30,7 +30,7 @@ _MOST_GRAPH_ENTITIES = 24
 
 def info(options) -> int:
     """Show what a part consists of and which edges can be entities."""
-    solid = read_solid(options.part, units=options.units)
+    solid = _read_part(options)
     edges = solid.straight_edges(min_length_mm=options.min_length)
     if options.picture:
         from planner.plot import write_picture
@@ -45,7 +45,7 @@ def info(options) -> int:
 def graph(options) -> int:
     """Build the entity-based aspect graph and write it."""
     _check_file_place(options.graphml)
-    solid = read_solid(options.part, units=options.units)
+    solid = _read_part(options)
     entities = read_entities(options.entities, solid)
     with terminal_progress() as progress:
         regions = compute_regions(
@@ -68,7 +68,7 @@ def plan(options) -> int:
             raise RequestError(f"--{name} must be at least {least}. Got {getattr(options, name)}.")
     camera = read_camera(options.camera)
     uncertainty = PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad)
-    solid = read_solid(options.part, units=options.units)
+    solid = _read_part(options)
     entities = read_entities(options.entities, solid)
     state = folder / STATE_FILE
     if not options.resume:
@@ -139,6 +139,16 @@ def write_outputs(found: InspectionPlan, regions, folder: Path, progress=None) -
             written.append("graph.graphml")
         written += [str(path.relative_to(staging)) for path in write_poses(found, staging)]
     return [folder / name for name in written]
+
+
+def _read_part(options):
+    """Read the part; an error names the file."""
+    try:
+        return read_solid(options.part, units=options.units)
+    except AspectGraphError as error:
+        if str(options.part) in str(error):
+            raise
+        raise type(error)(f"{options.part}: {error}") from None
 
 
 def _workspace(options) -> np.ndarray | None:

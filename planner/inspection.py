@@ -53,7 +53,7 @@ class Effort:
     viewpoints: int = 100
     pricing_rounds: int = 400
     refutations: int = 8
-    bound_nodes: int = 400_000
+    bound_nodes: int = 150_000
 
 
 def plan_inspection(

@@ -126,8 +126,13 @@ def part_traces(solid) -> list:
         name="part",
         showlegend=True,
     )
-    sharp = [solid.edge_points(edge.id) for edge in solid.edges if abs(edge.dihedral_deg) >= 20.0]
+    sharp = [solid.edge_points(edge.id) for edge in solid.edges if _is_feature(solid, edge)]
     return [faces, _lines(sharp, color=_INK, width=1.5, name="edges", hoverinfo="skip", showlegend=False)]
+
+
+def _is_feature(solid, edge) -> bool:
+    inside_curve = all(solid.faces[f].curved for f in edge.faces)
+    return abs(edge.dihedral_deg) >= (40.0 if inside_curve else 20.0)
 
 
 def _figure(traces):
@@ -144,7 +149,7 @@ def _figure(traces):
             "camera": {"eye": {"x": 1.1, "y": -1.3, "z": 0.75}},
         },
         margin={"l": 0, "r": 0, "t": 0, "b": 0},
-        legend={"groupclick": "togglegroup", "itemsizing": "constant", "bgcolor": "rgba(255,255,255,0.8)"},
+        legend={"y": 0.93, "groupclick": "togglegroup", "itemsizing": "constant", "bgcolor": "rgba(255,255,255,0.8)"},
         paper_bgcolor="#ffffff",
         font={"family": "Helvetica Neue, Helvetica, Arial, sans-serif", "size": 12, "color": "#1c2128"},
         uirevision="plan",

@@ -47,7 +47,8 @@ def realise(judge: Judge, pose_uncertainty: PoseUncertainty, names, seed: int) -
                 objective=objective,
             )
         except InfeasibleError as error:
-            return f"{_MEANING.get(error.constraint, 'no feasible view')}: {error}"
+            alone = str(error).startswith(f"{error.constraint} ")
+            return f"{_MEANING.get(error.constraint) if alone else 'no feasible view'}: {error}"
         if found is None or min(setting.probability.values()) > min(found.probability.values()):
             found = setting
         if min(found.probability.values()) >= judge.threshold or len(names) == 1:

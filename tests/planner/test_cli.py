@@ -1,0 +1,215 @@
+"""The command line end to end on a small block; every error is one line, and nothing half-written stays behind."""
+
+import json
+import os
+import subprocess
+import sys
+
+import networkx as nx
+import pytest
+
+from planner import commands
+from planner.cli import BAD_INPUT, DONE, INCOMPLETE, main
+from planner.plan import read_plan
+
+BLOCK = """OFF
+8 6 12
+0 0 0
+80 0 0
+80 50 0
+0 50 0
+0 0 40
+80 0 40
+80 50 40
+0 50 40
+4 0 3 2 1
+4 4 5 6 7
+4 0 1 5 4
+4 2 3 7 6
+4 1 2 6 5
+4 0 4 7 3
+"""
+ENTITIES = """
+rim = [[0, 0, 40], [80, 0, 40]]
+"far rim" = [[0, 50, 40], [80, 50, 40]]
+bottom = [[0, 0, 0], [0, 50, 0]]
+"bottom right" = [[80, 0, 0], [80, 50, 0]]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "block.off").write_text(BLOCK)
+    (tmp_path / "edges.toml").write_text(ENTITIES)
+    return tmp_path
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    from planner.inspection import Effort, plan_inspection
+
+    effort = Effort(viewpoints=20, pricing_rounds=5, refutations=1, bound_nodes=3000)
+    monkeypatch.setattr(commands, "plan_inspection", lambda *a, **k: plan_inspection(*a, **{"effort": effort, **k}))
+
+
+PLAN = ["plan", "block.off", "--entities", "edges.toml", "--camera", "basler-acA2440-20gm-8mm", "--out", "out"]
+
+
+def failure(capsys, arguments, code=BAD_INPUT):
+    assert main(arguments) == code
+    out, err = capsys.readouterr()
+    lines = err.splitlines()
+    assert "Traceback" not in err
+    assert out == ""
+    assert lines[-1].startswith("aspectgraph")
+    return lines
+
+
+def test_info_lists_the_edges(folder, capsys):
+    assert main(["info", "block.off"]) == DONE
+    out = capsys.readouterr().out
+    assert "6 faces, 12 edges, 12 sharp straight edges, 80.00 x 50.00 x 40.00 mm" in out
+    assert "80.000" in out
+
+
+def test_info_draws(folder, capsys):
+    assert main(["info", "block.off", "--picture", "edges.html"]) == DONE
+    assert capsys.readouterr().out.splitlines()[-1] == "edges.html"
+    assert (folder / "edges.html").stat().st_size > 1e6
+
+
+def test_graph_is_written(folder, capsys):
+    assert main(["graph", "block.off", "--entities", "edges.toml", "--graphml", "g.graphml"]) == DONE
+    captured = capsys.readouterr()
+    assert "viewing domains" in captured.out
+    assert "visible regions: 4/4" in captured.err
+    graph = nx.read_graphml(folder / "g.graphml")
+    assert len(graph) > 3
+
+
+def test_plan_leaves_all_its_files_and_repeats(folder, quick, capsys):
+    assert main([*PLAN, "--simulate", "500"]) == DONE
+    captured = capsys.readouterr()
+    assert "4 of 4 entities inspected from 2 settings. Proven minimal" in captured.out
+    assert "lower bound" in captured.err
+    written = {str(p.relative_to(folder / "out")) for p in (folder / "out").rglob("*") if p.is_file()}
+    assert written == {
+        "plan.json", "graph.graphml", "report.html", "poses_opencv.json", "poses_open3d.json", "poses_ros.yaml",
+        "transforms.json", "colmap/cameras.txt", "colmap/images.txt", "colmap/points3D.txt",
+    }  # fmt: skip
+    for name in written:
+        assert os.path.join("out", name) in captured.out
+    first = (folder / "out" / "plan.json").read_bytes()
+    assert main([*PLAN, "--simulate", "500"]) == DONE
+    assert (folder / "out" / "plan.json").read_bytes() == first
+
+    capsys.readouterr()
+    assert main(["simulate", "out/plan.json", "--poses", "2000"]) == DONE
+    out = capsys.readouterr().out
+    assert "far rim" in out
+    assert "confirms the plan" in out
+
+
+def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):
+    assert main([*PLAN, "--simulate", "100"]) == DONE
+    expected = (folder / "out" / "plan.json").read_bytes()
+    capsys.readouterr()
+
+    def interrupt(*arguments, **options):
+        raise KeyboardInterrupt
+
+    arguments = [*PLAN[:-1], "other", "--simulate", "100"]
+    with monkeypatch.context() as patch:
+        patch.setattr("planner.inspection.lower_bound", interrupt)
+        lines = failure(capsys, arguments, INCOMPLETE)
+    assert lines[-1] == "aspectgraph: interrupted; 'plan' continues from where it was with --resume"
+    assert os.listdir(folder / "other") == [commands.STATE_FILE]
+    with monkeypatch.context() as patch:
+        patch.setattr("planner.inspection.realise", interrupt)
+        assert main([*arguments, "--resume"]) == DONE
+    assert (folder / "other" / "plan.json").read_bytes() == expected
+    assert commands.STATE_FILE not in os.listdir(folder / "other")
+
+
+def test_incomplete_plan_is_written_and_told(folder, quick, capsys):
+    # farther from the part than the lens can focus
+    assert main([*PLAN, "--simulate", "100", "--stand-off", "450"]) == INCOMPLETE
+    out = capsys.readouterr().out
+    assert "not inspected: rim: no feasible view: constraints cannot be met together for rim" in out
+    assert set(read_plan(folder / "out" / "plan.json").uninspectable) == {"rim", "far rim", "bottom", "bottom right"}
+    assert main(["simulate", "out/plan.json"]) == INCOMPLETE
+
+
+BAD = {
+    "no command": ([], "required: COMMAND"),
+    "unknown command": (["fly"], "invalid choice: 'fly'"),
+    "unknown option": (["info", "block.off", "--colour"], "unrecognized arguments: --colour"),
+    "missing option": (["plan", "block.off", "--all", "--out", "out"], "required: --camera"),
+    "two kinds of entities": (["plan", "block.off", "--all", "--entities", "1", "--out", "o"], "not allowed with"),
+    "not a number": ([*PLAN, "--accuracy", "high"], "invalid float value: 'high'"),
+    "accuracy": ([*PLAN, "--accuracy", "1.2"], "accuracy must be in (0, 1). Got 1.2."),
+    "probability": ([*PLAN, "--probability", "0"], "probability must be in (0, 1). Got 0.0."),
+    "seed": ([*PLAN, "--seed", "-1"], "--seed must be at least 0. Got -1."),
+    "sigma": ([*PLAN, "--sigma-rad", "3"], "at most 1 rad"),
+    "no part": (["info", "nothing.step"], "nothing.step"),
+    "wrong format": (["info", "edges.toml"], "edges.toml"),
+    "no camera": ([*PLAN[:4], "--camera", "basler-acA2440-20gm-9mm", "--out", "o"], "nearest: basler-acA2440-20gm-"),
+    "no camera file": (
+        [*PLAN[:4], "--camera", "nothing.toml", "--out", "o"],
+        "nothing.toml: camera file cannot be read",
+    ),
+    "unknown edge": (["graph", "block.off", "--entities", "99", "--graphml", "g.graphml"], "99"),
+    "no folder": (
+        ["graph", "block.off", "--entities", "1", "--graphml", "no/g.graphml"],
+        "no/g.graphml must be in a folder",
+    ),
+    "folder is a file": ([*PLAN[:-1], "block.off"], "output folder must be a folder"),
+    "no plan": (["simulate", "plan.json"], "plan.json: plan file must be readable"),
+    "workspace": ([*PLAN, "--workspace", "1", "1", "1", "0", "0", "0"], "workspace"),
+    "picture": (["info", "block.off", "--picture", "edges.bmp"], "picture must end in .png or .html"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_line_and_leaves_nothing(folder, capsys, case):
+    arguments, message = BAD[case]
+    if "--entities" in arguments and "--camera" not in arguments and "plan" in arguments:
+        arguments = [*arguments, "--camera", "x"]
+    before = sorted(os.listdir(folder))
+    lines = failure(capsys, arguments)
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert sorted(os.listdir(folder)) == before
+
+
+def test_malformed_files_are_named(folder, capsys):
+    (folder / "edges.toml").write_text("rim = [[0, 0\n")
+    assert "edges.toml" in failure(capsys, PLAN)[-1]
+    (folder / "block.off").write_text(BLOCK.replace("4 0 4 7 3\n", ""))
+    assert "block.off: " in failure(capsys, ["info", "block.off"])[-1]
+    (folder / "plan.json").write_text("{}")
+    assert "format must be" in failure(capsys, ["simulate", "plan.json"])[-1]
+    (folder / "camera.toml").write_text("focal_length_mm = 8\n")
+    (folder / "edges.toml").write_text(ENTITIES)
+    lines = failure(capsys, [*PLAN[:4], "--camera", "camera.toml", "--out", "out"])
+    assert "pixel_pitch_mm must be given" in lines[-1]
+    assert not (folder / "out").exists()
+
+
+def test_state_of_another_request_is_refused(folder, quick, capsys):
+    (folder / "out").mkdir()
+    (folder / "out" / commands.STATE_FILE).write_text(
+        json.dumps({"format": "aspectgraph planning state", "version": 1, "request": "0", "outcomes": {}})
+    )
+    lines = failure(capsys, [*PLAN, "--resume"])
+    assert "must belong to the same part" in lines[-1]
+
+
+def test_help_explains_and_is_quick():
+    script = "import sys; from planner.cli import main; code = 0\ntry: main(['--help'])\nexcept SystemExit as e: code = e.code\n"
+    script += "print(sorted({'open3d', 'plotly', 'numba', 'OCP'} & set(sys.modules))); sys.exit(code)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert "exit codes: 0 done, 1 plan incomplete, 2 bad input" in done.stdout
+    assert done.stdout.splitlines()[-1] == "[]"

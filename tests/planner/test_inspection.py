@@ -1,0 +1,294 @@
+"""The whole inspection on a box whose visibility is known by hand, so that the least number of settings is, too.
+
+From one viewpoint at most three faces of a box can be seen, and with them nine of its twelve edges; the three edges of the
+opposite corner need another. A cube as large as the field of view shows one face at a time: four edges, so three settings
+at least for twelve.
+"""
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from grid_box import EDGES, BoxSpace
+
+from planner import Camera, PoseUncertainty
+from planner.bound import lower_bound
+from planner.candidates import perturbed
+from planner.columns import ColumnPool, Judge
+from planner.conflicts import Cells, find_conflicts
+from planner.exceptions import PlanFileError, RequestError
+from planner.inspection import Effort, default_workspace, plan_inspection
+from planner.state import PlanningState
+
+CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
+UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+QUICK = Effort(viewpoints=30, pricing_rounds=15, refutations=2, bound_nodes=4000)
+WORKSPACE = [[-900.0] * 3, [1100.0] * 3]
+
+
+@pytest.fixture(scope="module")
+def space():
+    return BoxSpace((120.0, 80.0, 60.0), WORKSPACE, EDGES)
+
+
+def plan_box(space, camera=CAMERA, uncertainty=UNCERTAINTY, **options):
+    return plan_inspection(
+        space.solid, space.entities, camera, uncertainty, space=space, **{"effort": QUICK, **options}
+    )
+
+
+@pytest.fixture(scope="module")
+def plan(space):
+    return plan_box(space, rng=3)
+
+
+def test_two_settings_see_all_edges_of_a_box_and_that_is_proven(plan):
+    assert len(plan.settings) == plan.lower_bound == 2
+    assert plan.minimal
+    assert plan.complete
+    assert "optimistic columns" in plan.bound_proof
+
+
+def test_every_promise_of_a_setting_holds(space, plan):
+    for setting in plan.settings:
+        assert set(setting.probability) == set(setting.entities)
+        assert min(setting.probability.values()) >= 0.9
+        assert min(setting.margins.values()) >= 0
+        assert space.observable(setting.position[None], setting.entities).all()
+    assert {name for setting in plan.settings for name in setting.entities} == set(EDGES)
+
+
+def test_simulation_confirms_the_plan(plan):
+    result = plan.simulate(4000, rng=1)
+    assert result.confirmed
+    assert len(result.rates) == 2
+    assert plan.simulated(100, rng=1).simulation == plan.simulate(100, rng=1)
+
+
+def test_edges_of_one_face_need_one_setting(space):
+    names = [name for name in EDGES if "+z" in name]
+    top = BoxSpace(space.size, WORKSPACE, names)
+    plan = plan_box(top)
+    assert len(plan.settings) == plan.lower_bound == 1
+
+
+def test_same_seed_same_plan_with_threads_or_without(space, plan):
+    with ThreadPoolExecutor(2) as executor:
+        assert plan_box(space, rng=3, executor=executor) == plan
+
+
+class Cancelled(Exception):
+    pass
+
+
+def test_interrupted_plan_resumes_to_the_same_plan(space, plan, tmp_path):
+    state = tmp_path / "state.json"
+
+    def stop(done, total, label):
+        if label == "genetic algorithm" and done == 1:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        plan_box(space, rng=3, state=state, progress=stop)
+    assert len(json.loads(state.read_text())["outcomes"]) == 1
+    runs = []
+    resumed = plan_box(space, rng=3, state=state, progress=lambda done, total, label: runs.append((label, done, total)))
+    assert resumed == plan
+    assert not state.exists()
+    assert [total for label, _, total in runs if label == "genetic algorithm"] == [1]
+
+
+def test_state_of_another_request_is_refused(space, tmp_path):
+    PlanningState({"seed": 1}, tmp_path / "state.json").put(["a"], "no view")
+    with pytest.raises(PlanFileError, match="must belong to the same part, entities, camera"):
+        plan_box(space, state=tmp_path / "state.json")
+
+
+def test_damaged_state_is_refused(tmp_path):
+    (tmp_path / "state.json").write_text("{")
+    with pytest.raises(PlanFileError, match="state file must be readable JSON"):
+        PlanningState({}, tmp_path / "state.json")
+    (tmp_path / "state.json").write_text("{}")
+    with pytest.raises(PlanFileError, match="must be a planning state of version 1"):
+        PlanningState({}, tmp_path / "state.json")
+
+
+def test_progress_names_every_stage(space):
+    seen = {}
+    plan_box(space, progress=lambda done, total, label: seen.setdefault(label, []).append((done, total)))
+    assert list(seen) == ["candidate poses", "column generation", "genetic algorithm", "lower bound"]
+    assert all(reports[-1][0] == reports[-1][1] for reports in seen.values())
+
+
+def test_unobservable_edge_is_listed_with_the_reason():
+    # the box stands on the floor of the workspace, so the edges of its bottom are seen from their side faces only
+    names = ["+z+x", "-z-x"]
+    walled = BoxSpace((120.0, 80.0, 60.0), [[0.0, -900.0, 0.0], [900.0, 1000.0, 900.0]], names)
+    plan = plan_box(walled)
+    assert set(plan.uninspectable) == {"-z-x"}
+    assert plan.uninspectable["-z-x"].startswith("unobservable: ")
+    assert not plan.complete
+
+
+def test_edge_too_short_for_the_resolution_is_listed_with_the_reason():
+    tiny = BoxSpace((120.0, 80.0, 1.0), WORKSPACE, ["+y+x", "+z+x"])
+    plan = plan_box(tiny, min_length_px=30)
+    assert set(plan.uninspectable) == {"+y+x"}
+    assert plan.uninspectable["+y+x"].startswith("too short for the resolution: ")
+
+
+def test_part_out_of_focus_everywhere_is_listed_with_the_reason(space):
+    cramped = BoxSpace(space.size, [[-60.0] * 3, [180.0, 140.0, 120.0]], ["+z+x"])
+    plan = plan_box(cramped)
+    assert plan.uninspectable["+z+x"].startswith("out of focus: ")
+    assert plan.settings == ()
+    assert plan.lower_bound == 0
+
+
+def test_probability_too_low_is_listed_with_the_best_found(space):
+    shaky = PoseUncertainty.isotropic(translation_mm=20.0, rotation_rad=0.001)
+    one = BoxSpace(space.size, WORKSPACE, ["+z+x"])
+    plan = plan_box(one, uncertainty=shaky, accuracy=0.995)
+    reason = plan.uninspectable["+z+x"]
+    assert reason.startswith("probability too low: the best pose found reaches P = 0.")
+    assert "below the required 0.9" in reason
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"accuracy": 1.2}, r"accuracy must be in \(0, 1\). Got 1.2"),
+        ({"probability": 0}, r"probability must be in \(0, 1\). Got 0"),
+        ({"probability": float("nan")}, r"probability must be in \(0, 1\). Got nan"),
+        ({"rng": -1}, "rng must be a non-negative integer or a numpy Generator. Got -1"),
+        ({"rng": "x"}, "rng must be a non-negative integer"),
+    ],
+)
+def test_bad_arguments_are_named(space, options, message):
+    with pytest.raises(RequestError, match=message):
+        plan_box(space, **options)
+
+
+def test_no_entities_are_refused(space):
+    with pytest.raises(RequestError, match="entities must hold at least one entity"):
+        plan_inspection(space.solid, {}, CAMERA, UNCERTAINTY, space=space)
+
+
+def test_default_workspace_lets_the_lens_focus_on_every_side(space):
+    low, high = default_workspace(space.solid, CAMERA)
+    assert np.all(low <= -CAMERA.depth_of_field_mm[1])
+    assert np.all(high >= space.size + CAMERA.depth_of_field_mm[1])
+
+
+# --- the parts ------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def judge(space):
+    return Judge(space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9)
+
+
+def random_poses(judge, n, seed=0):
+    from planner.candidates import entity_poses
+
+    poses = np.concatenate([entity_poses(judge, name, 10, seed) for name in judge.names])
+    return poses[np.random.default_rng(seed).permutation(len(poses))[:n]]
+
+
+def test_judge_agrees_with_constraints_one_entity_at_a_time(space, judge):
+    from planner.constraints import Constraints
+
+    poses = random_poses(judge, 300)
+    judged = judge(poses)
+    assert judged.inspects.any()
+    assert not judged.inspects.all()
+    for k, name in enumerate(EDGES):
+        alone = Constraints(space, [name], CAMERA, judge.requirements).feasible(poses)
+        assert np.array_equal(judged.inspects[:, k], alone & (judged.probability[:, k] >= 0.9))
+    assert np.all(judged.nearly >= judged.inspects)
+    assert np.all(judged.promise[judged.inspects] == 1.0)
+
+
+def test_prices_skip_only_poses_that_are_worth_too_little(judge):
+    poses = random_poses(judge, 300)
+    prices = np.full(len(EDGES), 0.3)
+    everything, priced = judge(poses), judge(poses, prices)
+    skipped = ~priced.nearly.any(axis=1)
+    assert skipped.any()
+    assert np.array_equal(priced.inspects[~skipped], everything.inspects[~skipped])
+    assert np.all(everything.inspects[skipped].sum(axis=1) <= 3)
+
+
+def test_pool_keeps_maximal_sets_with_their_best_pose():
+    pool = ColumnPool(3)
+    poses = np.arange(4.0)[:, None, None] * np.ones((4, 4))
+    sets = np.array([[1, 0, 0], [1, 1, 0], [1, 1, 0], [0, 0, 0]], dtype=bool)
+    pool.add(sets, poses, np.array([[1.0, 0, 0], [0.91, 0.92, 0], [0.95, 0.96, 0], [0, 0, 0]]))
+    assert pool.membership.tolist() == [[True, True, False]]
+    assert pool.poses[0, 0, 0] == 2.0
+    assert pool.quality[0] == pytest.approx(0.955)
+
+
+def test_perturbed_poses_stay_rigid_and_change(judge):
+    poses = np.repeat(random_poses(judge, 5), 40, axis=0)
+    moved = perturbed(poses, 400.0, np.random.default_rng(0))
+    rotation = moved[:, :3, :3]
+    assert rotation @ rotation.transpose(0, 2, 1) == pytest.approx(np.tile(np.eye(3), (200, 1, 1)), abs=1e-12)
+    assert np.linalg.det(rotation) == pytest.approx(np.ones(200))
+    assert np.all(np.linalg.norm(moved[:, :3, 3] - poses[:, :3, 3], axis=1) > 0)
+
+
+def test_bound_is_never_above_what_sampled_poses_reach(judge):
+    """Optimistic sets must contain what any pose inspects, so a cover by real columns is never below the bound."""
+    poses = random_poses(judge, 4000, seed=5)
+    pool = ColumnPool(len(EDGES))
+    judged = judge(poses)
+    pool.add(judged.inspects, poses, judged.probability)
+    bound, _ = lower_bound(judge, np.arange(len(EDGES)), 12, pool.membership, max_nodes=3000)
+    assert bound == 2
+
+
+def test_every_inspected_set_is_inside_the_leaf_of_its_pose(judge):
+    from planner.bound import _Tree
+
+    idx = np.arange(len(EDGES))
+    tree = _Tree(judge, idx, Cells([judge.space.covering_cells([n]) for n in EDGES]), np.zeros((12, 12), dtype=bool))
+    for _ in range(9):
+        tree.split(np.arange(len(tree.face)))
+    poses = random_poses(judge, 400, seed=2)
+    judged = judge(poses)
+    for pose, inspected in zip(poses, judged.inspects, strict=True):
+        if inspected.any():
+            near = np.all(np.abs(pose[:3, 3] - tree.center) <= tree.half + 1e-9, axis=1)
+            axis = pose[:3, 2]
+            face = 2 * np.argmax(np.abs(axis)) + (axis[np.argmax(np.abs(axis))] < 0)
+            u, v = (axis[(face // 2 + i) % 3] / abs(axis[face // 2]) for i in (1, 2))
+            patch = tree.patch
+            near &= (
+                (tree.face == face) & (patch[:, 0] <= u) & (u <= patch[:, 1]) & (patch[:, 2] <= v) & (v <= patch[:, 3])
+            )
+            assert near.any()
+            # one of the leaves with this position and direction (they differ by roll or by excluded entities)
+            assert (tree.sets[near] >= inspected).all(axis=1).any()
+
+
+def test_conflicts_are_real(judge):
+    regions = Cells([judge.space.covering_cells([name]) for name in EDGES])
+    idx = np.arange(len(EDGES))
+    assert not find_conflicts(judge, idx, np.zeros((0, 12), dtype=bool), regions).any()
+    # opposite vertical edges of a long box: 900 mm apart, more than the frustum holds (670 mm)
+    long = BoxSpace((900.0, 80.0, 60.0), WORKSPACE, ["-y+x", "-y-x", "+y+x"])
+    far = Judge(long, long.entity_names, CAMERA, UNCERTAINTY, 0.98, 0.9)
+    cells = Cells([long.covering_cells([name]) for name in long.entity_names])
+    found = find_conflicts(far, np.arange(3), np.zeros((0, 3), dtype=bool), cells)
+    assert found.tolist() == [[False, True, False], [True, False, True], [False, True, False]]
+
+
+def test_edges_of_opposite_faces_exclude_each_other_in_a_narrow_workspace():
+    """With walls flush with the front, +z-y is seen from above only and -z+y from below or behind only."""
+    flush = BoxSpace((120.0, 80.0, 60.0), [[-900.0, 0.0, -900.0], [1000.0, 80.0, 900.0]], ["+z-y", "-z+y", "+z+y"])
+    judge = Judge(flush, flush.entity_names, CAMERA, UNCERTAINTY, 0.98, 0.9)
+    cells = Cells([flush.covering_cells([name]) for name in flush.entity_names])
+    found = find_conflicts(judge, np.arange(3), np.zeros((0, 3), dtype=bool), cells)
+    assert found.tolist() == [[False, True, False], [True, False, True], [False, True, False]]
