@@ -67,6 +67,30 @@ def test_a_quarter_round_keeps_its_sharp_ends():
     assert lengths == pytest.approx([5.0] * 3 + [10.0] * 4)
 
 
+def test_a_shallow_but_sharp_end_of_an_arc_stays():
+    # An arc in steps of 5 degrees that meets the top at 20 degrees: 22.5 of its own less half a step.
+    angles = np.radians(np.arange(-22.5, 22.6, 5))
+    arc = [(20 * np.sin(a), 20 * np.cos(a) - 20 * np.cos(angles[0]) + 5) for a in angles[::-1]]
+    solid = candidates(prism([(-20, 0), (20, 0), (20, 5), *arc, (-20, 5)], 10))
+    along = [e for e in solid.straight_edges() if np.ptp(solid.edge_points(e.id)[:, 2]) > 0]
+    assert sorted(e.dihedral_deg for e in along) == pytest.approx([-20, -20, 90, 90, 90, 90])
+
+
+def test_strips_cut_into_two_triangles_that_are_not_quite_flat():
+    # The top of a tapered tower is turned by one degree against its bottom, so no strip is flat.
+    n, turn = 24, np.radians(1.0)
+    lower, upper = (np.array([(r * np.cos(a), r * np.sin(a)) for a in 2 * np.pi * np.arange(n) / n]) for r in (5, 4))
+    upper = upper @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    vertices = [*((x, y, 0) for x, y in lower), *((x, y, 9) for x, y in upper)]
+    faces = [tuple(range(n))[::-1], tuple(range(n, 2 * n))]
+    for i in range(n):
+        j = (i + 1) % n
+        faces += [(i, j, n + j), (i, n + j, n + i)]
+    solid = candidates(Solid(vertices, faces))
+    assert 0 < min(abs(e.dihedral_deg) for e in solid.edges) < 1.5
+    assert solid.straight_edges(min_dihedral_deg=0.0) == ()
+
+
 def test_a_bent_sheet_keeps_its_shallow_bends():
     # Bends of 20 degrees between panels of 50 mm: an arc through a panel would stand off by 2 mm.
     turn = np.radians([0, 20, 40])
