@@ -106,7 +106,10 @@ def _checked(vertices: list, polygons: list[list[int]], kind: str) -> tuple[np.n
         if len(polygon) < 3:
             raise ReadError(f"an {kind} face must have at least 3 vertices. Got {len(polygon)} in face {f}.")
         if min(polygon) < 0 or max(polygon) >= len(vertices):
-            raise ReadError(f"an {kind} face must list existing vertices. Got a wrong index in face {f} of {kind}.")
+            raise ReadError(
+                f"an {kind} face must list existing vertices. Got {[v + 1 for v in polygon[:8]]} of {len(vertices)} "
+                f"(counted from 1) in face {f}."
+            )
     if not polygons:
         raise ReadError(f"an {kind} file must hold faces. Got 0.")
     return np.array(vertices, dtype=np.float64).reshape(-1, 3), polygons

@@ -214,7 +214,12 @@ NAN = np.where(np.arange(12)[:, None, None] == 4, np.nan, CUBE)
         ("inf.off", off_text([(0, 0, np.inf)] * 3, [(0, 1, 2)] * 4), ReadError, "must be finite"),
         ("sheet.stl", stl_bytes(CUBE[:2]), ReadError, "at least 4 facets. Got 2"),
         ("open.stl", stl_bytes(CUBE[1:]), OpenSolidError, r"edge from \(.*\) to \(.*\) .* \(3 such edges\)"),
-        ("wrong.obj", obj_text(cube().vertices, [(0, 1, 99)]), ReadError, "must list existing vertices"),
+        (
+            "wrong.obj",
+            obj_text(cube().vertices, [(0, 1, 99)]),
+            ReadError,
+            r"Got \[1, 2, 100\] of 8 \(counted from 1\) in face 0",
+        ),
         ("zero.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", ReadError, "must list existing vertices"),
         ("two.obj", b"v 0 0 0\nv 1 0 0\nf 1 2\n", ReadError, "at least 3 vertices. Got 2"),
         ("bare.obj", b"v 0 0 0\n", ReadError, "must hold faces. Got 0"),
