@@ -64,11 +64,7 @@ def read_solid(
     plain_name = path.stem if packed else path.name
     suffix = Path(plain_name).suffix.lower()
     name = Path(plain_name).stem
-    for value, label in ((chord_tolerance_mm, "chord_tolerance_mm"), (planarity_mm, "planarity_mm")):
-        if value is not None and not 0 < value < float("inf"):
-            raise ReadError(f"{label} must be positive and finite. Got {value}.")
-    if angular_tolerance_deg is not None and not 0 < angular_tolerance_deg <= 90:
-        raise ReadError(f"angular_tolerance_deg must be in (0, 90]. Got {angular_tolerance_deg}.")
+    _check_tolerances(chord_tolerance_mm, angular_tolerance_deg, planarity_mm)
     if suffix in STEP_SUFFIXES:
         return _read_step(path, packed, units, chord_tolerance_mm, angular_tolerance_deg, planarity_mm, solids, name)
     if suffix in MESH_SUFFIXES:
@@ -77,6 +73,14 @@ def read_solid(
         return read_mesh(_content(path, packed), suffix, units=units, planarity_mm=planarity_mm, name=name)
     known = ", ".join((*STEP_SUFFIXES, *MESH_SUFFIXES))
     raise ReadError(f"a part file must end in one of {known} (or one of these and .gz). Got {path.name!r}.")
+
+
+def _check_tolerances(chord_tolerance_mm, angular_tolerance_deg, planarity_mm) -> None:
+    for value, label in ((chord_tolerance_mm, "chord_tolerance_mm"), (planarity_mm, "planarity_mm")):
+        if value is not None and not 0 < value < float("inf"):
+            raise ReadError(f"{label} must be positive and finite. Got {value}.")
+    if angular_tolerance_deg is not None and not 0 < angular_tolerance_deg <= 90:
+        raise ReadError(f"angular_tolerance_deg must be in (0, 90]. Got {angular_tolerance_deg}.")
 
 
 def _read_step(path, packed, units, chord_tolerance_mm, angular_tolerance_deg, planarity_mm, solids, name) -> Solid:
