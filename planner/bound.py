@@ -8,15 +8,15 @@ S(node)    its optimistic set: every entity that *may* be inspected by *some* po
            without the first entity, one without all that it excludes
 y          weights of the entities, y >= 0
 
-Every pose lies in some leaf of the subdivision, so what it inspects is part of that leaf's S. If no leaf's S weighs more
-than W, no setting inspects more than W, and at least sum(y) / W settings are needed (linear programming duality). Leaves that
-weigh too much are split, which tightens S; the weights are solved anew for the leaves there are. Where the linear bound
-falls short of the next whole number, the integer cover over the leaves' sets closes the gap; only leaves of weight at
-least 1 - (K - sum(y)) can be in a cover of K columns (reduced-cost fixing).
+Every pose lies in some leaf of the subdivision, so what it inspects is part of that leaf's S. If no leaf's S weighs
+more than W, no setting inspects more than W, and at least sum(y) / W settings are needed (linear programming
+duality). Leaves that weigh too much are split, which tightens S; the weights are solved anew for the leaves there
+are. Where the linear bound falls short of the next whole number, the integer cover over the leaves' sets closes the
+gap; only leaves of weight at least 1 - (K - sum(y)) can be in a cover of K columns (reduced-cost fixing).
 
-S(node) uses necessary conditions only: visibility (the box meets a cell of the entity's region), distance and depth (focus),
-the rectangle of the sensor, the resolution. All slack that a node's size causes is added. So the bound holds whatever the
-error model says, and for any search.
+S(node) uses necessary conditions only: visibility (the box meets a cell of the entity's region), distance and depth
+(focus), the rectangle of the sensor, the resolution. All slack that a node's size causes is added. So the bound holds
+whatever the error model says, and for any search.
 """
 
 from __future__ import annotations
@@ -84,13 +84,13 @@ def lower_bound(judge, entity_idx, n_settings: int, columns, *, max_nodes: int, 
     report(progress, max_nodes, max_nodes, "lower bound")
     return target - 1, (
         f"Covering by optimistic columns: {tree.made} boxes of camera poses were checked against necessary conditions "
-        f"(visibility, focus, sensor size, resolution), and {int(conflict.sum()) // 2} pairs of edges were found to exclude "
-        "each other."
+        f"(visibility, focus, sensor size, resolution), and {int(conflict.sum()) // 2} pairs of edges were found to "
+        "exclude each other."
     )
 
 
 def _to_split(tree: _Tree, y: np.ndarray, target: int) -> np.ndarray | None:
-    """Choose the nodes to split in order to prove ``target``; none if nothing is left to split, None if it is proven."""
+    """Choose the nodes to split to prove ``target``; none if nothing is left to split, None if it is proven."""
     weight = tree.sets @ y
     splittable = tree.size > _FINEST_RAD
     # what a cover with fewer settings may waste
@@ -291,9 +291,9 @@ class _Tree:
 def _patch_frames(face: np.ndarray, patch: np.ndarray, roll: np.ndarray):
     """Return the middle axis (n, 3) of patches, the angle (n,) to their farthest point, and the frame (n, 3, 3).
 
-    Directions on a face of the cube are (u, v, ±1) in its own order of axes. The frame's x axis is the projection of the
-    face's u axis, turned by the roll. Between two directions of a patch the frame turns by at most sqrt(2) times the
-    angle between them: its twist is |u.a| / sqrt(1 - (u.a)^2) <= 1 per radian.
+    Directions on a face of the cube are (u, v, ±1) in its own order of axes. The frame's x axis is the projection of
+    the face's u axis, turned by the roll. Between two directions of a patch the frame turns by at most sqrt(2) times
+    the angle between them: its twist is |u.a| / sqrt(1 - (u.a)^2) <= 1 per radian.
     """
     u, v = (patch[:, 0] + patch[:, 1]) / 2, (patch[:, 2] + patch[:, 3]) / 2
     axis = _directions(face, u, v)
@@ -344,8 +344,8 @@ def _meets(center, half, planes, cell_start, entity_start, possible):
 def _separate(center, radius, ends, angle, conflict, first, second):
     """Split sets instead of poses: a pose inspects the most contested entity of a set, or none that it excludes.
 
-    Entities exclude each other for good, or from this box of positions: two of their ends are farther apart in angle than
-    the corners of the sensor. Changes the sets of both halves; returns where it did.
+    Entities exclude each other for good, or from this box of positions: two of their ends are farther apart in angle
+    than the corners of the sensor. Changes the sets of both halves; returns where it did.
     """
     n, n_entities = first.shape
     changed = np.zeros(n, dtype=np.bool_)

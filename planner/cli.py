@@ -1,8 +1,8 @@
 """The command line: what can be asked, and how errors and exit codes come out.
 
-Results go to standard output, progress and errors to standard error. Exit codes: 0 done, 1 the plan is incomplete (or was
-interrupted, or its simulation contradicts it), 2 bad input. The imports that take time happen inside the commands, so
-``--help`` is immediate.
+Results go to standard output, progress and errors to standard error. Exit codes: 0 done, 1 the plan is incomplete (or
+was interrupted, or its simulation contradicts it), 2 bad input. The imports that take time happen inside the
+commands, so ``--help`` is immediate.
 """
 
 from __future__ import annotations

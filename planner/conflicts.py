@@ -2,9 +2,9 @@
 
 * They do not fit: two of their ends are farther apart than any two points of the frustum between the nearest and the
   farthest sharp plane.
-* No viewpoint serves both. Space is subdivided into boxes; a box is discarded when it is outside the one's or the other's
-  region, when an end in it cannot be at a distance the lens can focus on, or when two ends are farther apart in angle
-  than the corners of the sensor. The pair excludes each other if no box is left.
+* No viewpoint serves both. Space is subdivided into boxes; a box is discarded when it is outside the one's or the
+  other's region, when an end in it cannot be at a distance the lens can focus on, or when two ends are farther apart
+  in angle than the corners of the sensor. The pair excludes each other if no box is left.
 
 The second test stops at boxes of half a millimetre, so it may miss a conflict, but it never invents one.
 """

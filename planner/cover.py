@@ -115,7 +115,8 @@ def fractional_cover(membership, bias=None) -> tuple[float, np.ndarray]:
     ----------
     membership : array_like of bool, shape (c, e)
     bias : array_like, shape (e,), optional
-        Positive factors; the dual maximises the weights times these. Default: all 1, which gives the relaxation's value.
+        Positive factors; the dual maximises the weights times these. Default: all 1, which gives the relaxation's
+        value.
 
     Returns
     -------

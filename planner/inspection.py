@@ -2,11 +2,11 @@
 
 The way
 -------
-1. Candidate poses are drawn from the domains and improved (`planner.candidates`). Each gives a column: what it inspects;
-   and an optimistic one: what it nearly inspects.
-2. A minimum cover is chosen from both kinds. The genetic algorithm tries to realise the optimistic columns in it; one that
-   misses is refuted, with everything that contains it, and replaced by the largest part it reached. Choose again, until all
-   chosen columns are realised.
+1. Candidate poses are drawn from the domains and improved (`planner.candidates`). Each gives a column: what it
+   inspects; and an optimistic one: what it nearly inspects.
+2. A minimum cover is chosen from both kinds. The genetic algorithm tries to realise the optimistic columns in it; one
+   that misses is refuted, with everything that contains it, and replaced by the largest part it reached. Choose
+   again, until all chosen columns are realised.
 3. Every chosen column gets its own run of the genetic algorithm, for the best probabilities.
 4. A lower bound is proven without any of this (`planner.bound`).
 """
@@ -210,7 +210,7 @@ class _Work:
             lower_bound=bound,
             bound_proof=proof,
             uninspectable=uninspectable,
-            entities={name: ends for name, ends in zip(self.names, self.judge.ends, strict=True)},
+            entities=dict(zip(self.names, self.judge.ends, strict=True)),
             camera=self.judge.camera,
             pose_uncertainty=self.pose_uncertainty,
             accuracy=self.judge.accuracy,
@@ -284,7 +284,7 @@ class _Work:
         return settings
 
     def _holds(self, setting, names) -> bool:
-        """Judge a setting anew: does it inspect all these entities?"""
+        """Judge a setting anew: whether it inspects all these entities."""
         return bool(self.judge(setting.cam2world[None]).inspects[0, np.isin(self.names, names)].all())
 
     def _accept(self, outcome) -> tuple[str, ...]:

@@ -58,7 +58,8 @@ class PictureMaker:
         shades = base64.b64encode(png_grey(self.shaded(cam2world))).decode()
         return (
             f'<svg class="shot" viewBox="0 0 {width} {height}" role="img" aria-label="predicted image">'
-            f'<image href="data:image/png;base64,{shades}" width="{width}" height="{height}" preserveAspectRatio="none"/>'
+            f'<image href="data:image/png;base64,{shades}" width="{width}" height="{height}" '
+            'preserveAspectRatio="none"/>'
             f'<path class="edge" d="{lines}"/>{self._highlights(cam2world, entities, color)}</svg>'
         )
 
@@ -84,7 +85,8 @@ class PictureMaker:
             v = min(max(v - 0.4 * size, 1.2 * size), height - 0.6 * size)
             parts.append(f'<path class="entity" stroke="{color}" d="{_path([uv])}"/>')
             parts.append(
-                f'<text x="{u:.0f}" y="{v:.0f}" font-size="{size:.0f}" text-anchor="{anchor}" fill="{color}">{escape(name)}</text>'
+                f'<text x="{u:.0f}" y="{v:.0f}" font-size="{size:.0f}" text-anchor="{anchor}" fill="{color}">'
+                f"{escape(name)}</text>"
             )
         return "".join(parts)
 

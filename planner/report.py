@@ -110,7 +110,10 @@ def _summary(plan) -> str:
             f'<td class="n">{len(setting.entities)}</td><td class="n">{min(probabilities):.4f}</td>'
             f"<td>{escape(', '.join(setting.entities))}</td></tr>"
         )
-    head = '<th>Setting</th><th class="n">Position (mm)</th><th class="n">Edges</th><th class="n">Smallest P</th><th>Which</th>'
+    head = (
+        '<th>Setting</th><th class="n">Position (mm)</th><th class="n">Edges</th>'
+        '<th class="n">Smallest P</th><th>Which</th>'
+    )
     return f'<div class="scroll"><table><tr>{head}</tr>{"".join(rows)}</table></div>'
 
 
@@ -129,7 +132,8 @@ def _setting(plan, k: int, setting, maker: PictureMaker) -> str:
     position = ", ".join(f"{value:.3f}" for value in setting.position)
     return (
         f'<section class="setting" id="setting-{k + 1}"><div class="head"><h3>{_swatch(k)}Setting {k + 1}</h3>'
-        f'<span class="note">camera at ({position}) mm, quaternion x y z w = ({x:.6f}, {y:.6f}, {z:.6f}, {w:.6f})</span></div>'
+        f'<span class="note">camera at ({position}) mm, '
+        f"quaternion x y z w = ({x:.6f}, {y:.6f}, {z:.6f}, {w:.6f})</span></div>"
         f'<div class="shots"><figure>{maker.image_svg(setting.cam2world, entities, color_of(k))}'
         "<figcaption>Predicted image, hidden lines removed</figcaption></figure>"
         f"<figure>{maker.edge_map_svg(setting.cam2world, entities)}"
@@ -163,8 +167,9 @@ def _rate_cells(rate, threshold: float) -> str:
     def place(value: float) -> float:
         return 100 * (value - low_end) / (1.0 - low_end)
 
+    width = max(place(rate.high) - place(rate.low), 1.5)
     bar = (
-        f'<span class="bar"><i style="left:{place(rate.low):.1f}%;width:{max(place(rate.high) - place(rate.low), 1.5):.1f}%"></i>'
+        f'<span class="bar"><i style="left:{place(rate.low):.1f}%;width:{width:.1f}%"></i>'
         f'<u style="left:calc({place(rate.predicted):.1f}% - 1px)"></u></span>'
     )
     broken = rate.predicted > rate.high
@@ -199,20 +204,20 @@ def _method(plan) -> str:
         else f"The plan has {_count(n, 'setting')}; between {bound} and {n} may suffice."
     )
     paragraphs = [
-        "Which edges can be seen from where was computed exactly from the part's geometry. Camera poses were searched by a "
-        "genetic algorithm inside the viewing domains, subject to resolution, focus, field of view, visibility, clearance and "
-        "workspace; the fewest poses that cover all edges were chosen by integer programming.",
+        "Which edges can be seen from where was computed exactly from the part's geometry. Camera poses were searched "
+        "by a genetic algorithm inside the viewing domains, subject to resolution, focus, field of view, visibility, "
+        "clearance and workspace; the fewest poses that cover all edges were chosen by integer programming.",
         f"Lower bound. {plan.bound_proof} {gap}",
     ]
     if plan.simulation is not None:
         paragraphs.append(
-            f"Simulation. For each setting {plan.simulation.n} displaced poses were drawn, the edges projected, their ends "
-            "rounded to pixels and measured. An end outside the image counts as a failure. All intervals hold together with "
-            f"{plan.simulation.confidence:.0%} confidence."
+            f"Simulation. For each setting {plan.simulation.n} displaced poses were drawn, the edges projected, their "
+            "ends rounded to pixels and measured. An end outside the image counts as a failure. All intervals hold "
+            f"together with {plan.simulation.confidence:.0%} confidence."
         )
     paragraphs.append(
-        "Method after C. C. Yang and F. W. Ciarallo, Optimized sensor placement for active visual inspection, Journal of "
-        "Robotic Systems 18(1), 1-15, 2001."
+        "Method after C. C. Yang and F. W. Ciarallo, Optimized sensor placement for active visual inspection, Journal "
+        "of Robotic Systems 18(1), 1-15, 2001."
     )
     return "".join(f"<p>{escape(text)}</p>" for text in paragraphs)
 

@@ -82,7 +82,8 @@ class PlanningState:
             )
         if data.get("request") != self.fingerprint:
             raise PlanFileError(
-                f"{self.path}: state file must belong to the same part, entities, camera, limits and seed. Got another request's."
+                f"{self.path}: state file must belong to the same part, entities, camera, limits and seed. "
+                "Got another request's."
             )
         return data["outcomes"]
 

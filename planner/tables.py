@@ -106,10 +106,8 @@ def verdict(plan) -> str:
     """Say in a few sentences how good a plan is."""
     n, bound = len(plan.settings), plan.lower_bound
     inspected = len(plan.inspected)
-    if plan.minimal:
-        count = "Proven minimal: no plan with fewer settings exists."
-    else:
-        count = f"Proven lower bound: {bound}."
+    proven = "Proven minimal: no plan with fewer settings exists."
+    count = proven if plan.minimal else f"Proven lower bound: {bound}."
     text = f"{inspected} of {len(plan.entities)} entities inspected from {n} setting{'s' * (n != 1)}. {count}"
     if plan.simulation is not None:
         told = (

@@ -46,8 +46,8 @@ def path_length(distances, order) -> float:
 def travel_order(cam2worlds, radian_mm: float = RADIAN_MM) -> tuple[int, ...]:
     """Order poses so that the robot's travel is short.
 
-    **Guarantee.** A permutation of all poses; the shortest open path for up to 12 poses; beyond, a path that no reversal
-    or relocation of a piece shortens. It starts at the end with the smaller index.
+    **Guarantee.** A permutation of all poses; the shortest open path for up to 12 poses; beyond, a path that no
+    reversal or relocation of a piece shortens. It starts at the end with the smaller index.
 
     Parameters
     ----------

@@ -80,7 +80,7 @@ class BoxSpace:
 
     def name_of(self, edge):
         """Two faces name an edge: "+z-y" is where the top meets the front."""
-        faces = "-z +z -y +y +x -x".split()
+        faces = ("-z", "+z", "-y", "+y", "+x", "-x")
         return "".join(sorted((faces[f] for f in edge.faces), key=lambda face: "zyx".index(face[1])))
 
     def observable(self, points, names=None):
@@ -106,4 +106,4 @@ class BoxSpace:
         return BoxCells(cells)
 
 
-EDGES = tuple("+z+y +z-y +z+x +z-x -z+y -z-y -z+x -z-x +y+x +y-x -y+x -y-x".split())
+EDGES = ("+z+y", "+z-y", "+z+x", "+z-x", "-z+y", "-z-y", "-z+x", "-z-x", "+y+x", "+y-x", "-y+x", "-y-x")

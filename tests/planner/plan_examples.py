@@ -1,9 +1,9 @@
 """A hand-made plan that needs no search, for the tests of everything that comes after one."""
 
 import numpy as np
-from planner.plan import InspectionPlan
 
 from planner import Camera, PoseUncertainty, SensorSetting, look_at
+from planner.plan import InspectionPlan
 
 CAMERA = Camera(25.0, (0.00345, 0.0035), (2448, 2048), 8.0, 600.0, name="test camera")
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)

@@ -207,8 +207,10 @@ def test_state_of_another_request_is_refused(folder, quick, capsys):
 
 
 def test_help_explains_and_is_quick():
-    script = "import sys; from planner.cli import main; code = 0\ntry: main(['--help'])\nexcept SystemExit as e: code = e.code\n"
-    script += "print(sorted({'open3d', 'plotly', 'numba', 'OCP'} & set(sys.modules))); sys.exit(code)"
+    script = (
+        "import sys\nfrom planner.cli import main\ntry: main(['--help'])\nexcept SystemExit as end: code = end.code\n"
+    )
+    script += "print(sorted({'open3d', 'plotly', 'numba', 'OCP'} & set(sys.modules)))\nsys.exit(code)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert done.returncode == 0
     assert "exit codes: 0 done, 1 plan incomplete, 2 bad input" in done.stdout

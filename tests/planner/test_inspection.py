@@ -1,8 +1,8 @@
 """The whole inspection on a box whose visibility is known by hand, so that the least number of settings is, too.
 
-From one viewpoint at most three faces of a box can be seen, and with them nine of its twelve edges; the three edges of the
-opposite corner need another. A cube as large as the field of view shows one face at a time: four edges, so three settings
-at least for twelve.
+From one viewpoint at most three faces of a box can be seen, and with them nine of its twelve edges; the three edges
+of the opposite corner need another. A cube as large as the field of view shows one face at a time: four edges, so
+three settings at least for twelve.
 """
 
 import json

@@ -39,12 +39,12 @@ def test_plan_knows_whether_it_is_complete_and_minimal():
 
 
 def test_forgotten_entity_is_refused():
-    with pytest.raises(PlanFileError, match="entity 'bottom' must be in a setting or uninspectable. Got neither"):
+    with pytest.raises(PlanFileError, match=r"entity 'bottom' must be in a setting or uninspectable. Got neither"):
         plan(uninspectable={})
 
 
 def test_entity_cannot_be_inspected_and_uninspectable():
-    with pytest.raises(PlanFileError, match="'top right' must be in a setting or uninspectable. Got both"):
+    with pytest.raises(PlanFileError, match=r"'top right' must be in a setting or uninspectable. Got both"):
         plan(uninspectable={"top right": "?", "bottom": "?"})
 
 
@@ -86,7 +86,7 @@ def test_malformed_json_is_named_with_line_and_column(tmp_path):
 
 
 def test_missing_and_binary_files_are_named(tmp_path):
-    with pytest.raises(PlanFileError, match="nothing.json: plan file must be readable"):
+    with pytest.raises(PlanFileError, match=r"nothing\.json: plan file must be readable"):
         read_plan(tmp_path / "nothing.json")
     (tmp_path / "binary.json").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(PlanFileError, match="must be UTF-8"):
@@ -114,9 +114,13 @@ def test_failed_block_leaves_the_folder_as_it_was(tmp_path):
     class Stop(Exception):
         pass
 
-    with pytest.raises(Stop), staged_folder(out) as staging:
-        (staging / "half.txt").write_text("half")
-        raise Stop
+    def stop_half_way():
+        with staged_folder(out) as staging:
+            (staging / "half.txt").write_text("half")
+            raise Stop
+
+    with pytest.raises(Stop):
+        stop_half_way()
     assert os.listdir(out) == ["kept.txt"]
     assert os.listdir(tmp_path) == ["out"]
 
