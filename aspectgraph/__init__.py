@@ -19,6 +19,7 @@ from aspectgraph.exceptions import (
     SelfIntersectionError,
     SolidError,
     TouchingError,
+    WidthError,
     WorkspaceError,
 )
 from aspectgraph.graph import EntityAspectGraph, build_aspect_graph
@@ -53,6 +54,7 @@ __all__ = [
     "SolidError",
     "TouchingError",
     "VisibilityRegions",
+    "WidthError",
     "WorkspaceError",
     "build_aspect_graph",
     "complete_aspect_graph",

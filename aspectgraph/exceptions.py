@@ -57,5 +57,9 @@ class GraphMLError(AspectGraphError, ValueError):
     """A graph cannot be written as GraphML without loss, or a GraphML file does not hold such a graph."""
 
 
+class WidthError(AspectGraphError, ValueError):
+    """The width asked for is below what the part's own rounding leaves of a domain, or above the workspace's."""
+
+
 class ContradictionError(AspectGraphError, ArithmeticError):
     """Ray casting and exact arbitration refute a viewing domain's list."""

@@ -13,16 +13,13 @@ from .cells import FACE_CHILD, N_CELLS, N_FACES, SIDES, Complex, leaves
 from .cellset import CellSet
 from .domains import Domain, Domains, find_domains
 from .entities import Entity
-from .exceptions import EntityError
+from .exceptions import EntityError, WidthError
 from .overlay import overlay, share_planes
 from .partition import Provenance
 from .raycast import confirm
 from .regions import Progress, VisibilityRegions, compute_regions
 from .solid import Solid
 from .tree import locate, tree_of
-
-# domains and contacts thinner than this share of the part's largest extent are slivers
-_MIN_WIDTH_SHARE = 1e-4
 
 
 class EntityAspectGraph:
@@ -143,7 +140,8 @@ def build_aspect_graph(
         Computes the entities' regions in parallel.
     progress : callable(done, total, label), optional
     min_width_mm : float, optional
-        Thinner domains and contacts are slivers. Default: 10⁻⁴ of the part's largest extent.
+        Thinner domains and contacts are slivers. Default: twice the distance by which snapping may displace a partition
+        plane at the far end of the workspace, about 10⁻⁵ of its extent; 0 where snapping displaced nothing.
 
     Returns
     -------
@@ -153,7 +151,7 @@ def build_aspect_graph(
 
     Raises
     ------
-    EntityError, WorkspaceError
+    EntityError, WorkspaceError, WidthError
         For bad input.
     ContradictionError
         If ray casting and exact arbitration refute a domain's list.
@@ -165,8 +163,7 @@ def graph_of(regions: VisibilityRegions, names: Sequence[str], min_width_mm: flo
     """Build the graph of some entities from regions already computed."""
     chosen = regions.subset(names)
     grid, scene = chosen.grid, chosen._scene
-    if min_width_mm is None:
-        min_width_mm = _MIN_WIDTH_SHARE * float(np.ptp(chosen.solid.bounds, axis=0).max())
+    min_width_mm = _check_min_width(min_width_mm, chosen)
     own = [chosen._regions[name] for name in chosen.entity_names]
     box = grid.box_planes(chosen.workspace)
     shared = share_planes(own, scene, box)
@@ -176,10 +173,25 @@ def graph_of(regions: VisibilityRegions, names: Sequence[str], min_width_mm: flo
     domains = find_domains(cx, min_width_mm / grid.step_mm)
     provenance = Provenance(chosen.solid, scene, grid, list(chosen.entities.values()), own, shared)
     graph = _networkx(chosen, cx, domains, provenance)
-    graph.graph["min_width_mm"] = float(min_width_mm)
+    graph.graph["min_width_mm"] = min_width_mm
     eag = EntityAspectGraph(chosen, graph, cx, domains)
     _confirm(eag, scene)
     return eag
+
+
+def _check_min_width(min_width_mm: float | None, regions: VisibilityRegions) -> float:
+    """Return the width below which a domain is a sliver, in mm; see `build_aspect_graph`."""
+    reach = float(np.ptp(regions.workspace, axis=0).max())
+    extent = float(np.ptp(regions.solid.bounds, axis=0).max())
+    displaced = regions.grid.resolution * regions.grid.step_mm * reach / extent
+    if min_width_mm is None:
+        return 2.0 * displaced
+    if not displaced <= min_width_mm < reach:
+        raise WidthError(
+            f"min_width_mm must be at least {displaced:g} mm, by which snapping may displace a partition plane at the "
+            f"far end of the workspace, and below the workspace's {reach:g} mm. Got {min_width_mm}."
+        )
+    return float(min_width_mm)
 
 
 def _networkx(regions: VisibilityRegions, cx: Complex, domains: Domains, provenance: Provenance) -> nx.Graph:
