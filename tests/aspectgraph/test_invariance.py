@@ -99,7 +99,6 @@ def test_exactly_rotated_generated_solids(seed, quaternion):
     turned = part.mapped(rotation(quaternion), "turned")
     graph, other = (graph_of(p.vertices, p.faces, pairs, room=100.0) for p in (part, turned))
     assert same_graph(graph, other)
-    assert graph.graph["n_slivers"] == other.graph["n_slivers"] == 0
 
 
 @pytest.mark.parametrize("seed", range(0, 60, 2))
