@@ -25,6 +25,9 @@ from aspectgraph.exceptions import (
 from aspectgraph.graph import EntityAspectGraph, build_aspect_graph
 from aspectgraph.graphml import read_graphml, write_graphml
 from aspectgraph.partition import PartitionSurface
+from aspectgraph.plot import GraphDrawing, plot_graph
+from aspectgraph.plot3d import plot_domains, plot_solid
+from aspectgraph.plot_section import SectionDrawing, plot_section
 from aspectgraph.reader import read_solid
 from aspectgraph.regions import VisibilityRegions, compute_regions
 from aspectgraph.solid import Solid
@@ -40,6 +43,7 @@ __all__ = [
     "EntityAspectGraph",
     "EntityError",
     "Face",
+    "GraphDrawing",
     "GraphMLError",
     "MissingExtraError",
     "NonManifoldError",
@@ -49,6 +53,7 @@ __all__ = [
     "PartitionSurface",
     "PlanarityError",
     "ReadError",
+    "SectionDrawing",
     "SelfIntersectionError",
     "Solid",
     "SolidError",
@@ -60,6 +65,10 @@ __all__ = [
     "complete_aspect_graph",
     "compute_regions",
     "edge_figure",
+    "plot_domains",
+    "plot_graph",
+    "plot_section",
+    "plot_solid",
     "read_entities",
     "read_graphml",
     "read_solid",

@@ -1,0 +1,98 @@
+"""What the pictures of an aspect graph share: colours, short names of lists, the way to matplotlib."""
+
+from __future__ import annotations
+
+import colorsys
+from collections.abc import Hashable, Sequence
+
+import networkx as nx
+
+from .exceptions import MissingExtraError
+
+# told apart with any colour vision in this order, after Okabe and Ito (2008) and Tol (2021)
+_PALETTE = (
+    "#4477aa", "#ee9944", "#44aa77", "#cc6688", "#ddcc55", "#66bbdd",
+    "#884466", "#88bb55", "#5555aa", "#bb5533", "#339999", "#aa77cc",
+)  # fmt: skip
+NOTHING = "#dfe3e8"
+INK = "#2b3138"
+
+# the golden angle, as a share of the circle: hues that follow each other are far apart
+_NEXT_HUE = 0.381966
+_RUN = 3
+
+
+def list_colors(graph: nx.Graph) -> dict[Hashable, str]:
+    """Return the colour of each viewing domain; those with the same observable list have the same.
+
+    Parameters
+    ----------
+    graph : networkx.Graph
+        As of `EntityAspectGraph.graph` or `read_graphml`.
+
+    Returns
+    -------
+    dict of node to str
+        ``#rrggbb``; a pale grey where nothing is observable.
+    """
+    lists = [frozenset(listed) for _, listed in graph.nodes(data="observable", default=())]
+    distinct = [listed for listed in dict.fromkeys(lists) if listed]
+    colors = {listed: _color(k) for k, listed in enumerate(distinct)}
+    return {node: colors.get(listed, NOTHING) for node, listed in zip(graph, lists, strict=True)}
+
+
+def _color(k: int) -> str:
+    if k < len(_PALETTE):
+        return _PALETTE[k]
+    rgb = colorsys.hls_to_rgb(k * _NEXT_HUE % 1.0, (0.45, 0.65, 0.55)[k % 3], 0.5)
+    return "#" + "".join(f"{round(255 * part):02x}" for part in rgb)
+
+
+def list_text(listed: Sequence[str], names: Sequence[str], per_line: int = 4, newline: str = "\n") -> str:
+    """Return an observable list as a label, runs of names shortened: ``e1–e4 e6``.
+
+    Parameters
+    ----------
+    listed : sequence of str
+        The list.
+    names : sequence of str
+        All entities, in order; a run is three or more that follow each other here.
+    per_line : int
+        Words per line.
+    newline : str
+        Between lines.
+    """
+    if not listed:
+        return "none"
+    place = {name: k for k, name in enumerate(names)}
+    runs: list[list[str]] = []
+    for name in sorted(listed, key=place.__getitem__):
+        if runs and place[name] == place[runs[-1][-1]] + 1:
+            runs[-1].append(name)
+        else:
+            runs.append([name])
+    words = [word for run in runs for word in ([f"{run[0]}–{run[-1]}"] if len(run) >= _RUN else run)]
+    return newline.join(" ".join(words[k : k + per_line]) for k in range(0, len(words), per_line))
+
+
+def text_extent(text: str) -> tuple[float, float]:
+    """Return the rough width and height of a text in units of its font size."""
+    lines = text.split("\n")
+    return 0.58 * max(map(len, lines)), 1.2 * len(lines)
+
+
+def new_axes(figsize: tuple[float, float]):
+    """Return matplotlib axes in a new pyplot figure.
+
+    Raises
+    ------
+    MissingExtraError
+        matplotlib is not installed.
+    """
+    try:
+        import matplotlib.pyplot as plt
+    except ImportError as error:
+        raise MissingExtraError(
+            f"this picture needs the package matplotlib. Got {error}; install it with: pip install 'aspectgraph[plot]'"
+        ) from error
+    return plt.subplots(figsize=figsize, layout="constrained")[1]
