@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from .cells import (
+from .cells import face_side, refresh_cell, refresh_face, split_face
+from .complex import (
     CELL_CHILD,
     CELL_PLANE,
     CROSSED,
@@ -25,11 +26,7 @@ from .cells import (
     add_edge,
     add_face,
     add_vertex,
-    face_side,
     push_edge,
-    refresh_cell,
-    refresh_face,
-    split_face,
 )
 from .lattice import Grid, plane_through
 from .measure import cell_centre

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .cells import N_CELLS, Complex
+from .complex import N_CELLS, Complex
 from .lattice import Grid
 from .measure import cell_sizes, cell_triangles, half_spaces
 from .tree import holds, tree_of

@@ -20,7 +20,8 @@ import numba as nb
 import numpy as np
 
 from .carve import INSIDE, is_inside
-from .cells import CROSSED, Complex, add_box, allocate, cell_side, leaves, split_cell, with_room
+from .cells import cell_side, leaves, split_cell
+from .complex import CROSSED, Complex, add_box, allocate, with_room
 from .domains import find_domains
 from .lattice import Grid, find_plane, plane_through
 from .measure import cell_triangles

@@ -15,7 +15,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from .carve import INSIDE
-from .cells import Complex, leaves
+from .cells import leaves
+from .complex import Complex
 from .measure import cell_sizes, half_spaces, interfaces
 
 

@@ -9,8 +9,9 @@ import networkx as nx
 import numpy as np
 
 from .carve import carve, surface_facets, with_facet_planes
-from .cells import FACE_CHILD, N_CELLS, N_FACES, SIDES, Complex, leaves
+from .cells import leaves
 from .cellset import CellSet
+from .complex import FACE_CHILD, N_CELLS, N_FACES, SIDES, Complex
 from .domains import Domain, Domains, find_domains
 from .entities import Entity
 from .exceptions import EntityError, WidthError

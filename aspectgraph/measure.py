@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from .cells import (
+from .complex import (
     CELL_CHILD,
     CELL_FIRST,
     CELL_SIZE,

@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from .cells import CELL_CHILD, CROSSED, N_CELLS, POSITIVE, Complex, add_box, allocate, cell_side, split_cell, with_room
+from .cells import cell_side, split_cell
+from .complex import CELL_CHILD, CROSSED, N_CELLS, POSITIVE, Complex, add_box, allocate, with_room
 from .lattice import find_plane
 from .region import Region
 from .shadow import FACE, Scene

@@ -11,17 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numba as nb
 import numpy as np
 
-from .cells import (
-    CELL_CHILD,
-    CROSSED,
-    N_CELLS,
-    Complex,
-    add_box,
-    allocate,
-    cell_side,
-    split_cell,
-    with_room,
-)
+from .cells import cell_side, split_cell
+from .complex import CELL_CHILD, CROSSED, N_CELLS, Complex, add_box, allocate, with_room
 from .shadow import Blockers, Scene, blockers
 from .simplify import n_leaves, simplify
 from .solid import Solid

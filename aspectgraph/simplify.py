@@ -11,7 +11,8 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from .cells import (
+from .cells import cell_side, face_side, leaves, refresh_cell, refresh_face, split_cell, split_face
+from .complex import (
     CELL_CHILD,
     CROSSED,
     EDGE_LIST,
@@ -34,14 +35,7 @@ from .cells import (
     add_face,
     add_vertex,
     allocate,
-    cell_side,
-    face_side,
-    leaves,
     push_edge,
-    refresh_cell,
-    refresh_face,
-    split_cell,
-    split_face,
 )
 
 _CANDIDATES = 10

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from .cells import CELL_CHILD, CELL_PLANE, N_CELLS, Complex
+from .complex import CELL_CHILD, CELL_PLANE, N_CELLS, Complex
 from .predicates import sign_at_point
 
 

@@ -12,6 +12,7 @@ import argparse
 import resource
 import sys
 import time
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,7 @@ def twin_seconds(solid, entities, workspace):
     index = {tuple(v): k for k, v in enumerate(solid.vertices.astype(int).tolist())}
     edges = {name: tuple(index[tuple(end)] for end in ends) for name, ends in entities.items()}
     low, high = workspace.astype(int).tolist()
-    return seconds(lambda: twin_graph(checker, edges, low, high))
+    return seconds(lambda: twin_graph(checker, edges, low, high, Fraction))
 
 
 def plates(quick):
@@ -59,8 +60,8 @@ def plates(quick):
         solid, entities = solids.plate(n), solids.plate_entities(n, k)
         workspace = box_around(solid)
         own, eag = seconds(lambda s=solid, e=entities, w=workspace: build_aspect_graph(s, e, w), 5)
-        line = f"{n} x {n} {k:11d} {len(solid.faces):7d} {own:9.3f} {len(eag.graph):8d} {eag.graph.number_of_edges():12d}"
-        line += f" {cells_per_domain(eag):13.1f}"
+        sizes = f"{len(eag.graph):8d} {eag.graph.number_of_edges():12d} {cells_per_domain(eag):13.1f}"
+        line = f"{n} x {n} {k:11d} {len(solid.faces):7d} {own:9.3f} {sizes}"
         if n == 5 and (k == 8 or not quick):
             other, twin = twin_seconds(solid, entities, workspace)
             same = sorted(map(sorted, twin.lists)) == sorted(sorted(d["observable"]) for d in eag.graph.nodes.values())
@@ -83,8 +84,8 @@ def queries(n_viewpoints=1_000_000, n_cast=5_000):
     cast = lines.arrive(points[:n_cast])
     other = (time.process_time() - start) * n_viewpoints / n_cast
     wrong = (cast != exact[:n_cast]).mean()
-    print(f"{n_viewpoints} viewpoints x {len(entities)} entities: exact {own:.2f} s; 32 rays per edge {other:.0f} s of")
-    print(f"processor time (from {n_cast} viewpoints), {other / own:.0f} times as long, {wrong:.2%} of its answers wrong\n")
+    print(f"{n_viewpoints} viewpoints x {len(entities)} entities: exact {own:.2f} s; 32 rays per edge {other:.0f} s")
+    print(f"(from {n_cast} viewpoints), {other / own:.0f} times as long, and {wrong:.2%} of its answers wrong\n")
 
 
 def real(path, n_entities, joint):
@@ -95,7 +96,8 @@ def real(path, n_entities, joint):
     if joint:
         more, eag = seconds(lambda: regions.graph())
         line += f", joint graph {more:.2f} s, {len(eag.graph)} domains, {eag.graph.number_of_edges()} adjacencies"
-        line += f", {eag.graph.graph['n_slivers']} slivers, {sum(d['n_arbitrated'] for d in eag.graph.nodes.values())} doubts"
+        doubts = sum(node["n_arbitrated"] for node in eag.graph.nodes.values())
+        line += f", {eag.graph.graph['n_slivers']} slivers, {doubts} doubts settled exactly"
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     print(f"{line}; peak memory {peak:.2f} GiB", flush=True)
 

@@ -5,7 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from aspectgraph.cells import (
+from aspectgraph.cells import cell_side, leaves, split_cell
+from aspectgraph.complex import (
     CROSSED,
     EDGE_LIST,
     ENDS,
@@ -17,9 +18,6 @@ from aspectgraph.cells import (
     SIDES,
     add_box,
     allocate,
-    cell_side,
-    leaves,
-    split_cell,
     with_room,
 )
 from aspectgraph.measure import cell_centre, cell_sizes, interfaces
