@@ -29,7 +29,6 @@ from planner.plan import InspectionPlan
 from planner.pose import PoseUncertainty
 from planner.progress import labelled, report
 from planner.realise import realise, reason_for
-from planner.setting import pose_margin_px
 from planner.state import PlanningState
 from planner.tour import travel_order
 
@@ -135,8 +134,7 @@ def plan_inspection(
             solid, entities, workspace=box, executor=executor, progress=labelled(progress, "visible regions")
         )
     if field_margin_px is None:
-        # ends that leave the image are failures too: 4.5 standard deviations make them negligible beside P
-        field_margin_px = 1.5 * pose_margin_px(camera, pose_uncertainty)
+        field_margin_px = corner_margin_px(camera, pose_uncertainty)
     requirements = Requirements(min_length_px, field_margin_px, "exact", stand_off_mm, reach)
     judge = Judge(space, space.entity_names, camera, pose_uncertainty, accuracy, probability, requirements)
     memo = PlanningState(_request(judge, pose_uncertainty, seed), state)
@@ -151,6 +149,37 @@ def default_workspace(solid, camera: Camera) -> np.ndarray:
     size = float(np.linalg.norm(solid.bounds[1] - solid.bounds[0]))
     distance = min(camera.depth_of_field_mm[1] / np.cos(camera.half_diagonal_rad), 10 * camera.focus_distance_mm)
     return solid.bounds + np.array([[-1.0], [1.0]]) * max(distance, size)
+
+
+def corner_margin_px(camera: Camera, pose_uncertainty: PoseUncertainty, sigmas: float = 4.0) -> float:
+    """Return the strip along the sensor's sides that pose uncertainty cannot take an image point across.
+
+    An end that leaves the image cannot be measured, whatever its probability of being measured accurately. A camera
+    moved by t and turned by phi moves the image (u, v) of a point at depth z, in units of the image distance, by
+    (-t_x/z + u t_z/z + u v phi_x - (1 + u^2) phi_y + v phi_z, likewise down). The worst corner at the nearest depth
+    counts.
+
+    Parameters
+    ----------
+    camera : Camera
+    pose_uncertainty : PoseUncertainty
+    sigmas : float
+        Width of the strip in standard deviations.
+
+    Returns
+    -------
+    float
+        Pixels; at most a quarter of the sensor's smaller side, so that something of it is left.
+    """
+    z, widest = camera.depth_of_field_mm[0], 0.0
+    half = np.array(camera.sensor_size_mm) / 2 / camera.image_distance_mm
+    for u, v in half * [[1, 1], [1, -1]]:
+        across = [-1 / z, 0, u / z, u * v, -(1 + u * u), v]
+        down = [0, -1 / z, v / z, 1 + v * v, -u * v, -u]
+        for row, pitch in zip((across, down), camera.pixel_pitch_mm, strict=True):
+            variance = np.array(row) @ pose_uncertainty.covariance @ row
+            widest = max(widest, camera.image_distance_mm / pitch * float(np.sqrt(max(variance, 0.0))))
+    return min(sigmas * widest, min(camera.resolution) / 4)
 
 
 def check_fraction(name: str, value) -> float:

@@ -13,6 +13,7 @@ from planner.picture import PictureMaker
 from planner.plot import color_of, plan_figure
 from planner.progress import report
 from planner.tables import margin_texts
+from planner.verification import MODEL_TOLERANCE, promises_too_much
 
 
 def report_html(plan, space, progress=None) -> str:
@@ -172,8 +173,11 @@ def _rate_cells(rate, threshold: float) -> str:
         f'<span class="bar"><i style="left:{place(rate.low):.1f}%;width:{width:.1f}%"></i>'
         f'<u style="left:calc({place(rate.predicted):.1f}% - 1px)"></u></span>'
     )
-    broken = rate.predicted > rate.high
-    told = '<span class="bad">promises too much</span>' if broken else '<span class="good">confirmed</span>'
+    told = (
+        '<span class="bad">promises too much</span>'
+        if promises_too_much(rate)
+        else '<span class="good">confirmed</span>'
+    )
     return f'<td class="n">{rate.frequency:.4f}</td><td>{rate.low:.4f} to {rate.high:.4f}{bar}</td><td>{told}</td>'
 
 
@@ -213,7 +217,8 @@ def _method(plan) -> str:
         paragraphs.append(
             f"Simulation. For each setting {plan.simulation.n} displaced poses were drawn, the edges projected, their "
             "ends rounded to pixels and measured. An end outside the image counts as a failure. All intervals hold "
-            f"together with {plan.simulation.confidence:.0%} confidence."
+            f"together with {plan.simulation.confidence:.0%} confidence. A probability counts as contradicted when it "
+            f"is above its interval by more than {MODEL_TOLERANCE:g}: it takes the phases of the pixel grid as random."
         )
     paragraphs.append(
         "Method after C. C. Yang and F. W. Ciarallo, Optimized sensor placement for active visual inspection, Journal "

@@ -9,6 +9,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from planner.verification import promises_too_much
+
 _MOST_ROWS = 60
 
 
@@ -89,7 +91,7 @@ def print_simulation(plan, result) -> None:
     )
     for k, rates in enumerate(result.rates):
         for i, (name, rate) in enumerate(rates.items()):
-            flag = "promises too much" if rate.predicted > rate.high else ""
+            flag = "promises too much" if promises_too_much(rate) else ""
             cells = f"{rate.predicted:.4f}", f"{rate.frequency:.4f}", f"{rate.low:.4f} .. {rate.high:.4f}", flag
             table.add_row(str(k + 1) if i == 0 else "", name, *cells, end_section=i == len(rates) - 1)
     console.print(table)

@@ -175,6 +175,23 @@ def test_no_entities_are_refused(space):
         plan_inspection(space.solid, {}, CAMERA, UNCERTAINTY, space=space)
 
 
+def test_margin_keeps_displaced_corners_in_the_image():
+    from planner.inspection import corner_margin_px
+    from planner.simulate import displaced_poses
+
+    margin = corner_margin_px(CAMERA, UNCERTAINTY, sigmas=4.0)
+    near = CAMERA.depth_of_field_mm[0]
+    # the point whose image is the margin away from two sides
+    u, v = np.array([margin, margin]) - CAMERA.matrix[:2, 2] - 0.5
+    point = near * np.array([u / CAMERA.matrix[0, 0], v / CAMERA.matrix[1, 1], 1.0])
+    poses = displaced_poses(np.eye(4), UNCERTAINTY, 40_000, np.random.default_rng(0))
+    local = np.einsum("nji,nj->ni", poses[:, :3, :3], point - poses[:, :3, 3])
+    pixels = local[:, :2] / local[:, 2:] * np.diag(CAMERA.matrix)[:2] + CAMERA.matrix[:2, 2]
+    spread = pixels.std(axis=0).max()
+    assert margin == pytest.approx(4 * spread, rel=0.02)
+    assert np.mean((pixels < -0.5).any(axis=1)) < 2e-4
+
+
 def test_default_workspace_lets_the_lens_focus_on_every_side(space):
     low, high = default_workspace(space.solid, CAMERA)
     assert np.all(low <= -CAMERA.depth_of_field_mm[1])
