@@ -63,12 +63,14 @@ def workspace_of(part: Part) -> np.ndarray:
     return np.array([low - room, high + room], dtype=float)
 
 
-def uniform_viewpoints(rng: np.random.Generator, workspace, n: int) -> np.ndarray:
+def uniform_viewpoints(rng: np.random.Generator, workspace, n: int, steps_per_mm: int = STEPS_PER_MM) -> np.ndarray:
     """Return points on the grid, uniform in the workspace."""
-    return rng.integers(workspace[0] * STEPS_PER_MM, workspace[1] * STEPS_PER_MM + 1, (n, 3)) / STEPS_PER_MM
+    return rng.integers(workspace[0] * steps_per_mm, workspace[1] * steps_per_mm + 1, (n, 3)) / steps_per_mm
 
 
-def viewpoints_near_partition_planes(rng: np.random.Generator, part: Part, edges, workspace, n: int) -> np.ndarray:
+def viewpoints_near_partition_planes(
+    rng: np.random.Generator, part: Part, edges, workspace, n: int, steps_per_mm: int = STEPS_PER_MM
+) -> np.ndarray:
     """Return points on the grid about a grid step from planes through entity and vertex, or entity's end and edge."""
     vertices, all_edges = np.array(part.vertices, dtype=float), part.edges()
     points = []
@@ -79,21 +81,26 @@ def viewpoints_near_partition_planes(rng: np.random.Generator, part: Part, edges
         else:
             base, span = vertices[rng.choice([a, b])], vertices[list(all_edges[rng.integers(len(all_edges))])]
         weights = rng.normal(size=2) * rng.choice([1, 4, 16])
-        points.append(base + weights @ (span - base) + rng.integers(-1, 2, 3) / STEPS_PER_MM)
-    points = np.rint(np.array(points).reshape(-1, 3) * STEPS_PER_MM) / STEPS_PER_MM
+        points.append(base + weights @ (span - base) + rng.integers(-1, 2, 3) / steps_per_mm)
+    points = np.rint(np.array(points).reshape(-1, 3) * steps_per_mm) / steps_per_mm
     return points[((points >= workspace[0]) & (points <= workspace[1])).all(axis=1)]
 
 
 def compare(seed: int, n_points: int, n_edges: int) -> Comparison:
     """Ask both programs about one generated solid."""
-    rng = np.random.default_rng([seed, 1])
-    part = generated_solid(seed)
-    checker = ExactChecker(part.vertices, part.faces, STEPS_PER_MM)
+    return compare_part(generated_solid(seed), np.random.default_rng([seed, 1]), n_points, n_edges)
+
+
+def compare_part(
+    part: Part, rng: np.random.Generator, n_points: int, n_edges: int, steps_per_mm: int = STEPS_PER_MM
+) -> Comparison:
+    """Ask both programs about random viewpoints and edges of a part."""
+    checker = ExactChecker(part.vertices, part.faces, steps_per_mm)
     edges = sharp_edges(part, checker)
     edges = [edges[i] for i in rng.permutation(len(edges))[:n_edges]]
     workspace = workspace_of(part)
-    near = viewpoints_near_partition_planes(rng, part, edges, workspace, n_points // 2)
-    points = np.concatenate([uniform_viewpoints(rng, workspace, n_points - len(near)), near])
+    near = viewpoints_near_partition_planes(rng, part, edges, workspace, n_points // 2, steps_per_mm)
+    points = np.concatenate([uniform_viewpoints(rng, workspace, n_points - len(near), steps_per_mm), near])
     points = points[checker.generic(points)]
     solid = solid_of(part)
     regions = compute_regions(solid, entities_of(solid, edges), workspace)
