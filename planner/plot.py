@@ -18,6 +18,8 @@ COLORS = (
 )  # fmt: skip
 _GREY, _INK, _RED = "#ccd2da", "#5b6470", "#c0152f"
 _MOST_CELLS = 60
+# no triangle is too thin to have a normal: long thin ones are common in triangulated CAD faces
+_LIGHT = {"ambient": 0.62, "diffuse": 0.55, "specular": 0.05, "facenormalsepsilon": 0.0, "vertexnormalsepsilon": 0.0}
 
 
 def color_of(setting_idx: int) -> str:
@@ -120,7 +122,7 @@ def part_traces(solid) -> list:
         **dict(zip("ijk", triangles.T, strict=True)),
         color=_GREY,
         flatshading=True,
-        lighting={"ambient": 0.62, "diffuse": 0.55, "specular": 0.05, "roughness": 0.9},
+        lighting=_LIGHT,
         lightposition={"x": 1e4, "y": -2e4, "z": 3e4},
         hoverinfo="skip",
         name="part",
