@@ -20,6 +20,8 @@ lint: setup-test
 
 test: lint
 	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --nbmake notebooks
 
 clean:
 	rm -rf $(DEMO_OUT) build *.egg-info
+	find aspectgraph errors ga planner -name '*.nb[ic]' -delete
