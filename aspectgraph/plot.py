@@ -126,7 +126,9 @@ def _prepare(ax: Axes, positions) -> None:
     ax.set_aspect("equal", adjustable="datalim")
     low, high = points.min(axis=0), points.max(axis=0)
     room = 0.13 * max(float((high - low).max()), 1e-3)
-    ax.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room))
+    ax.update_datalim([low - room, high + room])
+    ax.margins(0)
+    ax.autoscale_view()
 
 
 def _scaled(values, smallest: float, largest: float) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 
 from .clip import box_around, section_axes, section_polygon
+from .exceptions import WorkspaceError
 from .plot_style import INK, list_colors, list_text, new_axes, text_extent
 
 if TYPE_CHECKING:
@@ -68,7 +69,9 @@ def plot_section(
     Raises
     ------
     ValueError
-        The axis is none of those; a `WorkspaceError` if the section misses the workspace.
+        The axis is none of those.
+    WorkspaceError
+        The section misses the workspace.
     MissingExtraError
         matplotlib is not installed.
     """
@@ -78,6 +81,9 @@ def plot_section(
     u, v = section_axes(k)
     corners = box_around(eag.solid, eag.workspace, box)
     at = float(eag.solid.bounds[:, k].mean()) if at is None else float(at)
+    if not eag.workspace[0, k] <= at <= eag.workspace[1, k]:
+        low, high = eag.workspace[:, k]
+        raise WorkspaceError(f"at must be in the workspace, {low:g} to {high:g} mm. Got {at:g}.")
     window = corners[:, [u, v]]
     size = float(np.ptp(window, axis=0).max())
     domains = section_domains(eag, k, at, window)
