@@ -132,8 +132,20 @@ def test_subset_needs_no_new_regions(slot):
 def test_executor_changes_nothing(slot, make):
     with make() as executor:
         other = build_aspect_graph(slot.solid, solids.SLOT_ENTITIES, WORKSPACE, executor)
-    assert dict(other.graph.nodes(data=True)) == dict(slot.graph.nodes(data=True))
-    assert list(other.graph.edges(data=True)) == list(slot.graph.edges(data=True))
+    assert_same(other, slot)
+
+
+def test_dask_cluster_changes_nothing(slot):
+    distributed = pytest.importorskip("distributed")
+    with distributed.Client(n_workers=1, threads_per_worker=1, dashboard_address=None) as client:
+        other = build_aspect_graph(slot.solid, solids.SLOT_ENTITIES, WORKSPACE, client.get_executor())
+    assert_same(other, slot)
+
+
+def assert_same(one, other):
+    """Everything the graphs hold agrees to the last bit."""
+    assert dict(one.graph.nodes(data=True)) == dict(other.graph.nodes(data=True))
+    assert list(one.graph.edges(data=True)) == list(other.graph.edges(data=True))
 
 
 def test_progress_counts_entities():
