@@ -98,8 +98,8 @@ def overlay(regions: Sequence[Region], shared: SharedPlanes, *, covering_only: b
     Returns
     -------
     Complex
-        Bit k of a present cell's label is set iff entity k is observable from it (with `covering_only`: all bits are
-        right where all are set).
+        Bit k of a present cell's label is set iff entity k is observable from it. With `covering_only` all bits are set
+        iff all entities are, and none otherwise.
     """
     return with_room(
         lambda n_cells: _overlay(regions, shared, covering_only, n_cells),
@@ -119,6 +119,8 @@ def _overlay(regions, shared: SharedPlanes, covering_only: bool, n_cells: int) -
         swapped = inner & shared.flipped[k][tree.plane]
         child[swapped] = child[swapped][:, ::-1]
         _add_region(cx, plane, child, region.observable, k, covering_only)
+        if covering_only:
+            _forget_uncovered(cx, k + 1)
         if n_leaves(cx) > limit:
             cx = simplify(cx, _BOX, n_cells)
             limit = max(_SIMPLIFY_ABOVE, 2 * n_leaves(cx))
@@ -132,6 +134,14 @@ def _covers(label, k):
         if not (label[bit // 64] >> np.uint64(bit % 64)) & np.uint64(1):
             return False
     return True
+
+
+@nb.njit(cache=True)
+def _forget_uncovered(cx, k):
+    """Clear labels that lack one of the first k bits, so that simplifying joins their cells."""
+    for c in range(cx.count[N_CELLS]):
+        if cx.cell[c, CELL_CHILD] < 0 and not _covers(cx.label[c], k):
+            cx.label[c] = 0
 
 
 @nb.njit(cache=True)
