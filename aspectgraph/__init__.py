@@ -22,7 +22,7 @@ from aspectgraph.exceptions import (
     WidthError,
     WorkspaceError,
 )
-from aspectgraph.graph import EntityAspectGraph, build_aspect_graph
+from aspectgraph.graph import EntityAspectGraph, build_aspect_graph, graph_of
 from aspectgraph.graphml import read_graphml, write_graphml
 from aspectgraph.partition import PartitionSurface
 from aspectgraph.plot import GraphDrawing, plot_graph
@@ -69,6 +69,7 @@ __all__ = [
     "plot_graph",
     "plot_section",
     "plot_solid",
+    "graph_of",
     "read_entities",
     "read_graphml",
     "read_solid",

@@ -157,12 +157,14 @@ def build_aspect_graph(
     ContradictionError
         If ray casting and exact arbitration refute a domain's list.
     """
-    return compute_regions(solid, entities, workspace, executor, progress).graph(min_width_mm=min_width_mm)
+    return graph_of(compute_regions(solid, entities, workspace, executor, progress), min_width_mm=min_width_mm)
 
 
-def graph_of(regions: VisibilityRegions, names: Sequence[str], min_width_mm: float | None) -> EntityAspectGraph:
-    """Build the graph of some entities from regions already computed."""
-    chosen = regions.subset(names)
+def graph_of(
+    regions: VisibilityRegions, names: Sequence[str] | None = None, *, min_width_mm: float | None = None
+) -> EntityAspectGraph:
+    """Build the graph of some entities (default: all) from regions already computed; see `build_aspect_graph`."""
+    chosen = regions.subset(regions.entity_names if names is None else names)
     grid, scene = chosen.grid, chosen._scene
     min_width_mm = _check_min_width(min_width_mm, chosen)
     own = [chosen._regions[name] for name in chosen.entity_names]

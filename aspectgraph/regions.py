@@ -108,15 +108,6 @@ class VisibilityRegions:
             self._covering[key] = CellSet(cx, present[bits.all(axis=1)], self.grid)
         return self._covering[key]
 
-    def graph(self, names: Sequence[str] | None = None, *, min_width_mm: float | None = None):
-        """Entity-based aspect graph of some of the entities; their regions are not computed again.
-
-        See `build_aspect_graph`.
-        """
-        from .graph import graph_of
-
-        return graph_of(self, self.check_names(self.entity_names if names is None else names), min_width_mm)
-
     def subset(self, names: Sequence[str]) -> VisibilityRegions:
         """The same regions for some of the entities."""
         names = self.check_names(names)

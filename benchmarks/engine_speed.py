@@ -24,7 +24,7 @@ import solids  # noqa: E402
 from exact_checker import ExactChecker  # noqa: E402
 from rational_twin import twin_graph  # noqa: E402
 
-from aspectgraph import build_aspect_graph, compute_regions, read_solid  # noqa: E402
+from aspectgraph import build_aspect_graph, compute_regions, graph_of, read_solid  # noqa: E402
 from aspectgraph.graph import cells_per_domain  # noqa: E402
 from aspectgraph.raycast import SightLines  # noqa: E402
 
@@ -94,7 +94,7 @@ def real(path, n_entities, joint):
     spent, regions = seconds(lambda: compute_regions(solid, edges))
     line = f"{path.name}: {len(solid.faces)} faces, {len(edges)} regions {spent:.2f} s"
     if joint:
-        more, eag = seconds(lambda: regions.graph())
+        more, eag = seconds(lambda: graph_of(regions))
         line += f", joint graph {more:.2f} s, {len(eag.graph)} domains, {eag.graph.number_of_edges()} adjacencies"
         doubts = sum(node["n_arbitrated"] for node in eag.graph.nodes.values())
         line += f", {eag.graph.graph['n_slivers']} slivers, {doubts} doubts settled exactly"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from aspectgraph import AspectGraphError, compute_regions, read_entities, read_solid, write_graphml
+from aspectgraph import AspectGraphError, compute_regions, graph_of, read_entities, read_solid, write_graphml
 from planner import tables
 from planner.camera import Camera
 from planner.cli import DONE, INCOMPLETE
@@ -51,7 +51,7 @@ def graph(options) -> int:
         regions = compute_regions(
             solid, entities, workspace=_workspace(options), progress=labelled(progress, "visible regions")
         )
-        result = regions.graph()
+        result = graph_of(regions)
     write_graphml(result, options.graphml)
     tables.print_graph(result)
     print(options.graphml)
@@ -135,7 +135,7 @@ def write_outputs(found: InspectionPlan, regions, folder: Path, progress=None) -
         (staging / "report.html").write_text(report_html(found, regions, progress=progress), encoding="utf-8")
         written = ["plan.json", "report.html"]
         if len(regions.entity_names) <= _MOST_GRAPH_ENTITIES:
-            write_graphml(regions.graph(), staging / "graph.graphml")
+            write_graphml(graph_of(regions), staging / "graph.graphml")
             written.append("graph.graphml")
         written += [str(path.relative_to(staging)) for path in write_poses(found, staging)]
     return [folder / name for name in written]

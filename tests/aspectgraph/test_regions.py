@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import solids
 
-from aspectgraph import ContradictionError, EntityError, WorkspaceError, build_aspect_graph, compute_regions
+from aspectgraph import ContradictionError, EntityError, WorkspaceError, build_aspect_graph, compute_regions, graph_of
 from aspectgraph.raycast import confirm
 
 WORKSPACE = ((-60, -60, -60), (60, 60, 60))
@@ -124,8 +124,8 @@ def test_subset_needs_no_new_regions(slot):
     direct = build_aspect_graph(
         slot.solid, {name: solids.SLOT_ENTITIES[name] for name in ("e3", "e1")}, WORKSPACE
     ).graph
-    assert slot.regions.graph(["e3", "e1"]).graph.nodes == direct.nodes
-    assert slot.regions.graph(["e3", "e1"]).graph.edges == direct.edges
+    assert graph_of(slot.regions, ["e3", "e1"]).graph.nodes == direct.nodes
+    assert graph_of(slot.regions, ["e3", "e1"]).graph.edges == direct.edges
 
 
 @pytest.mark.parametrize("make", [lambda: ProcessPoolExecutor(2), lambda: ThreadPoolExecutor(2)])
