@@ -29,7 +29,7 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
 from planner.conflicts import Cells, find_conflicts, sensor_tangents
-from planner.cover import maximal_columns, min_cover
+from planner.cover import distinct_rows, maximal_columns, min_cover
 from planner.progress import report
 
 _BATCH = 6000
@@ -98,7 +98,8 @@ def _to_split(tree: _Tree, y: np.ndarray, target: int) -> np.ndarray | None:
     if spare < -1e-6:
         return None
     usable = np.flatnonzero(weight >= 1.0 - spare - 1e-6)
-    distinct, of_distinct = np.unique(tree.sets[usable], axis=0, return_inverse=True)
+    first, of_distinct = distinct_rows(tree.sets[usable])
+    distinct = tree.sets[usable[first]]
     heaviest = np.argsort(-(distinct @ y), kind="stable")[: 4 * _MAX_INTEGER_COLUMNS]
     kept = heaviest[maximal_columns(distinct[heaviest])][:_MAX_INTEGER_COLUMNS]
     exhaustive = len(distinct) <= 4 * _MAX_INTEGER_COLUMNS and len(kept) < _MAX_INTEGER_COLUMNS
@@ -109,7 +110,7 @@ def _to_split(tree: _Tree, y: np.ndarray, target: int) -> np.ndarray | None:
         return None
     if len(cover.chosen) >= target:
         return _heaviest(usable[splittable[usable]], weight)
-    nodes = usable[np.isin(of_distinct.ravel(), kept[list(cover.chosen)])]
+    nodes = usable[np.isin(of_distinct, kept[list(cover.chosen)])]
     return nodes[splittable[nodes]][:_BATCH]
 
 
@@ -121,7 +122,7 @@ class _Weights:
     """The dual of the fractional cover over all leaves, by constraint generation."""
 
     def __init__(self, columns: np.ndarray):
-        self.rows = np.unique(columns, axis=0)
+        self.rows = columns[distinct_rows(columns)[0]]
 
     def solve(self, sets: np.ndarray) -> np.ndarray:
         """Return the weights y (e,) of largest sum such that no leaf and no known column weighs more than 1."""
@@ -132,9 +133,10 @@ class _Weights:
             if not violated.size:
                 break
             worst = violated[np.argsort(-weight[violated], kind="stable")[:2000]]
-            new = np.unique(sets[worst], axis=0)
+            new = sets[worst[distinct_rows(sets[worst])[0]]]
             new = new[np.argsort(-(new @ y), kind="stable")[:150]]
-            self.rows = np.unique(np.concatenate([self.rows, new]), axis=0)
+            rows = np.concatenate([self.rows, new])
+            self.rows = rows[distinct_rows(rows)[0]]
         self._forget(y)
         return y / max(1.0, float((sets @ y).max(initial=0.0)))
 

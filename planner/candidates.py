@@ -20,6 +20,7 @@ from planner.sampling import ViewpointSampler
 _AXES_PER_VIEWPOINT = 6
 _PARENTS = 64
 _CHILDREN = 24
+_PATIENCE = 60
 
 
 def column_seed(seed: int, names) -> int:
@@ -80,16 +81,20 @@ def price_poses(judge: Judge, pool: ColumnPool, near: ColumnPool, seed: int, rou
     seed : int
         The plan's seed.
     rounds : int
-        Rounds; fewer if one column covers everything.
+        Rounds at most; fewer if the relaxation's value has not fallen for a while, or one column covers everything.
     progress : callable, optional
         ``progress(done, total, label)``.
     """
     covered = pool.membership.any(axis=0)
     rng = np.random.default_rng(column_seed(seed, ["pricing"]))
     breed = pool.poses[:0]
+    value, improved = np.inf, 0
     for done in range(rounds):
-        if not covered.any() or pool.membership[:, covered].all(axis=1).any():
+        if not covered.any() or pool.membership[:, covered].all(axis=1).any() or done - improved > _PATIENCE:
             break
+        if done % 10 == 0:
+            new_value = fractional_cover(pool.membership[:, covered])[0]
+            value, improved = (new_value, done) if new_value < value - 1e-6 else (value, improved)
         # the optimal prices are seldom unique: other ones every round keep the search from staring at one corner
         bias = 1.0 + 0.5 * rng.random(int(covered.sum()))
         prices = np.zeros(len(covered))

@@ -152,7 +152,7 @@ def maximal_columns(membership) -> np.ndarray:
     ndarray of int, ascending
     """
     membership = np.asarray(membership, dtype=bool)
-    _, first = np.unique(membership, axis=0, return_index=True)
+    first, _ = distinct_rows(membership)
     order = first[np.argsort(-membership[first].sum(axis=1), kind="stable")]
     kept = np.zeros((0, membership.shape[1]), dtype=bool)
     kept_idx = []
@@ -163,6 +163,26 @@ def maximal_columns(membership) -> np.ndarray:
         kept = np.vstack([kept, column])
         kept_idx.append(int(column_idx))
     return np.array(sorted(kept_idx), dtype=int)
+
+
+def distinct_rows(membership: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the indices (d,) of the first of every kind of row of a Boolean matrix (n, e), and each row's kind (n,).
+
+    Kinds are numbered in an order that depends on the rows only. Rows are compared as machine words, which is far
+    quicker than `numpy.unique` on many columns.
+    """
+    n, n_columns = membership.shape
+    if n == 0:
+        return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
+    packed = np.zeros((n, max(1, -(-n_columns // 64)) * 8), dtype=np.uint8)
+    packed[:, : -(-n_columns // 8)] = np.packbits(membership, axis=1)
+    words = packed.view(np.uint64)
+    # stable, so that the first of equal rows comes first
+    order = np.lexsort(words.T[::-1])
+    new = np.concatenate([[True], (words[order[1:]] != words[order[:-1]]).any(axis=1)])
+    kind = np.empty(n, dtype=int)
+    kind[order] = np.cumsum(new) - 1
+    return order[new], kind
 
 
 def check_membership(membership) -> np.ndarray:

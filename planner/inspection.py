@@ -44,14 +44,14 @@ class Effort:
     pricing_rounds : int
         Rounds of column generation at most.
     refutations : int
-        Rounds of choosing optimistic columns and trying to realise them, at most.
+        Optimistic columns that the genetic algorithm tries to realise, at most.
     bound_nodes : int
         Nodes of the search tree behind the lower bound, at most.
     """
 
     viewpoints: int = 100
     pricing_rounds: int = 400
-    refutations: int = 8
+    refutations: int = 24
     bound_nodes: int = 150_000
 
 
@@ -269,11 +269,13 @@ class _Work:
 
     def _refute(self, inspected: np.ndarray) -> None:
         """Try to do with fewer settings by optimistic columns; refute what cannot be realised."""
-        for _ in range(self.effort.refutations):
+        left = self.effort.refutations
+        while left > 0:
             sure = min_cover(self.pool.membership[:, inspected], self.pool.quality)
             wanted = self._wanted(inspected, len(sure.chosen))
             if not wanted:
                 return
+            wanted, left = wanted[:left], left - len(wanted)
             for names, outcome in zip(wanted, self._realise(wanted), strict=True):
                 reached = self._accept(outcome)
                 if set(names) - set(reached):

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from planner.cover import fractional_cover, greedy_cover, is_cover, maximal_columns, min_cover
+from planner.cover import distinct_rows, fractional_cover, greedy_cover, is_cover, maximal_columns, min_cover
 from planner.exceptions import CoverError
 
 # the textbook case where greedy takes three sets and two suffice
@@ -82,3 +82,12 @@ def test_wrong_shape_is_refused():
 def test_checker_rejects_what_misses_an_entity():
     assert is_cover(GREEDY_TRAP, (1, 2))
     assert not is_cover(GREEDY_TRAP, (0, 1))
+
+
+@settings(max_examples=40, deadline=None)
+@given(arrays(bool, st.tuples(st.integers(0, 12), st.sampled_from([1, 5, 8, 64, 65, 130])), elements=st.booleans()))
+def test_distinct_rows_are_those_of_numpy(membership):
+    first, kind = distinct_rows(membership)
+    assert np.array_equal(membership[first][kind], membership)
+    assert len(first) == len({row.tobytes() for row in membership})
+    assert all((membership[:i] != membership[i]).any(axis=1).all() for i in first)
