@@ -125,7 +125,7 @@ def _prepare(ax: Axes, positions) -> None:
     ax.set_axis_off()
     ax.set_aspect("equal", adjustable="datalim")
     low, high = points.min(axis=0), points.max(axis=0)
-    room = 0.13 * max(float((high - low).max()), 1e-3)
+    room = 0.09 * max(float((high - low).max()), 1e-3)
     ax.update_datalim([low - room, high + room])
     ax.margins(0)
     ax.autoscale_view()
@@ -139,6 +139,11 @@ def _scaled(values, smallest: float, largest: float) -> np.ndarray:
     return smallest + (largest - smallest) * (logs - logs.min()) / np.ptp(logs)
 
 
+def _shrink(graph: nx.Graph) -> float:
+    """Return the share of their full area that circles have in a graph of this size."""
+    return 1.0 if len(graph) <= _MANY else 0.6 * _MANY / len(graph)
+
+
 def _only_type_b(data: dict) -> bool:
     surfaces = data.get("surfaces", ())
     return bool(surfaces) and all(surface.type == "B" for surface in surfaces)
@@ -148,10 +153,9 @@ def _draw_edges(graph: nx.Graph, positions, ax: Axes) -> LineCollection:
     from matplotlib.collections import LineCollection
 
     rows = list(graph.edges(data=True))
-    thick = 1.0 if len(graph) <= _MANY else 0.5
     lines = LineCollection(
         [(positions[i], positions[j]) for i, j, _ in rows],
-        linewidths=thick * _scaled([data["area"] for *_, data in rows], *_EDGE_POINTS),
+        linewidths=_shrink(graph) ** 0.5 * _scaled([data["area"] for *_, data in rows], *_EDGE_POINTS),
         linestyles=[_DASHES if _only_type_b(data) else "solid" for *_, data in rows],
         colors=_EDGE_COLOR,
         zorder=1,
@@ -162,11 +166,10 @@ def _draw_edges(graph: nx.Graph, positions, ax: Axes) -> LineCollection:
 
 def _draw_nodes(graph: nx.Graph, positions, colors, ax: Axes) -> PathCollection:
     points = np.array([positions[node] for node in graph])
-    small = 1.0 if len(graph) <= _MANY else 0.35
     open_domain = [data.get("unbounded", False) for _, data in graph.nodes(data=True)]
     return ax.scatter(
         *points.T,
-        s=small * _scaled([volume for _, volume in graph.nodes(data="volume")], *_NODE_POINTS2),
+        s=_shrink(graph) * _scaled([volume for _, volume in graph.nodes(data="volume")], *_NODE_POINTS2),
         c=[colors[node] for node in graph],
         edgecolors=INK,
         linewidths=1.3 if len(graph) <= _MANY else 0.8,
