@@ -80,7 +80,9 @@ def optimum(writer, times: float = 20.0) -> None:
         problem = Problem(*case)
         plan = run(problem, OURS, 0)
         rivals = [
-            run(problem, samples) if name == "random search" else run(problem, RIVALS[name], 1, times * plan.evaluated)
+            run(problem, samples, 1)
+            if name == "random search"
+            else run(problem, RIVALS[name], 1, times * plan.evaluated)
             for name in names
         ]
         below = 100.0 * (1.0 - plan.fitness / max(r.fitness for r in rivals))
@@ -96,9 +98,9 @@ def optimum(writer, times: float = 20.0) -> None:
 def sampling(seeds: int) -> None:
     """Print what the restriction to the covering domains brings."""
     print(
-        "Feasible: share of poses drawn for the first population that satisfy all constraints. Generations and"
-        "\nevaluations until the best pose is within 0.1 % of the best fitness known (median over the seeds, - if never). Where draws"
-        "\nhardly ever fit, the planner repairs the least violating ones: without that, workspace draws would often fail.\n"
+        "Feasible: share of poses drawn for the first population that satisfy all constraints. Generations and\n"
+        "evaluations until the best pose is within 0.1 % of the best fitness known (median over the seeds, - never).\n"
+        "Where draws hardly ever fit, the planner repairs the least violating ones; else they would find none.\n"
     )
     print(
         f"{'case':<52}{'sampling':>10}{'feasible':>10}{'generations':>13}{'evaluated':>11}"
