@@ -59,6 +59,14 @@ def test_any_rotation_scale_and_place(reference, name, seed):
     assert same_graph(graph_of(moved, part.faces, pairs), reference[name])
 
 
+@pytest.mark.parametrize("seed", [1, 2, 4, 6, 7, 9, 10, 12])
+def test_any_rotation_of_generated_solids(seed):
+    part = generated_solid(seed)
+    pairs = sharp_edges(part, ExactChecker(part.vertices, part.faces))[::3]
+    turned = Rotation.random(random_state=seed).apply(np.array(part.vertices, dtype=float))
+    assert same_graph(graph_of(turned, part.faces, pairs), graph_of(part.vertices, part.faces, pairs))
+
+
 @pytest.mark.parametrize("name", KNOWN)
 def test_mirror_image(reference, name):
     part, pairs = KNOWN[name]
