@@ -50,8 +50,8 @@ class Effort:
     """
 
     viewpoints: int = 100
-    pricing_rounds: int = 400
-    refutations: int = 24
+    pricing_rounds: int = 250
+    refutations: int = 12
     bound_nodes: int = 150_000
 
 

@@ -292,12 +292,15 @@ def _write_png(solid, edges, path: Path) -> None:
     FigureCanvasAgg(figure)
     ax = figure.add_subplot(projection="3d", computed_zorder=False)
     ax.add_collection3d(Poly3DCollection(solid.vertices[solid.triangles], facecolor="#dfe3e8", alpha=0.35, linewidth=0))
+    outline = [solid.edge_points(edge.id) for edge in solid.edges if _is_feature(solid, edge)]
+    ax.add_collection3d(Line3DCollection(outline, colors="#8a939e", linewidths=0.6))
     ends = np.array([solid.edge_points(edge.id) for edge in edges]).reshape(-1, 2, 3)
     ax.add_collection3d(Line3DCollection(ends, colors=COLORS[0], linewidths=1.6))
     for edge, middle in zip(edges, ends.mean(axis=1), strict=True):
         ax.text(*middle, str(edge.id), fontsize=7, color=COLORS[1])
     low, high = solid.bounds
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]), xlabel="x (mm)", ylabel="y (mm)")
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    ax.set_axis_off()
     ax.set_box_aspect(np.maximum(high - low, 0.02 * (high - low).max()))
     ax.view_init(elev=40, azim=-60)
     temporary = path.with_name(f".{path.name}.part")
