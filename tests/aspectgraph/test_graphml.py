@@ -7,12 +7,15 @@ import igraph
 import networkx as nx
 import numpy as np
 import pytest
+from generated_solids import SLOTTED_BLOCK, SLOTTED_ENTITIES, TABLE_I
 from hypothesis import given
 from hypothesis import strategies as st
 
 from aspectgraph.exceptions import GraphMLError
+from aspectgraph.graph import build_aspect_graph
 from aspectgraph.graphml import read_graphml, write_graphml
 from aspectgraph.partition import PartitionSurface
+from aspectgraph.solid import Solid
 
 SURFACE_A = PartitionSurface("A", "e1", (), (), (4,), (0.0, 0.6, 0.8, 1 / 3))
 SURFACE_B = PartitionSurface("B", "side <e2>", (3,), (), (), (1.0, 0.0, 0.0, -2.5))
@@ -83,6 +86,18 @@ def test_graph_is_taken_from_an_aspect_graph_and_left_alone(tmp_path):
     write_graphml(AspectGraph(), str(tmp_path / "g.graphml"))
     assert_same(AspectGraph.graph, small_graph())
     assert_same(read_graphml(str(tmp_path / "g.graphml")), small_graph())
+
+
+def test_aspect_graph_of_a_solid(tmp_path):
+    eag = build_aspect_graph(Solid(SLOTTED_BLOCK.vertices, SLOTTED_BLOCK.faces, name="slots"), SLOTTED_ENTITIES)
+    write_graphml(eag, tmp_path / "g.graphml")
+    read = read_graphml(tmp_path / "g.graphml")
+    assert read.graph == eag.graph.graph
+    assert dict(read.nodes(data=True)) == dict(eag.graph.nodes(data=True))
+    assert list(read.edges(data=True)) == list(eag.graph.edges(data=True))
+    other = igraph.Graph.Read_GraphML(str(tmp_path / "g.graphml"))
+    assert (other.vcount(), other.ecount()) == (8, 11)
+    assert sorted(other.vs["label"]) == sorted(names.replace(" ", ", ") or "None" for names in TABLE_I)
 
 
 TEXTS = st.text(max_size=12).filter(lambda s: s.isprintable() or s == "")
