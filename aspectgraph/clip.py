@@ -14,6 +14,7 @@ from .solid import Solid
 
 _ON = 1e-9
 _SNAP = 1e-7
+_PARALLEL = 1e-10
 
 
 class Facet(NamedTuple):
@@ -84,9 +85,11 @@ def clipped_facets(half_spaces: np.ndarray, box: np.ndarray) -> list[tuple[np.nd
 
 def plane_axes(normal: np.ndarray) -> np.ndarray:
     """Return two orthonormal vectors in the plane with a normal, shape (2, 3)."""
-    u = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    u /= np.linalg.norm(u)
-    return np.array([u, np.cross(normal, u)])
+    a, b, c = np.asarray(normal, float) / np.linalg.norm(normal)
+    # the cross product with the axis that is farthest from the normal, written out for speed
+    u = ((0.0, c, -b), (-c, 0.0, a), (b, -a, 0.0))[int(np.argmin(np.abs((a, b, c))))]
+    x, y, z = np.array(u) / np.linalg.norm(u)
+    return np.array([(x, y, z), (b * z - c * y, c * x - a * z, a * y - b * x)])
 
 
 def domain_facets(cells: Iterable[Cell], solid: Solid, box: np.ndarray) -> list[Facet]:
@@ -111,9 +114,11 @@ def domain_facets(cells: Iterable[Cell], solid: Solid, box: np.ndarray) -> list[
             sides.setdefault(key, ([], []))[sign].append(shapely.Polygon(corners @ axes.T))
     facets = []
     for key, (behind, before) in sides.items():
-        wall = _union(behind, size).symmetric_difference(_union(before, size), grid_size=_SNAP * size)
-        wall = wall.difference(_solid_faces(solid, key, size), grid_size=_SNAP * size)
-        facets += [_lifted(part, key) for part in _polygons(wall) if part.area > (1e-4 * size) ** 2]
+        grid = _SNAP * size
+        one, other = polygon_union(behind, grid), polygon_union(before, grid)
+        wall = shapely.MultiPolygon(polygon_parts(one.symmetric_difference(other, grid_size=grid)))
+        wall = wall.difference(_solid_faces(solid, key, size), grid_size=grid)
+        facets += [_lifted(part, key) for part in polygon_parts(wall) if part.area > (1e-4 * size) ** 2]
     return facets
 
 
@@ -156,27 +161,27 @@ def _plane_key(row: np.ndarray) -> tuple[tuple[float, ...], int]:
     return tuple((np.round(sign * row, 9) + 0.0).tolist()), (sign + 1) // 2
 
 
-def _union(polygons: list, size: float):
-    return shapely.union_all(polygons, grid_size=_SNAP * size) if polygons else shapely.Polygon()
+def polygon_union(polygons: list, grid: float) -> shapely.Geometry:
+    """Return the union of polygons on a grid, without the lines that the thinnest of them collapse to there."""
+    return shapely.MultiPolygon(polygon_parts(shapely.union_all(polygons, grid_size=grid)))
 
 
-def _solid_faces(solid: Solid, key: tuple[float, ...], size: float):
-    normal, offset = np.array(key[:3]), key[3]
-    axes = plane_axes(normal)
-    triangles = [
-        shapely.Polygon(solid.vertices[corners] @ axes.T)
-        for face, own in zip(solid.face_triangles, solid.normals, strict=True)
-        if np.abs(np.cross(own, normal)).max() < 1e-6
-        and abs(solid.vertices[face[0, 0]] @ normal + offset) < 1e-6 * size
-        for corners in face
-    ]
-    return _union(triangles, size)
-
-
-def _polygons(geometry) -> list:
+def polygon_parts(geometry: shapely.Geometry) -> list:
+    """Return the polygons in a geometry."""
     return [
         part for part in getattr(geometry, "geoms", [geometry]) if part.geom_type == "Polygon" and not part.is_empty
     ]
+
+
+def _solid_faces(solid: Solid, key: tuple[float, ...], size: float) -> shapely.Geometry:
+    """Return the union of the solid's faces in a plane, in the plane's axes."""
+    normal, offset = np.array(key[:3]), key[3]
+    first = solid.vertices[[face.outer[0] for face in solid.faces]]
+    parallel = np.abs(np.abs(solid.normals @ normal) - 1.0) < _PARALLEL
+    in_plane = np.flatnonzero(parallel & (np.abs(first @ normal + offset) < 10 * _SNAP * size))
+    axes = plane_axes(normal)
+    corners = [solid.vertices[triangle] @ axes.T for face in in_plane for triangle in solid.face_triangles[face]]
+    return polygon_union([shapely.Polygon(triangle) for triangle in corners], _SNAP * size)
 
 
 def _lifted(polygon, key: tuple[float, ...]) -> Facet:

@@ -22,6 +22,8 @@ _ENTITY = "#c0152f"
 _LIGHT = np.array([0.35, -0.5, 0.8])
 _VIEWS = [(x, y, z) for z in (0.7, -0.7) for x, y in ((0.9, -1.1), (0.9, 1.1), (-0.9, -1.1), (-0.9, 1.1))]
 _MOST_VISIBLE = 3
+# air around the part, in its diagonals
+_MARGIN = 0.4
 _FEATURE_DEG, _CURVED_FEATURE_DEG = 15.0, 40.0
 
 
@@ -83,7 +85,7 @@ def plot_domains(
     unknown = [node for node in chosen if node not in eag.graph]
     if unknown:
         raise AspectGraphError(f"nodes must be in the graph, 0 to {len(eag.graph) - 1}. Got {unknown[0]!r}.")
-    corners = box_around(eag.solid, eag.workspace, box)
+    corners = box_around(eag.solid, eag.workspace, box, margin=_MARGIN)
     colors = list_colors(eag.graph)
     traces = [*part_traces(eag.solid), *entity_traces(eag.solid, eag.entities)]
     for k, node in enumerate(chosen):
@@ -166,7 +168,7 @@ def _domain_traces(eag: EntityAspectGraph, node, box: np.ndarray, color: str, op
     data = eag.graph.nodes[node]
     cells = list(eag.cells(node))
     facets = domain_facets(cells, eag.solid, box)
-    title = f"{node}: {list_text(data['observable'], eag.entity_names, per_line=6, newline='<br>')}"
+    title = f"{node}: {list_text(data['observable'], eag.entity_names, width=30, newline='<br>')}"
     together = {"legendgroup": f"domain {node}", "visible": True if shown else "legendonly"}
     if not facets:
         title += " (not in this picture)"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from .clip import box_around, section_axes, section_polygon
+from .clip import box_around, polygon_parts, polygon_union, section_axes, section_polygon
 from .exceptions import WorkspaceError
 from .plot_style import INK, list_colors, list_text, new_axes, text_extent
 
@@ -87,7 +87,8 @@ def plot_section(
     window = corners[:, [u, v]]
     size = float(np.ptp(window, axis=0).max())
     domains = section_domains(eag, k, at, window)
-    solid = shapely.box(*window.ravel()).difference(shapely.union_all(list(domains.values()), grid_size=_NUDGE * size))
+    free = polygon_union(list(domains.values()), _NUDGE * size)
+    solid = shapely.MultiPolygon(polygon_parts(shapely.box(*window.ravel()).difference(free)))
     ax = new_axes((8.5, 6.0)) if ax is None else ax
     _fill(eag, domains, solid, ax)
     surfaces = _draw_surfaces(eag, domains, k, at, window, ax)
@@ -108,7 +109,7 @@ def section_domains(eag: EntityAspectGraph, axis: int, at: float, window: np.nda
     for node in eag.graph:
         pieces = [section_polygon(cell, axis, above, window) for cell in eag.cells(node)]
         polygons = [shapely.Polygon(piece) for piece in pieces if len(piece) > 2]
-        union = shapely.union_all(polygons, grid_size=0.1 * _NUDGE * size)
+        union = polygon_union(polygons, 0.1 * _NUDGE * size)
         if union.area > (1e-4 * size) ** 2:
             domains[node] = union
     return domains
@@ -202,10 +203,8 @@ def _label(eag: EntityAspectGraph, domains: dict, window: np.ndarray, ax: Axes) 
     extent = ax.get_window_extent()
     mm_per_point = ax.figure.dpi / 72.0 / np.min([extent.width, extent.height] / np.ptp(window, axis=0))
     for node, geometry in domains.items():
-        text = list_text(eag.graph.nodes[node]["observable"], eag.entity_names, per_line=2)
-        for part in getattr(geometry, "geoms", [geometry]):
-            if part.geom_type != "Polygon":
-                continue
+        text = list_text(eag.graph.nodes[node]["observable"], eag.entity_names, width=8)
+        for part in geometry.geoms:
             x, y = shapely.maximum_inscribed_circle(part, tolerance=0.002 * size).coords[0]
             for points in _FONT_POINTS:
                 half = 0.5 * points * mm_per_point * np.array(text_extent(text))

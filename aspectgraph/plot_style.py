@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import colorsys
+import re
 from collections.abc import Hashable, Sequence
 
 import networkx as nx
@@ -48,31 +49,42 @@ def _color(k: int) -> str:
     return "#" + "".join(f"{round(255 * part):02x}" for part in rgb)
 
 
-def list_text(listed: Sequence[str], names: Sequence[str], per_line: int = 4, newline: str = "\n") -> str:
-    """Return an observable list as a label, runs of names shortened: ``e1–e4 e6``.
+def list_text(listed: Sequence[str], names: Sequence[str], width: int = 12, newline: str = "\n") -> str:
+    """Return an observable list as a label, three or more names numbered in turn shortened: ``e1–e4 e6``.
 
     Parameters
     ----------
     listed : sequence of str
         The list.
     names : sequence of str
-        All entities, in order; a run is three or more that follow each other here.
-    per_line : int
-        Words per line.
+        All entities, in the order to name them.
+    width : int
+        A line is broken before the word that makes it longer.
     newline : str
         Between lines.
     """
     if not listed:
         return "none"
-    place = {name: k for k, name in enumerate(names)}
     runs: list[list[str]] = []
-    for name in sorted(listed, key=place.__getitem__):
-        if runs and place[name] == place[runs[-1][-1]] + 1:
+    for name in sorted(listed, key=list(names).index):
+        if runs and _follows(runs[-1][-1], name):
             runs[-1].append(name)
         else:
             runs.append([name])
-    words = [word for run in runs for word in ([f"{run[0]}–{run[-1]}"] if len(run) >= _RUN else run)]
-    return newline.join(" ".join(words[k : k + per_line]) for k in range(0, len(words), per_line))
+    lines = [""]
+    for word in (word for run in runs for word in ([f"{run[0]}–{run[-1]}"] if len(run) >= _RUN else run)):
+        if lines[-1] and len(lines[-1]) + 1 + len(word) > width:
+            lines.append("")
+        lines[-1] = f"{lines[-1]} {word}".lstrip()
+    return newline.join(lines)
+
+
+def _follows(name: str, other: str) -> bool:
+    """Whether two names are alike but for a last number, which is one higher in the other."""
+    stems, numbers = zip(
+        *(re.fullmatch(r"(.*?)(\d*)", text, re.DOTALL).groups() for text in (name, other)), strict=True
+    )
+    return stems[0] == stems[1] and all(numbers) and int(numbers[0]) + 1 == int(numbers[1])
 
 
 def text_extent(text: str) -> tuple[float, float]:

@@ -207,15 +207,18 @@ def test_graphs_in_pieces_have_a_place_for_every_node():
     ("listed", "text"),
     [
         ((), "none"),
-        (("a",), "a"),
-        (("a", "b"), "a b"),
-        (("c", "b", "a"), "a–c"),
-        (("a", "b", "c", "e", "f"), "a–c e f"),
-        (("a", "c", "e"), "a c\ne"),
+        (("e1",), "e1"),
+        (("e2", "e1"), "e1 e2"),
+        (("e3", "e2", "e1"), "e1–e3"),
+        (("e1", "e2", "e3", "e5", "rim"), "e1–e3 e5 rim"),
+        (("e1", "e3", "e5", "rim", "slot"), "e1 e3 e5 rim\nslot"),
+        (("e3", "rim", "slot"), "e3 rim slot"),
+        (("e3", "a much longer name", "rim"), "e3 rim\na much longer name"),
     ],
 )
 def test_lists_as_text(listed, text):
-    assert list_text(listed, "abcdef", per_line=3 if "–" in text else 2) == text
+    names = ["e1", "e2", "e3", "e5", "rim", "slot", "a much longer name"]
+    assert list_text(listed, names) == text
 
 
 def test_equal_lists_have_equal_colours_and_different_ones_different(step):

@@ -19,7 +19,7 @@ from solids import (
 )
 
 from aspectgraph import AspectGraphError, WorkspaceError, build_aspect_graph, compute_regions, plot_domains, plot_solid
-from aspectgraph.clip import box_around, clip_polygon, clipped_facets, domain_facets
+from aspectgraph.clip import box_around, clip_polygon, clipped_facets, domain_facets, plane_axes
 from aspectgraph.plot3d import best_view
 
 
@@ -64,6 +64,14 @@ def test_a_square_cut_by_a_diagonal_is_a_triangle():
     ]  # fmt: skip
     assert len(clip_polygon(square, np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 0.0]]))) == 0
     assert (clip_polygon(square, np.array([[1.0, 0.0, -1.0]])) == square).all()
+
+
+@pytest.mark.parametrize("normal", [(0, 0, 1), (0, -1, 0), (0.6, 0, 0.8), (1, 2, 3)])
+def test_axes_of_a_plane(normal):
+    unit = np.array(normal) / np.linalg.norm(normal)
+    axes = np.array([*plane_axes(np.array(normal)), unit])
+    assert axes @ axes.T == pytest.approx(np.eye(3))
+    assert np.linalg.det(axes) == pytest.approx(1.0)
 
 
 def test_facets_of_a_cell_in_a_box():
