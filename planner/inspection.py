@@ -331,7 +331,10 @@ class _Work:
         """Run the genetic algorithm for sets of entities not tried before; return all outcomes in order."""
         todo = [names for names in dict.fromkeys(sets) if self.memo.get(names) is None]
         done, self.runs = self.runs, self.runs + len(todo)
-        arguments = [(self.judge, self.pose_uncertainty, names, column_seed(self.seed, names)) for names in todo]
+        arguments = [
+            (self.judge, self.pose_uncertainty, names, column_seed(self.seed, names), self._start(names))
+            for names in todo
+        ]
         if self.executor is None:
             outcomes = (realise(*a) for a in arguments)
         else:
@@ -342,6 +345,15 @@ class _Work:
             done += 1
             report(self.progress, done, self.runs, "genetic algorithm")
         return [self.memo.get(names) for names in sets]
+
+    def _start(self, names) -> np.ndarray | None:
+        """Return the candidate pose (1, 4, 4) that inspects, or nearly inspects, a set of entities."""
+        column = np.isin(self.names, names)
+        for pool in (self.pool, self.near):
+            best = pool.best_containing(column)
+            if best is not None:
+                return pool.poses[best : best + 1]
+        return None
 
     def _bound(self, inspected: np.ndarray, n_settings: int) -> tuple[int, str]:
         return lower_bound(

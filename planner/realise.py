@@ -21,8 +21,20 @@ _MEANING = {
 }
 
 
-def realise(judge: Judge, pose_uncertainty: PoseUncertainty, names, seed: int) -> SensorSetting | str:
+def realise(judge: Judge, pose_uncertainty: PoseUncertainty, names, seed: int, start=None) -> SensorSetting | str:
     """Look for a setting that inspects a set of entities: first by the sum of probabilities, then by the smallest.
+
+    Parameters
+    ----------
+    judge : Judge
+        The request.
+    pose_uncertainty : PoseUncertainty
+    names : tuple of str
+        The column.
+    seed : int
+        Seed of the run.
+    start : array (m, 4, 4), optional
+        Poses to begin with, such as the candidate that promised the column.
 
     Returns
     -------
@@ -45,6 +57,7 @@ def realise(judge: Judge, pose_uncertainty: PoseUncertainty, names, seed: int) -
                 field_margin_px=need.field_margin_px,
                 reach=need.reach,
                 objective=objective,
+                start=start,
             )
         except InfeasibleError as error:
             alone = str(error).startswith(f"{error.constraint} ")
