@@ -125,7 +125,7 @@ def _prepare(ax: Axes, positions) -> None:
     ax.set_axis_off()
     ax.set_aspect("equal", adjustable="datalim")
     low, high = points.min(axis=0), points.max(axis=0)
-    room = 0.09 * max(float((high - low).max()), 1e-3)
+    room = 0.05 * max(float((high - low).max()), 1e-3)
     ax.update_datalim([low - room, high + room])
     ax.margins(0)
     ax.autoscale_view()
