@@ -60,18 +60,17 @@ def _bars(stream) -> Iterator[Progress]:
 
 
 class _Lines:
-    """One line when a label is first seen and one when it is done: readable in a log."""
+    """One line whenever all known work of a label is done: readable in a log."""
 
     def __init__(self, stream):
         self._stream = stream
         self._started: dict[str, float] = {}
-        self._finished: set[str] = set()
+        self._finished: set[tuple[str, int]] = set()
 
     def __call__(self, done: int, total: int, label: str) -> None:
         if label not in self._started:
             self._started[label] = time.monotonic()
-            self._finished.discard(label)
-        if done >= total and label not in self._finished:
+        if done >= total and (label, total) not in self._finished:
             seconds = time.monotonic() - self._started[label]
-            self._finished.add(label)
+            self._finished.add((label, total))
             print(f"{label}: {done}/{total} ({seconds:.1f} s)", file=self._stream, flush=True)
