@@ -109,8 +109,8 @@ def table_run(crossover: float, mutation: float, population: int, part: str, ent
     return TableRun(*how, setting.fitness, float(means[-1]), setting.generations, seconds)
 
 
-def table_iv(seeds) -> np.ndarray:
-    """Return, per set and seed, the probabilities found by the default search, as a list of arrays (seeds, entities)."""
+def table_iv(seeds) -> list[np.ndarray]:
+    """Return, per set of Table IV, the probabilities (seeds, entities) found by the default search."""
     return [
         np.array([list(paper_setting("block", names, Search(), s).probability.values()) for s in seeds])
         for names in TABLE_IV
