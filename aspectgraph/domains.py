@@ -1,13 +1,14 @@
 """Viewing domains: connected unions of equally labelled cells, and what they share.
 
 Slivers. Snapping a rotated part leaves cells thinner than any robot can aim. A domain whose inscribed radius is below
-half of ``min_width`` joins the neighbour it shares most boundary with, and is counted; a contact narrower than
-``min_width`` joins nothing.
+half of the least width joins the neighbour it shares most boundary with, and is counted; a contact narrower than that
+joins nothing. Snapping turns planes, so slivers widen with distance, and so does the least width (`Ruler`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linprog
@@ -18,6 +19,20 @@ from .carve import INSIDE
 from .cells import leaves
 from .complex import Complex
 from .measure import cell_sizes, half_spaces, interfaces
+
+
+class Ruler(NamedTuple):
+    """The least width of domains and contacts, in grid steps.
+
+    It is `min_width` up to the distance `reach` from the part's centre, and beyond it grows with the distance.
+    """
+
+    min_width: float
+    reach: float
+
+    def least_width(self, distance):
+        """Least width at a distance, or an array of distances, from the part's centre (the grid's zero), in steps."""
+        return self.min_width * np.maximum(1.0, distance / self.reach)
 
 
 @dataclass
@@ -74,15 +89,15 @@ class Domains:
     n_slivers: int
 
 
-def find_domains(cx: Complex, min_width: float) -> Domains:
+def find_domains(cx: Complex, ruler: Ruler) -> Domains:
     """Merge equally labelled cells across common faces.
 
     Parameters
     ----------
     cx : Complex
         Labelled, and carved.
-    min_width : float
-        In grid steps.
+    ruler : Ruler
+        What is too narrow to count.
     """
     present = leaves(cx)
     free = present[(cx.label[present, -1] & INSIDE) == 0]
@@ -92,20 +107,20 @@ def find_domains(cx: Complex, min_width: float) -> Domains:
     is_free[free] = True
     keep = is_free[sides[:, 0]] & is_free[sides[:, 1]]
     sides, sizes = sides[keep], sizes[keep]
+    is_wide = _wide(cx, sides, sizes, ruler)
     labels, label_of = np.unique(cx.label[free], axis=0, return_inverse=True)
     label = np.full(n, -1)
     label[free] = label_of.ravel()
     volume = np.zeros(n)
     surface = np.zeros(n)
     volume[free], surface[free] = cell_sizes(cx, free).T
-    wide = sizes[:, 1] >= min_width
-    balls = _Balls(cx, volume, surface)
-    links = sides[wide, :2]
+    balls = _Balls(cx, volume, surface, ruler)
+    links = sides[is_wide, :2]
     n_slivers = 0
     while True:
         of_cell, n_domains = _components(label, free, links, n)
         members = _members(of_cell, free, n_domains)
-        thin = [d for d in range(n_domains) if balls.of(members[d], 0.5 * min_width)[1] < 0.5 * min_width]
+        thin = [d for d in range(n_domains) if balls.is_thin(members[d])]
         glue = _absorb(thin, members, of_cell, label, sides, sizes)
         if not len(glue):
             break
@@ -116,7 +131,7 @@ def find_domains(cx: Complex, min_width: float) -> Domains:
     rank = np.empty(n_domains, int)
     rank[order] = np.arange(n_domains)
     of_cell[of_cell >= 0] = rank[of_cell[of_cell >= 0]]
-    return Domains([domains[d] for d in order], _contacts(of_cell, sides, sizes, min_width), of_cell, n_slivers)
+    return Domains([domains[d] for d in order], _contacts(of_cell, sides, sizes, is_wide), of_cell, n_slivers)
 
 
 def _components(label, free, sides, n) -> tuple[np.ndarray, int]:
@@ -157,23 +172,87 @@ def _absorb(thin, members, of_cell, label, sides, sizes) -> np.ndarray:
 class _Balls:
     """Largest balls inside single cells, computed when needed and remembered."""
 
-    def __init__(self, cx: Complex, volume: np.ndarray, surface: np.ndarray):
-        self._cx = cx
+    def __init__(self, cx: Complex, volume: np.ndarray, surface: np.ndarray, ruler: Ruler):
+        self._cx, self._ruler = cx, ruler
         # a convex body's volume is at least a third of its inscribed radius times its surface
         self._bound = 3.0 * volume / np.maximum(surface, 1e-300)
         self._known: dict[int, tuple[np.ndarray, float]] = {}
+        self._roomy: dict[int, bool] = {}
 
-    def of(self, cells: np.ndarray, enough: float = np.inf) -> tuple[np.ndarray, float]:
-        """Centre and radius of the largest ball inside one of the cells, or of one of radius at least `enough`."""
+    def largest(self, cells: np.ndarray) -> tuple[np.ndarray, float]:
+        """Centre and radius of the largest ball inside one of the cells."""
         best = (np.zeros(3), -1.0)
         for cell in cells[np.argsort(-self._bound[cells], kind="stable")]:
-            if self._bound[cell] <= best[1] or best[1] >= enough:
+            if self._bound[cell] <= best[1]:
                 break
-            ball = self._known.get(int(cell))
-            if ball is None:
-                ball = self._known[int(cell)] = chebyshev_ball(half_spaces(self._cx, cell))
-            best = max(best, ball, key=lambda b: b[1])
+            best = max(best, self._ball(int(cell)), key=lambda b: b[1])
         return best
+
+    def is_thin(self, cells: np.ndarray) -> bool:
+        """Whether no ball inside one of the cells is as wide as the least width at its place."""
+        for cell in cells[np.argsort(-self._bound[cells], kind="stable")]:
+            if self._bound[cell] < 0.5 * self._ruler.min_width:
+                return True
+            if self._has_room(int(cell)):
+                return False
+        return True
+
+    def _has_room(self, cell: int) -> bool:
+        """Whether some ball in the cell is wide enough where it is; mostly the largest is."""
+        if cell not in self._roomy:
+            centre, radius = self._ball(cell)
+            self._roomy[cell] = bool(2.0 * radius >= self._ruler.least_width(np.linalg.norm(centre))) or has_room(
+                half_spaces(self._cx, cell), self._ruler
+            )
+        return self._roomy[cell]
+
+    def _ball(self, cell: int) -> tuple[np.ndarray, float]:
+        if cell not in self._known:
+            self._known[cell] = chebyshev_ball(half_spaces(self._cx, cell))
+        return self._known[cell]
+
+
+def has_room(rows: np.ndarray, ruler: Ruler, normal: np.ndarray | None = None) -> bool:
+    """Whether a ball inside {a·x + b·y + c·z + d <= 0 for all rows} is as wide as the least width at its place.
+
+    With m the largest of `reach` and the coordinates' magnitudes at the ball's centre, the radius less the least radius
+    at m is concave, so its maximum is a linear programme. With `normal`, the first row holds with equality and the ball
+    is a disc in that plane.
+    """
+    slope = 0.5 * ruler.min_width / ruler.reach
+    scale = np.abs(rows[:, 3]).max() or 1.0
+    thickness = np.ones(len(rows)) if normal is None else np.linalg.norm(np.cross(rows[:, :3], normal), axis=1)
+    first = 0 if normal is None else 1
+    flat = np.zeros((2, 3)) if normal is None else rows[[0, 0], :3] * [[1], [-1]]
+    unit = np.eye(3)
+    columns = [
+        np.column_stack([rows[first:, :3], thickness[first:], np.zeros(len(rows) - first)]),
+        np.column_stack([flat, np.zeros((2, 2))]),
+        np.column_stack([unit, np.zeros(3), -np.ones(3)]),
+        np.column_stack([-unit, np.zeros(3), -np.ones(3)]),
+    ]
+    level = np.zeros(2) if normal is None else np.array([-1.0, 1.0]) * rows[0, 3]
+    result = linprog(
+        [0.0, 0.0, 0.0, -1.0, slope],
+        A_ub=np.concatenate(columns),
+        b_ub=np.concatenate([-rows[first:, 3], level, np.zeros(6)]) / scale,
+        bounds=[(None, None)] * 3 + [(0, None), (ruler.reach / scale, None)],
+        method="highs",
+    )
+    return bool(result.success and result.fun <= 0.0)
+
+
+def _wide(cx: Complex, sides: np.ndarray, sizes: np.ndarray, ruler: Ruler) -> np.ndarray:
+    """Whether each face is as wide as the least width somewhere on it."""
+    wide = sizes[:, 1] >= ruler.least_width(sizes[:, 2])
+    for k in np.flatnonzero(~wide & (sizes[:, 1] >= 0.5 * ruler.min_width)) if ruler.min_width > 0.0 else ():
+        plane = cx.planes[sides[k, 2]].astype(float)
+        plane /= np.linalg.norm(plane[:3])
+        around = np.concatenate([half_spaces(cx, int(cell)) for cell in sides[k, :2]])
+        slanted = np.linalg.norm(np.cross(around[:, :3], plane[:3]), axis=1) > 1e-9
+        rows = np.concatenate([[[*plane[:3], -plane[3]]], around[slanted]])
+        wide[k] = has_room(rows, ruler, plane[:3])
+    return wide
 
 
 def chebyshev_ball(rows: np.ndarray) -> tuple[np.ndarray, float]:
@@ -192,7 +271,7 @@ def chebyshev_ball(rows: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _domain(cells, label, volume, balls: _Balls) -> Domain:
-    centre, radius = balls.of(cells)
+    centre, radius = balls.largest(cells)
     return Domain(tuple(int(word) for word in label), cells, float(volume[cells].sum()), centre, radius)
 
 
@@ -203,14 +282,16 @@ def _order_key(domain: Domain) -> tuple:
     return (-len(members), members, [round(float(x), 3) for x in domain.viewpoint])
 
 
-def _contacts(of_cell, sides, sizes, min_width) -> dict[tuple[int, int], Contact]:
+def _contacts(of_cell, sides, sizes, is_wide) -> dict[tuple[int, int], Contact]:
     contacts: dict[tuple[int, int], Contact] = {}
-    widest: dict[tuple[int, int], float] = {}
+    wide_pairs = set()
     outer = of_cell[sides[:, 0]] != of_cell[sides[:, 1]]
-    for (positive, negative, plane), (area, width) in zip(sides[outer].tolist(), sizes[outer].tolist(), strict=True):
+    rows = zip(sides[outer].tolist(), sizes[outer, 0].tolist(), is_wide[outer].tolist(), strict=True)
+    for (positive, negative, plane), area, wide in rows:
         pair = tuple(sorted((int(of_cell[positive]), int(of_cell[negative]))))
         contact = contacts.setdefault(pair, Contact())
         contact.area += area
         contact.planes[plane] = contact.planes.get(plane, 0.0) + area
-        widest[pair] = max(widest.get(pair, 0.0), width)
-    return {pair: contacts[pair] for pair in sorted(contacts) if widest[pair] >= min_width}
+        if wide:
+            wide_pairs.add(pair)
+    return {pair: contacts[pair] for pair in sorted(wide_pairs)}

@@ -12,7 +12,7 @@ from .carve import carve, surface_facets, with_facet_planes
 from .cells import leaves
 from .cellset import CellSet
 from .complex import FACE_CHILD, N_CELLS, N_FACES, SIDES, Complex
-from .domains import Domain, Domains, find_domains
+from .domains import Domain, Domains, Ruler, find_domains
 from .entities import Entity
 from .exceptions import EntityError, WidthError
 from .overlay import overlay, share_planes
@@ -21,6 +21,9 @@ from .raycast import confirm
 from .regions import Progress, VisibilityRegions, compute_regions
 from .solid import Solid
 from .tree import locate, tree_of
+
+# domains and contacts next to a displaced part that are thinner than this share of its extent are slivers
+_MIN_WIDTH_SHARE = 1e-4
 
 
 class EntityAspectGraph:
@@ -141,8 +144,8 @@ def build_aspect_graph(
         Computes the entities' regions in parallel.
     progress : callable(done, total, label), optional
     min_width_mm : float, optional
-        Thinner domains and contacts are slivers. Default: twice the distance by which snapping may displace a partition
-        plane at the far end of the workspace, about 10⁻⁵ of its extent; 0 where snapping displaced nothing.
+        Thinner domains and contacts are slivers; away from the part in proportion to the distance, because snapping
+        turns planes. Default: 10⁻⁴ of the part's largest extent; 0 where snapping displaced nothing.
 
     Returns
     -------
@@ -173,7 +176,7 @@ def graph_of(
     facets = surface_facets(scene)
     cx = overlay(own, shared._replace(planes=with_facet_planes(shared.planes, facets)))
     carve(cx, scene, facets, len(box), grid)
-    domains = find_domains(cx, min_width_mm / grid.step_mm)
+    domains = find_domains(cx, Ruler(min_width_mm / grid.step_mm, 0.5 * float(np.ptp(grid.points, axis=0).max())))
     provenance = Provenance(chosen.solid, scene, grid, list(chosen.entities.values()), own, shared)
     graph = _networkx(chosen, cx, domains, provenance)
     graph.graph["min_width_mm"] = min_width_mm
@@ -183,16 +186,15 @@ def graph_of(
 
 
 def _check_min_width(min_width_mm: float | None, regions: VisibilityRegions) -> float:
-    """Return the width below which a domain is a sliver, in mm; see `build_aspect_graph`."""
-    reach = float(np.ptp(regions.workspace, axis=0).max())
+    """Return the width below which a domain next to the part is a sliver, in mm; see `build_aspect_graph`."""
     extent = float(np.ptp(regions.solid.bounds, axis=0).max())
-    displaced = regions.grid.resolution * regions.grid.step_mm * reach / extent
+    displaced = regions.grid.resolution * regions.grid.step_mm
     if min_width_mm is None:
-        return 2.0 * displaced
-    if not displaced <= min_width_mm < reach:
+        return _MIN_WIDTH_SHARE * extent if displaced else 0.0
+    if not displaced <= min_width_mm < extent:
         raise WidthError(
-            f"min_width_mm must be at least {displaced:g} mm, by which snapping may displace a partition plane at the "
-            f"far end of the workspace, and below the workspace's {reach:g} mm. Got {min_width_mm}."
+            f"min_width_mm must be at least {displaced:g} mm, by which snapping may displace a partition plane, and "
+            f"below the part's {extent:g} mm. Got {min_width_mm}."
         )
     return float(min_width_mm)
 
@@ -216,10 +218,10 @@ def _networkx(regions: VisibilityRegions, cx: Complex, domains: Domains, provena
         graph.add_node(
             node,
             observable=tuple(names[k] for k in sorted(members[node])),
-            volume=domain.volume * grid.step_mm**3,
+            volume=float(domain.volume * grid.step_mm**3),
             unbounded=bool(at_boundary[domain.cells].any()),
             viewpoint=tuple(map(float, grid.to_mm(domain.viewpoint))),
-            clearance=domain.clearance * grid.step_mm,
+            clearance=float(domain.clearance * grid.step_mm),
             bbox_min=tuple(map(float, low)),
             bbox_max=tuple(map(float, high)),
             n_cells=len(domain.cells),
@@ -228,7 +230,7 @@ def _networkx(regions: VisibilityRegions, cx: Complex, domains: Domains, provena
         graph.add_edge(
             i,
             j,
-            area=contact.area * grid.step_mm**2,
+            area=float(contact.area * grid.step_mm**2),
             surfaces=provenance.surfaces(sorted(contact.planes), sorted(members[i] ^ members[j])),
         )
     return graph

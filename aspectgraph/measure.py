@@ -37,21 +37,22 @@ def cell_centre(cx, c):
 
 @nb.njit(cache=True)
 def _face_area(cx, f):
-    """Area and perimeter of face f, in squared steps and steps."""
+    """Area, perimeter and largest distance from the grid's zero of face f, in squared steps and steps."""
     first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
     centre = np.zeros(3)
     for k in range(first, first + size):
         centre += cx.coordinates[cx.edge[cx.lists[EDGE_LIST, k], ENDS]]
         centre += cx.coordinates[cx.edge[cx.lists[EDGE_LIST, k], ENDS + 1]]
     centre /= 2 * size
-    area = perimeter = 0.0
+    area = perimeter = farthest = 0.0
     for k in range(first, first + size):
         p = cx.coordinates[cx.edge[cx.lists[EDGE_LIST, k], ENDS]] - centre
         q = cx.coordinates[cx.edge[cx.lists[EDGE_LIST, k], ENDS + 1]] - centre
         cross = np.array([p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]])
         area += 0.5 * np.sqrt((cross * cross).sum())
         perimeter += np.sqrt(((p - q) ** 2).sum())
-    return area, perimeter
+        farthest = max(farthest, np.sqrt(((p + centre) ** 2).sum()), np.sqrt(((q + centre) ** 2).sum()))
+    return area, perimeter, farthest
 
 
 @nb.njit(cache=True)
@@ -63,7 +64,7 @@ def _cell_sizes(cx, cells):
         centre = cell_centre(cx, c)
         for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + cx.cell[c, CELL_SIZE]):
             f = cx.lists[FACE_LIST, k]
-            area, _ = _face_area(cx, f)
+            area, _, _ = _face_area(cx, f)
             plane = cx.planes[cx.face[f, FACE_PLANE]]
             a, b, d = np.float64(plane[0]), np.float64(plane[1]), np.float64(plane[2])
             distance = abs(a * centre[0] + b * centre[1] + d * centre[2] - plane[3]) / np.sqrt(a * a + b * b + d * d)
@@ -81,14 +82,14 @@ def cell_sizes(cx: Complex, cells: np.ndarray) -> np.ndarray:
 def _interfaces(cx):
     n = cx.count[N_FACES]
     sides = np.empty((n, 3), np.int64)
-    sizes = np.empty((n, 2))
+    sizes = np.empty((n, 3))
     m = 0
     for f in range(n):
         positive, negative = cx.face[f, SIDES], cx.face[f, SIDES + 1]
         if cx.face[f, FACE_CHILD] >= 0 or positive < 0 or negative < 0 or not _has_face(cx, positive, f):
             continue
         sides[m, 0], sides[m, 1], sides[m, 2] = positive, negative, cx.face[f, FACE_PLANE]
-        area, perimeter = _face_area(cx, f)
+        area, perimeter, sizes[m, 2] = _face_area(cx, f)
         sizes[m, 0] = area
         sizes[m, 1] = 2.0 * area / perimeter if perimeter > 0 else 0.0
         m += 1
@@ -110,9 +111,9 @@ def interfaces(cx: Complex) -> tuple[np.ndarray, np.ndarray]:
     -------
     sides : ndarray of int64, shape (n, 3)
         Positive cell, negative cell, plane.
-    sizes : ndarray, shape (n, 2)
-        Area in squared steps, and width in steps: twice the area over the perimeter, at least the inscribed radius and
-        at most twice that.
+    sizes : ndarray, shape (n, 3)
+        Area in squared steps; width in steps: twice the area over the perimeter, at least the inscribed radius and at
+        most twice that; largest distance from the grid's zero in steps.
     """
     return _interfaces(cx)
 

@@ -114,4 +114,4 @@ def plane_in_mm(plane: np.ndarray, grid: Grid) -> tuple[float, float, float, flo
     a, b, c, d = (int(x) for x in plane)
     x, y, z = (int(o) for o in grid.origin)
     length = float(np.sqrt(float(a * a + b * b + c * c)))
-    return (a / length, b / length, c / length, (d + a * x + b * y + c * z) * grid.step_mm / length)
+    return (a / length, b / length, c / length, float((d + a * x + b * y + c * z) * grid.step_mm / length))
