@@ -141,8 +141,8 @@ plt.show()
 # matters for it.
 #
 # **Agrees: the generations, in trend.** Up to $P_m$ = 0.5 fewer individuals take more generations. And over $P_m$ the
-# curves rise to the middle and fall again: the paper's 189, 579, 927, 366, 135 for N = 20 are a hump around $P_m$ = 0.5,
-# and so are ours. (Where the paper's order of N turns round, at $P_m$ of 0.7 and 0.9, ours does not.)
+# curves rise to the middle and fall again: the paper's 189, 579, 927, 366, 135 for N = 20 are a hump around
+# $P_m$ = 0.5, and so are ours. (Where the paper's order of N turns round, at $P_m$ of 0.7 and 0.9, ours does not.)
 # The heights mean little. A plain genetic algorithm with these mutation rates never comes to rest: its mean fitness
 # scatters from generation to generation, more so where mutation is stronger and where N is smaller, and a run ends when
 # the scatter has by chance stayed below ε a few times running. Generations to the end thus measure scatter against ε,
