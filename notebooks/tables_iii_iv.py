@@ -148,8 +148,8 @@ plt.show()
 # scatters from generation to generation, more so where mutation is stronger and where N is smaller, and a run ends when
 # the scatter has by chance stayed below ε a few times running. Generations to the end thus measure scatter against ε,
 # which is why the choice of ε moves the whole column (and why the default search of this package stops when the best
-# pose has stopped improving). Seconds differ by the machines and by the code: hundredths of a second per generation
-# here, more than a second there.
+# pose has stopped improving). Seconds differ by the machines and by the code: less than 0.01 s per generation here,
+# more than a second there.
 #
 # **Disagrees: the decline of the probability to 0.30.** With the rule as it is stated, "every bit mutates with
 # probability $P_m$", it cannot happen, for three reasons that can be checked:
