@@ -21,7 +21,7 @@ from .shadow import FACE, Scene
 from .simplify import n_leaves, simplify
 
 _BOX = np.arange(6)
-_SIMPLIFY_ABOVE = 256
+_SIMPLIFY_ABOVE = 1024
 _ROOM = 1 << 12
 
 
@@ -123,7 +123,7 @@ def _overlay(regions, shared: SharedPlanes, covering_only: bool, n_cells: int) -
             _forget_uncovered(cx, k + 1)
         if n_leaves(cx) > limit:
             cx = simplify(cx, _BOX, n_cells)
-            limit = max(_SIMPLIFY_ABOVE, 2 * n_leaves(cx))
+            limit = max(_SIMPLIFY_ABOVE, 4 * n_leaves(cx))
     return simplify(cx, _BOX, n_cells)
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .entities import Entity
 
 _BOX = np.arange(6)
-_SIMPLIFY_ABOVE = 512
+_SIMPLIFY_ABOVE = 4096
 _ROOM = 1 << 11
 
 
@@ -63,7 +63,7 @@ def observable_region(scene: Scene, solid: Solid, entity: Entity, box: np.ndarra
     shadows = blockers(scene, solid, entity)
     planes = np.concatenate([box, shadows.planes])
     shifted = shadows._replace(plane=shadows.plane + len(box))
-    cx = with_room(lambda n_cells: _cut(planes, shifted, n_cells), n_cells=max(_ROOM, 16 * len(shadows.first)))
+    cx = with_room(lambda n_cells: _cut(planes, shifted, n_cells), n_cells=max(_ROOM, 32 * len(shadows.first)))
     box_origin = np.full((len(box), 4), -1, np.int32)
     return _compact(cx, np.concatenate([box_origin, shadows.origin]))
 
@@ -79,7 +79,7 @@ def _cut(planes: np.ndarray, shadows: Blockers, n_cells: int) -> Complex:
         cx = simplify(cx, _BOX, n_cells)
         if done == n_sets:
             return cx
-        limit = max(_SIMPLIFY_ABOVE, 4 * n_leaves(cx))
+        limit = max(_SIMPLIFY_ABOVE, 16 * n_leaves(cx))
 
 
 @nb.njit(cache=True)
