@@ -8,9 +8,10 @@ commands, so ``--help`` is immediate.
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 
-DONE, INCOMPLETE, BAD_INPUT = 0, 1, 2
+from planner.exitcodes import BAD_INPUT, DONE, INCOMPLETE
 
 _DESCRIPTION = """\
 Plan camera poses for the inspection of straight edges of a part: from where can each edge be measured to the required
@@ -129,7 +130,7 @@ def _add_plan(commands) -> None:
     plan.add_argument("--stand-off", type=float, default=50.0, metavar="MM", help="smallest distance from the part")
     plan.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same plan (default 0)")
     plan.add_argument("--simulate", type=int, default=10_000, metavar="N", help="displaced poses per setting")
-    plan.add_argument("--jobs", type=int, default=1, metavar="N", help="processes to use")
+    plan.add_argument("--jobs", type=int, default=_cores(), metavar="N", help="processes to use (default: every core)")
     plan.add_argument("--resume", action="store_true", help="continue an interrupted plan from its state in DIR")
     _add_workspace(plan)
 
@@ -160,6 +161,11 @@ def _add_workspace(parser) -> None:
         metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
         help="opposite corners of the box the camera may be in, mm",
     )
+
+
+def _cores() -> int:
+    """Return the number of cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _version() -> str:

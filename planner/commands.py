@@ -12,8 +12,8 @@ import numpy as np
 from aspectgraph import AspectGraphError, compute_regions, graph_of, read_entities, read_solid, write_graphml
 from planner import tables
 from planner.camera import Camera
-from planner.cli import DONE, INCOMPLETE
 from planner.exceptions import OutputError, RequestError
+from planner.exitcodes import DONE, INCOMPLETE
 from planner.export import write_poses
 from planner.files import check_folder, staged_folder
 from planner.inspection import check_fraction, default_workspace, plan_inspection

@@ -7,6 +7,7 @@ column c contains entity e. A cover is a set of columns that together contain ev
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from scipy.optimize import LinearConstraint, linprog, milp
 from scipy.sparse import csr_matrix
 
@@ -39,11 +40,14 @@ class Cover:
         return len(self.chosen) == self.lower_bound
 
 
-def min_cover(membership, preference=None, *, time_limit_s: float = 60.0) -> Cover:
+def min_cover(
+    membership, preference=None, *, time_limit_s: float = 60.0, node_limit: int | None = None, slack: float = 0.0
+) -> Cover:
     """Find the fewest columns that cover every entity, by integer programming (HiGHS).
 
     **Guarantee.** The result covers every entity; ``lower_bound`` is proven; among covers of the same size the total
-    preference is the largest. The result depends on the arguments only, unless the time limit strikes.
+    preference is the largest, but for ``slack``. The result depends on the arguments only, unless the time limit
+    strikes.
 
     Parameters
     ----------
@@ -53,6 +57,11 @@ def min_cover(membership, preference=None, *, time_limit_s: float = 60.0) -> Cov
         Numbers in [0, 1]; between covers of equal size larger is better.
     time_limit_s : float
         When it strikes, the best cover so far is returned with the bound proven so far.
+    node_limit : int, optional
+        The same in nodes of the solver's tree, which makes the result repeatable.
+    slack : float
+        In [0, 0.4]. Most of the solver's time goes into the preferences; above 0 it may stop when they cannot gain
+        more than this share of all that preferences can make. The size of the cover is the least all the same.
 
     Returns
     -------
@@ -69,14 +78,18 @@ def min_cover(membership, preference=None, *, time_limit_s: float = 60.0) -> Cov
         return Cover((), 0)
     preference = np.zeros(n_columns) if preference is None else np.asarray(preference, dtype=float)
     cost = 1.0 + _PREFERENCE / (n_entities + 1) * (1.0 - preference)
+    greedy = greedy_cover(membership)
+    options = {"mip_rel_gap": slack / len(greedy), "time_limit": time_limit_s}
+    if node_limit is not None:
+        options["node_limit"] = node_limit
     result = milp(
         cost,
         integrality=np.ones(n_columns),
         bounds=(0, 1),
         constraints=LinearConstraint(csr_matrix(membership.T.astype(float)), lb=1.0),
-        options={"mip_rel_gap": 0.0, "time_limit": time_limit_s},
+        options=options,
     )
-    chosen = greedy_cover(membership) if result.x is None else np.flatnonzero(result.x > 0.5)
+    chosen = greedy if result.x is None else np.flatnonzero(result.x > 0.5)
     chosen = _without_spare(membership, chosen, preference)
     bound = len(chosen) if result.status == 0 else _bound_on_count(result.mip_dual_bound, n_entities)
     return Cover(tuple(int(c) for c in chosen), bound)
@@ -154,15 +167,36 @@ def maximal_columns(membership) -> np.ndarray:
     membership = np.asarray(membership, dtype=bool)
     first, _ = distinct_rows(membership)
     order = first[np.argsort(-membership[first].sum(axis=1), kind="stable")]
-    kept = np.zeros((0, membership.shape[1]), dtype=bool)
-    kept_idx = []
-    for column_idx in order:
-        column = membership[column_idx]
-        if not column.any() or (len(kept) and (kept[:, column].all(axis=1)).any()):
-            continue
-        kept = np.vstack([kept, column])
-        kept_idx.append(int(column_idx))
-    return np.array(sorted(kept_idx), dtype=int)
+    return np.sort(order[_not_contained(_packed(membership[order]))])
+
+
+@njit(cache=True)
+def _not_contained(words):
+    """Return which sets, given as rows of bits from large to small, are not empty and not in an earlier such one."""
+    n, n_words = words.shape
+    kept = np.zeros(n, dtype=np.bool_)
+    kept_idx = np.empty(n, dtype=np.int64)
+    n_kept = 0
+    for i in range(n):
+        empty = True
+        for w in range(n_words):
+            if words[i, w]:
+                empty = False
+                break
+        contained = empty
+        for k in range(n_kept):
+            if contained:
+                break
+            contained = True
+            for w in range(n_words):
+                if words[i, w] & ~words[kept_idx[k], w]:
+                    contained = False
+                    break
+        if not contained:
+            kept[i] = True
+            kept_idx[n_kept] = i
+            n_kept += 1
+    return kept
 
 
 def distinct_rows(membership: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -171,18 +205,24 @@ def distinct_rows(membership: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Kinds are numbered in an order that depends on the rows only. Rows are compared as machine words, which is far
     quicker than `numpy.unique` on many columns.
     """
-    n, n_columns = membership.shape
+    n = len(membership)
     if n == 0:
         return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
-    packed = np.zeros((n, max(1, -(-n_columns // 64)) * 8), dtype=np.uint8)
-    packed[:, : -(-n_columns // 8)] = np.packbits(membership, axis=1)
-    words = packed.view(np.uint64)
+    words = _packed(membership)
     # stable, so that the first of equal rows comes first
     order = np.lexsort(words.T[::-1])
     new = np.concatenate([[True], (words[order[1:]] != words[order[:-1]]).any(axis=1)])
     kind = np.empty(n, dtype=int)
     kind[order] = np.cumsum(new) - 1
     return order[new], kind
+
+
+def _packed(membership: np.ndarray) -> np.ndarray:
+    """Return the rows of a Boolean matrix (n, e) as bits of machine words (n, w)."""
+    n, n_columns = membership.shape
+    packed = np.zeros((n, max(1, -(-n_columns // 64)) * 8), dtype=np.uint8)
+    packed[:, : -(-n_columns // 8)] = np.packbits(membership, axis=1)
+    return packed.view(np.uint64)
 
 
 def check_membership(membership) -> np.ndarray:
