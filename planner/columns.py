@@ -89,6 +89,14 @@ class Judge:
             "field_of_view_px": _NEAR_FIELD * max(camera.resolution),
         }
 
+    def __getstate__(self) -> dict:
+        """Leave the constraints behind: their scene cannot cross a process boundary and is rebuilt."""
+        return {name: value for name, value in self.__dict__.items() if name != "constraints"}
+
+    def __setstate__(self, state: dict) -> None:
+        self.__dict__.update(state)
+        self.constraints = Constraints(self.space, self.names, self.camera, self.requirements)
+
     def __call__(self, cam2world: np.ndarray, prices: np.ndarray | None = None) -> Judgement:
         """Judge poses (n, 4, 4).
 
