@@ -121,8 +121,9 @@ class Judge:
         probability = np.zeros(nearly.shape)
         if nearly.any():
             probability[nearly] = self._probability(cam2world, nearly)
-        inspects = (missed == 0.0) & nearly & (probability >= self.threshold)
         nearly &= probability >= self.threshold - _NEAR_PROBABILITY
+        self._hide_around(cam2world, nearly, probability)
+        inspects = (missed == 0.0) & nearly & (probability >= self.threshold)
         return inspects, nearly, probability, np.exp(-missed)
 
     def _missed(self, cam2world) -> np.ndarray:
@@ -151,6 +152,16 @@ class Judge:
             if rows.size:
                 hidden = visibility_slacks(self.space, positions[rows], [name])[:, 0, 0] < 0
                 missed[rows[hidden], k] = np.inf
+
+    def _hide_around(self, cam2world, nearly: np.ndarray, probability: np.ndarray) -> None:
+        """Ask for visibility all around the positions, which costs most, only of what would otherwise be inspected."""
+        positions, radius = cam2world[:, :3, 3], self.requirements.visibility_radius_mm
+        for k, name in enumerate(self.names if radius > 0 else ()):
+            rows = np.flatnonzero(nearly[:, k])
+            if rows.size:
+                hidden = visibility_slacks(self.space, positions[rows], [name], radius)[:, 0, 0] < 0
+                nearly[rows[hidden], k] = False
+                probability[rows[hidden], k] = 0.0
 
     def _probability(self, cam2world, wanted: np.ndarray) -> np.ndarray:
         ends_cam = world_to_cam(self.ends, cam2world)[wanted]

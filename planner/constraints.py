@@ -24,6 +24,10 @@ from planner.reach import Reach, SignedDistance, check_reach, reach_margin
 
 _NOT_IMAGED_PX = -1e6
 
+# the point itself, the axes, the diagonals of a cube
+_DIAGONALS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / math.sqrt(3)
+_AROUND = np.vstack([np.zeros(3), np.eye(3), -np.eye(3), _DIAGONALS])
+
 
 def resolution_slacks(camera: Camera, ends_cam: np.ndarray, min_length_mm: float) -> np.ndarray:
     """Eq 16: length of each entity's image minus the smallest allowed, mm on the sensor; (n, k, 1).
@@ -82,14 +86,21 @@ def cone_slacks(camera: Camera, center_cam: np.ndarray, radius_mm: float) -> np.
     return (apex[..., 2] - np.linalg.norm(apex, axis=-1) * math.cos(half))[:, None, None]
 
 
-def visibility_slacks(space, positions: np.ndarray, names: Sequence[str]) -> np.ndarray:
-    """+1 where an entity is observable from a position, else -1; (n, k, 1). Outside the workspace nothing is."""
+def visibility_slacks(space, positions: np.ndarray, names: Sequence[str], radius_mm: float = 0.0) -> np.ndarray:
+    """+1 where an entity is observable from a position and all around it, else -1; (n, k, 1).
+
+    All around it are 14 points at `radius_mm`: along the axes and the diagonals of the part's frame. Outside the
+    workspace nothing is observable.
+    """
     low, high = (np.asarray(corner, dtype=float) for corner in space.workspace)
-    inside = np.all((positions >= low) & (positions <= high), axis=-1)
-    slacks = np.full((len(positions), len(names), 1), -1.0)
-    if inside.any():
-        slacks[inside, :, 0] = np.where(space.observable(positions[inside], names), 1.0, -1.0)
-    return slacks
+    visible = np.ones((len(positions), len(names)), bool)
+    for direction in _AROUND if radius_mm > 0 else _AROUND[:1]:
+        eyes = positions + radius_mm * direction
+        visible &= np.all((eyes >= low) & (eyes <= high), axis=-1)[:, None]
+        rows = np.flatnonzero(visible.any(axis=1))
+        if rows.size:
+            visible[rows] &= space.observable(eyes[rows], names)
+    return np.where(visible, 1.0, -1.0)[..., None]
 
 
 def clearance_slacks(distance, positions: np.ndarray, stand_off_mm: float) -> np.ndarray:
@@ -135,6 +146,8 @@ class Requirements:
         Smallest distance between the front nodal point and the part.
     reach : Region or callable, optional
         Where the front nodal point may be, see `planner.reach`.
+    visibility_radius_mm : float
+        Distance around the front nodal point from which the entities must be observable too.
 
     Raises
     ------
@@ -147,9 +160,10 @@ class Requirements:
     field_of_view: str = "exact"
     stand_off_mm: float = 50.0
     reach: Reach | None = field(default=None, repr=False)
+    visibility_radius_mm: float = 0.0
 
     def __post_init__(self):
-        for name in ("min_length_px", "field_margin_px", "stand_off_mm"):
+        for name in ("min_length_px", "field_margin_px", "stand_off_mm", "visibility_radius_mm"):
             value = getattr(self, name)
             if not (isinstance(value, int | float | np.number) and math.isfinite(value) and value >= 0):
                 raise RequestError(f"{name} must be finite and not negative. Got {value!r}.")
@@ -198,7 +212,9 @@ class Constraints:
         if need.reach is not None:
             checks["reach"] = lambda ends, pose: reach_margin(need.reach, pose[:, :3, 3])[:, None, None]
         checks["clearance_mm"] = lambda ends, pose: clearance_slacks(self._distance, pose[:, :3, 3], need.stand_off_mm)
-        checks["visibility"] = lambda ends, pose: visibility_slacks(self.space, pose[:, :3, 3], self.names)
+        checks["visibility"] = lambda ends, pose: visibility_slacks(
+            self.space, pose[:, :3, 3], self.names, need.visibility_radius_mm
+        )
         return checks
 
     @property

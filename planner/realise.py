@@ -8,6 +8,7 @@ from planner.columns import Judge
 from planner.exceptions import InfeasibleError
 from planner.pose import PoseUncertainty
 from planner.setting import SensorSetting, plan_setting
+from planner.tasks import Shared
 
 # what a failing constraint means to the person who reads the plan
 _MEANING = {
@@ -21,12 +22,12 @@ _MEANING = {
 }
 
 
-def realise(judge: Judge, pose_uncertainty: PoseUncertainty, names, seed: int, start=None) -> SensorSetting | str:
+def realise(shared: Shared, pose_uncertainty: PoseUncertainty, names, seed: int, start=None) -> SensorSetting | str:
     """Look for a setting that inspects a set of entities: first by the sum of probabilities, then by the smallest.
 
     Parameters
     ----------
-    judge : Judge
+    shared : Shared of Judge
         The request.
     pose_uncertainty : PoseUncertainty
     names : tuple of str
@@ -41,6 +42,7 @@ def realise(judge: Judge, pose_uncertainty: PoseUncertainty, names, seed: int, s
     SensorSetting or str
         The setting (it may miss the threshold for some entities), or the reason why there is none.
     """
+    judge: Judge = shared.value
     need = judge.requirements
     found = None
     for objective in ("sum", "min"):
@@ -55,6 +57,7 @@ def realise(judge: Judge, pose_uncertainty: PoseUncertainty, names, seed: int, s
                 stand_off_mm=need.stand_off_mm,
                 min_length_px=need.min_length_px,
                 field_margin_px=need.field_margin_px,
+                visibility_radius_mm=need.visibility_radius_mm,
                 reach=need.reach,
                 objective=objective,
                 start=start,

@@ -58,7 +58,9 @@ class _Neighbourhood:
         """Return all smooth slacks of poses (n, 4, 4) in units of their scale, and of the moves' limits; (n, m)."""
         slacks = self.constraints.slacks(poses, self.names)
         columns = [value.reshape(len(poses), -1) / self.constraints.scale(name) for name, value in slacks.items()]
-        inside = -(poses[:, :3, 3] @ self.half_spaces[:, :3].T + self.half_spaces[:, 3]) / self._cell_scale
+        norms = np.linalg.norm(self.half_spaces[:, :3], axis=1)
+        heights = poses[:, :3, 3] @ self.half_spaces[:, :3].T + self.half_spaces[:, 3]
+        inside = -(heights + self.constraints.requirements.visibility_radius_mm * norms) / self._cell_scale
         return np.hstack([*columns, inside, _LARGEST_MOVE - moves, _LARGEST_MOVE + moves]) - _BACK_OFF
 
     @property

@@ -19,6 +19,8 @@ from planner.sampling import ViewpointSampler, WorkspaceSampler
 from planner.start import draw_start
 
 _APART = 0.1
+_ONWARD_ROUNDS = 5
+_ONWARD_GAIN = 1e-6
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,9 @@ class Search:
     refine_starts : int
         How many of the last population's best individuals, apart from each other, are refined locally; 0 leaves the
         genetic algorithm's best.
+    spread_starts : int
+        How many of the first population's individuals, as far from each other as can be, are refined too: they reach
+        optima that the population has left behind.
     max_draws : int
         Most poses drawn for the first population before the least violating ones are repaired.
     sampling : {"covering", "workspace"}
@@ -47,7 +52,7 @@ class Search:
     Raises
     ------
     RequestError
-        If `refine_starts`, `max_draws` or `sampling` breaks its rule; the others are checked by `ga`.
+        If `refine_starts`, `spread_starts`, `max_draws` or `sampling` breaks its rule; the others are checked by `ga`.
     """
 
     population: int = 100
@@ -63,14 +68,15 @@ class Search:
     max_nfev: int | None = None
     gene_bits: int = 16
     gray_code: bool = True
-    refine_starts: int = 5
+    refine_starts: int = 3
+    spread_starts: int = 8
     max_draws: int = 8192
     sampling: str = "covering"
 
     def __post_init__(self):
         if self.sampling not in ("covering", "workspace"):
             raise RequestError(f"sampling must be 'covering' or 'workspace'. Got {self.sampling!r}.")
-        for name, least in (("refine_starts", 0), ("max_draws", 1)):
+        for name, least in (("refine_starts", 0), ("spread_starts", 0), ("max_draws", 1)):
             if not isinstance(getattr(self, name), Integral) or getattr(self, name) < least:
                 raise RequestError(f"{name} must be an integer of at least {least}. Got {getattr(self, name)!r}.")
 
@@ -84,12 +90,13 @@ class Search:
             "max_generations": 1000,
             "gray_code": False,
             "refine_starts": 0,
+            "spread_starts": 0,
         }
         return cls(**{**plain, **changes})
 
     def ga_options(self) -> dict:
         """Return the keyword arguments of `ga.maximize`."""
-        own = ("gene_bits", "gray_code", "refine_starts", "max_draws", "sampling")
+        own = ("gene_bits", "gray_code", "refine_starts", "spread_starts", "max_draws", "sampling")
         return {name: value for name, value in self.__dict__.items() if name not in own}
 
 
@@ -149,7 +156,8 @@ def search_pose(
     if len(start.bits):
         result = _evolve(start.bits, encoding, constraints, objective, search, rng, callback)
         outcome = _outcome(result, encoding)
-        poses = np.concatenate([encoding.decode(_best_apart(result, encoding, search.refine_starts)), known])
+        best = encoding.decode(_best_apart(result, encoding, search.refine_starts))
+        poses = np.concatenate([best, _far_apart(encoding.decode(start.bits), search.spread_starts), known])
     elif len(known):
         # feasible only between the steps of the encoding: what is left is to refine
         outcome = Outcome(known[0], -np.inf, 0, 0, "No encoded pose is feasible; the known poses were refined.", ())
@@ -160,7 +168,9 @@ def search_pose(
             if len(start.tried)
             else explain_positions(constraints, cells, rng)
         )
-    return _refine_all(outcome, poses, sampler, objective, constraints, refining=search.refine_starts > 0)
+    return _refine_all(
+        outcome, poses, sampler, objective, constraints, refining=search.refine_starts + search.spread_starts > 0
+    )
 
 
 def _evolve(bits, encoding, constraints, objective, search: Search, rng, callback) -> GAResult:
@@ -196,6 +206,17 @@ def _best_apart(result: GAResult, encoding: PoseEncoding, n: int) -> np.ndarray:
     return bits[chosen]
 
 
+def _far_apart(poses: np.ndarray, n: int) -> np.ndarray:
+    """Return up to n of the poses (m, 4, 4), each the one farthest in position from those before it."""
+    positions = poses[:, :3, 3]
+    chosen = [0][:n]
+    distance = np.linalg.norm(positions - positions[0], axis=1)
+    while len(chosen) < n and distance.max() > 0:
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(positions - positions[chosen[-1]], axis=1))
+    return poses[chosen]
+
+
 def _refine_all(outcome: Outcome, poses, sampler, objective, constraints, refining: bool) -> Outcome:
     """Refine poses (m, 4, 4) and return the outcome with the best pose of all."""
     best, fitness, nfev = outcome.cam2world, outcome.fitness, outcome.nfev
@@ -208,4 +229,11 @@ def _refine_all(outcome: Outcome, poses, sampler, objective, constraints, refini
         nfev += evaluated
         if value > fitness:
             best, fitness = pose, value
+    # on into neighbouring cells: without walls, as far along the way as all constraints hold
+    for _ in range(_ONWARD_ROUNDS if refining else 0):
+        pose, value, evaluated = refine(best, np.empty((0, 4)), objective, constraints)
+        nfev += evaluated
+        if value <= fitness * (1.0 + _ONWARD_GAIN):
+            break
+        best, fitness = pose, value
     return Outcome(best, fitness, nfev, outcome.generations, outcome.message, outcome.history)

@@ -108,6 +108,7 @@ def plan_setting(
     min_length_px: float = 20.0,
     field_margin_px: float | None = None,
     field_of_view: str = "exact",
+    visibility_radius_mm: float | None = None,
     reach: Reach | None = None,
     objective: str = "sum",
     model: str = "joint",
@@ -139,6 +140,9 @@ def plan_setting(
     field_margin_px : float, optional
         Strip along the sensor's sides to keep free. Default: three standard deviations of how far the pose uncertainty
         moves the image of a point on the axis, so that no end leaves the image.
+    visibility_radius_mm : float, optional
+        Distance around the pose from which the entities must be observable too. Default: three standard deviations of
+        the position, so that no entity is hidden from a displaced camera.
     objective : {"sum", "min"}
         Maximise the sum of the probabilities (the paper) or the smallest.
     model : str
@@ -165,7 +169,11 @@ def plan_setting(
     names, (rng, seed), search = check_names(space, names), _check_rng(rng), search or Search()
     if field_margin_px is None:
         field_margin_px = pose_margin_px(camera, pose_uncertainty)
-    requirements = Requirements(min_length_px, field_margin_px, field_of_view, stand_off_mm, reach)
+    if visibility_radius_mm is None:
+        visibility_radius_mm = position_margin_mm(pose_uncertainty)
+    requirements = Requirements(
+        min_length_px, field_margin_px, field_of_view, stand_off_mm, reach, visibility_radius_mm
+    )
     constraints = Constraints(space, names, camera, requirements)
     goal = Objective(constraints.ends, camera, pose_uncertainty, accuracy, objective, model)
     check_resolvable(constraints)
@@ -197,6 +205,11 @@ def pose_margin_px(camera: Camera, pose_uncertainty: PoseUncertainty) -> float:
     rows = np.array([[1 / s, 0, 0, 0, 1, 0], [0, 1 / s, 0, -1, 0, 0]]) * (d / np.array(camera.pixel_pitch_mm))[:, None]
     variances = np.diag(rows @ pose_uncertainty.covariance @ rows.T)
     return 3.0 * math.sqrt(max(variances.max(), 0.0))
+
+
+def position_margin_mm(pose_uncertainty: PoseUncertainty) -> float:
+    """Return three standard deviations of the position, in mm, in the direction where it is least certain."""
+    return 3.0 * math.sqrt(max(float(np.linalg.eigvalsh(pose_uncertainty.covariance[:3, :3]).max()), 0.0))
 
 
 def check_names(space, names: Sequence[str]) -> tuple[str, ...]:

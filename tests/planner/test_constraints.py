@@ -5,7 +5,16 @@ import numpy as np
 import pytest
 from known_box import BoxSpace
 
-from planner import BoxRegion, Camera, MeshRegion, RequestError, SphereRegion, look_at
+from planner import (
+    BoxRegion,
+    Camera,
+    MeshRegion,
+    PoseUncertainty,
+    RequestError,
+    SphereRegion,
+    look_at,
+    plan_setting,
+)
 from planner.constraints import (
     Constraints,
     Requirements,
@@ -251,3 +260,19 @@ def test_feasible_is_every_margin_at_least_zero(shape):
     assert set(margins) == set(constraints.constraint_names)
     assert margins["focus_mm"].shape == (3000, 2)
     assert margins["clearance_mm"].shape == (3000, 1)
+
+
+def test_visibility_must_hold_around_the_pose():
+    """Half a millimetre in front of the plane y = 0 the edge x00 is observable, but not from 1 mm around there."""
+    space, beside = BoxSpace(), np.array([[30.0, -0.5, 100.0]])
+    for radius_mm, expected in ((0.0, 1.0), (0.4, 1.0), (1.0, -1.0)):
+        assert visibility_slacks(space, beside, ["x00"], radius_mm)[0, 0, 0] == expected
+
+
+def test_a_displaced_camera_still_sees_everything():
+    """Of poses displaced by the uncertainty that was planned for, all but a few see all entities."""
+    space, sigma = BoxSpace(), 2.0
+    uncertainty = PoseUncertainty.isotropic(translation_mm=sigma, rotation_rad=0.01)
+    setting = plan_setting(space, ["x00", "z00"], CAMERA, uncertainty)
+    displaced = setting.position + np.random.default_rng(0).normal(scale=sigma, size=(20_000, 3))
+    assert space.observable(displaced, ["x00", "z00"]).all(axis=1).mean() > 0.99

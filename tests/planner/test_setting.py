@@ -124,7 +124,8 @@ def test_refinement_never_loses_and_the_papers_plain_search_is_reachable(box):
     check(plain, box, PAPER_CAMERA, PAPER, 0.98, Requirements())
     assert plain.fitness == max(plain.history)
     unrefined, refined = (
-        plan_setting(box, names, PAPER_CAMERA, PAPER, field_margin_px=0, search=Search(refine_starts=n)) for n in (0, 3)
+        plan_setting(box, names, PAPER_CAMERA, PAPER, field_margin_px=0, search=search)
+        for search in (Search(refine_starts=0, spread_starts=0), Search())
     )
     assert refined.history == unrefined.history
     assert refined.fitness > unrefined.fitness
