@@ -95,6 +95,43 @@ def min_cover(
     return Cover(tuple(int(c) for c in chosen), bound)
 
 
+def cover_within(membership, size: int, *, node_limit: int) -> tuple[np.ndarray | None, bool]:
+    """Look for any cover of at most so many columns; much quicker than looking for the smallest one.
+
+    Parameters
+    ----------
+    membership : array_like of bool, shape (c, e)
+    size : int
+        Columns at most.
+    node_limit : int
+        Nodes of the solver's tree at most.
+
+    Returns
+    -------
+    chosen : ndarray of int or None
+        Column indices, or None if no such cover was found.
+    decided : bool
+        False if the search ended before it was clear that there is none.
+    """
+    membership = check_membership(membership)
+    greedy = greedy_cover(membership)
+    if len(greedy) <= size:
+        return greedy, True
+    covers = LinearConstraint(csr_matrix(membership.T.astype(float)), lb=1.0)
+    few = LinearConstraint(np.ones((1, len(membership))), ub=float(size))
+    result = milp(
+        np.ones(len(membership)),
+        integrality=np.ones(len(membership)),
+        bounds=(0, 1),
+        constraints=[covers, few],
+        # any solution will do
+        options={"mip_rel_gap": 1.0, "node_limit": node_limit},
+    )
+    if result.x is None:
+        return None, result.status == 2
+    return np.flatnonzero(result.x > 0.5), True
+
+
 def is_cover(membership, chosen) -> bool:
     """Tell whether the chosen columns contain every entity (independent of how they were found)."""
     membership = np.asarray(membership, dtype=bool)

@@ -267,10 +267,10 @@ def test_bound_is_never_above_what_sampled_poses_reach(judge):
 
 
 def test_every_inspected_set_is_inside_the_leaf_of_its_pose(judge):
-    from planner.bound import _Tree
+    from planner.subdivision import PoseTree
 
     idx = np.arange(len(EDGES))
-    tree = _Tree(judge, idx, Cells([judge.space.covering_cells([n]) for n in EDGES]), np.zeros((12, 12), dtype=bool))
+    tree = PoseTree(judge, idx, Cells([judge.space.covering_cells([n]) for n in EDGES]), np.zeros((12, 12), dtype=bool))
     for _ in range(9):
         tree.split(np.arange(len(tree.face)))
     poses = random_poses(judge, 400, seed=2)

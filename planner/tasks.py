@@ -1,0 +1,60 @@
+"""Tasks for executors: results in order, and large arguments that cross a process boundary once.
+
+Results do not depend on the executor, so a task must depend on its arguments only.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from collections.abc import Callable, Iterable, Iterator
+
+# what other processes have sent, by digest; a process works on few requests at a time
+_received: dict[str, object] = {}
+_MOST_RECEIVED = 4
+
+
+class Shared:
+    """A value that many tasks share: packed once, and unpacked once by every process that gets it.
+
+    Parameters
+    ----------
+    value : object
+        Anything; it is pickled only if a task goes to another process.
+    """
+
+    def __init__(self, value):
+        self.value = value
+        self._packed: tuple[str, bytes] | None = None
+
+    def __getstate__(self) -> tuple[str, bytes]:
+        """Return the digest and the packed value."""
+        if self._packed is None:
+            packed = pickle.dumps(self.value)
+            self._packed = hashlib.sha256(packed).hexdigest(), packed
+        return self._packed
+
+    def __setstate__(self, state: tuple[str, bytes]) -> None:
+        digest, packed = state
+        if digest not in _received:
+            while len(_received) >= _MOST_RECEIVED:
+                del _received[next(iter(_received))]
+            _received[digest] = pickle.loads(packed)
+        self.value, self._packed = _received[digest], state
+
+
+def in_order(executor, task: Callable, arguments: Iterable[tuple]) -> Iterator:
+    """Run a task for each tuple of arguments; yield the results in order.
+
+    Parameters
+    ----------
+    executor : concurrent.futures.Executor or None
+        None runs each task when its result is asked for.
+    task : callable
+        At the top level of a module, so that other processes find it.
+    arguments : iterable of tuple
+    """
+    if executor is None:
+        return (task(*values) for values in arguments)
+    futures = [executor.submit(task, *values) for values in arguments]
+    return (future.result() for future in futures)
