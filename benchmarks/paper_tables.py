@@ -16,7 +16,6 @@ from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 from cases import PAPER_CAMERA, PAPER_UNCERTAINTY, TABLE_IV, regions
-from planners import icosphere
 
 from planner import Search, SensorSetting, plan_setting
 
@@ -82,18 +81,6 @@ class TableRun:
     seconds: float
 
 
-def inside_by(part: str, names, radius_mm: float):
-    """Return a region for `plan_setting`: positions from around which all entities are seen too."""
-    space, directions = regions(part), icosphere(0)
-    low, high = np.asarray(space.workspace)
-
-    def reach(positions: np.ndarray) -> np.ndarray:
-        around = np.clip(positions[:, None] + radius_mm * directions, low, high).reshape(-1, 3)
-        return space.observable(around, names).all(axis=1).reshape(len(positions), -1).all(axis=1)
-
-    return reach
-
-
 def paper_setting(part: str, names, search: Search, seed: int, callback=None, inside_mm: float = 0.0) -> SensorSetting:
     """Plan a setting on one of the two blocks with the paper's parameters, perhaps away from the domains' boundary."""
     return plan_setting(
@@ -106,7 +93,7 @@ def paper_setting(part: str, names, search: Search, seed: int, callback=None, in
         search=search,
         rng=seed,
         callback=callback,
-        reach=inside_by(part, names, inside_mm) if inside_mm else None,
+        visibility_radius_mm=inside_mm,
     )
 
 

@@ -35,6 +35,7 @@ from planner.encoding import PoseEncoding
 from planner.inspection import plan_inspection
 from planner.pose import look_at
 from planner.sampling import ViewpointSampler
+from planner.setting import position_margin_mm
 
 THRESHOLD = 0.9
 _ROLLS = 4
@@ -234,7 +235,9 @@ def main():
     arguments = parser.parse_args()
     for setup in arguments.parts:
         chosen, space = SETUPS[setup], regions(setup)
-        need = Requirements(field_margin_px=chosen.field_margin_px)
+        need = Requirements(
+            field_margin_px=chosen.field_margin_px, visibility_radius_mm=position_margin_mm(chosen.pose_uncertainty)
+        )
         judge = Judge(
             space, space.entity_names, chosen.camera(), chosen.pose_uncertainty, chosen.accuracy, THRESHOLD, need
         )

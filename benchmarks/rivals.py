@@ -31,6 +31,7 @@ from planner.encoding import PoseEncoding
 from planner.objective import Objective
 from planner.sampling import ViewpointSampler
 from planner.search import search_pose
+from planner.setting import position_margin_mm
 from planner.start import draw_start
 
 _TRIES_PER_EVALUATION = 20
@@ -64,9 +65,10 @@ class Problem:
 
     def __init__(self, setup: str, names):
         chosen, self.space, self.camera = SETUPS[setup], regions(setup), SETUPS[setup].camera()
-        self.constraints = Constraints(
-            self.space, names, self.camera, Requirements(field_margin_px=chosen.field_margin_px)
+        need = Requirements(
+            field_margin_px=chosen.field_margin_px, visibility_radius_mm=position_margin_mm(chosen.pose_uncertainty)
         )
+        self.constraints = Constraints(self.space, names, self.camera, need)
         self.goal = Objective(self.constraints.ends, self.camera, chosen.pose_uncertainty, chosen.accuracy)
         self.cells = self.space.covering_cells(names)
         self.sampler = ViewpointSampler(self.cells, self.constraints.ends, self.camera)

@@ -5,6 +5,8 @@
 #     text_representation:
 #       extension: .py
 #       format_name: percent
+#       format_version: '1.3'
+#       jupytext_version: 1.19.6
 #   kernelspec:
 #     display_name: Python 3 (ipykernel)
 #     language: python
@@ -232,9 +234,10 @@ for k, (names, theirs) in enumerate(zip(TABLE_IV, PAPER_TABLE_IV, strict=True)):
 # of a face or behind the rim of a pocket. From half of the displaced poses, one of the entities is then hidden, and
 # entities of one face fall on one line of the image. Neither the paper's objective nor ours counts that: P is the
 # probability of the accuracy *given* that the edge is seen, and visibility holds for the planned pose only. In the
-# second row the viewpoint must be surrounded by viewpoints, 50 mm away in twelve directions, from which the entities
-# are observable too (a `reach` given to `plan_setting`). That costs at most 0.002 of the mean P: such poses are the
-# ones to use.
+# second row the viewpoint must be surrounded by viewpoints, 50 mm away in fourteen directions, from which the entities
+# are observable too (`visibility_radius_mm` of `plan_setting`; its default is three standard deviations of the
+# position, and only this comparison sets it to 0). That costs at most 0.002 of the mean P: such poses are the ones to
+# use.
 #
 # **Agrees:** {e1, e2} has the highest P for each and {e1, …, e5} the lowest; e1 and e2 lose when e3, and again when e4
 # and e5 join them; e3, the depth edge, is the weakest of {e1, e2, e3}. **Differs:** {e1, e2, e4, e5} is below
