@@ -11,15 +11,17 @@ import hashlib
 
 import numpy as np
 
-from planner.columns import ColumnPool, Judge
+from planner.columns import ColumnPool, Judge, Judgement
 from planner.cover import fractional_cover
 from planner.pose import look_at
 from planner.progress import report
 from planner.sampling import ViewpointSampler
+from planner.tasks import Shared, in_order
 
 _AXES_PER_VIEWPOINT = 6
 _PARENTS = 64
 _CHILDREN = 24
+_BATCH = 768
 _PATIENCE = 60
 
 
@@ -57,6 +59,16 @@ def entity_poses(judge: Judge, name: str, n_viewpoints: int, seed: int) -> np.nd
     return look_at(viewpoints, _targets(judge, viewpoints, own, rng), roll=rng.uniform(-np.pi, np.pi, len(viewpoints)))
 
 
+def judged_poses(shared: Shared, name: str, n_viewpoints: int, seed: int) -> tuple[np.ndarray, Judgement]:
+    """Draw poses for an entity and judge them: `entity_poses` as a task; ``shared`` holds the judge."""
+    poses = entity_poses(shared.value, name, n_viewpoints, seed)
+    return poses, shared.value(poses)
+
+
+def _judged(shared: Shared, poses: np.ndarray, prices: np.ndarray) -> Judgement:
+    return shared.value(poses, prices)
+
+
 def _targets(judge: Judge, viewpoints: np.ndarray, own: int, rng) -> np.ndarray:
     """Choose points to look at: the entity's middle, or a point between it and the middle of another one near it."""
     middles = judge.ends.mean(axis=1)
@@ -68,12 +80,14 @@ def _targets(judge: Judge, viewpoints: np.ndarray, own: int, rng) -> np.ndarray:
     return middles[own] + share * (middles[other] - middles[own])
 
 
-def price_poses(judge: Judge, pool: ColumnPool, near: ColumnPool, seed: int, rounds: int, progress=None) -> None:
+def price_poses(
+    shared: Shared, pool: ColumnPool, near: ColumnPool, seed: int, rounds: int, executor=None, progress=None
+) -> None:
     """Improve both pools by column generation.
 
     Parameters
     ----------
-    judge : Judge
+    shared : Shared of Judge
     pool : ColumnPool
         Realised columns; changed in place.
     near : ColumnPool
@@ -82,6 +96,8 @@ def price_poses(judge: Judge, pool: ColumnPool, near: ColumnPool, seed: int, rou
         The plan's seed.
     rounds : int
         Rounds at most; fewer if the relaxation's value has not fallen for a while, or one column covers everything.
+    executor : concurrent.futures.Executor, optional
+        Judges poses; the result does not depend on it.
     progress : callable, optional
         ``progress(done, total, label)``.
     """
@@ -99,21 +115,26 @@ def price_poses(judge: Judge, pool: ColumnPool, near: ColumnPool, seed: int, rou
         bias = 1.0 + 0.5 * rng.random(int(covered.sum()))
         prices = np.zeros(len(covered))
         prices[covered] = fractional_cover(pool.membership[:, covered], bias)[1]
-        breed = _improve(judge, pool, near, breed, prices, rng)
+        breed = _improve(shared, pool, near, breed, prices, rng, executor)
         report(progress, done + 1, rounds, "column generation")
     report(progress, rounds, rounds, "column generation")
 
 
-def _improve(judge: Judge, pool: ColumnPool, near: ColumnPool, breed, prices: np.ndarray, rng) -> np.ndarray:
+def _improve(
+    shared: Shared, pool: ColumnPool, near: ColumnPool, breed, prices: np.ndarray, rng, executor
+) -> np.ndarray:
     """Breed from the most promising poses; return the next parents."""
     at_random = pool.poses[rng.integers(len(pool), size=_PARENTS // 4)]
     worthy = pool.poses[np.argsort(-(pool.membership @ prices), kind="stable")[: _PARENTS // 4]]
     parents = np.concatenate([breed, at_random, worthy])
-    children = perturbed(np.repeat(parents, _CHILDREN, axis=0), judge.camera.focus_distance_mm, rng)
-    judged = judge(children, prices)
-    pool.add(judged.inspects, children, judged.probability)
-    near.add(judged.nearly, children, judged.probability)
-    return children[_champions(judged.promise, prices, rng)]
+    children = perturbed(np.repeat(parents, _CHILDREN, axis=0), shared.value.camera.focus_distance_mm, rng)
+    # batches of one size, whoever judges them: the last digits must not depend on the executor
+    batches = [(shared, children[i : i + _BATCH], prices) for i in range(0, len(children), _BATCH)]
+    parts = list(in_order(executor, _judged, batches))
+    for (_, poses, _), judged in zip(batches, parts, strict=True):
+        pool.add(judged.inspects, poses, judged.probability)
+        near.add(judged.nearly, poses, judged.probability)
+    return children[_champions(np.concatenate([judged.promise for judged in parts]), prices, rng)]
 
 
 def _champions(promise: np.ndarray, prices: np.ndarray, rng) -> np.ndarray:

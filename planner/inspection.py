@@ -20,7 +20,7 @@ import numpy as np
 
 from planner.bound import lower_bound
 from planner.camera import Camera
-from planner.candidates import column_seed, entity_poses, price_poses
+from planner.candidates import column_seed, judged_poses, price_poses
 from planner.columns import ColumnPool, Judge
 from planner.constraints import Requirements
 from planner.cover import min_cover
@@ -29,8 +29,13 @@ from planner.plan import InspectionPlan
 from planner.pose import PoseUncertainty
 from planner.progress import labelled, report
 from planner.realise import realise, reason_for
+from planner.setting import position_margin_mm
 from planner.state import PlanningState
+from planner.tasks import Shared, in_order
 from planner.tour import travel_order
+
+# share of what better poses can gain in the choice of the cover that is not worth the solver's time
+_QUALITY_SLACK = 0.3
 
 
 @dataclass(frozen=True)
@@ -47,12 +52,15 @@ class Effort:
         Optimistic columns that the genetic algorithm tries to realise, at most.
     bound_nodes : int
         Nodes of the search tree behind the lower bound, at most.
+    cover_nodes : int
+        Nodes of the integer programming solver's tree for one cover, at most.
     """
 
     viewpoints: int = 100
     pricing_rounds: int = 250
     refutations: int = 12
     bound_nodes: int = 150_000
+    cover_nodes: int = 5000
 
 
 def plan_inspection(
@@ -68,6 +76,7 @@ def plan_inspection(
     stand_off_mm: float = 50.0,
     min_length_px: float = 20.0,
     field_margin_px: float | None = None,
+    visibility_radius_mm: float | None = None,
     reach=None,
     space=None,
     effort: Effort | None = None,
@@ -97,7 +106,7 @@ def plan_inspection(
         Seed; a generator is asked for one.
     workspace : array_like (2, 3), optional
         Opposite corners of the box the camera may be in, mm. Default: as far around the part as the lens focuses.
-    stand_off_mm, min_length_px, field_margin_px, reach
+    stand_off_mm, min_length_px, field_margin_px, visibility_radius_mm, reach
         Constraints, see `plan_setting`.
     space : VisibilityRegions or EntityAspectGraph, optional
         Visibility computed before, for these entities and this workspace.
@@ -135,7 +144,9 @@ def plan_inspection(
         )
     if field_margin_px is None:
         field_margin_px = corner_margin_px(camera, pose_uncertainty)
-    requirements = Requirements(min_length_px, field_margin_px, "exact", stand_off_mm, reach)
+    if visibility_radius_mm is None:
+        visibility_radius_mm = position_margin_mm(pose_uncertainty)
+    requirements = Requirements(min_length_px, field_margin_px, "exact", stand_off_mm, reach, visibility_radius_mm)
     judge = Judge(space, space.entity_names, camera, pose_uncertainty, accuracy, probability, requirements)
     memo = PlanningState(_request(judge, pose_uncertainty, seed), state)
     work = _Work(judge, pose_uncertainty, seed, memo, effort or Effort(), executor, progress)
@@ -207,7 +218,14 @@ def _request(judge: Judge, pose_uncertainty: PoseUncertainty, seed: int) -> dict
         "workspace": np.asarray(judge.space.workspace, dtype=float).tolist(),
         "camera": judge.camera.to_dict(),
         "pose_uncertainty": pose_uncertainty.to_dict(),
-        "limits": [judge.accuracy, judge.threshold, need.min_length_px, need.field_margin_px, need.stand_off_mm],
+        "limits": [
+            judge.accuracy,
+            judge.threshold,
+            need.min_length_px,
+            need.field_margin_px,
+            need.stand_off_mm,
+            need.visibility_radius_mm,
+        ],
         "reach": repr(need.reach),
         "seed": seed,
     }
@@ -217,7 +235,8 @@ class _Work:
     """One planning run: the pools of columns, and the steps that fill them."""
 
     def __init__(self, judge, pose_uncertainty, seed, memo, effort, executor, progress):
-        self.judge, self.pose_uncertainty, self.seed, self.memo = judge, pose_uncertainty, seed, memo
+        self.judge, self.shared = judge, Shared(judge)
+        self.pose_uncertainty, self.seed, self.memo = pose_uncertainty, seed, memo
         self.effort, self.executor, self.progress = effort, executor, progress
         self.names = judge.names
         self.pool, self.near = ColumnPool(len(self.names)), ColumnPool(len(self.names))
@@ -227,11 +246,16 @@ class _Work:
     def plan(self) -> InspectionPlan:
         """Do all steps."""
         self._sample()
-        price_poses(self.judge, self.pool, self.near, self.seed, self.effort.pricing_rounds, self.progress)
+        price_poses(
+            self.shared, self.pool, self.near, self.seed, self.effort.pricing_rounds, self.executor, self.progress
+        )
         uninspectable = self._try_alone()
         inspected = self.pool.membership.any(axis=0)
         self._refute(inspected)
         settings = self._settle(inspected)
+        # a later run may have come across a view of one that had none of its own
+        seen = {name for setting in settings for name in setting.entities}
+        uninspectable = {name: reason for name, reason in uninspectable.items() if name not in seen}
         bound, proof = self._bound(inspected, len(settings))
         order = travel_order(np.array([s.cam2world for s in settings]).reshape(-1, 4, 4))
         return InspectionPlan(
@@ -251,9 +275,8 @@ class _Work:
 
     def _sample(self) -> None:
         """Fill the pools from viewpoints of every entity."""
-        for k, name in enumerate(self.names):
-            poses = entity_poses(self.judge, name, self.effort.viewpoints, self.seed)
-            judged = self.judge(poses)
+        arguments = [(self.shared, name, self.effort.viewpoints, self.seed) for name in self.names]
+        for k, (poses, judged) in enumerate(in_order(self.executor, judged_poses, arguments)):
             self.pool.add(judged.inspects, poses, judged.probability)
             self.near.add(judged.nearly, poses, judged.probability)
             report(self.progress, k + 1, len(self.names), "candidate poses")
@@ -263,7 +286,7 @@ class _Work:
         missing = [name for i, name in enumerate(self.names) if not self.pool.membership[:, i].any()]
         reasons = {}
         for name, outcome in zip(missing, self._realise([(name,) for name in missing]), strict=True):
-            if not self._accept(outcome):
+            if name not in self._accept(outcome):
                 reasons[name] = reason_for(outcome, self.judge.threshold)
         return reasons
 
@@ -271,7 +294,7 @@ class _Work:
         """Try to do with fewer settings by optimistic columns; refute what cannot be realised."""
         left = self.effort.refutations
         while left > 0:
-            sure = min_cover(self.pool.membership[:, inspected], self.pool.quality)
+            sure = self._cover(self.pool.membership[:, inspected], self.pool.quality)
             wanted = self._wanted(inspected, len(sure.chosen))
             if not wanted:
                 return
@@ -288,7 +311,7 @@ class _Work:
         hopeful = hopeful[kept]
         both = np.concatenate([self.pool.membership, hopeful])[:, inspected]
         preference = np.concatenate([np.ones(len(self.pool)), np.zeros(len(hopeful))])
-        cover = min_cover(both, preference)
+        cover = self._cover(both, preference)
         if len(cover.chosen) >= enough:
             return []
         sure = [c for c in cover.chosen if c < len(self.pool)]
@@ -301,9 +324,15 @@ class _Work:
                 wanted.append(tuple(np.array(self.names)[column].tolist()))
         return wanted
 
+    def _cover(self, membership: np.ndarray, preference: np.ndarray):
+        """Choose the fewest columns; the solver's work is limited by counting, so that the choice is repeatable."""
+        return min_cover(
+            membership, preference, time_limit_s=np.inf, node_limit=self.effort.cover_nodes, slack=_QUALITY_SLACK
+        )
+
     def _settle(self, inspected: np.ndarray) -> list:
         """Choose the final cover and give every column in it the best pose there is."""
-        cover = min_cover(self.pool.membership[:, inspected], self.pool.quality)
+        cover = self._cover(self.pool.membership[:, inspected], self.pool.quality)
         sets = [tuple(np.array(self.names)[self.pool.membership[c]].tolist()) for c in cover.chosen]
         settings = []
         for c, names, outcome in zip(cover.chosen, sets, self._realise(sets), strict=True):
@@ -332,15 +361,10 @@ class _Work:
         todo = [names for names in dict.fromkeys(sets) if self.memo.get(names) is None]
         done, self.runs = self.runs, self.runs + len(todo)
         arguments = [
-            (self.judge, self.pose_uncertainty, names, column_seed(self.seed, names), self._start(names))
+            (self.shared, self.pose_uncertainty, names, column_seed(self.seed, names), self._start(names))
             for names in todo
         ]
-        if self.executor is None:
-            outcomes = (realise(*a) for a in arguments)
-        else:
-            futures = [self.executor.submit(realise, *a) for a in arguments]
-            outcomes = (future.result() for future in futures)
-        for names, outcome in zip(todo, outcomes, strict=True):
+        for names, outcome in zip(todo, in_order(self.executor, realise, arguments), strict=True):
             self.memo.put(names, outcome)
             done += 1
             report(self.progress, done, self.runs, "genetic algorithm")
