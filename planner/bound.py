@@ -28,6 +28,7 @@ from scipy.sparse import csr_matrix
 from planner.conflicts import Cells, find_conflicts
 from planner.cover import cover_within, distinct_rows, maximal_columns
 from planner.progress import report
+from planner.sampling import cells_of
 from planner.subdivision import PoseTree
 
 _BATCH = 6000
@@ -64,7 +65,7 @@ def lower_bound(judge, entity_idx, n_settings: int, columns, *, max_nodes: int, 
     if n_settings <= 1:
         return n_settings, "Fewer settings than one inspect nothing."
     entity_idx = np.asarray(entity_idx)
-    regions = Cells([judge.space.covering_cells([judge.names[i]]) for i in entity_idx])
+    regions = Cells(cells_of(judge.space, [judge.names[i]]) for i in entity_idx)
     conflict = find_conflicts(judge, entity_idx, columns, regions)
     tree = PoseTree(judge, entity_idx, regions, conflict)
     weights = _Weights(np.asarray(columns, dtype=bool))

@@ -15,7 +15,7 @@ from planner.columns import ColumnPool, Judge, Judgement
 from planner.cover import fractional_cover
 from planner.pose import look_at
 from planner.progress import report
-from planner.sampling import ViewpointSampler
+from planner.sampling import ViewpointSampler, cells_of
 from planner.tasks import Shared, in_order
 
 _AXES_PER_VIEWPOINT = 6
@@ -51,7 +51,7 @@ def entity_poses(judge: Judge, name: str, n_viewpoints: int, seed: int) -> np.nd
     """
     rng = np.random.default_rng(column_seed(seed, [name]))
     own = judge.names.index(name)
-    sampler = ViewpointSampler(judge.space.covering_cells([name]), judge.ends[own : own + 1], judge.camera)
+    sampler = ViewpointSampler(cells_of(judge.space, [name]), judge.ends[own : own + 1], judge.camera)
     viewpoints = sampler.sample(n_viewpoints, rng)
     if not len(viewpoints):
         return np.zeros((0, 4, 4))

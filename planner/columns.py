@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from errors import success_probability
 from planner.camera import Camera
 from planner.constraints import Constraints, Requirements, visibility_slacks
-from planner.pose import PoseUncertainty, cam_to_paper, world_to_cam
+from planner.objective import Objective
+from planner.pose import PoseUncertainty, world_to_cam
 from planner.setting import SensorSetting
 
 _BATCH = 2048
@@ -80,7 +80,7 @@ class Judge:
         self.requirements = requirements or Requirements()
         self.constraints = Constraints(space, self.names, camera, self.requirements)
         self.ends = self.constraints.ends
-        self._covariance = pose_uncertainty.paper_covariance(camera.image_distance_mm)
+        self._objective = Objective(self.ends, camera, pose_uncertainty, accuracy)
         nearest, farthest = camera.depth_of_field_mm
         depth = min(farthest, 10 * nearest) - nearest
         self._tolerance = {
@@ -164,18 +164,7 @@ class Judge:
                 probability[rows[hidden], k] = 0.0
 
     def _probability(self, cam2world, wanted: np.ndarray) -> np.ndarray:
-        ends_cam = world_to_cam(self.ends, cam2world)[wanted]
-        in_front = (ends_cam[..., 2] > 0).all(axis=-1)
-        probability = np.zeros(len(ends_cam))
-        if in_front.any():
-            probability[in_front] = success_probability(
-                cam_to_paper(ends_cam[in_front], self.camera.image_distance_mm),
-                focal_length_mm=self.camera.image_distance_mm,
-                pixel_pitch_mm=self.camera.pixel_pitch_mm,
-                pose_covariance=self._covariance,
-                accuracy=self.accuracy,
-            )
-        return probability
+        return self._objective.probability_of(world_to_cam(self.ends, cam2world)[wanted])
 
     def setting(
         self, cam2world: np.ndarray, names, message: str, seed: int | None = None, nfev: int = 1

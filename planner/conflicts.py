@@ -98,6 +98,7 @@ class Cells:
     """
 
     def __init__(self, cell_sets):
+        # any iterable will do, and only one of the sets need exist at a time
         cells = [[(np.asarray(c.half_spaces, float), np.asarray(c.vertices, float)) for c in cs] for cs in cell_sets]
         flat = [cell for group in cells for cell in group]
         self.planes = np.concatenate([np.zeros((0, 4)), *(planes for planes, _ in flat)])

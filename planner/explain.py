@@ -10,6 +10,7 @@ import numpy as np
 from planner.constraints import Constraints
 from planner.encoding import PoseEncoding
 from planner.exceptions import InfeasibleError
+from planner.sampling import cells_of
 from planner.start import neighbours
 
 _UNITS = {"mm": "mm", "px": "px"}
@@ -18,10 +19,10 @@ _ROUNDS = np.geomspace(0.2, 1e-4, 20)
 
 def check_observable(space, names: Sequence[str]):
     """Return the covering cells of the entities, or raise `InfeasibleError` naming who cannot be seen."""
-    cells = space.covering_cells(list(names))
+    cells = cells_of(space, list(names))
     if len(cells):
         return cells
-    hidden = [name for name in names if not len(space.covering_cells([name]))]
+    hidden = [name for name in names if not len(cells_of(space, [name]))]
     if hidden:
         raise InfeasibleError(
             f"visibility cannot be met: entity {hidden[0]!r} is observable from nowhere in the workspace.",
@@ -46,11 +47,9 @@ def _pair_never_seen_together(space, names: Sequence[str]) -> tuple[str, str] | 
     """
     if len(names) == 2:
         return tuple(names)
-    seen = np.array(
-        [space.observable(space.covering_cells([name]).sample(1000, 0), names).any(axis=0) for name in names]
-    )
+    seen = np.array([space.observable(cells_of(space, [name]).sample(1000, 0), names).any(axis=0) for name in names])
     doubtful = [(names[i], names[j]) for i, j in np.argwhere(~(seen | seen.T)) if i < j]
-    return next((pair for pair in doubtful[:5] if not len(space.covering_cells(pair))), None)
+    return next((pair for pair in doubtful[:5] if not len(cells_of(space, list(pair)))), None)
 
 
 def check_resolvable(constraints: Constraints) -> None:

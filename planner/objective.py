@@ -17,6 +17,8 @@ from planner.exceptions import RequestError
 from planner.pose import PoseUncertainty, cam_to_paper, world_to_cam
 
 _IMAGE_SCALE = 1e-3
+# looking along an edge, its image is a point and cannot be measured
+_POINT_MM = 1e-11
 
 
 class Objective:
@@ -62,16 +64,17 @@ class Objective:
         self.covariance = pose_uncertainty.paper_covariance(self._image_distance)
 
     def probability(self, cam2world: np.ndarray) -> np.ndarray:
-        """Return P (n, k) of poses (n, 4, 4); 0 for an entity that is not wholly in front of the camera."""
+        """Return P (n, k) of poses (n, 4, 4); 0 for an entity not wholly in front of the camera or seen as a point."""
         return self.probability_of(world_to_cam(self.ends, cam2world))
 
     def probability_of(self, ends_cam: np.ndarray) -> np.ndarray:
         """Return P (...) of entities whose ends in the camera frame are given, (..., 2, 3) in mm, OpenCV axes."""
-        in_front = (ends_cam[..., 2] > 0).all(axis=-1)
-        probability = np.zeros(in_front.shape)
-        if in_front.any():
-            probability[in_front] = errors.success_probability(
-                cam_to_paper(ends_cam[in_front], self._image_distance),
+        imaged = (ends_cam[..., 2] > 0).all(axis=-1)
+        imaged[imaged] = self._image_length(ends_cam[imaged]) > _POINT_MM
+        probability = np.zeros(imaged.shape)
+        if imaged.any():
+            probability[imaged] = errors.success_probability(
+                cam_to_paper(ends_cam[imaged], self._image_distance),
                 focal_length_mm=self._image_distance,
                 pixel_pitch_mm=self._pixel_pitch,
                 pose_covariance=self.covariance,
@@ -79,6 +82,10 @@ class Objective:
                 model=self.model,
             )
         return probability
+
+    def _image_length(self, ends_cam: np.ndarray) -> np.ndarray:
+        image = ends_cam[..., :2] / ends_cam[..., 2:] * self._image_distance
+        return np.linalg.norm(image[..., 1, :] - image[..., 0, :], axis=-1)
 
     def fitness(self, cam2world: np.ndarray) -> np.ndarray:
         """Return the fitness (n,) of poses (n, 4, 4): eq 22, or the smallest probability."""

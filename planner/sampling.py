@@ -19,6 +19,15 @@ from planner.camera import Camera
 _BATCH = 4096
 
 
+def cells_of(space, names):
+    """Return the covering cells of entities (`CellSet`) without leaving them in the space's memory.
+
+    A space remembers cells it was asked for. For a hundred entities those would be gigabytes, and no request here comes
+    twice.
+    """
+    return (space.subset(names) if hasattr(space, "subset") else space).covering_cells(names)
+
+
 class ViewpointSampler:
     """Uniform draws from the intersection of convex cells and the focus shell.
 
