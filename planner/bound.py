@@ -15,8 +15,9 @@ are. Where the linear bound falls short of the next whole number, the integer co
 gap; only leaves of weight at least 1 - (K - sum(y)) can be in a cover of K columns (reduced-cost fixing).
 
 S(node) uses necessary conditions only: visibility (the box meets a cell of the entity's region), distance and depth
-(focus), the rectangle of the sensor, the resolution. All slack that a node's size causes is added. So the bound holds
-whatever the error model says, and for any search.
+(focus), the rectangle of the sensor, the resolution, and the length of image without which quantization alone keeps
+the probability below the threshold (`planner.necessary`). All slack that a node's size causes is added. So the bound
+holds for any search.
 """
 
 from __future__ import annotations
@@ -83,8 +84,8 @@ def lower_bound(judge, entity_idx, n_settings: int, columns, *, max_nodes: int, 
     report(progress, max_nodes, max_nodes, "lower bound")
     return target - 1, (
         f"Covering by optimistic columns: {tree.made} boxes of camera poses were checked against necessary conditions "
-        f"(visibility, focus, sensor size, resolution), and {int(conflict.sum()) // 2} pairs of edges were found to "
-        "exclude each other."
+        f"(visibility, focus, sensor size, length of the image), and {int(conflict.sum()) // 2} pairs of edges were "
+        "found to exclude each other."
     )
 
 

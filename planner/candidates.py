@@ -22,7 +22,7 @@ _AXES_PER_VIEWPOINT = 6
 _PARENTS = 64
 _CHILDREN = 24
 _BATCH = 768
-_PATIENCE = 60
+_PATIENCE = 40
 
 
 def column_seed(seed: int, names) -> int:

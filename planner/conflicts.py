@@ -3,8 +3,9 @@
 * They do not fit: two of their ends are farther apart than any two points of the frustum between the nearest and the
   farthest sharp plane.
 * No viewpoint serves both. Space is subdivided into boxes; a box is discarded when it is outside the one's or the
-  other's region, when an end in it cannot be at a distance the lens can focus on, or when two ends are farther apart
-  in angle than the corners of the sensor. The pair excludes each other if no box is left.
+  other's region, when an end in it cannot be at a distance the lens can focus on, when two ends are farther apart in
+  angle than the corners of the sensor, or when an image is too short (`planner.necessary`). The pair excludes each
+  other if no box is left.
 
 The second test stops at boxes of half a millimetre, so it may miss a conflict, but it never invents one.
 """
@@ -15,6 +16,8 @@ import math
 
 import numpy as np
 from numba import njit
+
+from planner.necessary import least_image_mm
 
 # cells that overlap by less than this are apart: no robot aims that finely
 _OVERLAP_MM = 1e-3
@@ -50,9 +53,11 @@ def find_conflicts(judge, entity_idx, columns, regions) -> np.ndarray:
     near, far = judge.camera.depth_of_field_mm
     cone = math.atan(math.hypot(*tangents))
     far /= math.cos(cone)
+    ratio = least_image_mm(judge) / judge.camera.image_distance_mm
     for a, b in np.argwhere(np.triu(~conflict & ~together, k=1)):
         points = ends[[a, b]].reshape(-1, 3)
-        conflict[a, b] = conflict[b, a] = not _share_viewpoint(a, b, *regions.arrays, points, near, far, 2 * cone)
+        limits = near, far, cone, ratio
+        conflict[a, b] = conflict[b, a] = not _share_viewpoint(a, b, *regions.arrays, points, limits)
     return conflict
 
 
@@ -116,7 +121,7 @@ class Cells:
 
 
 @njit(cache=True)
-def _share_viewpoint(a, b, planes, plane_start, corners, corner_start, boxes, entity_start, points, near, far, angle):
+def _share_viewpoint(a, b, planes, plane_start, corners, corner_start, boxes, entity_start, points, limits):
     """Tell whether some cell of entity a may meet some cell of entity b where the lens can take all points at once."""
     stack = np.empty((_STACK, 2, 3))
     for i in range(entity_start[a], entity_start[a + 1]):
@@ -130,13 +135,13 @@ def _share_viewpoint(a, b, planes, plane_start, corners, corner_start, boxes, en
             if _apart(j, i, planes, plane_start, corners, corner_start):
                 continue
             stack[0, 0], stack[0, 1] = (low + high) / 2, (high - low) / 2
-            if _search(stack, i, j, planes, plane_start, points, near, far, angle):
+            if _search(stack, i, j, planes, plane_start, points, limits):
                 return True
     return False
 
 
 @njit(cache=True)
-def _search(stack, i, j, planes, plane_start, points, near, far, angle):
+def _search(stack, i, j, planes, plane_start, points, limits):
     """Subdivide the box on the stack; true when a viewpoint is found or the effort is spent."""
     size = 1
     for _ in range(_MOST_BOXES):
@@ -146,7 +151,7 @@ def _search(stack, i, j, planes, plane_start, points, near, far, angle):
         center, half = stack[size, 0].copy(), stack[size, 1].copy()
         if _excluded(center, half, i, planes, plane_start) or _excluded(center, half, j, planes, plane_start):
             continue
-        if not _in_view(center, math.sqrt(np.sum(half**2)), points, near, far, angle):
+        if not _in_view(center, math.sqrt(np.sum(half**2)), points, limits):
             continue
         axis = np.argmax(half)
         if half[axis] < _FINEST_MM or size + 2 > _STACK:
@@ -155,7 +160,7 @@ def _search(stack, i, j, planes, plane_start, points, near, far, angle):
         if (
             not _excluded(center, point, i, planes, plane_start)
             and not _excluded(center, point, j, planes, plane_start)
-            and _in_view(center, 0.0, points, near, far, angle)
+            and _in_view(center, 0.0, points, limits)
         ):
             return True
         half[axis] /= 2
@@ -179,8 +184,10 @@ def _excluded(center, half, cell, planes, plane_start):
 
 
 @njit(cache=True)
-def _in_view(center, radius, points, near, far, angle):
-    """Tell whether some viewpoint of a ball may have all points in focus and pairwise within an angle."""
+def _in_view(center, radius, points, limits):
+    """Tell whether some viewpoint of a ball may have all points in focus, within the sensor, and long enough images."""
+    near, far, cone, ratio = limits
+    angle = 2.0 * cone
     n = points.shape[0]
     for k in range(n):
         distance = math.sqrt(np.sum((points[k] - center) ** 2))
@@ -198,7 +205,26 @@ def _in_view(center, radius, points, near, far, angle):
             between = math.acos(min(1.0, max(-1.0, cosine)))
             if between - math.asin(radius / first_length) - math.asin(radius / second_length) > angle + 1e-9:
                 return False
-    return True
+    long_enough = True
+    for k in range(0, n, 2):
+        long_enough = long_enough and _long_enough(center, radius, points[k], points[k + 1], near, cone, ratio)
+    return long_enough
+
+
+@njit(cache=True)
+def _long_enough(center, radius, first, second, near, cone, ratio):
+    """Tell whether the image from some viewpoint of a ball may be long enough: eq 16, depth >= distance cos(cone)."""
+    line, offset = second - first, center - first
+    x = offset[1] * line[2] - offset[2] * line[1]
+    y = offset[2] * line[0] - offset[0] * line[2]
+    z = offset[0] * line[1] - offset[1] * line[0]
+    # twice the area of the triangle of viewpoint and edge
+    area = math.sqrt(x * x + y * y + z * z) + radius * math.sqrt(np.sum(line**2))
+    depth = 1.0
+    for point in (first, second):
+        distance = math.sqrt(np.sum((point - center) ** 2))
+        depth *= max(near, (distance - radius) * math.cos(cone))
+    return area >= ratio * depth * (1.0 - 1e-9)
 
 
 @njit(cache=True)

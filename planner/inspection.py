@@ -57,10 +57,10 @@ class Effort:
     """
 
     viewpoints: int = 100
-    pricing_rounds: int = 250
+    pricing_rounds: int = 100
     refutations: int = 12
-    bound_nodes: int = 150_000
-    cover_nodes: int = 5000
+    bound_nodes: int = 80_000
+    cover_nodes: int = 1000
 
 
 def plan_inspection(

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from planner.conflicts import Cells, sensor_tangents
+from planner.necessary import least_image_mm
 
 _BATCH = 6000
 _EPS = 1e-9
@@ -25,7 +26,7 @@ class PoseTree:
         camera, need = judge.camera, judge.requirements
         self.ends = judge.ends[entity_idx]
         self.image_distance = camera.image_distance_mm
-        self.min_length = judge.constraints.min_length_mm
+        self.min_length = least_image_mm(judge)
         self.near, self.far = camera.depth_of_field_mm
         self.tangents = sensor_tangents(camera, need.field_margin_px)
         self.cone = math.atan(math.hypot(*self.tangents))
