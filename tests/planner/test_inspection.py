@@ -6,7 +6,7 @@ three settings at least for twelve.
 """
 
 import json
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -73,8 +73,9 @@ def test_edges_of_one_face_need_one_setting(space):
     assert len(plan.settings) == plan.lower_bound == 1
 
 
-def test_same_seed_same_plan_with_threads_or_without(space, plan):
-    with ThreadPoolExecutor(2) as executor:
+@pytest.mark.parametrize("pool", [ThreadPoolExecutor, ProcessPoolExecutor])
+def test_same_seed_same_plan_with_any_executor_or_none(space, plan, pool):
+    with pool(2) as executor:
         assert plan_box(space, rng=3, executor=executor) == plan
 
 
