@@ -11,7 +11,7 @@ setup-test:
 
 demo: setup-demo
 	$(BIN)/aspectgraph plan examples/nist_ctc_01_ap242.stp --entities examples/nist_ctc_01_entities.toml \
-	    --camera examples/camera.toml --accuracy 0.995 --probability 0.9 --out $(DEMO_OUT)
+	    --camera examples/camera.toml --accuracy 0.99 --probability 0.9 --out $(DEMO_OUT)
 
 lint: setup-test
 	$(BIN)/ruff check .
