@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 DEMO_OUT ?= demo-output
 
 setup-demo:
-	@VENV=$(VENV) .ci/setup step
+	@VENV=$(VENV) .ci/setup step,plot
 
 setup-test:
 	@VENV=$(VENV) .ci/setup test
