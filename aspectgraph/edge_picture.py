@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aspectgraph.exceptions import EntityError, MissingExtraError
+from aspectgraph.exceptions import EntityError, MissingExtraError, PictureError
+from aspectgraph.files import replacing
 from aspectgraph.solid import Solid
 
 if TYPE_CHECKING:
@@ -26,10 +27,13 @@ VIEWS = {
 _PALETTE = ("#c0392b", "#1f618d", "#1e8449", "#af601a", "#6c3483", "#117a65", "#b7950b", "#2e4053")
 _SAMPLES = np.linspace(0.01, 0.99, 50)
 _PIXELS = 800
+_FONT_PT = 8.0
+# places for a label around an edge's middle, near ones first, in font sizes
+_AROUND = np.array([(r * np.cos(a), r * np.sin(a)) for r in range(2, 16) for a in np.arange(0, 2 * np.pi, np.pi / 12)])
 
 
 def write_edge_picture(solid: Solid, path: str | Path, edge_ids: Iterable[int] | None = None) -> Path:
-    """Draw a part with the ids of its edges.
+    """Draw a part with the ids of its edges; the file appears whole or not at all.
 
     Parameters
     ----------
@@ -47,19 +51,24 @@ def write_edge_picture(solid: Solid, path: str | Path, edge_ids: Iterable[int] |
 
     Raises
     ------
-    ValueError
+    PictureError
         The path ends otherwise.
+    EntityError
+        There is no such edge.
     MissingExtraError
         matplotlib is not installed.
+    OutputError
+        The folder does not exist, or the file cannot be written.
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix == ".html":
-        edge_figure(solid, edge_ids).write_html(path, include_plotlyjs=True)
-    elif suffix == ".png":
-        _write_png(solid, path, edge_ids)
-    else:
-        raise ValueError(f"a picture's path must end in .png or .html. Got {path.name!r}.")
+    if suffix not in (".png", ".html"):
+        raise PictureError(f"path of a picture must end in .png or .html. Got {str(path)!r}.")
+    with replacing(path) as beside:
+        if suffix == ".html":
+            edge_figure(solid, edge_ids).write_html(beside, include_plotlyjs=True)
+        else:
+            _write_png(solid, beside, edge_ids)
     return path
 
 
@@ -128,13 +137,14 @@ def _write_png(solid: Solid, path: Path, edge_ids: Iterable[int] | None) -> None
             f"PNG pictures need the package matplotlib. Got {error}; install it with: pip install aspectgraph[plot]"
         ) from error
     ids = _checked_ids(solid, edge_ids)
-    figure = Figure(figsize=(22, 17), layout="constrained")
+    figure = Figure(figsize=(22, 17), dpi=100)
     FigureCanvasAgg(figure)
+    figure.subplots_adjust(left=0.01, right=0.99, bottom=0.01, top=0.94, wspace=0.02, hspace=0.05)
     for ax, (title, direction) in zip(figure.subplots(2, 2).ravel(), VIEWS.items(), strict=True):
         draw_edges(solid, ids, direction, ax=ax)
         ax.set_title(title)
     figure.suptitle(f"{solid.name}: straight edges and their ids", fontsize=16)
-    figure.savefig(path, dpi=100)
+    figure.savefig(path, format="png", dpi="figure")
 
 
 def draw_edges(solid: Solid, edge_ids: Iterable[int] | None, direction, *, ax: Axes) -> Axes:
@@ -284,15 +294,25 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _place_labels(spots: list[tuple[int, str, np.ndarray]], ax: Axes) -> None:
-    """Write each id at the first of its places that is still free, else at the first."""
+    """Write each id where it covers no other: on its edge, else beside it with a line to the edge's middle.
+
+    The shortest edges come first, for they have the fewest places.
+    """
     low, high = np.array([ax.get_xlim(), ax.get_ylim()]).T
-    room = np.array([0.022, 0.014]) * (high - low).max()
-    taken = np.empty((0, 2))
-    for edge_id, colour, places in spots:
-        middle_first = np.argsort(np.abs(np.arange(len(places)) - len(places) // 2), kind="stable")
-        places = places[middle_first]
-        free = [p for p in places if not (np.abs(taken - p) < room).all(axis=1).any()]
-        x, y = free[0] if free else places[0]
-        taken = np.vstack([taken, [x, y]])
-        box = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
-        ax.text(x, y, str(edge_id), color=colour, fontsize=8, ha="center", va="center", bbox=box)
+    size_pt = 72.0 * ax.get_position().size * ax.figure.get_size_inches()
+    unit_per_pt = float(((high - low) / size_pt).max())
+    box = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
+    taken = np.empty((0, 4))
+    for edge_id, colour, samples in sorted(spots, key=lambda spot: float(np.ptp(spot[2], axis=0).max())):
+        room = unit_per_pt * _FONT_PT * np.array([0.65 * len(str(edge_id)) + 0.35, 1.35])
+        middle = samples[len(samples) // 2]
+        on_edge = samples[np.argsort(np.abs(np.arange(len(samples)) - len(samples) // 2), kind="stable")]
+        places = np.vstack([on_edge, middle + unit_per_pt * _FONT_PT * _AROUND])
+        gaps = np.abs(places[:, None] - taken[:, :2]) - (room + taken[:, 2:]) / 2
+        free = (gaps > 0).any(axis=2).all(axis=1)
+        k = int(np.argmax(free))
+        x, y = places[k]
+        taken = np.vstack([taken, [x, y, *room]])
+        if k >= len(on_edge):
+            ax.plot(*zip(middle, (x, y), strict=True), color=colour, linewidth=0.6)
+        ax.text(x, y, str(edge_id), color=colour, fontsize=_FONT_PT, ha="center", va="center", bbox=box)

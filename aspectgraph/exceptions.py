@@ -57,6 +57,14 @@ class GraphMLError(AspectGraphError, ValueError):
     """A graph cannot be written as GraphML without loss, or a GraphML file does not hold such a graph."""
 
 
+class OutputError(AspectGraphError, OSError):
+    """A file cannot be written."""
+
+
+class PictureError(AspectGraphError, ValueError):
+    """A picture cannot be made as asked."""
+
+
 class WidthError(AspectGraphError, ValueError):
     """The width asked for is below what the part's own rounding leaves of a domain, or above the workspace's."""
 

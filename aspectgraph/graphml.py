@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 from collections.abc import Callable
 from dataclasses import asdict
@@ -27,6 +26,7 @@ import networkx as nx
 import numpy as np
 
 from aspectgraph.exceptions import GraphMLError
+from aspectgraph.files import replacing
 from aspectgraph.partition import PartitionSurface
 
 LABEL = "label"
@@ -64,6 +64,8 @@ def write_graphml(graph, path) -> None:
     ------
     GraphMLError
         An attribute cannot be written without loss; nothing is written then.
+    OutputError
+        The file cannot be written.
     """
     path = Path(path)
     graph = graph if isinstance(graph, nx.Graph) else graph.graph
@@ -71,13 +73,8 @@ def write_graphml(graph, path) -> None:
         flat = _flat_graph(graph)
     except ValueError as error:
         raise GraphMLError(f"{path}: {error}") from error
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with open(beside, "xb") as file:
-            nx.write_graphml_xml(flat, file)
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
+    with replacing(path) as beside, open(beside, "wb") as file:
+        nx.write_graphml_xml(flat, file)
 
 
 def read_graphml(path) -> nx.Graph:

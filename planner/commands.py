@@ -9,7 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from aspectgraph import AspectGraphError, compute_regions, graph_of, read_entities, read_solid, write_graphml
+from aspectgraph import (
+    AspectGraphError,
+    compute_regions,
+    graph_of,
+    read_entities,
+    read_solid,
+    write_edge_picture,
+    write_graphml,
+)
 from planner import tables
 from planner.camera import Camera
 from planner.exceptions import OutputError, RequestError
@@ -33,9 +41,7 @@ def info(options) -> int:
     solid = _read_part(options)
     edges = solid.straight_edges(min_length_mm=options.min_length)
     if options.picture:
-        from planner.plot import write_picture
-
-        write_picture(solid, edges, options.picture)
+        write_edge_picture(solid, options.picture, [edge.id for edge in edges])
     tables.print_part(solid, edges)
     if options.picture:
         print(options.picture)

@@ -52,7 +52,3 @@ class PlanFileError(PlannerError, ValueError):
 
 class OutputError(PlannerError, OSError):
     """A file or folder that cannot be written."""
-
-
-class PictureError(PlannerError, ValueError):
-    """A picture or report that cannot be made as asked."""

@@ -1,15 +1,10 @@
-"""Interactive 3-D figures (plotly): the part with its edges, and the plan around it."""
+"""The interactive 3-D figure of a plan (plotly): the part, the entities, the cameras and where they may be."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
-
-from planner.exceptions import OutputError, PictureError
-from planner.files import write_text
 
 # after Okabe and Ito (2008), and Tol (2021): told apart with any colour vision
 COLORS = (
@@ -25,42 +20,6 @@ _LIGHT = {"ambient": 0.62, "diffuse": 0.55, "specular": 0.05, "facenormalsepsilo
 def color_of(setting_idx: int) -> str:
     """Return the colour of a setting, the same in every picture."""
     return COLORS[setting_idx % len(COLORS)]
-
-
-def part_figure(solid, edges):
-    """Draw a part with its candidate edges; each shows its id, length and ends on hover.
-
-    Parameters
-    ----------
-    solid : Solid
-    edges : sequence of Edge
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
-    """
-    import plotly.graph_objects as go
-
-    ends = [solid.edge_points(edge.id) for edge in edges]
-    middles = np.array([points.mean(axis=0) for points in ends]).reshape(-1, 3)
-    texts = [
-        f"edge {edge.id}<br>{np.linalg.norm(p[1] - p[0]):.3f} mm<br>{_point(p[0])} to {_point(p[1])}"
-        for edge, p in zip(edges, ends, strict=True)
-    ]
-    labels = go.Scatter3d(
-        x=middles[:, 0],
-        y=middles[:, 1],
-        z=middles[:, 2],
-        mode="markers+text",
-        text=[str(edge.id) for edge in edges],
-        textfont={"size": 10, "color": "#111"},
-        marker={"size": 2.5, "color": COLORS[1]},
-        hovertext=texts,
-        hoverinfo="text",
-        name="ids",
-    )
-    lines = _lines(ends, color=COLORS[0], width=5, name="straight edges", hoverinfo="skip")
-    return _figure([*part_traces(solid), lines, labels])
 
 
 def plan_figure(plan, solid, space=None):
@@ -91,25 +50,6 @@ def plan_figure(plan, solid, space=None):
         box = _scene_box(plan, solid)
         traces += [_domain_trace(space.covering_cells(list(s.entities)), box, k) for k, s in enumerate(plan.settings)]
     return _figure(traces)
-
-
-def write_picture(solid, edges, path) -> None:
-    """Write a picture of a part's edges with their ids: ``.html`` to turn around, or ``.png``.
-
-    Raises
-    ------
-    PictureError
-        If the suffix is another, or ``.png`` is asked for without matplotlib.
-    OutputError
-        If the file cannot be written.
-    """
-    path = Path(path)
-    if path.suffix.lower() == ".html":
-        write_text(path, part_figure(solid, edges).to_html(include_plotlyjs=True, div_id="part"))
-    elif path.suffix.lower() == ".png":
-        _write_png(solid, edges, path)
-    else:
-        raise PictureError(f"picture must end in .png or .html. Got {str(path)!r}.")
 
 
 def part_traces(solid) -> list:
@@ -276,38 +216,3 @@ def clipped_corners(half_spaces, box) -> np.ndarray | None:
 
 def _point(point) -> str:
     return "(" + ", ".join(f"{value:.1f}" for value in point) + ")"
-
-
-def _write_png(solid, edges, path: Path) -> None:
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise PictureError(
-            "picture as .png must be drawn by matplotlib: pip install 'aspectgraph[plot]'. Got none."
-        ) from None
-    from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
-
-    figure = Figure(figsize=(16, 11), dpi=130)
-    FigureCanvasAgg(figure)
-    ax = figure.add_subplot(projection="3d", computed_zorder=False)
-    ax.add_collection3d(Poly3DCollection(solid.vertices[solid.triangles], facecolor="#dfe3e8", alpha=0.35, linewidth=0))
-    outline = [solid.edge_points(edge.id) for edge in solid.edges if _is_feature(solid, edge)]
-    ax.add_collection3d(Line3DCollection(outline, colors="#8a939e", linewidths=0.6))
-    ends = np.array([solid.edge_points(edge.id) for edge in edges]).reshape(-1, 2, 3)
-    ax.add_collection3d(Line3DCollection(ends, colors=COLORS[0], linewidths=1.6))
-    for edge, middle in zip(edges, ends.mean(axis=1), strict=True):
-        ax.text(*middle, str(edge.id), fontsize=7, color=COLORS[1])
-    low, high = solid.bounds
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    ax.set_axis_off()
-    ax.set_box_aspect(np.maximum(high - low, 0.02 * (high - low).max()))
-    ax.view_init(elev=40, azim=-60)
-    temporary = path.with_name(f".{path.name}.part")
-    try:
-        figure.savefig(temporary, format="png", bbox_inches="tight")
-        temporary.replace(path)
-    except OSError as error:
-        raise OutputError(f"{path} must be a file that can be written. Got: {error.strerror}.") from None
-    finally:
-        temporary.unlink(missing_ok=True)

@@ -6,12 +6,13 @@ import builtins
 
 import numpy as np
 import pytest
-from solids import cube, hollow_box, l_block, two_pocket_block
+from solids import cube, hollow_box, l_block, plate, two_pocket_block
 
-from aspectgraph import EntityError, MissingExtraError, edge_figure, write_edge_picture
+from aspectgraph import EntityError, MissingExtraError, OutputError, PictureError, edge_figure, write_edge_picture
 from aspectgraph.edge_picture import VIEWS, draw_edges, is_seen, render, view_axes
 
 figure = pytest.importorskip("matplotlib.figure")
+FigureCanvasAgg = pytest.importorskip("matplotlib.backends.backend_agg").FigureCanvasAgg
 
 
 def named(solid, direction, edge_ids=None):
@@ -84,8 +85,46 @@ def test_png_and_html(tmp_path):
     html = write_edge_picture(two_pocket_block(), tmp_path / "edges.html", [3, 5]).read_text(encoding="utf-8")
     assert "edge 3<br>" in html.replace("\\u003c", "<").replace("\\u003e", ">")
     assert 'src="http' not in html
-    with pytest.raises(ValueError, match=r"must end in .png or .html. Got 'edges.gif'"):
-        write_edge_picture(cube(), tmp_path / "edges.gif")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["edges.html", "edges.png"]
+
+
+@pytest.mark.parametrize("name", ["edges.gif", "edges.bmp", "edges", ".png", ""])
+def test_other_suffixes_are_refused(tmp_path, name):
+    with pytest.raises(PictureError, match=r"^path of a picture must end in \.png or \.html\. Got '.*'\.$"):
+        write_edge_picture(cube(), tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("suffix", ["png", "html"])
+@pytest.mark.parametrize(("folder", "reason"), [("nowhere", "No such file or directory"), ("file", "Not a directory")])
+def test_a_folder_is_not_made(tmp_path, folder, reason, suffix):
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match=rf"^path must be a file that can be written\. Got '.*\.{suffix}': {reason}"):
+        write_edge_picture(cube(), tmp_path / folder / f"edges.{suffix}")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("suffix", ["png", "html"])
+def test_a_picture_that_fails_leaves_the_old_one(tmp_path, suffix):
+    path = tmp_path / f"edges.{suffix}"
+    path.write_text("old")
+    with pytest.raises(EntityError):
+        write_edge_picture(cube(), path, [99])
+    assert path.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("solid", [cube(), two_pocket_block(), plate(4)], ids=["cube", "two pockets", "plate"])
+def test_no_label_covers_another(solid):
+    fig = figure.Figure(figsize=(9, 7), dpi=100)
+    FigureCanvasAgg(fig)
+    fig.subplots_adjust(left=0, right=1, bottom=0, top=1)
+    ax = draw_edges(solid, None, (0.6, -0.8, 0.7), ax=fig.subplots())
+    fig.canvas.draw()
+    boxes = [text.get_window_extent() for text in ax.texts]
+    assert len(boxes) > 6
+    for n, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[:n])
 
 
 def test_figure_has_one_line_for_each_candidate():

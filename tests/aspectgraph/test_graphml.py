@@ -11,7 +11,7 @@ from generated_solids import SLOTTED_BLOCK, SLOTTED_ENTITIES, TABLE_I
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aspectgraph.exceptions import GraphMLError
+from aspectgraph.exceptions import GraphMLError, OutputError
 from aspectgraph.graph import build_aspect_graph
 from aspectgraph.graphml import read_graphml, write_graphml
 from aspectgraph.partition import PartitionSurface
@@ -273,3 +273,9 @@ def test_missing_component_of_a_vector_is_refused(tmp_path):
 def test_missing_file_is_reported_as_such(tmp_path):
     with pytest.raises(FileNotFoundError):
         read_graphml(tmp_path / "none.graphml")
+
+
+def test_a_folder_is_not_made(tmp_path):
+    with pytest.raises(OutputError, match=r"^path must be a file that can be written\. Got '.*g\.graphml': No such"):
+        write_graphml(small_graph(), tmp_path / "nowhere" / "g.graphml")
+    assert not list(tmp_path.iterdir())

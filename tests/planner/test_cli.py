@@ -168,6 +168,7 @@ BAD = {
     "no plan": (["simulate", "plan.json"], "plan.json: plan file must be readable"),
     "workspace": ([*PLAN, "--workspace", "1", "1", "1", "0", "0", "0"], "workspace"),
     "picture": (["info", "block.off", "--picture", "edges.bmp"], "picture must end in .png or .html"),
+    "no folder for the picture": (["info", "block.off", "--picture", "no/edges.html"], "Got 'no/edges.html': No such"),
 }
 
 

@@ -9,9 +9,8 @@ from grid_box import EDGES, BoxSpace
 from plan_examples import CAMERA, plan, setting
 
 from planner import look_at
-from planner.exceptions import PictureError
 from planner.picture import PictureMaker, png_grey
-from planner.plot import clipped_corners, color_of, part_figure, plan_figure, write_picture
+from planner.plot import clipped_corners, color_of, plan_figure
 from planner.report import report_html
 from planner.tables import margin_texts, verdict
 
@@ -175,12 +174,6 @@ def test_figure_holds_part_settings_and_domains():
     assert len(domains.i) > 0
 
 
-def test_part_figure_labels_every_edge():
-    figure = part_figure(SPACE.solid, SPACE.solid.straight_edges())
-    labels = next(trace for trace in figure.data if trace.name == "ids")
-    assert [int(text) for text in labels.text] == [edge.id for edge in SPACE.solid.edges]
-
-
 def test_clipping_a_cell():
     cell = SPACE.covering_cells(["+z+x"])[0]
     corners = clipped_corners(cell.half_spaces, np.array([[-100.0] * 3, [100.0] * 3]))
@@ -188,19 +181,6 @@ def test_clipping_a_cell():
     assert np.array([corners.min(axis=0), corners.max(axis=0)]) == pytest.approx(np.array([low, high]))
     assert len(corners) == 8
     assert clipped_corners(cell.half_spaces, np.array([[-90.0] * 3, [-80.0] * 3])) is None
-
-
-@pytest.mark.parametrize("suffix", ["png", "html"])
-def test_picture_of_the_edges(tmp_path, suffix):
-    write_picture(SPACE.solid, SPACE.solid.straight_edges(), tmp_path / f"edges.{suffix}")
-    data = (tmp_path / f"edges.{suffix}").read_bytes()
-    assert data.startswith(b"\x89PNG" if suffix == "png" else b"<!doctype html>")
-    assert [p.name for p in tmp_path.iterdir()] == [f"edges.{suffix}"]
-
-
-def test_picture_of_another_kind_is_refused(tmp_path):
-    with pytest.raises(PictureError, match=r"must end in .png or .html. Got .*edges.gif"):
-        write_picture(SPACE.solid, SPACE.solid.straight_edges(), tmp_path / "edges.gif")
 
 
 def test_margins_are_told_with_their_units():
