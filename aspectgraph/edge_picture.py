@@ -10,11 +10,13 @@ import numpy as np
 
 from aspectgraph.exceptions import EntityError, MissingExtraError, PictureError
 from aspectgraph.files import replacing
+from aspectgraph.plot_style import is_feature
 from aspectgraph.solid import Solid
+from aspectgraph.traces import line_trace, part_traces, scene_figure, xyz
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from plotly.graph_objects import Figure
+    from plotly.graph_objects import Figure, Scatter3d
 
 VIEWS = {
     "from the right, front and above": (0.6, -0.8, 0.7),
@@ -77,45 +79,27 @@ def edge_figure(solid: Solid, edge_ids: Iterable[int] | None = None) -> Figure:
     import plotly.graph_objects as go
 
     ids = _checked_ids(solid, edge_ids)
-    x, y, z = solid.vertices.T
-    i, j, k = solid.triangles.T
-    body = go.Mesh3d(x=x, y=y, z=z, i=i, j=j, k=k, color="lightgrey", flatshading=True, hoverinfo="skip", name="part")
     lines = [_line(solid, edge_id, n) for n, edge_id in enumerate(ids)]
-    middles = np.array([solid.edge_points(edge_id).mean(axis=0) for edge_id in ids]).reshape(-1, 3)
     labels = go.Scatter3d(
-        x=middles[:, 0],
-        y=middles[:, 1],
-        z=middles[:, 2],
+        **xyz([solid.edge_points(edge_id).mean(axis=0) for edge_id in ids]),
         mode="text",
         text=[str(edge_id) for edge_id in ids],
         hoverinfo="skip",
         name="ids",
     )
-    figure = go.Figure([body, *lines, labels])
-    axis = {"title": {"font": {"size": 12}}, "backgroundcolor": "white", "gridcolor": "gainsboro"}
-    scene = {"aspectmode": "data", "camera": {"projection": {"type": "orthographic"}}}
-    scene |= {f"{name}axis": axis | {"title": {"text": f"{name} (mm)"}} for name in "xyz"}
-    figure.update_layout(title=f"{solid.name}: {len(ids)} straight edges", scene=scene, showlegend=False)
-    return figure
+    title = f"{solid.name}: {len(ids)} straight edges"
+    figure = scene_figure([*part_traces(solid), *lines, labels], next(iter(VIEWS.values())), title=title)
+    return figure.update_layout(showlegend=False)
 
 
-def _line(solid: Solid, edge_id: int, n: int):
-    import plotly.graph_objects as go
-
+def _line(solid: Solid, edge_id: int, n: int) -> Scatter3d:
     points = np.linspace(*solid.edge_points(edge_id), 9)
     ends = " to ".join("(" + ", ".join(f"{c:.6g}" for c in p) + ")" for p in points[[0, -1]])
     text = (
         f"edge {edge_id}<br>length {solid.edge_length_mm(edge_id):.6g} mm<br>"
-        f"angle {solid.edges[edge_id].dihedral_deg:.4g}°<br>{ends}"
+        f"angle {solid.edges[edge_id].dihedral_deg:.4g}°<br>{ends}<extra></extra>"
     )
-    return go.Scatter3d(
-        x=points[:, 0],
-        y=points[:, 1],
-        z=points[:, 2],
-        mode="lines",
-        line={"color": _PALETTE[n % len(_PALETTE)], "width": 6},
-        hovertemplate=text + "<extra></extra>",
-    )
+    return line_trace([points], color=_PALETTE[n % len(_PALETTE)], width=6, name=f"edge {edge_id}", hovertemplate=text)
 
 
 def _checked_ids(solid: Solid, edge_ids: Iterable[int] | None) -> list[int]:
@@ -244,10 +228,10 @@ def _weights(p: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.n
 
 
 def _draw_outlines(solid: Solid, points: np.ndarray, corners: np.ndarray, named: set[int], ax: Axes) -> None:
-    """Draw the sharp edges that are not named, where seen at their middle, in grey."""
+    """Draw the feature edges that are not named, where seen at their middle, in grey."""
     from matplotlib.collections import LineCollection
 
-    rest = [e for e in solid.edges if e.id not in named and abs(e.dihedral_deg) > 35.0]
+    rest = [e for e in solid.edges if e.id not in named and is_feature(solid, e)]
     if rest:
         runs = points[np.array([e.vertices for e in rest])]
         seen = is_seen(runs.mean(axis=1), corners)

@@ -10,6 +10,7 @@ import numpy as np
 from .clip import box_around, box_half_spaces, domain_facets
 from .exceptions import AspectGraphError
 from .plot_style import INK, list_colors, list_text
+from .traces import line_trace, part_traces, point_text, scene_figure, surface_trace, xyz
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -19,12 +20,10 @@ if TYPE_CHECKING:
     from .solid import Solid
 
 _ENTITY = "#c0152f"
-_LIGHT = np.array([0.35, -0.5, 0.8])
 _VIEWS = [(x, y, z) for z in (0.7, -0.7) for x, y in ((0.9, -1.1), (0.9, 1.1), (-0.9, -1.1), (-0.9, 1.1))]
 _MOST_VISIBLE = 3
 # air around the part, in its diagonals
 _MARGIN = 0.4
-_FEATURE_DEG, _CURVED_FEATURE_DEG = 15.0, 40.0
 
 
 def plot_solid(part, entities: Mapping[str, Entity] | None = None) -> Figure:
@@ -94,26 +93,6 @@ def plot_domains(
     return _figure(traces, eag.solid, eag.entities)
 
 
-def part_traces(solid: Solid) -> list:
-    """Return the faces and the sharp edges of a part as plotly traces."""
-    import plotly.graph_objects as go
-
-    # shaded here: what plotly makes of its light depends on the size of the part
-    shades = 0.80 + 0.20 * solid.normals[np.asarray(solid.triangle_face)] @ (_LIGHT / np.linalg.norm(_LIGHT))
-    faces = go.Mesh3d(
-        **_xyz(solid.vertices),
-        **dict(zip("ijk", np.asarray(solid.triangles).T, strict=True)),
-        facecolor=[f"rgb({200 * s:.0f},{208 * s:.0f},{218 * s:.0f})" for s in shades],
-        flatshading=True,
-        lighting={"ambient": 1.0, "diffuse": 0.0, "specular": 0.0},
-        hoverinfo="skip",
-        name="part",
-        showlegend=True,
-    )
-    sharp = [solid.edge_points(edge.id) for edge in solid.edges if _is_feature(solid, edge)]
-    return [faces, _lines(sharp, color=INK, width=2.5, name="edges", hoverinfo="skip", showlegend=False)]
-
-
 def entity_traces(solid: Solid, entities: Mapping[str, Entity]) -> list:
     """Return entities as plotly traces: a thick line each, and the names."""
     import plotly.graph_objects as go
@@ -123,12 +102,12 @@ def entity_traces(solid: Solid, entities: Mapping[str, Entity]) -> list:
     points = [np.linspace(*entity.endpoints, 9) for entity in entities.values()]
     hover = [text for entity in entities.values() for text in [_entity_text(entity)] * 10]
     style = {"color": _ENTITY, "width": 9, "name": "entities", "legendgroup": "entities"}
-    lines = _lines(points, hovertext=hover, hoverinfo="text", **style)
+    lines = line_trace(points, hovertext=hover, hoverinfo="text", **style)
     away = 0.03 * float(np.linalg.norm(np.ptp(solid.bounds, axis=0)))
     outwards = [_normals(solid, entity).sum(axis=0) for entity in entities.values()]
     places = [row[4] + away * n / max(np.linalg.norm(n), 1e-9) for row, n in zip(points, outwards, strict=True)]
     names = go.Scatter3d(
-        **_xyz(np.array(places)),
+        **xyz(np.array(places)),
         mode="text",
         text=[f"<b>{name}</b>" for name in entities],
         textfont={"size": 15, "color": "#000000"},
@@ -158,13 +137,11 @@ def best_view(solid: Solid, entities: Mapping[str, Entity]) -> tuple[float, floa
 
 
 def _entity_text(entity: Entity) -> str:
-    ends = " to ".join(_point(end) for end in entity.endpoints)
+    ends = " to ".join(point_text(end) for end in entity.endpoints)
     return f"<b>{entity.name}</b><br>{np.linalg.norm(np.ptp(entity.endpoints, axis=0)):.6g} mm<br>{ends} mm"
 
 
 def _domain_traces(eag: EntityAspectGraph, node, box: np.ndarray, color: str, opacity: float, shown: bool) -> list:
-    import plotly.graph_objects as go
-
     data = eag.graph.nodes[node]
     cells = list(eag.cells(node))
     facets = domain_facets(cells, eag.solid, box)
@@ -172,22 +149,9 @@ def _domain_traces(eag: EntityAspectGraph, node, box: np.ndarray, color: str, op
     together = {"legendgroup": f"domain {node}", "visible": True if shown else "legendonly"}
     if not facets:
         title += " (not in this picture)"
-    triangles = np.concatenate([facet.triangles for facet in facets] or [np.zeros((0, 3, 3))])
-    corners, index = np.unique(triangles.reshape(-1, 3).round(9), axis=0, return_inverse=True)
-    surface = go.Mesh3d(
-        **_xyz(corners),
-        **dict(zip("ijk", index.reshape(-1, 3).T, strict=True)),
-        color=color,
-        opacity=opacity,
-        flatshading=True,
-        lighting={"ambient": 0.9, "diffuse": 0.2, "specular": 0.0},
-        hoverinfo="skip",
-        name=title,
-        showlegend=True,
-        **together,
-    )
+    surface = surface_trace(facets, color=color, opacity=opacity, name=title, **together)
     rings = [ring for facet in facets for ring in facet.outlines]
-    outline = _lines(rings, color=color, width=2, name=title, hoverinfo="skip", showlegend=False, **together)
+    outline = line_trace(rings, color=color, width=2, name=title, hoverinfo="skip", showlegend=False, **together)
     if not facets:
         return [surface]
     return [surface, outline, *_viewpoint_traces(eag, node, cells, box, color, together)]
@@ -204,11 +168,11 @@ def _viewpoint_traces(eag: EntityAspectGraph, node, cells, box: np.ndarray, colo
     text = (
         f"<b>domain {node}</b><br>observable: {', '.join(data['observable']) or 'nothing'}<br>"
         f"volume {data['volume']:.4g} mm³{', open to the workspace boundary' if data['unbounded'] else ''}<br>"
-        f"graph's viewpoint {_point(data['viewpoint'])} mm, clearance {data['clearance']:.4g} mm<br>"
+        f"graph's viewpoint {point_text(data['viewpoint'])} mm, clearance {data['clearance']:.4g} mm<br>"
         f"{data['n_cells']} convex cells, neighbours {', '.join(map(str, sorted(eag.graph[node])))}"
     )
     marker = go.Scatter3d(
-        **_xyz(viewpoint[None]),
+        **xyz(viewpoint[None]),
         mode="markers+text",
         marker={"size": 6, "color": color, "line": {"color": INK, "width": 2}},
         text=[f"{node}"],
@@ -220,7 +184,7 @@ def _viewpoint_traces(eag: EntityAspectGraph, node, cells, box: np.ndarray, colo
         showlegend=False,
         **together,
     )
-    sight = _lines(
+    sight = line_trace(
         [np.array([viewpoint, end]) for end in ends],
         color=color,
         width=1.5,
@@ -246,46 +210,6 @@ def _deepest(cells, box: np.ndarray) -> np.ndarray:
     return best
 
 
-def _is_feature(solid: Solid, edge) -> bool:
-    inside_curve = all(solid.faces[face].curved for face in edge.faces)
-    return abs(edge.dihedral_deg) >= (_CURVED_FEATURE_DEG if inside_curve else _FEATURE_DEG)
-
-
-def _lines(segments, *, color: str, width: float, name: str, **options):
-    import plotly.graph_objects as go
-
-    # a row of nan between two stretches lifts the pen
-    rows = [row for segment in segments for row in (*np.asarray(segment), (np.nan,) * 3)]
-    line = {"color": color, "width": width}
-    return go.Scatter3d(**_xyz(np.array(rows).reshape(-1, 3)), mode="lines", line=line, name=name, **options)
-
-
-def _xyz(points: np.ndarray) -> dict:
-    return dict(zip("xyz", np.asarray(points, float).reshape(-1, 3).T, strict=True))
-
-
-def _point(point) -> str:
-    return "(" + ", ".join(f"{value:.4g}" for value in point) + ")"
-
-
-def _figure(traces: list, solid: Solid, entities: Mapping[str, Entity]):
-    import plotly.graph_objects as go
-
-    axis = {"backgroundcolor": "#ffffff", "gridcolor": "#e6e9ee", "zeroline": False, "color": "#6b7480"}
-    scene = {f"{name}axis": {**axis, "title": {"text": f"{name} (mm)"}} for name in "xyz"}
-    eye = dict(zip("xyz", best_view(solid, entities), strict=True))
-    figure = go.Figure(traces)
-    figure.update_layout(
-        title={"text": solid.name, "x": 0.02, "font": {"size": 16}},
-        scene={
-            **scene,
-            "aspectmode": "data",
-            "camera": {"eye": eye, "projection": {"type": "orthographic"}},
-        },
-        legend={"groupclick": "togglegroup", "itemsizing": "constant", "title": {"text": "viewing domains"}},
-        margin={"l": 0, "r": 0, "t": 40, "b": 0},
-        paper_bgcolor="#ffffff",
-        font={"family": "Helvetica Neue, Helvetica, Arial, sans-serif", "color": INK},
-        uirevision="domains",
-    )
-    return figure
+def _figure(traces: list, solid: Solid, entities: Mapping[str, Entity]) -> Figure:
+    figure = scene_figure(traces, best_view(solid, entities), title=solid.name)
+    return figure.update_layout(legend={"title": {"text": "viewing domains"}}, uirevision="domains")

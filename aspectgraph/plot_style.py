@@ -5,10 +5,15 @@ from __future__ import annotations
 import colorsys
 import re
 from collections.abc import Hashable, Sequence
+from typing import TYPE_CHECKING
 
 import networkx as nx
 
 from .exceptions import MissingExtraError
+
+if TYPE_CHECKING:
+    from .solid import Solid
+    from .topology import Edge
 
 # told apart with any colour vision in this order, after Okabe and Ito (2008) and Tol (2021)
 _PALETTE = (
@@ -21,6 +26,13 @@ INK = "#2b3138"
 # the golden angle, as a share of the circle: hues that follow each other are far apart
 _NEXT_HUE = 0.381966
 _RUN = 3
+_FEATURE_DEG, _CURVED_FEATURE_DEG = 15.0, 40.0
+
+
+def is_feature(solid: Solid, edge: Edge) -> bool:
+    """Whether an edge is drawn: it turns enough, and more than facets of one curved face do."""
+    inside_curve = all(solid.faces[face].curved for face in edge.faces)
+    return abs(edge.dihedral_deg) >= (_CURVED_FEATURE_DEG if inside_curve else _FEATURE_DEG)
 
 
 def list_colors(graph: nx.Graph) -> dict[Hashable, str]:

@@ -14,14 +14,13 @@ from html import escape
 
 import numpy as np
 
+from aspectgraph.plot_style import is_feature
 from planner.pose import world_to_cam
 
 _STEP_PX = 5.0
 _NEAREST_MM = 1.0
 # a ray that ends this fraction before the point has been stopped by something else
 _HIT_TOLERANCE = 4e-4
-_FEATURE_DEG = 20.0
-_FACET_DEG = 40.0
 _SHADED_WIDTH = 560
 
 
@@ -46,10 +45,7 @@ class PictureMaker:
         )
         self._edge_vertices = np.array([edge.vertices for edge in solid.edges])
         self._edge_faces = np.array([edge.faces for edge in solid.edges])
-        curved = np.array([face.curved for face in solid.faces])
-        turns = np.abs([edge.dihedral_deg for edge in solid.edges])
-        # between two facets of a curved face there is no edge on the real part
-        self._feature = (turns >= _FEATURE_DEG) & ~(curved[self._edge_faces].all(axis=1) & (turns < _FACET_DEG))
+        self._feature = np.array([is_feature(solid, edge) for edge in solid.edges])
 
     def image_svg(self, cam2world, entities: dict, color: str) -> str:
         """Return the predicted image: shaded faces, visible edges, entities (name to ends (2, 3)) in a colour."""

@@ -129,7 +129,7 @@ def test_no_label_covers_another(solid):
 
 def test_figure_has_one_line_for_each_candidate():
     traces = edge_figure(l_block()).data
-    lines = [trace for trace in traces if trace.type == "scatter3d" and trace.mode == "lines"]
+    lines = [trace for trace in traces if trace.name.startswith("edge ")]
     assert len(lines) == 18
     assert {line.hovertemplate.split("<br>")[0] for line in lines} == {f"edge {i}" for i in range(18)}
 

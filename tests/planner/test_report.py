@@ -10,7 +10,7 @@ from plan_examples import CAMERA, plan, setting
 
 from planner import look_at
 from planner.picture import PictureMaker, png_grey
-from planner.plot import clipped_corners, color_of, plan_figure
+from planner.plot import color_of, plan_figure
 from planner.report import report_html
 from planner.tables import margin_texts, verdict
 
@@ -172,15 +172,6 @@ def test_figure_holds_part_settings_and_domains():
     assert domains.visible == "legendonly"
     assert domains.color == color_of(0)
     assert len(domains.i) > 0
-
-
-def test_clipping_a_cell():
-    cell = SPACE.covering_cells(["+z+x"])[0]
-    corners = clipped_corners(cell.half_spaces, np.array([[-100.0] * 3, [100.0] * 3]))
-    low, high = np.maximum(cell.low, -100), np.minimum(cell.high, 100)
-    assert np.array([corners.min(axis=0), corners.max(axis=0)]) == pytest.approx(np.array([low, high]))
-    assert len(corners) == 8
-    assert clipped_corners(cell.half_spaces, np.array([[-90.0] * 3, [-80.0] * 3])) is None
 
 
 def test_margins_are_told_with_their_units():
