@@ -242,15 +242,8 @@ n = len(profile)
 vertices = [(x, y, 0) for x, y in profile] + [(x, y, 2) for x, y in profile]
 sides = [(k, (k + 1) % n, n + (k + 1) % n, n + k) for k in range(n)]
 l_block = Solid(vertices, [tuple(range(n))[::-1], tuple(range(n, 2 * n)), *sides], name="L-block")
-step_edges = {
-    "e1": ((1, 1, 0), (1, 1, 2)),
-    "e2": ((1, 1, 0), (1, 2, 0)),
-    "e3": ((1, 1, 2), (1, 2, 2)),
-    "e4": ((1, 2, 0), (1, 2, 2)),
-    "e5": ((1, 1, 0), (3, 1, 0)),
-    "e6": ((1, 1, 2), (3, 1, 2)),
-    "e7": ((3, 1, 0), (3, 1, 2)),
-}
+# the sides at (3, 1)-(1, 1) and (1, 1)-(1, 2), after the bottom and the top
+step_edges = [edge.id for edge in l_block.edges if {4, 5} & set(edge.faces)]
 step = build_aspect_graph(l_block, step_edges)
 n_lists = len({listed for _, listed in step.graph.nodes(data="observable")})
 print(f"step: {len(step.graph)} nodes (paper: 20), {step.graph.number_of_edges()} adjacencies, {n_lists} lists")

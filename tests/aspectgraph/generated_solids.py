@@ -11,6 +11,7 @@ from math import atan2, gcd
 from typing import NamedTuple
 
 import numpy as np
+from solids import L_PROFILE, SLOT_PROFILE
 
 
 class Part(NamedTuple):
@@ -303,23 +304,8 @@ def check_part(part: Part) -> None:
 # --------------------------------------------------------------------------------- solids whose graphs are known
 
 CUBE = prism([(0, 0), (2, 0), (2, 2), (0, 2)], 2, "cube")
-L_BLOCK = prism([(0, 0), (3, 0), (3, 1), (1, 1), (1, 2), (0, 2)], 2, "L-block")
-L_BLOCK_STEP = (
-    ((3, 1, 0), (3, 1, 2)),
-    ((3, 1, 0), (1, 1, 0)),
-    ((3, 1, 2), (1, 1, 2)),
-    ((1, 1, 0), (1, 1, 2)),
-    ((1, 1, 0), (1, 2, 0)),
-    ((1, 1, 2), (1, 2, 2)),
-    ((1, 2, 0), (1, 2, 2)),
-)
-"""End points of the seven edges of the L-block's two step faces."""
-
-SLOTTED_PROFILE = [(0, 0), (10, 0), (10, 1), (8, 1), (8, 3), (6, 3), (6, 2), (4, 2), (4, 3), (2, 3), (2, 1), (0, 1)]
-SLOTTED_BLOCK = prism(SLOTTED_PROFILE, 6, "slotted block")
-SLOTTED_ENTITIES = {f"e{i}": ((x, y, 0), (x, y, 6)) for i, (x, y) in enumerate([(6, 2), (4, 2), (8, 1), (2, 1)], 1)}
-TABLE_I = ("e1 e2", "e2", "e1", "e2 e3", "e3", "e1 e4", "e4", "")
-"""The lists of the paper's Table I, for a reconstruction of its solid (the drawing has no dimensions)."""
+L_BLOCK = prism(L_PROFILE, 2, "L-block")
+SLOTTED_BLOCK = prism(SLOT_PROFILE, 6, "slotted block")
 
 
 def _two_pocket_block() -> Part:
@@ -330,26 +316,6 @@ def _two_pocket_block() -> Part:
 
 
 TWO_POCKET_BLOCK = _two_pocket_block()
-TWO_POCKET_ENTITIES = {
-    "e1": ((6, 2, 1), (6, 4, 1)),
-    "e2": ((6, 2, 1), (6, 2, 3)),
-    "e3": ((6, 2, 1), (5, 2, 1)),
-    "e4": ((2, 6, 1), (4, 6, 1)),
-    "e5": ((2, 6, 1), (2, 6, 3)),
-    "e6": ((2, 6, 1), (2, 5, 1)),
-}
-TABLE_II = (
-    "e1 e2 e3",
-    "e1 e2",
-    "e4 e5 e6",
-    "e4 e5",
-    "e1 e2 e4 e5",
-    "e1 e2 e3 e4 e5 e6",
-    "e1 e2 e4 e5 e6",
-    "e1 e2 e3 e4 e5",
-    "",
-)
-"""The lists of the paper's Table II, for a reconstruction of its solid."""
 
 
 def pocket_plate(n: int) -> tuple[Part, list[tuple[int, int]]]:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from engine_pairs import solid_of
 from exact_checker import ExactChecker
-from generated_solids import CUBE, L_BLOCK, L_BLOCK_STEP, prism, pyramid, rotation
+from generated_solids import CUBE, L_BLOCK, prism, pyramid, rotation
+from solids import STEP_ENTITIES
 
 from aspectgraph.complete import Drawing, complete_aspect_graph, describe_drawing, seen_whole
 from aspectgraph.exceptions import WorkspaceError
@@ -25,7 +26,7 @@ def l_block():
 
 def test_l_block_has_71_nodes_and_its_step_20(l_block):
     """The comparison of the paper's section 3.4."""
-    step = build_aspect_graph(solid_of(L_BLOCK), {f"s{i}": ends for i, ends in enumerate(L_BLOCK_STEP)}, BOX)
+    step = build_aspect_graph(solid_of(L_BLOCK), STEP_ENTITIES, BOX)
     assert size(l_block) == (71, 164)
     assert size(step.graph) == (20, 40)
 

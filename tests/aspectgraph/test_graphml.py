@@ -7,15 +7,14 @@ import igraph
 import networkx as nx
 import numpy as np
 import pytest
-from generated_solids import SLOTTED_BLOCK, SLOTTED_ENTITIES, TABLE_I
 from hypothesis import given
 from hypothesis import strategies as st
+from solids import SLOT_ENTITIES, SLOT_LISTS, slotted_block
 
 from aspectgraph.exceptions import GraphMLError, OutputError
 from aspectgraph.graph import build_aspect_graph
 from aspectgraph.graphml import read_graphml, write_graphml
 from aspectgraph.partition import PartitionSurface
-from aspectgraph.solid import Solid
 
 SURFACE_A = PartitionSurface("A", "e1", (), (), (4,), (0.0, 0.6, 0.8, 1 / 3))
 SURFACE_B = PartitionSurface("B", "side <e2>", (3,), (), (), (1.0, 0.0, 0.0, -2.5))
@@ -89,7 +88,7 @@ def test_graph_is_taken_from_an_aspect_graph_and_left_alone(tmp_path):
 
 
 def test_aspect_graph_of_a_solid(tmp_path):
-    eag = build_aspect_graph(Solid(SLOTTED_BLOCK.vertices, SLOTTED_BLOCK.faces, name="slots"), SLOTTED_ENTITIES)
+    eag = build_aspect_graph(slotted_block(), SLOT_ENTITIES)
     write_graphml(eag, tmp_path / "g.graphml")
     read = read_graphml(tmp_path / "g.graphml")
     assert read.graph == eag.graph.graph
@@ -97,7 +96,7 @@ def test_aspect_graph_of_a_solid(tmp_path):
     assert list(read.edges(data=True)) == list(eag.graph.edges(data=True))
     other = igraph.Graph.Read_GraphML(str(tmp_path / "g.graphml"))
     assert (other.vcount(), other.ecount()) == (8, 11)
-    assert sorted(other.vs["label"]) == sorted(names.replace(" ", ", ") or "None" for names in TABLE_I)
+    assert sorted(other.vs["label"]) == sorted(", ".join(sorted(names)) or "None" for names in SLOT_LISTS)
 
 
 TEXTS = st.text(max_size=12).filter(lambda s: s.isprintable() or s == "")

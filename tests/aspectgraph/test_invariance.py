@@ -8,15 +8,13 @@ from exact_checker import ExactChecker
 from generated_solids import (
     CUBE,
     L_BLOCK,
-    L_BLOCK_STEP,
     SLOTTED_BLOCK,
-    SLOTTED_ENTITIES,
     TWO_POCKET_BLOCK,
-    TWO_POCKET_ENTITIES,
     generated_solid,
     rotation,
 )
 from scipy.spatial.transform import Rotation
+from solids import SLOT_ENTITIES, STEP_ENTITIES, TWO_POCKET_ENTITIES
 
 from aspectgraph.graph import build_aspect_graph
 from aspectgraph.regions import compute_regions
@@ -25,8 +23,8 @@ from aspectgraph.solid import Solid
 KNOWN = {
     "cube": (CUBE, CUBE.edges()),
     "L-block": (L_BLOCK, L_BLOCK.edges()),
-    "L-block step": (L_BLOCK, [L_BLOCK.edge_between(*ends) for ends in L_BLOCK_STEP]),
-    "slotted block": (SLOTTED_BLOCK, [SLOTTED_BLOCK.edge_between(*ends) for ends in SLOTTED_ENTITIES.values()]),
+    "L-block step": (L_BLOCK, [L_BLOCK.edge_between(*ends) for ends in STEP_ENTITIES.values()]),
+    "slotted block": (SLOTTED_BLOCK, [SLOTTED_BLOCK.edge_between(*ends) for ends in SLOT_ENTITIES.values()]),
     "two pockets": (TWO_POCKET_BLOCK, [TWO_POCKET_BLOCK.edge_between(*e) for e in TWO_POCKET_ENTITIES.values()]),
 }
 

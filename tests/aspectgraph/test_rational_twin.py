@@ -8,13 +8,8 @@ from exact_checker import ExactChecker
 from generated_solids import (
     CUBE,
     L_BLOCK,
-    L_BLOCK_STEP,
     SLOTTED_BLOCK,
-    SLOTTED_ENTITIES,
-    TABLE_I,
-    TABLE_II,
     TWO_POCKET_BLOCK,
-    TWO_POCKET_ENTITIES,
     generated_solid,
     pocket_plate,
     prism,
@@ -22,6 +17,7 @@ from generated_solids import (
 )
 from rational_cells import at, box_cell, reduced, split, volume
 from rational_twin import blocked_set, facets_by_brute_force, twin_graph
+from solids import SLOT_ENTITIES, SLOT_LISTS, STEP_ENTITIES, TWO_POCKET_ENTITIES, TWO_POCKET_LISTS
 
 
 def twin(part, entities=None, reach=60, number=int):
@@ -35,8 +31,8 @@ def named(part, entities):
     return {name: part.edge_between(*ends) for name, ends in entities.items()}
 
 
-def lists_of(graph):
-    return sorted(" ".join(sorted(names)) for names in graph.lists)
+def in_order(lists):
+    return sorted(sorted(names) for names in lists)
 
 
 @pytest.mark.parametrize(
@@ -45,8 +41,8 @@ def lists_of(graph):
         (CUBE, None, 26, 48, 26),
         (L_BLOCK, None, 55, 116, 55),
         (prism([(0, 0), (7, 0), (7, 2), (3, 2), (3, 5), (0, 5)], 4), None, 55, 116, 55),
-        (L_BLOCK, dict(zip("abcdefg", L_BLOCK_STEP, strict=True)), 20, 40, 13),
-        (SLOTTED_BLOCK, SLOTTED_ENTITIES, 8, 11, 8),
+        (L_BLOCK, STEP_ENTITIES, 20, 40, 13),
+        (SLOTTED_BLOCK, SLOT_ENTITIES, 8, 11, 8),
         (TWO_POCKET_BLOCK, TWO_POCKET_ENTITIES, 9, 13, 9),
     ],
     ids=["cube", "L-block", "other L-block", "L-block step", "Table I", "Table II"],
@@ -57,8 +53,9 @@ def test_known_answers(part, entities, domains, adjacencies, distinct):
 
 
 def test_lists_of_the_papers_tables():
-    assert lists_of(twin(SLOTTED_BLOCK, named(SLOTTED_BLOCK, SLOTTED_ENTITIES))) == sorted(TABLE_I)
-    assert lists_of(twin(TWO_POCKET_BLOCK, named(TWO_POCKET_BLOCK, TWO_POCKET_ENTITIES))) == sorted(TABLE_II)
+    assert in_order(twin(SLOTTED_BLOCK, named(SLOTTED_BLOCK, SLOT_ENTITIES)).lists) == in_order(SLOT_LISTS)
+    pockets = twin(TWO_POCKET_BLOCK, named(TWO_POCKET_BLOCK, TWO_POCKET_ENTITIES))
+    assert in_order(pockets.lists) == in_order(TWO_POCKET_LISTS)
 
 
 @pytest.mark.parametrize(
@@ -116,7 +113,7 @@ def test_order_of_entities_does_not_matter(seed):
     part = generated_solid(seed)
     entities = {f"e{i}": pair for i, pair in enumerate(part.edges()[:8])}
     forward, backward = twin(part, entities), twin(part, dict(reversed(entities.items())))
-    assert lists_of(forward) == lists_of(backward)
+    assert in_order(forward.lists) == in_order(backward.lists)
     assert sorted(forward.volumes()) == sorted(backward.volumes())
     assert len(forward.adjacencies) == len(backward.adjacencies)
 
@@ -124,9 +121,9 @@ def test_order_of_entities_does_not_matter(seed):
 @pytest.mark.parametrize("quaternion", [(1, 1, 0, 0), (1, 1, 1, 0), (2, 1, 0, 1)])
 def test_rotated_copy_has_the_same_graph(quaternion):
     turned = L_BLOCK.mapped(rotation(quaternion), "turned")
-    entities = named(L_BLOCK, dict(zip("abcdefg", L_BLOCK_STEP, strict=True)))
+    entities = named(L_BLOCK, STEP_ENTITIES)
     graph, other = twin(L_BLOCK, entities), twin(turned, entities, 400)
-    assert lists_of(graph) == lists_of(other)
+    assert in_order(graph.lists) == in_order(other.lists)
     assert len(graph.adjacencies) == len(other.adjacencies)
 
 
