@@ -87,10 +87,8 @@ def displacement_terms(points: ArrayLike, *, focal_length_mm: float) -> Displace
 
     Parameters
     ----------
-    points : array-like, shape (..., 3)
-        Points in the paper's camera frame, in mm.
-    focal_length_mm : float
-        Distance from the image plane to the lens centre, in mm.
+    points, focal_length_mm
+        As `project`.
 
     Returns
     -------
@@ -99,10 +97,8 @@ def displacement_terms(points: ArrayLike, *, focal_length_mm: float) -> Displace
 
     Raises
     ------
-    BehindLensError
-        If a point has C3 >= focal_length_mm.
-    InvalidParameterError
-        If a value is not finite or the focal length is not positive.
+    BehindLensError, InvalidParameterError
+        As `project`.
     """
     f = check_positive(focal_length_mm, "focal_length_mm")
     c1, c2, c3 = np.moveaxis(check_points(points, f), -1, 0)
@@ -120,10 +116,8 @@ def point_displacement(
 
     Parameters
     ----------
-    points : array-like, shape (..., 3)
-        Points in the paper's camera frame, in mm.
-    focal_length_mm : float
-        Distance from the image plane to the lens centre, in mm.
+    points, focal_length_mm
+        As `project`.
     pose_covariance : array-like, shape (..., 6, 6)
         Covariance of (dx, dy, dz, phi_x, phi_y, phi_z) in mm and rad.
 

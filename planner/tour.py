@@ -51,10 +51,8 @@ def travel_order(cam2worlds, radian_mm: float = RADIAN_MM) -> tuple[int, ...]:
 
     Parameters
     ----------
-    cam2worlds : array_like, shape (n, 4, 4)
-        Poses, millimetres.
-    radian_mm : float
-        Travel in millimetres that a turn of one radian is worth.
+    cam2worlds, radian_mm
+        As `pose_distances`.
 
     Returns
     -------
