@@ -135,7 +135,7 @@ class Camera:
         Raises
         ------
         CameraError
-            If the name is unknown (the message offers the nearest names), or a change breaks its rule.
+            If the name is unknown (the message offers the nearest names), or the lens cannot be set so.
         """
         known = {key.lower(): key for key in _catalogue()}
         key = known.get(str(name).lower())
@@ -143,12 +143,17 @@ class Camera:
             near = difflib.get_close_matches(str(name).lower(), known, n=3, cutoff=0.3) or sorted(known)[:3]
             offered = ", ".join(known[n] for n in near)
             raise CameraError(f"camera must be a name of the catalogue. Got {str(name)!r}; nearest: {offered}.")
-        facts = dict(_catalogue()[key])
-        widest = facts.pop("widest_f_number")
-        camera = cls.from_dict({**facts, "name": key, **changes})
-        if camera.f_number < widest:
+        fields, lens = _catalogue()[key]
+        camera = cls.from_dict({**fields, "name": key, **changes})
+        widest, narrowest, closest = lens["widest_f_number"], lens["narrowest_f_number"], lens["closest_object_mm"]
+        if not widest <= camera.f_number <= narrowest:
             raise CameraError(
-                f"f_number must be at least {widest:g}, the lens's widest aperture. Got {camera.f_number:g}."
+                f"f_number must be in {widest:g} to {narrowest:g}, the lens's range. Got {camera.f_number:g}."
+            )
+        if camera.focus_distance_mm < closest:
+            raise CameraError(
+                f"focus_distance_mm must be at least {closest:g}, the lens's closest object. "
+                f"Got {camera.focus_distance_mm:g}."
             )
         return camera
 
@@ -192,19 +197,17 @@ def camera_names() -> tuple[str, ...]:
 
 
 @cache
-def _catalogue() -> dict[str, dict]:
-    """Read the catalogue: bodies and lenses hold data-sheet facts, pairs say which are mounted and how they are set."""
+def _catalogue() -> dict[str, tuple[dict, dict]]:
+    """Read the catalogue: the fields of each camera, and its lens.
+
+    Bodies and lenses hold data-sheet facts, pairs say which are mounted and how they are set.
+    """
     data = tomllib.loads(resources.files("planner").joinpath("catalogue.toml").read_text(encoding="utf-8"))
     cameras = {}
     for name, pair in data["pair"].items():
         body, lens = data["body"][pair["body"]], data["lens"][pair["lens"]]
-        cameras[name] = {
-            **lens,
-            "pixel_pitch_mm": body["pixel_pitch_mm"],
-            "resolution": body["resolution"],
-            "f_number": pair["f_number"],
-            "focus_distance_mm": pair["focus_distance_mm"],
-        }
+        settings = {key: value for key, value in pair.items() if key not in ("body", "lens")}
+        cameras[name] = {"focal_length_mm": lens["focal_length_mm"], **body, **settings}, lens
     return cameras
 
 

@@ -77,15 +77,40 @@ def test_catalogue_has_a_dozen_cameras_whose_sensors_and_apertures_exist():
         assert name.endswith(f"-{camera.focal_length_mm:g}mm")
 
 
+def test_the_image_circle_of_every_lens_covers_the_sensor():
+    for name, (_, lens) in _catalogue().items():
+        assert math.hypot(*Camera.named(name).sensor_size_mm) <= lens["image_circle_mm"], name
+
+
+def test_small_parts_can_be_seen_closely():
+    """At 100 to 300 mm a field of 35 mm and more whose pixels are at most 1/80 of an edge of 2 mm."""
+    close = [camera for camera in map(Camera.named, camera_names()) if camera.focus_distance_mm < 300.1]
+    fields = {}
+    for camera in close:
+        mm_per_image_mm = camera.focus_distance_mm / camera.image_distance_mm
+        if camera.pixel_pitch_mm[0] * mm_per_image_mm <= 2.0 / 80:
+            fields[camera.name] = camera.sensor_size_mm[0] * mm_per_image_mm
+    assert len(fields) >= 5
+    assert 35 < min(fields.values()) < max(fields.values()) < 120
+
+
 def test_named_ignores_case_and_takes_settings():
     camera = Camera.named("BASLER-aca2440-20gm-25MM", focus_distance_mm=400.0)
     assert (camera.resolution, camera.focus_distance_mm) == ((2448, 2048), 400.0)
     assert camera.focused_at(500.0).focus_distance_mm == 500.0
 
 
-def test_an_f_number_the_lens_does_not_have_is_refused():
-    with pytest.raises(CameraError, match=r"f_number must be at least 2\.2, the lens's widest aperture\. Got 1\.4\."):
-        Camera.named("basler-acA2440-20gm-25mm", f_number=1.4)
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"f_number": 1.4}, r"f_number must be in 1\.8 to 16, the lens's range\. Got 1\.4\."),
+        ({"f_number": 22.0}, r"f_number must be in 1\.8 to 16, the lens's range\. Got 22\."),
+        ({"focus_distance_mm": 99.0}, r"focus_distance_mm must be at least 100, the lens's closest object\. Got 99\."),
+    ],
+)
+def test_what_the_lens_cannot_be_set_to_is_refused(changes, message):
+    with pytest.raises(CameraError, match=message):
+        Camera.named("basler-acA2440-20gm-25mm", **changes)
 
 
 def test_unknown_name_offers_the_nearest():
