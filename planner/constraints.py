@@ -24,9 +24,9 @@ from planner.reach import Reach, SignedDistance, check_reach, reach_margin
 
 _NOT_IMAGED_PX = -1e6
 
-# the point itself, the axes, the diagonals of a cube
+# the axes, and the diagonals of a cube
 _DIAGONALS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / math.sqrt(3)
-_AROUND = np.vstack([np.zeros(3), np.eye(3), -np.eye(3), _DIAGONALS])
+_AROUND = np.vstack([np.eye(3), -np.eye(3), _DIAGONALS])
 
 
 def resolution_slacks(camera: Camera, ends_cam: np.ndarray, min_length_mm: float) -> np.ndarray:
@@ -92,15 +92,22 @@ def visibility_slacks(space, positions: np.ndarray, names: Sequence[str], radius
     All around it are 14 points at `radius_mm`: along the axes and the diagonals of the part's frame. Outside the
     workspace nothing is observable.
     """
-    low, high = (np.asarray(corner, dtype=float) for corner in space.workspace)
-    visible = np.ones((len(positions), len(names)), bool)
-    for direction in _AROUND if radius_mm > 0 else _AROUND[:1]:
-        eyes = positions + radius_mm * direction
-        visible &= np.all((eyes >= low) & (eyes <= high), axis=-1)[:, None]
-        rows = np.flatnonzero(visible.any(axis=1))
-        if rows.size:
-            visible[rows] &= space.observable(eyes[rows], names)
+    visible = _observable(space, positions, names)
+    rows = np.flatnonzero(visible.any(axis=1))
+    if radius_mm > 0 and rows.size:
+        # all points in one call: asking costs more than answering
+        eyes = positions[rows, None] + radius_mm * _AROUND
+        around = _observable(space, eyes.reshape(-1, 3), names)
+        visible[rows] &= around.reshape(len(rows), len(_AROUND), -1).all(axis=1)
     return np.where(visible, 1.0, -1.0)[..., None]
+
+
+def _observable(space, positions: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    low, high = (np.asarray(corner, dtype=float) for corner in space.workspace)
+    inside = ((positions >= low) & (positions <= high)).all(axis=-1)
+    visible = np.zeros((len(positions), len(names)), bool)
+    visible[inside] = space.observable(positions[inside], names)
+    return visible
 
 
 def clearance_slacks(distance, positions: np.ndarray, stand_off_mm: float) -> np.ndarray:

@@ -246,10 +246,11 @@ class _Work:
     def plan(self) -> InspectionPlan:
         """Do all steps."""
         self._sample()
+        # before the columns are improved, so that others can join what is hard to inspect
+        uninspectable = self._try_alone()
         price_poses(
             self.shared, self.pool, self.near, self.seed, self.effort.pricing_rounds, self.executor, self.progress
         )
-        uninspectable = self._try_alone()
         inspected = self.pool.membership.any(axis=0)
         self._refute(inspected)
         settings = self._settle(inspected)

@@ -87,6 +87,11 @@ class Objective:
         image = ends_cam[..., :2] / ends_cam[..., 2:] * self._image_distance
         return np.linalg.norm(image[..., 1, :] - image[..., 0, :], axis=-1)
 
+    @property
+    def highest(self) -> float:
+        """The fitness when every probability is 1."""
+        return float(len(self.ends)) if self.kind == "sum" else 1.0
+
     def fitness(self, cam2world: np.ndarray) -> np.ndarray:
         """Return the fitness (n,) of poses (n, 4, 4): eq 22, or the smallest probability."""
         probability = self.probability(cam2world)

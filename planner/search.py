@@ -21,6 +21,8 @@ from planner.start import draw_start
 _APART = 0.1
 _ONWARD_ROUNDS = 5
 _ONWARD_GAIN = 1e-6
+# no pose is worth improving that misses the largest fitness there can be by so little, as a share
+_PERFECT = 1e-5
 
 
 @dataclass(frozen=True)
@@ -219,18 +221,19 @@ def _far_apart(poses: np.ndarray, n: int) -> np.ndarray:
 
 def _refine_all(outcome: Outcome, poses, sampler, objective, constraints, refining: bool) -> Outcome:
     """Refine poses (m, 4, 4) and return the outcome with the best pose of all."""
-    best, fitness, nfev = outcome.cam2world, outcome.fitness, outcome.nfev
-    for pose in poses:
-        half_spaces = sampler.cell_of(pose[:3, 3]) if refining else None
-        if half_spaces is None:
-            value, evaluated = float(objective.fitness(pose[None])[0]), 1
-        else:
+    best, fitness, nfev = outcome.cam2world, outcome.fitness, outcome.nfev + len(poses)
+    values = objective.fitness(poses)
+    if len(poses) and values.max() > fitness:
+        best, fitness = poses[values.argmax()], float(values.max())
+    enough = objective.highest * (1.0 - _PERFECT)
+    for pose in poses if refining else ():
+        half_spaces = sampler.cell_of(pose[:3, 3])
+        if fitness < enough and half_spaces is not None:
             pose, value, evaluated = refine(pose, half_spaces, objective, constraints)
-        nfev += evaluated
-        if value > fitness:
-            best, fitness = pose, value
+            nfev += evaluated
+            best, fitness = (pose, value) if value > fitness else (best, fitness)
     # on into neighbouring cells: without walls, as far along the way as all constraints hold
-    for _ in range(_ONWARD_ROUNDS if refining else 0):
+    for _ in range(_ONWARD_ROUNDS if refining and fitness < enough else 0):
         pose, value, evaluated = refine(best, np.empty((0, 4)), objective, constraints)
         nfev += evaluated
         if value <= fitness * (1.0 + _ONWARD_GAIN):
