@@ -31,6 +31,13 @@ def check_nonnegative(name: str, value: object) -> float:
     return float(value)
 
 
+def check_finite(name: str, value: object) -> float:
+    """Return `value` as a finite float."""
+    if not isinstance(value, Real) or isinstance(value, bool) or not math.isfinite(value):
+        raise ParameterError(f"{name} must be a finite number. Got {value!r}.")
+    return float(value)
+
+
 def check_choice(name: str, value: object, choices: Collection[str]) -> str:
     """Return `value` if it is one of `choices`."""
     if not isinstance(value, str) or value not in choices:

@@ -9,6 +9,7 @@ from ga.result import GAResult, Generation, History
 
 MESSAGES = {
     "converged": "The total fitness changed by less than epsilon = {epsilon:g} in {patience} generations running.",
+    "target": "The best fitness reached the target of {target:g}.",
     "stalled": "The best fitness did not improve in max_stall = {max_stall} generations.",
     "max_generations": "The cap of max_generations = {max_generations} was reached.",
     "max_nfev": "Another generation might exceed max_nfev = {max_nfev} evaluations.",
@@ -69,6 +70,7 @@ class Stopping:
     epsilon: float
     patience: int
     max_stall: int | None
+    target: float | None
     max_generations: int
     max_nfev: int | None
     evaluations_ahead: int
@@ -77,6 +79,8 @@ class Stopping:
         """Return the first reason to stop, in the order of `MESSAGES`, or None."""
         if settled(record.totals[-self.patience - 1 :], self.epsilon, self.patience):
             return "converged"
+        if self.target is not None and record.fun >= self.target:
+            return "target"
         if self.max_stall is not None and record.nit - record.improved >= self.max_stall:
             return "stalled"
         if record.nit >= self.max_generations:
@@ -90,7 +94,7 @@ class Stopping:
         return GAResult(
             x=record.x.copy(),
             fun=record.fun,
-            success=reason in ("converged", "stalled"),
+            success=reason in ("converged", "target", "stalled"),
             reason=reason,
             message=MESSAGES[reason].format(**vars(self)),
             nit=record.nit,

@@ -76,9 +76,9 @@ class GAResult:
     fun : float
         Their fitness.
     success : bool
-        Whether the run converged or stalled, rather than being cut short by a cap or the callback.
+        Whether the run converged, stalled or reached its target, rather than being cut short by a cap or the callback.
     reason : str
-        Why it stopped: "converged", "stalled", "max_generations", "max_nfev" or "callback".
+        Why it stopped: "converged", "target", "stalled", "max_generations", "max_nfev" or "callback".
     message : str
         The same as a sentence, with the numbers.
     nit : int

@@ -31,6 +31,7 @@ def maximize(
     epsilon: float = 1e-3,
     patience: int = 5,
     max_stall: int | None = None,
+    target: float | None = None,
     max_generations: int = 1000,
     max_nfev: int | None = None,
     attempts: int = 20,
@@ -88,6 +89,8 @@ def maximize(
         Generations for `epsilon`, at least 1.
     max_stall : int, optional
         Also stop when the best fitness of the run has not improved in so many generations.
+    target : float, optional
+        Also stop as soon as the best fitness of the run is at least this: nothing better is asked for.
     max_generations : int
         Cap on generations.
     max_nfev : int, optional
@@ -143,6 +146,7 @@ def maximize(
         epsilon=checks.check_nonnegative("epsilon", epsilon),
         patience=checks.check_integer("patience", patience, 1),
         max_stall=None if max_stall is None else checks.check_integer("max_stall", max_stall, 1),
+        target=None if target is None else checks.check_finite("target", target),
         max_generations=checks.check_integer("max_generations", max_generations, 1),
         max_nfev=None if max_nfev is None else checks.check_integer("max_nfev", max_nfev, size),
         evaluations_ahead=size - how.elitism,

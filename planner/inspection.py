@@ -23,7 +23,7 @@ from planner.camera import Camera
 from planner.candidates import column_seed, judged_poses, price_poses
 from planner.columns import ColumnPool, Judge
 from planner.constraints import Requirements
-from planner.cover import min_cover
+from planner.cover import cover_within, min_cover
 from planner.exceptions import InfeasibleError, RequestError
 from planner.plan import InspectionPlan
 from planner.pose import PoseUncertainty
@@ -295,8 +295,7 @@ class _Work:
         """Try to do with fewer settings by optimistic columns; refute what cannot be realised."""
         left = self.effort.refutations
         while left > 0:
-            sure = self._cover(self.pool.membership[:, inspected], self.pool.quality)
-            wanted = self._wanted(inspected, len(sure.chosen))
+            wanted = self._wanted(inspected, len(self._cover(self.pool.membership[:, inspected]).chosen))
             if not wanted:
                 return
             wanted, left = wanted[:left], left - len(wanted)
@@ -311,6 +310,9 @@ class _Work:
         kept = ~np.array([(self.refuted <= column).all(axis=1).any() for column in hopeful], dtype=bool)
         hopeful = hopeful[kept]
         both = np.concatenate([self.pool.membership, hopeful])[:, inspected]
+        # most often there is none, which is told sooner than which of them has the fewest optimistic columns
+        if cover_within(both, enough - 1, node_limit=self.effort.cover_nodes)[0] is None:
+            return []
         preference = np.concatenate([np.ones(len(self.pool)), np.zeros(len(hopeful))])
         cover = self._cover(both, preference)
         if len(cover.chosen) >= enough:
@@ -325,7 +327,7 @@ class _Work:
                 wanted.append(tuple(np.array(self.names)[column].tolist()))
         return wanted
 
-    def _cover(self, membership: np.ndarray, preference: np.ndarray):
+    def _cover(self, membership: np.ndarray, preference: np.ndarray | None = None):
         """Choose the fewest columns; the solver's work is limited by counting, so that the choice is repeatable."""
         return min_cover(
             membership, preference, time_limit_s=np.inf, node_limit=self.effort.cover_nodes, slack=_QUALITY_SLACK

@@ -17,6 +17,8 @@ from planner.objective import Objective
 _STEP = 1e-4
 _BACK_OFF = 1e-9
 _LARGEST_MOVE = 0.5
+# of all inequalities of one kind so many, the nearest to being broken, guide the way: the solver's time grows with them
+_MOST_SLACKS = 24
 _SMOOTH = ("resolution_mm", "focus_mm", "field_of_view_px", "field_of_view_mm", "workspace_mm", "reach", "clearance_mm")
 
 
@@ -29,6 +31,7 @@ class _Neighbourhood:
         self.distance = float(np.linalg.norm(cam2world[:3, 3] - constraints.sphere_center)) or 1.0
         self.names = [name for name in _SMOOTH if name in constraints.constraint_names]
         self.nfev = 0
+        self._kept: dict[str, np.ndarray] = {}
         self._x: np.ndarray | None = None
 
     def poses(self, moves: np.ndarray) -> np.ndarray:
@@ -57,11 +60,20 @@ class _Neighbourhood:
     def _slacks(self, moves: np.ndarray, poses: np.ndarray) -> np.ndarray:
         """Return all smooth slacks of poses (n, 4, 4) in units of their scale, and of the moves' limits; (n, m)."""
         slacks = self.constraints.slacks(poses, self.names)
-        columns = [value.reshape(len(poses), -1) / self.constraints.scale(name) for name, value in slacks.items()]
+        columns = [
+            self._nearest(name, value.reshape(len(poses), -1) / self.constraints.scale(name))
+            for name, value in slacks.items()
+        ]
         norms = np.linalg.norm(self.half_spaces[:, :3], axis=1)
         heights = poses[:, :3, 3] @ self.half_spaces[:, :3].T + self.half_spaces[:, 3]
         inside = -(heights + self.constraints.requirements.visibility_radius_mm * norms) / self._cell_scale
         return np.hstack([*columns, inside, _LARGEST_MOVE - moves, _LARGEST_MOVE + moves]) - _BACK_OFF
+
+    def _nearest(self, name: str, slacks: np.ndarray) -> np.ndarray:
+        """Return the columns of slacks (n, m) that were smallest when this was first asked."""
+        if name not in self._kept:
+            self._kept[name] = np.argsort(slacks[0], kind="stable")[:_MOST_SLACKS]
+        return slacks[:, self._kept[name]]
 
     @property
     def _cell_scale(self) -> np.ndarray:

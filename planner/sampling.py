@@ -52,7 +52,8 @@ class ViewpointSampler:
         self.cells, self.points = cells, ends.reshape(-1, 3)
         nearest, farthest = camera.depth_of_field_mm
         self.near, self.far = nearest, farthest / np.cos(camera.half_diagonal_rad)
-        self._center = (self.points.min(axis=0) + self.points.max(axis=0)) / 2
+        # a mean of the ends: no viewpoint is farther from it than from the farthest end
+        self._center = self.points.mean(axis=0)
         spread = np.linalg.norm(self.points - self._center, axis=1).max()
         self._radii = max(self.near - spread, 0.0), self.far
         self._clip_boxes()
@@ -82,9 +83,14 @@ class ViewpointSampler:
 
     def in_shell(self, positions: np.ndarray) -> np.ndarray:
         """Return which positions (n, 3) have every end at a distance that can be in focus; (n,) bool."""
-        local, ends = positions - self._center, self.points - self._center
-        squared = (local**2).sum(axis=1, keepdims=True) - 2 * local @ ends.T + (ends**2).sum(axis=1)
-        return (squared.min(axis=1) >= self.near**2) & (squared.max(axis=1) <= self.far**2)
+        local, (inner, outer) = positions - self._center, self._radii
+        squared = (local**2).sum(axis=1)
+        result = (squared >= inner**2) & (squared <= outer**2)
+        rows = np.flatnonzero(result)
+        ends = self.points - self._center
+        of_ends = squared[rows, None] - 2 * local[rows] @ ends.T + (ends**2).sum(axis=1)
+        result[rows] = (of_ends.min(axis=1) >= self.near**2) & (of_ends.max(axis=1) <= self.far**2)
+        return result
 
     def sample(self, n: int, rng: np.random.Generator, max_proposals: int = 500_000) -> np.ndarray:
         """Draw up to n viewpoints (m, 3); fewer (perhaps none) if so many proposals do not yield more."""

@@ -47,6 +47,8 @@ class Search:
         optima that the population has left behind.
     max_draws : int
         Most poses drawn for the first population before the least violating ones are repaired.
+    stop_at_perfect : bool
+        Whether to end when all probabilities are 1 but for 0.001 %, as no pose can be better.
     sampling : {"covering", "workspace"}
         Where positions are drawn and encoded: in the covering domains where the lens can focus, or, for comparison, in
         the whole workspace.
@@ -73,6 +75,7 @@ class Search:
     refine_starts: int = 3
     spread_starts: int = 8
     max_draws: int = 8192
+    stop_at_perfect: bool = True
     sampling: str = "covering"
 
     def __post_init__(self):
@@ -93,12 +96,13 @@ class Search:
             "gray_code": False,
             "refine_starts": 0,
             "spread_starts": 0,
+            "stop_at_perfect": False,
         }
         return cls(**{**plain, **changes})
 
     def ga_options(self) -> dict:
         """Return the keyword arguments of `ga.maximize`."""
-        own = ("gene_bits", "gray_code", "refine_starts", "spread_starts", "max_draws", "sampling")
+        own = ("gene_bits", "gray_code", "refine_starts", "spread_starts", "max_draws", "stop_at_perfect", "sampling")
         return {name: value for name, value in self.__dict__.items() if name not in own}
 
 
@@ -184,6 +188,7 @@ def _evolve(bits, encoding, constraints, objective, search: Search, rng, callbac
         initial=np.resize(bits, (search.population, encoding.n_bits)),
         rng=rng,
         callback=callback,
+        target=_enough(objective) if search.stop_at_perfect else None,
         **search.ga_options(),
     )
 
@@ -219,13 +224,17 @@ def _far_apart(poses: np.ndarray, n: int) -> np.ndarray:
     return poses[chosen]
 
 
+def _enough(objective: Objective) -> float:
+    return objective.highest * (1.0 - _PERFECT)
+
+
 def _refine_all(outcome: Outcome, poses, sampler, objective, constraints, refining: bool) -> Outcome:
     """Refine poses (m, 4, 4) and return the outcome with the best pose of all."""
     best, fitness, nfev = outcome.cam2world, outcome.fitness, outcome.nfev + len(poses)
     values = objective.fitness(poses)
     if len(poses) and values.max() > fitness:
         best, fitness = poses[values.argmax()], float(values.max())
-    enough = objective.highest * (1.0 - _PERFECT)
+    enough = _enough(objective)
     for pose in poses if refining else ():
         half_spaces = sampler.cell_of(pose[:3, 3])
         if fitness < enough and half_spaces is not None:

@@ -66,6 +66,9 @@ def draw_start(
         hits += int(ok.sum())
         found.append(bits[ok])
         tried.append(parameters)
+        if len(positions) < _BATCH:
+            # viewpoints are so rare that more draws would take long
+            break
     tried = np.concatenate(tried)
     if hits < n and len(tried):
         tried = _least_violating(tried, encoding, constraints)

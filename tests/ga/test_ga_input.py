@@ -36,6 +36,7 @@ def onemax(bits):
         ({"epsilon": -1.0}, "epsilon must be finite and not negative. Got -1.0."),
         ({"epsilon": float("inf")}, "epsilon must be finite and not negative. Got inf."),
         ({"patience": 0}, "patience must be an integer of at least 1. Got 0."),
+        ({"target": float("nan")}, "target must be a finite number. Got nan."),
         ({"max_stall": 0}, "max_stall must be an integer of at least 1. Got 0."),
         ({"max_generations": 0}, "max_generations must be an integer of at least 1. Got 0."),
         ({"max_nfev": 9}, "max_nfev must be an integer of at least 10. Got 9."),

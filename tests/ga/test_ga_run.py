@@ -205,6 +205,12 @@ def test_stalled():
     assert (result.success, result.reason, result.nit) == (True, "stalled", 7)
 
 
+def test_target():
+    result = maximize(onemax, 40, target=30.0, elitism=1)
+    assert (result.success, result.reason) == (True, "target")
+    assert result.history.best_so_far[-1] >= 30.0 > result.history.best_so_far[-2]
+
+
 def test_cap_on_generations():
     result = maximize(onemax, 40, max_generations=6)
     assert (result.success, result.reason, result.nit) == (False, "max_generations", 6)

@@ -88,6 +88,19 @@ def test_the_shell_excludes_no_feasible_pose():
     assert sampler.in_shell(positions[ok]).all()
 
 
+def test_the_shell_lies_around_ends_that_surround_no_box_centre():
+    """The middle of the box around a corner of a cube is outside the simplex: farther from some places than any end."""
+    _, ends = space_and_ends()
+    simplex = 300.0 * np.array([[[0, 0, 0], [1, 0, 0]], [[0, 1, 0], [0, 0, 1]]])
+    sampler = ViewpointSampler(three_cells(), simplex, CAMERA)
+    near, far = shell_limits()
+    positions = np.random.default_rng(4).uniform(-700, 700, (100_000, 3))
+    distance = np.linalg.norm(positions[:, None] - simplex.reshape(-1, 3), axis=-1)
+    expected = (distance.min(axis=1) >= near) & (distance.max(axis=1) <= far)
+    assert expected.any()
+    assert np.array_equal(sampler.in_shell(positions), expected)
+
+
 def three_cells():
     return Cells([[[-700, -700, -700], [0, 700, 700]], [[0, -700, 0], [700, 700, 700]], [[-9000] * 3, [-8000] * 3]])
 
