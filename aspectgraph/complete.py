@@ -22,12 +22,13 @@ import numpy as np
 from .carve import INSIDE, is_inside
 from .cells import cell_side, leaves, split_cell
 from .complex import CROSSED, Complex, add_box, allocate, with_room
-from .domains import Ruler, find_domains
+from .domains import find_domains
 from .lattice import Grid, find_plane, plane_through
 from .measure import cell_triangles
 from .regions import Progress, check_workspace, make_scene
 from .shadow import Scene
 from .solid import Solid
+from .width import Ruler, largest_extent
 
 _BOX = np.arange(6)
 _MIN_WIDTH_SHARE = 1e-4
@@ -71,7 +72,7 @@ def complete_aspect_graph(solid: Solid, workspace=None, progress: Progress | Non
     planes = edge_vertex_planes(scene, np.array([edge.vertices for edge in sharp]))
     cx = arrangement(np.concatenate([grid.box_planes(box_mm), planes]))
     drawings = _label(cx, solid, scene, grid, progress)
-    extent = float(np.ptp(scene.points, axis=0).max())
+    extent = largest_extent(scene.points)
     domains = find_domains(cx, Ruler(_MIN_WIDTH_SHARE * extent, 0.5 * extent))
     graph = nx.Graph(part=solid.name, n_planes=len(planes), n_cells=len(leaves(cx)), n_slivers=int(domains.n_slivers))
     for node, domain in enumerate(domains.domains):

@@ -12,7 +12,7 @@ from .carve import carve, surface_facets, with_facet_planes
 from .cells import leaves
 from .cellset import CellSet
 from .complex import FACE_CHILD, N_CELLS, N_FACES, SIDES, Complex
-from .domains import Domain, Domains, Ruler, find_domains
+from .domains import Domain, Domains, find_domains
 from .entities import Entity
 from .exceptions import EntityError, WidthError
 from .overlay import overlay, share_planes
@@ -21,8 +21,9 @@ from .raycast import confirm
 from .regions import Progress, VisibilityRegions, compute_regions
 from .solid import Solid
 from .tree import locate, tree_of
+from .width import Ruler, largest_extent
 
-# domains and contacts next to a displaced part that are thinner than this share of its extent are slivers
+# domains next to a displaced part that are thinner than this share of its extent are slivers
 _MIN_WIDTH_SHARE = 1e-4
 
 
@@ -36,9 +37,9 @@ class EntityAspectGraph:
     graph : networkx.Graph
         Nodes 0, 1, … are viewing domains, longest lists first, with attributes ``observable`` (tuple of names),
         ``volume`` (mm³, inside the workspace), ``unbounded`` (reaches the workspace's boundary), ``viewpoint`` and
-        ``clearance`` (centre and radius in mm of the largest ball in one of its cells), ``bbox_min``, ``bbox_max``,
-        ``n_cells``, ``confirmed``, ``n_rays``, ``n_arbitrated``. Edges carry ``area`` (mm²) and ``surfaces`` (tuple of
-        `PartitionSurface`).
+        ``clearance`` (centre and radius in mm of the largest ball in one of its cells, of those as wide as the least
+        width where they are), ``bbox_min``, ``bbox_max``, ``n_cells``, ``confirmed``, ``n_rays``, ``n_arbitrated``.
+        Edges carry ``area`` (mm²) and ``surfaces`` (tuple of `PartitionSurface`).
     regions : VisibilityRegions
         The regions of the entities, which answer `observable` and `covering_cells`.
     """
@@ -144,8 +145,9 @@ def build_aspect_graph(
         Computes the entities' regions in parallel.
     progress : callable(done, total, label), optional
     min_width_mm : float, optional
-        Thinner domains and contacts are slivers; away from the part in proportion to the distance, because snapping
-        turns planes. Default: 10⁻⁴ of the part's largest extent; 0 where snapping displaced nothing.
+        Thinner domains are slivers, and contacts must be wider by half (see `domains`); away from the part in
+        proportion to the distance, because snapping turns planes. Default: 10⁻⁴ of the largest distance between two
+        vertices; 0 where snapping displaced nothing.
 
     Returns
     -------
@@ -176,7 +178,7 @@ def graph_of(
     facets = surface_facets(scene)
     cx = overlay(own, shared._replace(planes=with_facet_planes(shared.planes, facets)))
     carve(cx, scene, facets, len(box), grid)
-    domains = find_domains(cx, Ruler(min_width_mm / grid.step_mm, 0.5 * float(np.ptp(grid.points, axis=0).max())))
+    domains = find_domains(cx, Ruler(min_width_mm / grid.step_mm, 0.5 * largest_extent(grid.points)))
     provenance = Provenance(chosen.solid, scene, grid, list(chosen.entities.values()), own, shared)
     graph = _networkx(chosen, cx, domains, provenance)
     graph.graph["min_width_mm"] = min_width_mm
@@ -187,7 +189,7 @@ def graph_of(
 
 def _check_min_width(min_width_mm: float | None, regions: VisibilityRegions) -> float:
     """Return the width below which a domain next to the part is a sliver, in mm; see `build_aspect_graph`."""
-    extent = float(np.ptp(regions.solid.bounds, axis=0).max())
+    extent = largest_extent(regions.solid.vertices)
     displaced = regions.grid.resolution * regions.grid.step_mm
     if min_width_mm is None:
         return _MIN_WIDTH_SHARE * extent if displaced else 0.0

@@ -177,7 +177,10 @@ def _widest_triangle(points, loop):
 
 
 def face_planes(grid: Grid, loops: list[np.ndarray], normals: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Integer planes of all faces, coplanar faces sharing one.
+    """Integer planes of all faces, coplanar faces sharing one, larger faces first.
+
+    Where snapping displaced vertices, a face that is parallel to a larger one to within the resolution gets an exactly
+    parallel plane; otherwise the two would meet far away, and domains that they part would touch there.
 
     Parameters
     ----------
@@ -209,13 +212,26 @@ def face_planes(grid: Grid, loops: list[np.ndarray], normals: np.ndarray) -> tup
         plane = plane_through(*grid.points[list(trio)])
         if not plane.any():
             raise SolidError(f"face {face} must be wider than the grid step of {grid.step_mm:g} mm. It vanishes on it.")
-        known = _same_plane(np.array(planes).reshape(-1, 4), grid.points[loop], grid.resolution)
+        table = np.array(planes).reshape(-1, 4)
+        known = _same_plane(table, grid.points[loop], grid.resolution)
         if known < 0:
             known = len(planes)
-            planes.append(plane)
+            planes.append(_made_parallel(plane, table, grid.points[loop], grid.resolution))
         plane_of_face[face] = known
         side_of_face[face] = 1 if normals[face] @ planes[known][:3] > 0 else -1
     return np.array(planes), plane_of_face, side_of_face
+
+
+def _made_parallel(plane: np.ndarray, planes: np.ndarray, points: np.ndarray, resolution: float) -> np.ndarray:
+    """The plane parallel to one of `planes` nearest to all the points, or `plane` if none is near enough."""
+    # half the resolution, to leave some to other vertices on the plane
+    heights = points @ planes[:, :3].T
+    low, high = heights.min(axis=0), heights.max(axis=0)
+    near = high - low <= resolution * np.linalg.norm(planes[:, :3].astype(float), axis=1)
+    if resolution == 0.0 or not near.any():
+        return plane
+    k = int(np.argmax(near))
+    return np.array([*planes[k, :3], low[k] + (high[k] - low[k]) // 2])
 
 
 @nb.njit(cache=True)

@@ -36,7 +36,7 @@ def cell_centre(cx, c):
 
 
 @nb.njit(cache=True)
-def _face_area(cx, f):
+def face_area(cx, f):
     """Area, perimeter and largest distance from the grid's zero of face f, in squared steps and steps."""
     first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
     centre = np.zeros(3)
@@ -64,7 +64,7 @@ def _cell_sizes(cx, cells):
         centre = cell_centre(cx, c)
         for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + cx.cell[c, CELL_SIZE]):
             f = cx.lists[FACE_LIST, k]
-            area, _, _ = _face_area(cx, f)
+            area, _, _ = face_area(cx, f)
             plane = cx.planes[cx.face[f, FACE_PLANE]]
             a, b, d = np.float64(plane[0]), np.float64(plane[1]), np.float64(plane[2])
             distance = abs(a * centre[0] + b * centre[1] + d * centre[2] - plane[3]) / np.sqrt(a * a + b * b + d * d)
@@ -81,15 +81,15 @@ def cell_sizes(cx: Complex, cells: np.ndarray) -> np.ndarray:
 @nb.njit(cache=True)
 def _interfaces(cx):
     n = cx.count[N_FACES]
-    sides = np.empty((n, 3), np.int64)
+    sides = np.empty((n, 4), np.int64)
     sizes = np.empty((n, 3))
     m = 0
     for f in range(n):
         positive, negative = cx.face[f, SIDES], cx.face[f, SIDES + 1]
         if cx.face[f, FACE_CHILD] >= 0 or positive < 0 or negative < 0 or not _has_face(cx, positive, f):
             continue
-        sides[m, 0], sides[m, 1], sides[m, 2] = positive, negative, cx.face[f, FACE_PLANE]
-        area, perimeter, sizes[m, 2] = _face_area(cx, f)
+        sides[m, 0], sides[m, 1], sides[m, 2], sides[m, 3] = positive, negative, cx.face[f, FACE_PLANE], f
+        area, perimeter, sizes[m, 2] = face_area(cx, f)
         sizes[m, 0] = area
         sizes[m, 1] = 2.0 * area / perimeter if perimeter > 0 else 0.0
         m += 1
@@ -109,13 +109,57 @@ def interfaces(cx: Complex) -> tuple[np.ndarray, np.ndarray]:
 
     Returns
     -------
-    sides : ndarray of int64, shape (n, 3)
-        Positive cell, negative cell, plane.
+    sides : ndarray of int64, shape (n, 4)
+        Positive cell, negative cell, plane, face.
     sizes : ndarray, shape (n, 3)
         Area in squared steps; width in steps: twice the area over the perimeter, at least the inscribed radius and at
         most twice that; largest distance from the grid's zero in steps.
     """
     return _interfaces(cx)
+
+
+@nb.njit(cache=True)
+def face_polygon(cx, f):
+    """Corners of face f in order around it, in grid steps, shape (m, 3)."""
+    first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
+    edges = cx.lists[EDGE_LIST, first : first + size].copy()
+    corners = np.empty((size, 3))
+    here = cx.edge[edges[0], ENDS]
+    for k in range(size):
+        corners[k] = cx.coordinates[here]
+        for m in range(k, size):
+            start, end = cx.edge[edges[m], ENDS], cx.edge[edges[m], ENDS + 1]
+            if here in (start, end):
+                edges[k], edges[m] = edges[m], edges[k]
+                here = end if here == start else start
+                break
+    return corners
+
+
+@nb.njit(cache=True)
+def _inner_balls(cx, cells):
+    balls = np.empty((len(cells), 5))
+    for row in range(len(cells)):
+        c = cells[row]
+        centre = cell_centre(cx, c)
+        radius, farthest = np.inf, 0.0
+        for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + cx.cell[c, CELL_SIZE]):
+            f = cx.lists[FACE_LIST, k]
+            plane = cx.planes[cx.face[f, FACE_PLANE]]
+            a, b, d = np.float64(plane[0]), np.float64(plane[1]), np.float64(plane[2])
+            distance = abs(a * centre[0] + b * centre[1] + d * centre[2] - plane[3]) / np.sqrt(a * a + b * b + d * d)
+            radius = min(radius, distance)
+            for m in range(cx.face[f, FACE_FIRST], cx.face[f, FACE_FIRST] + cx.face[f, FACE_SIZE]):
+                for end in range(2):
+                    away = cx.coordinates[cx.edge[cx.lists[EDGE_LIST, m], ENDS + end]] - centre
+                    farthest = max(farthest, (away * away).sum())
+        balls[row, :3], balls[row, 3], balls[row, 4] = centre, radius, np.sqrt(farthest)
+    return balls
+
+
+def inner_balls(cx: Complex, cells: np.ndarray) -> np.ndarray:
+    """A ball inside each cell, not the largest: centre, radius, and distance to the farthest corner, shape (n, 5)."""
+    return _inner_balls(cx, np.asarray(cells, np.int64))
 
 
 @nb.njit(cache=True)
@@ -133,9 +177,13 @@ def _cell_planes(cx, c):
     return planes[:n], side[:n]
 
 
-def half_spaces(cx: Complex, c: int) -> np.ndarray:
-    """Rows (a, b, c, d) with a·x + b·y + c·z + d <= 0 inside cell c, unit normals, in grid steps, shape (k, 4)."""
+def half_spaces(cx: Complex, c: int, without: int = -1) -> np.ndarray:
+    """Rows (a, b, c, d) with a·x + b·y + c·z + d <= 0 inside cell c, unit normals, in grid steps, shape (k, 4).
+
+    The plane `without` is left out.
+    """
     planes, side = _cell_planes(cx, c)
+    side, planes = side[planes != without], planes[planes != without]
     rows = cx.planes[planes].astype(float) * -side[:, None]
     rows[:, 3] *= -1
     return rows / np.linalg.norm(rows[:, :3], axis=1, keepdims=True)

@@ -85,7 +85,7 @@ def test_cells_lie_on_the_side_their_number_tells():
     sides, sizes = interfaces(cx)
     assert len(sides)
     assert (sizes[:, 0] > 0).all()
-    for positive, negative, h in sides:
+    for positive, negative, h, _ in sides:
         a, b, c, d = cx.planes[h].astype(float)
         for cell, expected in ((positive, 1), (negative, -1)):
             x, y, z = cell_centre(cx, cell)

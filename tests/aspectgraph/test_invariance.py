@@ -1,5 +1,6 @@
 """The graph of a part must not change when the part is moved, turned, scaled, or listed in another order."""
 
+import moved_parts
 import networkx as nx
 import numpy as np
 import pytest
@@ -63,6 +64,23 @@ def test_any_rotation_of_generated_solids(seed):
     pairs = sharp_edges(part, ExactChecker(part.vertices, part.faces))[::3]
     turned = Rotation.random(random_state=seed).apply(np.array(part.vertices, dtype=float))
     assert same_graph(graph_of(turned, part.faces, pairs), graph_of(part.vertices, part.faces, pairs))
+
+
+# Copies whose graph once differed: a sliver of a wide domain parted others (46, 26, 146, 25), a strip or a gap left by
+# snapping counted (8, 33), a contact is hardly wide enough (63), parallel faces met far away (208, 468). The last three
+# always agreed.
+@pytest.mark.parametrize(
+    ("seed", "turn"),
+    [(46, 0), (8, 3), (25, 3), (26, 0), (33, 2), (146, 3), (63, 0), (208, 1), (468, 0), (100, 0), (103, 1), (109, 0)],
+)
+def test_turned_shifted_scaled_and_shuffled_copies(seed, turn):
+    part = generated_solid(seed)
+    pairs = sharp_edges(part, ExactChecker(part.vertices, part.faces))[::2]
+    original = moved_parts.listed(part.vertices, part.faces, pairs)
+    rng = np.random.default_rng([seed, turn])
+    copy = moved_parts.moved(original, rng, Rotation.random(random_state=0) if seed == 46 else None)
+    graphs = [moved_parts.graph_of(variant) for variant in (original, moved_parts.shuffled(copy, rng))]
+    assert moved_parts.same_graph(*graphs)
 
 
 @pytest.mark.parametrize("name", KNOWN)

@@ -66,6 +66,18 @@ def test_coplanar_faces_share_one_plane_in_any_frame(rotation):
     assert ((outward * (solid.normals @ rotation.T)).sum(axis=1) > 0).all()
 
 
+def test_parallel_faces_have_exactly_parallel_planes_in_any_frame():
+    """The block's three directions; snapped corner by corner, they would spread to one direction a plane."""
+    solid = solids.box_with_pockets((6, 6, 4), [(2, 1, 2, 1, 2, 1), (2, 4, 5, 4, 5, 1)])
+    vertices = solid.vertices @ ROTATION.T * 1.7
+    grid = Grid.over(vertices)
+    loops = [np.array(face.outer) for face in solid.faces]
+    planes, plane_of_face, _ = face_planes(grid, loops, solid.normals @ ROTATION.T)
+    assert len({max(tuple(row), tuple(-row)) for row in planes[:, :3]}) == 3
+    for loop, plane in zip(loops, planes[plane_of_face], strict=True):
+        assert all(side_of(plane, point, grid.resolution) == 0 for point in grid.points[loop])
+
+
 def test_part_too_far_from_the_origin_is_refused():
     with pytest.raises(SolidError, match=r"within 1.09951e\+12 grid steps|2\*\*40 grid steps"):
         Grid.over(np.array([[1e9, 0, 0], [1e9 + 1e-4, 1e-4, 1e-4]]))
