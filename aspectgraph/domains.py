@@ -5,8 +5,9 @@ wide as the least width at its place; snapping turns planes, so slivers widen wi
 (`Ruler`). The graph is that of the partition with its slivers shrunk to nothing:
 
 * two other cells *touch* where they share a face, and where faces of theirs lie opposite each other across slivers;
-  it counts where their sets of cells do so in a plane region that holds a disc of 1.5 times the least width;
-* a domain is a component of equally labelled cells that touch, and domains are adjacent where cells of theirs touch.
+  it counts where their sets of cells do so in a plane region that holds a disc as wide as the least width;
+* a domain is a component of equally labelled cells that touch, and two domains are adjacent where cells of theirs touch
+  in a region half as wide again.
 
 So a sliver neither joins nor parts anything, whatever its own label, and a cut that takes a sliver off a wide cell
 changes nothing. Its volume goes to the domain with its label if that borders on it in a wide face; else it is counted,
@@ -115,7 +116,9 @@ def find_domains(cx: Complex, ruler: Ruler) -> Domains:
     rank = np.empty(n_domains, int)
     rank[order] = np.arange(n_domains)
     of_cell[of_cell >= 0] = rank[of_cell[of_cell >= 0]]
-    return Domains([domains[d] for d in order], _contacts(of_cell, touching), of_cell, n_slivers)
+    return Domains(
+        [domains[d] for d in order], _contacts(of_cell, touching.judged_by(ruler.for_contacts())), of_cell, n_slivers
+    )
 
 
 def _join(touching: Touching, label: np.ndarray, wide: np.ndarray) -> tuple[np.ndarray, int]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from .complex import Complex
@@ -21,17 +23,26 @@ class Touching:
     """
 
     def __init__(self, cx: Complex, sides: np.ndarray, sizes: np.ndarray, is_thin: np.ndarray, ruler: Ruler):
-        least_width, ruler = ruler.min_width, ruler.for_contacts()
         direct = ~is_thin[sides[:, :2]].any(axis=1)
-        self._cx, self._ruler, self._sides = cx, ruler, sides[direct]
-        self._pieces = pieces_across(cx, sides, is_thin, least_width)
+        self._cx, self._sides = cx, sides[direct]
+        self._pieces = pieces_across(cx, sides, is_thin, ruler.min_width)
         ends = np.array([piece.cells for piece in self._pieces], np.int64).reshape(-1, 2)
         self.cells = np.concatenate([self._sides[:, :2], ends])
         across = np.array([polygon_sizes(piece.corners) for piece in self._pieces]).reshape(-1, 3)
-        self.area, self._width, farthest = np.concatenate([sizes[direct], across]).T
+        self.area, self._width, self._farthest = np.concatenate([sizes[direct], across]).T
+        self._judge(ruler)
+
+    def judged_by(self, ruler: Ruler) -> Touching:
+        """The same polygons with another least width, no smaller than the first."""
+        other = copy(self)
+        other._judge(ruler)
+        return other
+
+    def _judge(self, ruler: Ruler) -> None:
         # two points of a convex polygon are at most half the perimeter apart
-        nearest = np.maximum(farthest - self.area / np.maximum(self._width, 1e-300), 0.0)
-        self._certain = self._width >= ruler.least_width(farthest)
+        nearest = np.maximum(self._farthest - self.area / np.maximum(self._width, 1e-300), 0.0)
+        self._ruler = ruler
+        self._certain = self._width >= ruler.least_width(self._farthest)
         self._possible = 2.0 * self._width >= ruler.least_width(nearest)
         self._known: dict[int, bool] = {}
 
