@@ -8,11 +8,14 @@ S(node)    its optimistic set: every entity that *may* be inspected by *some* po
            without the first entity, one without all that it excludes
 y          weights of the entities, y >= 0
 
-Every pose lies in some leaf of the subdivision, so what it inspects is part of that leaf's S. If no leaf's S weighs
-more than W, no setting inspects more than W, and at least sum(y) / W settings are needed (linear programming
-duality). Leaves that weigh too much are split, which tightens S; the weights are solved anew for the leaves there
-are. Where the linear bound falls short of the next whole number, the integer cover over the leaves' sets closes the
-gap; only leaves of weight at least 1 - (K - sum(y)) can be in a cover of K columns (reduced-cost fixing).
+Every pose lies in some leaf of the subdivision, so what it inspects is part of that leaf's S. If nothing consistent in
+any leaf's S weighs more than W, no setting inspects more than W, and at least sum(y) / W settings are needed (linear
+programming duality); of entities that exclude each other at the leaf's poses only one counts. Leaves are split where
+they hold the bound down:
+
+* first those of an integer cover by too few leaves' sets, which is quick where pairs that exclude each other decide;
+  only leaves of weight at least 1 - (K - sum(y)) can be in a cover of K columns (reduced-cost fixing);
+* then, with the weights of the columns that are known to be realisable, all leaves that weigh too much.
 
 S(node) uses necessary conditions only: visibility (the box meets a cell of the entity's region), distance and depth
 (focus), the rectangle of the sensor, the resolution, and the length of image without which quantization alone keeps
@@ -27,7 +30,7 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
 from planner.conflicts import Cells, find_conflicts
-from planner.cover import cover_within, distinct_rows, maximal_columns
+from planner.cover import cover_within, distinct_rows, fractional_cover, maximal_columns
 from planner.progress import report
 from planner.sampling import cells_of
 from planner.subdivision import PoseTree
@@ -35,6 +38,10 @@ from planner.subdivision import PoseTree
 _BATCH = 6000
 _MAX_INTEGER_COLUMNS = 4000
 _COVER_NODES = 2000
+# for each number of settings, so many rounds split the few leaves of one integer cover, which is quick if it suffices;
+# then the linear bound is raised by splitting all leaves that hold it down, with an integer cover every so many rounds
+_COVER_ROUNDS = 20
+_ROUNDS_PER_COVER = 10
 # nodes smaller than this angle (seen from the camera, rad) are not split further
 _FINEST_RAD = 2e-3
 
@@ -70,16 +77,21 @@ def lower_bound(judge, entity_idx, n_settings: int, columns, *, max_nodes: int, 
     conflict = find_conflicts(judge, entity_idx, columns, regions)
     tree = PoseTree(judge, entity_idx, regions, conflict)
     weights = _Weights(np.asarray(columns, dtype=bool))
-    target = 2
+    target, rounds = 2, 0
+    guide = fractional_cover(columns)[1]
     while target <= n_settings and tree.made < max_nodes:
-        y = weights.solve(tree.sets)
-        heavy = _to_split(tree, y, target)
+        rounds += 1
+        sets_first = rounds <= _COVER_ROUNDS or rounds % _ROUNDS_PER_COVER == 0
+        if not sets_first:
+            heavy = _above(tree, guide, target)
+        if sets_first or (heavy is not None and not heavy.size):
+            heavy = _to_split(tree, weights.solve(tree.sets), target)
         if heavy is None:
-            target += 1
+            target, rounds = target + 1, 0
             continue
         if not heavy.size:
             break
-        tree.split(heavy)
+        tree.split(heavy, sets_first)
         report(progress, min(tree.made, max_nodes), max_nodes, "lower bound")
     report(progress, max_nodes, max_nodes, "lower bound")
     return target - 1, (
@@ -114,6 +126,18 @@ def _to_split(tree: PoseTree, y: np.ndarray, target: int) -> np.ndarray | None:
     return nodes[splittable[nodes]][:_BATCH]
 
 
+def _above(tree: PoseTree, y: np.ndarray, target: int) -> np.ndarray | None:
+    """Choose the nodes that weigh too much for the weights to prove ``target``, the heaviest first; None if none do."""
+    limit = float(y.sum()) / (target - 1) - 1e-6
+    nodes = np.flatnonzero(tree.sets @ y > limit)
+    weight = tree.weights(nodes, y)
+    nodes, weight = nodes[weight > limit], weight[weight > limit]
+    if not nodes.size:
+        return None
+    fine = tree.size[nodes] > _FINEST_RAD
+    return nodes[fine][np.argsort(-weight[fine], kind="stable")[:_BATCH]]
+
+
 def _heaviest(nodes: np.ndarray, weight: np.ndarray) -> np.ndarray:
     return nodes[np.argsort(-weight[nodes], kind="stable")[:_BATCH]]
 
@@ -122,10 +146,12 @@ class _Weights:
     """The dual of the fractional cover over all leaves, by constraint generation."""
 
     def __init__(self, columns: np.ndarray):
-        self.rows = columns[distinct_rows(columns)[0]]
+        self._columns = columns[distinct_rows(columns)[0]]
+        self._rows = self._columns[:0]
 
     def solve(self, sets: np.ndarray) -> np.ndarray:
         """Return the weights y (e,) of largest sum such that no leaf and no known column weighs more than 1."""
+        self._forget(sets)
         for _ in range(60):
             y = self._solve()
             weight = sets @ y
@@ -135,20 +161,22 @@ class _Weights:
             worst = violated[np.argsort(-weight[violated], kind="stable")[:2000]]
             new = sets[worst[distinct_rows(sets[worst])[0]]]
             new = new[np.argsort(-(new @ y), kind="stable")[:150]]
-            rows = np.concatenate([self.rows, new])
-            self.rows = rows[distinct_rows(rows)[0]]
-        self._forget(y)
+            self._rows = np.concatenate([self._rows, new])
+        self._rows = self._rows[self._rows @ y > 0.5]
         return y / max(1.0, float((sets @ y).max(initial=0.0)))
 
     def _solve(self) -> np.ndarray:
+        rows = np.concatenate([self._columns, self._rows])
         result = linprog(
-            -np.ones(self.rows.shape[1]),
-            A_ub=csr_matrix(self.rows.astype(float)),
-            b_ub=np.ones(len(self.rows)),
+            -np.ones(rows.shape[1]),
+            A_ub=csr_matrix(rows.astype(float)),
+            b_ub=np.ones(len(rows)),
             bounds=(0.0, 1.0),
         )
         return np.clip(result.x, 0.0, None)
 
-    def _forget(self, y: np.ndarray) -> None:
-        """Drop constraints that are far from tight; leaves that were split since no longer cause them."""
-        self.rows = self.rows[self.rows @ y > 0.5]
+    def _forget(self, sets: np.ndarray) -> None:
+        """Drop the sets of leaves that have been split since: they would hold the weights down for ever."""
+        if len(self._rows):
+            present = {row.tobytes() for row in np.packbits(sets, axis=1)}
+            self._rows = self._rows[[row.tobytes() in present for row in np.packbits(self._rows, axis=1)]]

@@ -56,11 +56,11 @@ class Effort:
         Nodes of the integer programming solver's tree for one cover, at most.
     """
 
-    viewpoints: int = 100
+    viewpoints: int = 40
     pricing_rounds: int = 100
     refutations: int = 12
-    bound_nodes: int = 80_000
-    cover_nodes: int = 1000
+    bound_nodes: int = 200_000
+    cover_nodes: int = 300
 
 
 def plan_inspection(
@@ -293,14 +293,17 @@ class _Work:
 
     def _refute(self, inspected: np.ndarray) -> None:
         """Try to do with fewer settings by optimistic columns; refute what cannot be realised."""
-        left = self.effort.refutations
-        while left > 0:
-            wanted = self._wanted(inspected, len(self._cover(self.pool.membership[:, inspected]).chosen))
+        left, enough = self.effort.refutations, None
+        while left > 0 and inspected.any():
+            if enough is None:
+                enough = len(self._cover(self.pool.membership[:, inspected]).chosen)
+            wanted = self._wanted(inspected, enough)
             if not wanted:
                 return
             wanted, left = wanted[:left], left - len(wanted)
             for names, outcome in zip(wanted, self._realise(wanted), strict=True):
                 reached = self._accept(outcome)
+                enough = None if reached else enough
                 if set(names) - set(reached):
                     self.refuted = np.vstack([self.refuted, np.isin(self.names, names)])
 
@@ -310,17 +313,14 @@ class _Work:
         kept = ~np.array([(self.refuted <= column).all(axis=1).any() for column in hopeful], dtype=bool)
         hopeful = hopeful[kept]
         both = np.concatenate([self.pool.membership, hopeful])[:, inspected]
-        # most often there is none, which is told sooner than which of them has the fewest optimistic columns
-        if cover_within(both, enough - 1, node_limit=self.effort.cover_nodes)[0] is None:
+        # any cover that is small enough will do: the best one would take the solver much longer
+        chosen, _ = cover_within(both, enough - 1, node_limit=self.effort.cover_nodes)
+        if chosen is None:
             return []
-        preference = np.concatenate([np.ones(len(self.pool)), np.zeros(len(hopeful))])
-        cover = self._cover(both, preference)
-        if len(cover.chosen) >= enough:
-            return []
-        sure = [c for c in cover.chosen if c < len(self.pool)]
+        sure = chosen[chosen < len(self.pool)]
         left = inspected & ~self.pool.membership[sure].any(axis=0)
         wanted = []
-        for c in cover.chosen[len(sure) :]:
+        for c in chosen[chosen >= len(self.pool)]:
             column = hopeful[c - len(self.pool)] & left
             left &= ~column
             if column.any():

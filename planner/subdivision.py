@@ -34,6 +34,8 @@ class PoseTree:
         self.lengths = np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1)
         self.directions = (self.ends[:, 1] - self.ends[:, 0]) / self.lengths[:, None]
         self._limits = (self.near, self.far, self.reach, self.cone, self.min_length / self.image_distance)
+        # how far apart two points can be along the camera's axes: both are on the sensor, and both in focus
+        self._room = np.array([*(2 * self.far * np.array(self.tangents)), self.far - self.near])
         self.made = 0
         self._plant(judge.space.workspace)
 
@@ -57,15 +59,17 @@ class PoseTree:
         """The largest angle a node's extent causes, rad; (n,)."""
         return self._extents.max(axis=1)
 
-    def split(self, nodes: np.ndarray) -> None:
-        """Replace nodes by their two halves along the coordinate that causes most slack; forget empty ones."""
+    def split(self, nodes: np.ndarray, sets_first: bool = True) -> None:
+        """Replace nodes by their two halves along the coordinate that causes most slack; forget empty ones.
+
+        With ``sets_first``, where entities exclude each other, the set is split and not the poses.
+        """
         keep = np.ones(len(self.face), dtype=bool)
         keep[nodes] = False
         first, second = ({name: value[nodes].copy() for name, value in self._fields()} for _ in range(2))
-        radius = np.linalg.norm(self.half[nodes], axis=1)
-        clash = _separate(
-            self.center[nodes], radius, self.ends, 2 * self.cone, self.conflict, first["sets"], second["sets"]
-        )
+        clash = np.zeros(len(nodes), dtype=bool)
+        if sets_first:
+            clash = _separate(*self._places(nodes), first["sets"], second["sets"])
         self._halve(first, second, np.where(clash, -1, self._extents[nodes].argmax(axis=1)))
         n_old = int(keep.sum())
         for name, value in self._fields():
@@ -74,6 +78,19 @@ class PoseTree:
         self.made += 2 * len(nodes)
         self._evaluate(np.arange(n_old, len(self.face)))
         self._drop_empty()
+
+    def weights(self, nodes: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return how much one pose of each node can inspect at most, with weights y (e,) of the entities."""
+        return _consistent_weights(*self._places(nodes), self.sets[nodes], y)
+
+    def _places(self, nodes: np.ndarray) -> tuple:
+        """Return what the tests for pairs of entities need to know of nodes and request."""
+        _, spread, frame = _patch_frames(self.face[nodes], self.patch[nodes], self.roll[nodes, 0])
+        # how far each axis of the camera may turn within the node
+        turns = np.column_stack([*2 * [math.sqrt(2.0) * spread + self.roll[nodes, 1]], spread])
+        radius = np.linalg.norm(self.half[nodes], axis=1)
+        axes = np.ascontiguousarray(np.moveaxis(frame, 2, 1))
+        return self.center[nodes], radius, axes, turns, self.ends, 2 * self.cone, self._room, self.conflict
 
     def _fields(self):
         return [(name, getattr(self, name)) for name in ("center", "half", "face", "patch", "roll", "sets")]
@@ -249,44 +266,110 @@ def _meets(center, half, planes, cell_start, entity_start, possible):
 
 
 @njit(cache=True)
-def _separate(center, radius, ends, angle, conflict, first, second):
+def _separate(center, radius, axes, turns, ends, angle, room, conflict, first, second):
     """Split sets instead of poses: a pose inspects the most contested entity of a set, or none that it excludes.
 
-    Entities exclude each other for good, or from this box of positions: two of their ends are farther apart in angle
-    than the corners of the sensor. Changes the sets of both halves; returns where it did.
+    Changes the sets of both halves; returns where it did.
     """
-    n, n_entities = first.shape
+    n = len(first)
     changed = np.zeros(n, dtype=np.bool_)
-    rays = np.empty((n_entities, 2, 3))
-    # of each end: half the sensor's angle and what the box's size adds, with its cosine and sine
-    wide = np.empty((n_entities, 2, 3))
     for k in range(n):
         members = np.flatnonzero(first[k])
-        m = len(members)
-        for e in range(m):
-            for i in range(2):
-                ray = ends[members[e], i] - center[k]
-                length = math.sqrt(ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2)
-                rays[e, i] = ray / max(length, 1e-9)
-                swing = math.asin(radius[k] / length) if length > radius[k] else math.pi
-                half = angle / 2 + swing + 1e-9
-                wide[e, i, 0], wide[e, i, 1], wide[e, i, 2] = half, math.cos(half), math.sin(half)
-        excludes = np.zeros((m, m), dtype=np.bool_)
-        count = np.zeros(m, dtype=np.int64)
-        for e in range(m):
-            for f in range(e + 1, m):
-                if conflict[members[e], members[f]] or _too_wide(rays[e], rays[f], wide[e], wide[f]):
-                    excludes[e, f] = excludes[f, e] = True
-                    count[e] += 1
-                    count[f] += 1
-        if m and count.max() > 0:
+        excludes = _exclusions(members, center[k], radius[k], axes[k], turns[k], ends, angle, room, conflict)
+        count = excludes.sum(axis=1)
+        if len(members) and count.max() > 0:
             worst = np.argmax(count)
             changed[k] = True
             first[k, members[worst]] = False
-            for f in range(m):
+            for f in range(len(members)):
                 if excludes[worst, f]:
                     second[k, members[f]] = False
     return changed
+
+
+@njit(cache=True)
+def _consistent_weights(center, radius, axes, turns, ends, angle, room, conflict, sets, y):
+    """Return for each node a bound on the weight of what one pose of it inspects, with weights y.
+
+    Of entities that all exclude each other, a pose inspects one at most: the heaviest of each such group counts.
+    """
+    result = np.zeros(len(sets))
+    order = np.argsort(-y)
+    order = order[y[order] > 0]
+    for k in range(len(sets)):
+        members = order[sets[k][order]]
+        excludes = _exclusions(members, center[k], radius[k], axes[k], turns[k], ends, angle, room, conflict)
+        group = np.full(len(members), -1)
+        n_groups = 0
+        for e in range(len(members)):
+            for g in range(n_groups):
+                fits = True
+                for f in range(e):
+                    if group[f] == g and not excludes[e, f]:
+                        fits = False
+                        break
+                if fits:
+                    group[e] = g
+                    break
+            if group[e] < 0:
+                group[e] = n_groups
+                n_groups += 1
+                result[k] += y[members[e]]
+    return result
+
+
+@njit(cache=True)
+def _exclusions(members, center, radius, axes, turns, ends, angle, room, conflict):
+    """Return which of the entities exclude each other in a node, (m, m) bool.
+
+    For good; or from this box of positions: two of their ends are farther apart in angle than the corners of the
+    sensor; or for these directions: farther apart along an axis of the camera, which its position does not change, than
+    the frustum between the nearest and the farthest sharp plane is wide or deep.
+    """
+    m = len(members)
+    rays = np.empty((m, 2, 3))
+    # of each end: half the sensor's angle and what the box's size adds, with its cosine and sine
+    wide = np.empty((m, 2, 3))
+    for e in range(m):
+        for i in range(2):
+            ray = ends[members[e], i] - center
+            length = math.sqrt(ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2)
+            rays[e, i] = ray / max(length, 1e-9)
+            swing = math.asin(radius / length) if length > radius else math.pi
+            half = angle / 2 + swing + 1e-9
+            wide[e, i, 0], wide[e, i, 1], wide[e, i, 2] = half, math.cos(half), math.sin(half)
+    excludes = np.zeros((m, m), dtype=np.bool_)
+    for e in range(m):
+        for f in range(e + 1, m):
+            if (
+                conflict[members[e], members[f]]
+                or _too_wide(rays[e], rays[f], wide[e], wide[f])
+                or _too_far(ends[members[e]], ends[members[f]], axes, turns, room)
+            ):
+                excludes[e, f] = excludes[f, e] = True
+    return excludes
+
+
+@njit(cache=True)
+def _too_far(first, second, axes, turns, room):
+    """Tell whether an end of one entity is always farther than there is room, along some axis, from one of the other.
+
+    The component of w along an axis that turns by up to t is at least |w| cos(angle + t), the angle being at most pi/2.
+    """
+    for i in range(2):
+        for j in range(2):
+            x, y, z = first[i, 0] - second[j, 0], first[i, 1] - second[j, 1], first[i, 2] - second[j, 2]
+            squared = x * x + y * y + z * z
+            for axis in range(3):
+                if squared <= room[axis] ** 2:
+                    continue
+                along = abs(x * axes[axis, 0] + y * axes[axis, 1] + z * axes[axis, 2])
+                if along <= room[axis]:
+                    continue
+                across = math.sqrt(max(squared - along * along, 0.0))
+                if along * math.cos(turns[axis]) - across * math.sin(turns[axis]) > room[axis] + _EPS:
+                    return True
+    return False
 
 
 @njit(cache=True)

@@ -90,7 +90,6 @@ def test_the_shell_excludes_no_feasible_pose():
 
 def test_the_shell_lies_around_ends_that_surround_no_box_centre():
     """The middle of the box around a corner of a cube is outside the simplex: farther from some places than any end."""
-    _, ends = space_and_ends()
     simplex = 300.0 * np.array([[[0, 0, 0], [1, 0, 0]], [[0, 1, 0], [0, 0, 1]]])
     sampler = ViewpointSampler(three_cells(), simplex, CAMERA)
     near, far = shell_limits()
