@@ -28,7 +28,7 @@ from planner.exceptions import InfeasibleError, RequestError
 from planner.plan import InspectionPlan
 from planner.pose import PoseUncertainty
 from planner.progress import labelled, report
-from planner.realise import realise, reason_for
+from planner.realise import best_supported, realise, reason_for
 from planner.setting import position_margin_mm
 from planner.state import PlanningState
 from planner.tasks import Shared, in_order
@@ -334,16 +334,16 @@ class _Work:
         )
 
     def _settle(self, inspected: np.ndarray) -> list:
-        """Choose the final cover and give every column in it the best pose there is."""
+        """Choose the final cover and give every column in it the best pose that simulation supports."""
         cover = self._cover(self.pool.membership[:, inspected], self.pool.quality)
         sets = [tuple(np.array(self.names)[self.pool.membership[c]].tolist()) for c in cover.chosen]
         settings = []
         for c, names, outcome in zip(cover.chosen, sets, self._realise(sets), strict=True):
-            found = self.judge.setting(self.pool.poses[c], names, "candidate pose", seed=column_seed(self.seed, names))
-            ga_wins = (
-                not isinstance(outcome, str) and self._holds(outcome, names) and outcome.fitness >= found.fitness - 1e-6
-            )
-            settings.append(outcome if ga_wins else found)
+            seed = column_seed(self.seed, names)
+            options = [self.judge.setting(self.pool.poses[c], names, "candidate pose", seed=seed)]
+            if not isinstance(outcome, str) and self._holds(outcome, names):
+                options.insert(outcome.fitness < options[0].fitness - 1e-6, outcome)
+            settings.append(best_supported(self.judge, self.pose_uncertainty, options, seed))
         return settings
 
     def _holds(self, setting, names) -> bool:

@@ -19,7 +19,10 @@ from planner.columns import ColumnPool, Judge
 from planner.conflicts import Cells, find_conflicts
 from planner.exceptions import PlanFileError, RequestError
 from planner.inspection import Effort, default_workspace, plan_inspection
+from planner.realise import best_supported
+from planner.simulate import simulate_setting
 from planner.state import PlanningState
+from planner.verification import promises_too_much
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
@@ -324,3 +327,28 @@ def test_edges_of_opposite_faces_exclude_each_other_in_a_narrow_workspace():
     cells = Cells([flush.covering_cells([name]) for name in flush.entity_names])
     found = find_conflicts(judge, np.arange(3), np.zeros((0, 3), dtype=bool), cells)
     assert found.tolist() == [[False, True, False], [True, False, True], [False, True, False]]
+
+
+def test_a_pose_that_simulation_contradicts_is_replaced_by_one_near_it():
+    """Tolerances of about a pixel: some poses succeed far less often than the model says, others do not."""
+    space = BoxSpace((13.0, 11.0, 12.0), WORKSPACE, EDGES)
+    judge = Judge(space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9)
+    poses = random_poses(judge, 4000)
+    inspects = judge(poses).inspects
+    assert inspects.any()
+    contradicted = 0
+    for pose, row in zip(poses[inspects.any(axis=1)][:30], inspects[inspects.any(axis=1)][:30], strict=True):
+        setting = judge.setting(pose, tuple(np.array(EDGES)[row]), "given", seed=0)
+        if promised_too_much(setting, judge):
+            contradicted += 1
+            better = best_supported(judge, UNCERTAINTY, [setting], seed=1)
+            assert better.entities == setting.entities
+            assert judge(better.cam2world[None]).inspects[0, row].all()
+            assert not promised_too_much(better, judge)
+    assert contradicted > 0
+
+
+def promised_too_much(setting, judge):
+    ends = dict(zip(judge.names, judge.ends, strict=True))
+    rates = simulate_setting(setting, ends, CAMERA, UNCERTAINTY, accuracy=judge.accuracy, n=20_000, rng=7)
+    return any(promises_too_much(rate) for rate in rates.values())
