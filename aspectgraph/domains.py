@@ -2,7 +2,9 @@
 
 Slivers. Snapping a rotated part leaves cells thinner than any robot can aim. A *sliver* is a cell that holds no ball as
 wide as the least width at its place; snapping turns planes, so slivers widen with distance, and so does the least width
-(`Ruler`). The graph is that of the partition with its slivers shrunk to nothing:
+(`Ruler`). Only where a wide cell runs out into a thinner one of its list, a *tail* (`find_tails`), the two belong
+together, as they do where no plane cuts them apart. The graph is that of the partition with its slivers shrunk to
+nothing:
 
 * two other cells *touch* where they share a face, and where faces of theirs lie opposite each other across slivers;
   it counts where their sets of cells do so in a plane region that holds a disc as wide as the least width;
@@ -26,6 +28,7 @@ from .carve import INSIDE
 from .cells import leaves
 from .complex import Complex
 from .measure import interfaces
+from .tails import find_tails
 from .touching import Touching
 from .width import CellWidths, Ruler
 
@@ -105,11 +108,13 @@ def find_domains(cx: Complex, ruler: Ruler) -> Domains:
     sides, sizes = sides[keep], sizes[keep]
     widths = CellWidths(cx, free, n)
     is_thin = widths.are_thin(ruler, sides, label)
-    touching = Touching(cx, sides, sizes, is_thin, ruler)
-    of_cell, n_domains = _join(touching, label, free[~is_thin[free]])
+    tails = find_tails(cx, sides, sizes[:, 0], label, is_thin, ruler)
+    is_sliver = is_thin & (tails < 0)
+    touching = Touching(cx, sides, sizes, is_sliver, ruler)
+    of_cell, n_domains = _join(touching, label, free[~is_sliver[free]], tails)
     n_slivers = 0
-    if is_thin.any():
-        n_domains, n_slivers = _absorb(of_cell, n_domains, label, free, is_thin, widths.volume, sides, sizes, ruler)
+    if is_sliver.any():
+        n_domains, n_slivers = _absorb(of_cell, n_domains, label, free, is_sliver, widths.volume, sides, sizes, ruler)
     members = _members(of_cell, free, n_domains)
     domains = [_domain(cells, labels, label, is_thin, widths, ruler) for cells in members]
     order = sorted(range(n_domains), key=lambda d: _order_key(domains[d]))
@@ -121,10 +126,12 @@ def find_domains(cx: Complex, ruler: Ruler) -> Domains:
     )
 
 
-def _join(touching: Touching, label: np.ndarray, wide: np.ndarray) -> tuple[np.ndarray, int]:
+def _join(touching: Touching, label: np.ndarray, counted: np.ndarray, tails: np.ndarray) -> tuple[np.ndarray, int]:
     """Domain of each cell, -1 for slivers and inside the solid, and the number of domains."""
+    tail = np.flatnonzero(tails >= 0)
     same = np.flatnonzero(label[touching.cells[:, 0]] == label[touching.cells[:, 1]])
-    group = _components(touching.cells[same[touching.certainly_wide()[same]]], len(label))
+    links = [touching.cells[same[touching.certainly_wide()[same]]], np.column_stack([tail, tails[tail]])]
+    group = _components(np.concatenate(links), len(label))
     for k in touching.doubtful(same):
         one, other = group[touching.cells[k]]
         if one != other and touching.is_wide(k):
@@ -138,7 +145,7 @@ def _join(touching: Touching, label: np.ndarray, wide: np.ndarray) -> tuple[np.n
                 group[group == other] = one
                 joined = True
     of_cell = np.full(len(label), -1)
-    names, of_cell[wide] = np.unique(group[wide], return_inverse=True)
+    names, of_cell[counted] = np.unique(group[counted], return_inverse=True)
     return of_cell, len(names)
 
 
@@ -157,12 +164,12 @@ def _components(links: np.ndarray, n: int) -> np.ndarray:
     return connected_components(coo_array((np.ones(len(links)), links.T), shape=(n, n)), directed=False)[1]
 
 
-def _absorb(of_cell, n_domains, label, free, is_thin, volume, sides, sizes, ruler) -> tuple[int, int]:
+def _absorb(of_cell, n_domains, label, free, is_sliver, volume, sides, sizes, ruler) -> tuple[int, int]:
     """Give every sliver a domain, in place; return the number of domains and of slivers with another list than theirs.
 
     Slivers that border on no domain, as between displaced faces of the solid, stay without, unless there is no domain.
     """
-    rows = is_thin[sides[:, :2]].any(axis=1)
+    rows = is_sliver[sides[:, :2]].any(axis=1)
     pairs, areas, width, farthest = sides[rows, :2], *sizes[rows].T
     alike = (label[pairs[:, 0]] == label[pairs[:, 1]]) & (width >= ruler.least_width(farthest))
     _spread(of_cell, np.arange(len(of_cell)), pairs[alike], areas[alike])

@@ -150,6 +150,29 @@ def find_plane(planes, n, points, trio, resolution):
 
 
 @nb.njit(cache=True)
+def find_parallel(planes, points, trio, resolution, plane):
+    """The plane through the three points exactly parallel to that of `planes` nearest to parallel, or `plane`.
+
+    Near enough is half the resolution: it must leave some to other vertices on the plane.
+    """
+    best, least, level = -1, 0.5 * resolution, np.int64(0)
+    for k in range(len(planes)):
+        low = high = height(planes[k], points[trio[0]])
+        for i in range(1, 3):
+            h = height(planes[k], points[trio[i]])
+            low, high = min(low, h), max(high, h)
+        square = np.float64(planes[k, 0]) ** 2 + np.float64(planes[k, 1]) ** 2 + np.float64(planes[k, 2]) ** 2
+        spread = np.float64(high - low) / np.sqrt(square)
+        if spread <= least:
+            best, least, level = k, spread, low + (high - low) // 2
+    if best < 0:
+        return plane
+    parallel = planes[best].copy()
+    parallel[3] += level
+    return parallel
+
+
+@nb.njit(cache=True)
 def _widest_triangle(points, loop):
     """Three of the loop's points that span nearly the largest triangle, in the loop's cyclic order."""
     a = loop[0]

@@ -15,7 +15,7 @@ import numpy as np
 
 from .cells import cell_side, split_cell
 from .complex import CELL_CHILD, CROSSED, N_CELLS, POSITIVE, Complex, add_box, allocate, with_room
-from .lattice import find_plane
+from .lattice import find_parallel, find_plane
 from .region import Region
 from .shadow import FACE, Scene
 from .simplify import n_leaves, simplify
@@ -44,7 +44,11 @@ class SharedPlanes(NamedTuple):
 
 
 def share_planes(regions: Sequence[Region], scene: Scene, box: np.ndarray) -> SharedPlanes:
-    """Number the planes of all regions jointly; planes that agree at their defining points are one plane."""
+    """Number the planes of all regions jointly; planes that agree at their defining points are one plane.
+
+    Where snapping displaced vertices, planes parallel at those points to within the resolution become exactly parallel;
+    otherwise they would meet far away.
+    """
     room = len(box) + len(scene.planes) + sum(len(region.tree.planes) for region in regions)
     planes = np.empty((room, 4), np.int64)
     known: dict[tuple[int, ...], int] = {}
@@ -61,7 +65,8 @@ def share_planes(regions: Sequence[Region], scene: Scene, box: np.ndarray) -> Sh
             if match < 0 and scene.resolution > 0 and origin[0] != FACE:
                 trio = origin[1:].astype(np.int64)
                 match = len(box) + find_plane(planes[len(box) : n], n - len(box), scene.points, trio, scene.resolution)
-                match = match if match >= len(box) else -1
+                if match < len(box):
+                    match, plane = -1, find_parallel(planes[len(box) : n], scene.points, trio, scene.resolution, plane)
             if match < 0:
                 match, n = n, n + 1
                 planes[match] = plane

@@ -5,7 +5,7 @@ import pytest
 import solids
 
 from aspectgraph import SolidError, WorkspaceError
-from aspectgraph.lattice import GRID_BITS, Grid, face_planes, plane_through, side_of
+from aspectgraph.lattice import GRID_BITS, Grid, face_planes, find_parallel, plane_through, side_of
 from aspectgraph.predicates import POINT_BITS
 
 ROTATION = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
@@ -76,6 +76,18 @@ def test_parallel_faces_have_exactly_parallel_planes_in_any_frame():
     assert len({max(tuple(row), tuple(-row)) for row in planes[:, :3]}) == 3
     for loop, plane in zip(loops, planes[plane_of_face], strict=True):
         assert all(side_of(plane, point, grid.resolution) == 0 for point in grid.points[loop])
+
+
+def test_plane_that_snapping_turned_becomes_parallel_to_what_it_was_parallel_to():
+    points = np.array([(0, 0, 700), (9000, 10, 701), (20, 8000, 702), (9000, 8000, 705)])
+    level, tilted = np.array([0, 0, 1, 0]), np.array([1, 0, 100, 0])
+    turned = plane_through(*points[:3])
+    found = find_parallel(np.array([tilted, level]), points, np.array([0, 1, 2]), 4.0, turned)
+    assert found.tolist() == [0, 0, 1, 701]
+    steeper = plane_through(*points[[0, 1, 3]])
+    assert (
+        find_parallel(np.array([tilted, level]), points, np.array([0, 1, 3]), 4.0, steeper).tolist() == steeper.tolist()
+    )
 
 
 def test_part_too_far_from_the_origin_is_refused():

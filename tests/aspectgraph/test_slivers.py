@@ -49,15 +49,33 @@ def test_what_a_stack_of_slivers_parts_touches():
 
 
 def test_sliver_that_sticks_out_of_a_wide_domain_parts_nothing():
-    # The layer 0 < z < 2 has the label of what lies above it where x > 0, and reaches on between B and C.
-    planes = [plane(2, 0), plane(2, 2), plane(0, 0)]
-    lists, adjacent, found = domains_of(planes, lambda x, y, z: B if z < 0 else A if x > 0 or z < 2 else C)
+    # The layer 0 < z < 2 has the label of what lies above it where x > 0, and reaches on between B and C; it is less
+    # than a tenth of the least width.
+    planes, ruler = [plane(2, 0), plane(2, 2), plane(0, 0)], Ruler(min_width=30.0, reach=1e6)
+    lists, adjacent, found = domains_of(planes, lambda x, y, z: B if z < 0 else A if x > 0 or z < 2 else C, ruler)
     assert lists == [A, B, C]
     assert adjacent == [(A, B), (A, C), (B, C)]
     plain = domains_of([plane(2, 0), plane(0, 0)], lambda x, y, z: B if z < 0 else A if x > 0 else C)
     assert adjacent == plain[1]
     areas = [{tuple(p): c.area for p, c in result.contacts.items()} for result in (found, plain[2])]
     assert sum(areas[0].values()) == pytest.approx(sum(areas[1].values()), rel=1e-2)
+
+
+@pytest.mark.parametrize("cuts", [[], [-800], [-900, -800], [-950, -900, -850, -800, 0]])
+def test_thin_end_of_a_wedge_is_the_same_cut_or_uncut(cuts):
+    # 0 < 100 z < x + 1100: between B and C lies a wedge 1 to 21 thick, less than 5 wherever it is cut off.
+    planes = [plane(2, 0), np.array([1, 0, -100, -1100]), *(plane(0, x) for x in cuts)]
+    lists, adjacent, found = domains_of(planes, lambda x, y, z: B if z < 0 else A if 100 * z < x + 1100 else C)
+    assert lists == [A, B, C]
+    assert adjacent == [(A, B), (A, C)]
+    assert found.n_slivers == 0
+
+
+def test_tail_joins_nothing():
+    # Two wide domains of list A, left and right of a layer 2 thick of the same list.
+    planes = [plane(2, 0), plane(2, 2), plane(0, -100), plane(0, 100)]
+    lists, _, _ = domains_of(planes, lambda x, y, z: A if abs(x) > 100 or 0 < z < 2 else B if z < 0 else C)
+    assert lists == [A, A, B, C]
 
 
 def test_sliver_joins_what_it_parts_of_one_list():
