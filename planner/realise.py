@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
+
 import numpy as np
 
 from planner.candidates import perturbed
@@ -84,7 +87,7 @@ def best_supported(judge: Judge, pose_uncertainty: PoseUncertainty, options, see
     """Return the first setting that simulation does not contradict, or a pose near the first that it supports.
 
     The probability takes the phases of the pixel grid as random; where the tolerance is less than two pixels one pose
-    may succeed less often, and the next one does not. If everything is contradicted, the first setting is returned.
+    may succeed less often, and the next one does not. If all are contradicted, the least contradicted is returned.
 
     Parameters
     ----------
@@ -98,24 +101,30 @@ def best_supported(judge: Judge, pose_uncertainty: PoseUncertainty, options, see
     rng = np.random.default_rng([seed, _TRIAL_POSES])
     ends = dict(zip(judge.names, judge.ends, strict=True))
 
-    def is_supported(setting) -> bool:
+    def excess(setting) -> float:
+        """By how much the setting promises too much, at its worst entity."""
         rates = simulate_setting(
             setting, ends, judge.camera, pose_uncertainty, accuracy=judge.accuracy, n=_TRIAL_POSES, rng=rng
         )
-        # stricter than what is asked of the plan, so that its own simulation, with other draws, agrees
-        return all(rate.predicted <= rate.frequency + 0.5 * MODEL_TOLERANCE for rate in rates.values())
+        return max(rate.predicted - rate.frequency for rate in rates.values())
 
-    for setting in options:
-        if is_supported(setting):
-            return setting
-    first = options[0]
-    poses = perturbed(np.repeat(first.cam2world[None], _NEIGHBOURS, axis=0), judge.camera.focus_distance_mm, rng)
-    poses = poses[judge(poses).inspects[:, np.isin(judge.names, first.entities)].all(axis=1)]
+    found, least = options[0], np.inf
+    for setting in itertools.chain(options, _near(judge, options[0], rng)):
+        too_much = excess(setting)
+        if too_much < least:
+            found, least = setting, too_much
+        # stricter than what is asked of the plan, so that its own simulation, with other draws, agrees
+        if least <= 0.5 * MODEL_TOLERANCE:
+            break
+    return found
+
+
+def _near(judge: Judge, setting: SensorSetting, rng) -> Iterator[SensorSetting]:
+    """Yield settings near one that inspect the same entities."""
+    poses = perturbed(np.repeat(setting.cam2world[None], _NEIGHBOURS, axis=0), judge.camera.focus_distance_mm, rng)
+    poses = poses[judge(poses).inspects[:, np.isin(judge.names, setting.entities)].all(axis=1)]
     for pose in poses[:_MOST_TRIALS]:
-        setting = judge.setting(pose, first.entities, "pose near the best, supported by simulation", seed=first.seed)
-        if is_supported(setting):
-            return setting
-    return first
+        yield judge.setting(pose, setting.entities, "pose near the best, supported by simulation", seed=setting.seed)
 
 
 def reason_for(outcome: SensorSetting | str, threshold: float) -> str:

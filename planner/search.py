@@ -19,6 +19,8 @@ from planner.sampling import ViewpointSampler, WorkspaceSampler
 from planner.start import draw_start
 
 _APART = 0.1
+_ONWARD_STARTS = 3
+_ONWARD_SHARE = 0.99
 _ONWARD_ROUNDS = 5
 _ONWARD_GAIN = 1e-6
 # no pose is worth improving that misses the largest fitness there can be by so little, as a share
@@ -43,8 +45,8 @@ class Search:
         How many of the last population's best individuals, apart from each other, are refined locally; 0 leaves the
         genetic algorithm's best.
     spread_starts : int
-        How many of the first population's individuals, as far from each other as can be, are refined too: they reach
-        optima that the population has left behind.
+        How many of the first population's individuals, the best around positions as far from each other as can be, are
+        refined too: they reach optima that the population has left behind.
     max_draws : int
         Most poses drawn for the first population before the least violating ones are repaired.
     stop_at_perfect : bool
@@ -163,7 +165,8 @@ def search_pose(
         result = _evolve(start.bits, encoding, constraints, objective, search, rng, callback)
         outcome = _outcome(result, encoding)
         best = encoding.decode(_best_apart(result, encoding, search.refine_starts))
-        poses = np.concatenate([best, _far_apart(encoding.decode(start.bits), search.spread_starts), known])
+        first = encoding.decode(start.bits)
+        poses = np.concatenate([best, _spread(first, objective.fitness(first), search.spread_starts), known])
     elif len(known):
         # feasible only between the steps of the encoding: what is left is to refine
         outcome = Outcome(known[0], -np.inf, 0, 0, "No encoded pose is feasible; the known poses were refined.", ())
@@ -213,15 +216,19 @@ def _best_apart(result: GAResult, encoding: PoseEncoding, n: int) -> np.ndarray:
     return bits[chosen]
 
 
-def _far_apart(poses: np.ndarray, n: int) -> np.ndarray:
-    """Return up to n of the poses (m, 4, 4), each the one farthest in position from those before it."""
+def _spread(poses: np.ndarray, fitness: np.ndarray, n: int) -> np.ndarray:
+    """Return up to n of the poses (m, 4, 4): the best of each group around positions as far apart as can be."""
     positions = poses[:, :3, 3]
-    chosen = [0][:n]
-    distance = np.linalg.norm(positions - positions[0], axis=1)
-    while len(chosen) < n and distance.max() > 0:
-        chosen.append(int(distance.argmax()))
-        distance = np.minimum(distance, np.linalg.norm(positions - positions[chosen[-1]], axis=1))
-    return poses[chosen]
+    centers = [int(fitness.argmax())][:n]
+    distance = np.linalg.norm(positions - positions[centers].sum(axis=0), axis=1)
+    group = np.zeros(len(poses), dtype=int)
+    while len(centers) < n and distance.max() > 0:
+        centers.append(int(distance.argmax()))
+        to_new = np.linalg.norm(positions - positions[centers[-1]], axis=1)
+        group[to_new < distance] = len(centers) - 1
+        distance = np.minimum(distance, to_new)
+    members = [np.flatnonzero(group == g) for g in range(len(centers))]
+    return poses[[own[fitness[own].argmax()] for own in members]]
 
 
 def _enough(objective: Objective) -> float:
@@ -235,17 +242,43 @@ def _refine_all(outcome: Outcome, poses, sampler, objective, constraints, refini
     if len(poses) and values.max() > fitness:
         best, fitness = poses[values.argmax()], float(values.max())
     enough = _enough(objective)
+    refined = [(fitness, best)]
     for pose in poses if refining else ():
         half_spaces = sampler.cell_of(pose[:3, 3])
         if fitness < enough and half_spaces is not None:
             pose, value, evaluated = refine(pose, half_spaces, objective, constraints)
             nfev += evaluated
-            best, fitness = (pose, value) if value > fitness else (best, fitness)
+            refined.append((value, pose))
+            fitness = max(fitness, value)
     # on into neighbouring cells: without walls, as far along the way as all constraints hold
-    for _ in range(_ONWARD_ROUNDS if refining and fitness < enough else 0):
+    for value, pose in _different(refined, constraints) if refining and fitness < enough else ():
+        value, pose, evaluated = _onward(value, pose, objective, constraints)
+        nfev += evaluated
+        refined.append((value, pose))
+    fitness, best = max(refined, key=lambda found: found[0])
+    return Outcome(best, fitness, nfev, outcome.generations, outcome.message, outcome.history)
+
+
+def _different(refined: list, constraints: Constraints) -> list:
+    """Return the best few of (fitness, pose), nearly equally good and with positions apart."""
+    chosen: list = []
+    ranked = sorted(refined, key=lambda found: -found[0])
+    for value, pose in ranked:
+        if value < _ONWARD_SHARE * ranked[0][0]:
+            break
+        far = _APART * np.linalg.norm(pose[:3, 3] - constraints.sphere_center)
+        if len(chosen) < _ONWARD_STARTS and all(np.linalg.norm(pose[:3, 3] - p[:3, 3]) > far for _, p in chosen):
+            chosen.append((value, pose))
+    return chosen
+
+
+def _onward(fitness: float, best, objective, constraints) -> tuple[float, np.ndarray, int]:
+    """Refine a pose again and again while it gains; return fitness, pose and poses evaluated."""
+    nfev = 0
+    for _ in range(_ONWARD_ROUNDS):
         pose, value, evaluated = refine(best, np.empty((0, 4)), objective, constraints)
         nfev += evaluated
         if value <= fitness * (1.0 + _ONWARD_GAIN):
             break
         best, fitness = pose, value
-    return Outcome(best, fitness, nfev, outcome.generations, outcome.message, outcome.history)
+    return fitness, best, nfev
