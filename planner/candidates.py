@@ -12,7 +12,7 @@ import hashlib
 import numpy as np
 
 from planner.columns import ColumnPool, Judge, Judgement
-from planner.cover import fractional_cover
+from planner.cover import fractional_cover, greedy_cover
 from planner.pose import look_at
 from planner.progress import report
 from planner.sampling import ViewpointSampler, cells_of
@@ -22,7 +22,9 @@ _AXES_PER_VIEWPOINT = 6
 _PARENTS = 64
 _CHILDREN = 24
 _BATCH = 768
-_PATIENCE = 40
+# the relaxation is looked at every so many rounds; the search ends if two looks gain no more than that share
+_ROUNDS_PER_CHECK = 10
+_GAIN = 2e-3
 
 
 def column_seed(seed: int, names) -> int:
@@ -95,7 +97,7 @@ def price_poses(
     seed : int
         The plan's seed.
     rounds : int
-        Rounds at most; fewer if the relaxation's value has not fallen for a while, or one column covers everything.
+        Rounds at most; fewer if more are not worth it, or one column covers everything.
     executor : concurrent.futures.Executor, optional
         Judges poses; the result does not depend on it.
     progress : callable, optional
@@ -104,13 +106,15 @@ def price_poses(
     covered = pool.membership.any(axis=0)
     rng = np.random.default_rng(column_seed(seed, ["pricing"]))
     breed = pool.poses[:0]
-    value, improved = np.inf, 0
+    values: list[float] = []
     for done in range(rounds):
-        if not covered.any() or pool.membership[:, covered].all(axis=1).any() or done - improved > _PATIENCE:
+        membership = pool.membership[:, covered]
+        if not covered.any() or membership.all(axis=1).any():
             break
-        if done % 10 == 0:
-            new_value = fractional_cover(pool.membership[:, covered])[0]
-            value, improved = (new_value, done) if new_value < value - 1e-6 else (value, improved)
+        if done % _ROUNDS_PER_CHECK == 0:
+            values.append(fractional_cover(membership)[0])
+            if _is_settled(values, membership, rounds - done):
+                break
         # the optimal prices are seldom unique: other ones every round keep the search from staring at one corner
         bias = 1.0 + 0.5 * rng.random(int(covered.sum()))
         prices = np.zeros(len(covered))
@@ -118,6 +122,22 @@ def price_poses(
         breed = _improve(shared, pool, near, breed, prices, rng, executor)
         report(progress, done + 1, rounds, "column generation")
     report(progress, rounds, rounds, "column generation")
+
+
+def _is_settled(values: list[float], membership: np.ndarray, left: int) -> bool:
+    """Tell whether more columns are not worth it: the relaxation's value no longer falls, or too slowly.
+
+    Too slowly means that, with the gain of late, it would not get to the next whole number in the rounds that are left,
+    and a cover of as few columns as the value allows is there already.
+    """
+    if len(values) <= 2:
+        return False
+    gain = values[-3] - values[-1]
+    if gain <= _GAIN * values[-1]:
+        return True
+    fewest = int(np.ceil(values[-1] - 1e-6))
+    hopeless = values[-1] - gain * left / (2 * _ROUNDS_PER_CHECK) > fewest - 1
+    return hopeless and len(greedy_cover(membership)) <= fewest
 
 
 def _improve(

@@ -36,6 +36,8 @@ from planner.tour import travel_order
 
 # share of what better poses can gain in the choice of the cover that is not worth the solver's time
 _QUALITY_SLACK = 0.3
+# share of `Effort.cover_nodes` for each cover while optimistic columns are tried
+_REFUTING_SHARE = 0.1
 
 
 @dataclass(frozen=True)
@@ -53,14 +55,14 @@ class Effort:
     bound_nodes : int
         Nodes of the search tree behind the lower bound, at most.
     cover_nodes : int
-        Nodes of the integer programming solver's tree for one cover, at most.
+        Nodes of the integer programming solver's tree for one cover, at most; a tenth while optimistic columns are tried.
     """
 
-    viewpoints: int = 40
+    viewpoints: int = 50
     pricing_rounds: int = 100
     refutations: int = 12
     bound_nodes: int = 200_000
-    cover_nodes: int = 300
+    cover_nodes: int = 1000
 
 
 def plan_inspection(
@@ -296,7 +298,7 @@ class _Work:
         left, enough = self.effort.refutations, None
         while left > 0 and inspected.any():
             if enough is None:
-                enough = len(self._cover(self.pool.membership[:, inspected]).chosen)
+                enough = len(self._cover(self.pool.membership[:, inspected], share=_REFUTING_SHARE).chosen)
             wanted = self._wanted(inspected, enough)
             if not wanted:
                 return
@@ -314,7 +316,7 @@ class _Work:
         hopeful = hopeful[kept]
         both = np.concatenate([self.pool.membership, hopeful])[:, inspected]
         # any cover that is small enough will do: the best one would take the solver much longer
-        chosen, _ = cover_within(both, enough - 1, node_limit=self.effort.cover_nodes)
+        chosen, _ = cover_within(both, enough - 1, node_limit=int(_REFUTING_SHARE * self.effort.cover_nodes))
         if chosen is None:
             return []
         sure = chosen[chosen < len(self.pool)]
@@ -327,11 +329,10 @@ class _Work:
                 wanted.append(tuple(np.array(self.names)[column].tolist()))
         return wanted
 
-    def _cover(self, membership: np.ndarray, preference: np.ndarray | None = None):
+    def _cover(self, membership: np.ndarray, preference: np.ndarray | None = None, share: float = 1.0):
         """Choose the fewest columns; the solver's work is limited by counting, so that the choice is repeatable."""
-        return min_cover(
-            membership, preference, time_limit_s=np.inf, node_limit=self.effort.cover_nodes, slack=_QUALITY_SLACK
-        )
+        nodes = int(share * self.effort.cover_nodes)
+        return min_cover(membership, preference, time_limit_s=np.inf, node_limit=nodes, slack=_QUALITY_SLACK)
 
     def _settle(self, inspected: np.ndarray) -> list:
         """Choose the final cover and give every column in it the best pose that simulation supports."""
