@@ -55,7 +55,7 @@ class Effort:
     bound_nodes : int
         Nodes of the search tree behind the lower bound, at most.
     cover_nodes : int
-        Nodes of the integer programming solver's tree for one cover, at most; a tenth while optimistic columns are tried.
+        Nodes of the integer programming solver's tree for one cover, at most; a tenth while optimistic ones are tried.
     """
 
     viewpoints: int = 50
