@@ -109,20 +109,12 @@ def test_mirror_image(reference, name):
 @pytest.mark.parametrize("seed", range(2))
 def test_order_of_vertices_faces_loops_and_entities(reference, name, seed):
     part, pairs = KNOWN[name]
-    rng = np.random.default_rng(seed)
-    order = rng.permutation(len(part.vertices))
-    place = np.argsort(order)
-
-    def renumbered(loop):
-        start = rng.integers(len(loop))
-        return tuple(int(place[i]) for i in (*loop[start:], *loop[:start]))
-
-    faces = [(renumbered(outer), tuple(map(renumbered, holes))) for outer, holes in part.faces]
-    faces = [faces[i] for i in rng.permutation(len(faces))]
-    vertices = np.array(part.vertices, dtype=float)[order]
-    shuffled = rng.permutation(len(pairs))
-    graph = graph_of(vertices, faces, [tuple(place[list(pairs[i])][:: rng.choice([1, -1])]) for i in shuffled])
-    names = {f"e{new}": f"e{old}" for new, old in enumerate(shuffled)}
+    known = moved_parts.Listed(
+        np.array(part.vertices, dtype=float), part.faces, {f"e{i}": pair for i, pair in enumerate(pairs)}
+    )
+    moved = moved_parts.shuffled(known, np.random.default_rng(seed))
+    graph = graph_of(moved.vertices, moved.faces, list(moved.entities.values()))
+    names = {f"e{new}": old for new, old in enumerate(moved.entities)}
     for _, node in graph.nodes(data=True):
         node["observable"] = tuple(names[name] for name in node["observable"])
     assert same_graph(graph, reference[name])
