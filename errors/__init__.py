@@ -1,9 +1,9 @@
 """Measurement error of dimensions taken from an image: densities and probabilities.
 
 Arrays of numbers in millimetres and radians go in, densities and probabilities come out. `success_probability` is the
-one call a planner needs; the laws of the paper's equations are `AxisQuantization` (1-2), `SegmentQuantization` (3),
-`displacement_terms` (8-9), `point_displacement` (10-11), `AxisDisplacement` (12-13), `SegmentDisplacement` (14) and
-`SegmentError` (15).
+one call a planner needs, `SuccessModel` the same for an optimiser that asks often; the laws of the paper's equations
+are `AxisQuantization` (1-2), `SegmentQuantization` (3), `displacement_terms` (8-9), `point_displacement` (10-11),
+`AxisDisplacement` (12-13), `SegmentDisplacement` (14) and `SegmentError` (15).
 """
 
 from errors.displacement import DisplacementTerms, displace, displacement_terms, point_displacement
@@ -16,6 +16,7 @@ from errors.exceptions import (
     MeasurementModelError,
 )
 from errors.expansion import length_expansion
+from errors.model import SuccessModel
 from errors.montecarlo import MonteCarloEstimate, binomial_interval, simulate_success
 from errors.pixels import coverage_image, measure_lengths
 from errors.probability import success_probability
@@ -40,6 +41,7 @@ __all__ = [
     "SegmentDisplacement",
     "SegmentError",
     "SegmentQuantization",
+    "SuccessModel",
     "binomial_interval",
     "coverage_image",
     "displace",

@@ -136,9 +136,7 @@ def _check_in_front(points: NDArray[np.float64], focal_length_mm: float, name: s
 def _check_image_length(endpoints: NDArray[np.float64], focal_length_mm: float, name: str) -> None:
     flat = endpoints.reshape(-1, 2, 3)
     for start in range(0, len(flat), _CHUNK):
-        part = flat[start : start + _CHUNK]
-        image = part[..., :2] * (focal_length_mm / (focal_length_mm - part[..., 2:]))
-        length = np.hypot(image[:, 1, 0] - image[:, 0, 0], image[:, 1, 1] - image[:, 0, 1])
+        length = _image_length(flat[start : start + _CHUNK], focal_length_mm)
         short = np.flatnonzero(length <= MIN_IMAGE_LENGTH_MM)
         if len(short):
             where = tuple(int(i) for i in np.unravel_index(start + short[0], endpoints.shape[:-2]))
@@ -146,3 +144,15 @@ def _check_image_length(endpoints: NDArray[np.float64], focal_length_mm: float, 
                 f"{name} must project to a segment longer than zero. "
                 f"Got image length {float(length[short[0]])} mm at index {where}."
             )
+
+
+def has_image(endpoints: NDArray[np.float64], focal_length_mm: float) -> NDArray[np.bool_]:
+    """Return which edges (n, 2, 3) lie in front of the lens and have an image with a length; (n,) bool."""
+    result = (endpoints[..., 2] < focal_length_mm).all(axis=1)
+    result[result] = _image_length(endpoints[result], focal_length_mm) > MIN_IMAGE_LENGTH_MM
+    return result
+
+
+def _image_length(endpoints: NDArray[np.float64], focal_length_mm: float) -> NDArray[np.float64]:
+    image = endpoints[..., :2] * (focal_length_mm / (focal_length_mm - endpoints[..., 2:]))
+    return np.hypot(image[:, 1, 0] - image[:, 0, 0], image[:, 1, 1] - image[:, 0, 1])

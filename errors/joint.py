@@ -36,6 +36,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from errors.checks import MIN_IMAGE_LENGTH_MM
 from errors.expansion import expand  # numba's cache of this file does not notice changes of that one
 
 # The sum stops where its terms are below this, which leaves less than about 1e-5 of it.
@@ -50,7 +51,7 @@ def joint_probability(
     root: NDArray[np.float64],
     accuracy: float,
 ) -> NDArray[np.float64]:
-    """Return P(|L' - L| <= (1 - A) L) under the joint model; arguments already checked.
+    """Return P(|L' - L| <= (1 - A) L) under the joint model; arguments already checked, 0 for edges without image.
 
     Parameters
     ----------
@@ -90,8 +91,14 @@ def _joint_loop(endpoints, f, rx, ry, root, log_low, log_high, out):
     h, m, work = np.empty((6, 6)), np.empty((6, 6)), np.empty((3, 6))
     shared = len(root) == 1
     for i in range(len(endpoints)):
+        if endpoints[i, 0, 2] >= f or endpoints[i, 1, 2] >= f:
+            out[i] = 0.0
+            continue
         s = root[0] if shared else root[i]
         length, e1, e2 = expand(endpoints[i], f, g, h, work)
+        if not length > MIN_IMAGE_LENGTH_MM:
+            out[i] = 0.0
+            continue
         for j in range(6):
             for k in range(6):
                 h[j, k] -= g[j] * g[k] / length

@@ -1,4 +1,4 @@
-"""What a sensor setting must satisfy: signed margins, 0 or more is satisfied.
+"""What a sensor setting must satisfy: signed margins, 0 or more is satisfied; the image's own are in `planner.image`.
 
 Every function takes the entities' ends in the camera frame, ``ends_cam`` (n, k, 2, 3): n settings, k entities, two
 ends, OpenCV axes, mm; or the positions of the front nodal point (n, 3) in the part's frame. It returns *slacks* (n,
@@ -19,71 +19,18 @@ import numpy as np
 
 from planner.camera import Camera
 from planner.exceptions import RequestError
+from planner.image import FIELD_OF_VIEW, FOCUS, RESOLUTION, Lens, cone_slacks, image_slacks
 from planner.pose import world_to_cam
 from planner.reach import Reach, SignedDistance, check_reach, reach_margin
-
-_NOT_IMAGED_PX = -1e6
 
 # the axes, and the diagonals of a cube
 _DIAGONALS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / math.sqrt(3)
 _AROUND = np.vstack([np.eye(3), -np.eye(3), _DIAGONALS])
-
-
-def resolution_slacks(camera: Camera, ends_cam: np.ndarray, min_length_mm: float) -> np.ndarray:
-    """Eq 16: length of each entity's image minus the smallest allowed, mm on the sensor; (n, k, 1).
-
-    An entity that is not wholly in front of the camera has an image of length 0.
-    """
-    first, second = ends_cam[..., 0, :], ends_cam[..., 1, :]
-    z1, z2 = first[..., 2], second[..., 2]
-    in_front = (z1 > 0) & (z2 > 0)
-    # L_w·[(r1 − r_v) × u] × v has the length of the first two components of r1 × (r2 − r1) = r1 × r2
-    turned = first[..., :2] * z2[..., None] - second[..., :2] * z1[..., None]
-    length = camera.image_distance_mm * np.hypot(turned[..., 0], turned[..., 1]) / np.where(in_front, z1 * z2, 1.0)
-    return (np.where(in_front, length, 0.0) - min_length_mm)[..., None]
-
-
-def focus_slacks(camera: Camera, ends_cam: np.ndarray) -> np.ndarray:
-    """Eqs 17–18: depth of each end minus D_min, and D_max minus that depth, mm; (n, k, 4)."""
-    nearest, farthest = camera.depth_of_field_mm
-    depth = ends_cam[..., 2]
-    return np.concatenate([depth - nearest, farthest - depth], axis=-1)
-
-
-def field_of_view_slacks(camera: Camera, ends_cam: np.ndarray, margin_px: float) -> np.ndarray:
-    """Distance of each end's image from the four sides of the sensor, less a margin, px; (n, k, 8).
-
-    The image of a segment is the segment between the images of its ends, so both ends inside means all of it inside.
-    Behind the camera there is no image; the slack is then a large negative number.
-    """
-    depth = ends_cam[..., 2]
-    in_front = depth > 0
-    safe = np.where(in_front, depth, 1.0)
-    matrix, (width, height) = camera.matrix, camera.resolution
-    u = matrix[0, 0] * ends_cam[..., 0] / safe + matrix[0, 2]
-    v = matrix[1, 1] * ends_cam[..., 1] / safe + matrix[1, 2]
-    # pixel centres are whole numbers, so the sensor's sides are at -0.5 and count - 0.5
-    sides = np.concatenate([u + 0.5, width - 0.5 - u, v + 0.5, height - 0.5 - v], axis=-1) - margin_px
-    return np.where(np.tile(in_front, 4), sides, _NOT_IMAGED_PX)
-
-
-def cone_slacks(camera: Camera, center_cam: np.ndarray, radius_mm: float) -> np.ndarray:
-    """Eqs 19–20: the sphere around the entities lies in the cone of the smaller sensor side; mm, (n, 1, 1).
-
-    With α = 2·atan(I_min / 2d) and r_k = r_s − (R_s / sin(α/2))·v the slack is (r_k − r_v)·v − ‖r_k − r_v‖·cos(α/2).
-
-    Parameters
-    ----------
-    camera : Camera
-        Gives I_min, the smaller side of the sensor, and d.
-    center_cam : array (n, 3)
-        Centre r_s of the sphere in the camera frame, mm.
-    radius_mm : float
-        Its radius R_s.
-    """
-    half = math.atan(min(camera.sensor_size_mm) / (2 * camera.image_distance_mm))
-    apex = center_cam - [0.0, 0.0, radius_mm / math.sin(half)]
-    return (apex[..., 2] - np.linalg.norm(apex, axis=-1) * math.cos(half))[:, None, None]
+_AND_HERE = np.vstack([np.zeros(3), _AROUND])
+# up to so many poses, one question for them and the points around them is cheaper than two
+_FEW = 40
+# Open3D's distances are good to 1e-7 of the part's size; only what is surely farther is not asked for
+_SURELY = 1.001
 
 
 def visibility_slacks(space, positions: np.ndarray, names: Sequence[str], radius_mm: float = 0.0) -> np.ndarray:
@@ -92,14 +39,20 @@ def visibility_slacks(space, positions: np.ndarray, names: Sequence[str], radius
     All around it are 14 points at `radius_mm`: along the axes and the diagonals of the part's frame. Outside the
     workspace nothing is observable.
     """
+    if radius_mm > 0 and len(positions) <= _FEW:
+        return np.where(_observable_around(space, positions, names, radius_mm, _AND_HERE), 1.0, -1.0)[..., None]
     visible = _observable(space, positions, names)
     rows = np.flatnonzero(visible.any(axis=1))
     if radius_mm > 0 and rows.size:
-        # all points in one call: asking costs more than answering
-        eyes = positions[rows, None] + radius_mm * _AROUND
-        around = _observable(space, eyes.reshape(-1, 3), names)
-        visible[rows] &= around.reshape(len(rows), len(_AROUND), -1).all(axis=1)
+        visible[rows] &= _observable_around(space, positions[rows], names, radius_mm, _AROUND)
     return np.where(visible, 1.0, -1.0)[..., None]
+
+
+def _observable_around(space, positions: np.ndarray, names, radius_mm: float, around: np.ndarray) -> np.ndarray:
+    """Return which entities are observable from all points around positions; (n, k)."""
+    # all points in one call: asking costs more than answering
+    eyes = positions[:, None] + radius_mm * around
+    return _observable(space, eyes.reshape(-1, 3), names).reshape(len(positions), len(around), -1).all(axis=1)
 
 
 def _observable(space, positions: np.ndarray, names: Sequence[str]) -> np.ndarray:
@@ -199,27 +152,29 @@ class Constraints:
         self.ends = np.array([space.entities[name].endpoints for name in self.names], dtype=np.float64)
         self.sphere_center, self.sphere_radius = enclosing_sphere(self.ends.reshape(-1, 3))
         self.min_length_mm = requirements.min_length_px * max(camera.pixel_pitch_mm)
+        self._lens = Lens.of(camera, self.min_length_mm, requirements.field_margin_px)
+        self._exact_field = requirements.field_of_view == "exact"
+        self._workspace = np.array(space.workspace, dtype=np.float64)
+        self._box = np.array([np.min(space.solid.vertices, axis=0), np.max(space.solid.vertices, axis=0)])
         self._distance = SignedDistance(space.solid.vertices, space.solid.triangles)
+        # of the image, in columns of `image_slacks`
+        self._columns = {"resolution_mm": RESOLUTION, "focus_mm": FOCUS}
+        if self._exact_field:
+            self._columns["field_of_view_px"] = FIELD_OF_VIEW
         self._checks = self._build_checks()
 
     def _build_checks(self) -> dict:
-        """Map each constraint to its slacks as a function of (ends_cam, cam2world), cheapest first."""
-        camera, need = self.camera, self.requirements
-        checks = {
-            "resolution_mm": lambda ends, pose: resolution_slacks(camera, ends, self.min_length_mm),
-            "focus_mm": lambda ends, pose: focus_slacks(camera, ends),
-        }
-        if need.field_of_view == "exact":
-            checks["field_of_view_px"] = lambda ends, pose: field_of_view_slacks(camera, ends, need.field_margin_px)
-        else:
-            checks["field_of_view_mm"] = lambda ends, pose: cone_slacks(
-                camera, world_to_cam(self.sphere_center, pose), self.sphere_radius
+        """Map each constraint that is no column of the image to its slacks as a function of cam2world."""
+        need, checks = self.requirements, {}
+        if not self._exact_field:
+            checks["field_of_view_mm"] = lambda pose: cone_slacks(
+                self.camera, world_to_cam(self.sphere_center, pose), self.sphere_radius
             )
-        checks["workspace_mm"] = lambda ends, pose: workspace_slacks(self.space.workspace, pose[:, :3, 3])
+        checks["workspace_mm"] = lambda pose: workspace_slacks(self._workspace, pose[:, :3, 3])
         if need.reach is not None:
-            checks["reach"] = lambda ends, pose: reach_margin(need.reach, pose[:, :3, 3])[:, None, None]
-        checks["clearance_mm"] = lambda ends, pose: clearance_slacks(self._distance, pose[:, :3, 3], need.stand_off_mm)
-        checks["visibility"] = lambda ends, pose: visibility_slacks(
+            checks["reach"] = lambda pose: reach_margin(need.reach, pose[:, :3, 3])[:, None, None]
+        checks["clearance_mm"] = lambda pose: clearance_slacks(self._distance, pose[:, :3, 3], need.stand_off_mm)
+        checks["visibility"] = lambda pose: visibility_slacks(
             self.space, pose[:, :3, 3], self.names, need.visibility_radius_mm
         )
         return checks
@@ -227,12 +182,17 @@ class Constraints:
     @property
     def constraint_names(self) -> tuple[str, ...]:
         """Names of the constraints; each ends with the unit of its margin."""
-        return tuple(self._checks)
+        return (*self._columns, *self._checks)
 
     def slacks(self, cam2world: np.ndarray, only: Sequence[str] | None = None) -> dict[str, np.ndarray]:
         """Return the slacks (n, k or 1, s) of poses (n, 4, 4) per constraint."""
-        ends_cam = world_to_cam(self.ends, cam2world)
-        return {name: self._checks[name](ends_cam, cam2world) for name in (only or self._checks)}
+        names = self.constraint_names if only is None else only
+        if any(name in self._columns for name in names):
+            image = image_slacks(self._lens, world_to_cam(self.ends, cam2world))
+        return {
+            name: image[..., self._columns[name]] if name in self._columns else self._checks[name](cam2world)
+            for name in names
+        }
 
     def margins(self, cam2world: np.ndarray) -> dict[str, np.ndarray]:
         """Return the margin of poses (n, 4, 4) per constraint and entity: (n, k), or (n, 1) where entities share it."""
@@ -240,16 +200,23 @@ class Constraints:
 
     def feasible(self, cam2world: np.ndarray) -> np.ndarray:
         """Return which of the poses (n, 4, 4) satisfy every constraint; (n,) bool."""
+        image = image_slacks(self._lens, world_to_cam(self.ends, cam2world))
+        if not self._exact_field:
+            image = image[..., : FIELD_OF_VIEW.start]
+        mask = image.min(axis=(1, 2)) >= 0
         # cheap constraints come first, and the costly ones see only what is left
-        left = np.arange(len(cam2world))
-        ends_cam = world_to_cam(self.ends, cam2world)
-        for check in self._checks.values():
-            if not len(left):
-                break
-            left = left[check(ends_cam[left], cam2world[left]).min(axis=(1, 2)) >= 0]
-        mask = np.zeros(len(cam2world), dtype=bool)
-        mask[left] = True
+        for name, check in self._checks.items():
+            left = np.flatnonzero(mask)
+            if name == "clearance_mm":
+                left = left[self._may_be_near(cam2world[left, :3, 3])]
+            if left.size:
+                mask[left] = check(cam2world[left]).min(axis=(1, 2)) >= 0
         return mask
+
+    def _may_be_near(self, positions: np.ndarray) -> np.ndarray:
+        """Return which positions (n, 3) are not surely farther from the part than the stand-off: by the part's box."""
+        outside = np.maximum(np.maximum(self._box[0] - positions, positions - self._box[1]), 0.0)
+        return (outside**2).sum(axis=1) <= (_SURELY * self.requirements.stand_off_mm) ** 2
 
     def scale(self, name: str) -> float:
         """Return a natural size of a constraint's margin, to weigh violations of different units."""

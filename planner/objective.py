@@ -17,8 +17,6 @@ from planner.exceptions import RequestError
 from planner.pose import PoseUncertainty, cam_to_paper, world_to_cam
 
 _IMAGE_SCALE = 1e-3
-# looking along an edge, its image is a point and cannot be measured
-_POINT_MM = 1e-11
 
 
 class Objective:
@@ -60,8 +58,13 @@ class Objective:
             raise RequestError(f"objective must be 'sum' or 'min'. Got {kind!r}.")
         self.ends, self.camera, self.accuracy, self.kind, self.model = ends, camera, accuracy, kind, model
         self._image_distance = _IMAGE_SCALE * camera.image_distance_mm
-        self._pixel_pitch = tuple(_IMAGE_SCALE * pitch for pitch in camera.pixel_pitch_mm)
-        self.covariance = pose_uncertainty.paper_covariance(self._image_distance)
+        self._probability = errors.SuccessModel(
+            focal_length_mm=self._image_distance,
+            pixel_pitch_mm=[_IMAGE_SCALE * pitch for pitch in camera.pixel_pitch_mm],
+            pose_covariance=pose_uncertainty.paper_covariance(self._image_distance),
+            accuracy=accuracy,
+            model=model,
+        )
 
     def probability(self, cam2world: np.ndarray) -> np.ndarray:
         """Return P (n, k) of poses (n, 4, 4); 0 for an entity not wholly in front of the camera or seen as a point."""
@@ -69,23 +72,7 @@ class Objective:
 
     def probability_of(self, ends_cam: np.ndarray) -> np.ndarray:
         """Return P (...) of entities whose ends in the camera frame are given, (..., 2, 3) in mm, OpenCV axes."""
-        imaged = (ends_cam[..., 2] > 0).all(axis=-1)
-        imaged[imaged] = self._image_length(ends_cam[imaged]) > _POINT_MM
-        probability = np.zeros(imaged.shape)
-        if imaged.any():
-            probability[imaged] = errors.success_probability(
-                cam_to_paper(ends_cam[imaged], self._image_distance),
-                focal_length_mm=self._image_distance,
-                pixel_pitch_mm=self._pixel_pitch,
-                pose_covariance=self.covariance,
-                accuracy=self.accuracy,
-                model=self.model,
-            )
-        return probability
-
-    def _image_length(self, ends_cam: np.ndarray) -> np.ndarray:
-        image = ends_cam[..., :2] / ends_cam[..., 2:] * self._image_distance
-        return np.linalg.norm(image[..., 1, :] - image[..., 0, :], axis=-1)
+        return self._probability(cam_to_paper(ends_cam, self._image_distance))
 
     @property
     def highest(self) -> float:

@@ -12,15 +12,19 @@ paper   the frame of Yang & Ciarallo (2001), eqs 4–9: C1 right, C2 up, C3 back
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from planner.exceptions import UncertaintyError
 
 _CAM_TO_PAPER = np.diag([1.0, -1.0, -1.0])
 _NAMES = ("dx", "dy", "dz", "phi_x", "phi_y", "phi_z")
+# sine of the angle to the world's z axis below which a view is taken as vertical, for the choice of the level axis
+_VERTICAL = 1e-9
 MAX_SIGMA_MM = 100.0
 MAX_SIGMA_RAD = 1.0
 
@@ -213,23 +217,7 @@ def aim(positions, target) -> np.ndarray:
 
     The camera's x axis is level (perpendicular to the world's z axis) unless it looks along z; then it follows world x.
     """
-    positions = np.asarray(positions, dtype=float)
-    forward = np.asarray(target, dtype=float) - positions
-    length = np.linalg.norm(forward, axis=-1, keepdims=True)
-    forward = np.where(length > 0, forward / np.where(length > 0, length, 1.0), [0.0, 0.0, 1.0])
-    # forward × z vanishes in a vertical view; world x, only nearly perpendicular then, is set upright below
-    size = np.hypot(forward[..., 0], forward[..., 1])[..., None]
-    level = np.stack([forward[..., 1], -forward[..., 0], np.zeros(size.shape[:-1])], axis=-1)
-    right = np.where(size > 1e-9, level / np.where(size > 1e-9, size, 1.0), [1.0, 0.0, 0.0])
-    down = _cross(forward, right)
-    down /= np.linalg.norm(down, axis=-1, keepdims=True)
-    return np.stack([_cross(down, forward), down, forward], axis=-1)
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return a × b (..., 3); several times faster than `np.cross` on the small arrays of one generation."""
-    (ax, ay, az), (bx, by, bz) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+    return look_at(positions, target)[:, :3, :3]
 
 
 def look_at(positions, target, pan=0.0, tilt=0.0, roll=0.0) -> np.ndarray:
@@ -244,23 +232,105 @@ def look_at(positions, target, pan=0.0, tilt=0.0, roll=0.0) -> np.ndarray:
     pan, tilt, roll : array (n,) or float
         Rotations in rad, applied in this order about the camera's own y, x and z axes.
     """
-    positions = np.atleast_2d(np.asarray(positions, dtype=float))
+    positions = np.atleast_2d(np.asarray(positions, dtype=np.float64))
     n = len(positions)
-    cam2world = np.tile(np.eye(4), (n, 1, 1))
-    cam2world[:, :3, 3] = positions
-    pan, tilt, roll = (np.broadcast_to(angle, (n,)) for angle in (pan, tilt, roll))
-    cam2world[:, :3, :3] = (
-        aim(positions, target) @ _axis_rotations(pan, 1) @ _axis_rotations(tilt, 0) @ _axis_rotations(roll, 2)
-    )
+    target = np.broadcast_to(np.asarray(target, dtype=np.float64), (n, 3))
+    turns = np.empty((3, n))
+    turns[0], turns[1], turns[2] = pan, tilt, roll
+    cam2world = np.zeros((n, 4, 4))
+    _look_at(positions, target, turns, cam2world)
     return cam2world
 
 
-def _axis_rotations(angles: np.ndarray, axis: int) -> np.ndarray:
-    """Return right-handed rotations (n, 3, 3) about one coordinate axis."""
-    i, j = [(1, 2), (2, 0), (0, 1)][axis]
-    rotation = np.zeros((len(angles), 3, 3))
-    rotation[:, axis, axis] = 1.0
-    rotation[:, i, i] = rotation[:, j, j] = np.cos(angles)
-    rotation[:, j, i] = np.sin(angles)
-    rotation[:, i, j] = -rotation[:, j, i]
-    return rotation
+def moved(cam2world: np.ndarray, moves: np.ndarray, unit_mm: float) -> np.ndarray:
+    """Return the poses (n, 4, 4) reached from one pose (4, 4) by moves (n, 6) along and about its own axes.
+
+    The first three entries are a translation in units of `unit_mm`, the others a rotation vector in rad.
+    """
+    poses = np.zeros((len(moves), 4, 4))
+    _move(cam2world, moves, unit_mm, poses)
+    return poses
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _look_at(positions, target, turns, out):
+    right, down, forward = np.empty(3), np.empty(3), np.empty(3)
+    turn = np.empty((3, 3))
+    for i in range(len(positions)):
+        for k in range(3):
+            forward[k] = target[i, k] - positions[i, k]
+        if not _normalise(forward):
+            forward[0], forward[1], forward[2] = 0.0, 0.0, 1.0
+        # forward × z vanishes in a vertical view; world x, only nearly perpendicular then, is set upright below
+        size = math.hypot(forward[0], forward[1])
+        if size > _VERTICAL:
+            right[0], right[1], right[2] = forward[1] / size, -forward[0] / size, 0.0
+        else:
+            right[0], right[1], right[2] = 1.0, 0.0, 0.0
+        _cross(forward, right, down)
+        _normalise(down)
+        _cross(down, forward, right)
+        _pan_tilt_roll(turns[0, i], turns[1, i], turns[2, i], turn)
+        for row in range(3):
+            for column in range(3):
+                out[i, row, column] = (
+                    right[row] * turn[0, column] + down[row] * turn[1, column] + forward[row] * turn[2, column]
+                )
+            out[i, row, 3] = positions[i, row]
+        out[i, 3, 3] = 1.0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _pan_tilt_roll(pan, tilt, roll, out):
+    """Write the product of the rotations by pan about y, by tilt about x and by roll about z."""
+    cp, sp, ct, st = math.cos(pan), math.sin(pan), math.cos(tilt), math.sin(tilt)
+    cr, sr = math.cos(roll), math.sin(roll)
+    out[0, 0], out[0, 1], out[0, 2] = cp * cr + sp * st * sr, sp * st * cr - cp * sr, sp * ct
+    out[1, 0], out[1, 1], out[1, 2] = ct * sr, ct * cr, -st
+    out[2, 0], out[2, 1], out[2, 2] = cp * st * sr - sp * cr, sp * sr + cp * st * cr, cp * ct
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _move(cam2world, moves, unit, out):
+    turn = np.empty((3, 3))
+    for i in range(len(moves)):
+        _rotation(moves[i, 3], moves[i, 4], moves[i, 5], turn)
+        for row in range(3):
+            step = 0.0
+            for k in range(3):
+                step += cam2world[row, k] * moves[i, k]
+                total = 0.0
+                for inner in range(3):
+                    total += cam2world[row, inner] * turn[inner, k]
+                out[i, row, k] = total
+            out[i, row, 3] = cam2world[row, 3] + unit * step
+        out[i, 3, 3] = 1.0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _rotation(x, y, z, out):
+    """Write the rotation by a vector (Rodrigues): cos a·I + sin a/a·[v]× + (1 − cos a)/a²·v v'."""
+    squared = x * x + y * y + z * z
+    angle = math.sqrt(squared)
+    half = math.sin(0.5 * angle)
+    along = math.sin(angle) / angle if angle > 0.0 else 1.0
+    outer = 2.0 * half * half / squared if squared > 0.0 else 0.5
+    cosine = 1.0 - 2.0 * half * half
+    out[0, 0], out[0, 1], out[0, 2] = cosine + outer * x * x, outer * x * y - along * z, outer * x * z + along * y
+    out[1, 0], out[1, 1], out[1, 2] = outer * x * y + along * z, cosine + outer * y * y, outer * y * z - along * x
+    out[2, 0], out[2, 1], out[2, 2] = outer * x * z - along * y, outer * y * z + along * x, cosine + outer * z * z
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _cross(a, b, out):
+    out[0], out[1], out[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _normalise(vector):
+    """Scale a vector to length 1; False if it has none."""
+    length = math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
+    if length > 0.0:
+        for k in range(3):
+            vector[k] /= length
+    return length > 0.0

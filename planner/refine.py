@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.optimize import minimize
-from scipy.spatial.transform import Rotation
 
 from planner.constraints import Constraints
 from planner.objective import Objective
+from planner.pose import moved
 
 _STEP = 1e-4
 _BACK_OFF = 1e-9
@@ -36,10 +36,7 @@ class _Neighbourhood:
 
     def poses(self, moves: np.ndarray) -> np.ndarray:
         """Return the poses (n, 4, 4) after moves (n, 6)."""
-        poses = np.tile(self.start, (len(moves), 1, 1))
-        poses[:, :3, 3] += moves[:, :3] * self.distance @ self.start[:3, :3].T
-        poses[:, :3, :3] = self.start[:3, :3] @ Rotation.from_rotvec(moves[:, 3:]).as_matrix()
-        return poses
+        return moved(self.start, moves, self.distance)
 
     def at(self, x: np.ndarray):
         """Return (fitness, gradient (6,), slacks (m,), their Jacobian (m, 6)) at a move x (6,)."""

@@ -19,14 +19,11 @@ from planner.constraints import (
     Constraints,
     Requirements,
     clearance_slacks,
-    cone_slacks,
     enclosing_sphere,
-    field_of_view_slacks,
-    focus_slacks,
-    resolution_slacks,
     visibility_slacks,
     workspace_slacks,
 )
+from planner.image import cone_slacks, field_of_view_slacks, focus_slacks, resolution_slacks
 from planner.pose import world_to_cam
 from planner.reach import SignedDistance, reach_margin
 

@@ -1,0 +1,71 @@
+"""The same probability asked for again and again: parameters checked once, no edge an error."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errors.checks import (
+    check_covariance,
+    check_pixel_pitch,
+    check_positive,
+    check_probability,
+    has_image,
+)
+from errors.covariance import covariance_root
+from errors.exceptions import InvalidParameterError, InvalidShapeError
+from errors.joint import joint_probability
+from errors.probability import MODELS, success_probability
+
+
+class SuccessModel:
+    """`success_probability` as an optimiser needs it: many small calls with the same parameters.
+
+    Guarantee: the values are those of `success_probability`, and 0 for an edge that has no image because an end is not
+    in front of the lens or because it is seen end-on. The ends themselves are not checked.
+
+    Parameters
+    ----------
+    focal_length_mm, pixel_pitch_mm, pose_covariance, accuracy, model
+        As `success_probability`; one covariance (6, 6) for all edges.
+
+    Raises
+    ------
+    InvalidParameterError
+        As `success_probability`.
+    """
+
+    def __init__(self, *, focal_length_mm: float, pixel_pitch_mm, pose_covariance, accuracy: float, model="joint"):
+        if model not in MODELS:
+            raise InvalidParameterError(f"model must be one of {MODELS}. Got {model!r}.")
+        self.focal_length_mm = check_positive(focal_length_mm, "focal_length_mm")
+        self.pixel_pitch_mm = check_pixel_pitch(pixel_pitch_mm)
+        self.covariance = check_covariance(pose_covariance)
+        if self.covariance.shape != (6, 6):
+            raise InvalidShapeError(f"pose_covariance must have shape (6, 6). Got shape {self.covariance.shape}.")
+        self.accuracy = check_probability(accuracy, "accuracy")
+        self.model = model
+        self._root = covariance_root(self.covariance)[None]
+
+    def __call__(self, endpoints: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return P (...) of edges whose ends (..., 2, 3), mm, are in the paper's camera frame."""
+        flat = np.asarray(endpoints, dtype=np.float64).reshape(-1, 2, 3)
+        solve = self._joint if self.model == "joint" else self._of_imaged
+        return solve(flat).reshape(endpoints.shape[:-2])
+
+    def _joint(self, flat: NDArray[np.float64]) -> NDArray[np.float64]:
+        return joint_probability(flat, self.focal_length_mm, self.pixel_pitch_mm, self._root, self.accuracy)
+
+    def _of_imaged(self, flat: NDArray[np.float64]) -> NDArray[np.float64]:
+        probability = np.zeros(len(flat))
+        imaged = has_image(flat, self.focal_length_mm)
+        if imaged.any():
+            probability[imaged] = success_probability(
+                flat[imaged],
+                focal_length_mm=self.focal_length_mm,
+                pixel_pitch_mm=self.pixel_pitch_mm,
+                pose_covariance=self.covariance,
+                accuracy=self.accuracy,
+                model=self.model,
+            )
+        return probability
