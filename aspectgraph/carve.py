@@ -28,7 +28,8 @@ from .complex import (
     add_vertex,
     push_edge,
 )
-from .lattice import Grid, plane_through
+from .grid import as_queries
+from .lattice import plane_through
 from .measure import cell_centre
 from .predicates import sign_at_point
 from .shadow import Scene
@@ -116,7 +117,7 @@ def with_facet_planes(planes: np.ndarray, facets: Facets) -> np.ndarray:
     return np.concatenate([planes, facets.planes])
 
 
-def carve(cx: Complex, scene: Scene, facets: Facets, n_box: int, grid: Grid) -> None:
+def carve(cx: Complex, scene: Scene, facets: Facets, n_box: int) -> None:
     """Cut cells with an empty list along the solid's surface and flag those inside it.
 
     Parameters
@@ -127,7 +128,6 @@ def carve(cx: Complex, scene: Scene, facets: Facets, n_box: int, grid: Grid) -> 
         The solid on its grid and the facets of its surface.
     n_box : int
         Number of box planes.
-    grid : Grid
     """
     free = _insert_facets(
         cx, facets.first, n_box + scene.plane_of_face[facets.face], scene.side_of_face[facets.face], len(facets.planes)
@@ -138,7 +138,7 @@ def carve(cx: Complex, scene: Scene, facets: Facets, n_box: int, grid: Grid) -> 
     labels[:, -1] = (0, INSIDE) if scene.resolution == 0.0 else UNKNOWN
     _carve(cx, free, labels)
     for c in _unknown(cx):
-        inside = is_inside(scene, grid, cell_centre(cx, c))
+        inside = is_inside(scene, cell_centre(cx, c))
         cx.label[c, -1] = INSIDE if inside else np.uint64(0)
 
 
@@ -202,7 +202,7 @@ def _unknown(cx: Complex) -> list[int]:
     return np.flatnonzero((cx.cell[:n, CELL_CHILD] < 0) & (cx.label[:n, -1] == UNKNOWN)).tolist()
 
 
-def is_inside(scene: Scene, grid: Grid, position: np.ndarray) -> bool:
+def is_inside(scene: Scene, position: np.ndarray) -> bool:
     """Whether a point, given in grid steps, lies inside the solid: parity of the crossings of a ray.
 
     A ray that passes too close to an edge for doubles to tell is replaced by one along another axis, then by one from a
@@ -212,7 +212,7 @@ def is_inside(scene: Scene, grid: Grid, position: np.ndarray) -> bool:
     nudge = np.zeros(3)
     generator = np.random.default_rng(0)
     while True:
-        point = grid.to_points(grid.to_mm(position + nudge)[None])[0]
+        point = as_queries(position + nudge)
         for axis in range(3):
             parity = _parity(
                 point, axis, scene.points, first, loop, scene.pieces.face, scene.planes, scene.plane_of_face

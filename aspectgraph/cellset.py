@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from .complex import N_CELLS, Complex
-from .lattice import Grid
-from .measure import cell_sizes, cell_triangles, half_spaces
+from .grid import Grid, turned
+from .measure import cell_sizes, cell_triangles, half_spaces, spans
 from .tree import holds, tree_of
 
 
@@ -54,7 +54,8 @@ class CellSet:
         self._cx = cx
         self._cells = np.asarray(cells, np.int64)
         self._grid = grid
-        self._sizes = cell_sizes(cx, self._cells)
+        self._measured = grid.measured(cx)
+        self._sizes = cell_sizes(self._measured, self._cells)
         self.volumes = self._sizes[:, 0] * grid.step_mm**3
 
     def __len__(self) -> int:
@@ -65,10 +66,11 @@ class CellSet:
 
     def __getitem__(self, k: int) -> Cell:
         cell = int(self._cells[k])
-        rows = half_spaces(self._cx, cell)
-        rows[:, 3] = rows[:, 3] * self._grid.step_mm - rows[:, :3] @ self._grid.to_mm(np.zeros(3))
+        grid, rows = self._grid, half_spaces(self._measured, cell)
+        rows[:, 3] = rows[:, 3] * grid.step_mm - rows[:, :3] @ grid.origin_mm
+        rows[:, :3] = turned(grid.frame.T, rows[:, :3])
         corners = np.unique(cell_triangles(self._cx, cell).reshape(-1, 3), axis=0)
-        return Cell(rows, self._grid.to_mm(corners), float(self.volumes[k]))
+        return Cell(rows, grid.to_mm(corners), float(self.volumes[k]))
 
     @property
     def volume(self) -> float:
@@ -86,11 +88,8 @@ class CellSet:
         """
         if not len(self):
             raise ValueError("bounds need at least one cell. The set is empty.")
-        low, high = np.full(3, np.inf), np.full(3, -np.inf)
-        for cell in self._cells:
-            corners = cell_triangles(self._cx, cell).reshape(-1, 3)
-            low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
-        return self._grid.to_mm(np.array([low, high]))
+        grid = self._grid
+        return spans(self._cx, self._cells, grid.frame.T * grid.steps_mm) + turned(grid.frame.T, grid.origin_mm)
 
     def contains(self, points) -> np.ndarray:
         """Whether the closed set holds each of (n, 3) points in mm, exactly; (n,) bool."""

@@ -23,7 +23,7 @@ from .carve import INSIDE, is_inside
 from .cells import cell_side, leaves, split_cell
 from .complex import CROSSED, Complex, add_box, allocate, with_room
 from .domains import find_domains
-from .lattice import Grid, find_plane, plane_through
+from .lattice import find_plane, plane_through
 from .measure import cell_triangles
 from .regions import Progress, check_workspace, make_scene
 from .shadow import Scene
@@ -71,9 +71,9 @@ def complete_aspect_graph(solid: Solid, workspace=None, progress: Progress | Non
     sharp = solid.straight_edges(min_dihedral_deg=_SHARP_DEG)
     planes = edge_vertex_planes(scene, np.array([edge.vertices for edge in sharp]))
     cx = arrangement(np.concatenate([grid.box_planes(box_mm), planes]))
-    drawings = _label(cx, solid, scene, grid, progress)
-    extent = largest_extent(scene.points)
-    domains = find_domains(cx, Ruler(_MIN_WIDTH_SHARE * extent, 0.5 * extent))
+    drawings = _label(cx, solid, scene, progress)
+    extent = largest_extent(grid.points * grid.scale)
+    domains = find_domains(grid.measured(cx), Ruler(_MIN_WIDTH_SHARE * extent, 0.5 * extent))
     graph = nx.Graph(part=solid.name, n_planes=len(planes), n_cells=len(leaves(cx)), n_slivers=int(domains.n_slivers))
     for node, domain in enumerate(domains.domains):
         drawing = drawings[domain.label[0]]
@@ -82,7 +82,7 @@ def complete_aspect_graph(solid: Solid, workspace=None, progress: Progress | Non
             drawing=drawing,
             n_visible=len(seen_whole(drawing)),
             volume=float(domain.volume * grid.step_mm**3),
-            viewpoint=tuple(map(float, grid.to_mm(domain.viewpoint))),
+            viewpoint=tuple(map(float, grid.measured_to_mm(domain.viewpoint))),
             clearance=float(domain.clearance * grid.step_mm),
             n_cells=len(domain.cells),
         )
@@ -91,7 +91,7 @@ def complete_aspect_graph(solid: Solid, workspace=None, progress: Progress | Non
     return graph
 
 
-def _label(cx: Complex, solid: Solid, scene: Scene, grid: Grid, progress: Progress | None) -> list[str]:
+def _label(cx: Complex, solid: Solid, scene: Scene, progress: Progress | None) -> list[str]:
     """Label the cells outside the solid by the number of their drawing; return the drawings."""
     sharp = solid.straight_edges(min_dihedral_deg=_SHARP_DEG)
     lines = Drawing(scene.points, np.array([edge.vertices for edge in sharp]), solid.triangles)
@@ -100,7 +100,7 @@ def _label(cx: Complex, solid: Solid, scene: Scene, grid: Grid, progress: Progre
     present = leaves(cx).tolist()
     for done, c in enumerate(present, start=1):
         witness = interior_point(cell_triangles(cx, c))
-        if is_inside(scene, grid, witness):
+        if is_inside(scene, witness):
             cx.label[c, 0] = INSIDE
         else:
             cx.label[c, 0] = numbers.setdefault(describe_drawing(lines.visible_parts(witness), ids), len(numbers))
@@ -111,7 +111,10 @@ def _label(cx: Complex, solid: Solid, scene: Scene, grid: Grid, progress: Progre
 
 def edge_vertex_planes(scene: Scene, edges: np.ndarray) -> np.ndarray:
     """Return the distinct planes through an edge and a vertex, faces' planes first, int64, shape (p, 4)."""
+    rank = np.argsort(np.lexsort(scene.points.T[::-1]))
+    edges = edges[np.lexsort(np.sort(rank[edges], axis=1).T[::-1])]
     corners = np.unique(edges)
+    corners = corners[np.argsort(rank[corners])]
     planes = np.empty((len(scene.planes) + len(edges) * len(corners), 4), np.int64)
     n = len(scene.planes)
     planes[:n] = scene.planes

@@ -1,10 +1,10 @@
 """Viewing domains: connected unions of equally labelled cells, and what they share.
 
-Slivers. Snapping a rotated part leaves cells thinner than any robot can aim. A *sliver* is a cell that holds no ball as
-wide as the least width at its place; snapping turns planes, so slivers widen with distance, and so does the least width
-(`Ruler`). Only where a wide cell runs out into a thinner one of its list, a *tail* (`find_tails`), the two belong
-together, as they do where no plane cuts them apart. The graph is that of the partition with its slivers shrunk to
-nothing:
+Slivers. Where snapping displaced vertices, planes that ought to meet in one line or point miss each other and leave
+cells thinner than any robot can aim. A *sliver* is a cell that holds no ball as wide as the least width at its place;
+snapping turns planes, so slivers widen with distance, and so does the least width (`Ruler`). Only where a wide cell
+runs out into a thinner one of its list, a *tail* (`find_tails`), the two belong together, as they do where no plane
+cuts them apart. The graph is that of the partition with its slivers shrunk to nothing:
 
 * two other cells *touch* where they share a face, and where faces of theirs lie opposite each other across slivers;
   it counts where their sets of cells do so in a plane region that holds a disc as wide as the least width;

@@ -19,6 +19,7 @@ from .overlay import overlay, share_planes
 from .partition import Provenance
 from .raycast import confirm
 from .regions import Progress, VisibilityRegions, compute_regions
+from .shadow import own_order
 from .solid import Solid
 from .tree import locate, tree_of
 from .width import Ruler, largest_extent
@@ -174,11 +175,13 @@ def graph_of(
     min_width_mm = _check_min_width(min_width_mm, chosen)
     own = [chosen._regions[name] for name in chosen.entity_names]
     box = grid.box_planes(chosen.workspace)
-    shared = share_planes(own, scene, box)
+    order = own_order(scene, chosen.solid, chosen.entities.values())
+    shared = share_planes(own, scene, box, order)
     facets = surface_facets(scene)
-    cx = overlay(own, shared._replace(planes=with_facet_planes(shared.planes, facets)))
-    carve(cx, scene, facets, len(box), grid)
-    domains = find_domains(cx, Ruler(min_width_mm / grid.step_mm, 0.5 * largest_extent(grid.points)))
+    cx = overlay(own, shared._replace(planes=with_facet_planes(shared.planes, facets)), order=order)
+    carve(cx, scene, facets, len(box))
+    extent = largest_extent(grid.points * grid.scale)
+    domains = find_domains(grid.measured(cx), Ruler(min_width_mm / grid.step_mm, 0.5 * extent))
     provenance = Provenance(chosen.solid, scene, grid, list(chosen.entities.values()), own, shared)
     graph = _networkx(chosen, cx, domains, provenance)
     graph.graph["min_width_mm"] = min_width_mm
@@ -222,7 +225,7 @@ def _networkx(regions: VisibilityRegions, cx: Complex, domains: Domains, provena
             observable=tuple(names[k] for k in sorted(members[node])),
             volume=float(domain.volume * grid.step_mm**3),
             unbounded=bool(at_boundary[domain.cells].any()),
-            viewpoint=tuple(map(float, grid.to_mm(domain.viewpoint))),
+            viewpoint=tuple(map(float, grid.measured_to_mm(domain.viewpoint))),
             clearance=float(domain.clearance * grid.step_mm),
             bbox_min=tuple(map(float, low)),
             bbox_max=tuple(map(float, high)),

@@ -1,107 +1,17 @@
-"""The integer grid and the planes that live on it.
+"""Planes on the integer grid.
 
-A part is snapped once to a cubic grid whose step is a power of two in millimetres, about 2**20 steps over the part.
-From then on every vertex is an integer triple and every plane through three of them an integer quadruple
-(a, b, c, d), a·x + b·y + c·z = d, reduced by its greatest common divisor.
-
-Where snapping displaced anything, vertices that ought to lie in one plane need not any more. `Grid.resolution` says
-how far, in steps, a vertex may lie from a plane and still count as lying on it; it is 0 where snapping was exact.
+A plane through three vertices of a part (integer triples, see `grid`) is an integer quadruple (a, b, c, d),
+a·x + b·y + c·z = d, reduced by its greatest common divisor. Where snapping displaced vertices, one within the grid's
+resolution of a plane counts as lying on it; that is decided once, when planes are built, and everything after is exact.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numba as nb
 import numpy as np
 
-from .exceptions import SolidError, WorkspaceError
-from .predicates import POINT_BITS
-
-GRID_BITS = 20
-# a vertex is displaced by at most sqrt(3)/2 steps; so is the plane it is compared with, at each of its three points
-_RESOLUTION_STEPS = 4.0
-_LARGEST_COORDINATE_STEPS = 1 << 40
-
-
-@dataclass(frozen=True)
-class Grid:
-    """A cubic integer grid laid over a part.
-
-    Attributes
-    ----------
-    step_mm : float
-        A power of two.
-    origin : ndarray of int64, shape (3,)
-        Grid coordinates of the grid's zero, counted from the zero of the part's frame.
-    points : ndarray of int64, shape (n, 3)
-        The part's vertices, counted from `origin`; magnitudes below 2**20.
-    snapping_mm : float
-        Largest displacement of a vertex.
-    resolution : float
-        Distance in steps up to which a vertex counts as lying on a plane; 0 where snapping displaced nothing.
-    """
-
-    step_mm: float
-    origin: np.ndarray
-    points: np.ndarray
-    snapping_mm: float
-    resolution: float
-
-    @classmethod
-    def over(cls, vertices: np.ndarray, bits: int = GRID_BITS) -> Grid:
-        """Lay a grid of at least 2**(bits - 1) steps over (n, 3) vertices in mm.
-
-        Raises
-        ------
-        SolidError
-            If the part lies so far from the origin that its coordinates do not fit the grid.
-        """
-        low, high = vertices.min(axis=0), vertices.max(axis=0)
-        step = 2.0 ** (np.ceil(np.log2((high - low).max())) - bits)
-        if np.abs(vertices).max() / step > _LARGEST_COORDINATE_STEPS:
-            raise SolidError(
-                f"vertices must lie within {_LARGEST_COORDINATE_STEPS * step:g} mm of the origin, 2**40 grid steps. "
-                f"Got {np.abs(vertices).max():g} mm."
-            )
-        scaled = vertices / step
-        snapped = np.rint(scaled).astype(np.int64)
-        displacement = float(np.linalg.norm(snapped - scaled, axis=1).max())
-        origin = (snapped.min(axis=0) + snapped.max(axis=0)) // 2
-        return cls(step, origin, snapped - origin, displacement * step, _RESOLUTION_STEPS if displacement else 0.0)
-
-    def to_mm(self, coordinates: np.ndarray) -> np.ndarray:
-        """Convert (..., 3) grid coordinates to mm."""
-        return (np.asarray(coordinates) + self.origin) * self.step_mm
-
-    def to_points(self, viewpoints_mm: np.ndarray) -> np.ndarray:
-        """Convert (n, 3) viewpoints in mm to int64 query points, 2**POINT_BITS to a step."""
-        scale = 2.0**POINT_BITS
-        whole = np.floor(viewpoints_mm / self.step_mm)
-        fraction = np.rint((viewpoints_mm / self.step_mm - whole) * scale).astype(np.int64)
-        return ((whole.astype(np.int64) - self.origin) << POINT_BITS) + fraction
-
-    def box_planes(self, workspace: np.ndarray) -> np.ndarray:
-        """Planes x_min, x_max, y_min, y_max, z_min, z_max of a (2, 3) workspace in mm, rounded outwards to the grid.
-
-        Raises
-        ------
-        WorkspaceError
-            If the workspace does not contain the part.
-        """
-        low = np.floor(workspace[0] / self.step_mm).astype(np.int64) - self.origin
-        high = np.ceil(workspace[1] / self.step_mm).astype(np.int64) - self.origin
-        if (low >= self.points.min(axis=0)).any() or (high <= self.points.max(axis=0)).any():
-            raise WorkspaceError(
-                f"workspace must contain the part with room on all sides. Got {workspace[0].tolist()} to "
-                f"{workspace[1].tolist()} mm for a part from {self.to_mm(self.points.min(axis=0)).tolist()} to "
-                f"{self.to_mm(self.points.max(axis=0)).tolist()} mm."
-            )
-        planes = np.zeros((6, 4), np.int64)
-        for axis in range(3):
-            planes[2 * axis : 2 * axis + 2, axis] = 1
-            planes[2 * axis : 2 * axis + 2, 3] = low[axis], high[axis]
-        return planes
+from .exceptions import SolidError
+from .grid import Grid
 
 
 @nb.njit(cache=True)
@@ -199,7 +109,9 @@ def _widest_triangle(points, loop):
     return a, b, c
 
 
-def face_planes(grid: Grid, loops: list[np.ndarray], normals: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def face_planes(
+    grid: Grid, loops: list[np.ndarray], normals: np.ndarray, order: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Integer planes of all faces, coplanar faces sharing one, larger faces first.
 
     Where snapping displaced vertices, a face that is parallel to a larger one to within the resolution gets an exactly
@@ -211,7 +123,9 @@ def face_planes(grid: Grid, loops: list[np.ndarray], normals: np.ndarray) -> tup
     loops : list of f int arrays
         Vertices of each face's outer loop.
     normals : ndarray, shape (f, 3)
-        Outward unit normals.
+        Outward unit normals in the grid's frame.
+    order : ndarray of int, shape (f,), optional
+        Order of equally large faces, last first. Default: as they are listed.
 
     Returns
     -------
@@ -228,8 +142,9 @@ def face_planes(grid: Grid, loops: list[np.ndarray], normals: np.ndarray) -> tup
     planes: list[np.ndarray] = []
     plane_of_face = np.empty(len(loops), np.int64)
     side_of_face = np.empty(len(loops), np.int8)
-    sizes = [np.ptp(grid.points[loop], axis=0).sum() for loop in loops]
-    for face in np.argsort(sizes, kind="stable")[::-1]:
+    sizes = np.array([np.ptp(grid.points[loop], axis=0).sum() for loop in loops])
+    order = np.arange(len(loops)) if order is None else order
+    for face in order[np.argsort(sizes[order], kind="stable")[::-1]]:
         loop = np.asarray(loops[face], np.int64)
         trio = _widest_triangle(grid.points, loop)
         plane = plane_through(*grid.points[list(trio)])

@@ -79,6 +79,28 @@ def cell_sizes(cx: Complex, cells: np.ndarray) -> np.ndarray:
 
 
 @nb.njit(cache=True)
+def _spans(cx, cells, directions):
+    low, high = np.full(len(directions), np.inf), np.full(len(directions), -np.inf)
+    for c in cells:
+        for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + cx.cell[c, CELL_SIZE]):
+            f = cx.lists[FACE_LIST, k]
+            for m in range(cx.face[f, FACE_FIRST], cx.face[f, FACE_FIRST] + cx.face[f, FACE_SIZE]):
+                for end in range(2):
+                    corner = cx.coordinates[cx.edge[cx.lists[EDGE_LIST, m], ENDS + end]]
+                    for row in range(len(directions)):
+                        along = 0.0
+                        for axis in range(3):
+                            along += directions[row, axis] * corner[axis]
+                        low[row], high[row] = min(low[row], along), max(high[row], along)
+    return low, high
+
+
+def spans(cx: Complex, cells: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Least and largest product of the cells' corners, in grid steps, with each of (m, 3) directions, shape (2, m)."""
+    return np.array(_spans(cx, np.asarray(cells, np.int64), np.ascontiguousarray(directions)))
+
+
+@nb.njit(cache=True)
 def _interfaces(cx):
     n = cx.count[N_FACES]
     sides = np.empty((n, 4), np.int64)

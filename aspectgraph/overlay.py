@@ -43,8 +43,10 @@ class SharedPlanes(NamedTuple):
     flipped: list[np.ndarray]
 
 
-def share_planes(regions: Sequence[Region], scene: Scene, box: np.ndarray) -> SharedPlanes:
-    """Number the planes of all regions jointly; planes that agree at their defining points are one plane.
+def share_planes(
+    regions: Sequence[Region], scene: Scene, box: np.ndarray, order: Sequence[int] | None = None
+) -> SharedPlanes:
+    """Number the planes of all regions jointly, in some order; planes that agree at their defining points are one.
 
     Where snapping displaced vertices, planes parallel at those points to within the resolution become exactly parallel;
     otherwise they would meet far away.
@@ -57,8 +59,9 @@ def share_planes(regions: Sequence[Region], scene: Scene, box: np.ndarray) -> Sh
         planes[n] = plane
         known.setdefault(_key(plane), n)
         n += 1
-    numbers, flips = [], []
-    for region in regions:
+    numbers = [np.empty(0, np.int32)] * len(regions)
+    for position in range(len(regions)) if order is None else order:
+        region = regions[position]
         number = np.empty(len(region.tree.planes), np.int32)
         for k, (plane, origin) in enumerate(zip(region.tree.planes, region.origin, strict=True)):
             match = known.get(_key(plane), -1)
@@ -72,9 +75,12 @@ def share_planes(regions: Sequence[Region], scene: Scene, box: np.ndarray) -> Sh
                 planes[match] = plane
                 known[_key(plane)] = match
             number[k] = match
-        numbers.append(number)
-        dot = (planes[number, :3].astype(float) * region.tree.planes[:, :3]).sum(axis=1)
-        flips.append(dot < 0)
+        numbers[position] = number
+    products = (
+        planes[number, :3].astype(float) * region.tree.planes[:, :3]
+        for number, region in zip(numbers, regions, strict=True)
+    )
+    flips = [product.sum(axis=1) < 0 for product in products]
     return SharedPlanes(planes[:n].copy(), numbers, flips)
 
 
@@ -89,7 +95,13 @@ def n_words(n_entities: int) -> int:
     return (n_entities + 2 + 63) // 64
 
 
-def overlay(regions: Sequence[Region], shared: SharedPlanes, *, covering_only: bool = False) -> Complex:
+def overlay(
+    regions: Sequence[Region],
+    shared: SharedPlanes,
+    *,
+    order: Sequence[int] | None = None,
+    covering_only: bool = False,
+) -> Complex:
     """Lay regions over each other.
 
     Parameters
@@ -97,6 +109,8 @@ def overlay(regions: Sequence[Region], shared: SharedPlanes, *, covering_only: b
     regions : sequence of k Region
     shared : SharedPlanes
         Their planes.
+    order : sequence of int, optional
+        In which they are laid over each other; it changes no label. Default: as given, as `covering_only` needs it.
     covering_only : bool
         Leave cells uncut from which some entity is not observable: enough to find where all of them are.
 
@@ -106,24 +120,25 @@ def overlay(regions: Sequence[Region], shared: SharedPlanes, *, covering_only: b
         Bit k of a present cell's label is set iff entity k is observable from it. With `covering_only` all bits are set
         iff all entities are, and none otherwise.
     """
+    order = range(len(regions)) if order is None else order
     return with_room(
-        lambda n_cells: _overlay(regions, shared, covering_only, n_cells),
+        lambda n_cells: _overlay(regions, shared, order, covering_only, n_cells),
         n_cells=max(_ROOM, 64 * sum(region.n_leaves for region in regions)),
     )
 
 
-def _overlay(regions, shared: SharedPlanes, covering_only: bool, n_cells: int) -> Complex:
+def _overlay(regions, shared: SharedPlanes, order: Sequence[int], covering_only: bool, n_cells: int) -> Complex:
     cx = allocate(shared.planes, n_cells, n_words(len(regions)))
     add_box(cx, _BOX)
     limit = _SIMPLIFY_ABOVE
-    for k, region in enumerate(regions):
-        tree = region.tree
+    for k in order:
+        tree = regions[k].tree
         inner = tree.plane >= 0
         plane = np.where(inner, shared.number[k][tree.plane], -1).astype(np.int32)
         child = tree.child.copy()
         swapped = inner & shared.flipped[k][tree.plane]
         child[swapped] = child[swapped][:, ::-1]
-        _add_region(cx, plane, child, region.observable, k, covering_only)
+        _add_region(cx, plane, child, regions[k].observable, k, covering_only)
         if covering_only:
             _forget_uncovered(cx, k + 1)
         if n_leaves(cx) > limit:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .entities import Entity
-from .lattice import Grid
+from .grid import Grid
 from .overlay import SharedPlanes
 from .region import Region
 from .shadow import EDGE_AND_END, VERTEX_AND_ENTITY, Scene
@@ -101,17 +101,9 @@ class Provenance:
                 vertices, edges = (numbers[0],), entity.edge_ids
             else:
                 faces = (numbers[0],)
-        in_mm = plane_in_mm(self._shared.planes[plane], self._grid)
+        in_mm = tuple(map(float, self._grid.planes_to_mm(self._shared.planes[plane : plane + 1])[0]))
         return PartitionSurface("A" if next_to else "B", entity.name, vertices, edges, faces, in_mm)
 
     @staticmethod
     def _same_plane(plane: np.ndarray, other: np.ndarray) -> bool:
         return bool((plane == other).all() or (plane == -other).all())
-
-
-def plane_in_mm(plane: np.ndarray, grid: Grid) -> tuple[float, float, float, float]:
-    """(a, b, c, d) with unit normal, a·x + b·y + c·z = d in mm, of a plane in grid steps."""
-    a, b, c, d = (int(x) for x in plane)
-    x, y, z = (int(o) for o in grid.origin)
-    length = float(np.sqrt(float(a * a + b * b + c * c)))
-    return (a / length, b / length, c / length, float((d + a * x + b * y + c * z) * grid.step_mm / length))

@@ -7,11 +7,16 @@ is decided by exact integer orientation in the face's projection along its domin
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from .exceptions import SolidError
+from .listing import Listing
 from .solid import Solid
+from .topology import Face
+from .triangulate import triangulate_face
 
 
 class Pieces(NamedTuple):
@@ -32,30 +37,53 @@ class Pieces(NamedTuple):
     face: np.ndarray
 
 
-def convex_pieces(solid: Solid, points: np.ndarray) -> Pieces:
-    """Cut every face of a solid into convex pieces.
+def convex_pieces(solid: Solid, points: np.ndarray, normals: np.ndarray, listing: Listing) -> Pieces:
+    """Cut every face of a solid into convex pieces, in the part's own order.
 
     Parameters
     ----------
     solid : Solid
     points : ndarray of int64, shape (n, 3)
         Its vertices on the grid.
+    normals : ndarray of int64, shape (f, 3)
+        Outward normals of its faces on the grid, of any length.
+    listing : Listing
     """
+    ranked = points[listing.vertex]
+    drawn: dict[tuple[int, bool], list[list[int]]] = {}
     loops: list[list[int]] = []
     faces: list[int] = []
-    for face, (triangles, normal) in enumerate(zip(solid.face_triangles, solid.normals, strict=True)):
-        parts = _join(triangles.tolist(), _project(points, normal))
+    for face, number in zip(listing.faces, listing.face.tolist(), strict=True):
+        axis = int(np.abs(normals[number]).argmax())
+        view = axis, bool(normals[number][axis] < 0)
+        xy = drawn[view] = drawn.get(view) or _project(ranked, *view)
+        if not face.holes and _is_convex(face.outer, xy):
+            parts = [list(face.outer)]
+        else:
+            parts = _join(_triangles(ranked, face, normals[number], listing.rank[solid.face_triangles[number]]), xy)
         loops += parts
-        faces += [face] * len(parts)
+        faces += [number] * len(parts)
     first = np.concatenate([[0], np.cumsum([len(loop) for loop in loops])])
-    return Pieces(np.concatenate(loops).astype(np.int32), first.astype(np.int32), np.array(faces, np.int32))
+    vertices = listing.vertex[np.concatenate(loops)]
+    return Pieces(vertices.astype(np.int32), first.astype(np.int32), np.array(faces, np.int32))
 
 
-def _project(points: np.ndarray, normal: np.ndarray) -> list[list[int]]:
-    """Drop the dominant axis of the normal, keeping counter-clockwise loops counter-clockwise."""
-    axis = int(np.abs(normal).argmax())
+def _is_convex(loop: Sequence[int], xy: list[list[int]]) -> bool:
+    return _convex_at(loop, range(len(loop)), xy)
+
+
+def _triangles(points: np.ndarray, face: Face, normal: np.ndarray, known: np.ndarray) -> list[list[int]]:
+    """Triangles of a face as it lies on the grid, or the known ones if snapping made its loops touch."""
+    try:
+        return triangulate_face(points.astype(float), face, normal).tolist()
+    except SolidError:
+        return known.tolist()
+
+
+def _project(points: np.ndarray, axis: int, from_below: bool) -> list[list[int]]:
+    """Drop an axis, seen from above or from below it."""
     keep = [(axis + 1) % 3, (axis + 2) % 3]
-    if normal[axis] < 0:
+    if from_below:
         keep.reverse()
     return points[:, keep].tolist()
 
@@ -71,7 +99,7 @@ def _join(triangles: list[list[int]], xy: list[list[int]]) -> list[list[int]]:
         if n == m:
             continue
         merged = _merge(loops[n], loops[m], i, j)
-        if merged is None or not _convex_at(merged, (i, j), xy):
+        if merged is None or not _convex_at(merged, (merged.index(i), merged.index(j)), xy):
             continue
         for k in range(len(loops[m])):
             owner[loops[m][k - 1], loops[m][k]] = n
@@ -88,10 +116,9 @@ def _merge(loop: list[int], other: list[int], i: int, j: int) -> list[int] | Non
     return loop[at:] + loop[:at] + (other[back:] + other[:back])[1:-1]
 
 
-def _convex_at(loop: list[int], corners: tuple[int, int], xy: list[list[int]]) -> bool:
-    for corner in corners:
-        k = loop.index(corner)
-        (ax, ay), (bx, by), (cx, cy) = xy[loop[k - 1]], xy[corner], xy[loop[(k + 1) % len(loop)]]
+def _convex_at(loop: Sequence[int], places: Iterable[int], xy: list[list[int]]) -> bool:
+    for k in places:
+        (ax, ay), (bx, by), (cx, cy) = xy[loop[k - 1]], xy[loop[k]], xy[loop[(k + 1) % len(loop)]]
         if (bx - ax) * (cy - by) - (by - ay) * (cx - bx) < 0:
             return False
     return True

@@ -17,7 +17,7 @@ import open3d as o3d
 
 from .entities import Entity
 from .exceptions import ContradictionError
-from .lattice import Grid
+from .grid import Grid
 from .predicates import sign_at_point
 from .shadow import Scene, blockers
 from .solid import Solid

@@ -11,11 +11,14 @@ from .cells import leaves
 from .cellset import CellSet
 from .entities import Entity, resolve_entities
 from .exceptions import EntityError, WorkspaceError
-from .lattice import Grid, face_planes
+from .frame import own_frame
+from .grid import Grid, turned
+from .lattice import face_planes
+from .listing import list_solid
 from .overlay import overlay, share_planes
 from .pieces import convex_pieces
 from .region import Region, observable_region
-from .shadow import Scene
+from .shadow import Scene, own_order
 from .solid import Solid
 from .tree import holds
 
@@ -100,7 +103,8 @@ class VisibilityRegions:
             raise EntityError("names must hold at least one entity. Got none.")
         key = tuple(sorted(set(names)))
         if key not in self._covering:
-            regions = [self._regions[name] for name in key]
+            order = own_order(self._scene, self.solid, [self.entities[name] for name in key])
+            regions = [self._regions[key[k]] for k in order]
             box = self.grid.box_planes(self.workspace)
             cx = overlay(regions, share_planes(regions, self._scene, box), covering_only=True)
             present = leaves(cx)
@@ -159,11 +163,15 @@ def check_workspace(workspace, solid: Solid) -> np.ndarray:
 
 
 def make_scene(solid: Solid) -> tuple[Grid, Scene]:
-    """Lay a solid on its grid."""
-    grid = Grid.over(solid.vertices)
-    loops = [np.array(face.outer) for face in solid.faces]
-    planes, plane_of_face, side_of_face = face_planes(grid, loops, solid.normals)
-    pieces = convex_pieces(solid, grid.points)
+    """Lay a solid on its grid, in its own frame and order."""
+    frame = own_frame(solid)
+    grid = Grid.over(solid.vertices, frame, np.unique(solid.triangles))
+    listing = list_solid(solid, grid.points)
+    loops = [np.empty(0, int)] * len(solid.faces)
+    for face, number in zip(listing.faces, listing.face, strict=True):
+        loops[number] = listing.vertex[list(face.outer)]
+    planes, plane_of_face, side_of_face = face_planes(grid, loops, turned(frame, solid.normals), listing.face)
+    pieces = convex_pieces(solid, grid.points, planes[plane_of_face, :3] * side_of_face[:, None], listing)
     return grid, Scene(grid.points, grid.resolution, planes, plane_of_face, side_of_face, pieces)
 
 

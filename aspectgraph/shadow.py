@@ -22,6 +22,7 @@ re-entrant one.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numba as nb
@@ -88,7 +89,7 @@ class Blockers(NamedTuple):
 
 def blockers(scene: Scene, solid: Solid, entity: Entity) -> Blockers:
     """All blocked sets of one entity: the faces next to it first, then every other piece in its way."""
-    a, b = entity_ends(solid, entity)
+    a, b = entity_ends(scene, solid, entity)
     wedge_first, wedge_plane, wedge_side = _wedge(scene, solid, entity)
     n_face_planes = len(scene.planes)
     room = n_face_planes + 3 * len(scene.pieces.vertices)
@@ -124,12 +125,18 @@ def blockers(scene: Scene, solid: Solid, entity: Entity) -> Blockers:
     )
 
 
-def entity_ends(solid: Solid, entity: Entity) -> tuple[int, int]:
-    """Vertex numbers of an entity's two ends, in the order of its end points."""
+def own_order(scene: Scene, solid: Solid, entities: Iterable[Entity]) -> list[int]:
+    """Positions of entities in an order that depends on their places on the part alone."""
+    ends = [scene.points[list(entity_ends(scene, solid, entity))].ravel().tolist() for entity in entities]
+    return sorted(range(len(ends)), key=ends.__getitem__)
+
+
+def entity_ends(scene: Scene, solid: Solid, entity: Entity) -> tuple[int, int]:
+    """Vertex numbers of an entity's two ends, sorted by their places on the grid."""
     ends: set[int] = set()
     for edge_id in entity.edge_ids:
         ends ^= set(solid.edges[edge_id].vertices)
-    return tuple(sorted(ends, key=lambda v: float(np.linalg.norm(solid.vertices[v] - entity.endpoints[0]))))
+    return tuple(sorted(ends, key=lambda v: scene.points[v].tolist()))
 
 
 def _wedge(scene: Scene, solid: Solid, entity: Entity) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

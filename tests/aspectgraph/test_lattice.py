@@ -1,42 +1,13 @@
-"""The integer grid: what snapping does, which planes are one plane, and what does not fit."""
+"""Planes on the integer grid: which planes are one plane, and which become parallel."""
 
 import numpy as np
 import pytest
 import solids
 
-from aspectgraph import SolidError, WorkspaceError
-from aspectgraph.lattice import GRID_BITS, Grid, face_planes, find_parallel, plane_through, side_of
-from aspectgraph.predicates import POINT_BITS
+from aspectgraph.grid import Grid
+from aspectgraph.lattice import face_planes, find_parallel, plane_through, side_of
 
 ROTATION = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
-
-
-def test_step_is_a_power_of_two_and_the_part_spans_half_to_all_of_the_grid():
-    for scale in (1e-3, 1.0, 7.0, 1e5):
-        grid = Grid.over(np.array([[0.0, 0, 0], [3, 1, 2]]) * scale)
-        assert np.log2(grid.step_mm) == int(np.log2(grid.step_mm))
-        assert 2 ** (GRID_BITS - 1) <= 3 * scale / grid.step_mm <= 2**GRID_BITS
-
-
-def test_representable_coordinates_are_not_displaced():
-    grid = Grid.over(np.array([[0.0, 0, 0], [3, 1, 2], [0.25, 0.5, -1]]))
-    assert (grid.snapping_mm, grid.resolution) == (0.0, 0.0)
-
-
-def test_displacement_is_reported_and_below_half_a_diagonal():
-    vertices = np.random.default_rng(0).uniform(-50, 50, (200, 3))
-    grid = Grid.over(vertices)
-    displaced = np.linalg.norm(grid.to_mm(grid.points) - vertices, axis=1)
-    assert grid.snapping_mm == pytest.approx(displaced.max())
-    assert 0 < grid.snapping_mm <= np.sqrt(3) / 2 * grid.step_mm
-    assert grid.resolution > 0
-
-
-def test_viewpoints_are_rounded_to_a_millionth_of_a_step():
-    grid = Grid.over(np.array([[0.0, 0, 0], [3, 1, 2]]))
-    viewpoints = np.random.default_rng(0).uniform(-60, 60, (100, 3))
-    back = (grid.to_points(viewpoints) / 2.0**POINT_BITS + grid.origin) * grid.step_mm
-    assert np.abs(back - viewpoints).max() <= 2.0**-POINT_BITS * grid.step_mm
 
 
 def test_plane_through_three_points_is_reduced_and_oriented():
@@ -88,14 +59,3 @@ def test_plane_that_snapping_turned_becomes_parallel_to_what_it_was_parallel_to(
     assert (
         find_parallel(np.array([tilted, level]), points, np.array([0, 1, 3]), 4.0, steeper).tolist() == steeper.tolist()
     )
-
-
-def test_part_too_far_from_the_origin_is_refused():
-    with pytest.raises(SolidError, match=r"within 1.09951e\+12 grid steps|2\*\*40 grid steps"):
-        Grid.over(np.array([[1e9, 0, 0], [1e9 + 1e-4, 1e-4, 1e-4]]))
-
-
-def test_workspace_must_contain_the_part():
-    grid = Grid.over(solids.cube().vertices)
-    with pytest.raises(WorkspaceError, match=r"workspace must contain the part .* Got \[-1.0, -1.0, 1.0\]"):
-        grid.box_planes(np.array([[-1.0, -1, 1], [5, 5, 5]]))
