@@ -135,7 +135,7 @@ def _converge(problem: Problem, where: str, seed: int):
         Evaluations until each generation.
     seconds : float
     """
-    search = Search(sampling=where, refine_starts=0, max_stall=None, max_generations=150)
+    search = Search.genetic(sampling=where, max_stall=None, max_generations=150)
     problem.begin()
     nfev = []
     begin = time.perf_counter()

@@ -224,7 +224,7 @@ _UNLIMITED = {"max_stall": None, "epsilon": 0.0, "max_generations": 10**6}
 
 OURS = genetic(Search())
 RIVALS = {
-    "GA without refinement": genetic(Search(refine_starts=0, **_UNLIMITED)),
+    "GA without refinement": genetic(Search.genetic(**_UNLIMITED)),
     "GA, paper-plain": genetic(Search.paper(**_UNLIMITED)),
     "differential evolution": evolution,
     "CMA-ES": cma_es,

@@ -12,6 +12,7 @@ b, M      S'g and S'HS: the same in whitened coordinates, x ~ b.xi + 1/2 xi'M xi
 alpha     diagonal of M after the orthogonal change of coordinates that makes M tridiagonal and b a multiple of the
 beta      first axis; beta is the off-diagonal
 D_k       1 - i t alpha_k + t^2 beta_k^2 / D_{k+1}, the pivots of I - itM from the last to the first; Re D_k >= 1
+p_k       D_k D_{k+1} ... D_5 = (1 - i t alpha_k) p_{k+1} + t^2 beta_k^2 p_{k+2}: the same without a division each
 
 Then, without any eigenvalue (the eigenbasis would give prod (1 - it lambda)^(-1/2) exp(-t^2 b^2 / 2(1 - it lambda)))
 
@@ -177,18 +178,17 @@ def _reflect(m, v, p, scale, start):
 
 @numba.njit(cache=True, error_model="numpy")
 def _pivots(t, alpha, beta2):
-    """Return det(I - itM) and 1 / D_0, each as real and imaginary part."""
+    """Return det(I - itM) = p_0 and 1 / D_0 = p_1 / p_0, each as real and imaginary part."""
     t2 = t * t
-    inv_re, inv_im = 0.0, 0.0
-    det_re, det_im = 1.0, 0.0
-    for k in range(5, -1, -1):
-        coupling = t2 * beta2[k + 1] if k < 5 else 0.0
-        re = 1.0 + coupling * inv_re
-        im = coupling * inv_im - t * alpha[k]
-        scale = 1.0 / (re * re + im * im)
-        inv_re, inv_im = re * scale, -im * scale
-        det_re, det_im = det_re * re - det_im * im, det_re * im + det_im * re
-    return det_re, det_im, inv_re, inv_im
+    re, im = 1.0, -t * alpha[5]
+    last_re, last_im = 1.0, 0.0
+    for k in range(4, -1, -1):
+        turn, coupling = t * alpha[k], t2 * beta2[k + 1]
+        next_re = re + turn * im + coupling * last_re
+        next_im = im - turn * re + coupling * last_im
+        last_re, last_im, re, im = re, im, next_re, next_im
+    scale = 1.0 / (re * re + im * im)
+    return re, im, (last_re * re + last_im * im) * scale, (last_im * re - last_re * im) * scale
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Integral
 
 import numpy as np
@@ -13,18 +13,14 @@ from planner.constraints import Constraints
 from planner.encoding import PoseEncoding
 from planner.exceptions import RequestError
 from planner.explain import explain_infeasible, explain_positions
+from planner.multistart import Ascent, best_apart, best_around, turned_views
 from planner.objective import Objective
-from planner.refine import refine
 from planner.sampling import ViewpointSampler, WorkspaceSampler
 from planner.start import draw_start
 
-_APART = 0.1
-_ONWARD_STARTS = 3
-_ONWARD_SHARE = 0.99
-_ONWARD_ROUNDS = 5
-_ONWARD_GAIN = 1e-6
 # no pose is worth improving that misses the largest fitness there can be by so little, as a share
 _PERFECT = 1e-5
+_STARTS = ("refine_starts", "spread_starts", "turned_starts")
 
 
 @dataclass(frozen=True)
@@ -33,7 +29,7 @@ class Search:
 
     Parameters
     ----------
-    population, crossover, mutation, elitism, selection, scaling
+    population, crossover, mutation, elitism, selection, scaling, attempts
         Passed to `ga.maximize`, which describes them.
     epsilon, patience, max_stall, max_generations, max_nfev
         When to stop; also passed on.
@@ -42,11 +38,13 @@ class Search:
     gray_code : bool
         Gray code instead of plain binary.
     refine_starts : int
-        How many of the last population's best individuals, apart from each other, are refined locally; 0 leaves the
-        genetic algorithm's best.
+        How many of the last population's best individuals, apart from each other, to refine from.
     spread_starts : int
-        How many of the first population's individuals, the best around positions as far from each other as can be, are
-        refined too: they reach optima that the population has left behind.
+        How many of the first population's individuals, the best around positions as far from each other as can be, to
+        refine from: they reach optima that the population has left behind.
+    turned_starts : int
+        How many poses to refine from that are drawn in the covering domains with the view turned, feasible or not.
+        Without starts of any kind nothing is refined: the genetic algorithm's best is the outcome.
     max_draws : int
         Most poses drawn for the first population before the least violating ones are repaired.
     stop_at_perfect : bool
@@ -58,7 +56,7 @@ class Search:
     Raises
     ------
     RequestError
-        If `refine_starts`, `spread_starts`, `max_draws` or `sampling` breaks its rule; the others are checked by `ga`.
+        If a number of starts, `max_draws` or `sampling` breaks its rule; the others are checked by `ga`.
     """
 
     population: int = 100
@@ -67,15 +65,17 @@ class Search:
     elitism: int = 2
     selection: str = "roulette"
     scaling: str = "window"
+    attempts: int = 6
     epsilon: float = 1e-3
     patience: int = 5
-    max_stall: int | None = 15
-    max_generations: int = 100
+    max_stall: int | None = 8
+    max_generations: int = 50
     max_nfev: int | None = None
     gene_bits: int = 16
     gray_code: bool = True
     refine_starts: int = 3
-    spread_starts: int = 8
+    spread_starts: int = 5
+    turned_starts: int = 10
     max_draws: int = 8192
     stop_at_perfect: bool = True
     sampling: str = "covering"
@@ -83,9 +83,14 @@ class Search:
     def __post_init__(self):
         if self.sampling not in ("covering", "workspace"):
             raise RequestError(f"sampling must be 'covering' or 'workspace'. Got {self.sampling!r}.")
-        for name, least in (("refine_starts", 0), ("spread_starts", 0), ("max_draws", 1)):
+        for name, least in (("refine_starts", 0), ("spread_starts", 0), ("turned_starts", 0), ("max_draws", 1)):
             if not isinstance(getattr(self, name), Integral) or getattr(self, name) < least:
                 raise RequestError(f"{name} must be an integer of at least {least}. Got {getattr(self, name)!r}.")
+
+    @classmethod
+    def genetic(cls, **changes) -> Search:
+        """Return the default genetic algorithm alone, without refinement."""
+        return cls(**{**dict.fromkeys(_STARTS, 0), **changes})
 
     @classmethod
     def paper(cls, **changes) -> Search:
@@ -96,15 +101,19 @@ class Search:
             "max_stall": None,
             "max_generations": 1000,
             "gray_code": False,
-            "refine_starts": 0,
-            "spread_starts": 0,
+            "attempts": 20,
             "stop_at_perfect": False,
         }
-        return cls(**{**plain, **changes})
+        return cls.genetic(**{**plain, **changes})
+
+    @property
+    def refines(self) -> bool:
+        """Whether there is any local refinement."""
+        return any(getattr(self, name) for name in _STARTS)
 
     def ga_options(self) -> dict:
         """Return the keyword arguments of `ga.maximize`."""
-        own = ("gene_bits", "gray_code", "refine_starts", "spread_starts", "max_draws", "stop_at_perfect", "sampling")
+        own = ("gene_bits", "gray_code", "max_draws", "stop_at_perfect", "sampling", *_STARTS)
         return {name: value for name, value in self.__dict__.items() if name not in own}
 
 
@@ -164,22 +173,35 @@ def search_pose(
     if len(start.bits):
         result = _evolve(start.bits, encoding, constraints, objective, search, rng, callback)
         outcome = _outcome(result, encoding)
-        best = encoding.decode(_best_apart(result, encoding, search.refine_starts))
-        first = encoding.decode(start.bits)
-        poses = np.concatenate([best, _spread(first, objective.fitness(first), search.spread_starts), known])
     elif len(known):
         # feasible only between the steps of the encoding: what is left is to refine
+        result = None
         outcome = Outcome(known[0], -np.inf, 0, 0, "No encoded pose is feasible; the known poses were refined.", ())
-        poses = known
     else:
         raise (
             explain_infeasible(constraints, encoding, start.tried, rng)
             if len(start.tried)
             else explain_positions(constraints, cells, rng)
         )
-    return _refine_all(
-        outcome, poses, sampler, objective, constraints, refining=search.refine_starts + search.spread_starts > 0
-    )
+    ascent = Ascent(sampler, encoding, objective, constraints, _enough(objective), outcome.cam2world, outcome.fitness)
+    ascent.consider(known)
+    if search.refines and ascent.fitness < ascent.enough:
+        ascent.climb(np.concatenate([_starts(result, start.bits, ascent, search, rng), known]))
+        ascent.mirror()
+    nfev = outcome.nfev + ascent.nfev
+    return replace(outcome, cam2world=ascent.cam2world, fitness=ascent.fitness, nfev=nfev)
+
+
+def _starts(result: GAResult | None, first: np.ndarray, ascent: Ascent, search: Search, rng) -> np.ndarray:
+    """Return the poses (m, 4, 4) to refine from, given how the genetic algorithm ended and its first chromosomes."""
+    encoding, poses = ascent.encoding, [turned_views(search.turned_starts, ascent.sampler, ascent.encoding, rng)]
+    if result is not None:
+        bits, fitness = np.vstack([result.x, result.population]), np.append(result.fun, result.fitness)
+        best = best_apart(bits, fitness, encoding, search.refine_starts)
+        first = encoding.decode(first)
+        poses += [encoding.decode(best), best_around(first, ascent.objective.fitness(first), search.spread_starts)]
+        ascent.nfev += len(first)
+    return np.concatenate(poses)
 
 
 def _evolve(bits, encoding, constraints, objective, search: Search, rng, callback) -> GAResult:
@@ -202,83 +224,5 @@ def _outcome(result: GAResult, encoding: PoseEncoding) -> Outcome:
     return Outcome(pose, float(result.fun), int(result.nfev), int(result.nit), result.message, history)
 
 
-def _best_apart(result: GAResult, encoding: PoseEncoding, n: int) -> np.ndarray:
-    """Return the best bits ever and the best of the last population that are apart from each other; up to n rows.
-
-    Apart means by a tenth of some parameter's range: neighbours would be refined to the same optimum.
-    """
-    bits = np.vstack([result.x, result.population[np.argsort(-result.fitness, kind="stable")]])
-    places = encoding.parameters(bits) / np.where(encoding.high > encoding.low, encoding.high - encoding.low, 1.0)
-    chosen: list[int] = []
-    for i in range(len(bits)):
-        if len(chosen) < n and np.all(np.abs(places[chosen] - places[i]).max(axis=1, initial=0.0) > _APART):
-            chosen.append(i)
-    return bits[chosen]
-
-
-def _spread(poses: np.ndarray, fitness: np.ndarray, n: int) -> np.ndarray:
-    """Return up to n of the poses (m, 4, 4): the best of each group around positions as far apart as can be."""
-    positions = poses[:, :3, 3]
-    centers = [int(fitness.argmax())][:n]
-    distance = np.linalg.norm(positions - positions[centers].sum(axis=0), axis=1)
-    group = np.zeros(len(poses), dtype=int)
-    while len(centers) < n and distance.max() > 0:
-        centers.append(int(distance.argmax()))
-        to_new = np.linalg.norm(positions - positions[centers[-1]], axis=1)
-        group[to_new < distance] = len(centers) - 1
-        distance = np.minimum(distance, to_new)
-    members = [np.flatnonzero(group == g) for g in range(len(centers))]
-    return poses[[own[fitness[own].argmax()] for own in members]]
-
-
 def _enough(objective: Objective) -> float:
     return objective.highest * (1.0 - _PERFECT)
-
-
-def _refine_all(outcome: Outcome, poses, sampler, objective, constraints, refining: bool) -> Outcome:
-    """Refine poses (m, 4, 4) and return the outcome with the best pose of all."""
-    best, fitness, nfev = outcome.cam2world, outcome.fitness, outcome.nfev + len(poses)
-    values = objective.fitness(poses)
-    if len(poses) and values.max() > fitness:
-        best, fitness = poses[values.argmax()], float(values.max())
-    enough = _enough(objective)
-    refined = [(fitness, best)]
-    for pose in poses if refining else ():
-        half_spaces = sampler.cell_of(pose[:3, 3])
-        if fitness < enough and half_spaces is not None:
-            pose, value, evaluated = refine(pose, half_spaces, objective, constraints)
-            nfev += evaluated
-            refined.append((value, pose))
-            fitness = max(fitness, value)
-    # on into neighbouring cells: without walls, as far along the way as all constraints hold
-    for value, pose in _different(refined, constraints) if refining and fitness < enough else ():
-        value, pose, evaluated = _onward(value, pose, objective, constraints)
-        nfev += evaluated
-        refined.append((value, pose))
-    fitness, best = max(refined, key=lambda found: found[0])
-    return Outcome(best, fitness, nfev, outcome.generations, outcome.message, outcome.history)
-
-
-def _different(refined: list, constraints: Constraints) -> list:
-    """Return the best few of (fitness, pose), nearly equally good and with positions apart."""
-    chosen: list = []
-    ranked = sorted(refined, key=lambda found: -found[0])
-    for value, pose in ranked:
-        if value < _ONWARD_SHARE * ranked[0][0]:
-            break
-        far = _APART * np.linalg.norm(pose[:3, 3] - constraints.sphere_center)
-        if len(chosen) < _ONWARD_STARTS and all(np.linalg.norm(pose[:3, 3] - p[:3, 3]) > far for _, p in chosen):
-            chosen.append((value, pose))
-    return chosen
-
-
-def _onward(fitness: float, best, objective, constraints) -> tuple[float, np.ndarray, int]:
-    """Refine a pose again and again while it gains; return fitness, pose and poses evaluated."""
-    nfev = 0
-    for _ in range(_ONWARD_ROUNDS):
-        pose, value, evaluated = refine(best, np.empty((0, 4)), objective, constraints)
-        nfev += evaluated
-        if value <= fitness * (1.0 + _ONWARD_GAIN):
-            break
-        best, fitness = pose, value
-    return fitness, best, nfev

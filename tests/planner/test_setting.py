@@ -114,7 +114,7 @@ def test_refinement_never_loses_and_the_papers_plain_search_is_reachable(box):
     assert plain.fitness == max(plain.history)
     unrefined, refined = (
         plan_setting(box, names, PAPER_CAMERA, PAPER, field_margin_px=0, search=search)
-        for search in (Search(refine_starts=0, spread_starts=0), Search())
+        for search in (Search.genetic(), Search())
     )
     assert refined.history == unrefined.history
     assert refined.fitness > unrefined.fitness
@@ -329,13 +329,13 @@ def test_known_poses_are_never_lost(box):
     """Two generations from a good pose are at least as good as that pose, with refinement and without."""
     names = ["x00", "z00", "y00"]
     good = plan_setting(box, names, PAPER_CAMERA, PAPER, field_margin_px=0, rng=1)
-    for starts in (0, 3):
-        short = Search(population=4, max_generations=2, refine_starts=starts)
+    few = {"population": 4, "max_generations": 2}
+    for short in (Search.genetic(**few), Search(**few)):
         options = {"field_margin_px": 0, "search": short, "rng": 5}
         with_it = plan_setting(box, names, PAPER_CAMERA, PAPER, start=good.cam2world, **options)
         assert with_it.fitness >= good.fitness * (1 - 1e-12)
         check(with_it, box, PAPER_CAMERA, PAPER, 0.98, Requirements())
-    options["search"] = Search(population=4, max_generations=2, refine_starts=0)
+    options["search"] = Search.genetic(**few)
     assert plan_setting(box, names, PAPER_CAMERA, PAPER, **options).fitness < good.fitness
 
 
