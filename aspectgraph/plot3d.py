@@ -43,7 +43,7 @@ def plot_solid(part, entities: Mapping[str, Entity] | None = None) -> Figure:
     solid = getattr(part, "solid", part)
     if entities is None:
         entities = getattr(part, "entities", {})
-    return _figure([*part_traces(solid), *entity_traces(solid, entities)], solid, entities)
+    return _figure([*part_traces(solid), *entity_traces(solid, entities)], solid, entities, legend="")
 
 
 def plot_domains(
@@ -90,7 +90,7 @@ def plot_domains(
     for k, node in enumerate(chosen):
         shown = nodes is not None or k < _MOST_VISIBLE
         traces += _domain_traces(eag, node, corners, colors[node], opacity, shown)
-    return _figure(traces, eag.solid, eag.entities)
+    return _figure(traces, eag.solid, eag.entities, legend="viewing domains")
 
 
 def entity_traces(solid: Solid, entities: Mapping[str, Entity]) -> list:
@@ -210,6 +210,6 @@ def _deepest(cells, box: np.ndarray) -> np.ndarray:
     return best
 
 
-def _figure(traces: list, solid: Solid, entities: Mapping[str, Entity]) -> Figure:
+def _figure(traces: list, solid: Solid, entities: Mapping[str, Entity], legend: str) -> Figure:
     figure = scene_figure(traces, best_view(solid, entities), title=solid.name)
-    return figure.update_layout(legend={"title": {"text": "viewing domains"}}, uirevision="domains")
+    return figure.update_layout(legend={"title": {"text": legend}}, uirevision="domains")

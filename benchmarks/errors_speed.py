@@ -26,6 +26,7 @@ ROTATION_STD = (0.002, 0.01, 0.03, 0.055)
 
 
 def random_edges(n, rng):
+    """Draw n edges (n, 2, 3) of 20 to 80 mm, 200 to 600 mm away, none nearly along the line of sight."""
     depth = rng.uniform(200.0, 600.0, n)
     direction = rng.normal(size=(8 * n + 100, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
@@ -36,6 +37,7 @@ def random_edges(n, rng):
 
 
 def random_covariances(n, rotation_std, rng):
+    """Draw n correlated covariances (n, 6, 6) with the given standard deviation, rad, of every rotation."""
     factor = rng.normal(size=(n, 6, 12))
     covariance = factor @ np.swapaxes(factor, 1, 2)
     std = np.array([np.sqrt(0.03)] * 3 + [rotation_std] * 3)
@@ -44,6 +46,7 @@ def random_covariances(n, rotation_std, rng):
 
 
 def best_time(function, repeat=3):
+    """Return the least processor time, s, of several calls."""
     times = []
     for _ in range(repeat):
         start = time.process_time()
@@ -52,7 +55,8 @@ def best_time(function, repeat=3):
     return min(times)
 
 
-def main():
+def main() -> None:
+    """Print speed and accuracy per rotation, then the memory of a large batch."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--edges", type=int, default=200_000)
     parser.add_argument("--samples", type=int, default=1_000_000)

@@ -102,7 +102,8 @@ def report(name, runs):
     )
 
 
-def main():
+def main() -> None:
+    """Print a table per problem."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--budget", type=int, default=10_000)

@@ -18,6 +18,7 @@ OPTIONS = {
 
 
 def milliseconds_per_generation(population, n_bits, options, generations=50, repeats=9):
+    """Return the median over the repeats of the time, ms, that one generation takes."""
     times = []
     for seed in range(repeats):
         start = time.perf_counter()
@@ -34,7 +35,8 @@ def milliseconds_per_generation(population, n_bits, options, generations=50, rep
     return float(np.median(times))
 
 
-def main():
+def main() -> None:
+    """Print a row per set of options, a column per size."""
     sizes = [(20, 72), (100, 72), (1000, 72), (10_000, 72), (100, 720)]
     print(f"{'ms per generation':<24}" + "".join(f"{f'{n} x {bits} bits':>18}" for n, bits in sizes))
     for name, options in OPTIONS.items():

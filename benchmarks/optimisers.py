@@ -5,7 +5,8 @@
 ``python benchmarks/optimisers.py --sampling``  first poses from the covering domains against the whole workspace
 
 Shown is the *shortfall*: by how many per cent the fitness (sum of the entities' probabilities) is below the best that
-any method found on the case in this run. `--csv FILE` also writes every run. The methods are described in rivals.py.
+any method found on the case in this run. `--csv FILE` also writes every run; the notebook comparisons shows these
+files. The methods are described in rivals.py.
 """
 
 from __future__ import annotations
@@ -138,7 +139,7 @@ def _converge(problem: Problem, where: str, seed: int):
     search = Search.genetic(sampling=where, max_stall=None, max_generations=150)
     problem.begin()
     nfev = []
-    begin = time.perf_counter()
+    begin = time.process_time()
     try:
         outcome = search_pose(
             problem.cells,
@@ -150,7 +151,7 @@ def _converge(problem: Problem, where: str, seed: int):
         )
     except InfeasibleError:
         outcome = None
-    return outcome, nfev, time.perf_counter() - begin
+    return outcome, nfev, time.process_time() - begin
 
 
 def _when(outcome, nfev, wanted: float) -> tuple[float, float]:
@@ -176,7 +177,8 @@ def _or_dash(value: float) -> str:
     return f"{value:.0f}" if np.isfinite(value) else "-"
 
 
-def main():
+def main() -> None:
+    """Run the comparison that the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--optimum", action="store_true", help="is the plan's optimum real?")
     parser.add_argument("--sampling", action="store_true", help="what restricted sampling brings")
@@ -184,7 +186,7 @@ def main():
     parser.add_argument("--csv", default=os.devnull, help="write every run to this file")
     arguments = parser.parse_args()
     with open(arguments.csv, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
+        writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["case", "method", "seed", "fitness", "evaluated", "tried", "seconds"])
         if arguments.optimum:
             optimum(writer)

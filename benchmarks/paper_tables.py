@@ -115,7 +115,8 @@ def table_iv(seed: int, inside_mm: float = 0.0) -> list[SensorSetting]:
     return [paper_setting("block", names, Search(), seed, inside_mm=inside_mm) for names in TABLE_IV]
 
 
-def main():
+def main() -> None:
+    """Run Table III row by row and write every run to a file."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=1, help="runs per entity and row; the paper's table has 5")
     parser.add_argument("--out", default="table_iii.csv")

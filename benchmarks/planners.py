@@ -1,6 +1,7 @@
 """Ways to plan a whole inspection: settings needed, entities left out, worst probability, time.
 
-Run ``python benchmarks/planners.py [--parts block slotted ctc] [--seeds 1]``.
+Run ``python benchmarks/planners.py [--parts block slotted ctc] [--seeds 3] [--csv FILE]``. The notebook comparisons
+shows such a file.
 
 * generate and test, one dome: viewpoints on a geodesic dome around the part, looking at its middle (HEAVEN: S. Sakane,
   T. Sato, M. Kakikura, 1987), each rolled to four positions; every pose is tested; then the minimum cover of what they
@@ -20,8 +21,10 @@ inspected entities, each in its best setting.
 from __future__ import annotations
 
 import argparse
+import csv
+import os
 import time
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, fields
 
 import numpy as np
 from cases import SETUPS, regions
@@ -45,7 +48,7 @@ _SYNTHESIS_STEP = 1e-4
 
 @dataclass(frozen=True)
 class Outcome:
-    """Settings of a plan, entities nobody inspects, worst probability, proven lower bound (or None) and seconds."""
+    """Settings of a plan, entities nobody inspects, worst probability, proven lower bound (or None), processor time."""
 
     settings: int
     missing: int
@@ -192,16 +195,16 @@ PLANNERS = {
 
 def measure(judge: Judge, planner, seed: int) -> Outcome:
     """Run a rival and judge its poses."""
-    start = time.perf_counter()
+    start = time.process_time()
     poses, tested = planner(judge, seed)
-    seconds = time.perf_counter() - start
+    seconds = time.process_time() - start
     return _outcome(judge, poses, None, tested, seconds)
 
 
 def measure_ours(judge: Judge, setup: str, seed: int) -> Outcome:
     """Run plan_inspection and judge its poses like those of a rival."""
     chosen, space = SETUPS[setup], judge.space
-    start = time.perf_counter()
+    start = time.process_time()
     plan = plan_inspection(
         space.solid,
         {name: space.entities[name] for name in space.entity_names},
@@ -213,7 +216,7 @@ def measure_ours(judge: Judge, setup: str, seed: int) -> Outcome:
         field_margin_px=chosen.field_margin_px,
         space=space,
     )
-    seconds = time.perf_counter() - start
+    seconds = time.process_time() - start
     poses = np.array([setting.cam2world for setting in plan.settings]).reshape(-1, 4, 4)
     return _outcome(judge, poses, plan.lower_bound, 0, seconds)
 
@@ -228,25 +231,40 @@ def _outcome(judge: Judge, poses: np.ndarray, bound: int | None, tested: int, se
     return Outcome(len(poses), int((~inspected).sum()), worst, bound, tested, seconds)
 
 
-def main():
+def main() -> None:
+    """Print a table per part; write every run to a file if one is named."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--parts", nargs="+", choices=list(SETUPS), default=list(SETUPS))
     parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--csv", default=os.devnull, help="write every run to this file")
     arguments = parser.parse_args()
-    for setup in arguments.parts:
-        chosen, space = SETUPS[setup], regions(setup)
-        need = Requirements(
-            field_margin_px=chosen.field_margin_px, visibility_radius_mm=position_margin_mm(chosen.pose_uncertainty)
-        )
-        judge = Judge(
-            space, space.entity_names, chosen.camera(), chosen.pose_uncertainty, chosen.accuracy, THRESHOLD, need
-        )
-        print(f"\n{chosen.part}: {len(judge.names)} entities, P >= {THRESHOLD} for an accuracy of {chosen.accuracy}")
-        print(f"  {'':<36}{'seed':>5}{'settings':>10}{'left out':>10}{'worst P':>9}{'poses':>9}{'seconds':>9}")
-        for seed in range(arguments.seeds):
-            for name, planner in PLANNERS.items():
-                print(_row(name, seed, measure(judge, planner, seed)), flush=True)
-            print(_row("plan_inspection", seed, measure_ours(judge, setup, seed)), flush=True)
+    with open(arguments.csv, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["part", "planner", "seed", *(field.name for field in fields(Outcome))])
+        for setup in arguments.parts:
+            for name, seed, outcome in compare(setup, arguments.seeds):
+                writer.writerow([setup, name, seed, *astuple(outcome)])
+                file.flush()
+
+
+def compare(setup: str, seeds: int):
+    """Print a part's table and yield (planner, seed, `Outcome`) of every run."""
+    chosen, space = SETUPS[setup], regions(setup)
+    need = Requirements(
+        field_margin_px=chosen.field_margin_px, visibility_radius_mm=position_margin_mm(chosen.pose_uncertainty)
+    )
+    judge = Judge(space, space.entity_names, chosen.camera(), chosen.pose_uncertainty, chosen.accuracy, THRESHOLD, need)
+    print(f"\n{chosen.part}: {len(judge.names)} entities, P >= {THRESHOLD} for an accuracy of {chosen.accuracy}")
+    print(f"  {'':<36}{'seed':>5}{'settings':>10}{'left out':>10}{'worst P':>9}{'poses':>9}{'seconds':>9}")
+    synthesise(judge, [0], np.random.default_rng(0))
+    for seed in range(seeds):
+        for name, planner in PLANNERS.items():
+            outcome = measure(judge, planner, seed)
+            print(_row(name, seed, outcome), flush=True)
+            yield name, seed, outcome
+        outcome = measure_ours(judge, setup, seed)
+        print(_row("plan_inspection", seed, outcome), flush=True)
+        yield "plan_inspection", seed, outcome
 
 
 def _row(name: str, seed: int, outcome: Outcome) -> str:

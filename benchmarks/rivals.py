@@ -44,7 +44,7 @@ class BudgetSpent(Exception):
 
 @dataclass(frozen=True)
 class Run:
-    """Best fitness, fitness evaluations, poses tried (constraints checked) and seconds of one run."""
+    """Best fitness, fitness evaluations, poses tried (constraints checked) and seconds of processor time of one run."""
 
     fitness: float
     evaluated: int
@@ -214,10 +214,10 @@ def penalty_slsqp(problem: Problem, rng, budget):
 def run(problem: Problem, method, seed: int, budget: float = np.inf) -> Run:
     """Run a method once and return what it reached."""
     problem.begin(budget)
-    start = time.perf_counter()
+    start = time.process_time()
     with suppress(BudgetSpent):
         method(problem, np.random.default_rng(seed), budget)
-    return Run(problem.best, problem.evaluated, problem.tried, time.perf_counter() - start)
+    return Run(problem.best, problem.evaluated, problem.tried, time.process_time() - start)
 
 
 _UNLIMITED = {"max_stall": None, "epsilon": 0.0, "max_generations": 10**6}

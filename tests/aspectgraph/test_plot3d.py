@@ -211,6 +211,11 @@ def test_a_bare_part_has_no_entities():
     assert len(figure.data[0].i) == 12
 
 
+def test_the_legend_names_domains_only_where_they_are_drawn(slotted):
+    assert not plot_solid(slotted).layout.legend.title.text
+    assert plot_domains(slotted).layout.legend.title.text == "viewing domains"
+
+
 def test_the_first_view_faces_the_entities():
     block = two_pocket_block()
     entities = compute_regions(block, TWO_POCKET_ENTITIES).entities
