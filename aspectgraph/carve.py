@@ -112,18 +112,13 @@ def _true_corners(points, loop, resolution):
     return kept
 
 
-def with_facet_planes(planes: np.ndarray, facets: Facets) -> np.ndarray:
-    """Plane table extended by the facets' perpendicular planes."""
-    return np.concatenate([planes, facets.planes])
-
-
 def carve(cx: Complex, scene: Scene, facets: Facets, n_box: int) -> None:
     """Cut cells with an empty list along the solid's surface and flag those inside it.
 
     Parameters
     ----------
     cx : Complex
-        Its plane table: box, faces, others, and last the facets' perpendicular planes (`with_facet_planes`).
+        Its plane table: box, faces, others, and last the facets' perpendicular planes.
     scene, facets
         The solid on its grid and the facets of its surface.
     n_box : int

@@ -2,13 +2,16 @@
 
 The first axis is the direction in which most of the surface looks; the second, across it, that in which most of the
 rest does, or else the longest edges run. Of directions that tie, and of the two senses of each, those are taken in
-which a generic sum over the edges is largest; where the sums tie too, the part is symmetric and any will do.
+which a generic sum over the edges, the entities among them counting more, is largest; where the sums tie too, the part
+is symmetric and any will do.
 
 Tolerances stand here only to tell equal from different in the presence of rounding. They choose between frames that are
 all valid: whatever the choice, everything after it is exact, and none of them decides topology.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,8 +22,9 @@ _SAME_DIRECTION = 1e-7
 _TIE = 1e-7
 # entries of the frame that differ from 0 or 1 by less are rounding
 _AXIS_ALIGNED = 1e-12
-_MAX_CANDIDATES = 512
+_MAX_CANDIDATES = 4096
 
+# generic linear forms of the two ends of an edge
 _FORMS = np.array(
     [
         [1.618034, 0.701711, 2.236068, 0.447214, 1.154701, 0.309017],
@@ -30,10 +34,16 @@ _FORMS = np.array(
 )
 
 
-def own_frame(solid: Solid) -> np.ndarray:
+def own_frame(solid: Solid, marks: Sequence[Sequence[int]] = ()) -> np.ndarray:
     """Rows are the part's own axes in the user's frame: own = frame @ user, a rotation, shape (3, 3).
 
     Of an axis-aligned part it is exactly a signed permutation.
+
+    Parameters
+    ----------
+    solid : Solid
+    marks : sequence of sequence of int
+        Groups of edges, each told from all others: what the part is symmetric but for.
     """
     directions, weights = _classes(_area_vectors(solid))
     edges = np.array([edge.vertices for edge in solid.edges])
@@ -50,7 +60,10 @@ def own_frame(solid: Solid) -> np.ndarray:
     candidates = np.array(candidates[:_MAX_CANDIDATES])
     ends = solid.vertices[edges]
     ends = ends - ends.mean(axis=(0, 1))
-    return _exact_where_aligned(candidates[np.argmax(_signatures(candidates, ends))])
+    weights = np.ones(len(edges))
+    for k, mark in enumerate(marks):
+        weights[list(mark)] += (k + 1) / len(marks)
+    return _exact_where_aligned(candidates[np.argmax(_signatures(candidates, ends, weights))])
 
 
 def _area_vectors(solid: Solid) -> np.ndarray:
@@ -90,14 +103,14 @@ def _right_handed(first: np.ndarray, second: np.ndarray) -> list[np.ndarray]:
     return [np.array([s * second, r * s * third, r * first]) for r in (1, -1) for s in (1, -1)]
 
 
-def _signatures(candidates: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """A generic smooth function of each edge in each frame, summed over the edges of the part."""
+def _signatures(candidates: np.ndarray, ends: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """A generic smooth function of each edge in each frame, weighted and summed over the edges of the part."""
     size = np.linalg.norm(ends, axis=-1).max()
     sums = np.empty(len(candidates))
     for k, frame in enumerate(candidates):
         own = (ends @ frame.T) / size
         forward, backward = own.reshape(-1, 6), own[:, ::-1].reshape(-1, 6)
-        sums[k] = (np.sin(forward @ _FORMS.T + 0.3) + np.sin(backward @ _FORMS.T + 0.3)).sum()
+        sums[k] = weights @ (np.sin(forward @ _FORMS.T + 0.3) + np.sin(backward @ _FORMS.T + 0.3)).sum(axis=1)
     return sums
 
 

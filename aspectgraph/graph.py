@@ -8,10 +8,10 @@ from concurrent.futures import Executor
 import networkx as nx
 import numpy as np
 
-from .carve import carve, surface_facets, with_facet_planes
-from .cells import leaves
+from .carve import carve, surface_facets
 from .cellset import CellSet
-from .complex import FACE_CHILD, N_CELLS, N_FACES, SIDES, Complex
+from .complex import Complex
+from .crop import at_limits, crop
 from .domains import Domain, Domains, find_domains
 from .entities import Entity
 from .exceptions import EntityError, WidthError
@@ -174,16 +174,17 @@ def graph_of(
     grid, scene = chosen.grid, chosen._scene
     min_width_mm = _check_min_width(min_width_mm, chosen)
     own = [chosen._regions[name] for name in chosen.entity_names]
-    box = grid.box_planes(chosen.workspace)
+    cube, limits = grid.cube_planes(chosen.workspace), grid.box_planes(chosen.workspace)
     order = own_order(scene, chosen.solid, chosen.entities.values())
-    shared = share_planes(own, scene, box, order)
+    shared = share_planes(own, scene, cube, order)
     facets = surface_facets(scene)
-    cx = overlay(own, shared._replace(planes=with_facet_planes(shared.planes, facets)), order=order)
-    carve(cx, scene, facets, len(box))
+    cx = overlay(own, shared.extended(limits).extended(facets.planes), order=order)
+    carve(cx, scene, facets, len(cube))
+    crop(cx, len(shared.planes))
     extent = largest_extent(grid.points * grid.scale)
     domains = find_domains(grid.measured(cx), Ruler(min_width_mm / grid.step_mm, 0.5 * extent))
     provenance = Provenance(chosen.solid, scene, grid, list(chosen.entities.values()), own, shared)
-    graph = _networkx(chosen, cx, domains, provenance)
+    graph = _networkx(chosen, cx, domains, provenance, at_limits(cx, len(shared.planes)))
     graph.graph["min_width_mm"] = min_width_mm
     eag = EntityAspectGraph(chosen, graph, cx, domains)
     _confirm(eag, scene)
@@ -204,7 +205,9 @@ def _check_min_width(min_width_mm: float | None, regions: VisibilityRegions) -> 
     return float(min_width_mm)
 
 
-def _networkx(regions: VisibilityRegions, cx: Complex, domains: Domains, provenance: Provenance) -> nx.Graph:
+def _networkx(
+    regions: VisibilityRegions, cx: Complex, domains: Domains, provenance: Provenance, at_boundary: np.ndarray
+) -> nx.Graph:
     names, grid = regions.entity_names, regions.grid
     graph = nx.Graph(
         part=regions.solid.name,
@@ -216,7 +219,6 @@ def _networkx(regions: VisibilityRegions, cx: Complex, domains: Domains, provena
         snapping_mm=float(grid.snapping_mm),
         n_slivers=int(domains.n_slivers),
     )
-    at_boundary = _cells_at_boundary(cx)
     members = [_listed(domain) for domain in domains.domains]
     for node, domain in enumerate(domains.domains):
         low, high = CellSet(cx, domain.cells, grid).bounds
@@ -246,15 +248,6 @@ def _listed(domain: Domain) -> set[int]:
     return {k for k in range(bits.bit_length()) if bits >> k & 1}
 
 
-def _cells_at_boundary(cx: Complex) -> np.ndarray:
-    n_faces = int(cx.count[N_FACES])
-    sides = cx.face[:n_faces, SIDES : SIDES + 2]
-    rows = (cx.face[:n_faces, FACE_CHILD] < 0) & (sides.min(axis=1) < 0)
-    at_boundary = np.zeros(int(cx.count[N_CELLS]), bool)
-    at_boundary[sides[rows].max(axis=1)] = True
-    return at_boundary
-
-
 def _confirm(eag: EntityAspectGraph, scene) -> None:
     """Cast rays from near every node's viewpoint and note the result on the node.
 
@@ -274,4 +267,4 @@ def _confirm(eag: EntityAspectGraph, scene) -> None:
 
 def cells_per_domain(eag: EntityAspectGraph) -> float:
     """Mean number of convex cells per viewing domain."""
-    return len(leaves(eag._cx)) / max(1, len(eag.graph))
+    return (eag._domains.of_cell >= 0).sum() / max(1, len(eag.graph))

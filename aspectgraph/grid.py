@@ -33,6 +33,7 @@ _NOISE = 16 * 2.0**-53
 _BY_ACCIDENT = 1e-3
 # Planes of the workspace: largest coefficient, and room for their distance in 63 bits.
 _BOX_BITS, _BOX_ROOM = 40, 60
+_CUBE_BITS = 31
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ class Grid:
         own -= low
         part = own if used is None else own[used]
         extents = part.max(axis=0)
-        largest = int(extents.argmax())
+        largest = int(np.argmax(extents >= (1.0 - 1e-9) * extents.max()))
         noise = _NOISE * max(float(np.abs(vertices).max()), extents[largest])
         steps, exact = _steps(part, extents, noise)
         if np.abs(vertices).max() / steps[largest] > _LARGEST_COORDINATE_STEPS:
@@ -153,11 +154,16 @@ class Grid:
         Raises
         ------
         WorkspaceError
-            If the workspace does not contain the part.
+            If the workspace does not contain the part, or is too large for the grid.
         """
-        at = np.array([[workspace[i, 0], workspace[j, 1], workspace[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])
-        corners = (turned(self.frame, at) - self.origin_mm) / self.steps_mm
+        corners = self._corners(workspace)
         reach = float(np.abs(corners).max())
+        if reach > _LARGEST_COORDINATE_STEPS:
+            limit = _LARGEST_COORDINATE_STEPS * self.step_mm
+            raise WorkspaceError(
+                f"workspace must reach at most {limit:g} mm from the part, 2**40 grid steps. "
+                f"Got {workspace[0].tolist()} to {workspace[1].tolist()} mm."
+            )
         bits = min(_BOX_BITS, _BOX_ROOM - int(np.ceil(np.log2(reach))))
         aligned = (self.frame == np.rint(self.frame)).all()
         planes = np.zeros((6, 4), np.int64)
@@ -171,6 +177,25 @@ class Grid:
                 planes[2 * axis + side] = [*map(int, normal), end]
         self._check_room(planes, workspace)
         return planes // np.gcd.reduce(planes, axis=1)[:, None]
+
+    def cube_planes(self, workspace: np.ndarray) -> np.ndarray:
+        """Planes x_min, x_max, y_min, y_max, z_min, z_max along the grid's axes, the same for all but huge workspaces.
+
+        The cube reaches 2**31 steps from the grid's zero, 2,000 extents of the part or more; if half of that does not
+        hold a (2, 3) workspace in mm, the next power of two whose half does.
+        """
+        needed = float(np.abs(self._corners(workspace)).max())
+        reach = 1 << max(_CUBE_BITS, int(np.ceil(np.log2(needed))) + 1)
+        planes = np.zeros((6, 4), np.int64)
+        for axis in range(3):
+            planes[2 * axis : 2 * axis + 2, axis] = 1
+            planes[2 * axis : 2 * axis + 2, 3] = -reach, reach
+        return planes
+
+    def _corners(self, workspace: np.ndarray) -> np.ndarray:
+        """Corners of a box in mm, in grid steps, shape (8, 3)."""
+        at = np.array([[workspace[i, 0], workspace[j, 1], workspace[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])
+        return (turned(self.frame, at) - self.origin_mm) / self.steps_mm
 
     def _check_room(self, planes: np.ndarray, workspace: np.ndarray) -> None:
         heights = self.points @ planes[:, :3].T

@@ -42,6 +42,10 @@ class SharedPlanes(NamedTuple):
     number: list[np.ndarray]
     flipped: list[np.ndarray]
 
+    def extended(self, planes: np.ndarray) -> SharedPlanes:
+        """The same with further planes, (n, 4), at the end of the table."""
+        return self._replace(planes=np.concatenate([self.planes, planes]))
+
 
 def share_planes(
     regions: Sequence[Region], scene: Scene, box: np.ndarray, order: Sequence[int] | None = None

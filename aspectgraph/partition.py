@@ -64,7 +64,8 @@ class Provenance:
         regions: Sequence[Region],
         shared: SharedPlanes,
     ):
-        self._solid, self._scene, self._grid = solid, scene, grid
+        self._solid, self._scene = solid, scene
+        self._in_mm = grid.planes_to_mm(shared.planes)
         self._entities, self._regions, self._shared = entities, regions, shared
         self._edge_of_pair = {frozenset(edge.vertices): edge.id for edge in solid.edges}
         self._rows = [{int(n): row for row, n in reversed(list(enumerate(number)))} for number in shared.number]
@@ -101,7 +102,7 @@ class Provenance:
                 vertices, edges = (numbers[0],), entity.edge_ids
             else:
                 faces = (numbers[0],)
-        in_mm = tuple(map(float, self._grid.planes_to_mm(self._shared.planes[plane : plane + 1])[0]))
+        in_mm = tuple(self._in_mm[plane].tolist())
         return PartitionSurface("A" if next_to else "B", entity.name, vertices, edges, faces, in_mm)
 
     @staticmethod

@@ -1,4 +1,4 @@
-"""From where one entity is observable: its region, as an exact binary space partition of the workspace.
+"""From where one entity is observable: its region, as an exact binary space partition.
 
 Guarantee: for every viewpoint that lies on none of the region's planes, the region holds it iff the open triangle of
 viewpoint and entity misses the interior of the solid; on a plane, iff a neighbouring viewpoint's does.
@@ -32,7 +32,7 @@ class Region(NamedTuple):
     Attributes
     ----------
     tree : Tree
-        Binary space partition of the workspace; its first six planes are the workspace box.
+        Binary space partition of a cube around the workspace; its first six planes are that cube.
     origin : ndarray of int32, shape (p, 4)
         How each plane came about, see `shadow.Blockers`; -1 for the box.
     observable : ndarray of bool, shape (n,)
@@ -58,7 +58,7 @@ def observable_region(scene: Scene, solid: Solid, entity: Entity, box: np.ndarra
         The solid on its grid, and itself.
     entity : Entity
     box : ndarray of int64, shape (6, 4)
-        Planes of the workspace.
+        Planes of a box around the workspace.
     """
     shadows = blockers(scene, solid, entity)
     planes = np.concatenate([box, shadows.planes])

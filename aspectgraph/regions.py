@@ -9,6 +9,7 @@ import numpy as np
 
 from .cells import leaves
 from .cellset import CellSet
+from .crop import crop
 from .entities import Entity, resolve_entities
 from .exceptions import EntityError, WorkspaceError
 from .frame import own_frame
@@ -105,8 +106,10 @@ class VisibilityRegions:
         if key not in self._covering:
             order = own_order(self._scene, self.solid, [self.entities[name] for name in key])
             regions = [self._regions[key[k]] for k in order]
-            box = self.grid.box_planes(self.workspace)
-            cx = overlay(regions, share_planes(regions, self._scene, box), covering_only=True)
+            shared = share_planes(regions, self._scene, self.grid.cube_planes(self.workspace))
+            limits = self.grid.box_planes(self.workspace)
+            cx = overlay(regions, shared.extended(limits), covering_only=True)
+            crop(cx, len(shared.planes))
             present = leaves(cx)
             bits = np.unpackbits(cx.label[present].view(np.uint8), axis=1, bitorder="little")[:, : len(key)]
             self._covering[key] = CellSet(cx, present[bits.all(axis=1)], self.grid)
@@ -162,9 +165,10 @@ def check_workspace(workspace, solid: Solid) -> np.ndarray:
     return box
 
 
-def make_scene(solid: Solid) -> tuple[Grid, Scene]:
-    """Lay a solid on its grid, in its own frame and order."""
-    frame = own_frame(solid)
+def make_scene(solid: Solid, entities: Mapping[str, Entity] | None = None) -> tuple[Grid, Scene]:
+    """Lay a solid on its grid, in its own frame and order; entities tell the sides of a symmetric part apart."""
+    marks = [] if entities is None else [entities[name].edge_ids for name in sorted(entities)]
+    frame = own_frame(solid, marks)
     grid = Grid.over(solid.vertices, frame, np.unique(solid.triangles))
     listing = list_solid(solid, grid.points)
     loops = [np.empty(0, int)] * len(solid.faces)
@@ -204,16 +208,17 @@ def compute_regions(
     """
     resolved = _resolved(solid, entities)
     box_mm = check_workspace(workspace, solid)
-    grid, scene = make_scene(solid)
-    box = grid.box_planes(box_mm)
+    grid, scene = make_scene(solid, resolved)
+    grid.box_planes(box_mm)
+    cube = grid.cube_planes(box_mm)
     report = progress or (lambda done, total, label: None)
     regions: dict[str, Region] = {}
     if executor is None:
         for name, entity in resolved.items():
-            regions[name] = observable_region(scene, solid, entity, box)
+            regions[name] = observable_region(scene, solid, entity, cube)
             report(len(regions), len(resolved), name)
     else:
-        futures = {executor.submit(observable_region, scene, solid, e, box): name for name, e in resolved.items()}
+        futures = {executor.submit(observable_region, scene, solid, e, cube): name for name, e in resolved.items()}
         for future in as_completed(futures):
             regions[futures[future]] = future.result()
             report(len(regions), len(resolved), futures[future])

@@ -139,3 +139,18 @@ def test_workspace_must_contain_the_part(frame):
     grid = Grid.over(solids.cube().vertices, frame)
     with pytest.raises(WorkspaceError, match=r"workspace must contain the part .* Got \[-1.0, -1.0, 1.0\]"):
         grid.box_planes(np.array([[-1.0, -1, 1], [5, 5, 5]]))
+
+
+def test_workspace_must_fit_the_grid():
+    grid = Grid.over(solids.cube().vertices)
+    with pytest.raises(WorkspaceError, match=r"must reach at most 2.09715e\+06 mm from the part, 2\*\*40 grid steps"):
+        grid.box_planes(np.array([[-1.0, -1, -1], [5, 5, 1e7]]))
+
+
+def test_cube_is_the_same_for_all_workspaces_but_huge_ones():
+    grid = Grid.over(BLOCK, TURN)
+    boxes = [np.array([[-room] * 3, [room] * 3]) for room in (10.0, 100.0, 1000.0, 10_000.0)]
+    cubes = [grid.cube_planes(box) for box in boxes]
+    assert all((cube == cubes[0]).all() for cube in cubes[:3])
+    for cube, box in zip(cubes, boxes, strict=True):
+        assert (np.abs(grid.to_points(corners(box)) / 2.0**POINT_BITS) < cube[1, 3]).all()
