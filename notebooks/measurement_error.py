@@ -5,6 +5,8 @@
 #     text_representation:
 #       extension: .py
 #       format_name: percent
+#       format_version: '1.3'
+#       jupytext_version: 1.19.6
 #   kernelspec:
 #     display_name: Python 3 (ipykernel)
 #     language: python
@@ -173,6 +175,7 @@ shapes = [(rng.uniform(0, 90), rng.uniform(-0.6, 0.6), rng.uniform(-20, 20, 2)) 
 
 
 def edges_at(depth):
+    """The twelve edges at a depth, (12, 2, 3) in mm."""
     return np.array([edge_at(depth, angle, tilt=tilt, centre=centre) for angle, tilt, centre in shapes])
 
 
@@ -211,6 +214,7 @@ plt.show()
 
 # %%
 def random_covariance(rotation_std):
+    """A correlated covariance (6, 6) with the given standard deviation, rad, of every rotation."""
     factor = rng.normal(size=(6, 12))
     covariance = factor @ factor.T
     std = np.array([np.sqrt(0.03)] * 3 + [rotation_std] * 3) / np.sqrt(np.diag(covariance))
@@ -218,6 +222,7 @@ def random_covariance(rotation_std):
 
 
 def random_edge():
+    """An edge of 20 to 80 mm, 200 to 600 mm away, anyhow turned."""
     depth, lateral = rng.uniform(200, 600), rng.uniform(-0.2, 0.2, 2)
     return edge_at(depth, rng.uniform(0, 360), rng.uniform(20, 80), rng.uniform(-0.9, 0.9), lateral * depth)
 

@@ -71,6 +71,7 @@ plt.rcParams.update({"figure.constrained_layout.use": True, "axes.grid": True, "
 
 # %%
 def load_table_iii():
+    """The stored runs, a dict each."""
     with open(root / "notebooks" / "table_iii.csv", encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
@@ -91,6 +92,7 @@ else:
 
 
 def mean(runs, key):
+    """Mean of a column over runs."""
     return np.mean([float(run[key]) for run in runs])
 
 
@@ -186,6 +188,7 @@ for part, entity in ENTITIES:
 
 # %%
 def settled_mean(mutation, part, entity, seed=0):
+    """Mean P of the population over the last 30 of 60 generations."""
     means = []
     search = Search.paper(population=50, crossover=0.5, mutation=mutation, epsilon=0.0, max_generations=60)
     paper_setting(part, [entity], search, seed, lambda generation: means.append(generation.fitness.mean()))
@@ -268,6 +271,7 @@ def rasterise(lines, resolution):
 
 
 def pixels(points, pose):
+    """Images of points (n, 3) in px, (n, 2)."""
     local = world_to_cam(points, pose)
     matrix = PAPER_CAMERA.matrix
     return local[:, :2] / local[:, 2:] * matrix[[0, 1], [0, 1]] + matrix[:2, 2]
@@ -279,6 +283,7 @@ frame = (-0.5, width - 0.5, height - 0.5, -0.5)
 
 
 def show_edge_map(ax, setting):
+    """Draw the predicted edge map, the entities dotted over it."""
     edges = maker.edge_lines(setting.cam2world)
     ax.imshow(~rasterise(edges, PAPER_CAMERA.resolution), cmap="gray", extent=frame, interpolation="antialiased")
     for k, name in enumerate(setting.entities):
