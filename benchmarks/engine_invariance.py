@@ -19,21 +19,12 @@ sys.path.insert(0, str(ROOT / "tests" / "aspectgraph"))
 from engine_pairs import sharp_edges  # noqa: E402
 from exact_checker import ExactChecker  # noqa: E402
 from generated_solids import generated_solid  # noqa: E402
-from moved_parts import graph_of, listed, moved, same_graph, shuffled  # noqa: E402
-
-from aspectgraph import read_solid  # noqa: E402
+from moved_parts import from_file, graph_of, listed, moved, same_graph, shuffled  # noqa: E402
 
 
 def generated(seed):
     part = generated_solid(seed)
     return part.name, listed(part.vertices, part.faces, sharp_edges(part, ExactChecker(part.vertices, part.faces))[::2])
-
-
-def from_file(path, n_entities):
-    solid = read_solid(path)
-    faces = [(face.outer, face.holes) for face in solid.faces]
-    pairs = [edge.vertices for edge in solid.straight_edges()][:n_entities]
-    return path.name, listed(solid.vertices, faces, pairs)
 
 
 def differences(name, part, turns, seed, room):
@@ -64,7 +55,7 @@ def main():
         wrong += differences(*generated(seed), chosen.turns, seed, chosen.room)
         copies += chosen.turns
     for path in chosen.parts:
-        wrong += differences(*from_file(path, chosen.entities), chosen.turns, 0, chosen.room)
+        wrong += differences(path.name, from_file(path, chosen.entities), chosen.turns, 0, chosen.room)
         copies += chosen.turns
     parts = f"{chosen.solids} solids and {len(chosen.parts)} part files"
     print(f"{parts}, {copies} turned copies, {wrong} graphs differ, {time.process_time() - start:.0f} s")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import NamedTuple
 
 import networkx as nx
@@ -10,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from aspectgraph.entities import resolve_entities
 from aspectgraph.graph import build_aspect_graph
+from aspectgraph.reader import read_solid
 from aspectgraph.solid import Solid
 
 
@@ -24,6 +26,13 @@ class Listed(NamedTuple):
 def listed(vertices, faces, pairs) -> Listed:
     """Return a part with the entities e0, e1, …"""
     return Listed(np.array(vertices, dtype=float), list(faces), {f"e{i}": tuple(pair) for i, pair in enumerate(pairs)})
+
+
+def from_file(path: Path, n_entities: int) -> Listed:
+    """Return the part in a file with its first edges."""
+    solid = read_solid(path)
+    faces = [(face.outer, face.holes) for face in solid.faces]
+    return listed(solid.vertices, faces, [edge.vertices for edge in solid.straight_edges()][:n_entities])
 
 
 def moved(part: Listed, rng: np.random.Generator, turn: Rotation | None = None) -> Listed:

@@ -1,5 +1,7 @@
 """The graph of a part must not change when the part is moved, turned, scaled, or listed in another order."""
 
+from pathlib import Path
+
 import moved_parts
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from aspectgraph.graph import build_aspect_graph
 from aspectgraph.regions import compute_regions
 from aspectgraph.solid import Solid
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 KNOWN = {
     "cube": (CUBE, CUBE.edges()),
     "L-block": (L_BLOCK, L_BLOCK.edges()),
@@ -61,8 +64,8 @@ def test_any_rotation_of_generated_solids(seed):
 
 
 # Copies whose graph once differed: a sliver of a wide domain parted others (46, 26, 146, 25), a strip or a gap left by
-# snapping counted (8, 33), a contact is hardly wide enough (63), planes that are parallel met far away (208, 468). The
-# last three always agreed.
+# snapping counted (8, 33, 438, 443), a contact is hardly wide enough (63), planes that are parallel met far away
+# (208, 468). The last three always agreed.
 @pytest.mark.parametrize(
     ("seed", "turn"),
     [
@@ -76,6 +79,8 @@ def test_any_rotation_of_generated_solids(seed):
         (208, 0),
         (208, 1),
         (468, 0),
+        (438, 0),
+        (443, 1),
         (100, 0),
         (103, 1),
         (109, 0),
@@ -89,6 +94,32 @@ def test_turned_shifted_scaled_and_shuffled_copies(seed, turn):
     copy = moved_parts.moved(original, rng, Rotation.random(random_state=0) if seed == 46 else None)
     graphs = [moved_parts.graph_of(variant) for variant in (original, moved_parts.shuffled(copy, rng))]
     assert moved_parts.same_graph(*graphs)
+
+
+@pytest.mark.parametrize("first", range(500, 540, 10))
+def test_copies_of_many_solids(first):
+    for seed in range(first, first + 10):
+        part = generated_solid(seed)
+        pairs = sharp_edges(part, ExactChecker(part.vertices, part.faces))[::4]
+        original = moved_parts.listed(part.vertices, part.faces, pairs)
+        rng = np.random.default_rng(seed)
+        copy = moved_parts.shuffled(moved_parts.moved(original, rng), rng)
+        graphs = [moved_parts.graph_of(variant, room=50.0) for variant in (original, copy)]
+        assert moved_parts.same_graph(*graphs), seed
+
+
+@pytest.mark.parametrize(
+    ("name", "n_entities"),
+    [("nist_ctc_01_ap242.stp", 6), ("mfcad_4-5-5-6-9-23.step", 12), ("mfcad_6-11-11-19.step", 12)],
+)
+def test_copy_of_a_real_part_in_another_workspace(name, n_entities):
+    """Coordinates that fit no grid, curved faces: copies are displaced alike, and cut alike whatever the workspace."""
+    part = moved_parts.from_file(EXAMPLES / name, n_entities)
+    rng = np.random.default_rng(1)
+    copy = moved_parts.shuffled(moved_parts.moved(part, rng), rng)
+    graph, other = moved_parts.graph_of(part, room=60.0), moved_parts.graph_of(copy, room=200.0)
+    assert graph.graph["snapping_mm"] > 0
+    assert moved_parts.same_graph(graph, other)
 
 
 @pytest.mark.parametrize("name", KNOWN)

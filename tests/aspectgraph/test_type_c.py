@@ -7,27 +7,17 @@ make an entity appear, some change would be left unexplained. That the walk woul
 visible edges instead, where type C is real.
 """
 
-from itertools import chain, pairwise
+from itertools import pairwise
 
 import numpy as np
 import pytest
-from exact_checker import ExactChecker, cross, dot, minus
+from engine_pairs import partition_planes
+from exact_checker import ExactChecker, dot
 from generated_solids import Part, generated_solid, prism
 
 from aspectgraph.complete import Drawing
 
 STEPS_PER_MM = 2**20
-
-
-def planes_a_and_b(checker, a, b):
-    """Return planes (normal, offset) through ab and a vertex, or an end of ab and an edge, in grid steps."""
-    points = checker.vertices
-    trios = chain(
-        ((a, b, w) for w in range(len(points))),
-        ((end, i, j) for end in (a, b) for i, j in checker.edge_faces),
-    )
-    normals = [(cross(minus(points[q], points[p]), minus(points[r], points[p])), points[p]) for p, q, r in trios]
-    return [(normal, dot(normal, base)) for normal, base in normals if any(normal)]
 
 
 def some_plane_between(planes, p, q):
@@ -66,7 +56,7 @@ def test_every_change_of_whole_edge_observability_is_at_a_plane_of_type_a_or_b(s
             point = np.array([v]) / STEPS_PER_MM
             return bool(checker.generic(point)[0] and checker.observable(point, [pair])[0, 0])
 
-        planes = planes_a_and_b(checker, a, b)
+        planes = partition_planes(checker, a, b)
         for p, q in changes(sees, low - room, high + room, rng, 3):
             assert some_plane_between(planes, p, q)
 
@@ -98,7 +88,7 @@ def test_whole_edge_between_three_skew_lines_appears_at_planes_only():
         return bool(checker.observable([np.array(v) / STEPS_PER_MM], [(a, b)])[0, 0])
 
     wide_low, wide_high = LOW * np.array([20, 20, 1]), HIGH * np.array([20, 20, 4])
-    planes = planes_a_and_b(checker, a, b)
+    planes = partition_planes(checker, a, b)
     for p, q in changes(sees, wide_low, wide_high, np.random.default_rng(0), 10):
         assert some_plane_between(planes, p, q)
 
@@ -113,6 +103,6 @@ def test_partly_visible_edge_appears_at_surfaces_of_type_c_too():
     def sees_partly(v):
         return bool(drawing.visible_parts(np.array(v) / STEPS_PER_MM)[edges.index(tuple(sorted((a, b))))])
 
-    planes = planes_a_and_b(checker, a, b)
+    planes = partition_planes(checker, a, b)
     found = [some_plane_between(planes, p, q) for p, q in changes(sees_partly, LOW, HIGH, np.random.default_rng(0), 10)]
     assert found.count(False) >= 5
