@@ -233,9 +233,9 @@ for k, (names, theirs) in enumerate(zip(TABLE_IV, PAPER_TABLE_IV, strict=True)):
 
 # %% [markdown]
 # Two rows are ours. "best P" is the plain optimum of the sum of P in the covering domains. Its P is higher than the
-# paper's throughout, but for three of the four sets **the viewpoint lies on the boundary of its domain**, in the plane
-# of a face or behind the rim of a pocket. From half of the displaced poses, one of the entities is then hidden, and
-# entities of one face fall on one line of the image. Neither the paper's objective nor ours counts that: P is the
+# paper's throughout, but in all four sets **the viewpoint lies on the boundary of its domain**, in the plane of a face
+# or behind the rim of a pocket. From half of the displaced poses, one of the entities is then hidden, and entities of
+# one face fall on one line of the image. Neither the paper's objective nor ours counts that: P is the
 # probability of the accuracy *given* that the edge is seen, and visibility holds for the planned pose only. In the
 # second row the viewpoint must be surrounded by viewpoints, 50 mm away in fourteen directions, from which the entities
 # are observable too (`visibility_radius_mm` of `plan_setting`; its default is three standard deviations of the
