@@ -137,7 +137,7 @@ def test_executor_changes_nothing(slot, make):
 
 def test_dask_cluster_changes_nothing(slot):
     distributed = pytest.importorskip("distributed")
-    with distributed.Client(n_workers=1, threads_per_worker=1, dashboard_address=None) as client:
+    with distributed.Client(n_workers=1, threads_per_worker=1, dashboard_address=":0") as client:
         other = build_aspect_graph(slot.solid, solids.SLOT_ENTITIES, WORKSPACE, client.get_executor())
     assert_same(other, slot)
 
