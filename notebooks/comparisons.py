@@ -1,0 +1,229 @@
+# ---
+# jupyter:
+#   jupytext:
+#     formats: ipynb,py:percent
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#       format_version: '1.3'
+#       jupytext_version: 1.19.6
+#   kernelspec:
+#     display_name: Python 3 (ipykernel)
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # Comparisons: other optimisers, other planners
+#
+# How good is the pose that `plan_setting` finds, and how good are the plans of `plan_inspection`? This notebook shows
+# stored runs; each file is written by one command:
+#
+# * `python benchmarks/optimisers.py --csv notebooks/optimisers.csv`
+# * `python benchmarks/optimisers.py --optimum --csv notebooks/optimum.csv`
+# * `python benchmarks/planners.py --seeds 3 --csv notebooks/planners.csv`
+#
+# The methods and the parts are described in `benchmarks/rivals.py`, `benchmarks/planners.py` and `benchmarks/cases.py`:
+# the paper's two blocks with the paper's variances, and NIST's CTC-01 with a coarse robot arm. Seconds are processor
+# time of one core.
+
+# %%
+import csv
+import sys
+from collections import defaultdict
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+root = next(folder for folder in (Path.cwd(), *Path.cwd().parents) if (folder / "benchmarks").is_dir())
+sys.path.insert(0, str(root / "benchmarks"))
+
+from cases import FEW, case_name
+from rivals import OURS, Problem, run
+
+plt.rcParams.update({"figure.constrained_layout.use": True, "axes.grid": True, "grid.alpha": 0.3, "font.size": 9})
+
+
+def load(name):
+    """The stored runs of a file, a dict each."""
+    with open(root / "notebooks" / name, encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def grouped(runs, *keys):
+    """Runs by the values of some columns, in the order of the file."""
+    groups = defaultdict(list)
+    for r in runs:
+        groups[tuple(r[key] for key in keys)].append(r)
+    return dict(groups)
+
+
+def column(runs, key):
+    """A column as numbers."""
+    return np.array([float(r[key]) for r in runs])
+
+
+# %% [markdown]
+# ## Optimisers with the same number of evaluations
+#
+# Six sets of entities, five seeds each. Every rival may evaluate the fitness of as many poses as `plan_setting` did,
+# from the same kind of first poses, under the same constraints. *Shortfall*: by how many per cent the fitness (the sum
+# of the entities' probabilities) is below the best that any method found on that set of entities.
+
+# %%
+equal = load("optimisers.csv")
+best = {case: column(runs, "fitness").max() for (case,), runs in grouped(equal, "case").items()}
+for r in equal:
+    r["shortfall"] = 100 * (1 - max(float(r["fitness"]), 0) / best[r["case"]])
+methods = grouped(equal, "method")
+
+print(f"{'shortfall in %':<26}{'median':>10}{'worst':>10}{'s.d.':>10}{'evaluated':>12}{'tried':>10}{'seconds':>10}")
+for (method,), runs in methods.items():
+    lost = column(runs, "shortfall")
+    means = [column(runs, key).mean() for key in ("evaluated", "tried", "seconds")]
+    print(f"{method:<26}{np.median(lost):10.4f}{lost.max():10.4f}{lost.std():10.4f}", end="")
+    print(f"{means[0]:12.0f}{means[1]:10.0f}{means[2]:10.2f}")
+
+# %%
+FLOOR = 1e-4
+fig, (left, right) = plt.subplots(1, 2, figsize=(11, 4.2), width_ratios=[2, 1], sharey=True)
+cases, names = list(best), [method for (method,) in methods]
+for y, runs in enumerate(methods.values()):
+    for k, case in enumerate(cases):
+        own = np.array([r["shortfall"] for r in runs if r["case"] == case])
+        left.plot(np.maximum(own, FLOOR), y + 0.09 * (k - 2.5) + 0 * own, ".", color=f"C{k}", ms=6)
+    right.barh(y, column(runs, "seconds").mean(), color="0.6")
+left.set(
+    xscale="log", xlabel=f"shortfall, % (below {FLOOR:g} drawn there)", yticks=range(len(names)), yticklabels=names
+)
+left.axvline(0.5, color="k", lw=0.8, ls=":")
+for k, case in enumerate(cases):
+    left.plot([], [], ".", color=f"C{k}", label=case)
+fig.legend(fontsize=8, loc="outside lower center", ncols=3)
+left.set_xlim(FLOOR / 2, 200)
+left.invert_yaxis()
+right.set(xlabel="seconds per run")
+fig.suptitle("Equal numbers of evaluations: every run")
+plt.show()
+
+# %% [markdown]
+# Where does a rival win? Its median over the seeds against that of `plan_setting`:
+
+# %%
+for (case,), runs in grouped(equal, "case").items():
+    medians = {method: np.median(column(own, "shortfall")) for (method,), own in grouped(runs, "method").items()}
+    ours = medians.pop("plan_setting")
+    ahead = [f"{method} by {ours - lost:.4f} %" for method, lost in medians.items() if lost < ours]
+    print(f"{case:<60} {'; '.join(ahead) or 'nowhere'}")
+
+# %% [markdown]
+# `plan_setting` is never far from the best (0.04 % at worst), and takes the least time. Its median is 0 to four digits,
+# and so is that of CMA-ES, which, like differential evolution, is ahead on some sets of the blocks by some
+# ten-thousandths of a per cent: they settle, while the refinement stops when it no longer gains. With two nearly equal
+# optima, on either side of the straight view (`boss_top_left`, `boss_top_right`, `web_back`), both mostly end on the
+# wrong side; turned and mirrored views are the planner's remedy for that. A random search is within half a per cent on
+# five of the six sets.
+
+# %% [markdown]
+# ## Is the optimum real?
+#
+# Twenty sets of entities. Differential evolution and CMA-ES may evaluate twenty times as many poses as `plan_setting`,
+# and the random search draws 100,000 poses in the covering domains.
+
+# %%
+optimum = grouped(load("optimum.csv"), "case")
+below = {}
+print(f"{'':<52}{'plan':>9}{'best rival':>12}{'below, %':>10}  by")
+for (case,), runs in optimum.items():
+    fitness = {r["method"]: float(r["fitness"]) for r in runs}
+    plan = fitness.pop("plan_setting")
+    rival = max(fitness, key=fitness.get)
+    below[case] = 100 * (1 - plan / fitness[rival])
+    print(f"{case[:51]:<52}{plan:9.4f}{fitness[rival]:12.4f}{below[case]:10.4f}  {rival}")
+within = sum(value <= 0.5 for value in below.values())
+print(f"\nwithin 0.5 %: {within} of {len(below)}, worst {max(below.values()):.4f} %")
+
+# %%
+fig, ax = plt.subplots(figsize=(9, 4))
+values = np.array(list(below.values()))
+ax.barh(range(len(below)), values, color=np.where(values <= 0.5, "C2", "C3"))
+ax.axvline(0.5, color="k", lw=0.8, ls=":")
+ax.set_xscale("symlog", linthresh=0.001)
+ax.set(yticks=range(len(below)), yticklabels=list(below), xlim=(min(values.min(), 0) - 1e-4, 1))
+ax.set_xlabel("plan below the best rival, %; dotted: 0.5 %")
+ax.tick_params(axis="y", labelsize=7)
+ax.invert_yaxis()
+ax.set_title("Twenty times the evaluations")
+plt.show()
+
+# %% [markdown]
+# No rival is ahead by more than a twentieth of a per cent with twenty times the evaluations; where one is, it is nearly
+# always in the digits behind which the refinement stops. On the last set random draws never fit, with no end of trying:
+# the planner repairs the least violating ones.
+#
+# The stored runs are repeatable: one of them again.
+
+# %%
+case = FEW[0]
+again = run(Problem(*case), OURS, 0)
+stored = next(r for r in equal if (r["case"], r["method"], r["seed"]) == (case_name(case), "plan_setting", "0"))
+print(f"{case_name(case)}: stored {float(stored['fitness']):.6f}, now {again.fitness:.6f} in {again.seconds:.2f} s")
+
+# %% [markdown]
+# ## Planners
+#
+# All the entities of a part, each with P of at least 0.9. "left out" are entities no setting inspects, and "worst P" is
+# over the inspected ones, each in its best setting. Ranges are over the seeds. The domes need no chance: their rows are
+# the same for each.
+
+# %%
+planners = load("planners.csv")
+
+
+def span(values, form="{:g}"):
+    """The least and the largest, or the only value."""
+    low, high = form.format(values.min()), form.format(values.max())
+    return low if low == high else f"{low} to {high}"
+
+
+for (part,), runs in grouped(planners, "part").items():
+    bound = next(r["bound"] for r in runs if r["bound"])
+    print(f"{part}: proven that at least {bound} settings are needed")
+    print(f"  {'':<36}{'settings':>10}{'left out':>10}{'worst P':>18}{'seconds':>18}")
+    for (planner,), own in grouped(runs, "planner").items():
+        cells = (span(column(own, "settings")), span(column(own, "missing")), span(column(own, "worst"), "{:.3f}"))
+        print(f"  {planner:<36}{cells[0]:>10}{cells[1]:>10}{cells[2]:>18}{span(column(own, 'seconds'), '{:.2f}'):>18}")
+
+# %%
+parts, kinds = [list(grouped(planners, key)) for key in ("part", "planner")]
+fig, axes = plt.subplots(2, len(parts), figsize=(11, 5), sharey=True)
+for j, (part,) in enumerate(parts):
+    for y, (planner,) in enumerate(kinds):
+        own = [r for r in planners if (r["part"], r["planner"]) == (part, planner)]
+        for ax, keys in ((axes[0, j], ("settings", "missing")), (axes[1, j], ("seconds",))):
+            start = 0.0
+            for key, color in zip(keys, ("C0", "C3"), strict=False):
+                numbers = column(own, key)
+                ax.barh(y, numbers.mean(), left=start, color=color)
+                start += numbers.mean()
+            spread = sum(column(own, key) for key in keys)
+            ax.plot([spread.min(), spread.max()], [y, y], "k-", lw=1.5)
+    bound = next(float(r["bound"]) for r in planners if r["part"] == part and r["bound"])
+    axes[0, j].axvline(bound, color="k", lw=0.8, ls=":")
+    axes[0, j].set(title=part, xlabel="settings (blue), left out (red)")
+    axes[0, j].xaxis.set_major_locator(plt.MaxNLocator(5, integer=True))
+    axes[1, j].set(xlabel="seconds", xscale="log")
+for ax in axes[:, 0]:
+    ax.set(yticks=range(len(kinds)), yticklabels=[planner for (planner,) in kinds])
+axes[0, 0].invert_yaxis()
+fig.suptitle("Plans for all entities of a part; dotted: the proven lower bound, black: range over the seeds")
+plt.show()
+
+# %% [markdown]
+# What the rivals do better: all are faster, but for the synthesis on the largest part, and the greedy cover of the
+# planner's own candidates needs as few settings on the two blocks in a twentieth of the time. A dome per entity looks
+# at every entity nearly straight, so its worst P is high, for as many settings or more. What they do worse: they have
+# no bound to say when they are done; one dome leaves entities out; and on the part with sixteen entities the others
+# need about a quarter more settings than `plan_inspection`. There, with a coarse arm and 99 %, the proven bound is not
+# reached, and the number of settings depends on the seed.
