@@ -8,14 +8,12 @@ S(node)    its optimistic set: every entity that *may* be inspected by *some* po
            without the first entity, one without all that it excludes
 y          weights of the entities, y >= 0
 
-Every pose lies in some leaf of the subdivision, so what it inspects is part of that leaf's S. If nothing consistent in
-any leaf's S weighs more than W, no setting inspects more than W, and at least sum(y) / W settings are needed (linear
-programming duality); of entities that exclude each other at the leaf's poses only one counts. Leaves are split where
-they hold the bound down:
-
-* first those of an integer cover by too few leaves' sets, which is quick where pairs that exclude each other decide;
-  only leaves of weight at least 1 - (K - sum(y)) can be in a cover of K columns (reduced-cost fixing);
-* then, with the weights of the columns that are known to be realisable, all leaves that weigh too much.
+Every pose lies in some leaf of the subdivision, so what it inspects is part of that leaf's S, and no plan has fewer
+settings than a cover by leaves' sets has columns. For each number of settings, the leaves of a cover by fewer are
+split, some rounds long: quick where pairs that exclude each other decide. If nothing in any leaf's S weighs more than
+1, at least sum(y) settings are needed (linear programming duality), and only leaves of weight at least 1 - (K - sum(y))
+can be in a cover of K columns (reduced-cost fixing). Where this gets no further, weights alone go on from there
+(`planner.looks`).
 
 S(node) uses necessary conditions only: visibility (the box meets a cell of the entity's region), distance and depth
 (focus), the rectangle of the sensor, the resolution, and the length of image without which quantization alone keeps
@@ -30,7 +28,8 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
 from planner.conflicts import Cells, find_conflicts
-from planner.cover import cover_within, distinct_rows, fractional_cover, maximal_columns
+from planner.cover import cover_within, distinct_rows, maximal_columns
+from planner.looks import raise_bound
 from planner.progress import report
 from planner.sampling import cells_of
 from planner.subdivision import PoseTree
@@ -38,10 +37,8 @@ from planner.subdivision import PoseTree
 _BATCH = 6000
 _MAX_INTEGER_COLUMNS = 4000
 _COVER_NODES = 2000
-# for each number of settings, so many rounds split the few leaves of one integer cover, which is quick if it suffices;
-# then the linear bound is raised by splitting all leaves that hold it down, with an integer cover every so many rounds
+# for each number of settings
 _COVER_ROUNDS = 20
-_ROUNDS_PER_COVER = 10
 # nodes smaller than this angle (seen from the camera, rad) are not split further
 _FINEST_RAD = 2e-3
 
@@ -78,26 +75,32 @@ def lower_bound(judge, entity_idx, n_settings: int, columns, *, max_nodes: int, 
     tree = PoseTree(judge, entity_idx, regions, conflict)
     weights = _Weights(np.asarray(columns, dtype=bool))
     target, rounds = 2, 0
-    guide = fractional_cover(columns)[1]
-    while target <= n_settings and tree.made < max_nodes:
-        rounds += 1
-        sets_first = rounds <= _COVER_ROUNDS or rounds % _ROUNDS_PER_COVER == 0
-        if not sets_first:
-            heavy = _above(tree, guide, target)
-        if sets_first or (heavy is not None and not heavy.size):
-            heavy = _to_split(tree, weights.solve(tree.sets), target)
+    while target <= n_settings and tree.made < max_nodes and rounds < _COVER_ROUNDS:
+        heavy = _to_split(tree, weights.solve(tree.sets), target)
         if heavy is None:
             target, rounds = target + 1, 0
             continue
         if not heavy.size:
             break
-        tree.split(heavy, sets_first)
+        tree.split(heavy)
+        rounds += 1
         report(progress, min(tree.made, max_nodes), max_nodes, "lower bound")
+    bound, made = raise_bound(
+        judge,
+        entity_idx,
+        regions,
+        conflict,
+        columns,
+        target - 1,
+        n_settings,
+        max_nodes=max_nodes - tree.made,
+        progress=progress,
+    )
     report(progress, max_nodes, max_nodes, "lower bound")
-    return target - 1, (
-        f"Covering by optimistic columns: {tree.made} boxes of camera poses were checked against necessary conditions "
-        f"(visibility, focus, sensor size, length of the image), and {int(conflict.sum()) // 2} pairs of edges were "
-        "found to exclude each other."
+    return bound, (
+        f"Covering by optimistic columns: {tree.made + made} boxes of camera poses were checked against necessary "
+        f"conditions (visibility, focus, sensor size, length of the image), and {int(conflict.sum()) // 2} pairs of "
+        "edges were found to exclude each other."
     )
 
 
@@ -124,18 +127,6 @@ def _to_split(tree: PoseTree, y: np.ndarray, target: int) -> np.ndarray | None:
         return _heaviest(usable[splittable[usable]], weight)
     nodes = usable[np.isin(of_distinct, kept[chosen])]
     return nodes[splittable[nodes]][:_BATCH]
-
-
-def _above(tree: PoseTree, y: np.ndarray, target: int) -> np.ndarray | None:
-    """Choose the nodes that weigh too much for the weights to prove ``target``, the heaviest first; None if none do."""
-    limit = float(y.sum()) / (target - 1) - 1e-6
-    nodes = np.flatnonzero(tree.sets @ y > limit)
-    weight = tree.weights(nodes, y)
-    nodes, weight = nodes[weight > limit], weight[weight > limit]
-    if not nodes.size:
-        return None
-    fine = tree.size[nodes] > _FINEST_RAD
-    return nodes[fine][np.argsort(-weight[fine], kind="stable")[:_BATCH]]
 
 
 def _heaviest(nodes: np.ndarray, weight: np.ndarray) -> np.ndarray:

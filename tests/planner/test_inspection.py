@@ -270,44 +270,6 @@ def test_bound_is_never_above_what_sampled_poses_reach(judge):
     assert bound == 2
 
 
-def leaves_of(tree, pose):
-    """Leaves with the position and direction of a pose; they differ by roll or by excluded entities."""
-    near = np.all(np.abs(pose[:3, 3] - tree.center) <= tree.half + 1e-9, axis=1)
-    axis = pose[:3, 2]
-    face = 2 * np.argmax(np.abs(axis)) + (axis[np.argmax(np.abs(axis))] < 0)
-    u, v = (axis[(face // 2 + i) % 3] / abs(axis[face // 2]) for i in (1, 2))
-    patch = tree.patch
-    near &= (tree.face == face) & (patch[:, 0] <= u) & (u <= patch[:, 1]) & (patch[:, 2] <= v) & (v <= patch[:, 3])
-    return np.flatnonzero(near)
-
-
-@pytest.mark.parametrize("sets_first", [True, False])
-@pytest.mark.parametrize("size", [(120.0, 80.0, 60.0), (400.0, 260.0, 240.0)])
-def test_every_inspected_set_is_inside_the_leaf_of_its_pose(size, sets_first):
-    """The larger box does not fit into the image or between the sharp planes: its edges exclude each other there."""
-    from planner.subdivision import PoseTree
-
-    space = BoxSpace(size, WORKSPACE, EDGES)
-    judge = Judge(space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9)
-    idx, y = np.arange(len(EDGES)), np.random.default_rng(1).random(len(EDGES))
-    tree = PoseTree(judge, idx, Cells([judge.space.covering_cells([n]) for n in EDGES]), np.zeros((12, 12), dtype=bool))
-    for _ in range(9):
-        tree.split(np.arange(len(tree.face)), sets_first)
-    weights = tree.weights(np.arange(len(tree.face)), y)
-    assert (weights <= tree.sets @ y + 1e-9).all()
-    if not sets_first:
-        # that of the whole set, but where entities were found to exclude each other
-        assert (weights < tree.sets @ y - 1e-9).any() == (size[0] > 300)
-    poses = random_poses(judge, 400, seed=2)
-    judged = judge(poses)
-    assert (judged.inspects.sum(axis=1) > 1).any()
-    for pose, inspected in zip(poses, judged.inspects, strict=True):
-        if inspected.any():
-            near = leaves_of(tree, pose)
-            assert (tree.sets[near] >= inspected).all(axis=1).any()
-            assert weights[near].max() >= y[inspected].sum() - 1e-9
-
-
 def test_conflicts_are_real(judge):
     regions = Cells([judge.space.covering_cells([name]) for name in EDGES])
     idx = np.arange(len(EDGES))
