@@ -23,7 +23,7 @@ from planner.camera import Camera
 from planner.candidates import column_seed, judged_poses, price_poses
 from planner.columns import ColumnPool, Judge
 from planner.constraints import Requirements
-from planner.cover import cover_within, min_cover
+from planner.cover import min_cover
 from planner.exceptions import InfeasibleError, RequestError
 from planner.plan import InspectionPlan
 from planner.pose import PoseUncertainty
@@ -315,9 +315,9 @@ class _Work:
         kept = ~np.array([(self.refuted <= column).all(axis=1).any() for column in hopeful], dtype=bool)
         hopeful = hopeful[kept]
         both = np.concatenate([self.pool.membership, hopeful])[:, inspected]
-        # any cover that is small enough will do: the best one would take the solver much longer
-        chosen, _ = cover_within(both, enough - 1, node_limit=int(_REFUTING_SHARE * self.effort.cover_nodes))
-        if chosen is None:
+        # of all smallest covers one with many realised columns: the fewer are left to realise, the better the chances
+        chosen = np.array(self._cover(both, np.arange(len(both)) < len(self.pool), _REFUTING_SHARE).chosen)
+        if len(chosen) >= enough:
             return []
         sure = chosen[chosen < len(self.pool)]
         left = inspected & ~self.pool.membership[sure].any(axis=0)
