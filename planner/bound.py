@@ -12,8 +12,10 @@ Every pose lies in some leaf of the subdivision, so what it inspects is part of 
 settings than a cover by leaves' sets has columns. For each number of settings, the leaves of a cover by fewer are
 split, some rounds long: quick where pairs that exclude each other decide. If nothing in any leaf's S weighs more than
 1, at least sum(y) settings are needed (linear programming duality), and only leaves of weight at least 1 - (K - sum(y))
-can be in a cover of K columns (reduced-cost fixing). Where this gets no further, weights alone go on from there
-(`planner.looks`).
+can be in a cover of K columns (reduced-cost fixing). Where this gets no further, weights alone go on: those of the
+columns that are known to be realisable, all leaves that weigh too much being split; of entities that exclude each other
+at a leaf's poses only one counts. In the end, boxes about the point looked at take over (`planner.looks`), which is
+quicker where the sensor's size decides rather than visibility.
 
 S(node) uses necessary conditions only: visibility (the box meets a cell of the entity's region), distance and depth
 (focus), the rectangle of the sensor, the resolution, and the length of image without which quantization alone keeps
@@ -28,7 +30,7 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
 from planner.conflicts import Cells, find_conflicts
-from planner.cover import cover_within, distinct_rows, maximal_columns
+from planner.cover import cover_within, distinct_rows, fractional_cover, maximal_columns
 from planner.looks import raise_bound
 from planner.progress import report
 from planner.sampling import cells_of
@@ -37,8 +39,11 @@ from planner.subdivision import PoseTree
 _BATCH = 6000
 _MAX_INTEGER_COLUMNS = 4000
 _COVER_NODES = 2000
-# for each number of settings
+# for each number of settings, one integer cover in each of so many rounds, then in every so many
 _COVER_ROUNDS = 20
+_ROUNDS_PER_COVER = 10
+# of all nodes, those that have boxes of positions; the others are quicker
+_SHARE = 0.2
 # nodes smaller than this angle (seen from the camera, rad) are not split further
 _FINEST_RAD = 2e-3
 
@@ -75,15 +80,17 @@ def lower_bound(judge, entity_idx, n_settings: int, columns, *, max_nodes: int, 
     tree = PoseTree(judge, entity_idx, regions, conflict)
     weights = _Weights(np.asarray(columns, dtype=bool))
     target, rounds = 2, 0
-    while target <= n_settings and tree.made < max_nodes and rounds < _COVER_ROUNDS:
-        heavy = _to_split(tree, weights.solve(tree.sets), target)
+    guide = fractional_cover(columns)[1]
+    while target <= n_settings and tree.made < _SHARE * max_nodes:
+        rounds += 1
+        sets_first = rounds <= _COVER_ROUNDS or rounds % _ROUNDS_PER_COVER == 0
+        heavy = _to_split(tree, weights.solve(tree.sets), target) if sets_first else _above(tree, guide, target)
         if heavy is None:
             target, rounds = target + 1, 0
             continue
         if not heavy.size:
             break
-        tree.split(heavy)
-        rounds += 1
+        tree.split(heavy, sets_first)
         report(progress, min(tree.made, max_nodes), max_nodes, "lower bound")
     bound, made = raise_bound(
         judge,
@@ -127,6 +134,18 @@ def _to_split(tree: PoseTree, y: np.ndarray, target: int) -> np.ndarray | None:
         return _heaviest(usable[splittable[usable]], weight)
     nodes = usable[np.isin(of_distinct, kept[chosen])]
     return nodes[splittable[nodes]][:_BATCH]
+
+
+def _above(tree: PoseTree, y: np.ndarray, target: int) -> np.ndarray | None:
+    """Choose the nodes that weigh too much for the weights to prove ``target``, the heaviest first; None if none do."""
+    limit = float(y.sum()) / (target - 1) - 1e-6
+    nodes = np.flatnonzero(tree.sets @ y > limit)
+    weight = tree.weights(nodes, y)
+    nodes, weight = nodes[weight > limit], weight[weight > limit]
+    if not nodes.size:
+        return None
+    fine = tree.size[nodes] > _FINEST_RAD
+    return nodes[fine][np.argsort(-weight[fine], kind="stable")[:_BATCH]]
 
 
 def _heaviest(nodes: np.ndarray, weight: np.ndarray) -> np.ndarray:

@@ -59,15 +59,17 @@ class PoseTree:
         """The largest angle a node's extent causes, rad; (n,)."""
         return self._extents.max(axis=1)
 
-    def split(self, nodes: np.ndarray) -> None:
+    def split(self, nodes: np.ndarray, sets_first: bool = True) -> None:
         """Replace nodes by their two halves along the coordinate that causes most slack; forget empty ones.
 
-        Where entities exclude each other, the set is split and not the poses.
+        With ``sets_first``, where entities exclude each other, the set is split and not the poses.
         """
         keep = np.ones(len(self.face), dtype=bool)
         keep[nodes] = False
         first, second = ({name: value[nodes].copy() for name, value in self._fields()} for _ in range(2))
-        clash = _separate(*self._places(nodes), first["sets"], second["sets"])
+        clash = np.zeros(len(nodes), dtype=bool)
+        if sets_first:
+            clash = _separate(*self._places(nodes), first["sets"], second["sets"])
         self._halve(first, second, np.where(clash, -1, self._extents[nodes].argmax(axis=1)))
         n_old = int(keep.sum())
         for name, value in self._fields():
@@ -76,6 +78,10 @@ class PoseTree:
         self.made += 2 * len(nodes)
         self._evaluate(np.arange(n_old, len(self.face)))
         self._drop_empty()
+
+    def weights(self, nodes: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return how much one pose of each node can inspect at most, with weights y (e,) of the entities."""
+        return _consistent_weights(*self._places(nodes), self.sets[nodes], y)
 
     def _places(self, nodes: np.ndarray) -> tuple:
         """Return what the tests for pairs of entities need to know of nodes and request."""
@@ -279,6 +285,37 @@ def _separate(center, radius, axes, turns, ends, angle, room, conflict, first, s
                 if excludes[worst, f]:
                     second[k, members[f]] = False
     return changed
+
+
+@njit(cache=True)
+def _consistent_weights(center, radius, axes, turns, ends, angle, room, conflict, sets, y):
+    """Return for each node a bound on the weight of what one pose of it inspects, with weights y.
+
+    Of entities that all exclude each other, a pose inspects one at most: the heaviest of each such group counts.
+    """
+    result = np.zeros(len(sets))
+    order = np.argsort(-y)
+    order = order[y[order] > 0]
+    for k in range(len(sets)):
+        members = order[sets[k][order]]
+        excludes = _exclusions(members, center[k], radius[k], axes[k], turns[k], ends, angle, room, conflict)
+        group = np.full(len(members), -1)
+        n_groups = 0
+        for e in range(len(members)):
+            for g in range(n_groups):
+                fits = True
+                for f in range(e):
+                    if group[f] == g and not excludes[e, f]:
+                        fits = False
+                        break
+                if fits:
+                    group[e] = g
+                    break
+            if group[e] < 0:
+                group[e] = n_groups
+                n_groups += 1
+                result[k] += y[members[e]]
+    return result
 
 
 @njit(cache=True)
