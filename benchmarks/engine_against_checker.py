@@ -11,6 +11,7 @@ from engine_pairs import compare
 
 
 def main():
+    """Count the pairs of viewpoint and entity on which engine and referee disagree."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--solids", type=int, default=600)
     parser.add_argument(

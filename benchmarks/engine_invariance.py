@@ -23,6 +23,7 @@ from moved_parts import from_file, graph_of, listed, moved, same_graph, shuffled
 
 
 def generated(seed):
+    """Return the name of a generated solid, and it as a list with every other sharp edge an entity."""
     part = generated_solid(seed)
     return part.name, listed(part.vertices, part.faces, sharp_edges(part, ExactChecker(part.vertices, part.faces))[::2])
 
@@ -42,6 +43,7 @@ def differences(name, part, turns, seed, room):
 
 
 def main():
+    """Compare the parts asked for with copies of them; exit code 1 if a graph differs."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--solids", type=int, default=150, help="generated solids")
     parser.add_argument("--first", type=int, default=0, help="seed of the first of them")

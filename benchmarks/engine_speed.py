@@ -40,6 +40,7 @@ def seconds(call, repeats=1):
 
 
 def box_around(solid, room=60):
+    """Return a workspace (2, 3), mm, in whole millimetres, with so much room around the solid."""
     low, high = solid.bounds
     return np.array([np.floor(low) - room, np.ceil(high) + room])
 
@@ -54,6 +55,7 @@ def twin_seconds(solid, entities, workspace):
 
 
 def plates(quick):
+    """Print a row per plate of pockets: the engine's time, the graph, the twin's time; and the growth with faces."""
     print("plate     entities  faces  engine s  domains  adjacencies  cells/domain  twin s   ratio")
     rows = []
     for n, k in [(n, 8) for n in range(2, 9)] + [(5, 20)]:
@@ -74,6 +76,7 @@ def plates(quick):
 
 
 def queries(n_viewpoints=1_000_000, n_cast=5_000):
+    """Print the time of exact visibility for many viewpoints, and of ray casting, which is timed for fewer."""
     solid, entities = solids.plate(5), solids.plate_entities(5, 20)
     regions = compute_regions(solid, entities, box_around(solid))
     points = np.random.default_rng(0).uniform(*regions.workspace, (n_viewpoints, 3))
@@ -89,6 +92,7 @@ def queries(n_viewpoints=1_000_000, n_cast=5_000):
 
 
 def real(path, n_entities, joint):
+    """Print the time and memory of a part's regions, of its first or all edges, and of the joint graph if wanted."""
     solid = read_solid(path)
     edges = [edge.id for edge in solid.straight_edges()][:n_entities]
     spent, regions = seconds(lambda: compute_regions(solid, edges))
@@ -103,6 +107,7 @@ def real(path, n_entities, joint):
 
 
 def main():
+    """Measure what the module's description lists."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--quick", action="store_true", help="leave out the twin with 20 entities")
     parser.add_argument("--parts", type=Path, nargs="*", default=[], help="further part files: all edges, regions only")
