@@ -10,6 +10,7 @@ from grid_box import EDGES, BoxSpace
 from scipy.spatial.transform import Rotation
 from test_inspection import CAMERA, UNCERTAINTY, WORKSPACE, random_poses
 
+from planner.camera import Camera
 from planner.columns import Judge
 from planner.conflicts import Cells
 from planner.cover import min_cover
@@ -159,9 +160,14 @@ def test_weights_raise_the_bound_but_not_above_what_poses_reach():
 
 
 def test_depth_without_end_is_cut_at_the_size_of_the_workspace():
-    judge, _ = request_for(SIZES[0])
+    """Focused beyond the hyperfocal distance, 2319 mm: nothing is too far to be sharp."""
+    far_off = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 3000.0)
+    wide = [[-4000.0] * 3, [4100.0] * 3]
+    judge = Judge(BoxSpace(SIZES[1], wide, EDGES), EDGES, far_off, UNCERTAINTY, 0.98, 0.9)
     view = view_of(judge)
-    assert view.near < view.middle < view.far <= np.linalg.norm(np.subtract(*map(np.array, WORKSPACE)))
+    assert np.isinf(far_off.depth_of_field_mm[1])
+    assert view.far == pytest.approx(8100.0 * np.sqrt(3))
+    assert view.near == far_off.depth_of_field_mm[0] < view.middle < view.far
 
 
 def leaves_of(tree, pose):
