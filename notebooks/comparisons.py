@@ -222,7 +222,7 @@ plt.show()
 
 # %% [markdown]
 # What the rivals do better: all are faster, but for the synthesis on the largest part, and the greedy cover of the
-# planner's own candidates needs as few settings on the two blocks in less than a tenth of the time. A dome per entity looks
+# planner's own candidates needs as few settings on the two blocks in under a tenth of the time. A dome per entity looks
 # at every entity nearly straight, so its worst P is high, for as many settings or more. What they do worse: they have
 # no bound to say when they are done; one dome leaves entities out; and on the part with sixteen entities the others
 # need about a quarter more settings than `plan_inspection`. There, with a coarse arm and 99 %, the proven bound is not
