@@ -14,8 +14,8 @@ split, some rounds long: quick where pairs that exclude each other decide. If no
 1, at least sum(y) settings are needed (linear programming duality), and only leaves of weight at least 1 - (K - sum(y))
 can be in a cover of K columns (reduced-cost fixing). Where this gets no further, weights alone go on: those of the
 columns that are known to be realisable, all leaves that weigh too much being split; of entities that exclude each other
-at a leaf's poses only one counts. In the end, boxes about the point looked at take over (`planner.looks`), which is
-quicker where the sensor's size decides rather than visibility.
+at a leaf's poses only one counts. In the end, boxes about the point looked at take over (`planner.looks`), which are
+searched depth first and need no memory: far quicker where the sensor's size decides rather than visibility.
 
 S(node) uses necessary conditions only: visibility (the box meets a cell of the entity's region), distance and depth
 (focus), the rectangle of the sensor, the resolution, and the length of image without which quantization alone keeps
@@ -31,7 +31,7 @@ from scipy.sparse import csr_matrix
 
 from planner.conflicts import Cells, find_conflicts
 from planner.cover import cover_within, distinct_rows, fractional_cover, maximal_columns
-from planner.looks import raise_bound
+from planner.looks import LinearBound, PoseSpace
 from planner.progress import report
 from planner.sampling import cells_of
 from planner.subdivision import PoseTree
@@ -42,8 +42,8 @@ _COVER_NODES = 2000
 # for each number of settings, one integer cover in each of so many rounds, then in every so many
 _COVER_ROUNDS = 20
 _ROUNDS_PER_COVER = 10
-# of all nodes, those that have boxes of positions; the others are quicker
-_SHARE = 0.2
+# of all nodes, those that have boxes of positions: what pairs that exclude each other decide is soon proven
+_SHARE = 0.008
 # nodes smaller than this angle (seen from the camera, rad) are not split further
 _FINEST_RAD = 2e-3
 
@@ -92,22 +92,14 @@ def lower_bound(judge, entity_idx, n_settings: int, columns, *, max_nodes: int, 
             break
         tree.split(heavy, sets_first)
         report(progress, min(tree.made, max_nodes), max_nodes, "lower bound")
-    bound, made = raise_bound(
-        judge,
-        entity_idx,
-        regions,
-        conflict,
-        columns,
-        target - 1,
-        n_settings,
-        max_nodes=max_nodes - tree.made,
-        progress=progress,
-    )
+    linear = LinearBound(PoseSpace(judge, entity_idx, regions, conflict), columns)
+    bound = linear.raise_from(target - 1, n_settings, max_nodes=max_nodes - tree.made, progress=progress)
     report(progress, max_nodes, max_nodes, "lower bound")
+    n_pairs = int(conflict.sum()) // 2
     return bound, (
-        f"Covering by optimistic columns: {tree.made + made} boxes of camera poses were checked against necessary "
-        f"conditions (visibility, focus, sensor size, length of the image), and {int(conflict.sum()) // 2} pairs of "
-        "edges were found to exclude each other."
+        f"Covering by optimistic columns: {tree.made + linear.made} boxes of camera poses were checked against "
+        f"necessary conditions (visibility, focus, sensor size, length of the image), and {n_pairs} pairs of edges were "
+        "found to exclude each other."
     )
 
 

@@ -12,7 +12,7 @@ import hashlib
 import numpy as np
 
 from planner.columns import ColumnPool, Judge, Judgement
-from planner.cover import fractional_cover, greedy_cover
+from planner.cover import columns_of_covers, cover_within, fractional_cover
 from planner.pose import look_at
 from planner.progress import report
 from planner.sampling import ViewpointSampler, cells_of
@@ -22,9 +22,11 @@ _AXES_PER_VIEWPOINT = 6
 _PARENTS = 64
 _CHILDREN = 24
 _BATCH = 768
-# the relaxation is looked at every so many rounds; the search ends if two looks gain no more than that share
+# the relaxation is looked at every so many rounds; the search ends if so many looks gain no more than that share
 _ROUNDS_PER_CHECK = 10
+_CHECKS = 5
 _GAIN = 2e-3
+_COVER_NODES = 50
 
 
 def column_seed(seed: int, names) -> int:
@@ -130,14 +132,16 @@ def _is_settled(values: list[float], membership: np.ndarray, left: int) -> bool:
     Too slowly means that, with the gain of late, it would not get to the next whole number in the rounds that are left,
     and a cover of as few columns as the value allows is there already.
     """
-    if len(values) <= 2:
+    if len(values) <= _CHECKS:
         return False
-    gain = values[-3] - values[-1]
+    gain = values[-1 - _CHECKS] - values[-1]
     if gain <= _GAIN * values[-1]:
         return True
     fewest = int(np.ceil(values[-1] - 1e-6))
-    hopeless = values[-1] - gain * left / (2 * _ROUNDS_PER_CHECK) > fewest - 1
-    return hopeless and len(greedy_cover(membership)) <= fewest
+    if values[-1] - gain * left / (_CHECKS * _ROUNDS_PER_CHECK) <= fewest - 1:
+        return False
+    usable = membership[columns_of_covers(membership, fewest)]
+    return usable.any(axis=0).all() and cover_within(usable, fewest, node_limit=_COVER_NODES)[0] is not None
 
 
 def _improve(

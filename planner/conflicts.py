@@ -13,6 +13,7 @@ The second test stops at boxes of half a millimetre, so it may miss a conflict, 
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numba import njit
@@ -24,6 +25,7 @@ _OVERLAP_MM = 1e-3
 _FINEST_MM = 0.5
 _MOST_BOXES = 200_000
 _STACK = 256
+_THREADS = 2
 
 
 def find_conflicts(judge, entity_idx, columns, regions) -> np.ndarray:
@@ -54,10 +56,15 @@ def find_conflicts(judge, entity_idx, columns, regions) -> np.ndarray:
     cone = math.atan(math.hypot(*tangents))
     far /= math.cos(cone)
     ratio = least_image_mm(judge) / judge.camera.image_distance_mm
-    for a, b in np.argwhere(np.triu(~conflict & ~together, k=1)):
-        points = ends[[a, b]].reshape(-1, 3)
-        limits = near, far, cone, ratio
-        conflict[a, b] = conflict[b, a] = not _share_viewpoint(a, b, *regions.arrays, points, limits)
+    limits = near, far, cone, ratio
+
+    def excludes(pair) -> bool:
+        return not _share_viewpoint(*pair, *regions.arrays, ends[pair].reshape(-1, 3), limits)
+
+    pairs = np.argwhere(np.triu(~conflict & ~together, k=1))
+    with ThreadPoolExecutor(_THREADS) as pool:
+        found = pairs[np.fromiter(pool.map(excludes, pairs), bool, len(pairs))]
+    conflict[found[:, 0], found[:, 1]] = conflict[found[:, 1], found[:, 0]] = True
     return conflict
 
 
@@ -120,7 +127,7 @@ class Cells:
         return self.planes, self.plane_start, self.corners, self.corner_start, self.boxes, self.entity_start
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _share_viewpoint(a, b, planes, plane_start, corners, corner_start, boxes, entity_start, points, limits):
     """Tell whether some cell of entity a may meet some cell of entity b where the lens can take all points at once."""
     stack = np.empty((_STACK, 2, 3))
@@ -140,7 +147,7 @@ def _share_viewpoint(a, b, planes, plane_start, corners, corner_start, boxes, en
     return False
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _search(stack, i, j, planes, plane_start, points, limits):
     """Subdivide the box on the stack; true when a viewpoint is found or the effort is spent."""
     size = 1
@@ -171,7 +178,7 @@ def _search(stack, i, j, planes, plane_start, points, limits):
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _excluded(center, half, cell, planes, plane_start):
     """Tell whether a box overlaps a cell by less than nothing to speak of."""
     for p in range(plane_start[cell], plane_start[cell + 1]):
@@ -183,7 +190,7 @@ def _excluded(center, half, cell, planes, plane_start):
     return False
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _in_view(center, radius, points, limits):
     """Tell whether some viewpoint of a ball may have all points in focus, within the sensor, and long enough images."""
     near, far, cone, ratio = limits
@@ -211,7 +218,7 @@ def _in_view(center, radius, points, limits):
     return long_enough
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _long_enough(center, radius, first, second, near, cone, ratio):
     """Tell whether the image from some viewpoint of a ball may be long enough: eq 16, depth >= distance cos(cone)."""
     line, offset = second - first, center - first
@@ -227,7 +234,7 @@ def _long_enough(center, radius, first, second, near, cone, ratio):
     return area >= ratio * depth * (1.0 - 1e-9)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _apart(i, j, planes, plane_start, corners, corner_start):
     """Tell whether a plane of cell i has all corners of cell j outside."""
     for p in range(plane_start[i], plane_start[i + 1]):

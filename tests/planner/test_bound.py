@@ -6,18 +6,21 @@ import itertools
 
 import numpy as np
 import pytest
-from grid_box import EDGES, BoxSpace
+from grid_box import EDGES, BoxCell, BoxSpace
 from scipy.spatial.transform import Rotation
 from test_inspection import CAMERA, UNCERTAINTY, WORKSPACE, random_poses
 
 from planner.camera import Camera
 from planner.columns import Judge
 from planner.conflicts import Cells
+from planner.constraints import Requirements
 from planner.cover import min_cover
 from planner.image import field_of_view_slacks, focus_slacks
-from planner.looks import LookTree, raise_bound, spread_weights, view_of
+from planner.looks import LinearBound, PoseSpace, spread_weights, view_of
 from planner.pose import world_to_cam
-from planner.posebox import Boxes, heaviest, rotation
+from planner.posebox import rotation
+from planner.posesearch import FOUND, PROVEN, search
+from planner.stabbing import may_exceed, weight_at
 from planner.subdivision import PoseTree
 
 SIZES = [(120.0, 80.0, 60.0), (400.0, 260.0, 240.0)]
@@ -28,89 +31,128 @@ def request_for(size):
     return judge, Cells([judge.space.covering_cells([name]) for name in EDGES])
 
 
-def tree_for(judge, regions, y, rounds=9, conflict=None):
-    """A tree whose boxes have all been split so many times."""
+def space_for(judge, regions, conflict=None):
     conflict = np.zeros((len(EDGES), len(EDGES)), dtype=bool) if conflict is None else conflict
-    tree = LookTree(judge, np.arange(len(EDGES)), regions, conflict, y)
-    for _ in range(rounds):
-        tree.split(np.arange(len(tree.possible)), -1.0)
-    return tree
+    return PoseSpace(judge, np.arange(len(EDGES)), regions, conflict)
 
 
-def pose_of(tree, box, look, turn):
+def found_in(space, part, y, limit, max_nodes=100_000):
+    """Search one part of the space: outcome, boxes looked at, pose, what it inspects."""
+    pose, inspected = np.empty((4, 4)), np.zeros(len(y), dtype=bool)
+    chart, box = part
+    order = np.argsort(-y, kind="stable")
+    request = space.entities, space.view, space.conflict, y, limit, max_nodes, np.zeros(1, dtype=bool)
+    return *search(box, chart, order, *request, pose, inspected), pose, inspected
+
+
+def pose_of(view, chart, look, turn):
     """The pose (4, 4) that looks at a point with the rotation of a chart and a vector."""
     pose = np.eye(4)
-    rotation(tree.boxes.chart[box], turn, pose[:3, :3])
-    pose[:3, 3] = look - tree.view.middle * pose[:3, 2]
+    rotation(chart, turn, pose[:3, :3])
+    pose[:3, 3] = look - view.middle * pose[:3, 2]
     return pose
 
 
-def poses_within(tree, rng, n):
-    """Random boxes, and a pose inside each."""
-    rows = rng.integers(len(tree.possible), size=n)
-    boxes = tree.boxes
-    look = boxes.look[rows] + rng.uniform(-1, 1, (n, 3)) * boxes.half[rows]
-    turn = boxes.turn[rows] + rng.uniform(-1, 1, (n, 3)) * boxes.span[rows]
-    return rows, np.array([pose_of(tree, *each) for each in zip(rows, look, turn, strict=True)])
+def box_around(rng, view, size, small):
+    """A random box (4, 3) of poses near a part with a corner in the origin, and poses in it."""
+    chart = int(rng.integers(2))
+    look, turn = rng.uniform(-0.2, 1.2, 3) * size, rng.uniform(-1, 1, 3)
+    box = np.array([look, np.full(3, 60.0 * small), turn, np.full(3, 0.2 * small)])
+    at = rng.uniform(-1, 1, (400, 2, 3))
+    inside = [pose_of(view, chart, look + box[1] * d[0], turn + box[3] * d[1]) for d in at]
+    return (chart, box), np.array(inside)
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_what_a_pose_inspects_is_possible_in_its_box_and_within_its_weight(size):
+@pytest.mark.parametrize("small", [1.0, 0.3, 0.05])
+def test_no_pose_exceeds_what_the_search_proves_of_its_box(size, small):
     judge, regions = request_for(size)
+    space = space_for(judge, regions)
     rng = np.random.default_rng(3)
-    y = np.sort(rng.uniform(0.1, 1.0, len(EDGES)))[::-1]
-    tree = tree_for(judge, regions, y, rounds=11)
-    tree.heavy(0.0)
-    rows, poses = poses_within(tree, rng, 60_000)
-    inspects = judge(poses).inspects
-    assert (inspects.sum(axis=1) > 1).sum() > 20
-    assert not (inspects & ~tree.possible[rows]).any()
-    assert (inspects @ y <= tree.weight[rows] + 1e-9).all()
-    # all edges of the smaller box fit into the image at once; of the larger one, windows lie apart
-    assert (tree.weight < tree.possible @ y - 1e-9).any() == (size[0] > 300)
+    y = rng.uniform(0.1, 1.0, len(EDGES))
+    proven = tight = 0
+    for _ in range(120):
+        part, poses = box_around(rng, space.view, size, small)
+        best = float((judge(poses).inspects @ y).max())
+        # above the best of the poses tried, and below it
+        outcome = found_in(space, part, y, 1.02 * best + 1e-3, 3000)[0]
+        proven += outcome == PROVEN
+        if best > 0:
+            tight += 1
+            assert found_in(space, part, y, 0.999 * best, 3000)[0] != PROVEN
+    assert proven > 20
+    assert tight > 10
 
 
-def test_every_pose_lies_in_a_root():
+def test_the_pose_found_inspects_what_is_said():
+    """By the judge's own constraints, with no stand-off, visibility at the position alone, and no probability asked."""
+    size = SIZES[1]
+    judge, regions = request_for(size)
+    lenient = Judge(
+        judge.space, EDGES, CAMERA, UNCERTAINTY, 0.98, 1e-6, Requirements(stand_off_mm=0.0, visibility_radius_mm=0.0)
+    )
+    space = space_for(judge, regions)
+    y = np.random.default_rng(5).uniform(0.1, 1.0, len(EDGES))
+    n_found = 0
+    for part in space.parts:
+        outcome, _, pose, inspected = found_in(space, part, y, 1.0, 2000)
+        if outcome == FOUND:
+            n_found += 1
+            assert y[inspected].sum() > 1.0
+            slacks = lenient.constraints.slacks(pose[None], only=["field_of_view_px", "focus_mm", "visibility"])
+            for slack in slacks.values():
+                assert slack[0, inspected].min() >= -1e-6
+    assert n_found > 10
+
+
+def test_every_pose_lies_in_a_part():
     """Up to half a turn about the camera's axis, which leaves what it inspects as it is."""
     judge, regions = request_for(SIZES[0])
-    tree = tree_for(judge, regions, np.ones(len(EDGES)), rounds=0)
-    found = np.empty((2, 3, 3))
+    space = space_for(judge, regions)
+    boxes = np.array([box for _, box in space.parts])
+    charts = np.array([chart for chart, _ in space.parts])
+    found = np.empty((3, 3))
     for turned in Rotation.random(200, random_state=1):
         best = np.inf
         for half, chart in itertools.product((Rotation.identity(), Rotation.from_rotvec([0, 0, np.pi])), (0, 1)):
-            base = Rotation.identity() if chart == 0 else Rotation.from_rotvec([np.pi, 0, 0])
-            x, y, z, w = (base.inv() * turned * half).as_quat()
-            v = np.array([x, y, z]) / w
-            if abs(v).max() <= 1.0:
-                rotation(chart, v, found[chart])
-                best = min(best, np.abs(found[chart] - (turned * half).as_matrix()).max())
+            flip = Rotation.from_rotvec([np.pi * chart, 0, 0])
+            x, y, z, w = (flip * turned * half).as_quat()
+            v = np.array([x, y, z]) / w if w else np.full(3, np.inf)
+            if np.abs(v).max() <= 1.0:
+                rotation(chart, v, found)
+                assert (charts[np.all(np.abs(v - boxes[:, 2]) <= boxes[:, 3], axis=1)] == chart).any()
+                best = min(best, np.abs(found - (turned * half).as_matrix()).max())
         assert best < 1e-9
-    points = judge.ends.reshape(-1, 3)
-    rng = np.random.default_rng(0)
-    corner = np.array([tree.view.tan_x, tree.view.tan_y, 1.0]) * rng.choice([-1, 1], (50, 3))
-    depth = rng.choice([tree.view.near, tree.view.far], 50)
-    offset = np.abs(corner) * [1, 1, 0] * depth[:, None] + np.outer(depth - tree.view.middle, [0, 0, 1])
-    assert (np.linalg.norm(offset, axis=1) <= tree.view.radius + 1e-9).all()
-    reach = np.abs(points[:, None] + np.linalg.norm(offset, axis=1)[:, None] * np.eye(3)[0] - tree.boxes.look[0])
-    assert (reach <= tree.boxes.half[0] + 1e-9).all()
+    low, high = (boxes[:, 0] - boxes[:, 1]).min(axis=0), (boxes[:, 0] + boxes[:, 1]).max(axis=0)
+    volume = np.prod(2 * boxes[:, 1], axis=1) * np.prod(boxes[:, 3], axis=1)
+    assert volume.sum() == pytest.approx(2 * np.prod(high - low))
+    # whatever has an edge in view looks at a point not farther from it than the corners of the view are
+    view, points = space.view, judge.ends.reshape(-1, 3)
+    corner = np.array(
+        [
+            [x * view.tan_x * z, y * view.tan_y * z, z - view.middle]
+            for x in (-1, 1)
+            for y in (-1, 1)
+            for z in (view.near, view.far)
+        ]
+    )
+    assert np.linalg.norm(corner, axis=1).max() <= view.radius + 1e-9
+    assert (low <= points.min(axis=0) - view.radius + 1e-9).all()
+    assert (high >= points.max(axis=0) + view.radius - 1e-9).all()
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_heaviest_windows_are_those_of_the_heaviest_pose(seed):
-    """For a fixed rotation: by trying every pose at which some three of the constraints hold exactly."""
+def test_for_a_fixed_rotation_the_limit_is_the_heaviest_pose(seed):
+    """By trying every pose at which some three of the constraints hold exactly; all edges are visible everywhere."""
     size = (200.0, 130.0, 120.0)
-    judge, regions = request_for(size)
+    judge, _ = request_for(size)
+    regions = Cells([[BoxCell(np.full(3, -1e4), np.full(3, 1e4))]] * len(EDGES))
     rng = np.random.default_rng(seed)
-    y = np.sort(rng.uniform(0.1, 1.0, len(EDGES)))[::-1]
-    tree = LookTree(judge, np.arange(len(EDGES)), regions, np.zeros((12, 12), dtype=bool), y)
-    view, turn = tree.view, rng.uniform(-1, 1, 3)
-    look = np.array(size) / 2
-    box = Boxes(look[None], np.full((1, 3), 300.0), np.array([seed % 2]), turn[None], np.full((1, 3), 1e-12))
-    weight = np.empty(1)
-    heaviest(box, tree.entities, view, tree.conflict, np.ones((1, 12), dtype=bool), y, 0.0, weight)
-    pose = np.eye(4)
-    rotation(seed % 2, turn, pose[:3, :3])
-    s = (tree.entities.ends - look) @ pose[:3, :3]
+    y = rng.uniform(0.1, 1.0, len(EDGES))
+    space, turn = space_for(judge, regions), rng.uniform(-1, 1, 3)
+    view, look = space.view, np.array(size) / 2
+    pose = pose_of(view, seed % 2, look, turn)
+    s = (space.entities.ends - look) @ pose[:3, :3]
     best = 0.0
     for z in (s[..., 2] + view.middle - view.far).max(axis=1):
         depth = s[..., 2] - z + view.middle
@@ -119,24 +161,49 @@ def test_the_heaviest_windows_are_those_of_the_heaviest_pose(seed):
         for x, low in itertools.product(lefts, lows):
             eye = pose.copy()
             eye[:3, 3] = look + pose[:3, :3] @ ([x, low, z] - np.array([0, 0, view.middle]))
-            ends = world_to_cam(tree.entities.ends, eye[None])
+            ends = world_to_cam(space.entities.ends, eye[None])
             ok = (focus_slacks(CAMERA, ends).min(axis=-1) >= -1e-6)[0]
             ok &= (field_of_view_slacks(CAMERA, ends, judge.requirements.field_margin_px).min(axis=-1) >= -1e-6)[0]
-            inside = np.abs(pose[:3, :3] @ [x, low, z]).max() <= 300.0
-            best = max(best, y[ok].sum() if inside else 0.0)
+            best = max(best, y[ok].sum())
     assert best > 0.0
-    assert weight[0] >= best - 1e-9
-    # the box of the point looked at, turned into the camera's axes, is a little larger
-    assert weight[0] <= best + 0.2 * y.sum()
+    part = seed % 2, np.array([look, np.full(3, 400.0), turn, np.full(3, 1e-9)])
+    assert found_in(space, part, y, 1.001 * best)[0] == PROVEN
+    outcome, _, _, inspected = found_in(space, part, y, 0.98 * best)
+    assert outcome == FOUND
+    assert y[inspected].sum() == pytest.approx(best, rel=0.02)
+
+
+def test_windows_meet_where_a_fine_grid_says():
+    """Random windows: the heaviest point of a grid is never above what may meet, and the answer yes has a witness."""
+    judge, regions = request_for(SIZES[0])
+    view = space_for(judge, regions).view
+    rng = np.random.default_rng(1)
+    room = np.array([view.tan_x, view.tan_y, 0.2]) * view.middle
+    grid = np.stack(np.meshgrid(*[np.linspace(-r, r, 25) for r in room]), axis=-1).reshape(-1, 3)
+    n_yes = 0
+    for _ in range(60):
+        m = int(rng.integers(2, 12))
+        middle, half = rng.uniform(-1, 1, (m, 3)) * room, rng.uniform(0.2, 0.8, (m, 3)) * room
+        least = np.stack([middle - half, -middle - half], axis=-1).reshape(m, 6)
+        # the upper side of z comes before the lower one
+        least[:, 4:] = least[:, 5:3:-1]
+        y = np.sort(rng.uniform(0.1, 1.0, m))[::-1]
+        own, w = np.arange(m), np.empty(3)
+        best = max(weight_at(least, own, y, point, view) for point in grid[::7])
+        assert may_exceed(least, own, y, best - 1e-9, room, view, w)
+        if may_exceed(least, own, y, best + 0.05, room, view, w):
+            n_yes += 1
+            assert weight_at(least - room.max() / 256, own, y, w, view) > best + 0.05
+    assert 0 < n_yes < 60
 
 
 def test_of_entities_that_exclude_each_other_one_counts():
     judge, regions = request_for(SIZES[0])
     y = np.linspace(1.0, 0.5, len(EDGES))
-    every = ~np.eye(len(EDGES), dtype=bool)
-    tree = tree_for(judge, regions, y, rounds=4, conflict=every)
-    tree.heavy(0.0)
-    assert tree.weight.max() == pytest.approx(1.0)
+    every = space_for(judge, regions, ~np.eye(len(EDGES), dtype=bool))
+    none = space_for(judge, regions)
+    assert all(outcome == PROVEN for outcome, _, _ in every.search(y, 1.0, 10_000))
+    assert not all(outcome == PROVEN for outcome, _, _ in none.search(y, 1.0, 10_000))
 
 
 def test_spread_weights_are_a_dual_of_the_cover():
@@ -153,10 +220,23 @@ def test_weights_raise_the_bound_but_not_above_what_poses_reach():
     judge, regions = request_for(SIZES[1])
     columns = judge(random_poses(judge, 20_000, seed=2)).inspects
     columns = columns[columns.any(axis=1)]
-    none = np.zeros((12, 12), dtype=bool)
-    bound, made = raise_bound(judge, np.arange(12), regions, none, columns, 1, 12, max_nodes=20_000, progress=None)
-    assert 2 <= bound <= len(min_cover(columns).chosen)
-    assert made <= 20_000
+    fewest = len(min_cover(columns).chosen)
+    linear = LinearBound(space_for(judge, regions), columns)
+    assert 2 <= linear.raise_from(1, 12, max_nodes=200_000) <= fewest
+    again = LinearBound(space_for(judge, regions), columns)
+    again.raise_from(1, 12, max_nodes=200_000)
+    assert again.made == linear.made
+
+
+def test_a_pose_that_weighs_too_much_changes_the_weights():
+    """Told of single edges only, the bound starts from weights of one each, which no view that sees two allows."""
+    judge, regions = request_for(SIZES[1])
+    linear = LinearBound(space_for(judge, regions), np.eye(len(EDGES), dtype=bool))
+    bound = linear.raise_from(3, 12, max_nodes=300_000)
+    seen = judge(random_poses(judge, 20_000, seed=2)).inspects
+    assert len(linear.columns) > len(EDGES)
+    assert linear.columns[len(EDGES) :].sum(axis=1).min() > 1
+    assert 3 <= bound <= len(min_cover(seen[seen.any(axis=1)]).chosen)
 
 
 def test_depth_without_end_is_cut_at_the_size_of_the_workspace():
