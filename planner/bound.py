@@ -42,8 +42,8 @@ _COVER_NODES = 2000
 # for each number of settings, one integer cover in each of so many rounds, then in every so many
 _COVER_ROUNDS = 20
 _ROUNDS_PER_COVER = 10
-# of all nodes, those that have boxes of positions: what pairs that exclude each other decide is soon proven
-_SHARE = 0.008
+# nodes that have boxes of positions, at most: what pairs that exclude each other decide is soon proven
+_FIRST_NODES = 32_000
 # nodes smaller than this angle (seen from the camera, rad) are not split further
 _FINEST_RAD = 2e-3
 
@@ -81,7 +81,7 @@ def lower_bound(judge, entity_idx, n_settings: int, columns, *, max_nodes: int, 
     weights = _Weights(np.asarray(columns, dtype=bool))
     target, rounds = 2, 0
     guide = fractional_cover(columns)[1]
-    while target <= n_settings and tree.made < _SHARE * max_nodes:
+    while target <= n_settings and tree.made < min(_FIRST_NODES, max_nodes):
         rounds += 1
         sets_first = rounds <= _COVER_ROUNDS or rounds % _ROUNDS_PER_COVER == 0
         heavy = _to_split(tree, weights.solve(tree.sets), target) if sets_first else _above(tree, guide, target)
@@ -93,12 +93,12 @@ def lower_bound(judge, entity_idx, n_settings: int, columns, *, max_nodes: int, 
         tree.split(heavy, sets_first)
         report(progress, min(tree.made, max_nodes), max_nodes, "lower bound")
     linear = LinearBound(PoseSpace(judge, entity_idx, regions, conflict), columns)
-    bound = linear.raise_from(target - 1, n_settings, max_nodes=max_nodes - tree.made, progress=progress)
+    bound = linear.raise_from(target - 1, n_settings, max_nodes=max(0, max_nodes - tree.made), progress=progress)
     report(progress, max_nodes, max_nodes, "lower bound")
-    n_pairs = int(conflict.sum()) // 2
+    pairs = int(conflict.sum()) // 2
     return bound, (
         f"Covering by optimistic columns: {tree.made + linear.made} boxes of camera poses were checked against "
-        f"necessary conditions (visibility, focus, sensor size, length of the image), and {n_pairs} pairs of edges were "
+        f"necessary conditions (visibility, focus, sensor size, length of the image), and {pairs} pairs of edges were "
         "found to exclude each other."
     )
 

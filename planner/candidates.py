@@ -150,7 +150,10 @@ def _improve(
     """Breed from the most promising poses; return the next parents."""
     at_random = pool.poses[rng.integers(len(pool), size=_PARENTS // 4)]
     worthy = pool.poses[np.argsort(-(pool.membership @ prices), kind="stable")[: _PARENTS // 4]]
-    parents = np.concatenate([breed, at_random, worthy])
+    # what is nearly inspected and worth more than 1 would improve the cover if only the pose were put right
+    hopeful = np.flatnonzero(near.membership @ prices > 1.0)
+    hopeful = near.poses[hopeful[rng.permutation(len(hopeful))[: _PARENTS // 2]]]
+    parents = np.concatenate([breed, at_random, worthy, hopeful])
     children = perturbed(np.repeat(parents, _CHILDREN, axis=0), shared.value.camera.focus_distance_mm, rng)
     # batches of one size, whoever judges them: the last digits must not depend on the executor
     batches = [(shared, children[i : i + _BATCH], prices) for i in range(0, len(children), _BATCH)]
