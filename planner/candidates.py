@@ -12,7 +12,7 @@ import hashlib
 import numpy as np
 
 from planner.columns import ColumnPool, Judge, Judgement
-from planner.cover import columns_of_covers, cover_within, fractional_cover
+from planner.cover import fractional_cover, greedy_cover
 from planner.pose import look_at
 from planner.progress import report
 from planner.sampling import ViewpointSampler, cells_of
@@ -26,7 +26,6 @@ _BATCH = 768
 _ROUNDS_PER_CHECK = 10
 _CHECKS = 5
 _GAIN = 2e-3
-_COVER_NODES = 50
 
 
 def column_seed(seed: int, names) -> int:
@@ -138,10 +137,8 @@ def _is_settled(values: list[float], membership: np.ndarray, left: int) -> bool:
     if gain <= _GAIN * values[-1]:
         return True
     fewest = int(np.ceil(values[-1] - 1e-6))
-    if values[-1] - gain * left / (_CHECKS * _ROUNDS_PER_CHECK) <= fewest - 1:
-        return False
-    usable = membership[columns_of_covers(membership, fewest)]
-    return usable.any(axis=0).all() and cover_within(usable, fewest, node_limit=_COVER_NODES)[0] is not None
+    hopeless = values[-1] - gain * left / (_CHECKS * _ROUNDS_PER_CHECK) > fewest - 1
+    return hopeless and len(greedy_cover(membership)) <= fewest
 
 
 def _improve(

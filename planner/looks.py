@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import itertools
 from collections import deque
-from collections.abc import Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import closing
 
 import numpy as np
@@ -35,6 +35,7 @@ _SLACK = 1e-6
 # the space of poses is searched in so many parts, some at a time
 _PARTS = 256
 _THREADS = 2
+_TICK_S = 0.5
 
 
 def view_of(judge: Judge) -> View:
@@ -85,8 +86,20 @@ class PoseSpace:
         root = np.array([(low + high) / 2, (high - low) / 2, np.zeros(3), np.ones(3)])
         self.parts = [(chart, part) for chart in (0, 1) for part in _cut(root, _PARTS // 2)]
 
-    def search(self, y: np.ndarray, limit: float, max_nodes: int) -> Iterator[tuple[int, int, np.ndarray]]:
+    def search(
+        self, y: np.ndarray, limit: float, max_nodes: int, tick: Callable[[], None] | None = None
+    ) -> Iterator[tuple[int, int, np.ndarray]]:
         """Search part after part for a pose that inspects a weight above a limit.
+
+        Parameters
+        ----------
+        y : array (e,)
+            Weights.
+        limit : float
+        max_nodes : int
+            Boxes looked at in a part, at most.
+        tick : callable, optional
+            Called about twice a second; an exception it raises ends the search.
 
         Yields
         ------
@@ -100,19 +113,22 @@ class PoseSpace:
         order = np.argsort(-y, kind="stable")[: int((y > 0).sum())]
         stop = np.zeros(1, dtype=bool)
 
-        def look(chart, part):
+        def look(chart, part, most=max_nodes):
             pose, inspected = np.empty((4, 4)), np.zeros(len(y), dtype=bool)
-            request = self.entities, self.view, self.conflict, y, limit, max_nodes
+            request = self.entities, self.view, self.conflict, y, limit, most
             return *search(part, chart, order, *request, stop, pose, inspected), inspected
+
+        # compiled before the threads need it
+        look(*self.parts[0], most=0)
 
         waiting: deque[Future] = deque()
         with ThreadPoolExecutor(_THREADS) as pool:
             try:
                 parts = iter(self.parts)
-                # compiled before the threads need it
-                yield look(*next(parts))
                 waiting.extend(pool.submit(look, *part) for part in itertools.islice(parts, 2 * _THREADS))
                 while waiting:
+                    while tick is not None and not wait([waiting[0]], _TICK_S).done:
+                        tick()
                     yield waiting.popleft().result()
                     waiting.extend(pool.submit(look, *part) for part in itertools.islice(parts, 1))
             finally:
@@ -187,11 +203,15 @@ class LinearBound:
     def _sweep(self, y: np.ndarray, limit: float, max_nodes: int, progress) -> tuple[int, int, np.ndarray]:
         """Search part after part until something else than a proof comes out; return the last part's outcome."""
         done = []
-        with closing(self.space.search(y, limit, max_nodes - self.made)) as results:
+
+        def tick() -> None:
+            report(progress, min(self.made, max_nodes), max_nodes, "lower bound")
+
+        with closing(self.space.search(y, limit, max_nodes - self.made, tick)) as results:
             for result in results:
                 done.append(result)
                 self.made += result[1]
-                report(progress, min(self.made, max_nodes), max_nodes, "lower bound")
+                tick()
                 if result[0] != PROVEN or self.made >= max_nodes:
                     break
         return done[-1][0], len(done) - 1, done[-1][2]

@@ -228,6 +228,22 @@ def test_weights_raise_the_bound_but_not_above_what_poses_reach():
     assert again.made == linear.made
 
 
+def test_the_search_can_be_cancelled_within_a_part(monkeypatch):
+    monkeypatch.setattr("planner.looks._TICK_S", 0.0)
+    judge, regions = request_for(SIZES[1])
+    calls = []
+
+    def tick():
+        calls.append(len(calls))
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        for _ in space_for(judge, regions).search(np.linspace(1.0, 0.5, len(EDGES)), 1.05, 10**9, tick):
+            pass
+    assert calls == [0, 1, 2]
+
+
 def test_a_pose_that_weighs_too_much_changes_the_weights():
     """Told of single edges only, the bound starts from weights of one each, which no view that sees two allows."""
     judge, regions = request_for(SIZES[1])
