@@ -17,7 +17,7 @@ from planner.exceptions import CoverError
 _PREFERENCE = 0.5
 # bias and number of the duals that columns are left out by
 _FIXING_DUALS = 1.05, 4
-_CORE_SLACK = 0.15
+_CORE_SLACK = 0.1
 _CORE_OF_ENTITY = 5
 
 

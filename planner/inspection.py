@@ -61,7 +61,7 @@ class Effort:
     viewpoints: int = 50
     pricing_rounds: int = 100
     refutations: int = 12
-    bound_nodes: int = 4_000_000
+    bound_nodes: int = 3_000_000
     cover_nodes: int = 1000
 
 
