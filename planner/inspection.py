@@ -297,7 +297,8 @@ class _Work:
         left, enough = self.effort.refutations, None
         while left > 0 and inspected.any():
             if enough is None:
-                enough = len(self._cover(self.pool.membership[:, inspected], share=_REFUTING_SHARE))
+                realised = self.pool.membership[:, inspected]
+                enough = len(self._cover(realised, None, _REFUTING_SHARE, core_columns(realised)))
             wanted = self._wanted(inspected, enough)
             if not wanted:
                 return
@@ -311,14 +312,14 @@ class _Work:
     def _wanted(self, inspected: np.ndarray, enough: int) -> list[tuple[str, ...]]:
         """Choose a cover with optimistic columns; return the sets to realise if it is smaller than ``enough``."""
         hopeful = self.near.membership & inspected
-        kept = ~np.array([(self.refuted <= column).all(axis=1).any() for column in hopeful], dtype=bool)
-        hopeful = hopeful[kept]
+        hopeful = hopeful[[not (self.refuted <= column).all(axis=1).any() for column in hopeful]]
         both = np.concatenate([self.pool.membership, hopeful])[:, inspected]
         usable = columns_of_covers(both, enough - 1)
         if not both[usable].any(axis=0).all():
             return []
-        # of all smallest covers one with many realised columns: the fewer are left to realise, the better the chances
-        chosen = usable[self._cover(both[usable], usable < len(self.pool), _REFUTING_SHARE)]
+        # of small covers one with many realised columns: the fewer are left to realise, the better the chances
+        core = np.union1d(usable[core_columns(both[usable])], core_columns(both[: len(self.pool)]))
+        chosen = self._cover(both, core < len(self.pool), _REFUTING_SHARE, core)
         if len(chosen) >= enough:
             return []
         sure = chosen[chosen < len(self.pool)]
@@ -331,16 +332,15 @@ class _Work:
                 wanted.append(tuple(np.array(self.names)[column].tolist()))
         return wanted
 
-    def _cover(self, membership: np.ndarray, preference: np.ndarray | None = None, share: float = 1.0):
-        """Choose few columns; the solver's work is limited by counting, so that the choice is repeatable."""
-        core = core_columns(membership)
-        preference = None if preference is None else preference[core]
+    def _cover(self, membership: np.ndarray, preference, share: float, core: np.ndarray) -> np.ndarray:
+        """Choose few of the core columns; the solver's work is limited by counting: the choice is repeatable."""
         options = {"node_limit": int(share * self.effort.cover_nodes), "slack": _QUALITY_SLACK}
         return core[list(min_cover(membership[core], preference, time_limit_s=np.inf, **options).chosen)]
 
     def _settle(self, inspected: np.ndarray) -> list:
         """Choose the final cover and give every column in it the best pose that simulation supports."""
-        chosen = self._cover(self.pool.membership[:, inspected], self.pool.quality)
+        core = core_columns(self.pool.membership[:, inspected])
+        chosen = self._cover(self.pool.membership[:, inspected], self.pool.quality[core], 1.0, core)
         sets = [tuple(np.array(self.names)[self.pool.membership[c]].tolist()) for c in chosen]
         settings = []
         for c, names, outcome in zip(chosen, sets, self._realise(sets), strict=True):
