@@ -62,7 +62,7 @@ def lower_bound(judge, entity_idx, n_settings: int, columns, *, max_nodes: int, 
     columns : array of bool (c, e)
         Columns known to be realisable; they start the weights.
     max_nodes : int
-        Nodes of the subdivision at most.
+        Boxes of poses; after as many no other part of the pose space is begun.
     progress : callable, optional
 
     Returns

@@ -53,7 +53,7 @@ class Effort:
     refutations : int
         Optimistic columns that the genetic algorithm tries to realise, at most.
     bound_nodes : int
-        Nodes of the search tree behind the lower bound, at most.
+        Boxes of poses behind the lower bound; after as many no other part of the pose space is begun.
     cover_nodes : int
         Nodes of the integer programming solver for one cover, at most; a tenth while optimistic ones are tried.
     """

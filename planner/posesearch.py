@@ -112,13 +112,12 @@ def search(box, chart, order, entities, view, conflict, y, limit, max_nodes, sto
         look[:] = stack.look[size] + work.matrix @ w
         if _try_pose(stack, size, look, work, entities, view, limit, pose, inspected):
             return FOUND, made
-        axis = np.argmax(work.scores)
-        widest = np.argmax(stack.half[size])
-        if stack.half[size, widest] > _LOOK_SHARE * view.tan_x * view.middle:
-            axis = widest
-        if size + 2 > _LEVELS or work.scores[axis] < _FINEST * total:
+        axis, widest = np.argmax(work.scores), np.argmax(stack.half[size])
+        wide = stack.half[size, widest] > _LOOK_SHARE * view.tan_x * view.middle
+        if size + 2 > _LEVELS or not (wide or work.scores[axis] >= _FINEST * total):
             outcome = UNRESOLVED
             continue
+        axis = widest if wide else axis
         _halve(stack, size, axis, look)
         size += 2
     return outcome, made

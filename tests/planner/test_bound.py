@@ -226,6 +226,10 @@ def test_weights_raise_the_bound_but_not_above_what_poses_reach():
     again = LinearBound(space_for(judge, regions), columns)
     again.raise_from(1, 12, max_nodes=200_000)
     assert again.made == linear.made
+    # no part is begun after so many boxes, and none takes more than that itself
+    few = LinearBound(space_for(judge, regions), columns)
+    assert few.raise_from(1, 12, max_nodes=500) <= fewest
+    assert few.made <= 2 * 500
 
 
 def test_the_search_can_be_cancelled_within_a_part(monkeypatch):
