@@ -19,13 +19,13 @@ import numpy as np
 from numba import njit
 
 from planner.necessary import least_image_mm
+from planner.tasks import THREADS
 
 # cells that overlap by less than this are apart: no robot aims that finely
 _OVERLAP_MM = 1e-3
 _FINEST_MM = 0.5
 _MOST_BOXES = 200_000
 _STACK = 256
-_THREADS = 2
 
 
 def find_conflicts(judge, entity_idx, columns, regions) -> np.ndarray:
@@ -62,7 +62,7 @@ def find_conflicts(judge, entity_idx, columns, regions) -> np.ndarray:
         return not _share_viewpoint(*pair, *regions.arrays, ends[pair].reshape(-1, 3), limits)
 
     pairs = np.argwhere(np.triu(~conflict & ~together, k=1))
-    with ThreadPoolExecutor(_THREADS) as pool:
+    with ThreadPoolExecutor(THREADS) as pool:
         found = pairs[np.fromiter(pool.map(excludes, pairs), bool, len(pairs))]
     conflict[found[:, 0], found[:, 1]] = conflict[found[:, 1], found[:, 0]] = True
     return conflict

@@ -236,7 +236,7 @@ def core_columns(membership) -> np.ndarray:
     """Return the columns worth looking at for a small cover; they contain every entity.
 
     Those of least reduced cost (the core problem of large set covers; Caprara, Fischetti & Toth 1999). Integer
-    programming takes a tenth of the time on them, and finds covers that are as small, though that is no proof.
+    programming is much quicker on them. That the smallest cover is among them is likely, not proven.
 
     Parameters
     ----------

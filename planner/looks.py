@@ -26,6 +26,7 @@ from planner.necessary import least_image_mm
 from planner.posebox import Entities, View
 from planner.posesearch import FOUND, PROVEN, search
 from planner.progress import report
+from planner.tasks import THREADS
 
 _DUALS = 8
 # duals are looked for that maximise the weights times factors from 1 to this
@@ -34,7 +35,6 @@ _LEAST_WEIGHT = 1e-3
 _SLACK = 1e-6
 # the space of poses is searched in so many parts, some at a time
 _PARTS = 256
-_THREADS = 2
 _TICK_S = 0.5
 
 
@@ -122,10 +122,10 @@ class PoseSpace:
         look(*self.parts[0], most=0)
 
         waiting: deque[Future] = deque()
-        with ThreadPoolExecutor(_THREADS) as pool:
+        with ThreadPoolExecutor(THREADS) as pool:
             try:
                 parts = iter(self.parts)
-                waiting.extend(pool.submit(look, *part) for part in itertools.islice(parts, 2 * _THREADS))
+                waiting.extend(pool.submit(look, *part) for part in itertools.islice(parts, 2 * THREADS))
                 while waiting:
                     while tick is not None and not wait([waiting[0]], _TICK_S).done:
                         tick()

@@ -12,6 +12,7 @@ from numba import njit
 
 from planner.conflicts import Cells, sensor_tangents
 from planner.necessary import least_image_mm
+from planner.stabbing import exclusive_groups
 
 _BATCH = 6000
 _EPS = 1e-9
@@ -299,20 +300,11 @@ def _consistent_weights(center, radius, axes, turns, ends, angle, room, conflict
     for k in range(len(sets)):
         members = order[sets[k][order]]
         excludes = _exclusions(members, center[k], radius[k], axes[k], turns[k], ends, angle, room, conflict)
-        group = np.full(len(members), -1)
+        group = np.empty(len(members), np.int64)
+        exclusive_groups(np.arange(len(members)), excludes, group)
         n_groups = 0
         for e in range(len(members)):
-            for g in range(n_groups):
-                fits = True
-                for f in range(e):
-                    if group[f] == g and not excludes[e, f]:
-                        fits = False
-                        break
-                if fits:
-                    group[e] = g
-                    break
-            if group[e] < 0:
-                group[e] = n_groups
+            if group[e] == n_groups:
                 n_groups += 1
                 result[k] += y[members[e]]
     return result

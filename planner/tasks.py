@@ -13,6 +13,9 @@ from collections.abc import Callable, Iterable, Iterator
 _received: dict[str, object] = {}
 _MOST_RECEIVED = 4
 
+# of compiled loops that release the interpreter's lock; no result depends on it
+THREADS = 2
+
 
 class Shared:
     """A value that many tasks share: packed once, and unpacked once by every process that gets it.
