@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from planner.camera import Camera, camera_names
     from planner.cover import Cover, is_cover, min_cover
+    from planner.defaults import default_workspace
     from planner.exceptions import (
         CameraError,
         CoverError,
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
         UncertaintyError,
     )
     from planner.export import write_poses
-    from planner.inspection import Effort, default_workspace, plan_inspection
+    from planner.inspection import Effort, plan_inspection
     from planner.plan import InspectionPlan, read_plan
     from planner.pose import PoseUncertainty, look_at
     from planner.reach import BoxRegion, MeshRegion, SphereRegion
@@ -42,6 +43,7 @@ _NAMES = {
         "is_cover",
         "min_cover",
     ),
+    "planner.defaults": ("default_workspace",),
     "planner.exceptions": (
         "CameraError",
         "CoverError",
@@ -55,7 +57,6 @@ _NAMES = {
     "planner.export": ("write_poses",),
     "planner.inspection": (
         "Effort",
-        "default_workspace",
         "plan_inspection",
     ),
     "planner.plan": (

@@ -14,7 +14,7 @@ split, some rounds long: quick where pairs that exclude each other decide. If no
 1, at least sum(y) settings are needed (linear programming duality), and only leaves of weight at least 1 - (K - sum(y))
 can be in a cover of K columns (reduced-cost fixing). Where this gets no further, weights alone go on: those of the
 columns that are known to be realisable, all leaves that weigh too much being split; of entities that exclude each other
-at a leaf's poses only one counts. In the end, boxes about the point looked at take over (`planner.looks`), which are
+at a leaf's poses only one counts. In the end, boxes about the point looked at take over (`planner.duality`), which are
 searched depth first and need no memory: far quicker where the sensor's size decides rather than visibility.
 
 S(node) uses necessary conditions only: visibility (the box meets a cell of the entity's region), distance and depth
@@ -31,7 +31,8 @@ from scipy.sparse import csr_matrix
 
 from planner.conflicts import Cells, find_conflicts
 from planner.cover import cover_within, distinct_rows, fractional_cover, maximal_columns
-from planner.looks import LinearBound, PoseSpace
+from planner.duality import LinearBound
+from planner.looks import PoseSpace
 from planner.progress import report
 from planner.sampling import cells_of
 from planner.subdivision import PoseTree
@@ -48,7 +49,9 @@ _FIRST_NODES = 32_000
 _FINEST_RAD = 2e-3
 
 
-def lower_bound(judge, entity_idx, n_settings: int, columns, *, max_nodes: int, progress=None) -> tuple[int, str]:
+def lower_bound(
+    judge, entity_idx, n_settings: int, columns, *, max_nodes: int, improve=None, progress=None
+) -> tuple[int, str]:
     """Prove how many settings are needed at least.
 
     Parameters
@@ -62,7 +65,9 @@ def lower_bound(judge, entity_idx, n_settings: int, columns, *, max_nodes: int, 
     columns : array of bool (c, e)
         Columns known to be realisable; they start the weights.
     max_nodes : int
-        Boxes of poses; after as many no other part of the pose space is begun.
+        Boxes of poses, at most.
+    improve : callable, optional
+        Is told of poses worth knowing, see `planner.duality.LinearBound`.
     progress : callable, optional
 
     Returns
@@ -92,7 +97,7 @@ def lower_bound(judge, entity_idx, n_settings: int, columns, *, max_nodes: int, 
             break
         tree.split(heavy, sets_first)
         report(progress, min(tree.made, max_nodes), max_nodes, "lower bound")
-    linear = LinearBound(PoseSpace(judge, entity_idx, regions, conflict), columns)
+    linear = LinearBound(PoseSpace(judge, entity_idx, regions, conflict), columns, improve)
     bound = linear.raise_from(target - 1, n_settings, max_nodes=max(0, max_nodes - tree.made), progress=progress)
     report(progress, max_nodes, max_nodes, "lower bound")
     pairs = int(conflict.sum()) // 2

@@ -84,7 +84,14 @@ def _targets(judge: Judge, viewpoints: np.ndarray, own: int, rng) -> np.ndarray:
 
 
 def price_poses(
-    shared: Shared, pool: ColumnPool, near: ColumnPool, seed: int, rounds: int, executor=None, progress=None
+    shared: Shared,
+    pool: ColumnPool,
+    near: ColumnPool,
+    seed: int,
+    rounds: int,
+    executor=None,
+    progress=None,
+    parents: np.ndarray | None = None,
 ) -> None:
     """Improve both pools by column generation.
 
@@ -103,10 +110,16 @@ def price_poses(
         Judges poses; the result does not depend on it.
     progress : callable, optional
         ``progress(done, total, label)``.
+    parents : array (m, 4, 4), optional
+        Poses to begin with; they join the pools.
     """
+    breed = pool.poses[:0] if parents is None else parents[:_PARENTS]
+    if parents is not None:
+        judged = shared.value(parents)
+        pool.add(judged.inspects, parents, judged.probability)
+        near.add(judged.nearly, parents, judged.probability)
     covered = pool.membership.any(axis=0)
     rng = np.random.default_rng(column_seed(seed, ["pricing"]))
-    breed = pool.poses[:0]
     values: list[float] = []
     for done in range(rounds):
         membership = pool.membership[:, covered]

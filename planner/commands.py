@@ -20,11 +20,12 @@ from aspectgraph import (
 )
 from planner import tables
 from planner.camera import Camera
+from planner.defaults import check_fraction, default_workspace
 from planner.exceptions import OutputError, RequestError
 from planner.exitcodes import DONE, INCOMPLETE
 from planner.export import write_poses
 from planner.files import check_folder, staged_folder
-from planner.inspection import check_fraction, default_workspace, plan_inspection
+from planner.inspection import plan_inspection
 from planner.plan import InspectionPlan, read_plan
 from planner.pose import PoseUncertainty
 from planner.progress import labelled, terminal_progress

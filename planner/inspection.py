@@ -4,17 +4,17 @@ The way
 -------
 1. Candidate poses are drawn from the domains and improved (`planner.candidates`). Each gives a column: what it
    inspects; and an optimistic one: what it nearly inspects.
-2. A cover by few columns is chosen from both kinds. The genetic algorithm tries to realise the optimistic ones in it;
+2. A lower bound is proven (`planner.bound`). On the way it meets poses that inspect more than the candidates do; they
+   join them.
+3. A cover by few columns is chosen from both kinds. The genetic algorithm tries to realise the optimistic ones in it;
    one that misses is refuted, with everything that contains it, and replaced by the largest part it reached. Choose
    again, until all chosen columns are realised.
-3. Every chosen column gets its own run of the genetic algorithm, for the best probabilities.
-4. A lower bound is proven without any of this (`planner.bound`).
+4. Every chosen column gets its own run of the genetic algorithm, for the best probabilities.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from numbers import Integral
 
 import numpy as np
 
@@ -24,7 +24,8 @@ from planner.candidates import column_seed, judged_poses, price_poses
 from planner.columns import ColumnPool, Judge
 from planner.constraints import Requirements
 from planner.cover import columns_of_covers, core_columns, min_cover
-from planner.exceptions import InfeasibleError, RequestError
+from planner.defaults import check_fraction, check_seed, corner_margin_px, default_workspace
+from planner.exceptions import RequestError
 from planner.plan import InspectionPlan
 from planner.pose import PoseUncertainty
 from planner.progress import labelled, report
@@ -36,6 +37,8 @@ from planner.tour import travel_order
 
 # share of what better poses can gain in the cover that is not worth the solver's time
 _QUALITY_SLACK = 0.3
+# rounds of column generation from poses that the proof of the lower bound has come across
+_JOINED_ROUNDS = 5
 # of `Effort.cover_nodes`, for each cover while optimistic columns are tried
 _REFUTING_SHARE = 0.1
 
@@ -53,7 +56,7 @@ class Effort:
     refutations : int
         Optimistic columns that the genetic algorithm tries to realise, at most.
     bound_nodes : int
-        Boxes of poses behind the lower bound; after as many no other part of the pose space is begun.
+        Boxes of poses behind the lower bound, at most.
     cover_nodes : int
         Nodes of the integer programming solver for one cover, at most; a tenth while optimistic ones are tried.
     """
@@ -61,7 +64,7 @@ class Effort:
     viewpoints: int = 50
     pricing_rounds: int = 100
     refutations: int = 12
-    bound_nodes: int = 3_000_000
+    bound_nodes: int = 10_000_000
     cover_nodes: int = 1000
 
 
@@ -157,60 +160,6 @@ def plan_inspection(
     return plan
 
 
-def default_workspace(solid, camera: Camera) -> np.ndarray:
-    """Return the box (2, 3) around a part from whose walls the lens can just focus on it, mm."""
-    size = float(np.linalg.norm(solid.bounds[1] - solid.bounds[0]))
-    distance = min(camera.depth_of_field_mm[1] / np.cos(camera.half_diagonal_rad), 10 * camera.focus_distance_mm)
-    return solid.bounds + np.array([[-1.0], [1.0]]) * max(distance, size)
-
-
-def corner_margin_px(camera: Camera, pose_uncertainty: PoseUncertainty, sigmas: float = 4.0) -> float:
-    """Return the strip along the sensor's sides that pose uncertainty cannot take an image point across.
-
-    An end that leaves the image cannot be measured, whatever its probability of being measured accurately. A camera
-    moved by t and turned by phi moves the image (u, v) of a point at depth z, in units of the image distance, by
-    (-t_x/z + u t_z/z + u v phi_x - (1 + u^2) phi_y + v phi_z, likewise down). The worst corner at the nearest depth
-    counts.
-
-    Parameters
-    ----------
-    camera : Camera
-    pose_uncertainty : PoseUncertainty
-    sigmas : float
-        Width of the strip in standard deviations.
-
-    Returns
-    -------
-    float
-        Pixels; at most a quarter of the sensor's smaller side, so that something of it is left.
-    """
-    z, widest = camera.depth_of_field_mm[0], 0.0
-    half = np.array(camera.sensor_size_mm) / 2 / camera.image_distance_mm
-    for u, v in half * [[1, 1], [1, -1]]:
-        across = [-1 / z, 0, u / z, u * v, -(1 + u * u), v]
-        down = [0, -1 / z, v / z, 1 + v * v, -u * v, -u]
-        for row, pitch in zip((across, down), camera.pixel_pitch_mm, strict=True):
-            variance = np.array(row) @ pose_uncertainty.covariance @ row
-            widest = max(widest, camera.image_distance_mm / pitch * float(np.sqrt(max(variance, 0.0))))
-    return min(sigmas * widest, min(camera.resolution) / 4)
-
-
-def check_fraction(name: str, value) -> float:
-    """Return a number in (0, 1) or raise `RequestError`."""
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0 < value < 1:
-        raise RequestError(f"{name} must be in (0, 1). Got {value!r}.")
-    return float(value)
-
-
-def check_seed(rng) -> int:
-    """Return a seed: the integer itself, or one drawn from the generator."""
-    if isinstance(rng, np.random.Generator):
-        return int(rng.integers(2**31))
-    if isinstance(rng, bool) or not isinstance(rng, Integral) or rng < 0:
-        raise RequestError(f"rng must be a non-negative integer or a numpy Generator. Got {rng!r}.")
-    return int(rng)
-
-
 def _request(judge: Judge, pose_uncertainty: PoseUncertainty, seed: int) -> dict:
     """Return what the outcome of a genetic algorithm run depends on, apart from the set of entities."""
     need = judge.requirements
@@ -243,6 +192,7 @@ class _Work:
         self.names = judge.names
         self.pool, self.near = ColumnPool(len(self.names)), ColumnPool(len(self.names))
         self.refuted, self.runs = np.zeros((0, len(self.names)), dtype=bool), 0
+        self.joined = 0
 
     def plan(self) -> InspectionPlan:
         """Do all steps."""
@@ -252,13 +202,13 @@ class _Work:
         price_poses(
             self.shared, self.pool, self.near, self.seed, self.effort.pricing_rounds, self.executor, self.progress
         )
+        bound, proof = self._bound()
         inspected = self.pool.membership.any(axis=0)
-        self._refute(inspected)
+        self._refute(inspected, bound)
         settings = self._settle(inspected)
         # a later run may have come across a view of one that had none of its own
         seen = set().union(*(setting.entities for setting in settings))
         uninspectable = {name: reason for name, reason in uninspectable.items() if name not in seen}
-        bound, proof = self._bound(inspected, len(settings))
         order = travel_order(np.array([s.cam2world for s in settings]).reshape(-1, 4, 4))
         return InspectionPlan(
             settings=tuple(settings[i] for i in order),
@@ -292,14 +242,14 @@ class _Work:
                 reasons[name] = reason_for(outcome, self.judge.threshold)
         return reasons
 
-    def _refute(self, inspected: np.ndarray) -> None:
-        """Try to do with fewer settings by optimistic columns; refute what cannot be realised."""
+    def _refute(self, inspected: np.ndarray, bound: int) -> None:
+        """Try to do with fewer settings, not below the bound, by optimistic columns; refute what cannot be realised."""
         left, enough = self.effort.refutations, None
         while left > 0 and inspected.any():
             if enough is None:
                 realised = self.pool.membership[:, inspected]
                 enough = len(self._cover(realised, None, _REFUTING_SHARE, core_columns(realised)))
-            wanted = self._wanted(inspected, enough)
+            wanted = self._wanted(inspected, enough) if enough > bound else []
             if not wanted:
                 return
             wanted, left = wanted[:left], left - len(wanted)
@@ -386,15 +336,24 @@ class _Work:
                 return pool.poses[best : best + 1]
         return None
 
-    def _bound(self, inspected: np.ndarray, n_settings: int) -> tuple[int, str]:
+    def _bound(self) -> tuple[int, str]:
+        """Prove a lower bound; poses that the proof comes across join the pools."""
+        inspected = self.pool.membership.any(axis=0)
+        realised = self.pool.membership[:, inspected]
+        known = len(self._cover(realised, None, _REFUTING_SHARE, core_columns(realised))) if inspected.any() else 0
+
+        def improve(poses: np.ndarray) -> np.ndarray:
+            self.joined += 1
+            seed = column_seed(self.seed, ["joined", str(self.joined)])
+            price_poses(self.shared, self.pool, self.near, seed, _JOINED_ROUNDS, self.executor, parents=poses)
+            return self.pool.membership[:, inspected]
+
         return lower_bound(
             self.judge,
             np.flatnonzero(inspected),
-            n_settings,
-            self.pool.membership[:, inspected],
+            known,
+            realised,
             max_nodes=self.effort.bound_nodes,
+            improve=improve,
             progress=self.progress,
         )
-
-
-__all__ = ["Effort", "InfeasibleError", "check_fraction", "check_seed", "default_workspace", "plan_inspection"]

@@ -1,12 +1,6 @@
-"""The linear part of the lower bound: weights that no single pose exceeds.
+"""The space of all camera poses, in boxes about the point looked at, searched part by part for poses worth too much.
 
-The entities get weights y >= 0. If no pose inspects more than W of them, sum(y) / W settings are needed at least
-(linear programming duality). The space of poses, in boxes about the point looked at (`planner.posebox`), is searched
-for a pose that inspects more than the next number of settings allows (`planner.posesearch`). If there is none, that
-number is proven. If there is one, what it inspects is added to the columns that the weights come from, and they are
-computed anew. They are the mean of several optimal duals of the cover by these columns: a single one rests on few
-entities, so that a box either holds one more of them or does not, where with the mean every bit that it is smaller
-tells.
+Boxes: `planner.posebox`. The search of one part: `planner.posesearch`. What it is for: `planner.duality`.
 """
 
 from __future__ import annotations
@@ -15,27 +9,22 @@ import itertools
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from contextlib import closing
+from typing import NamedTuple
 
 import numpy as np
 
 from planner.columns import Judge
 from planner.conflicts import Cells, sensor_tangents
-from planner.cover import maximal_columns, mean_dual
 from planner.necessary import least_image_mm
 from planner.posebox import Entities, View
-from planner.posesearch import FOUND, PROVEN, search
-from planner.progress import report
+from planner.posesearch import FOUND, search
 from planner.tasks import THREADS
 
-_DUALS = 8
-# duals are looked for that maximise the weights times factors from 1 to this
-_BIAS = 1.5
-_LEAST_WEIGHT = 1e-3
-_SLACK = 1e-6
 # the space of poses is searched in so many parts, some at a time
 _PARTS = 256
 _TICK_S = 0.5
+# what a pose found inspects counts this share of the limit from then on
+_LESS = 0.999
 
 
 def view_of(judge: Judge) -> View:
@@ -55,12 +44,25 @@ def view_of(judge: Judge) -> View:
     return View(*map(float, (near, far, middle, tan_x, tan_y, radius, ratio)))
 
 
-def spread_weights(columns: np.ndarray) -> np.ndarray:
-    """Return weights (e,) of entities, the heaviest of the columns (c, e) weighing 1; small ones are made 0."""
-    columns = columns[maximal_columns(columns)]
-    y = mean_dual(columns, _BIAS, _DUALS)
-    y[y < _LEAST_WEIGHT] = 0.0
-    return y / (columns @ y).max()
+class Found(NamedTuple):
+    """What comes out of a part of the space of poses.
+
+    Attributes
+    ----------
+    outcome : int
+        See `planner.posesearch.search`; FOUND if there is any pose.
+    made : int
+        Boxes looked at.
+    poses : array (f, 4, 4)
+        Poses that inspect more than the limit, camera to part.
+    sets : array of bool (f, e)
+        What they inspect.
+    """
+
+    outcome: int
+    made: int
+    poses: np.ndarray
+    sets: np.ndarray
 
 
 class PoseSpace:
@@ -87,9 +89,9 @@ class PoseSpace:
         self.parts = [(chart, part) for chart in (0, 1) for part in _cut(root, _PARTS // 2)]
 
     def search(
-        self, y: np.ndarray, limit: float, max_nodes: int, tick: Callable[[], None] | None = None
-    ) -> Iterator[tuple[int, int, np.ndarray]]:
-        """Search part after part for a pose that inspects a weight above a limit.
+        self, y: np.ndarray, limit: float, max_nodes: int, tick: Callable[[], None] | None = None, *, parts=None, most=1
+    ) -> Iterator[Found]:
+        """Search part after part for poses that inspect a weight above a limit.
 
         Parameters
         ----------
@@ -100,43 +102,56 @@ class PoseSpace:
             Boxes looked at in a part, at most.
         tick : callable, optional
             Called about twice a second; an exception it raises ends the search.
+        parts : sequence of int, optional
+            The parts to be searched, as indices of ``parts``. Default: all.
+        most : int
+            Poses to be found in a part, at most. Once one is found, what it inspects counts less in this part, so that
+            the next one inspects something else.
 
         Yields
         ------
-        outcome : int
-            See `planner.posesearch.search`.
-        made : int
-            Boxes looked at in this part.
-        inspected : array of bool (e,)
-            What the pose found inspects.
+        Found
+            What comes out of each part, in their order.
         """
-        order = np.argsort(-y, kind="stable")[: int((y > 0).sum())]
         stop = np.zeros(1, dtype=bool)
 
-        def look(chart, part, most=max_nodes):
-            pose, inspected = np.empty((4, 4)), np.zeros(len(y), dtype=bool)
-            request = self.entities, self.view, self.conflict, y, limit, most
-            return *search(part, chart, order, *request, stop, pose, inspected), inspected
+        def look(k, max_nodes=max_nodes):
+            return self._search_part(k, y, limit, max_nodes, most, stop)
 
         # compiled before the threads need it
-        look(*self.parts[0], most=0)
+        look(0, max_nodes=0)
 
         waiting: deque[Future] = deque()
         with ThreadPoolExecutor(THREADS) as pool:
             try:
-                parts = iter(self.parts)
-                waiting.extend(pool.submit(look, *part) for part in itertools.islice(parts, 2 * THREADS))
+                todo = iter(range(len(self.parts)) if parts is None else parts)
+                waiting.extend(pool.submit(look, k) for k in itertools.islice(todo, 2 * THREADS))
                 while waiting:
                     while tick is not None and not wait([waiting[0]], _TICK_S).done:
                         tick()
                     yield waiting.popleft().result()
-                    waiting.extend(pool.submit(look, *part) for part in itertools.islice(parts, 1))
+                    waiting.extend(pool.submit(look, k) for k in itertools.islice(todo, 1))
             finally:
                 stop[0] = True
 
-    def begin_with(self, part: int) -> None:
-        """Search a part first from now on: where one pose was too heavy, others are likely to be."""
-        self.parts.insert(0, self.parts.pop(part))
+    def _search_part(self, k: int, y: np.ndarray, limit: float, max_nodes: int, most: int, stop: np.ndarray) -> Found:
+        chart, part = self.parts[k]
+        y, made = y.copy(), 0
+        poses, sets = [], []
+        while True:
+            pose, inspected = np.eye(4), np.zeros(len(y), dtype=bool)
+            order = np.argsort(-y, kind="stable")[: int((y > 0).sum())]
+            request = self.entities, self.view, self.conflict, y, limit, max_nodes - made, stop
+            outcome, n = search(part, chart, order, *request, pose, inspected)
+            made += n
+            if outcome == FOUND:
+                poses.append(pose)
+                sets.append(inspected)
+                y[inspected] *= _LESS * limit / y[inspected].sum()
+            if outcome != FOUND or len(poses) == most or made >= max_nodes:
+                break
+        sets = np.array(sets, dtype=bool).reshape(-1, len(y))
+        return Found(FOUND if poses else outcome, made, np.array(poses).reshape(-1, 4, 4), sets)
 
 
 def _cut(root: np.ndarray, n: int) -> list[np.ndarray]:
@@ -161,57 +176,3 @@ def entities_of(ends: np.ndarray, regions: Cells) -> Entities:
     return Entities(
         np.ascontiguousarray(ends), lengths, planes, regions.plane_start, regions.boxes, regions.entity_start
     )
-
-
-class LinearBound:
-    """A lower bound that is raised by weights, as far as the boxes of poses allowed suffice.
-
-    Parameters
-    ----------
-    space : PoseSpace
-    columns : array of bool (c, e)
-        Columns known to be realisable; the weights start from them.
-    """
-
-    def __init__(self, space: PoseSpace, columns: np.ndarray):
-        self.space, self.columns = space, np.asarray(columns, dtype=bool)
-        self.made = 0
-
-    def raise_from(self, bound: int, n_settings: int, *, max_nodes: int, progress=None) -> int:
-        """Return what is proven, given what is proven already; at most ``n_settings``.
-
-        Looks at ``max_nodes`` boxes of poses at most in any part of the space of poses, and begins no other part once
-        that many were looked at in all.
-        """
-        y = spread_weights(self.columns)
-        while bound < n_settings and self.made < max_nodes:
-            limit = float(y.sum()) / bound - _SLACK
-            if limit <= 1.0:
-                # sum(y) is all that weights can prove
-                break
-            outcome, part, inspected = self._sweep(y, limit, max_nodes, progress)
-            if outcome == PROVEN and part + 1 == len(self.space.parts):
-                bound += 1
-            elif outcome == FOUND:
-                self.space.begin_with(part)
-                self.columns = np.concatenate([self.columns, inspected[None]])
-                y = spread_weights(self.columns)
-            else:
-                break
-        return bound
-
-    def _sweep(self, y: np.ndarray, limit: float, max_nodes: int, progress) -> tuple[int, int, np.ndarray]:
-        """Search part after part until something else than a proof comes out; return the last part's outcome."""
-        done = []
-
-        def tick() -> None:
-            report(progress, min(self.made, max_nodes), max_nodes, "lower bound")
-
-        with closing(self.space.search(y, limit, max_nodes - self.made, tick)) as results:
-            for result in results:
-                done.append(result)
-                self.made += result[1]
-                tick()
-                if result[0] != PROVEN or self.made >= max_nodes:
-                    break
-        return done[-1][0], len(done) - 1, done[-1][2]

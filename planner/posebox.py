@@ -101,20 +101,25 @@ def extent(matrix, h, t, room):
 
 
 @njit(cache=True, nogil=True)
-def window(ends, q, v, u, matrix, n, t, nu, view, room, least, weight, scores):
-    """Write the least values (6,) of the forms -n.w that both ends of an entity allow.
-
-    In the order of w's coordinates: x - tan_x z and -x - tan_x z, the same for y, then -z and z. To ``scores`` (6,) is
-    added, times the weight, what each coordinate of the box does to the sides of the window that cut the room, as a
-    share of how wide the view is.
-    """
-    s = np.empty((2, 3))
-    second = np.empty(2)
+def seen_from(ends, q, matrix, s):
+    """Write s (2, 3) for the ends of an entity."""
     for i in range(2):
         for j in range(3):
             s[i, j] = 0.0
             for k in range(3):
                 s[i, j] += matrix[k, j] * (ends[i, k] - q[k])
+
+
+@njit(cache=True, nogil=True)
+def window(s, far, v, u, n, t, nu, view, room, least, weight, scores):
+    """Write the least values (6,) of the forms -n.w that both ends of an entity, as deep as ``far`` (2,), allow.
+
+    In the order of w's coordinates: x - tan_x z and -x - tan_x z, the same for y, then -z and z. To ``scores`` (6,) is
+    added, times the weight, what each coordinate of the box does to the sides of the window that cut the room, as a
+    share of how wide the view is.
+    """
+    second = np.empty(2)
+    for i in range(2):
         second[i] = min(2.0 * (t * t + t * nu), 2.0) * math.sqrt(s[i, 0] ** 2 + s[i, 1] ** 2 + s[i, 2] ** 2)
     first, most = np.empty(3), np.empty(3)
     for c in range(6):
@@ -127,7 +132,8 @@ def window(ends, q, v, u, matrix, n, t, nu, view, room, least, weight, scores):
             first[1] = 2.0 / n * abs(g1 + v[2] * g0 - v[0] * g2) * u[1]
             first[2] = 2.0 / n * abs(g2 + v[0] * g1 - v[1] * g0) * u[2]
             rest = size * second[i]
-            value = -(k + n0 * s[i, 0] + n1 * s[i, 1] + n2 * s[i, 2])
+            k_end = far[i] - view.middle if c == 5 else k
+            value = -(k_end + n0 * s[i, 0] + n1 * s[i, 1] + n2 * s[i, 2])
             value -= first[0] + first[1] + first[2] + rest + _EPS
             if value > least[c]:
                 least[c] = value
@@ -187,6 +193,48 @@ def too_short(ends, length, c, radius, view):
         distance = math.sqrt((ends[i, 0] - c[0]) ** 2 + (ends[i, 1] - c[1]) ** 2 + (ends[i, 2] - c[2]) ** 2)
         depth *= max(view.near, (distance - radius) / math.sqrt(1.0 + view.tan_x**2 + view.tan_y**2))
     return area + radius * length < view.length_ratio * depth * (1.0 - _EPS)
+
+
+@njit(cache=True, nogil=True)
+def farthest(s, length, t, room, view, far, opened):
+    """Write how deep each end (2,) may be from any pose of a box for the image of the entity to be long enough.
+
+    With e from the one end to the other in the camera's axes, p the image of the first and z the depth of the second
+    end, the image is |e_xy - p e_z| / z long (equal to eq 16). Either end may be the first. ``opened`` (2,) becomes
+    how much of these depths is there only because the point looked at is not known, and only because the turn is not.
+    """
+    turn = min(2.0 * t, 2.0)
+    least = view.length_ratio * (1.0 - _EPS)
+    opened[:] = 0.0
+    for i in range(2):
+        a, b = s[i], s[1 - i]
+        moved = turn * math.sqrt(a[0] ** 2 + a[1] ** 2 + a[2] ** 2)
+        middle = a[2] + view.middle
+        depth = max(view.near, middle - room[2] - moved)
+        deepest = max(depth, min(view.far, middle + room[2] + moved))
+        left, right = _directions(a[0], room[0] + moved, depth, deepest, view.tan_x)
+        low, high = _directions(a[1], room[1] + moved, depth, deepest, view.tan_y)
+        e_x, e_y, e_z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        x = max(abs(e_x - left * e_z), abs(e_x - right * e_z))
+        y = max(abs(e_y - low * e_z), abs(e_y - high * e_z))
+        across = math.sqrt(x * x + y * y)
+        # e is turned by so much, and is never longer
+        whole = length * math.sqrt(1.0 + max(left * left, right * right) + max(low * low, high * high))
+        spread = max(min(turn * whole, whole - across), 0.0)
+        far[1 - i] = min(view.far, (across + spread) / least)
+        if far[1 - i] < view.far:
+            x, y = e_x - 0.5 * (left + right) * e_z, e_y - 0.5 * (low + high) * e_z
+            opened[0] = max(opened[0], (across - math.sqrt(x * x + y * y)) / least)
+            opened[1] = max(opened[1], spread / least)
+
+
+@njit(cache=True, nogil=True)
+def _directions(x, slack, depth, deepest, tangent):
+    """Return between which tangents a point at x, give or take the slack, is seen on the sensor from these depths."""
+    low, high = x - slack, x + slack
+    left = low / (depth if low < 0.0 else deepest)
+    right = high / (depth if high > 0.0 else deepest)
+    return max(left, -tangent), min(right, tangent)
 
 
 @njit(cache=True, nogil=True)

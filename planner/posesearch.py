@@ -13,7 +13,19 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from planner.posebox import extent, is_empty, keep_cells, most_turn, out_of_range, rotation, swings, too_short, window
+from planner.posebox import (
+    extent,
+    farthest,
+    is_empty,
+    keep_cells,
+    most_turn,
+    out_of_range,
+    rotation,
+    seen_from,
+    swings,
+    too_short,
+    window,
+)
 from planner.stabbing import exclusive_groups, may_exceed, weight_at
 
 PROVEN, FOUND, UNRESOLVED, SPENT = range(4)
@@ -22,9 +34,10 @@ PROVEN, FOUND, UNRESOLVED, SPENT = range(4)
 _LEVELS = 160
 # boxes about the point looked at are first made as small as this share of half the view's width
 _LOOK_SHARE = 0.5
-# how much the length of s, and doubtful visibility, count in the choice of the coordinate
+# how much the length of s, doubtful visibility and doubtful length of the image count in the choice of the coordinate
 _LENGTH_SCORE = 0.3
 _DOUBT_SCORE = 1.0
+_MOST_SHORT = 4.0
 # boxes whose coordinates all do less than this are not halved
 _FINEST = 1e-4
 
@@ -167,15 +180,19 @@ def _tighten(stack, i, chart, entities, view, y, work):
         work.nodal[k] = q[k] - view.middle * work.matrix[k, 2]
         radius += math.sqrt(np.sum(work.swing[k] ** 2))
     work.scores[:] = 0.0
+    s, far, opened, short = np.empty((2, 3)), np.empty(2), np.empty(2), np.zeros(2)
+    deep = (view.far - view.near) / 2
     kept, at, total, doubt = 0, 0, 0.0, 0.0
     for a in range(stack.count[i]):
         e, least = stack.members[i, a], work.least[kept]
         if out_of_range(entities.ends[e], q, h, view.radius):
             continue
-        window(entities.ends[e], q, v, u, work.matrix, n, t, nu, view, work.room, least, y[e], work.scores)
-        if is_empty(least, work.room, view) or too_short(
-            entities.ends[e], entities.lengths[e], work.nodal, radius, view
-        ):
+        seen_from(entities.ends[e], q, work.matrix, s)
+        if too_short(entities.ends[e], entities.lengths[e], work.nodal, radius, view):
+            continue
+        farthest(s, entities.lengths[e], t, work.room, view, far, opened)
+        window(s, far, v, u, n, t, nu, view, work.room, least, y[e], work.scores)
+        if is_empty(least, work.room, view):
             continue
         cells = stack.cells[i, stack.start[i, a] : stack.start[i, a + 1]]
         n_cells = -1 if stack.sure[i, a] else keep_cells(entities, cells, work.nodal, h, work.swing, rest)
@@ -188,13 +205,15 @@ def _tighten(stack, i, chart, entities, view, y, work):
             at += 1
         work.y[kept] = y[e]
         doubt += y[e] if n_cells > 0 else 0.0
+        short[0] += y[e] * min(opened[0] / deep, _MOST_SHORT)
+        short[1] += y[e] * min(opened[1] / deep, _MOST_SHORT)
         total += y[e]
         kept += 1
     stack.count[i], stack.start[i, kept] = kept, at
     doubt *= _DOUBT_SCORE / (view.tan_x * view.middle)
     for k in range(3):
-        work.scores[k] = h[k] * (_LENGTH_SCORE * work.scores[k] + doubt)
-        work.scores[3 + k] += doubt * math.sqrt(np.sum(work.swing[k] ** 2))
+        work.scores[k] = h[k] * (_LENGTH_SCORE * work.scores[k] + doubt + short[0] / np.sum(h))
+        work.scores[3 + k] += doubt * math.sqrt(np.sum(work.swing[k] ** 2)) + short[1] * u[k] / np.sum(u)
     return total
 
 
@@ -218,14 +237,17 @@ def _try_pose(stack, i, look, work, entities, view, limit, pose, inspected):
     """Tell whether the pose that looks at a point with the middle rotation inspects more than the limit; write it."""
     m, total = stack.count[i], 0.0
     nodal = look - view.middle * work.matrix[:, 2]
-    zero, still = np.zeros(3), np.zeros((3, 3))
+    zero, still, s = np.zeros(3), np.zeros((3, 3)), np.empty((2, 3))
+    far, opened = np.empty(2), np.empty(2)
     one = np.empty(1, np.int32)
     inspected[:] = False
     for a in range(m):
         e = stack.members[i, a]
         if not _in_view(entities.ends[e], look, work.matrix, view):
             continue
-        if too_short(entities.ends[e], entities.lengths[e], nodal, 0.0, view):
+        seen_from(entities.ends[e], look, work.matrix, s)
+        farthest(s, entities.lengths[e], 0.0, zero, view, far, opened)
+        if s[0, 2] + view.middle > far[0] or s[1, 2] + view.middle > far[1]:
             continue
         for c in range(stack.start[i, a], stack.start[i, a + 1]):
             one[0] = stack.cells[i, c]

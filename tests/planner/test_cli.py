@@ -121,7 +121,7 @@ def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):
 
     arguments = [*PLAN[:-1], "other", "--simulate", "100"]
     with monkeypatch.context() as patch:
-        patch.setattr("planner.inspection.lower_bound", interrupt)
+        patch.setattr("planner.inspection.travel_order", interrupt)
         lines = failure(capsys, arguments, INCOMPLETE)
     assert lines[-1] == "aspectgraph: interrupted; 'plan' continues from where it was with --resume"
     assert os.listdir(folder / "other") == [commands.STATE_FILE]

@@ -17,8 +17,9 @@ from planner.bound import lower_bound
 from planner.candidates import perturbed
 from planner.columns import ColumnPool, Judge
 from planner.conflicts import Cells, find_conflicts
+from planner.defaults import default_workspace
 from planner.exceptions import PlanFileError, RequestError
-from planner.inspection import Effort, default_workspace, plan_inspection
+from planner.inspection import Effort, plan_inspection
 from planner.realise import best_supported
 from planner.simulate import simulate_setting
 from planner.state import PlanningState
@@ -121,7 +122,7 @@ def test_damaged_state_is_refused(tmp_path):
 def test_progress_names_every_stage(space):
     seen = {}
     plan_box(space, progress=lambda done, total, label: seen.setdefault(label, []).append((done, total)))
-    assert list(seen) == ["candidate poses", "column generation", "genetic algorithm", "lower bound"]
+    assert list(seen) == ["candidate poses", "column generation", "lower bound", "genetic algorithm"]
     assert all(reports[-1][0] == reports[-1][1] for reports in seen.values())
 
 
@@ -180,7 +181,7 @@ def test_no_entities_are_refused(space):
 
 
 def test_margin_keeps_displaced_corners_in_the_image():
-    from planner.inspection import corner_margin_px
+    from planner.defaults import corner_margin_px
     from planner.simulate import displaced_poses
 
     margin = corner_margin_px(CAMERA, UNCERTAINTY, sigmas=4.0)
