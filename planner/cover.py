@@ -4,6 +4,7 @@ Notation: a *column* is a set of entities that one sensor setting can inspect; `
 column c contains entity e. A cover is a set of columns that together contain every entity.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.optimize import LinearConstraint, linprog, milp
 from scipy.sparse import csr_matrix
 
 from planner.exceptions import CoverError
+from planner.tasks import THREADS
 
 # the preferences of all chosen columns together stay below this, so they can never outweigh one column
 _PREFERENCE = 0.5
@@ -209,7 +211,8 @@ def mean_dual(membership, bias: float, n: int) -> np.ndarray:
     """
     membership = check_membership(membership)
     factors = 1.0 + (bias - 1.0) * np.random.default_rng(0).random((n, membership.shape[1]))
-    weights = np.mean([fractional_cover(membership, factor)[1] for factor in factors], axis=0)
+    with ThreadPoolExecutor(THREADS) as pool:
+        weights = np.mean(list(pool.map(lambda factor: fractional_cover(membership, factor)[1], factors)), axis=0)
     return weights / max(1.0, float((membership @ weights).max(initial=0.0)))
 
 

@@ -33,7 +33,7 @@ _MORE_NODES = 4
 # so many sweeps of all parts must be possible
 _LEAST_SWEEPS = 8
 # of the boxes, for the number of settings that is aimed at first
-_SHARE_AT_FIRST = 0.75
+_SHARE_AT_FIRST = 0.88
 # no number of settings is aimed at first that needs weights to be closer to the limit
 _LEAST_LIMIT = 1.15
 # too heavy poses taken from one part at a time
@@ -46,6 +46,25 @@ def spread_weights(columns: np.ndarray) -> np.ndarray:
     y = mean_dual(columns, _BIAS, _DUALS)
     y[y < _LEAST_WEIGHT] = 0.0
     return y / (columns @ y).max()
+
+
+class _Parts:
+    """Which parts of the space of poses have a proof for the present weights.
+
+    Those that had one for earlier weights are likely to have one again, so they wait until the others are done.
+    """
+
+    def __init__(self, n: int):
+        self.proven, self.waits = np.zeros((2, n), dtype=bool)
+
+    def all_wait(self) -> bool:
+        """Tell whether all parts without a proof wait."""
+        return bool((self.proven | self.waits).all())
+
+    def renew(self) -> None:
+        """The weights or the limit are about to change."""
+        self.waits |= self.proven
+        self.proven = np.zeros_like(self.proven)
 
 
 class LinearBound:
@@ -82,27 +101,39 @@ class LinearBound:
         Looks at ``max_nodes`` boxes of poses at most. A large number of settings is aimed at first: what is found on
         the way counts for the smaller ones as well, and what is proven of a part holds for larger limits.
         """
-        every = np.arange(len(self.space.parts))
-        first = min(_FIRST_NODES, max_nodes // (_LEAST_SWEEPS * len(every)) + 1)
+        parts = _Parts(len(self.space.parts))
+        first = min(_FIRST_NODES, max_nodes // (_LEAST_SWEEPS * len(parts.proven)) + 1)
         y = self._weights()
         target = min(n_settings, max(bound, int(float(y.sum()) / _LEAST_LIMIT)) + 1)
-        left, most, allowed = every, first, _SHARE_AT_FIRST * max_nodes
+        most, allowed = first, _SHARE_AT_FIRST * max_nodes
         while bound < target:
             limit = float(y.sum()) / (target - 1) - _SLACK
+            if parts.all_wait():
+                parts.waits[:] = False
+                most = first
+            left = np.flatnonzero(~parts.proven & ~parts.waits)
             # sum(y) is all that weights can prove
             if limit <= 1.0 or self.made + most * len(left) > allowed:
-                target, most, allowed = target - 1, first, max_nodes
+                n_settings = target = target - 1
+                most, allowed = first, max_nodes
                 continue
             outcomes, poses, sets = self._sweep(left, y, limit, most, max_nodes, progress)
+            parts.proven[left] = outcomes == PROVEN
+            n_spent = int((outcomes == SPENT).sum())
+            most *= _MORE_NODES
+            if self.made + most * n_spent > allowed:
+                # what is proven for a smaller limit is proven for this one
+                n_settings = target = target - 1
+                most, allowed = first, max_nodes
             if len(sets):
                 self._learn(poses, sets)
-                y, left, most = self._weights(), every, first
-                continue
-            left, most = left[outcomes != PROVEN], _MORE_NODES * most
-            if not len(left):
-                bound, left, most = target, every, first
-                target = min(target + 1, n_settings)
-            elif not (outcomes == SPENT).any():
+                parts.renew()
+                y, most = self._weights(), first
+            elif parts.proven.all():
+                bound, most = max(bound, target), first
+                parts.renew()
+                target = min(bound + 1, n_settings)
+            elif n_spent == 0 and not parts.waits.any():
                 # boxes too small to be halved
                 break
         return bound

@@ -62,9 +62,9 @@ class Effort:
     """
 
     viewpoints: int = 50
-    pricing_rounds: int = 100
+    pricing_rounds: int = 50
     refutations: int = 12
-    bound_nodes: int = 10_000_000
+    bound_nodes: int = 8_000_000
     cover_nodes: int = 1000
 
 

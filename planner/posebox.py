@@ -13,9 +13,10 @@ s, w      of a point p: s = R0'(p - q0); and of the point looked at, w = R(t)' R
 From a pose of the box, p is at R(t)'s - w from the point looked at, in the camera's axes. It is in focus and on the
 sensor if six forms n.(R(t)'s - w) + k are not negative: so n.w may be at most n.R(t)'s + k, which is at most
 
-    n.s + k + (2/N) |W'(n x s)|.u + 2 |n| |s| (t^2 + t nu)        t = max |t|,  nu = max |v0.d| / N
+    n.s + k + (2/N) |W'(n x s)|.u + t^2 (|n| |s| - n.s) + 2 t (t^2 + nu) |n x s|       t = max |t|,  nu = max |v0.d| / N
 
-(R(-t)s - s - 2 s x t is at most 2 t^2 |s|, and t - W d / N at most t nu). The forms depend on w in the same way for all
+((1 + t^2) R(-t)s = (1 + t^2) s + 2 s x t + 2 t x (t x s), where n.(t x (t x s)) = (n.t)(t.s) - t^2 n.s is at most
+t^2 (|n| |s| - n.s) / 2; and t - W d / N is at most t nu). The forms depend on w in the same way for all
 points, so each entity has a *window* of w, a frustum upside down, and what one pose inspects has windows that meet
 (`planner.stabbing`). Only the turn makes the windows larger than they are; how large the box of q is matters for
 visibility, and for the length of s. That the camera turns about what it looks at, and not about itself, keeps s and so
@@ -118,9 +119,9 @@ def window(s, far, v, u, n, t, nu, view, room, least, weight, scores):
     added, times the weight, what each coordinate of the box does to the sides of the window that cut the room, as a
     share of how wide the view is.
     """
-    second = np.empty(2)
+    distance = np.empty(2)
     for i in range(2):
-        second[i] = min(2.0 * (t * t + t * nu), 2.0) * math.sqrt(s[i, 0] ** 2 + s[i, 1] ** 2 + s[i, 2] ** 2)
+        distance[i] = math.sqrt(s[i, 0] ** 2 + s[i, 1] ** 2 + s[i, 2] ** 2)
     first, most = np.empty(3), np.empty(3)
     for c in range(6):
         n0, n1, n2, k, width, outside = _form(c, view, room)
@@ -131,9 +132,11 @@ def window(s, far, v, u, n, t, nu, view, room, least, weight, scores):
             first[0] = 2.0 / n * abs(g0 + v[1] * g2 - v[2] * g1) * u[0]
             first[1] = 2.0 / n * abs(g1 + v[2] * g0 - v[0] * g2) * u[1]
             first[2] = 2.0 / n * abs(g2 + v[0] * g1 - v[1] * g0) * u[2]
-            rest = size * second[i]
+            along, whole = n0 * s[i, 0] + n1 * s[i, 1] + n2 * s[i, 2], size * distance[i]
+            across = math.sqrt(g0 * g0 + g1 * g1 + g2 * g2)
+            rest = min(t * t * (whole - along) + 2.0 * t * (t * t + nu) * across, 2.0 * whole)
             k_end = far[i] - view.middle if c == 5 else k
-            value = -(k_end + n0 * s[i, 0] + n1 * s[i, 1] + n2 * s[i, 2])
+            value = -(k_end + along)
             value -= first[0] + first[1] + first[2] + rest + _EPS
             if value > least[c]:
                 least[c] = value

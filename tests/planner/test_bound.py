@@ -19,7 +19,7 @@ from planner.duality import LinearBound, spread_weights
 from planner.image import field_of_view_slacks, focus_slacks
 from planner.looks import PoseSpace, view_of
 from planner.pose import world_to_cam
-from planner.posebox import rotation
+from planner.posebox import extent, farthest, most_turn, rotation, seen_from
 from planner.posesearch import FOUND, PROVEN, search
 from planner.stabbing import may_exceed, weight_at
 from planner.subdivision import PoseTree
@@ -140,6 +140,51 @@ def test_every_pose_lies_in_a_part():
     assert np.linalg.norm(corner, axis=1).max() <= view.radius + 1e-9
     assert (low <= points.min(axis=0) - view.radius + 1e-9).all()
     assert (high >= points.max(axis=0) + view.radius - 1e-9).all()
+
+
+@pytest.mark.parametrize("small", [0.5, 0.1, 0.0])
+def test_images_long_enough_are_not_deeper_than_said(small):
+    """Projected poses of random boxes: no end is deeper, and of a single pose's the limit is where eq 16 has it."""
+    judge, regions = request_for(SIZES[1])
+    view = space_for(judge, regions).view._replace(length_ratio=0.12)
+    rng = np.random.default_rng(7)
+    s, far, opened, room = np.empty((2, 3)), np.empty(2), np.empty(2), np.empty(3)
+    n_long = n_short = 0
+    for _ in range(300):
+        (chart, box), poses = box_around(rng, view, SIZES[1], small)
+        matrix = np.empty((3, 3))
+        n = rotation(chart, box[2], matrix)
+        t, _ = most_turn(box[2], box[3], n)
+        extent(matrix, box[1], t, room)
+        ends = box[0] + rng.choice([25.0, 150.0]) * rng.uniform(-1, 1, (2, 3))
+        seen_from(ends, box[0], matrix, s)
+        farthest(s, float(np.linalg.norm(ends[1] - ends[0])), t, room, view, far, opened)
+        at = world_to_cam(ends, poses)
+        image, depth = at[..., :2] / at[..., 2:], at[..., 2]
+        seen = (np.abs(image) <= [view.tan_x, view.tan_y]).all(axis=(1, 2))
+        seen &= ((depth >= view.near) & (depth <= view.far)).all(axis=1)
+        long = seen & (np.linalg.norm(image[:, 1] - image[:, 0], axis=1) >= view.length_ratio)
+        assert (depth[long] <= far + 1e-6).all()
+        n_long += long.any()
+        if small == 0.0 and seen.all() and not long.any():
+            n_short += 1
+            assert (depth > far * (1.0 - 1e-6)).any()
+    assert n_long > 20
+    assert small > 0.0 or n_short > 20
+
+
+def test_of_one_part_several_different_poses_are_found():
+    judge, regions = request_for(SIZES[1])
+    space = space_for(judge, regions)
+    y = np.random.default_rng(5).uniform(0.1, 1.0, len(EDGES))
+    several = list(space.search(y, 1.0, 2000, most=4))
+    assert 2 <= max(len(found.sets) for found in several) <= 4
+    for found in several:
+        assert (found.sets @ y > 1.0).all()
+        assert len({tuple(row) for row in found.sets.tolist()}) == len(found.sets)
+        assert (found.outcome == FOUND) == (len(found.poses) > 0)
+    some = [found.made for found in space.search(y, 1.0, 2000, parts=[7, 3], most=4)]
+    assert some == [several[7].made, several[3].made]
 
 
 @pytest.mark.parametrize("seed", range(6))
