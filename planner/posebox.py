@@ -16,11 +16,12 @@ sensor if six forms n.(R(t)'s - w) + k are not negative: so n.w may be at most n
     n.s + k + (2/N) |W'(n x s)|.u + t^2 (|n| |s| - n.s) + 2 t (t^2 + nu) |n x s|       t = max |t|,  nu = max |v0.d| / N
 
 ((1 + t^2) R(-t)s = (1 + t^2) s + 2 s x t + 2 t x (t x s), where n.(t x (t x s)) = (n.t)(t.s) - t^2 n.s is at most
-t^2 (|n| |s| - n.s) / 2; and t - W d / N is at most t nu). The forms depend on w in the same way for all
-points, so each entity has a *window* of w, a frustum upside down, and what one pose inspects has windows that meet
-(`planner.stabbing`). Only the turn makes the windows larger than they are; how large the box of q is matters for
-visibility, and for the length of s. That the camera turns about what it looks at, and not about itself, keeps s and so
-the turn's effect small.
+t^2 (|n| |s| - n.s) / 2; and t - W d / N is at most t nu). The forms depend on w in the same way for all points, so each
+entity has a *window* of w, a frustum upside down. What one pose inspects has windows that meet (`planner.stabbing`).
+How far a point may be at most is the lens's limit or, if that is nearer, where the image of its entity would be too
+short (`farthest`). Only the turn makes the windows larger than they are; how large the box of q is matters for
+visibility, for the length of images, and for the length of s. That the camera turns about what it looks at, and not
+about itself, keeps s and so the turn's effect small.
 """
 
 from __future__ import annotations

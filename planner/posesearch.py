@@ -1,8 +1,9 @@
 """Depth-first search of boxes of poses for one pose that inspects more than a given weight. Compiled loops.
 
 A box is dropped when no windows heavier than the limit may meet in it (`planner.stabbing`), and else halved along the
-coordinate that most widens the windows or most leaves visibility in doubt. Where windows meet, the pose is tried at
-once: if it satisfies all conditions for more than the limit, the search is over. If it ends without, no pose does.
+coordinate that most widens the windows or most leaves visibility, or the length of images, in doubt. Where windows
+meet, the pose is tried at once: if it satisfies all conditions for more than the limit, the search is over. If it ends
+without, no pose does.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ _LOOK_SHARE = 0.5
 # how much the length of s, doubtful visibility and doubtful length of the image count in the choice of the coordinate
 _LENGTH_SCORE = 0.3
 _DOUBT_SCORE = 1.0
+# the most that one image of doubtful length counts
 _MOST_SHORT = 4.0
 # boxes whose coordinates all do less than this are not halved
 _FINEST = 1e-4
