@@ -29,7 +29,7 @@ from planner.exceptions import RequestError
 from planner.plan import InspectionPlan
 from planner.pose import PoseUncertainty
 from planner.progress import labelled, report
-from planner.realise import best_supported, realise, reason_for
+from planner.realise import best_supported, realise, reason_for, without_contradicted
 from planner.setting import position_margin_mm
 from planner.state import PlanningState
 from planner.tasks import Shared, in_order
@@ -299,7 +299,7 @@ class _Work:
             if not isinstance(outcome, str) and self._holds(outcome, names):
                 options.insert(outcome.fitness < options[0].fitness - 1e-6, outcome)
             settings.append(best_supported(self.judge, self.pose_uncertainty, options, seed))
-        return settings
+        return without_contradicted(self.judge, self.pose_uncertainty, settings, self.seed)
 
     def _holds(self, setting, names) -> bool:
         """Judge a setting anew: whether it inspects all these entities."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from planner.verification import MODEL_TOLERANCE
 _TRIAL_POSES = 4000
 _NEIGHBOURS = 2000
 _MOST_TRIALS = 100
+# a promise too high by so little is supported: stricter than what is asked of the plan, so that the plan's own
+# simulation, with other draws, agrees
+_SUPPORTED = 0.5 * MODEL_TOLERANCE
 
 # what a failing constraint means to the person who reads the plan
 _MEANING = {
@@ -99,24 +103,48 @@ def best_supported(judge: Judge, pose_uncertainty: PoseUncertainty, options, see
         Of the poses tried and displaced.
     """
     rng = np.random.default_rng([seed, _TRIAL_POSES])
-    ends = dict(zip(judge.names, judge.ends, strict=True))
-
-    def excess(setting) -> float:
-        """By how much the setting promises too much, at its worst entity."""
-        rates = simulate_setting(
-            setting, ends, judge.camera, pose_uncertainty, accuracy=judge.accuracy, n=_TRIAL_POSES, rng=rng
-        )
-        return max(rate.predicted - rate.frequency for rate in rates.values())
-
     found, least = options[0], np.inf
     for setting in itertools.chain(options, _near(judge, options[0], rng)):
-        too_much = excess(setting)
+        too_much = max(_excess(judge, pose_uncertainty, setting, rng).values())
         if too_much < least:
             found, least = setting, too_much
-        # stricter than what is asked of the plan, so that its own simulation, with other draws, agrees
-        if least <= 0.5 * MODEL_TOLERANCE:
+        if least <= _SUPPORTED:
             break
     return found
+
+
+def without_contradicted(judge: Judge, pose_uncertainty: PoseUncertainty, settings, seed: int) -> list[SensorSetting]:
+    """Take from settings the entities that simulation contradicts there and supports in another one.
+
+    Parameters
+    ----------
+    judge : Judge
+    pose_uncertainty : PoseUncertainty
+    settings : sequence of SensorSetting
+    seed : int
+        Of the poses displaced.
+    """
+    rng = np.random.default_rng([seed, _TRIAL_POSES])
+    excess = [_excess(judge, pose_uncertainty, setting, rng) for setting in settings]
+    supported = [{name for name, too_much in rates.items() if too_much <= _SUPPORTED} for rates in excess]
+    result = []
+    for k, setting in enumerate(settings):
+        elsewhere = set().union(*supported[:k], *supported[k + 1 :])
+        kept = tuple(name for name in setting.entities if name in supported[k] or name not in elsewhere)
+        if len(kept) < len(setting.entities):
+            fewer = judge.setting(setting.cam2world, kept, setting.message, seed=setting.seed, nfev=setting.nfev)
+            setting = replace(fewer, generations=setting.generations)
+        result.append(setting)
+    return result
+
+
+def _excess(judge: Judge, pose_uncertainty: PoseUncertainty, setting: SensorSetting, rng) -> dict[str, float]:
+    """Simulate a setting; return by how much it promises too much for each entity."""
+    ends = dict(zip(judge.names, judge.ends, strict=True))
+    rates = simulate_setting(
+        setting, ends, judge.camera, pose_uncertainty, accuracy=judge.accuracy, n=_TRIAL_POSES, rng=rng
+    )
+    return {name: rate.predicted - rate.frequency for name, rate in rates.items()}
 
 
 def _near(judge: Judge, setting: SensorSetting, rng) -> Iterator[SensorSetting]:

@@ -20,7 +20,7 @@ from planner.conflicts import Cells, find_conflicts
 from planner.defaults import default_workspace
 from planner.exceptions import PlanFileError, RequestError
 from planner.inspection import Effort, plan_inspection
-from planner.realise import best_supported
+from planner.realise import best_supported, without_contradicted
 from planner.simulate import simulate_setting
 from planner.state import PlanningState
 from planner.verification import promises_too_much
@@ -290,6 +290,19 @@ def test_edges_of_opposite_faces_exclude_each_other_in_a_narrow_workspace():
     cells = Cells([flush.covering_cells([name]) for name in flush.entity_names])
     found = find_conflicts(judge, np.arange(3), np.zeros((0, 3), dtype=bool), cells)
     assert found.tolist() == [[False, True, False], [True, False, True], [False, True, False]]
+
+
+def test_what_simulation_contradicts_is_left_to_the_setting_where_it_is_supported(judge, monkeypatch):
+    """Of three entities in two settings: one contradicted in the first only, one in both, one in neither."""
+    pose = random_poses(judge, 1)[0]
+    settings = [judge.setting(pose, EDGES[:3], str(k), seed=k) for k in range(2)]
+    excess = {"0": dict(zip(EDGES, [0.02, 0.02, 0.0], strict=False)), "1": dict(zip(EDGES, [0, 0.02, 0], strict=False))}
+    monkeypatch.setattr("planner.realise._excess", lambda _, __, setting, ___: excess[setting.message])
+    first, second = without_contradicted(judge, UNCERTAINTY, settings, 0)
+    assert first.entities == tuple(first.probability) == tuple(EDGES[1:3])
+    assert first.fitness == pytest.approx(sum(first.probability.values()))
+    assert (first.seed, first.message) == (0, "0")
+    assert second is settings[1]
 
 
 def test_a_pose_that_simulation_contradicts_is_replaced_by_one_near_it():
