@@ -221,9 +221,9 @@ fig.suptitle("Plans for all entities of a part; dotted: the proven lower bound, 
 plt.show()
 
 # %% [markdown]
-# What the rivals do better: all are faster, but for the synthesis on the largest part, and the greedy cover of the
-# planner's own candidates needs as few settings on the two blocks in under a tenth of the time. A dome per entity looks
-# at every entity nearly straight, so its worst P is high, for as many settings or more. What they do worse: they have
-# no bound to say when they are done; one dome leaves entities out; and on the part with sixteen entities the others
-# need about a quarter more settings than `plan_inspection`. There, with a coarse arm and 99 %, the proven bound is not
-# reached, and the number of settings depends on the seed.
+# What the rivals do better: all are faster, and the greedy cover of the planner's own candidates needs as few settings
+# on the two blocks in under a tenth of the time. A dome per entity looks at every entity nearly straight, so its worst
+# P is high, for as many settings or more. What they do worse: they have no bound to say when they are done; one dome
+# leaves entities out; and on the part with sixteen entities the others need a third to a half more settings than
+# `plan_inspection`. There, with a coarse arm and 99 %, the number of settings depends on the seed, and the proven bound
+# is not reached: it does not know how little of the image is left where such an arm still measures accurately.
