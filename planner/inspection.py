@@ -192,7 +192,6 @@ class _Work:
         self.names = judge.names
         self.pool, self.near = ColumnPool(len(self.names)), ColumnPool(len(self.names))
         self.refuted, self.runs = np.zeros((0, len(self.names)), dtype=bool), 0
-        self.joined = 0
 
     def plan(self) -> InspectionPlan:
         """Do all steps."""
@@ -342,18 +341,24 @@ class _Work:
         realised = self.pool.membership[:, inspected]
         known = len(self._cover(realised, None, _REFUTING_SHARE, core_columns(realised))) if inspected.any() else 0
 
+        joined: list[np.ndarray] = []
+
         def improve(poses: np.ndarray) -> np.ndarray:
-            self.joined += 1
-            seed = column_seed(self.seed, ["joined", str(self.joined)])
+            joined.append(poses)
+            seed = column_seed(self.seed, ["joined", str(len(joined))])
             price_poses(self.shared, self.pool, self.near, seed, _JOINED_ROUNDS, self.executor, parents=poses)
             return self.pool.membership[:, inspected]
 
-        return lower_bound(
-            self.judge,
-            np.flatnonzero(inspected),
-            known,
-            realised,
-            max_nodes=self.effort.bound_nodes,
-            improve=improve,
-            progress=self.progress,
+        basis = repr((self.effort, np.array(self.names)[inspected].tolist()))
+        stored = self.memo.get_proof(basis)
+        if stored is not None:
+            bound, proof, batches = stored
+            for poses in batches:
+                improve(poses)
+            return bound, proof
+        idx, most = np.flatnonzero(inspected), self.effort.bound_nodes
+        bound, proof = lower_bound(
+            self.judge, idx, known, realised, max_nodes=most, improve=improve, progress=self.progress
         )
+        self.memo.put_proof(basis, bound, proof, joined)
+        return bound, proof

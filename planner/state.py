@@ -1,8 +1,9 @@
 """What a plan in the making has found out so far, kept in a file so that it can be resumed.
 
-A plan is a deterministic function of its request; the costly part of it are runs of the genetic algorithm, one per set
-of entities, each with a seed derived from the plan's seed and the set. So the state is a memo of their outcomes:
-resuming means planning again and finding the outcomes there. With or without interruption the plan is the same.
+A plan is a deterministic function of its request; the costly parts of it are the proof of the lower bound and runs of
+the genetic algorithm, one per set of entities, each with a seed derived from the plan's seed and the set. So the state
+is a memo of their outcomes: resuming means planning again and finding the outcomes there. With or without interruption
+the plan is the same.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
+
+import numpy as np
 
 from planner.exceptions import PlanFileError
 from planner.files import write_text
@@ -20,7 +23,7 @@ VERSION = 1
 
 
 class PlanningState:
-    """Outcomes of genetic algorithm runs by set of entities, saved after each one if there is a file.
+    """The proof, and outcomes of genetic algorithm runs by set of entities, saved after each one if there is a file.
 
     Parameters
     ----------
@@ -39,8 +42,10 @@ class PlanningState:
         self.fingerprint = hashlib.sha256(json.dumps(request, sort_keys=True).encode()).hexdigest()
         self.path = None if path is None else Path(path)
         self._outcomes: dict[str, dict] = {}
+        self._proof: dict | None = None
         if self.path is not None and self.path.exists():
-            self._outcomes = self._read()
+            data = self._read()
+            self._outcomes, self._proof = data["outcomes"], data.get("proof")
 
     def __len__(self) -> int:
         return len(self._outcomes)
@@ -58,12 +63,29 @@ class PlanningState:
         self._outcomes[_key(names)] = entry
         self.save()
 
+    def get_proof(self, basis: str) -> tuple[int, str, list[np.ndarray]] | None:
+        """Return what `put_proof` stored on the same basis, or None."""
+        if self._proof is None or self._proof["basis"] != basis:
+            return None
+        return self._proof["bound"], self._proof["text"], [np.array(poses) for poses in self._proof["joined"]]
+
+    def put_proof(self, basis: str, bound: int, text: str, joined: list[np.ndarray]) -> None:
+        """Remember the lower bound, what it rests on and the poses its search came across, and save all.
+
+        ``basis`` is what the proof depends on beside the request.
+        """
+        poses = [batch.tolist() for batch in joined]
+        self._proof = {"basis": basis, "bound": bound, "text": text, "joined": poses}
+        self.save()
+
     def save(self) -> None:
         """Write the file, if there is one, whole or not at all."""
         if self.path is None:
             return
         self.path.parent.mkdir(parents=True, exist_ok=True)
         data = {"format": FORMAT, "version": VERSION, "request": self.fingerprint, "outcomes": self._outcomes}
+        if self._proof is not None:
+            data["proof"] = self._proof
         write_text(self.path, json.dumps(data) + "\n")
 
     def discard(self) -> None:
@@ -71,7 +93,7 @@ class PlanningState:
         if self.path is not None:
             self.path.unlink(missing_ok=True)
 
-    def _read(self) -> dict[str, dict]:
+    def _read(self) -> dict:
         try:
             data = json.loads(self.path.read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
@@ -85,7 +107,7 @@ class PlanningState:
                 f"{self.path}: state file must belong to the same part, entities, camera, limits and seed. "
                 "Got another request's."
             )
-        return data["outcomes"]
+        return data
 
 
 def _key(names) -> str:

@@ -127,6 +127,7 @@ def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):
     assert os.listdir(folder / "other") == [commands.STATE_FILE]
     with monkeypatch.context() as patch:
         patch.setattr("planner.inspection.realise", interrupt)
+        patch.setattr("planner.inspection.lower_bound", interrupt)
         assert main([*arguments, "--resume"]) == DONE
     assert (folder / "other" / "plan.json").read_bytes() == expected
     assert commands.STATE_FILE not in os.listdir(folder / "other")
