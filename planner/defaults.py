@@ -56,6 +56,12 @@ def check_fraction(name: str, value) -> float:
     return float(value)
 
 
+def check_count(name: str, value, least: int) -> None:
+    """Raise `RequestError` unless a value is an integer of at least so much."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
+        raise RequestError(f"{name} must be an integer of at least {least}. Got {value!r}.")
+
+
 def check_seed(rng) -> int:
     """Return a seed: the integer itself, or one drawn from the generator."""
     if isinstance(rng, np.random.Generator):

@@ -14,7 +14,7 @@ The way
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from planner.candidates import column_seed, judged_poses, price_poses
 from planner.columns import ColumnPool, Judge
 from planner.constraints import Requirements
 from planner.cover import columns_of_covers, core_columns, min_cover
-from planner.defaults import check_fraction, check_seed, corner_margin_px, default_workspace
+from planner.defaults import check_count, check_fraction, check_seed, corner_margin_px, default_workspace
 from planner.exceptions import RequestError
 from planner.plan import InspectionPlan
 from planner.pose import PoseUncertainty
@@ -59,6 +59,11 @@ class Effort:
         Boxes of poses behind the lower bound, at most.
     cover_nodes : int
         Nodes of the integer programming solver for one cover, at most; a tenth while optimistic ones are tried.
+
+    Raises
+    ------
+    RequestError
+        If one is no integer, or negative; of viewpoints and nodes of the solver there must be one at least.
     """
 
     viewpoints: int = 50
@@ -66,6 +71,10 @@ class Effort:
     refutations: int = 12
     bound_nodes: int = 8_000_000
     cover_nodes: int = 1000
+
+    def __post_init__(self):
+        for field in fields(self):
+            check_count(field.name, getattr(self, field.name), int(field.name in ("viewpoints", "cover_nodes")))
 
 
 def plan_inspection(

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from numbers import Integral
 
 import numpy as np
 
 from ga import GAResult, maximize
 from planner.constraints import Constraints
+from planner.defaults import check_count
 from planner.encoding import PoseEncoding
 from planner.exceptions import RequestError
 from planner.explain import explain_infeasible, explain_positions
@@ -84,8 +84,7 @@ class Search:
         if self.sampling not in ("covering", "workspace"):
             raise RequestError(f"sampling must be 'covering' or 'workspace'. Got {self.sampling!r}.")
         for name, least in (("refine_starts", 0), ("spread_starts", 0), ("turned_starts", 0), ("max_draws", 1)):
-            if not isinstance(getattr(self, name), Integral) or getattr(self, name) < least:
-                raise RequestError(f"{name} must be an integer of at least {least}. Got {getattr(self, name)!r}.")
+            check_count(name, getattr(self, name), least)
 
     @classmethod
     def genetic(cls, **changes) -> Search:

@@ -137,6 +137,25 @@ def test_a_proof_on_another_basis_is_not_taken(tmp_path):
     assert np.array_equal(joined[1], poses[:1])
 
 
+@pytest.mark.parametrize(
+    ("effort", "message"),
+    [
+        ({"viewpoints": 0}, r"viewpoints must be an integer of at least 1\. Got 0\."),
+        ({"bound_nodes": -1}, r"bound_nodes must be an integer of at least 0\. Got -1\."),
+        ({"refutations": 0.5}, r"refutations must be an integer of at least 0\. Got 0\.5\."),
+    ],
+)
+def test_bad_effort_is_refused(effort, message):
+    with pytest.raises(RequestError, match=message):
+        Effort(**effort)
+
+
+def test_least_effort_still_covers_everything(space):
+    plan = plan_box(space, rng=3, effort=Effort(viewpoints=1, pricing_rounds=0, refutations=0, bound_nodes=0))
+    assert set().union(*(setting.entities for setting in plan.settings)) | set(plan.uninspectable) == set(EDGES)
+    assert plan.lower_bound <= len(plan.settings)
+
+
 def test_state_of_another_request_is_refused(space, tmp_path):
     PlanningState({"seed": 1}, tmp_path / "state.json").put(["a"], "no view")
     with pytest.raises(PlanFileError, match="must belong to the same part, entities, camera"):

@@ -79,6 +79,7 @@ def test_settings_on_the_box(box, names, view):
         stand_off_mm=200,
         accuracy=0.99,
     )
+    assert setting.entities == tuple(names)
     check(setting, box, REAL, LOOSE, 0.99, needs)
 
 
@@ -309,6 +310,7 @@ def test_unrestricted_search_still_ends_feasible(box):
     setting = plan_setting(
         box, ["x00", "z00"], PAPER_CAMERA, PAPER, field_margin_px=0, search=Search(sampling="workspace", population=30)
     )
+    assert setting.entities == ("x00", "z00")
     check(setting, box, PAPER_CAMERA, PAPER, 0.98, Requirements())
 
 
