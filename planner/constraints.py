@@ -23,10 +23,10 @@ from planner.image import FIELD_OF_VIEW, FOCUS, RESOLUTION, Lens, cone_slacks, i
 from planner.pose import world_to_cam
 from planner.reach import Reach, SignedDistance, check_reach, reach_margin
 
-# the axes, and the diagonals of a cube
+# the axes, and the diagonals of a cube: around a position, an entity must be visible in these directions
 _DIAGONALS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / math.sqrt(3)
-_AROUND = np.vstack([np.eye(3), -np.eye(3), _DIAGONALS])
-_AND_HERE = np.vstack([np.zeros(3), _AROUND])
+AROUND = np.vstack([np.eye(3), -np.eye(3), _DIAGONALS])
+_AND_HERE = np.vstack([np.zeros(3), AROUND])
 # up to so many poses, one question for them and the points around them is cheaper than two
 _FEW = 40
 # Open3D's distances are good to 1e-7 of the part's size; only what is surely farther is not asked for
@@ -44,7 +44,7 @@ def visibility_slacks(space, positions: np.ndarray, names: Sequence[str], radius
     visible = _observable(space, positions, names)
     rows = np.flatnonzero(visible.any(axis=1))
     if radius_mm > 0 and rows.size:
-        visible[rows] &= _observable_around(space, positions[rows], names, radius_mm, _AROUND)
+        visible[rows] &= _observable_around(space, positions[rows], names, radius_mm, AROUND)
     return np.where(visible, 1.0, -1.0)[..., None]
 
 

@@ -15,10 +15,12 @@ import numpy as np
 
 from planner.columns import Judge
 from planner.conflicts import Cells, sensor_tangents
+from planner.constraints import AROUND
 from planner.necessary import least_image_mm
 from planner.posebox import Entities, View
 from planner.posesearch import FOUND, search
 from planner.tasks import THREADS
+from planner.viewpoints import viewpoints_for
 
 # the space of poses is searched in so many parts, some at a time
 _PARTS = 256
@@ -82,8 +84,9 @@ class PoseSpace:
 
     def __init__(self, judge: Judge, entity_idx: np.ndarray, regions: Cells, conflict: np.ndarray):
         self.view, self.conflict = view_of(judge), np.ascontiguousarray(conflict)
-        self.entities = entities_of(judge.ends[entity_idx], regions)
+        self.entities = entities_of(judge.ends[entity_idx], regions, judge.requirements.visibility_radius_mm)
         points = self.entities.ends.reshape(-1, 3)
+        self.nodal_points = np.array([regions.boxes[:, 0].min(axis=0), regions.boxes[:, 1].max(axis=0)])
         low, high = points.min(axis=0) - self.view.radius, points.max(axis=0) + self.view.radius
         root = np.array([(low + high) / 2, (high - low) / 2, np.zeros(3), np.ones(3)])
         self.parts = [(chart, part) for chart in (0, 1) for part in _cut(root, _PARTS // 2)]
@@ -114,9 +117,10 @@ class PoseSpace:
             What comes out of each part, in their order.
         """
         stop = np.zeros(1, dtype=bool)
+        tree = viewpoints_for(self.nodal_points, self.entities, self.view, y, limit)
 
         def look(k, max_nodes=max_nodes):
-            return self._search_part(k, y, limit, max_nodes, most, stop)
+            return self._search_part(k, tree, y, limit, max_nodes, most, stop)
 
         # compiled before the threads need it
         look(0, max_nodes=0)
@@ -134,14 +138,14 @@ class PoseSpace:
             finally:
                 stop[0] = True
 
-    def _search_part(self, k: int, y: np.ndarray, limit: float, max_nodes: int, most: int, stop: np.ndarray) -> Found:
+    def _search_part(self, k: int, tree, y: np.ndarray, limit: float, max_nodes: int, most: int, stop) -> Found:
         chart, part = self.parts[k]
         y, made = y.copy(), 0
         poses, sets = [], []
         while True:
             pose, inspected = np.eye(4), np.zeros(len(y), dtype=bool)
             order = np.argsort(-y, kind="stable")[: int((y > 0).sum())]
-            request = self.entities, self.view, self.conflict, y, limit, max_nodes - made, stop
+            request = self.entities, self.view, self.conflict, tree, y, limit, max_nodes - made, stop
             outcome, n = search(part, chart, order, *request, pose, inspected)
             made += n
             if outcome == FOUND:
@@ -169,10 +173,9 @@ def _cut(root: np.ndarray, n: int) -> list[np.ndarray]:
     return parts
 
 
-def entities_of(ends: np.ndarray, regions: Cells) -> Entities:
-    """Return entities (ends: (e, 2, 3), mm) with the cells of their regions, for compiled loops."""
+def entities_of(ends: np.ndarray, regions: Cells, around: float = 0.0) -> Entities:
+    """Return entities (ends: (e, 2, 3), mm), visible ``around``, mm, with their regions' cells, for compiled loops."""
     planes = regions.planes / np.linalg.norm(regions.planes[:, :3], axis=1, keepdims=True)
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    return Entities(
-        np.ascontiguousarray(ends), lengths, planes, regions.plane_start, regions.boxes, regions.entity_start
-    )
+    arrays = planes, regions.plane_start, regions.boxes, regions.entity_start
+    return Entities(np.ascontiguousarray(ends), lengths, *arrays, float(around), AROUND)

@@ -59,7 +59,8 @@ class View(NamedTuple):
 class Entities(NamedTuple):
     """Ends (e, 2, 3) and lengths (e,) of the entities, mm, and the cells of their regions, as in `conflicts.Cells`.
 
-    The normals of the cells' planes have length 1.
+    The normals of the cells' planes have length 1. An entity must be visible from the nodal point and all around it, in
+    the ``directions`` (d, 3) at the distance ``around``, mm.
     """
 
     ends: np.ndarray
@@ -68,6 +69,8 @@ class Entities(NamedTuple):
     plane_start: np.ndarray
     boxes: np.ndarray
     entity_start: np.ndarray
+    around: float
+    directions: np.ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -242,36 +245,105 @@ def _directions(x, slack, depth, deepest, tangent):
 
 
 @njit(cache=True, nogil=True)
-def keep_cells(entities, cells, c, h, swing, rest):
-    """Move to the front the cells that some nodal point of a box may lie in; return how many, or -1 if all lie in one.
+def keep_cells(entities, cells, c, h, swing, rest, eye):
+    """Move to the front the cells that some nodal point of a box, or a point around it, may lie in; return how many.
 
-    In the last case that one is the first.
+    0 if no nodal point itself lies in one; -1 if all of them, with the points around them, lie in one: that one is the
+    first then. The nodal points are those about c, given how far the point looked at and the turn move them, that are
+    in the box ``eye`` (2, 3).
     """
-    kept = 0
+    around = entities.around
+    kept, met = 0, False
     for cell in cells:
-        apart = False
+        apart, holds = False, True
         for k in range(3):
-            reach = h[k] + rest + abs(swing[0, k]) + abs(swing[1, k]) + abs(swing[2, k])
-            if entities.boxes[cell, 0, k] > c[k] + reach or entities.boxes[cell, 1, k] < c[k] - reach:
+            if entities.boxes[cell, 0, k] > eye[1, k] + around or entities.boxes[cell, 1, k] < eye[0, k] - around:
                 apart = True
         inside = not apart
         for p in range(entities.plane_start[cell], entities.plane_start[cell + 1]):
             if apart:
                 break
             p0, p1, p2 = entities.planes[p, 0], entities.planes[p, 1], entities.planes[p, 2]
-            value = entities.planes[p, 3] + p0 * c[0] + p1 * c[1] + p2 * c[2]
+            low = high = entities.planes[p, 3]
+            value = low + p0 * c[0] + p1 * c[1] + p2 * c[2]
             slack = abs(p0) * h[0] + abs(p1) * h[1] + abs(p2) * h[2] + rest
             for k in range(3):
                 slack += abs(p0 * swing[k, 0] + p1 * swing[k, 1] + p2 * swing[k, 2])
-            apart = value - slack > _TOUCH_MM
-            inside = inside and value + slack <= 0.0
+            if p0 > 0.0:
+                low, high = low + p0 * eye[0, 0], high + p0 * eye[1, 0]
+            else:
+                low, high = low + p0 * eye[1, 0], high + p0 * eye[0, 0]
+            if p1 > 0.0:
+                low, high = low + p1 * eye[0, 1], high + p1 * eye[1, 1]
+            else:
+                low, high = low + p1 * eye[1, 1], high + p1 * eye[0, 1]
+            if p2 > 0.0:
+                low, high = low + p2 * eye[0, 2], high + p2 * eye[1, 2]
+            else:
+                low, high = low + p2 * eye[1, 2], high + p2 * eye[0, 2]
+            low, high = max(low, value - slack), min(high, value + slack)
+            apart = low > around + _TOUCH_MM
+            holds = holds and low <= _TOUCH_MM
+            inside = inside and high + around <= 0.0
         if not apart:
             cells[kept] = cell
             kept += 1
+            met = met or holds
             if inside:
                 cells[0] = cell
                 return -1
-    return kept
+    return kept if met else 0
+
+
+@njit(cache=True, nogil=True)
+def holds_point(entities, cell, c):
+    """Tell whether a cell contains a nodal point."""
+    for p in range(entities.plane_start[cell], entities.plane_start[cell + 1]):
+        plane = entities.planes[p]
+        if plane[3] + plane[0] * c[0] + plane[1] * c[1] + plane[2] * c[2] > _TOUCH_MM:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def hidden_around(entities, cells, eye):
+    """Tell whether for every nodal point of a small box (2, 3) the same point around it is in none of the cells."""
+    if max(eye[1, 0] - eye[0, 0], eye[1, 1] - eye[0, 1], eye[1, 2] - eye[0, 2]) > 2.0 * entities.around:
+        return False
+    for d in range(len(entities.directions)):
+        x = (eye[0, 0] + eye[1, 0]) / 2 + entities.around * entities.directions[d, 0]
+        y = (eye[0, 1] + eye[1, 1]) / 2 + entities.around * entities.directions[d, 1]
+        z = (eye[0, 2] + eye[1, 2]) / 2 + entities.around * entities.directions[d, 2]
+        a, b, c = (eye[1, 0] - eye[0, 0]) / 2, (eye[1, 1] - eye[0, 1]) / 2, (eye[1, 2] - eye[0, 2]) / 2
+        seen = False
+        for cell in cells:
+            apart = False
+            for p in range(entities.plane_start[cell], entities.plane_start[cell + 1]):
+                p0, p1, p2 = entities.planes[p, 0], entities.planes[p, 1], entities.planes[p, 2]
+                value = entities.planes[p, 3] + p0 * x + p1 * y + p2 * z
+                if value - abs(p0) * a - abs(p1) * b - abs(p2) * c > _TOUCH_MM:
+                    apart = True
+                    break
+            if not apart:
+                seen = True
+                break
+        if not seen:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def out_of_focus(ends, eye, view):
+    """Tell whether an end is too near or too far for every nodal point of a box."""
+    reach = view.far * math.sqrt(1.0 + view.tan_x**2 + view.tan_y**2)
+    for i in range(2):
+        least, most = 0.0, 0.0
+        for k in range(3):
+            least += max(eye[0, k] - ends[i, k], ends[i, k] - eye[1, k], 0.0) ** 2
+            most += max(eye[1, k] - ends[i, k], ends[i, k] - eye[0, k]) ** 2
+        if least > reach * reach or most < view.near * view.near:
+            return True
+    return False
 
 
 @njit(cache=True, nogil=True)

@@ -1,15 +1,15 @@
 """Depth-first search of boxes of poses for one pose that inspects more than a given weight. Compiled loops.
 
-A box is dropped when no windows heavier than the limit may meet in it (`planner.stabbing`), and else halved along the
-coordinate that most widens the windows or most leaves visibility, or the length of images, in doubt. Where windows
-meet, the pose is tried at once: if it satisfies all conditions for more than the limit, the search is over. If it ends
-without, no pose does.
+A box is a box of points looked at, a box of turns and a box of nodal points; the first and the last one shrink to where
+they agree. It is dropped when entities heavier than the limit are nowhere visible together (`planner.viewpoints`), or
+no windows heavier than the limit may meet in it (`planner.stabbing`), and else halved along the coordinate that most
+widens the windows or most leaves visibility, or the length of images, in doubt. Where windows meet, the pose is tried
+at once: if it satisfies all conditions for more than the limit, the search is over. If it ends without, no pose does.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -17,9 +17,12 @@ from numba import njit
 from planner.posebox import (
     extent,
     farthest,
+    hidden_around,
+    holds_point,
     is_empty,
     keep_cells,
     most_turn,
+    out_of_focus,
     out_of_range,
     rotation,
     seen_from,
@@ -27,12 +30,12 @@ from planner.posebox import (
     too_short,
     window,
 )
+from planner.posestack import LEVELS, Work, agree, halve, keep_members, planted
 from planner.stabbing import exclusive_groups, may_exceed, weight_at
+from planner.viewpoints import heavy_members
 
 PROVEN, FOUND, UNRESOLVED, SPENT = range(4)
 
-# boxes that wait at most: a box has at most two halves waiting for each halving of its six coordinates
-_LEVELS = 160
 # boxes about the point looked at are first made as small as this share of half the view's width
 _LOOK_SHARE = 0.5
 # how much the length of s, doubtful visibility and doubtful length of the image count in the choice of the coordinate
@@ -40,44 +43,22 @@ _LENGTH_SCORE = 0.3
 _DOUBT_SCORE = 1.0
 # the most that one image of doubtful length counts
 _MOST_SHORT = 4.0
-# boxes whose coordinates all do less than this are not halved
+_EPS = 1e-12
+# boxes whose coordinates all do less than this are not halved, unless the turn is larger than that
 _FINEST = 1e-4
-
-
-class Stack(NamedTuple):
-    """Boxes that wait: q0, h, v0, u; where windows met in the box before halving; and what may be inspected.
-
-    ``members[i, :count[i]]`` are entities in descending order of weight; ``sure`` those visible from all of the box;
-    the cells in which the nodal point may lie are those of ``cells`` from ``start[i, a]`` to ``start[i, a + 1]``.
-    """
-
-    look: np.ndarray
-    half: np.ndarray
-    turn: np.ndarray
-    span: np.ndarray
-    met: np.ndarray
-    count: np.ndarray
-    members: np.ndarray
-    sure: np.ndarray
-    start: np.ndarray
-    cells: np.ndarray
-
-
-class Work(NamedTuple):
-    """Of the box at work: rotation, room, swings, nodal point; windows, weights and groups of members; scores."""
-
-    matrix: np.ndarray
-    room: np.ndarray
-    swing: np.ndarray
-    nodal: np.ndarray
-    least: np.ndarray
-    y: np.ndarray
-    group: np.ndarray
-    scores: np.ndarray
+_WIDE_TURN = 1e-2
+# of the share of the nodal points from where enough is visible: up to this much they are halved themselves
+_MOST_SEEN = 0.3
+# above this share, the next halvings are likely to learn nothing from asking again
+_MUCH_SEEN, _PAUSE = 0.6, 3
+# nor do they need to be so few where they are as near to the sides of cells, in radii of visibility
+_NEAR_SIDES = 8.0
+# but not below this share of what points looked at and turn leave open
+_EYE_SHARE = 0.2
 
 
 @njit(cache=True, nogil=True)
-def search(box, chart, order, entities, view, conflict, y, limit, max_nodes, stop, pose, inspected):
+def search(box, chart, order, entities, view, conflict, tree, y, limit, max_nodes, stop, pose, inspected):
     """Search a box of poses.
 
     Parameters
@@ -89,6 +70,8 @@ def search(box, chart, order, entities, view, conflict, y, limit, max_nodes, sto
         The entities that count, in descending order of weight.
     entities, view, conflict
         The request; ``conflict`` (e, e) tells which entities exclude each other anyhow.
+    tree : Viewpoints
+        What may be inspected from where.
     y : array (e,)
         Weights.
     limit : float
@@ -111,9 +94,9 @@ def search(box, chart, order, entities, view, conflict, y, limit, max_nodes, sto
         Boxes looked at.
     """
     m = len(y)
-    stack = _planted(box, order, entities)
+    stack = planted(box, order, entities, tree.boxes[0])
     square, line = np.empty((2, 3, 3)), np.empty((2, 3))
-    least, scores = np.empty((m, 6)), np.empty(6)
+    least, scores = np.empty((m, 6)), np.empty(9)
     work = Work(square[0], line[0], square[1], line[1], least, np.empty(m), np.empty(m, np.int64), scores)
     w, look = np.empty(3), np.empty(3)
     size, made, outcome = 1, 0, PROVEN
@@ -121,84 +104,59 @@ def search(box, chart, order, entities, view, conflict, y, limit, max_nodes, sto
         if made >= max_nodes or stop[0]:
             return SPENT, made
         size, made = size - 1, made + 1
-        total = _tighten(stack, size, chart, entities, view, y, work)
+        total, rest, doubt, short = _tighten(stack, size, chart, entities, view, y, work)
+        if total <= limit:
+            continue
+        total, seen = _drop_unseen(stack, size, conflict, limit, tree, work, rest)
         if total <= limit or not _is_heavy(stack, size, conflict, limit, view, work, w):
             continue
         look[:] = stack.look[size] + work.matrix @ w
         if _try_pose(stack, size, look, work, entities, view, limit, pose, inspected):
             return FOUND, made
-        axis, widest = np.argmax(work.scores), np.argmax(stack.half[size])
-        wide = stack.half[size, widest] > _LOOK_SHARE * view.tan_x * view.middle
-        if size + 2 > _LEVELS or not (wide or work.scores[axis] >= _FINEST * total):
+        _score(stack, size, work, rest, doubt, short, seen, entities.around)
+        axis = _axis_to_halve(stack, size, work, total, view)
+        if size + 2 > LEVELS or axis < 0:
             outcome = UNRESOLVED
             continue
-        axis = widest if wide else axis
-        _halve(stack, size, axis, look)
+        halve(stack, size, axis, look)
         size += 2
     return outcome, made
 
 
 @njit(cache=True, nogil=True)
-def _planted(box, order, entities):
-    """Return a stack with one box in which every entity of the order may be inspected."""
-    m, n_cells = len(order), 0
-    for e in order:
-        n_cells += entities.entity_start[e + 1] - entities.entity_start[e]
-    point = np.empty((5, _LEVELS, 3))
-    stack = Stack(
-        point[0],
-        point[1],
-        point[2],
-        point[3],
-        point[4],
-        np.zeros(_LEVELS, np.int64),
-        np.empty((_LEVELS, m), np.int64),
-        np.zeros((_LEVELS, m), np.bool_),
-        np.zeros((_LEVELS, m + 1), np.int64),
-        np.empty((_LEVELS, n_cells), np.int32),
-    )
-    stack.look[0], stack.half[0], stack.turn[0], stack.span[0] = box[0], box[1], box[2], box[3]
-    stack.met[0] = np.inf
-    stack.count[0], at = m, 0
-    for a in range(m):
-        stack.members[0, a], stack.start[0, a] = order[a], at
-        for cell in range(entities.entity_start[order[a]], entities.entity_start[order[a] + 1]):
-            stack.cells[0, at] = cell
-            at += 1
-    stack.start[0, m] = at
-    return stack
-
-
-@njit(cache=True, nogil=True)
 def _tighten(stack, i, chart, entities, view, y, work):
-    """Drop the members that no pose of box i inspects; return the weight of the others. Fills ``work``."""
-    q, h, v, u = stack.look[i], stack.half[i], stack.turn[i], stack.span[i]
+    """Drop the members that no pose of box i inspects; return the weight of the others. Fills ``work``.
+
+    Also returns the remainder of the swings, the weight of which visibility is in doubt, and of which the length is, as
+    far as only the points looked at and only the turn are to blame.
+    """
+    q, h, v, u, eye = stack.look[i], stack.half[i], stack.turn[i], stack.span[i], stack.eye[i]
     n = rotation(chart, v, work.matrix)
     t, nu = most_turn(v, u, n)
-    extent(work.matrix, h, t, work.room)
     rest = swings(work.matrix, v, u, n, t, nu, view.middle, work.swing)
-    radius = rest + math.sqrt(np.sum(h**2))
-    for k in range(3):
-        work.nodal[k] = q[k] - view.middle * work.matrix[k, 2]
-        radius += math.sqrt(np.sum(work.swing[k] ** 2))
-    work.scores[:] = 0.0
     s, far, opened, short = np.empty((2, 3)), np.empty(2), np.empty(2), np.zeros(2)
+    if not agree(stack, i, work, rest, view.middle):
+        return 0.0, rest, 0.0, short
+    extent(work.matrix, h, t, work.room)
+    work.scores[:] = 0.0
     deep = (view.far - view.near) / 2
     kept, at, total, doubt = 0, 0, 0.0, 0.0
+    middle, radius = (eye[0] + eye[1]) / 2, math.sqrt(np.sum((eye[1] - eye[0]) ** 2)) / 2
     for a in range(stack.count[i]):
         e, least = stack.members[i, a], work.least[kept]
-        if out_of_range(entities.ends[e], q, h, view.radius):
+        ends, length = entities.ends[e], entities.lengths[e]
+        if out_of_range(ends, q, h, view.radius) or out_of_focus(ends, eye, view):
             continue
-        seen_from(entities.ends[e], q, work.matrix, s)
-        if too_short(entities.ends[e], entities.lengths[e], work.nodal, radius, view):
+        if too_short(ends, length, middle, radius, view):
             continue
-        farthest(s, entities.lengths[e], t, work.room, view, far, opened)
+        seen_from(ends, q, work.matrix, s)
+        farthest(s, length, t, work.room, view, far, opened)
         window(s, far, v, u, n, t, nu, view, work.room, least, y[e], work.scores)
         if is_empty(least, work.room, view):
             continue
         cells = stack.cells[i, stack.start[i, a] : stack.start[i, a + 1]]
-        n_cells = -1 if stack.sure[i, a] else keep_cells(entities, cells, work.nodal, h, work.swing, rest)
-        if n_cells == 0:
+        n_cells = -1 if stack.sure[i, a] else keep_cells(entities, cells, work.nodal, h, work.swing, rest, eye)
+        if n_cells == 0 or (n_cells > 0 and hidden_around(entities, cells[:n_cells], eye)):
             continue
         stack.members[i, kept], stack.sure[i, kept], stack.start[i, kept] = e, n_cells < 0, at
         # of one that is sure to be visible, one cell is kept: its pose is to be tried
@@ -213,10 +171,24 @@ def _tighten(stack, i, chart, entities, view, y, work):
         kept += 1
     stack.count[i], stack.start[i, kept] = kept, at
     doubt *= _DOUBT_SCORE / (view.tan_x * view.middle)
-    for k in range(3):
-        work.scores[k] = h[k] * (_LENGTH_SCORE * work.scores[k] + doubt + short[0] / np.sum(h))
-        work.scores[3 + k] += doubt * math.sqrt(np.sum(work.swing[k] ** 2)) + short[1] * u[k] / np.sum(u)
-    return total
+    return total, rest, doubt, short
+
+
+@njit(cache=True, nogil=True)
+def _drop_unseen(stack, i, conflict, limit, tree, work, rest):
+    """Drop members that are nowhere visible with more than the limit; return the weight left and the share seen."""
+    m = stack.count[i]
+    if stack.pause[i] > 0:
+        stack.pause[i] -= 1
+        return work.y[:m].sum(), 1.0
+    exclusive_groups(stack.members[i, :m], conflict, work.group)
+    live = np.zeros(tree.sets.shape[1], np.uint64)
+    request = stack.members[i, :m], work.y[:m], work.group[:m], limit
+    box = work.nodal, work.matrix, stack.half[i], work.swing, rest
+    seen = heavy_members(tree, box, stack.eye[i], request, live)
+    if seen > _MUCH_SEEN:
+        stack.pause[i] = _PAUSE
+    return keep_members(stack, i, work, live), seen
 
 
 @njit(cache=True, nogil=True)
@@ -235,13 +207,48 @@ def _is_heavy(stack, i, conflict, limit, view, work, w):
 
 
 @njit(cache=True, nogil=True)
+def _score(stack, i, work, rest, doubt, short, seen, around):
+    """Add to the scores what each coordinate of box i leaves open of lengths and of visibility."""
+    h, u, eye = stack.half[i], stack.span[i], stack.eye[i]
+    for k in range(3):
+        work.scores[k] = h[k] * (_LENGTH_SCORE * work.scores[k] + short[0] / max(np.sum(h), _EPS))
+        work.scores[3 + k] += short[1] * u[k] / np.sum(u)
+    for i in range(3):
+        reach = h[i] + abs(work.swing[0, i]) + abs(work.swing[1, i]) + abs(work.swing[2, i]) + rest
+        half = (eye[1, i] - eye[0, i]) / 2
+        few = seen < _MOST_SEEN or half < _NEAR_SIDES * around
+        if few and _EYE_SHARE * reach < half < 0.99 * reach:
+            work.scores[6 + i] += doubt * half
+            continue
+        # the nodal point is known better than that
+        part = doubt * min(1.0, half / max(reach, _EPS))
+        work.scores[i] += part * h[i]
+        for k in range(3):
+            work.scores[3 + k] += part * abs(work.swing[k, i])
+
+
+@njit(cache=True, nogil=True)
+def _axis_to_halve(stack, i, work, total, view):
+    """Return along which coordinate box i is to be halved; -1 if it is too small for that."""
+    axis, widest = np.argmax(work.scores), np.argmax(stack.half[i])
+    if stack.half[i, widest] > _LOOK_SHARE * view.tan_x * view.middle:
+        return widest
+    if work.scores[axis] >= _FINEST * total:
+        return axis
+    widest = np.argmax(stack.span[i])
+    return 3 + widest if stack.span[i, widest] > _WIDE_TURN else -1
+
+
+@njit(cache=True, nogil=True)
 def _try_pose(stack, i, look, work, entities, view, limit, pose, inspected):
     """Tell whether the pose that looks at a point with the middle rotation inspects more than the limit; write it."""
     m, total = stack.count[i], 0.0
     nodal = look - view.middle * work.matrix[:, 2]
-    zero, still, s = np.zeros(3), np.zeros((3, 3)), np.empty((2, 3))
-    far, opened = np.empty(2), np.empty(2)
-    one = np.empty(1, np.int32)
+    zero, s, far, opened = np.zeros(3), np.empty((2, 3)), np.empty(2), np.empty(2)
+    if (nodal < stack.eye[i, 0]).any() or (nodal > stack.eye[i, 1]).any():
+        return False
+    eye = np.empty((2, 3))
+    eye[:] = nodal
     inspected[:] = False
     for a in range(m):
         e = stack.members[i, a]
@@ -251,14 +258,23 @@ def _try_pose(stack, i, look, work, entities, view, limit, pose, inspected):
         farthest(s, entities.lengths[e], 0.0, zero, view, far, opened)
         if s[0, 2] + view.middle > far[0] or s[1, 2] + view.middle > far[1]:
             continue
-        for c in range(stack.start[i, a], stack.start[i, a + 1]):
-            one[0] = stack.cells[i, c]
-            if keep_cells(entities, one, nodal, zero, still, 0.0) != 0:
-                inspected[e] = True
-                total += work.y[a]
-                break
+        cells = stack.cells[i, stack.start[i, a] : stack.start[i, a + 1]]
+        if _sees(entities, cells, eye, stack.sure[i, a]):
+            inspected[e] = True
+            total += work.y[a]
     pose[:3, :3], pose[:3, 3] = work.matrix, nodal
     return total > limit
+
+
+@njit(cache=True, nogil=True)
+def _sees(entities, cells, eye, sure):
+    """Tell whether a nodal point lies in one of the cells, and all points around it do."""
+    if sure:
+        return True
+    for cell in cells:
+        if holds_point(entities, cell, eye[0]):
+            return not hidden_around(entities, cells, eye)
+    return False
 
 
 @njit(cache=True, nogil=True)
@@ -270,25 +286,3 @@ def _in_view(ends, look, matrix, view):
         if z < view.near or z > view.far or abs(x) > view.tan_x * z or abs(y) > view.tan_y * z:
             return False
     return True
-
-
-@njit(cache=True, nogil=True)
-def _halve(stack, i, axis, met):
-    """Replace box i by its halves in places i and i + 1; the one in which windows met comes on top."""
-    for field in (stack.look, stack.half, stack.turn, stack.span):
-        field[i + 1] = field[i]
-    m = stack.count[i]
-    n_cells = stack.start[i, m]
-    stack.count[i + 1] = m
-    stack.members[i + 1, :m] = stack.members[i, :m]
-    stack.sure[i + 1, :m] = stack.sure[i, :m]
-    stack.start[i + 1, : m + 1] = stack.start[i, : m + 1]
-    stack.cells[i + 1, :n_cells] = stack.cells[i, :n_cells]
-    stack.met[i], stack.met[i + 1] = met, met
-    middle, size = (stack.look, stack.half) if axis < 3 else (stack.turn, stack.span)
-    k = axis % 3
-    half = size[i, k] / 2
-    size[i, k] = size[i + 1, k] = half
-    on_top = 1.0 if axis < 3 and met[k] > stack.look[i, k] else -1.0
-    middle[i, k] -= on_top * half
-    middle[i + 1, k] += on_top * half

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import weakref
 
 import numpy as np
 import pytest
@@ -23,7 +24,10 @@ from planner.posebox import extent, farthest, most_turn, rotation, seen_from
 from planner.posesearch import FOUND, PROVEN, search
 from planner.stabbing import may_exceed, weight_at
 from planner.subdivision import PoseTree
+from planner.viewpoints import viewpoints_for
 
+# grown once: what they hold does not depend on weights and limits
+TREES = weakref.WeakKeyDictionary()
 SIZES = [(120.0, 80.0, 60.0), (400.0, 260.0, 240.0)]
 
 
@@ -42,7 +46,9 @@ def found_in(space, part, y, limit, max_nodes=100_000):
     pose, inspected = np.empty((4, 4)), np.zeros(len(y), dtype=bool)
     chart, box = part
     order = np.argsort(-y, kind="stable")
-    request = space.entities, space.view, space.conflict, y, limit, max_nodes, np.zeros(1, dtype=bool)
+    if space not in TREES:
+        TREES[space] = viewpoints_for(space.nodal_points, space.entities, space.view, y, limit)
+    request = space.entities, space.view, space.conflict, TREES[space], y, limit, max_nodes, np.zeros(1, dtype=bool)
     return *search(box, chart, order, *request, pose, inspected), pose, inspected
 
 
