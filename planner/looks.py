@@ -20,7 +20,7 @@ from planner.necessary import least_image_mm
 from planner.posebox import Entities, View
 from planner.posesearch import FOUND, search
 from planner.tasks import THREADS
-from planner.viewpoints import viewpoints_for
+from planner.viewpoints import Viewpoints, viewpoints_for
 
 # the space of poses is searched in so many parts, some at a time
 _PARTS = 256
@@ -87,6 +87,7 @@ class PoseSpace:
         self.entities = entities_of(judge.ends[entity_idx], regions, judge.requirements.visibility_radius_mm)
         points = self.entities.ends.reshape(-1, 3)
         self.nodal_points = np.array([regions.boxes[:, 0].min(axis=0), regions.boxes[:, 1].max(axis=0)])
+        self._grown, self._grown_for = None, None
         low, high = points.min(axis=0) - self.view.radius, points.max(axis=0) + self.view.radius
         root = np.array([(low + high) / 2, (high - low) / 2, np.zeros(3), np.ones(3)])
         self.parts = [(chart, part) for chart in (0, 1) for part in _cut(root, _PARTS // 2)]
@@ -117,7 +118,7 @@ class PoseSpace:
             What comes out of each part, in their order.
         """
         stop = np.zeros(1, dtype=bool)
-        tree = viewpoints_for(self.nodal_points, self.entities, self.view, y, limit)
+        tree = self._viewpoints(y, limit)
 
         def look(k, max_nodes=max_nodes):
             return self._search_part(k, tree, y, limit, max_nodes, most, stop)
@@ -138,7 +139,17 @@ class PoseSpace:
             finally:
                 stop[0] = True
 
-    def _search_part(self, k: int, tree, y: np.ndarray, limit: float, max_nodes: int, most: int, stop) -> Found:
+    def _viewpoints(self, y: np.ndarray, limit: float) -> Viewpoints:
+        """Return what may be inspected from where; the last answer again if it is fine enough for these weights."""
+        if self._grown is None or limit < self._grown_for[1] or not np.array_equal(y, self._grown_for[0]):
+            finest = None if self._grown is None else self._grown.finest
+            self._grown = viewpoints_for(self.nodal_points, self.entities, self.view, y, limit, finest)
+            self._grown_for = y.copy(), limit
+        return self._grown
+
+    def _search_part(
+        self, k: int, tree: Viewpoints, y: np.ndarray, limit: float, max_nodes: int, most: int, stop
+    ) -> Found:
         chart, part = self.parts[k]
         y, made = y.copy(), 0
         poses, sets = [], []

@@ -38,22 +38,40 @@ class Viewpoints(NamedTuple):
         Where the second half is; 0: not halved.
     sets : array of uint64 (n, w)
         Entities that may be inspected from there, one bit each.
+    finest : float
+        Boxes as wide as this, mm, are not halved.
     """
 
     boxes: np.ndarray
     second: np.ndarray
     sets: np.ndarray
+    finest: float
 
 
-def viewpoints_for(root: np.ndarray, entities: Entities, view: View, y: np.ndarray, limit: float) -> Viewpoints:
-    """Grow a tree in a box (2, 3) that is fine enough where entities of more weight than a limit may be inspected."""
+def viewpoints_for(
+    root: np.ndarray, entities: Entities, view: View, y: np.ndarray, limit: float, finest: float | None = None
+) -> Viewpoints:
+    """Grow a tree in a box that is fine enough where entities of more weight than a limit may be inspected.
+
+    Parameters
+    ----------
+    root : array (2, 3)
+        Lowest and highest coordinates, mm.
+    entities, view
+        The request.
+    y : array (e,)
+        Weights.
+    limit : float
+    finest : float, optional
+        Width of boxes to start with that are not halved further, mm.
+    """
     whole = float((root[1] - root[0]).max())
-    share = _COARSE
+    finest = finest or _COARSE * whole
     while True:
-        tree = Viewpoints(*_grow(root, entities, view, y, limit, share * whole))
-        share /= 2
-        if len(tree.second) >= _ENOUGH or share < _FINE:
-            return tree
+        boxes, second, sets = _grow(root, entities, view, y, limit, finest)
+        if len(second) >= _ENOUGH or finest < _FINE * whole:
+            return Viewpoints(boxes, second, sets, finest)
+        finest /= 2
 
 
 @njit(cache=True, nogil=True)
