@@ -15,7 +15,7 @@ split, some rounds long: quick where pairs that exclude each other decide. If no
 can be in a cover of K columns (reduced-cost fixing). Where this gets no further, weights alone go on: those of the
 columns that are known to be realisable, all leaves that weigh too much being split; of entities that exclude each other
 at a leaf's poses only one counts. In the end, boxes about the point looked at take over (`planner.duality`), which are
-searched depth first and need no memory: far quicker where the sensor's size decides rather than visibility.
+searched depth first and need no memory; what is visible together from where is found beforehand (`planner.viewpoints`).
 
 S(node) uses necessary conditions only: visibility (the box meets a cell of the entity's region), distance and depth
 (focus), the rectangle of the sensor, the resolution, and the length of image without which quantization alone keeps
