@@ -224,6 +224,7 @@ plt.show()
 # What the rivals do better: all are faster, and the greedy cover of the planner's own candidates needs as few settings
 # on the two blocks in under a tenth of the time. A dome per entity looks at every entity nearly straight, so its worst
 # P is high, for as many settings or more. What they do worse: they have no bound to say when they are done; one dome
-# leaves entities out; and on the part with sixteen entities the others need a third to a half more settings than
-# `plan_inspection`. There, with a coarse arm and 99 %, the number of settings depends on the seed, and the proven bound
-# is not reached: it does not know how little of the image is left where such an arm still measures accurately.
+# leaves entities out; and on the part with sixteen entities the others need half as many settings again as
+# `plan_inspection`. There, with a coarse arm and 99 %, it takes three to seven times as long as the slowest rival, most
+# of it for the bound, which is not reached all the same: it does not know how little of the image is left where such
+# an arm still measures accurately.
