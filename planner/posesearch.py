@@ -30,7 +30,7 @@ from planner.posebox import (
     too_short,
     window,
 )
-from planner.posestack import LEVELS, Work, agree, halve, keep_members, planted
+from planner.posestack import LEVELS, agree, halve, keep_members, new_work, planted
 from planner.stabbing import exclusive_groups, may_exceed, weight_at
 from planner.viewpoints import heavy_members
 
@@ -93,12 +93,8 @@ def search(box, chart, order, entities, view, conflict, tree, y, limit, max_node
     made : int
         Boxes looked at.
     """
-    m = len(y)
     stack = planted(box, order, entities, tree.boxes[0])
-    square, line = np.empty((2, 3, 3)), np.empty((2, 3))
-    least, scores = np.empty((m, 6)), np.empty(9)
-    work = Work(square[0], line[0], square[1], line[1], least, np.empty(m), np.empty(m, np.int64), scores)
-    w, look = np.empty(3), np.empty(3)
+    work, w, look = new_work(len(y)), np.empty(3), np.empty(3)
     size, made, outcome = 1, 0, PROVEN
     while size > 0:
         if made >= max_nodes or stop[0]:
@@ -213,18 +209,18 @@ def _score(stack, i, work, rest, doubt, short, seen, around):
     for k in range(3):
         work.scores[k] = h[k] * (_LENGTH_SCORE * work.scores[k] + short[0] / max(np.sum(h), _EPS))
         work.scores[3 + k] += short[1] * u[k] / np.sum(u)
-    for i in range(3):
-        reach = h[i] + abs(work.swing[0, i]) + abs(work.swing[1, i]) + abs(work.swing[2, i]) + rest
-        half = (eye[1, i] - eye[0, i]) / 2
+    for axis in range(3):
+        reach = h[axis] + np.abs(work.swing[:, axis]).sum() + rest
+        half = (eye[1, axis] - eye[0, axis]) / 2
         few = seen < _MOST_SEEN or half < _NEAR_SIDES * around
         if few and _EYE_SHARE * reach < half < 0.99 * reach:
-            work.scores[6 + i] += doubt * half
+            work.scores[6 + axis] += doubt * half
             continue
         # the nodal point is known better than that
         part = doubt * min(1.0, half / max(reach, _EPS))
-        work.scores[i] += part * h[i]
+        work.scores[axis] += part * h[axis]
         for k in range(3):
-            work.scores[3 + k] += part * abs(work.swing[k, i])
+            work.scores[3 + k] += part * abs(work.swing[k, axis])
 
 
 @njit(cache=True, nogil=True)

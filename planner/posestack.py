@@ -86,6 +86,14 @@ def planted(box, order, entities, eye):
 
 
 @njit(cache=True, nogil=True)
+def new_work(m):
+    """Return room for the work on boxes with up to m members."""
+    square, line = np.empty((2, 3, 3)), np.empty((2, 3))
+    least, scores = np.empty((m, 6)), np.empty(9)
+    return Work(square[0], line[0], square[1], line[1], least, np.empty(m), np.empty(m, np.int64), scores)
+
+
+@njit(cache=True, nogil=True)
 def keep_members(stack, i, work, live):
     """Drop the members of box i whose bit is not set; return the weight of the others."""
     kept, at, total = 0, 0, 0.0
