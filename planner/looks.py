@@ -184,7 +184,7 @@ def _cut(root: np.ndarray, n: int) -> list[np.ndarray]:
     return parts
 
 
-def entities_of(ends: np.ndarray, regions: Cells, around: float = 0.0) -> Entities:
+def entities_of(ends: np.ndarray, regions: Cells, around: float) -> Entities:
     """Return entities (ends: (e, 2, 3), mm), visible ``around``, mm, with their regions' cells, for compiled loops."""
     planes = regions.planes / np.linalg.norm(regions.planes[:, :3], axis=1, keepdims=True)
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)

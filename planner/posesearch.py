@@ -49,12 +49,12 @@ _FINEST = 1e-4
 _WIDE_TURN = 1e-2
 # of the share of the nodal points from where enough is visible: up to this much they are halved themselves
 _MOST_SEEN = 0.3
-# above this share, the next halvings are likely to learn nothing from asking again
-_MUCH_SEEN, _PAUSE = 0.6, 3
 # nor do they need to be so few where they are as near to the sides of cells, in radii of visibility
 _NEAR_SIDES = 8.0
 # but not below this share of what points looked at and turn leave open
 _EYE_SHARE = 0.2
+# where more than this share sees enough, it is not asked again for so many halvings: little would be learnt
+_MUCH_SEEN, _PAUSE = 0.6, 3
 
 
 @njit(cache=True, nogil=True)

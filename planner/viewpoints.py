@@ -24,7 +24,8 @@ _MOST = 400_000
 _COARSE, _FINE = 2.0**-4, 2.0**-10
 # boxes of the tree that one question may halve
 _EFFORT = 256
-_EPS = 1e-12
+# for rounding, mm
+_EPS = 1e-9
 
 
 class Viewpoints(NamedTuple):
@@ -194,7 +195,7 @@ def heavy_members(tree, box, eye, request, live):
 def _extents(box):
     """Return how far along the camera's axes the nodal points of a box of poses are from the middle one; (3,)."""
     _, matrix, h, swing, rest = box
-    across = np.full(3, rest)
+    across = np.full(3, rest + _EPS)
     for i in range(3):
         for k in range(3):
             across[i] += h[k] * abs(matrix[k, i])
