@@ -34,6 +34,8 @@ _MORE_NODES = 4
 _LEAST_SWEEPS = 8
 # of the boxes, for the number of settings that is aimed at first
 _SHARE_AT_FIRST = 0.88
+# once that is proven, of the boxes that may have been looked at when the next one is decided
+_SHARE_OF_NEXT = 0.5
 # no number of settings is aimed at first that needs weights to be closer to the limit
 _LEAST_LIMIT = 1.15
 # too heavy poses taken from one part at a time
@@ -132,7 +134,7 @@ class LinearBound:
             elif parts.proven.all():
                 bound, most = max(bound, target), first
                 parts.renew()
-                target = min(bound + 1, n_settings)
+                target, allowed = min(bound + 1, n_settings), min(allowed, _SHARE_OF_NEXT * max_nodes)
             elif n_spent == 0 and not parts.waits.any():
                 # boxes too small to be halved
                 break

@@ -18,7 +18,7 @@ from planner.conflicts import Cells, sensor_tangents
 from planner.constraints import AROUND
 from planner.necessary import least_image_mm
 from planner.posebox import Entities, View
-from planner.posesearch import FOUND, search
+from planner.posesearch import FOUND, NEARLY, search
 from planner.tasks import THREADS
 from planner.viewpoints import Viewpoints, viewpoints_for
 
@@ -52,13 +52,13 @@ class Found(NamedTuple):
     Attributes
     ----------
     outcome : int
-        See `planner.posesearch.search`; FOUND if there is any pose.
+        See `planner.posesearch.search`; FOUND if there is any pose, or any box too small to tell.
     made : int
         Boxes looked at.
     poses : array (f, 4, 4)
-        Poses that inspect more than the limit, camera to part.
+        Poses that inspect more than the limit, or are from such a box, camera to part.
     sets : array of bool (f, e)
-        What they inspect.
+        What they inspect; of such a box all that may be inspected from there.
     """
 
     outcome: int
@@ -159,11 +159,12 @@ class PoseSpace:
             request = self.entities, self.view, self.conflict, tree, y, limit, max_nodes - made, stop
             outcome, n = search(part, chart, order, *request, pose, inspected)
             made += n
-            if outcome == FOUND:
+            # the weights had better keep away from where it is too close to tell, too
+            if outcome in (FOUND, NEARLY):
                 poses.append(pose)
                 sets.append(inspected)
                 y[inspected] *= _LESS * limit / y[inspected].sum()
-            if outcome != FOUND or len(poses) == most or made >= max_nodes:
+            if outcome not in (FOUND, NEARLY) or len(poses) == most or made >= max_nodes:
                 break
         sets = np.array(sets, dtype=bool).reshape(-1, len(y))
         return Found(FOUND if poses else outcome, made, np.array(poses).reshape(-1, 4, 4), sets)

@@ -128,7 +128,7 @@ def window(s, far, v, u, n, t, nu, view, room, least, weight, scores):
         distance[i] = math.sqrt(s[i, 0] ** 2 + s[i, 1] ** 2 + s[i, 2] ** 2)
     first, most = np.empty(3), np.empty(3)
     for c in range(6):
-        n0, n1, n2, k, width, outside = _form(c, view, room)
+        n0, n1, n2, k, width, outside = form(c, view, room)
         size = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
         least[c] = -np.inf
         for i in range(2):
@@ -154,7 +154,7 @@ def window(s, far, v, u, n, t, nu, view, room, least, weight, scores):
 
 
 @njit(cache=True, nogil=True)
-def _form(c, view, room):
+def form(c, view, room):
     """Return the form n.(R(t)'s - w) + k of a side of the view: n, k; half the width; the least -n.w there is."""
     sign = -1.0 if c % 2 == 0 else 1.0
     if c < 2:

@@ -2,9 +2,11 @@
 
 A box is a box of points looked at, a box of turns and a box of nodal points; the first and the last one shrink to where
 they agree. It is dropped when entities heavier than the limit are nowhere visible together (`planner.viewpoints`), or
-no windows heavier than the limit may meet in it (`planner.stabbing`), and else halved along the coordinate that most
-widens the windows or most leaves visibility, or the length of images, in doubt. Where windows meet, the pose is tried
-at once: if it satisfies all conditions for more than the limit, the search is over. If it ends without, no pose does.
+no windows heavier than the limit may meet in it: with windows made larger by all that the turn can do
+(`planner.stabbing`), or, where the turn is small, with windows that move with it (`planner.meeting`). Where they meet,
+the pose is tried at once: if it satisfies all conditions for more than the limit, the search is over. Else the box is
+halved: along the coordinate that most widens the windows or most leaves visibility, or the length of images, in doubt;
+where the turn is small, the box of nodal points is, or the turn if that blurs more. If it ends without, no pose does.
 """
 
 from __future__ import annotations
@@ -14,11 +16,12 @@ import math
 import numpy as np
 from numba import njit
 
+from planner.linearsides import linear_sides
+from planner.meeting import NO, YES, may_meet
 from planner.posebox import (
     extent,
     farthest,
     hidden_around,
-    holds_point,
     is_empty,
     keep_cells,
     most_turn,
@@ -31,10 +34,11 @@ from planner.posebox import (
     window,
 )
 from planner.posestack import LEVELS, agree, halve, keep_members, new_work, planted
+from planner.posetrial import LENGTH, SIGHT, VIEW, try_pose
 from planner.stabbing import exclusive_groups, may_exceed, weight_at
 from planner.viewpoints import heavy_members
 
-PROVEN, FOUND, UNRESOLVED, SPENT = range(4)
+PROVEN, FOUND, UNRESOLVED, SPENT, NEARLY = range(5)
 
 # boxes about the point looked at are first made as small as this share of half the view's width
 _LOOK_SHARE = 0.5
@@ -44,9 +48,8 @@ _DOUBT_SCORE = 1.0
 # the most that one image of doubtful length counts
 _MOST_SHORT = 4.0
 _EPS = 1e-12
-# boxes whose coordinates all do less than this are not halved, unless the turn is larger than that
+# boxes whose coordinates all do less than this are halved along the turn, until it is small
 _FINEST = 1e-4
-_WIDE_TURN = 1e-2
 # of the share of the nodal points from where enough is visible: up to this much they are halved themselves
 _MOST_SEEN = 0.3
 # nor do they need to be so few where they are as near to the sides of cells, in radii of visibility
@@ -55,6 +58,10 @@ _NEAR_SIDES = 8.0
 _EYE_SHARE = 0.2
 # where more than this share sees enough, it is not asked again for so many halvings: little would be learnt
 _MUCH_SEEN, _PAUSE = 0.6, 3
+# up to this turn windows are taken as linear in it, rad of half the angle; parts of a box looked at then, at most
+_SMALL_TURN, _MOST_PARTS = 0.1, 64
+# smaller boxes of these are not halved further: turn, in its coordinates, and nodal points, mm
+_LEAST_TURN, _LEAST_MM = 1e-5, 1e-3
 
 
 @njit(cache=True, nogil=True)
@@ -88,33 +95,53 @@ def search(box, chart, order, entities, view, conflict, tree, y, limit, max_node
     Returns
     -------
     outcome : int
-        PROVEN: no pose exceeds the limit. FOUND: one does. UNRESOLVED: none was found, but boxes too small to be halved
-        are left. SPENT: more boxes would be needed.
+        PROVEN: no pose exceeds the limit. FOUND: one does. NEARLY: all that may be inspected from a box too small to be
+        halved does. UNRESOLVED: none was found, but a box halved too often is left. SPENT: more boxes would be
+        needed.
     made : int
         Boxes looked at.
     """
     stack = planted(box, order, entities, tree.boxes[0])
-    work, w, look = new_work(len(y)), np.empty(3), np.empty(3)
+    m = len(y)
+    work, look, x, meets = new_work(m), np.empty(3), np.zeros(6), np.ones(m, np.bool_)
+    trial = pose, inspected, np.zeros(3), look
     size, made, outcome = 1, 0, PROVEN
     while size > 0:
         if made >= max_nodes or stop[0]:
             return SPENT, made
         size, made = size - 1, made + 1
-        total, rest, doubt, short = _tighten(stack, size, chart, entities, view, y, work)
+        i = size
+        total, rest, doubt, short = _tighten(stack, i, chart, entities, view, y, work)
         if total <= limit:
             continue
-        total, seen = _drop_unseen(stack, size, conflict, limit, tree, work, rest)
-        if total <= limit or not _is_heavy(stack, size, conflict, limit, view, work, w):
+        total, seen = _drop_unseen(stack, i, conflict, limit, tree, work, rest)
+        if total <= limit:
             continue
-        look[:] = stack.look[size] + work.matrix @ w
-        if _try_pose(stack, size, look, work, entities, view, limit, pose, inspected):
+        exclusive_groups(stack.members[i, : stack.count[i]], conflict, work.group)
+        small, answer = _is_small(stack, i), YES
+        if small:
+            answer = _may_meet(stack, i, entities, view, limit, work, rest, x, meets[: stack.count[i]])
+        elif not _is_heavy(stack, i, limit, view, work, x, meets):
+            answer = NO
+        if answer == NO:
+            continue
+        if try_pose(stack, i, chart, x, meets, entities, view, work, trial) > limit:
             return FOUND, made
-        _score(stack, size, work, rest, doubt, short, seen, entities.around)
-        axis = _axis_to_halve(stack, size, work, total, view)
-        if size + 2 > LEVELS or axis < 0:
+        if small:
+            axis = _nodal_or_turn(stack, i, rest, answer, trial[2])
+            if axis < 0:
+                # too small to be halved
+                inspected[:] = False
+                for e in stack.members[i, : stack.count[i]]:
+                    inspected[e] = True
+                return NEARLY, made
+        else:
+            _score(stack, i, work, rest, doubt, short, seen, entities.around)
+            axis = _axis_to_halve(stack, i, work, total, view)
+        if size + 2 > LEVELS:
             outcome = UNRESOLVED
             continue
-        halve(stack, size, axis, look)
+        halve(stack, i, axis, look)
         size += 2
     return outcome, made
 
@@ -188,10 +215,17 @@ def _drop_unseen(stack, i, conflict, limit, tree, work, rest):
 
 
 @njit(cache=True, nogil=True)
-def _is_heavy(stack, i, conflict, limit, view, work, w):
-    """Tell whether windows heavier than the limit may meet in box i; if so, write where."""
-    m = stack.count[i]
-    exclusive_groups(stack.members[i, :m], conflict, work.group)
+def _is_small(stack, i):
+    """Tell whether the turns of box i are small enough for linear windows."""
+    v = stack.turn[i]
+    return most_turn(v, stack.span[i], 1.0 + np.sum(v * v))[0] <= _SMALL_TURN
+
+
+@njit(cache=True, nogil=True)
+def _is_heavy(stack, i, limit, view, work, x, meets):
+    """Tell whether windows heavier than the limit may meet in box i; if so, write where, with the middle rotation."""
+    m, w = stack.count[i], x[:3]
+    x[3:], meets[:m] = 0.0, True
     least, group, y = work.least[:m], work.group[:m], work.y[:m]
     if np.isfinite(stack.met[i, 0]):
         # where they met before, they often still do
@@ -225,60 +259,38 @@ def _score(stack, i, work, rest, doubt, short, seen, around):
 
 @njit(cache=True, nogil=True)
 def _axis_to_halve(stack, i, work, total, view):
-    """Return along which coordinate box i is to be halved; -1 if it is too small for that."""
+    """Return along which coordinate box i, of large turns, is to be halved."""
     axis, widest = np.argmax(work.scores), np.argmax(stack.half[i])
     if stack.half[i, widest] > _LOOK_SHARE * view.tan_x * view.middle:
         return widest
-    if work.scores[axis] >= _FINEST * total:
-        return axis
-    widest = np.argmax(stack.span[i])
-    return 3 + widest if stack.span[i, widest] > _WIDE_TURN else -1
+    return axis if work.scores[axis] >= _FINEST * total else 3 + np.argmax(stack.span[i])
 
 
 @njit(cache=True, nogil=True)
-def _try_pose(stack, i, look, work, entities, view, limit, pose, inspected):
-    """Tell whether the pose that looks at a point with the middle rotation inspects more than the limit; write it."""
-    m, total = stack.count[i], 0.0
-    nodal = look - view.middle * work.matrix[:, 2]
-    zero, s, far, opened = np.zeros(3), np.empty((2, 3)), np.empty(2), np.empty(2)
-    if (nodal < stack.eye[i, 0]).any() or (nodal > stack.eye[i, 1]).any():
-        return False
-    eye = np.empty((2, 3))
-    eye[:] = nodal
-    inspected[:] = False
-    for a in range(m):
-        e = stack.members[i, a]
-        if not _in_view(entities.ends[e], look, work.matrix, view):
-            continue
-        seen_from(entities.ends[e], look, work.matrix, s)
-        farthest(s, entities.lengths[e], 0.0, zero, view, far, opened)
-        if s[0, 2] + view.middle > far[0] or s[1, 2] + view.middle > far[1]:
-            continue
-        cells = stack.cells[i, stack.start[i, a] : stack.start[i, a + 1]]
-        if _sees(entities, cells, eye, stack.sure[i, a]):
-            inspected[e] = True
-            total += work.y[a]
-    pose[:3, :3], pose[:3, 3] = work.matrix, nodal
-    return total > limit
+def _may_meet(stack, i, entities, view, limit, work, rest, x, meets):
+    """Answer whether windows heavier than the limit may meet in box i, of small turns; see `planner.meeting`."""
+    m, u, eye = stack.count[i], stack.span[i], stack.eye[i]
+    n = linear_sides(stack, i, entities, view, work, rest)
+    sides, members = (work.rows[:n], work.rhs[:n], work.owner[:n]), (work.group[:m], work.y[:m])
+    low, high, slope = np.empty(6), np.empty(6), np.zeros((3, 3))
+    low[:3], low[3:], high[:3], high[3:] = -work.room, -u, work.room, u
+    # with a turn, w is tried such that the nodal point stays in the middle
+    for j in range(3):
+        for k in range(3):
+            for c in range(3):
+                slope[j, k] += work.matrix[c, j] * work.swing[k, c] / u[k]
+    seat = work.matrix.T @ ((eye[0] + eye[1]) / 2 - work.nodal), slope
+    return may_meet(sides, members, limit, (low, high), seat, _MOST_PARTS, x, meets)
 
 
 @njit(cache=True, nogil=True)
-def _sees(entities, cells, eye, sure):
-    """Tell whether a nodal point lies in one of the cells, and all points around it do."""
-    if sure:
-        return True
-    for cell in cells:
-        if holds_point(entities, cell, eye[0]):
-            return not hidden_around(entities, cells, eye)
-    return False
+def _nodal_or_turn(stack, i, rest, answer, lost):
+    """Return along which coordinate a box of small turns is to be halved; -1 if it is too small for that.
 
-
-@njit(cache=True, nogil=True)
-def _in_view(ends, look, matrix, view):
-    """Tell whether both ends are in focus and on the sensor."""
-    for i in range(2):
-        x, y, z = matrix.T @ (ends[i] - look)
-        z += view.middle
-        if z < view.near or z > view.far or abs(x) > view.tan_x * z or abs(y) > view.tan_y * z:
-            return False
-    return True
+    The nodal points decide visibility and length, and tie the points looked at to the turn. What the turn makes
+    uncertain of that should not be more than there is of them.
+    """
+    u, half = stack.span[i], (stack.eye[i, 1] - stack.eye[i, 0]) / 2
+    if rest > half.max() or (answer == YES and lost[VIEW] > max(lost[SIGHT], lost[LENGTH])):
+        return 3 + np.argmax(u) if u.max() > _LEAST_TURN else -1
+    return 6 + np.argmax(half) if half.max() > _LEAST_MM else -1

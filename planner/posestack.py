@@ -39,6 +39,7 @@ class Work(NamedTuple):
     """Of the box at work: rotation, room, swings, nodal point; windows, weights and groups of members.
 
     ``scores`` (9,) tell how much is gained by halving along each coordinate of q, v and the nodal point.
+    ``rows``, their right-hand sides and owners are linear sides of windows, see `planner.linearsides`.
     """
 
     matrix: np.ndarray
@@ -49,6 +50,9 @@ class Work(NamedTuple):
     y: np.ndarray
     group: np.ndarray
     scores: np.ndarray
+    rows: np.ndarray
+    rhs: np.ndarray
+    owner: np.ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -90,7 +94,11 @@ def new_work(m):
     """Return room for the work on boxes with up to m members."""
     square, line = np.empty((2, 3, 3)), np.empty((2, 3))
     least, scores = np.empty((m, 6)), np.empty(9)
-    return Work(square[0], line[0], square[1], line[1], least, np.empty(m), np.empty(m, np.int64), scores)
+    y, group = np.empty(m), np.empty(m, np.int64)
+    # of each member both ends on six sides of the view, and the length; and two for each side of two boxes of points
+    n_rows = 13 * m + 12
+    sides = np.empty((n_rows, 6)), np.empty(n_rows), np.empty(n_rows, np.int64)
+    return Work(square[0], line[0], square[1], line[1], least, y, group, scores, *sides)
 
 
 @njit(cache=True, nogil=True)
