@@ -30,6 +30,8 @@ _SLACK = 1e-6
 # boxes looked at in a part of the space of poses: at first, and so many times more where that does not decide
 _FIRST_NODES = 8000
 _MORE_NODES = 4
+# of the boxes that a proof needed before, for other weights
+_NEEDED_AGAIN = 1.5
 # so many sweeps of all parts must be possible
 _LEAST_SWEEPS = 8
 # of the boxes, for the number of settings that is aimed at first
@@ -58,6 +60,12 @@ class _Parts:
 
     def __init__(self, n: int):
         self.proven, self.waits = np.zeros((2, n), dtype=bool)
+        self.needed = np.zeros(n, dtype=int)
+
+    def learn(self, parts: np.ndarray, proven: np.ndarray, made: np.ndarray) -> None:
+        """Take in what a sweep of some parts proved, and how many boxes that took."""
+        self.proven[parts] = proven
+        self.needed[parts[proven]] = made[proven]
 
     def all_wait(self) -> bool:
         """Tell whether all parts without a proof wait."""
@@ -115,12 +123,13 @@ class LinearBound:
                 most = first
             left = np.flatnonzero(~parts.proven & ~parts.waits)
             # sum(y) is all that weights can prove
+            asked = np.maximum(most, (_NEEDED_AGAIN * parts.needed[left]).astype(int))
             if limit <= 1.0 or self.made + most * len(left) > allowed:
                 n_settings = target = target - 1
                 most, allowed = first, max_nodes
                 continue
-            outcomes, poses, sets = self._sweep(left, y, limit, most, max_nodes, progress)
-            parts.proven[left] = outcomes == PROVEN
+            outcomes, made, poses, sets = self._sweep(left, y, limit, asked, max_nodes, progress)
+            parts.learn(left, outcomes == PROVEN, made)
             n_spent = int((outcomes == SPENT).sum())
             most *= _MORE_NODES
             if self.made + most * n_spent > allowed:
@@ -149,8 +158,8 @@ class LinearBound:
         if self.improve is not None:
             self.columns = self.improve(poses)
 
-    def _sweep(self, parts: np.ndarray, y: np.ndarray, limit: float, most: int, max_nodes: int, progress) -> tuple:
-        """Search parts of the space; return their outcomes, and the poses found with what they inspect."""
+    def _sweep(self, parts: np.ndarray, y: np.ndarray, limit: float, most, max_nodes: int, progress) -> tuple:
+        """Search parts of the space; return outcomes and boxes looked at, and poses found with what they inspect."""
 
         def tick() -> None:
             report(progress, min(self.made, max_nodes), max_nodes, "lower bound")
@@ -162,4 +171,5 @@ class LinearBound:
                 self.made += found.made
                 tick()
         poses, sets = (np.concatenate([getattr(found, name) for found in done]) for name in ("poses", "sets"))
-        return np.array([found.outcome for found in done]), poses, sets
+        outcomes, made = np.array([(found.outcome, found.made) for found in done]).T
+        return outcomes, made, poses, sets

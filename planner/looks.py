@@ -93,7 +93,7 @@ class PoseSpace:
         self.parts = [(chart, part) for chart in (0, 1) for part in _cut(root, _PARTS // 2)]
 
     def search(
-        self, y: np.ndarray, limit: float, max_nodes: int, tick: Callable[[], None] | None = None, *, parts=None, most=1
+        self, y: np.ndarray, limit: float, max_nodes, tick: Callable[[], None] | None = None, *, parts=None, most=1
     ) -> Iterator[Found]:
         """Search part after part for poses that inspect a weight above a limit.
 
@@ -102,8 +102,8 @@ class PoseSpace:
         y : array (e,)
             Weights.
         limit : float
-        max_nodes : int
-            Boxes looked at in a part, at most.
+        max_nodes : int or array of int
+            Boxes looked at in a part, at most; for all parts searched or each of them.
         tick : callable, optional
             Called about twice a second; an exception it raises ends the search.
         parts : sequence of int, optional
@@ -120,22 +120,23 @@ class PoseSpace:
         stop = np.zeros(1, dtype=bool)
         tree = self._viewpoints(y, limit)
 
-        def look(k, max_nodes=max_nodes):
+        def look(k, max_nodes):
             return self._search_part(k, tree, y, limit, max_nodes, most, stop)
 
         # compiled before the threads need it
-        look(0, max_nodes=0)
+        look(0, 0)
 
         waiting: deque[Future] = deque()
         with ThreadPoolExecutor(THREADS) as pool:
             try:
-                todo = iter(range(len(self.parts)) if parts is None else parts)
-                waiting.extend(pool.submit(look, k) for k in itertools.islice(todo, 2 * THREADS))
+                asked = range(len(self.parts)) if parts is None else parts
+                todo = zip(asked, np.broadcast_to(max_nodes, len(asked)).tolist(), strict=True)
+                waiting.extend(pool.submit(look, *one) for one in itertools.islice(todo, 2 * THREADS))
                 while waiting:
                     while tick is not None and not wait([waiting[0]], _TICK_S).done:
                         tick()
                     yield waiting.popleft().result()
-                    waiting.extend(pool.submit(look, k) for k in itertools.islice(todo, 1))
+                    waiting.extend(pool.submit(look, *one) for one in itertools.islice(todo, 1))
             finally:
                 stop[0] = True
 

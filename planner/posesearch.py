@@ -141,7 +141,7 @@ def search(box, chart, order, entities, view, conflict, tree, y, limit, max_node
         if size + 2 > LEVELS:
             outcome = UNRESOLVED
             continue
-        halve(stack, i, axis, look)
+        halve(stack, i, axis, look, x[3:], pose[:3, 3])
         size += 2
     return outcome, made
 

@@ -141,10 +141,11 @@ def agree(stack, i, work, rest, middle):
 
 
 @njit(cache=True, nogil=True)
-def halve(stack, i, axis, met):
-    """Replace box i by its halves in places i and i + 1; the one in which windows met comes on top.
+def halve(stack, i, axis, met, turn, nodal):
+    """Replace box i by its halves in places i and i + 1; the one of a pose that was tried comes on top.
 
-    The axes are those of the point looked at, of the turn, and of the nodal point.
+    The axes are those of the point looked at, of the turn, and of the nodal point; of that pose they are ``met``,
+    ``turn`` (from the middle rotation) and ``nodal``.
     """
     for field in (stack.look, stack.half, stack.turn, stack.span):
         field[i + 1] = field[i]
@@ -158,14 +159,15 @@ def halve(stack, i, axis, met):
     stack.met[i], stack.met[i + 1] = met, met
     stack.eye[i + 1], stack.pause[i + 1] = stack.eye[i], stack.pause[i]
     if axis >= 6:
-        stack.eye[i, 1, axis - 6] = stack.eye[i + 1, 0, axis - 6] = (
-            stack.eye[i, 0, axis - 6] + stack.eye[i, 1, axis - 6]
-        ) / 2
+        k = axis - 6
+        middle = (stack.eye[i, 0, k] + stack.eye[i, 1, k]) / 2
+        low, high = (i, i + 1) if nodal[k] > middle else (i + 1, i)
+        stack.eye[low, 1, k] = stack.eye[high, 0, k] = middle
         return
-    middle, size = (stack.look, stack.half) if axis < 3 else (stack.turn, stack.span)
+    boxes, size = (stack.look, stack.half) if axis < 3 else (stack.turn, stack.span)
     k = axis % 3
     half = size[i, k] / 2
     size[i, k] = size[i + 1, k] = half
-    on_top = 1.0 if axis < 3 and met[k] > stack.look[i, k] else -1.0
-    middle[i, k] -= on_top * half
-    middle[i + 1, k] += on_top * half
+    on_top = 1.0 if (met[k] > stack.look[i, k] if axis < 3 else turn[k] > 0.0) else -1.0
+    boxes[i, k] -= on_top * half
+    boxes[i + 1, k] += on_top * half
