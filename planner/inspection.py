@@ -69,7 +69,7 @@ class Effort:
     viewpoints: int = 50
     pricing_rounds: int = 50
     refutations: int = 12
-    bound_nodes: int = 3_000_000
+    bound_nodes: int = 8_000_000
     cover_nodes: int = 1000
 
     def __post_init__(self):

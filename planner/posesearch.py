@@ -48,8 +48,9 @@ _DOUBT_SCORE = 1.0
 # the most that one image of doubtful length counts
 _MOST_SHORT = 4.0
 _EPS = 1e-12
-# boxes whose coordinates all do less than this are halved along the turn, until it is small
+# boxes whose coordinates all do less than this are not halved, unless the turn is larger than that
 _FINEST = 1e-4
+_WIDE_TURN = 1e-2
 # of the share of the nodal points from where enough is visible: up to this much they are halved themselves
 _MOST_SEEN = 0.3
 # nor do they need to be so few where they are as near to the sides of cells, in radii of visibility
@@ -58,8 +59,11 @@ _NEAR_SIDES = 8.0
 _EYE_SHARE = 0.2
 # where more than this share sees enough, it is not asked again for so many halvings: little would be learnt
 _MUCH_SEEN, _PAUSE = 0.6, 3
-# up to this turn windows are taken as linear in it, rad of half the angle; parts of a box looked at then, at most
-_SMALL_TURN, _MOST_PARTS = 0.1, 64
+# where the depth in focus is less than this share of the view's width, the turn is what loses: windows are linear in it
+# up to so much, rad of half the angle
+_THIN, _SMALL_TURN = 0.15, 0.1
+# parts of such a box looked at, at most, and how many cost as much as a box
+_MOST_PARTS, _PARTS_PER_BOX = 64, 25
 # smaller boxes of these are not halved further: turn, in its coordinates, and nodal points, mm
 _LEAST_TURN, _LEAST_MM = 1e-5, 1e-3
 
@@ -96,15 +100,16 @@ def search(box, chart, order, entities, view, conflict, tree, y, limit, max_node
     -------
     outcome : int
         PROVEN: no pose exceeds the limit. FOUND: one does. NEARLY: all that may be inspected from a box too small to be
-        halved does. UNRESOLVED: none was found, but a box halved too often is left. SPENT: more boxes would be
-        needed.
+        halved does. UNRESOLVED: none was found, but boxes not to be halved further are left. SPENT: more
+        boxes would be needed.
     made : int
-        Boxes looked at.
+        Boxes looked at; those with parts count for several.
     """
     stack = planted(box, order, entities, tree.boxes[0])
     m = len(y)
     work, look, x, meets = new_work(m), np.empty(3), np.zeros(6), np.ones(m, np.bool_)
     trial = pose, inspected, np.zeros(3), look
+    thin = view.far - view.near < _THIN * 2.0 * view.tan_x * view.middle
     size, made, outcome = 1, 0, PROVEN
     while size > 0:
         if made >= max_nodes or stop[0]:
@@ -118,8 +123,9 @@ def search(box, chart, order, entities, view, conflict, tree, y, limit, max_node
         if total <= limit:
             continue
         exclusive_groups(stack.members[i, : stack.count[i]], conflict, work.group)
-        small, answer = _is_small(stack, i), YES
+        small, answer = thin and _is_small(stack, i), YES
         if small:
+            made += _MOST_PARTS // _PARTS_PER_BOX
             answer = _may_meet(stack, i, entities, view, limit, work, rest, x, meets[: stack.count[i]])
         elif not _is_heavy(stack, i, limit, view, work, x, meets):
             answer = NO
@@ -138,7 +144,7 @@ def search(box, chart, order, entities, view, conflict, tree, y, limit, max_node
         else:
             _score(stack, i, work, rest, doubt, short, seen, entities.around)
             axis = _axis_to_halve(stack, i, work, total, view)
-        if size + 2 > LEVELS:
+        if size + 2 > LEVELS or axis < 0:
             outcome = UNRESOLVED
             continue
         halve(stack, i, axis, look, x[3:], pose[:3, 3])
@@ -259,11 +265,14 @@ def _score(stack, i, work, rest, doubt, short, seen, around):
 
 @njit(cache=True, nogil=True)
 def _axis_to_halve(stack, i, work, total, view):
-    """Return along which coordinate box i, of large turns, is to be halved."""
+    """Return along which coordinate box i is to be halved; -1 if it is too small for that."""
     axis, widest = np.argmax(work.scores), np.argmax(stack.half[i])
     if stack.half[i, widest] > _LOOK_SHARE * view.tan_x * view.middle:
         return widest
-    return axis if work.scores[axis] >= _FINEST * total else 3 + np.argmax(stack.span[i])
+    if work.scores[axis] >= _FINEST * total:
+        return axis
+    widest = np.argmax(stack.span[i])
+    return 3 + widest if stack.span[i, widest] > _WIDE_TURN else -1
 
 
 @njit(cache=True, nogil=True)

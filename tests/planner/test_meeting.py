@@ -9,12 +9,13 @@ import pytest
 from grid_box import EDGES
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
-from test_bound import SIZES, box_around, request_for, space_for
+from test_bound import SIZES, box_around, found_in, request_for, space_for
 
 from planner.linearsides import linear_sides
 from planner.meeting import NO, UNDECIDED, YES, may_meet
 from planner.pose import world_to_cam
 from planner.posebox import extent, most_turn, rotation, swings
+from planner.posesearch import PROVEN
 from planner.posestack import agree, new_work, planted
 
 
@@ -68,6 +69,26 @@ def test_no_pose_breaks_a_side_of_what_it_inspects(small, ratio):
     assert n_inspected > 500
     # and little else keeps to them: the more so, the smaller the box
     assert n_broken > {0.4: 0.85, 0.1: 0.95, 0.01: 0.97}[small] * n_out
+
+
+def test_no_thin_view_exceeds_what_the_search_proves_of_its_box():
+    judge, regions = request_for(SIZES[1])
+    space, rng = space_for(judge, regions), np.random.default_rng(4)
+    view = space.view = space.view._replace(near=space.view.middle - 20.0, far=space.view.middle + 20.0)
+    y = rng.uniform(0.1, 1.0, len(EDGES))
+    proven = tight = 0
+    for _ in range(200):
+        part, poses = box_around(rng, view, SIZES[1], 0.2)
+        inspects = judge(poses).inspects
+        depth = world_to_cam(space.entities.ends, poses)[..., 2]
+        inspects &= ((depth >= view.near) & (depth <= view.far)).all(axis=2)
+        best = float((inspects @ y).max())
+        proven += found_in(space, part, y, 1.02 * best + 1e-3, 3000)[0] == PROVEN
+        if best > 0:
+            tight += 1
+            assert found_in(space, part, y, 0.999 * best, 3000)[0] != PROVEN
+    assert proven > 30
+    assert tight > 5
 
 
 @pytest.mark.parametrize("grouped", [False, True])
