@@ -20,6 +20,9 @@ _PREFERENCE = 0.5
 # bias and number of the duals that columns are left out by
 _FIXING_DUALS = 1.05, 4
 _CORE_SLACK = 0.1
+# several duals are solved in so many shares, each from so many columns, with so many more at a time that they break
+_SHARES, _FIRST_COLUMNS, _MORE_COLUMNS = 2, 300, 100
+_BROKEN = 1e-9
 _CORE_OF_ENTITY = 5
 
 
@@ -212,8 +215,27 @@ def mean_dual(membership, bias: float, n: int) -> np.ndarray:
     membership = check_membership(membership)
     factors = 1.0 + (bias - 1.0) * np.random.default_rng(0).random((n, membership.shape[1]))
     with ThreadPoolExecutor(THREADS) as pool:
-        weights = np.mean(list(pool.map(lambda factor: fractional_cover(membership, factor)[1], factors)), axis=0)
+        # in a fixed number of shares, so that the result does not depend on the machine
+        weights = pool.map(lambda k: _duals(membership, factors[k::_SHARES]), range(min(n, _SHARES)))
+        weights = np.mean(np.concatenate(list(weights)), axis=0)
     return weights / max(1.0, float((membership @ weights).max(initial=0.0)))
+
+
+def _duals(membership: np.ndarray, factors: np.ndarray) -> np.ndarray:
+    """Solve the dual for each row (f, e) of factors, by constraint generation: few columns bind."""
+    active = np.zeros(len(membership), dtype=bool)
+    active[np.argsort(-membership.sum(axis=1), kind="stable")[:_FIRST_COLUMNS]] = True
+    active[np.argmax(membership, axis=0)] = True
+    duals = np.empty(factors.shape)
+    for k, factor in enumerate(factors):
+        while True:
+            duals[k] = fractional_cover(membership[active], factor)[1]
+            weight = membership @ duals[k]
+            broken = np.flatnonzero((weight > 1.0 + _BROKEN) & ~active)
+            if not broken.size:
+                break
+            active[broken[np.argsort(-weight[broken], kind="stable")[:_MORE_COLUMNS]]] = True
+    return duals
 
 
 def columns_of_covers(membership, size: int) -> np.ndarray:

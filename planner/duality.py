@@ -16,30 +16,40 @@ from collections.abc import Callable
 from contextlib import closing
 
 import numpy as np
+from scipy.optimize import linprog
+from scipy.sparse import csr_matrix
 
 from planner.cover import maximal_columns, mean_dual
 from planner.looks import PoseSpace
 from planner.posesearch import PROVEN, SPENT
 from planner.progress import report
 
-_DUALS = 8
+_DUALS = 16
 # duals are looked for that maximise the weights times factors from 1 to this
 _BIAS = 1.5
 _LEAST_WEIGHT = 1e-3
 _SLACK = 1e-6
+# no pose may weigh more than this share less than would do, so that a few that do need no new weights; at most this
+# share of what the limit is above 1
+_SPARE, _SPARE_OF_ROOM = 0.01, 0.25
+# weights keep away from poses found by so much
+_LESS = 0.999
 # boxes looked at in a part of the space of poses: at first, and so many times more where that does not decide
 _FIRST_NODES = 8000
 _MORE_NODES = 4
 # of the boxes that a proof needed before, for other weights
 _NEEDED_AGAIN = 1.5
+# parts are not searched with less than this share of what seems worth while
+_LEAST_SHARE = 0.4
 # so many sweeps of all parts must be possible
 _LEAST_SWEEPS = 8
 # of the boxes, for the number of settings that is aimed at first
 _SHARE_AT_FIRST = 0.88
 # once that is proven, of the boxes that may have been looked at when the next one is decided
 _SHARE_OF_NEXT = 0.5
-# no number of settings is aimed at first that needs weights to be closer to the limit
-_LEAST_LIMIT = 1.15
+# no number of settings is aimed at first that needs weights to be closer to the limit; or aimed at any longer once
+# they are; or after another one is proven
+_LEAST_LIMIT, _LEAST_LIMIT_LATER, _LEAST_LIMIT_OF_NEXT = 1.15, 1.02, 1.06
 # too heavy poses taken from one part at a time
 _MOST_FOUND = 8
 
@@ -52,24 +62,58 @@ def spread_weights(columns: np.ndarray) -> np.ndarray:
     return y / (columns @ y).max()
 
 
+def limit_for(y: np.ndarray, target: int) -> float:
+    """Return what no pose may weigh for weights y (e,) to prove so many settings, with some to spare."""
+    limit = float(y.sum()) / max(1, target - 1)
+    return limit - min(_SPARE * limit, _SPARE_OF_ROOM * abs(limit - 1.0)) - _SLACK
+
+
+def relieved(y: np.ndarray, sets: np.ndarray, limit: float) -> np.ndarray:
+    """Return weights (e,) nowhere larger than y, such that none of the sets (s, e) weighs more than nearly a limit.
+
+    Their sum is the largest there is.
+    """
+    excess = sets @ y - _LESS * limit
+    result = linprog(
+        np.ones(len(y)),
+        A_ub=csr_matrix(-sets[excess > 0.0].astype(float)),
+        b_ub=-excess[excess > 0.0],
+        bounds=np.stack([np.zeros(len(y)), y], axis=1),
+    )
+    return y if result.x is None else np.clip(y - result.x, 0.0, y)
+
+
 class _Parts:
-    """Which parts of the space of poses have a proof for the present weights.
+    """What is known of the parts of the space of poses: which have a proof for the present weights, and what it took.
 
     Those that had one for earlier weights are likely to have one again, so they wait until the others are done.
     """
 
-    def __init__(self, n: int):
+    def __init__(self, n: int, first: int):
         self.proven, self.waits = np.zeros((2, n), dtype=bool)
-        self.needed = np.zeros(n, dtype=int)
+        # boxes to be looked at when a part is searched next
+        self.worth = np.full(n, first)
 
-    def learn(self, parts: np.ndarray, proven: np.ndarray, made: np.ndarray) -> None:
-        """Take in what a sweep of some parts proved, and how many boxes that took."""
+    def next_ones(self, affordable: int) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return the parts to be searched next and how many boxes of each, not more together than affordable.
+
+        None if the parts that are left need more.
+        """
+        if (self.proven | self.waits).all():
+            self.waits[:] = False
+        parts = np.flatnonzero(~self.proven & ~self.waits)
+        worth = self.worth[parts]
+        share = affordable / max(1, int(worth.sum()))
+        if share < _LEAST_SHARE:
+            return None
+        return parts, (worth * min(share, 1.0)).astype(int)
+
+    def learn(self, parts: np.ndarray, outcomes: np.ndarray, made: np.ndarray) -> None:
+        """Take in what a search of some parts gave, and how many boxes that took."""
+        proven, spent = outcomes == PROVEN, outcomes == SPENT
         self.proven[parts] = proven
-        self.needed[parts[proven]] = made[proven]
-
-    def all_wait(self) -> bool:
-        """Tell whether all parts without a proof wait."""
-        return bool((self.proven | self.waits).all())
+        self.worth[parts[proven]] = np.maximum(_NEEDED_AGAIN * made[proven], self.worth.min())
+        self.worth[parts[spent]] = _MORE_NODES * made[spent]
 
     def renew(self) -> None:
         """The weights or the limit are about to change."""
@@ -104,6 +148,7 @@ class LinearBound:
         self.columns = np.asarray(columns, dtype=bool)
         self.found = self.columns[:0]
         self.made = 0
+        self._poses: list[np.ndarray] = []
 
     def raise_from(self, bound: int, n_settings: int, *, max_nodes: int, progress=None) -> int:
         """Return what is proven, given what is proven already; at most ``n_settings``.
@@ -111,52 +156,53 @@ class LinearBound:
         Looks at ``max_nodes`` boxes of poses at most. A large number of settings is aimed at first: what is found on
         the way counts for the smaller ones as well, and what is proven of a part holds for larger limits.
         """
-        parts = _Parts(len(self.space.parts))
-        first = min(_FIRST_NODES, max_nodes // (_LEAST_SWEEPS * len(parts.proven)) + 1)
+        n_parts = len(self.space.parts)
+        parts = _Parts(n_parts, min(_FIRST_NODES, max_nodes // (_LEAST_SWEEPS * n_parts) + 1))
         y = self._weights()
         target = min(n_settings, max(bound, int(float(y.sum()) / _LEAST_LIMIT)) + 1)
-        most, allowed = first, _SHARE_AT_FIRST * max_nodes
+        allowed = _SHARE_AT_FIRST * max_nodes
+        limit, least = limit_for(y, target), _LEAST_LIMIT_LATER
         while bound < target:
-            limit = float(y.sum()) / (target - 1) - _SLACK
-            if parts.all_wait():
-                parts.waits[:] = False
-                most = first
-            left = np.flatnonzero(~parts.proven & ~parts.waits)
-            # sum(y) is all that weights can prove
-            asked = np.maximum(most, (_NEEDED_AGAIN * parts.needed[left]).astype(int))
-            if limit <= 1.0 or self.made + most * len(left) > allowed:
-                n_settings = target = target - 1
-                most, allowed = first, max_nodes
-                continue
-            outcomes, made, poses, sets = self._sweep(left, y, limit, asked, max_nodes, progress)
-            parts.learn(left, outcomes == PROVEN, made)
-            n_spent = int((outcomes == SPENT).sum())
-            most *= _MORE_NODES
-            if self.made + most * n_spent > allowed:
+            # weights prove no more than their sum, and that only if all parts are searched without end
+            asked = parts.next_ones(int(allowed) - self.made) if limit > least else None
+            if asked is None:
                 # what is proven for a smaller limit is proven for this one
                 n_settings = target = target - 1
-                most, allowed = first, max_nodes
+                allowed, limit = max_nodes, limit_for(y, target)
+                continue
+            outcomes, made, poses, sets = self._sweep(asked[0], y, limit, asked[1], max_nodes, progress)
+            parts.learn(asked[0], outcomes, made)
             if len(sets):
-                self._learn(poses, sets)
+                self._poses.append(poses)
+                self.found = np.concatenate([self.found, sets])
+                lighter = relieved(y, sets, limit)
+                if lighter.sum() > limit * (target - 1):
+                    # what is proven for larger weights is proven for these
+                    y = lighter
+                    continue
+                self._improve()
                 parts.renew()
-                y, most = self._weights(), first
+                y = self._weights()
+                limit = limit_for(y, target)
             elif parts.proven.all():
-                bound, most = max(bound, target), first
+                bound = max(bound, target)
                 parts.renew()
                 target, allowed = min(bound + 1, n_settings), min(allowed, _SHARE_OF_NEXT * max_nodes)
-            elif n_spent == 0 and not parts.waits.any():
+                limit, least = limit_for(y, target), _LEAST_LIMIT_OF_NEXT
+            elif not (outcomes == SPENT).any() and not parts.waits.any():
                 # boxes too small to be halved
                 break
+        self._improve()
         return bound
 
     def _weights(self) -> np.ndarray:
         return spread_weights(np.concatenate([self.columns, self.found]))
 
-    def _learn(self, poses: np.ndarray, sets: np.ndarray) -> None:
-        """Take in poses that are too heavy and what they inspect, by the necessary conditions."""
-        self.found = np.concatenate([self.found, sets])
-        if self.improve is not None:
-            self.columns = self.improve(poses)
+    def _improve(self) -> None:
+        """Tell of the poses found since the last time."""
+        if self._poses and self.improve is not None:
+            self.columns = self.improve(np.concatenate(self._poses))
+        self._poses = []
 
     def _sweep(self, parts: np.ndarray, y: np.ndarray, limit: float, most, max_nodes: int, progress) -> tuple:
         """Search parts of the space; return outcomes and boxes looked at, and poses found with what they inspect."""

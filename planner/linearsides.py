@@ -8,6 +8,9 @@ length     the image of two ends a and b as seen from c is |(X.e1, X.e2)| / (z1 
            the camera's axes e1, e2, e3. With A = sqrt(|X|^2 - (X.e3)^2) and D the most that z1 and z2 can differ by,
            z1 z2 <= A / ratio, so z1 + z2 <= sqrt(4 A / ratio + D^2)
 nodal      c = q - z0 a is in the box of nodal points, and q in the box of points looked at
+
+Opposite sides of two members, added, have little of x left: where even that cannot be satisfied, the two exclude each
+other in all of the box.
 """
 
 from __future__ import annotations
@@ -36,7 +39,8 @@ def linear_sides(stack, i, entities, view, work, rest):
         first = at
         seen_from(entities.ends[e], q, work.matrix, s)
         farthest(s, entities.lengths[e], t, work.room, view, far, opened)
-        at += _of_view(s, far, turn, view, work.room, work.rows[at:], work.rhs[at:])
+        at += _of_view(s, far, turn, view, work.room, work.rows[at:], work.rhs[at:], work.side[at:])
+        work.side[at] = 5
         at += _of_length(entities.ends[e], s, stack.eye[i], turn, view, work.matrix, work.rows[at:], work.rhs[at:])
         work.owner[first:at] = a
     return at
@@ -77,7 +81,7 @@ def _rest(along, whole, across, t, nu):
 
 
 @njit(cache=True, nogil=True)
-def _of_view(s, far, turn, view, room, rows, rhs):
+def _of_view(s, far, turn, view, room, rows, rhs, side):
     """Write the sides of the view that some point of the box breaks; return how many."""
     v, u, n, t, nu = turn
     kept = 0
@@ -95,7 +99,7 @@ def _of_view(s, far, turn, view, room, rows, rhs):
                 continue
             row = rows[kept]
             row[0], row[1], row[2], row[3], row[4], row[5] = n0, n1, n2, -d0, -d1, -d2
-            rhs[kept] = right
+            rhs[kept], side[kept] = right, c
             kept += 1
     return kept
 
@@ -126,5 +130,29 @@ def _of_length(ends, s, eye, turn, view, matrix, rows, rhs):
         row[3], row[4], row[5] = row[3] + d0, row[4] + d1, row[5] + d2
         whole = math.sqrt(s[i, 0] ** 2 + s[i, 1] ** 2 + s[i, 2] ** 2)
         right += _rest(-s[i, 2], whole, across, t, nu) - s[i, 2]
-    rhs[0] = right
+    row *= 0.5
+    rhs[0] = right / 2.0
     return 1
+
+
+@njit(cache=True, nogil=True)
+def find_apart(work, n, u, apart):
+    """Add to ``apart`` (m, m) the members of which opposite sides, of n sides, leave no pose of a box for both."""
+    count = np.zeros(6, np.int64)
+    for r in range(n):
+        if work.owner[r] >= 0:
+            work.of_side[work.side[r], count[work.side[r]]] = r
+            count[work.side[r]] += 1
+    half = np.empty(6)
+    half[:3], half[3:] = work.room, u
+    for c in range(0, 6, 2):
+        for r in work.of_side[c, : count[c]]:
+            for k in work.of_side[c + 1, : count[c + 1]]:
+                a, b = work.owner[r], work.owner[k]
+                if apart[a, b] or a == b:
+                    continue
+                room = work.rhs[r] + work.rhs[k]
+                for j in range(6):
+                    room += abs(work.rows[r, j] + work.rows[k, j]) * half[j]
+                if room < 0.0:
+                    apart[a, b] = apart[b, a] = True

@@ -44,8 +44,10 @@ def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
 
     Returns
     -------
-    int
+    answer : int
         NO is a proof. YES: they meet at x. UNDECIDED: more parts would be needed.
+    made : int
+        Parts looked at.
     """
     group, y = members
     m, n_rows = len(y), len(sides[1])
@@ -63,7 +65,7 @@ def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
         while again:
             made += 1
             if made > max_parts:
-                return UNDECIDED
+                return UNDECIDED, made
             n_live[i] = _keep(sides, live[i], n_live[i], alive[i], low[i], high[i], y, scores)
             total = _weight(alive[i], group, y, first, loss) if n_live[i] >= 0 else 0.0
             if total <= limit:
@@ -77,7 +79,7 @@ def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
             best = here
             x[:], meets[:] = tried, there
         if here > limit:
-            return YES
+            return YES, made
         axis = np.argmax(scores)
         if size + 2 > _LEVELS:
             answer = UNDECIDED
@@ -86,7 +88,7 @@ def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
         live[i + 1, : n_live[i]] = live[i, : n_live[i]]
         low[i + 1, axis] = high[i, axis] = (low[i, axis] + high[i, axis]) / 2
         size += 2
-    return answer
+    return answer, made
 
 
 @njit(cache=True, nogil=True)

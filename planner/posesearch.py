@@ -16,8 +16,7 @@ import math
 import numpy as np
 from numba import njit
 
-from planner.linearsides import linear_sides
-from planner.meeting import NO, YES, may_meet
+from planner.meeting import NO, YES
 from planner.posebox import (
     extent,
     farthest,
@@ -34,7 +33,8 @@ from planner.posebox import (
     window,
 )
 from planner.posestack import LEVELS, agree, halve, keep_members, new_work, planted
-from planner.posetrial import LENGTH, SIGHT, VIEW, try_pose
+from planner.posetrial import try_pose
+from planner.smallturns import is_small, may_see, nodal_or_turn
 from planner.stabbing import exclusive_groups, may_exceed, weight_at
 from planner.viewpoints import heavy_members
 
@@ -60,12 +60,9 @@ _EYE_SHARE = 0.2
 # where more than this share sees enough, it is not asked again for so many halvings: little would be learnt
 _MUCH_SEEN, _PAUSE = 0.6, 3
 # where the depth in focus is less than this share of the view's width, the turn is what loses: windows are linear in it
-# up to so much, rad of half the angle
-_THIN, _SMALL_TURN = 0.15, 0.1
-# parts of such a box looked at, at most, and how many cost as much as a box
-_MOST_PARTS, _PARTS_PER_BOX = 64, 25
-# smaller boxes of these are not halved further: turn, in its coordinates, and nodal points, mm
-_LEAST_TURN, _LEAST_MM = 1e-5, 1e-3
+_THIN = 0.15
+# so many parts of a box of small turns cost as much as a box
+_PARTS_PER_BOX = 25
 
 
 @njit(cache=True, nogil=True)
@@ -122,24 +119,20 @@ def search(box, chart, order, entities, view, conflict, tree, y, limit, max_node
         total, seen = _drop_unseen(stack, i, conflict, limit, tree, work, rest)
         if total <= limit:
             continue
-        exclusive_groups(stack.members[i, : stack.count[i]], conflict, work.group)
-        small, answer = thin and _is_small(stack, i), YES
+        small = thin and is_small(stack, i)
         if small:
-            made += _MOST_PARTS // _PARTS_PER_BOX
-            answer = _may_meet(stack, i, entities, view, limit, work, rest, x, meets[: stack.count[i]])
-        elif not _is_heavy(stack, i, limit, view, work, x, meets):
-            answer = NO
+            answer, n_parts = may_see(stack, i, entities, view, conflict, limit, work, rest, x, meets)
+            made += n_parts // _PARTS_PER_BOX
+        else:
+            answer = _may_see(stack, i, conflict, limit, view, work, x, meets)
         if answer == NO:
             continue
         if try_pose(stack, i, chart, x, meets, entities, view, work, trial) > limit:
             return FOUND, made
         if small:
-            axis = _nodal_or_turn(stack, i, rest, answer, trial[2])
+            axis = nodal_or_turn(stack, i, rest, answer, trial[2])
             if axis < 0:
-                # too small to be halved
-                inspected[:] = False
-                for e in stack.members[i, : stack.count[i]]:
-                    inspected[e] = True
+                _write_members(stack, i, inspected)
                 return NEARLY, made
         else:
             _score(stack, i, work, rest, doubt, short, seen, entities.around)
@@ -221,25 +214,27 @@ def _drop_unseen(stack, i, conflict, limit, tree, work, rest):
 
 
 @njit(cache=True, nogil=True)
-def _is_small(stack, i):
-    """Tell whether the turns of box i are small enough for linear windows."""
-    v = stack.turn[i]
-    return most_turn(v, stack.span[i], 1.0 + np.sum(v * v))[0] <= _SMALL_TURN
+def _write_members(stack, i, inspected):
+    """Write all that may be inspected from box i."""
+    inspected[:] = False
+    for e in stack.members[i, : stack.count[i]]:
+        inspected[e] = True
 
 
 @njit(cache=True, nogil=True)
-def _is_heavy(stack, i, limit, view, work, x, meets):
-    """Tell whether windows heavier than the limit may meet in box i; if so, write where, with the middle rotation."""
+def _may_see(stack, i, conflict, limit, view, work, x, meets):
+    """Answer whether windows heavier than the limit may meet in box i; if so, write where, with the middle rotation."""
     m, w = stack.count[i], x[:3]
     x[3:], meets[:m] = 0.0, True
+    exclusive_groups(stack.members[i, :m], conflict, work.group)
     least, group, y = work.least[:m], work.group[:m], work.y[:m]
     if np.isfinite(stack.met[i, 0]):
         # where they met before, they often still do
         w[:] = work.matrix.T @ (stack.met[i] - stack.look[i])
         w[:] = np.minimum(np.maximum(w, -work.room), work.room)
         if weight_at(least, group, y, w, view) > limit:
-            return True
-    return may_exceed(least, group, y, limit, work.room, view, w)
+            return YES
+    return YES if may_exceed(least, group, y, limit, work.room, view, w) else NO
 
 
 @njit(cache=True, nogil=True)
@@ -273,33 +268,3 @@ def _axis_to_halve(stack, i, work, total, view):
         return axis
     widest = np.argmax(stack.span[i])
     return 3 + widest if stack.span[i, widest] > _WIDE_TURN else -1
-
-
-@njit(cache=True, nogil=True)
-def _may_meet(stack, i, entities, view, limit, work, rest, x, meets):
-    """Answer whether windows heavier than the limit may meet in box i, of small turns; see `planner.meeting`."""
-    m, u, eye = stack.count[i], stack.span[i], stack.eye[i]
-    n = linear_sides(stack, i, entities, view, work, rest)
-    sides, members = (work.rows[:n], work.rhs[:n], work.owner[:n]), (work.group[:m], work.y[:m])
-    low, high, slope = np.empty(6), np.empty(6), np.zeros((3, 3))
-    low[:3], low[3:], high[:3], high[3:] = -work.room, -u, work.room, u
-    # with a turn, w is tried such that the nodal point stays in the middle
-    for j in range(3):
-        for k in range(3):
-            for c in range(3):
-                slope[j, k] += work.matrix[c, j] * work.swing[k, c] / u[k]
-    seat = work.matrix.T @ ((eye[0] + eye[1]) / 2 - work.nodal), slope
-    return may_meet(sides, members, limit, (low, high), seat, _MOST_PARTS, x, meets)
-
-
-@njit(cache=True, nogil=True)
-def _nodal_or_turn(stack, i, rest, answer, lost):
-    """Return along which coordinate a box of small turns is to be halved; -1 if it is too small for that.
-
-    The nodal points decide visibility and length, and tie the points looked at to the turn. What the turn makes
-    uncertain of that should not be more than there is of them.
-    """
-    u, half = stack.span[i], (stack.eye[i, 1] - stack.eye[i, 0]) / 2
-    if rest > half.max() or (answer == YES and lost[VIEW] > max(lost[SIGHT], lost[LENGTH])):
-        return 3 + np.argmax(u) if u.max() > _LEAST_TURN else -1
-    return 6 + np.argmax(half) if half.max() > _LEAST_MM else -1

@@ -39,7 +39,8 @@ class Work(NamedTuple):
     """Of the box at work: rotation, room, swings, nodal point; windows, weights and groups of members.
 
     ``scores`` (9,) tell how much is gained by halving along each coordinate of q, v and the nodal point.
-    ``rows``, their right-hand sides and owners are linear sides of windows, see `planner.linearsides`.
+    ``rows``, their right-hand sides and owners are linear sides of windows, see `planner.linearsides`; ``side`` tells
+    which of the six sides, ``of_side`` lists them by that, and ``apart`` (m, m) which members exclude each other.
     """
 
     matrix: np.ndarray
@@ -53,6 +54,9 @@ class Work(NamedTuple):
     rows: np.ndarray
     rhs: np.ndarray
     owner: np.ndarray
+    side: np.ndarray
+    of_side: np.ndarray
+    apart: np.ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -98,7 +102,9 @@ def new_work(m):
     # of each member both ends on six sides of the view, and the length; and two for each side of two boxes of points
     n_rows = 13 * m + 12
     sides = np.empty((n_rows, 6)), np.empty(n_rows), np.empty(n_rows, np.int64)
-    return Work(square[0], line[0], square[1], line[1], least, y, group, scores, *sides)
+    apart = np.zeros((m, m), np.bool_)
+    kinds = np.empty(n_rows, np.int64), np.empty((6, n_rows), np.int64)
+    return Work(square[0], line[0], square[1], line[1], least, y, group, scores, *sides, *kinds, apart)
 
 
 @njit(cache=True, nogil=True)

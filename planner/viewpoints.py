@@ -23,7 +23,7 @@ _MOST = 400_000
 # the largest and the smallest of boxes that are not halved further, as a share of the whole
 _COARSE, _FINE = 2.0**-4, 2.0**-10
 # boxes of the tree that one question may halve
-_EFFORT = 256
+_EFFORT = 1024
 # for rounding, mm
 _EPS = 1e-9
 
@@ -159,8 +159,12 @@ def heavy_members(tree, box, eye, request, live):
         The share of that volume from where so much may be inspected.
     """
     members, y, group, limit = request
-    across = _extents(box)
-    hull, part, seen = np.empty((2, 3)), np.empty((2, 3)), np.zeros(len(members), np.int64)
+    across, m = _extents(box), len(members)
+    # of a member and all after it
+    after = np.zeros(m + 1)
+    for a in range(m - 1, -1, -1):
+        after[a] = after[a + 1] + y[a]
+    hull, part, seen = np.empty((2, 3)), np.empty((2, 3)), np.zeros(m, np.int64)
     hull[0], hull[1] = np.inf, -np.inf
     todo = np.zeros(_DEPTH, np.int64)
     size, looked, volume = 1, 0, 0.0
@@ -171,7 +175,9 @@ def heavy_members(tree, box, eye, request, live):
             continue
         looked += 1
         total = 0.0
-        for a in range(len(members)):
+        for a in range(m):
+            if total > limit or total + after[a] <= limit:
+                break
             e = members[a]
             if tree.sets[node, e >> 6] >> np.uint64(e & 63) & np.uint64(1) and seen[group[a]] != looked:
                 seen[group[a]] = looked

@@ -145,3 +145,12 @@ def test_the_mean_dual_is_a_dual_and_no_single_corner():
     y = mean_dual(ring, 1.0, 3)
     assert y.sum() == pytest.approx(3.0)
     assert (ring @ mean_dual(ring, 2.0, 6)).max() <= 1.0 + 1e-9
+
+
+def test_the_mean_dual_of_many_columns_is_that_of_linear_programs_over_all_of_them():
+    """Random factors leave one optimum each; constraint generation must find it."""
+    rng = np.random.default_rng(3)
+    columns = rng.random((2500, 20)) < 0.3
+    factors = 1.0 + 0.5 * np.random.default_rng(0).random((5, 20))
+    expected = np.mean([fractional_cover(columns, factor)[1] for factor in factors], axis=0)
+    assert mean_dual(columns, 1.5, 5) == pytest.approx(expected, abs=1e-6)

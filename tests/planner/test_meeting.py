@@ -11,7 +11,7 @@ from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 from test_bound import SIZES, box_around, found_in, request_for, space_for
 
-from planner.linearsides import linear_sides
+from planner.linearsides import find_apart, linear_sides
 from planner.meeting import NO, UNDECIDED, YES, may_meet
 from planner.pose import world_to_cam
 from planner.posebox import extent, most_turn, rotation, swings
@@ -29,7 +29,8 @@ def sides_of(space, chart, box):
     assert agree(stack, 0, work, rest, view.middle)
     extent(work.matrix, stack.half[0], t, work.room)
     k = linear_sides(stack, 0, space.entities, view, work, rest)
-    return (work.rows[:k], work.rhs[:k], work.owner[:k]), stack.look[0], work.matrix
+    find_apart(work, k, box[3], work.apart)
+    return (work.rows[:k], work.rhs[:k], work.owner[:k]), stack.look[0], work.matrix, work.apart
 
 
 def coordinates(poses, chart, look, turn, middle):
@@ -52,7 +53,7 @@ def test_no_pose_breaks_a_side_of_what_it_inspects(small, ratio):
     n_inspected = n_broken = n_out = 0
     for _ in range(60):
         (chart, box), poses = box_around(rng, view, SIZES[1], small)
-        sides, look, _ = sides_of(space, chart, box)
+        sides, look, _, _ = sides_of(space, chart, box)
         x = coordinates(poses, chart, look, box[2], view.middle)
         holds = x @ sides[0].T <= sides[1] + 1e-6
         assert holds[:, sides[2] < 0].all()
@@ -69,6 +70,28 @@ def test_no_pose_breaks_a_side_of_what_it_inspects(small, ratio):
     assert n_inspected > 500
     # and little else keeps to them: the more so, the smaller the box
     assert n_broken > {0.4: 0.85, 0.1: 0.95, 0.01: 0.97}[small] * n_out
+
+
+@pytest.mark.parametrize("small", [0.1, 0.01])
+def test_members_that_exclude_each_other_in_a_box_are_inspected_together_by_no_pose_of_it(small):
+    judge, regions = request_for(SIZES[1])
+    space, rng = space_for(judge, regions), np.random.default_rng(5)
+    view = space.view
+    n_apart = n_together = 0
+    for _ in range(100):
+        (chart, box), poses = box_around(rng, view, SIZES[1], small)
+        apart = sides_of(space, chart, box)[3]
+        image = world_to_cam(space.entities.ends, poses)
+        depth = image[..., 2]
+        seen = (np.abs(image[..., :2]) <= depth[..., None] * [view.tan_x, view.tan_y]).all(axis=(2, 3))
+        seen &= ((depth >= view.near) & (depth <= view.far)).all(axis=2)
+        together = seen.T.astype(int) @ seen.astype(int) > 0
+        assert (apart == apart.T).all()
+        assert not (apart & together).any()
+        n_apart += apart.sum()
+        n_together += together.sum() - np.trace(together)
+    assert n_apart > 50
+    assert n_together > 50
 
 
 def test_no_thin_view_exceeds_what_the_search_proves_of_its_box():
@@ -116,8 +139,9 @@ def test_the_answer_is_that_of_linear_programs(grouped):
                 possible = linprog(np.zeros(6), rows[own], rhs[own], bounds=(-1, 1)).status == 0
         box, seat = (np.full(6, -1.0), np.full(6, 1.0)), (np.zeros(3), np.zeros((3, 3)))
         x, meets = np.empty(6), np.empty(m, dtype=bool)
-        answer = may_meet((rows, rhs, owner), (group, y), limit, box, seat, 50_000, x, meets)
+        answer, made = may_meet((rows, rhs, owner), (group, y), limit, box, seat, 50_000, x, meets)
         answers.append(answer)
+        assert 1 <= made <= 50_001
         assert answer != (NO if possible else YES)
         if answer == YES:
             assert sum(y[meets & (group == g)].max(initial=0.0) for g in range(m)) > limit
