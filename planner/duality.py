@@ -39,17 +39,16 @@ _FIRST_NODES = 8000
 _MORE_NODES = 4
 # of the boxes that a proof needed before, for other weights
 _NEEDED_AGAIN = 1.5
-# parts are not searched with less than this share of what seems worth while
-_LEAST_SHARE = 0.4
 # so many sweeps of all parts must be possible
 _LEAST_SWEEPS = 8
 # of the boxes, for the number of settings that is aimed at first
 _SHARE_AT_FIRST = 0.88
 # once that is proven, of the boxes that may have been looked at when the next one is decided
 _SHARE_OF_NEXT = 0.5
-# no number of settings is aimed at first that needs weights to be closer to the limit; or aimed at any longer once
-# they are; or after another one is proven
-_LEAST_LIMIT, _LEAST_LIMIT_LATER, _LEAST_LIMIT_OF_NEXT = 1.15, 1.02, 1.06
+# no number of settings is aimed at first that needs weights to be closer to the limit, nor after one is proven
+_LEAST_LIMIT, _LEAST_LIMIT_OF_NEXT = 1.15, 1.06
+# nor any longer once poses found bring the limit this near to 1, or one setting this near to a whole one
+_NEAR_ONE, _NEAR_SETTING = 0.02, 0.3
 # too heavy poses taken from one part at a time
 _MOST_FOUND = 8
 
@@ -92,28 +91,25 @@ class _Parts:
     def __init__(self, n: int, first: int):
         self.proven, self.waits = np.zeros((2, n), dtype=bool)
         # boxes to be looked at when a part is searched next
-        self.worth = np.full(n, first)
+        self.worth, self.first = np.full(n, first), first
 
     def next_ones(self, affordable: int) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return the parts to be searched next and how many boxes of each, not more together than affordable.
-
-        None if the parts that are left need more.
-        """
+        """Return the parts to be searched next and how many boxes of each; None if that is more than affordable."""
         if (self.proven | self.waits).all():
             self.waits[:] = False
         parts = np.flatnonzero(~self.proven & ~self.waits)
-        worth = self.worth[parts]
-        share = affordable / max(1, int(worth.sum()))
-        if share < _LEAST_SHARE:
-            return None
-        return parts, (worth * min(share, 1.0)).astype(int)
+        return (parts, self.worth[parts]) if self.worth[parts].sum() <= affordable else None
 
     def learn(self, parts: np.ndarray, outcomes: np.ndarray, made: np.ndarray) -> None:
         """Take in what a search of some parts gave, and how many boxes that took."""
         proven, spent = outcomes == PROVEN, outcomes == SPENT
         self.proven[parts] = proven
-        self.worth[parts[proven]] = np.maximum(_NEEDED_AGAIN * made[proven], self.worth.min())
+        self.worth[parts[proven]] = np.maximum(_NEEDED_AGAIN * made[proven], self.first)
         self.worth[parts[spent]] = _MORE_NODES * made[spent]
+
+    def ease(self) -> None:
+        """The limit is about to be raised: what is proven stays so, and the rest may take little."""
+        self.worth[~self.proven] = self.first
 
     def renew(self) -> None:
         """The weights or the limit are about to change."""
@@ -161,12 +157,13 @@ class LinearBound:
         y = self._weights()
         target = min(n_settings, max(bound, int(float(y.sum()) / _LEAST_LIMIT)) + 1)
         allowed = _SHARE_AT_FIRST * max_nodes
-        limit, least = limit_for(y, target), _LEAST_LIMIT_LATER
+        limit, least = limit_for(y, target), 1.0 + min(_NEAR_ONE, _NEAR_SETTING / max(1, target - 1))
         while bound < target:
-            # weights prove no more than their sum, and that only if all parts are searched without end
+            # weights prove no more than their sum, and hardly that
             asked = parts.next_ones(int(allowed) - self.made) if limit > least else None
             if asked is None:
                 # what is proven for a smaller limit is proven for this one
+                parts.ease()
                 n_settings = target = target - 1
                 allowed, limit = max_nodes, limit_for(y, target)
                 continue
