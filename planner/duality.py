@@ -41,8 +41,8 @@ _MORE_NODES = 4
 _NEEDED_AGAIN = 1.5
 # so many sweeps of all parts must be possible
 _LEAST_SWEEPS = 8
-# of the boxes, for the number of settings that is aimed at first
-_SHARE_AT_FIRST = 0.88
+# of the boxes left, for a number of settings below which others are still to be proven
+_SHARE_AT_FIRST = 0.6
 # once that is proven, of the boxes that may have been looked at when the next one is decided
 _SHARE_OF_NEXT = 0.5
 # no number of settings is aimed at first that needs weights to be closer to the limit, nor after one is proven
@@ -156,7 +156,7 @@ class LinearBound:
         parts = _Parts(n_parts, min(_FIRST_NODES, max_nodes // (_LEAST_SWEEPS * n_parts) + 1))
         y = self._weights()
         target = min(n_settings, max(bound, int(float(y.sum()) / _LEAST_LIMIT)) + 1)
-        allowed = _SHARE_AT_FIRST * max_nodes
+        allowed = self._share(max_nodes, target - bound)
         limit, least = limit_for(y, target), 1.0 + min(_NEAR_ONE, _NEAR_SETTING / max(1, target - 1))
         while bound < target:
             # weights prove no more than their sum, and hardly that
@@ -165,7 +165,7 @@ class LinearBound:
                 # what is proven for a smaller limit is proven for this one
                 parts.ease()
                 n_settings = target = target - 1
-                allowed, limit = max_nodes, limit_for(y, target)
+                allowed, limit = self._share(max_nodes, target - bound), limit_for(y, target)
                 continue
             outcomes, made, poses, sets = self._sweep(asked[0], y, limit, asked[1], max_nodes, progress)
             parts.learn(asked[0], outcomes, made)
@@ -191,6 +191,10 @@ class LinearBound:
                 break
         self._improve()
         return bound
+
+    def _share(self, max_nodes: int, ahead: int) -> float:
+        """Return how many boxes may have been looked at when a number of settings so far ahead is given up."""
+        return max_nodes if ahead <= 1 else self.made + _SHARE_AT_FIRST * (max_nodes - self.made)
 
     def _weights(self) -> np.ndarray:
         return spread_weights(np.concatenate([self.columns, self.found]))
