@@ -43,8 +43,6 @@ _NEEDED_AGAIN = 1.5
 _LEAST_SWEEPS = 8
 # of the boxes left, for a number of settings below which others are still to be proven
 _SHARE_AT_FIRST = 0.6
-# once that is proven, of the boxes that may have been looked at when the next one is decided
-_SHARE_OF_NEXT = 0.5
 # no number of settings is aimed at first that needs weights to be closer to the limit, nor after one is proven
 _LEAST_LIMIT, _LEAST_LIMIT_OF_NEXT = 1.15, 1.06
 # nor any longer once poses found bring the limit this near to 1, or one setting this near to a whole one
@@ -164,7 +162,7 @@ class LinearBound:
             if asked is None:
                 # what is proven for a smaller limit is proven for this one
                 parts.ease()
-                n_settings = target = target - 1
+                target = target - 1
                 allowed, limit = self._share(max_nodes, target - bound), limit_for(y, target)
                 continue
             outcomes, made, poses, sets = self._sweep(asked[0], y, limit, asked[1], max_nodes, progress)
@@ -184,7 +182,7 @@ class LinearBound:
             elif parts.proven.all():
                 bound = max(bound, target)
                 parts.renew()
-                target, allowed = min(bound + 1, n_settings), min(allowed, _SHARE_OF_NEXT * max_nodes)
+                target, allowed = min(bound + 1, n_settings), max_nodes
                 limit, least = limit_for(y, target), _LEAST_LIMIT_OF_NEXT
             elif not (outcomes == SPENT).any() and not parts.waits.any():
                 # boxes too small to be halved
