@@ -37,12 +37,16 @@ _LESS = 0.999
 # boxes looked at in a part of the space of poses: at first, and so many times more where that does not decide
 _FIRST_NODES = 8000
 _MORE_NODES = 4
+# after so many times as many as at first, the weights had better keep away
+_HARD = 16
 # of the boxes that a proof needed before, for other weights
 _NEEDED_AGAIN = 1.5
 # so many sweeps of all parts must be possible
 _LEAST_SWEEPS = 8
 # of the boxes left, for a number of settings below which others are still to be proven
 _SHARE_AT_FIRST = 0.6
+# once one is proven, of the boxes that may have been looked at when the next one is given up
+_SHARE_OF_NEXT = 0.6
 # no number of settings is aimed at first that needs weights to be closer to the limit, nor after one is proven
 _LEAST_LIMIT, _LEAST_LIMIT_OF_NEXT = 1.15, 1.06
 # nor any longer once poses found bring the limit this near to 1, or one setting this near to a whole one
@@ -98,12 +102,18 @@ class _Parts:
         parts = np.flatnonzero(~self.proven & ~self.waits)
         return (parts, self.worth[parts]) if self.worth[parts].sum() <= affordable else None
 
-    def learn(self, parts: np.ndarray, outcomes: np.ndarray, made: np.ndarray) -> None:
-        """Take in what a search of some parts gave, and how many boxes that took."""
+    def learn(self, parts: np.ndarray, outcomes: np.ndarray, made: np.ndarray) -> np.ndarray:
+        """Take in what a search of some parts gave, and how many boxes that took; tell which are too hard.
+
+        There, some set of entities weighs too much and nearly can be inspected.
+        """
         proven, spent = outcomes == PROVEN, outcomes == SPENT
         self.proven[parts] = proven
         self.worth[parts[proven]] = np.maximum(_NEEDED_AGAIN * made[proven], self.first)
         self.worth[parts[spent]] = _MORE_NODES * made[spent]
+        hard = spent & (made >= _HARD * self.first)
+        self.worth[parts[hard]] = self.first
+        return hard
 
     def ease(self) -> None:
         """The limit is about to be raised: what is proven stays so, and the rest may take little."""
@@ -132,7 +142,7 @@ class LinearBound:
     made : int
         Boxes of poses looked at.
     found : array of bool (f, e)
-        What the poses found inspect, by the necessary conditions.
+        What the poses found inspect, by the necessary conditions, or might inspect where that is hard to tell.
     """
 
     def __init__(
@@ -165,10 +175,10 @@ class LinearBound:
                 target = target - 1
                 allowed, limit = self._share(max_nodes, target - bound), limit_for(y, target)
                 continue
-            outcomes, made, poses, sets = self._sweep(asked[0], y, limit, asked[1], max_nodes, progress)
-            parts.learn(asked[0], outcomes, made)
+            outcomes, made, sets, doubts = self._sweep(asked[0], y, limit, asked[1], max_nodes, progress)
+            hard = parts.learn(asked[0], outcomes, made)
+            sets = np.concatenate([sets, doubts[hard]])
             if len(sets):
-                self._poses.append(poses)
                 self.found = np.concatenate([self.found, sets])
                 lighter = relieved(y, sets, limit)
                 if lighter.sum() > limit * (target - 1):
@@ -182,7 +192,7 @@ class LinearBound:
             elif parts.proven.all():
                 bound = max(bound, target)
                 parts.renew()
-                target, allowed = min(bound + 1, n_settings), max_nodes
+                target, allowed = min(bound + 1, n_settings), _SHARE_OF_NEXT * max_nodes
                 limit, least = limit_for(y, target), _LEAST_LIMIT_OF_NEXT
             elif not (outcomes == SPENT).any() and not parts.waits.any():
                 # boxes too small to be halved
@@ -204,7 +214,7 @@ class LinearBound:
         self._poses = []
 
     def _sweep(self, parts: np.ndarray, y: np.ndarray, limit: float, most, max_nodes: int, progress) -> tuple:
-        """Search parts of the space; return outcomes and boxes looked at, and poses found with what they inspect."""
+        """Search parts of the space; return outcomes, boxes looked at, what poses found inspect, and doubts."""
 
         def tick() -> None:
             report(progress, min(self.made, max_nodes), max_nodes, "lower bound")
@@ -215,6 +225,6 @@ class LinearBound:
                 done.append(found)
                 self.made += found.made
                 tick()
-        poses, sets = (np.concatenate([getattr(found, name) for found in done]) for name in ("poses", "sets"))
+        self._poses.extend(found.poses for found in done if len(found.poses))
         outcomes, made = np.array([(found.outcome, found.made) for found in done]).T
-        return outcomes, made, poses, sets
+        return outcomes, made, np.concatenate([found.sets for found in done]), np.array([found.doubt for found in done])

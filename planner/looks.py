@@ -18,7 +18,7 @@ from planner.conflicts import Cells, sensor_tangents
 from planner.constraints import AROUND
 from planner.necessary import least_image_mm
 from planner.posebox import Entities, View
-from planner.posesearch import FOUND, NEARLY, search
+from planner.posesearch import FOUND, NEARLY, SPENT, search
 from planner.tasks import THREADS
 from planner.viewpoints import Viewpoints, viewpoints_for
 
@@ -59,12 +59,15 @@ class Found(NamedTuple):
         Poses that inspect more than the limit, or are from such a box, camera to part.
     sets : array of bool (f, e)
         What they inspect; of such a box all that may be inspected from there.
+    doubt : array of bool (e,)
+        Where more boxes would be needed, what may be inspected from the one to come.
     """
 
     outcome: int
     made: int
     poses: np.ndarray
     sets: np.ndarray
+    doubt: np.ndarray
 
 
 class PoseSpace:
@@ -168,7 +171,8 @@ class PoseSpace:
             if outcome not in (FOUND, NEARLY) or len(poses) == most or made >= max_nodes:
                 break
         sets = np.array(sets, dtype=bool).reshape(-1, len(y))
-        return Found(FOUND if poses else outcome, made, np.array(poses).reshape(-1, 4, 4), sets)
+        doubt = inspected & (outcome == SPENT)
+        return Found(FOUND if poses else outcome, made, np.array(poses).reshape(-1, 4, 4), sets, doubt)
 
 
 def _cut(root: np.ndarray, n: int) -> list[np.ndarray]:

@@ -98,7 +98,7 @@ def search(box, chart, order, entities, view, conflict, tree, y, limit, max_node
     outcome : int
         PROVEN: no pose exceeds the limit. FOUND: one does. NEARLY: all that may be inspected from a box too small to be
         halved does. UNRESOLVED: none was found, but boxes not to be halved further are left. SPENT: more
-        boxes would be needed.
+        boxes would be needed; ``inspected`` is what may be inspected from the one to come.
     made : int
         Boxes looked at; those with parts count for several.
     """
@@ -110,6 +110,7 @@ def search(box, chart, order, entities, view, conflict, tree, y, limit, max_node
     size, made, outcome = 1, 0, PROVEN
     while size > 0:
         if made >= max_nodes or stop[0]:
+            _write_members(stack, size - 1, inspected)
             return SPENT, made
         size, made = size - 1, made + 1
         i = size

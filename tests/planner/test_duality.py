@@ -26,7 +26,8 @@ class FewPoses:
             self.asked.append((k, y.copy(), limit, len(heavy)))
             outcome = SPENT if nodes < self.cost[k] else FOUND if len(heavy) else PROVEN
             sets = heavy[:most] if outcome == FOUND else own[:0]
-            yield Found(outcome, int(min(nodes, self.cost[k])), np.zeros((len(sets), 4, 4)), sets)
+            doubt = own.any(axis=0) if outcome == SPENT else np.zeros(len(y), dtype=bool)
+            yield Found(outcome, int(min(nodes, self.cost[k])), np.zeros((len(sets), 4, 4)), sets, doubt)
 
 
 def columns_of(rng, n=300, m=24):
@@ -50,7 +51,7 @@ def test_what_is_proven_is_true_and_mostly_all_that_weights_can_prove():
         linear = LinearBound(space, columns[-24:], improve)
         bound = linear.raise_from(1, 24, max_nodes=1_000_000)
         assert 1 <= bound <= fewest
-        assert sum(told) == len(linear.found)
+        assert sum(told) <= len(linear.found)
         # the mean of duals, and what is to spare, stay a little below the relaxation
         possible += int(np.ceil(0.93 * relaxation))
         proven += bound
