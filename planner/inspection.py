@@ -37,8 +37,8 @@ from planner.tour import travel_order
 
 # share of what better poses can gain in the cover that is not worth the solver's time
 _QUALITY_SLACK = 0.3
-# rounds of column generation from poses that the proof of the lower bound has come across
-_JOINED_ROUNDS = 5
+# rounds of column generation from poses that the proof of the lower bound has come across; more while columns are few
+_JOINED_ROUNDS, _JOINED_ROUNDS_MOST, _JOINED_COLUMNS = 5, 25, 20_000
 # of `Effort.cover_nodes`, for each cover while optimistic columns are tried
 _REFUTING_SHARE = 0.1
 
@@ -355,7 +355,8 @@ class _Work:
         def improve(poses: np.ndarray) -> np.ndarray:
             joined.append(poses)
             seed = column_seed(self.seed, ["joined", str(len(joined))])
-            price_poses(self.shared, self.pool, self.near, seed, _JOINED_ROUNDS, self.executor, parents=poses)
+            rounds = min(max(_JOINED_ROUNDS, _JOINED_COLUMNS // max(1, len(self.pool))), _JOINED_ROUNDS_MOST)
+            price_poses(self.shared, self.pool, self.near, seed, rounds, self.executor, parents=poses)
             return self.pool.membership[:, inspected]
 
         basis = repr((self.effort, np.array(self.names)[inspected].tolist()))
