@@ -81,7 +81,7 @@ def relieved(y: np.ndarray, sets: np.ndarray, limit: float) -> np.ndarray:
         b_ub=-excess[excess > 0.0],
         bounds=np.stack([np.zeros(len(y)), y], axis=1),
     )
-    return y if result.x is None else np.clip(y - result.x, 0.0, y)
+    return np.zeros_like(y) if result.x is None else np.clip(y - result.x, 0.0, y)
 
 
 class _Parts:
