@@ -213,6 +213,8 @@ def mean_dual(membership, bias: float, n: int) -> np.ndarray:
         Number of duals.
     """
     membership = check_membership(membership)
+    if membership.shape[1] == 0:
+        return np.zeros(0)
     factors = 1.0 + (bias - 1.0) * np.random.default_rng(0).random((n, membership.shape[1]))
     with ThreadPoolExecutor(THREADS) as pool:
         # in a fixed number of shares, so that the result does not depend on the machine

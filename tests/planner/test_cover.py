@@ -154,3 +154,4 @@ def test_the_mean_dual_of_many_columns_is_that_of_linear_programs_over_all_of_th
     factors = 1.0 + 0.5 * np.random.default_rng(0).random((5, 20))
     expected = np.mean([fractional_cover(columns, factor)[1] for factor in factors], axis=0)
     assert mean_dual(columns, 1.5, 5) == pytest.approx(expected, abs=1e-6)
+    assert mean_dual(columns[:, :0], 1.5, 5).shape == (0,)
