@@ -6,6 +6,10 @@ number of settings allows. If there is none, that number is proven. If there are
 columns that the weights come from, and they are computed anew. This is column generation with an exact oracle (Gilmore
 & Gomory 1961), so the same search also finds poses for the plan that no random search has come across.
 
+What is proven for some weights and a limit is proven for weights nowhere larger and for larger limits. So the limit
+leaves some to spare, and a few poses that exceed it only make the weights of what they inspect smaller; new weights,
+for which every part of the space is to be searched again, are computed when that no longer does.
+
 The weights are the mean of several optimal duals of the cover by these columns: a single one rests on few entities, so
 that a box either holds one more of them or does not, where with the mean every bit that it is smaller tells.
 """
@@ -44,7 +48,7 @@ _NEEDED_AGAIN = 1.5
 # so many sweeps of all parts must be possible
 _LEAST_SWEEPS = 8
 # of the boxes left, for a number of settings below which others are still to be proven
-_SHARE_AT_FIRST = 0.6
+_SHARE_AT_FIRST = 0.65
 # once one is proven, of the boxes that may have been looked at when the next one is given up
 _SHARE_OF_NEXT = 0.6
 # no number of settings is aimed at first that needs weights to be closer to the limit, nor after one is proven
@@ -170,10 +174,10 @@ class LinearBound:
             # weights prove no more than their sum, and hardly that
             asked = parts.next_ones(int(allowed) - self.made) if limit > least else None
             if asked is None:
-                # what is proven for a smaller limit is proven for this one
+                # what is proven for a smaller limit is proven for this one; what is to spare must not make it smaller
                 parts.ease()
-                target = target - 1
-                allowed, limit = self._share(max_nodes, target - bound), limit_for(y, target)
+                target -= 1
+                allowed, limit = self._share(max_nodes, target - bound), max(limit, limit_for(y, target))
                 continue
             outcomes, made, sets, doubts = self._sweep(asked[0], y, limit, asked[1], max_nodes, progress)
             hard = parts.learn(asked[0], outcomes, made)

@@ -303,7 +303,7 @@ def test_a_pose_that_weighs_too_much_changes_the_weights():
     """Told of single edges only, the bound starts from weights of one each, which no view that sees two allows."""
     judge, regions = request_for(SIZES[1])
     linear = LinearBound(space_for(judge, regions), np.eye(len(EDGES), dtype=bool))
-    bound = linear.raise_from(3, 12, max_nodes=600_000)
+    bound = linear.raise_from(3, 12, max_nodes=300_000)
     seen = judge(random_poses(judge, 20_000, seed=2)).inspects
     assert len(linear.found) > 0
     assert linear.found.sum(axis=1).min() > 1
