@@ -21,9 +21,9 @@ import numpy as np
 from planner.bound import lower_bound
 from planner.camera import Camera
 from planner.candidates import column_seed, judged_poses, price_poses
+from planner.choice import few_columns, sets_to_realise
 from planner.columns import ColumnPool, Judge
 from planner.constraints import Requirements
-from planner.cover import columns_of_covers, core_columns, min_cover
 from planner.defaults import check_count, check_fraction, check_seed, corner_margin_px, default_workspace
 from planner.exceptions import RequestError
 from planner.plan import InspectionPlan
@@ -35,8 +35,6 @@ from planner.state import PlanningState
 from planner.tasks import Shared, in_order
 from planner.tour import travel_order
 
-# share of what better poses can gain in the cover that is not worth the solver's time
-_QUALITY_SLACK = 0.3
 # rounds of column generation from poses that the proof of the lower bound has come across; more while columns are few
 _JOINED_ROUNDS, _JOINED_ROUNDS_MOST, _JOINED_COLUMNS = 5, 25, 20_000
 # of `Effort.cover_nodes`, for each cover while optimistic columns are tried
@@ -68,7 +66,7 @@ class Effort:
 
     viewpoints: int = 50
     pricing_rounds: int = 50
-    refutations: int = 12
+    refutations: int = 30
     bound_nodes: int = 8_000_000
     cover_nodes: int = 1000
 
@@ -252,53 +250,37 @@ class _Work:
 
     def _refute(self, inspected: np.ndarray, bound: int) -> None:
         """Try to do with fewer settings, not below the bound, by optimistic columns; refute what cannot be realised."""
-        left, enough = self.effort.refutations, None
+        left, enough, rng = self.effort.refutations, None, self._rng("refutation")
+        nodes = self._nodes(_REFUTING_SHARE)
         while left > 0 and inspected.any():
+            realised = self.pool.membership[:, inspected]
             if enough is None:
-                realised = self.pool.membership[:, inspected]
-                enough = len(self._cover(realised, None, _REFUTING_SHARE, core_columns(realised)))
-            wanted = self._wanted(inspected, enough) if enough > bound else []
-            if not wanted:
+                enough = len(few_columns(realised, nodes, rng))
+            if enough <= max(bound, 1):
                 return
-            wanted, left = wanted[:left], left - len(wanted)
+            near, refuted = self.near.membership[:, inspected], self.refuted[:, inspected]
+            sets = sets_to_realise(realised, near, refuted, enough, nodes, rng)[:left]
+            if not sets:
+                return
+            left -= len(sets)
+            wanted = [tuple(np.array(self.names)[inspected][one].tolist()) for one in sets]
             for names, outcome in zip(wanted, self._realise(wanted), strict=True):
                 reached = self._accept(outcome)
                 enough = None if reached else enough
                 if set(names) - set(reached):
                     self.refuted = np.vstack([self.refuted, np.isin(self.names, names)])
 
-    def _wanted(self, inspected: np.ndarray, enough: int) -> list[tuple[str, ...]]:
-        """Choose a cover with optimistic columns; return the sets to realise if it is smaller than ``enough``."""
-        hopeful = self.near.membership & inspected
-        hopeful = hopeful[[not (self.refuted <= column).all(axis=1).any() for column in hopeful]]
-        both = np.concatenate([self.pool.membership, hopeful])[:, inspected]
-        usable = columns_of_covers(both, enough - 1)
-        if not both[usable].any(axis=0).all():
-            return []
-        # of small covers one with many realised columns: the fewer are left to realise, the better the chances
-        core = np.union1d(usable[core_columns(both[usable])], core_columns(both[: len(self.pool)]))
-        chosen = self._cover(both, core < len(self.pool), _REFUTING_SHARE, core)
-        if len(chosen) >= enough:
-            return []
-        sure = chosen[chosen < len(self.pool)]
-        left = inspected & ~self.pool.membership[sure].any(axis=0)
-        wanted = []
-        for c in chosen[chosen >= len(self.pool)]:
-            column = hopeful[c - len(self.pool)] & left
-            left &= ~column
-            if column.any():
-                wanted.append(tuple(np.array(self.names)[column].tolist()))
-        return wanted
+    def _nodes(self, share: float = 1.0) -> int:
+        return int(share * self.effort.cover_nodes)
 
-    def _cover(self, membership: np.ndarray, preference, share: float, core: np.ndarray) -> np.ndarray:
-        """Choose few of the core columns; the solver's work is limited by counting: the choice is repeatable."""
-        options = {"node_limit": int(share * self.effort.cover_nodes), "slack": _QUALITY_SLACK}
-        return core[list(min_cover(membership[core], preference, time_limit_s=np.inf, **options).chosen)]
+    def _rng(self, purpose: str) -> np.random.Generator:
+        return np.random.default_rng(column_seed(self.seed, [purpose]))
 
     def _settle(self, inspected: np.ndarray) -> list:
         """Choose the final cover and give every column in it the best pose that simulation supports."""
-        core = core_columns(self.pool.membership[:, inspected])
-        chosen = self._cover(self.pool.membership[:, inspected], self.pool.quality[core], 1.0, core)
+        chosen = few_columns(
+            self.pool.membership[:, inspected], self._nodes(), self._rng("settings"), self.pool.quality
+        )
         sets = [tuple(np.array(self.names)[self.pool.membership[c]].tolist()) for c in chosen]
         settings = []
         for c, names, outcome in zip(chosen, sets, self._realise(sets), strict=True):
@@ -348,7 +330,7 @@ class _Work:
         """Prove a lower bound; poses that the proof comes across join the pools."""
         inspected = self.pool.membership.any(axis=0)
         realised = self.pool.membership[:, inspected]
-        known = len(self._cover(realised, None, _REFUTING_SHARE, core_columns(realised))) if inspected.any() else 0
+        known = len(few_columns(realised, self._nodes(_REFUTING_SHARE), self._rng("known"))) if inspected.any() else 0
 
         joined: list[np.ndarray] = []
 
