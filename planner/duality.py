@@ -170,13 +170,14 @@ class LinearBound:
         target = min(n_settings, max(bound, int(float(y.sum()) / _LEAST_LIMIT)) + 1)
         allowed = self._share(max_nodes, target - bound)
         limit, least = limit_for(y, target), 1.0 + min(_NEAR_ONE, _NEAR_SETTING / max(1, target - 1))
+        undecided = False
         while bound < target:
             # weights prove no more than their sum, and hardly that
-            asked = parts.next_ones(int(allowed) - self.made) if limit > least else None
+            asked = parts.next_ones(int(allowed) - self.made) if limit > least and not undecided else None
             if asked is None:
                 # what is proven for a smaller limit is proven for this one; what is to spare must not make it smaller
                 parts.ease()
-                target -= 1
+                target, undecided = target - 1, False
                 allowed, limit = self._share(max_nodes, target - bound), max(limit, limit_for(y, target))
                 continue
             outcomes, made, sets, doubts = self._sweep(asked[0], y, limit, asked[1], max_nodes, progress)
@@ -198,9 +199,9 @@ class LinearBound:
                 parts.renew()
                 target, allowed = min(bound + 1, n_settings), _SHARE_OF_NEXT * max_nodes
                 limit, least = limit_for(y, target), _LEAST_LIMIT_OF_NEXT
-            elif not (outcomes == SPENT).any() and not parts.waits.any():
-                # boxes too small to be halved
-                break
+            else:
+                # boxes too small to be halved: more of them would not decide
+                undecided = not (outcomes == SPENT).any() and not parts.waits.any()
         self._improve()
         return bound
 

@@ -8,7 +8,7 @@ import pytest
 from planner.cover import fractional_cover, min_cover
 from planner.duality import LinearBound, limit_for, relieved
 from planner.looks import Found
-from planner.posesearch import FOUND, PROVEN, SPENT
+from planner.posesearch import FOUND, PROVEN, SPENT, UNRESOLVED
 
 
 class FewPoses:
@@ -56,6 +56,28 @@ def test_what_is_proven_is_true_and_mostly_all_that_weights_can_prove():
         possible += int(np.ceil(0.93 * relaxation))
         proven += bound
     assert proven >= possible
+
+
+class Blurred(FewPoses):
+    """The same, with boxes too small to tell in one part, for limits below some value."""
+
+    def __init__(self, columns, n_parts, rng, sharp_from):
+        super().__init__(columns, n_parts, rng)
+        self.sharp_from = sharp_from
+
+    def search(self, y, limit, max_nodes, tick=None, *, parts, most):
+        for k, found in zip(parts, super().search(y, limit, max_nodes, parts=parts, most=most), strict=True):
+            blurred = k == 0 and found.outcome == PROVEN and limit < self.sharp_from
+            yield found._replace(outcome=UNRESOLVED) if blurred else found
+
+
+def test_where_boxes_are_too_small_to_tell_fewer_settings_are_proven():
+    """Not none: columns of two entities, of 24, need 12; the part that cannot tell can for 8."""
+    columns = np.repeat(np.eye(12, dtype=bool), 2, axis=1)
+    sharp = LinearBound(FewPoses(columns, 4, np.random.default_rng(0)), columns)
+    assert sharp.raise_from(1, 24, max_nodes=1_000_000) >= 10
+    blurred = LinearBound(Blurred(columns, 4, np.random.default_rng(0), 1.5), columns)
+    assert blurred.raise_from(1, 24, max_nodes=1_000_000) == 8
 
 
 def test_too_few_boxes_prove_nothing_wrong():
