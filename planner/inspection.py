@@ -6,9 +6,9 @@ The way
    inspects; and an optimistic one: what it nearly inspects.
 2. A lower bound is proven (`planner.bound`). On the way it meets poses that inspect more than the candidates do; they
    join them.
-3. A cover by few columns is chosen from both kinds. The genetic algorithm tries to realise the optimistic ones in it;
-   one that misses is refuted, with everything that contains it, and replaced by the largest part it reached. Choose
-   again, until all chosen columns are realised.
+3. Sets of entities that would save a setting, and that some pose nearly inspects, are chosen (`planner.choice`). The
+   genetic algorithm tries to realise them; one that misses is refuted, with everything that contains it, and replaced
+   by the largest part it reached. Choose again, until none is left or enough were tried.
 4. Every chosen column gets its own run of the genetic algorithm, for the best probabilities.
 """
 
