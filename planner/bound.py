@@ -30,10 +30,11 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
 from planner.conflicts import Cells, find_conflicts
-from planner.cover import cover_within, distinct_rows, fractional_cover, maximal_columns
+from planner.cover import cover_within, distinct_rows, maximal_columns
 from planner.duality import LinearBound
 from planner.looks import PoseSpace
 from planner.progress import report
+from planner.relaxation import fractional_cover
 from planner.sampling import cells_of
 from planner.subdivision import PoseTree
 

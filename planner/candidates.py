@@ -12,9 +12,10 @@ import hashlib
 import numpy as np
 
 from planner.columns import ColumnPool, Judge, Judgement
-from planner.cover import fractional_cover, greedy_cover
+from planner.cover import greedy_cover
 from planner.pose import look_at
 from planner.progress import report
+from planner.relaxation import fractional_cover
 from planner.sampling import ViewpointSampler, cells_of
 from planner.tasks import Shared, in_order
 

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.cover import columns_of_covers, core_columns, min_cover
+from planner.cover import min_cover
 from planner.exchange import exchange_columns
+from planner.relaxation import columns_of_covers, core_columns
 
 # share of what better poses can gain in the cover that is not worth the solver's time
 _QUALITY_SLACK = 0.3

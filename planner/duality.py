@@ -23,10 +23,11 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
-from planner.cover import maximal_columns, mean_dual
+from planner.cover import maximal_columns
 from planner.looks import PoseSpace
 from planner.posesearch import PROVEN, SPENT
 from planner.progress import report
+from planner.relaxation import mean_dual
 
 _DUALS = 16
 # duals are looked for that maximise the weights times factors from 1 to this

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.cover import fractional_cover, min_cover
+from planner.cover import min_cover
 from planner.duality import LinearBound, limit_for, relieved
 from planner.looks import Found
 from planner.posesearch import FOUND, PROVEN, SPENT, UNRESOLVED
+from planner.relaxation import fractional_cover
 
 
 class FewPoses:
