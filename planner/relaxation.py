@@ -34,6 +34,11 @@ def fractional_cover(membership, bias=None) -> tuple[float, np.ndarray]:
         Sum of the weights; no cover has fewer than ``ceil(value)`` columns.
     weights : ndarray, shape (e,)
         The dual: non-negative weights of the entities, no column weighing more than 1.
+
+    Raises
+    ------
+    CoverError
+        If some entity is in no column.
     """
     membership = check_membership(membership)
     n_columns, n_entities = membership.shape
@@ -62,6 +67,11 @@ def mean_dual(membership, bias: float, n: int) -> np.ndarray:
         Every dual maximises the weights times random factors from 1 to this; with 1, their sum.
     n : int
         Number of duals.
+
+    Raises
+    ------
+    CoverError
+        If some entity is in no column.
     """
     membership = check_membership(membership)
     if membership.shape[1] == 0:
@@ -88,6 +98,11 @@ def columns_of_covers(membership, size: int) -> np.ndarray:
     -------
     ndarray of int, ascending
         None if there is no such cover.
+
+    Raises
+    ------
+    CoverError
+        If some entity is in no column.
     """
     weights = mean_dual(membership, *_FIXING_DUALS)
     return np.flatnonzero(membership @ weights >= 1.0 - (size - float(weights.sum())) - 1e-6)
@@ -106,6 +121,11 @@ def core_columns(membership) -> np.ndarray:
     Returns
     -------
     ndarray of int, ascending
+
+    Raises
+    ------
+    CoverError
+        If some entity is in no column.
     """
     membership = check_membership(membership)
     weight = membership @ mean_dual(membership, *_FIXING_DUALS)
