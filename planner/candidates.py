@@ -12,7 +12,7 @@ import hashlib
 import numpy as np
 
 from planner.columns import ColumnPool, Judge, Judgement
-from planner.cover import greedy_cover
+from planner.exchange import exchange_columns
 from planner.pose import look_at
 from planner.progress import report
 from planner.relaxation import fractional_cover
@@ -27,6 +27,8 @@ _BATCH = 768
 _ROUNDS_PER_CHECK = 10
 _CHECKS = 5
 _GAIN = 2e-3
+# exchanges for a cover that would end it
+_STEPS = 300
 
 
 def column_seed(seed: int, names) -> int:
@@ -122,6 +124,7 @@ def price_poses(
     covered = pool.membership.any(axis=0)
     rng = np.random.default_rng(column_seed(seed, ["pricing"]))
     values: list[float] = []
+    prices = np.zeros(len(covered))
     for done in range(rounds):
         membership = pool.membership[:, covered]
         if not covered.any() or membership.all(axis=1).any():
@@ -132,8 +135,7 @@ def price_poses(
                 break
         # the optimal prices are seldom unique: other ones every round keep the search from staring at one corner
         bias = 1.0 + 0.5 * rng.random(int(covered.sum()))
-        prices = np.zeros(len(covered))
-        prices[covered] = fractional_cover(pool.membership[:, covered], bias)[1]
+        prices[covered] = fractional_cover(membership, bias, prices[covered] if done else None)[1]
         breed = _improve(shared, pool, near, breed, prices, rng, executor)
         report(progress, done + 1, rounds, "column generation")
     report(progress, rounds, rounds, "column generation")
@@ -152,7 +154,7 @@ def _is_settled(values: list[float], membership: np.ndarray, left: int) -> bool:
         return True
     fewest = int(np.ceil(values[-1] - 1e-6))
     hopeless = values[-1] - gain * left / (_CHECKS * _ROUNDS_PER_CHECK) > fewest - 1
-    return hopeless and len(greedy_cover(membership)) <= fewest
+    return hopeless and not exchange_columns(membership, fewest, steps=_STEPS).missing
 
 
 def _improve(
@@ -168,11 +170,10 @@ def _improve(
     children = perturbed(np.repeat(parents, _CHILDREN, axis=0), shared.value.camera.focus_distance_mm, rng)
     # batches of one size, whoever judges them: the last digits must not depend on the executor
     batches = [(shared, children[i : i + _BATCH], prices) for i in range(0, len(children), _BATCH)]
-    parts = list(in_order(executor, _judged, batches))
-    for (_, poses, _), judged in zip(batches, parts, strict=True):
-        pool.add(judged.inspects, poses, judged.probability)
-        near.add(judged.nearly, poses, judged.probability)
-    return children[_champions(np.concatenate([judged.promise for judged in parts]), prices, rng)]
+    judged = Judgement.joined(list(in_order(executor, _judged, batches)))
+    pool.add(judged.inspects, children, judged.probability)
+    near.add(judged.nearly, children, judged.probability)
+    return children[_champions(judged.promise, prices, rng)]
 
 
 def _champions(promise: np.ndarray, prices: np.ndarray, rng) -> np.ndarray:

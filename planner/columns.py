@@ -7,7 +7,8 @@ entities that some pose nearly inspects is an optimistic column, worth a run of 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -47,6 +48,11 @@ class Judgement:
     nearly: np.ndarray
     probability: np.ndarray
     promise: np.ndarray
+
+    @classmethod
+    def joined(cls, parts: Sequence[Judgement]) -> Judgement:
+        """Return the judgements of several groups of poses as one; there must be one at least."""
+        return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
 
 
 class Judge:
@@ -111,9 +117,9 @@ class Judge:
         if not parts:
             empty = np.zeros((0, len(self.names)))
             return Judgement(empty.astype(bool), empty.astype(bool), empty, empty)
-        return Judgement(*(np.concatenate(field) for field in zip(*parts, strict=True)))
+        return Judgement.joined(parts)
 
-    def _judge(self, cam2world, prices) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def _judge(self, cam2world, prices) -> Judgement:
         missed = self._missed(cam2world)
         nearly = missed <= 1.0
         if prices is not None:
@@ -124,7 +130,7 @@ class Judge:
         nearly &= probability >= self.threshold - _NEAR_PROBABILITY
         self._hide_around(cam2world, nearly, probability)
         inspects = (missed == 0.0) & nearly & (probability >= self.threshold)
-        return inspects, nearly, probability, np.exp(-missed)
+        return Judgement(inspects, nearly, probability, np.exp(-missed))
 
     def _missed(self, cam2world) -> np.ndarray:
         """Return how far the worst constraint of each entity is missed, in units of its tolerance; (n, k), 0 is met."""

@@ -1,4 +1,8 @@
-"""The linear relaxation of the set cover and its dual: weights of entities, no column weighing more than 1."""
+"""The linear relaxation of the set cover and its dual: weights of entities, no column weighing more than 1.
+
+Few columns bind, so the linear programs are solved by constraint generation: with some columns at first, then with the
+heaviest of those that the weights break, too, until they break none.
+"""
 
 from concurrent.futures import ThreadPoolExecutor
 
@@ -12,13 +16,15 @@ from planner.tasks import THREADS
 # bias and number of the duals that columns are left out by
 _FIXING_DUALS = 1.05, 4
 _CORE_SLACK = 0.1
-# several duals are solved in so many shares, each from so many columns, with so many more at a time that they break
-_SHARES, _FIRST_COLUMNS, _MORE_COLUMNS = 2, 300, 100
-_BROKEN = 1e-9
 _CORE_OF_ENTITY = 5
+# columns at first, and so many more at a time
+_FIRST_COLUMNS, _MORE_COLUMNS = 300, 100
+_BROKEN = 1e-9
+# several duals are solved in so many shares
+_SHARES = 2
 
 
-def fractional_cover(membership, bias=None) -> tuple[float, np.ndarray]:
+def fractional_cover(membership, bias=None, guess=None) -> tuple[float, np.ndarray]:
     """Solve the linear relaxation and its dual.
 
     Parameters
@@ -27,6 +33,8 @@ def fractional_cover(membership, bias=None) -> tuple[float, np.ndarray]:
     bias : array_like, shape (e,), optional
         Positive factors; the dual maximises the weights times these. Default: all 1, which gives the relaxation's
         value.
+    guess : array_like, shape (e,), optional
+        Weights of a similar problem; they make it quicker.
 
     Returns
     -------
@@ -41,16 +49,11 @@ def fractional_cover(membership, bias=None) -> tuple[float, np.ndarray]:
         If some entity is in no column.
     """
     membership = check_membership(membership)
-    n_columns, n_entities = membership.shape
+    n_entities = membership.shape[1]
     if n_entities == 0:
         return 0.0, np.zeros(0)
-    result = linprog(
-        -np.ones(n_entities) if bias is None else -np.asarray(bias, dtype=float),
-        A_ub=csr_matrix(membership.astype(float)),
-        b_ub=np.ones(n_columns),
-        bounds=(0.0, 1.0),
-    )
-    weights = np.clip(result.x, 0.0, None)
+    bias = np.ones(n_entities) if bias is None else np.asarray(bias, dtype=float)
+    weights = _dual(membership, bias, _first_columns(membership, guess))
     weights /= max(1.0, float((membership @ weights).max()))
     return float(weights.sum()), weights
 
@@ -138,17 +141,32 @@ def core_columns(membership) -> np.ndarray:
 
 
 def _duals(membership: np.ndarray, factors: np.ndarray) -> np.ndarray:
-    """Solve the dual for each row (f, e) of factors, by constraint generation: few columns bind."""
+    """Solve the dual for each row (f, e) of factors; the columns of one are those that the next one starts with."""
+    active = _first_columns(membership)
+    return np.array([_dual(membership, factor, active) for factor in factors])
+
+
+def _first_columns(membership: np.ndarray, guess=None) -> np.ndarray:
+    """Return which columns (c,) to start with: the heaviest by a guess or the largest, and one for every entity."""
     active = np.zeros(len(membership), dtype=bool)
-    active[np.argsort(-membership.sum(axis=1), kind="stable")[:_FIRST_COLUMNS]] = True
+    heavy = membership.sum(axis=1) if guess is None else membership @ np.asarray(guess, dtype=float)
+    active[np.argsort(-heavy, kind="stable")[:_FIRST_COLUMNS]] = True
     active[np.argmax(membership, axis=0)] = True
-    duals = np.empty(factors.shape)
-    for k, factor in enumerate(factors):
-        while True:
-            duals[k] = fractional_cover(membership[active], factor)[1]
-            weight = membership @ duals[k]
-            broken = np.flatnonzero((weight > 1.0 + _BROKEN) & ~active)
-            if not broken.size:
-                break
-            active[broken[np.argsort(-weight[broken], kind="stable")[:_MORE_COLUMNS]]] = True
-    return duals
+    return active
+
+
+def _dual(membership: np.ndarray, bias: np.ndarray, active: np.ndarray) -> np.ndarray:
+    """Return the dual (e,); ``active`` (c,) is changed to the columns it was solved with."""
+    while True:
+        result = linprog(
+            -bias,
+            A_ub=csr_matrix(membership[active].astype(float)),
+            b_ub=np.ones(int(active.sum())),
+            bounds=(0.0, 1.0),
+        )
+        weights = np.clip(result.x, 0.0, None)
+        weight = membership @ weights
+        broken = np.flatnonzero((weight > 1.0 + _BROKEN) & ~active)
+        if not broken.size:
+            return weights
+        active[broken[np.argsort(-weight[broken], kind="stable")[:_MORE_COLUMNS]]] = True

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from planner.cover import is_cover, maximal_columns, min_cover
-from planner.relaxation import columns_of_covers, core_columns, mean_dual
+from planner.relaxation import columns_of_covers, core_columns, fractional_cover, mean_dual
 
 
 @settings(deadline=None, max_examples=60)
@@ -59,6 +59,18 @@ def test_the_mean_dual_is_a_dual_and_no_single_corner():
 def dual_of_all(columns, factor):
     """By one linear program."""
     return linprog(-factor, A_ub=columns.astype(float), b_ub=np.ones(len(columns)), bounds=(0, 1)).x
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_guess_does_not_change_the_dual(seed):
+    """Random factors leave one optimum; a good guess, a wrong one, and none at all must find it."""
+    rng = np.random.default_rng(seed)
+    columns, factor = rng.random((2500, 20)) < 0.3, 1.0 + 0.5 * rng.random(20)
+    expected = dual_of_all(columns, factor)
+    for guess in (None, expected, 1.0 - expected, np.zeros(20)):
+        value, y = fractional_cover(columns, factor, guess)
+        assert y == pytest.approx(expected, abs=1e-6)
+        assert value == pytest.approx(expected.sum())
 
 
 def test_the_mean_dual_of_many_columns_is_that_of_linear_programs_over_all_of_them():
