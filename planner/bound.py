@@ -29,14 +29,14 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
-from planner.conflicts import Cells, find_conflicts
+from planner.conflicts import Cells, entity_cells, find_conflicts
 from planner.cover import cover_within, distinct_rows, maximal_columns
 from planner.duality import LinearBound
 from planner.looks import PoseSpace
 from planner.progress import report
 from planner.relaxation import fractional_cover
-from planner.sampling import cells_of
 from planner.subdivision import PoseTree
+from planner.tasks import Shared, in_order
 
 _BATCH = 6000
 _MAX_INTEGER_COLUMNS = 4000
@@ -51,7 +51,7 @@ _FINEST_RAD = 2e-3
 
 
 def lower_bound(
-    judge, entity_idx, n_settings: int, columns, *, max_nodes: int, improve=None, progress=None
+    judge, entity_idx, n_settings: int, columns, *, max_nodes: int, improve=None, executor=None, progress=None
 ) -> tuple[int, str]:
     """Prove how many settings are needed at least.
 
@@ -69,6 +69,8 @@ def lower_bound(
         Boxes of poses, at most.
     improve : callable, optional
         Is told of poses worth knowing, see `planner.duality.LinearBound`.
+    executor : concurrent.futures.Executor, optional
+        Computes the cells of entities' regions.
     progress : callable, optional
 
     Returns
@@ -81,7 +83,8 @@ def lower_bound(
     if n_settings <= 1:
         return n_settings, "Fewer settings than one inspect nothing."
     entity_idx = np.asarray(entity_idx)
-    regions = Cells(cells_of(judge.space, [judge.names[i]]) for i in entity_idx)
+    shared = Shared(judge)
+    regions = Cells.joined(in_order(executor, entity_cells, [(shared, judge.names[i]) for i in entity_idx]))
     conflict = find_conflicts(judge, entity_idx, columns, regions)
     tree = PoseTree(judge, entity_idx, regions, conflict)
     weights = _Weights(np.asarray(columns, dtype=bool))

@@ -19,7 +19,8 @@ import numpy as np
 from numba import njit
 
 from planner.necessary import least_image_mm
-from planner.tasks import THREADS
+from planner.sampling import cells_of
+from planner.tasks import THREADS, Shared
 
 # cells that overlap by less than this are apart: no robot aims that finely
 _OVERLAP_MM = 1e-3
@@ -115,16 +116,35 @@ class Cells:
         flat = [cell for group in cells for cell in group]
         self.planes = np.concatenate([np.zeros((0, 4)), *(planes for planes, _ in flat)])
         self.corners = np.concatenate([np.zeros((0, 3)), *(corners for _, corners in flat)])
-        self.plane_start = np.cumsum([0, *(len(planes) for planes, _ in flat)])
-        self.corner_start = np.cumsum([0, *(len(corners) for _, corners in flat)])
-        self.entity_start = np.cumsum([0, *map(len, cells)])
+        self.plane_start = _starts(len(planes) for planes, _ in flat)
+        self.corner_start = _starts(len(corners) for _, corners in flat)
+        self.entity_start = _starts(map(len, cells))
         boxes = [(corners.min(axis=0), corners.max(axis=0)) for _, corners in flat]
         self.boxes = np.array(boxes).reshape(-1, 2, 3)
+
+    @classmethod
+    def joined(cls, parts) -> Cells:
+        """Return the cells of several groups of entities, of one after the other."""
+        parts, whole = list(parts), cls(())
+        for name in ("planes", "corners", "boxes"):
+            setattr(whole, name, np.concatenate([getattr(whole, name), *(getattr(part, name) for part in parts)]))
+        for name in ("plane_start", "corner_start", "entity_start"):
+            setattr(whole, name, _starts(size for part in parts for size in np.diff(getattr(part, name))))
+        return whole
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
         """All arrays, in the order the compiled functions take them."""
         return self.planes, self.plane_start, self.corners, self.corner_start, self.boxes, self.entity_start
+
+
+def _starts(sizes) -> np.ndarray:
+    return np.cumsum([0, *sizes])
+
+
+def entity_cells(shared: Shared, name: str) -> Cells:
+    """Return the cells of an entity's region, as a task; ``shared`` holds the judge."""
+    return Cells([cells_of(shared.value.space, [name])])
 
 
 @njit(cache=True, nogil=True)
@@ -133,18 +153,26 @@ def _share_viewpoint(a, b, planes, plane_start, corners, corner_start, boxes, en
     stack = np.empty((_STACK, 2, 3))
     for i in range(entity_start[a], entity_start[a + 1]):
         for j in range(entity_start[b], entity_start[b + 1]):
-            low = np.maximum(boxes[i, 0], boxes[j, 0])
-            high = np.minimum(boxes[i, 1], boxes[j, 1])
-            if np.any(high - low < _OVERLAP_MM):
+            if not _overlap(boxes, i, j, stack[0]):
                 continue
             if _apart(i, j, planes, plane_start, corners, corner_start):
                 continue
             if _apart(j, i, planes, plane_start, corners, corner_start):
                 continue
-            stack[0, 0], stack[0, 1] = (low + high) / 2, (high - low) / 2
             if _search(stack, i, j, planes, plane_start, points, limits):
                 return True
     return False
+
+
+@njit(cache=True, nogil=True)
+def _overlap(boxes, i, j, common):
+    """Tell whether boxes i and j overlap by anything to speak of; write the centre and half size of what they share."""
+    for k in range(3):
+        low, high = max(boxes[i, 0, k], boxes[j, 0, k]), min(boxes[i, 1, k], boxes[j, 1, k])
+        if high - low < _OVERLAP_MM:
+            return False
+        common[0, k], common[1, k] = (low + high) / 2, (high - low) / 2
+    return True
 
 
 @njit(cache=True, nogil=True)
@@ -197,18 +225,19 @@ def _in_view(center, radius, points, limits):
     angle = 2.0 * cone
     n = points.shape[0]
     for k in range(n):
-        distance = math.sqrt(np.sum((points[k] - center) ** 2))
+        distance = _distance(points[k], center)
         if distance - radius > far or distance + radius < near:
             return False
     for k in range(n):
-        first = points[k] - center
-        first_length = math.sqrt(np.sum(first**2))
+        first_length = _distance(points[k], center)
         for m in range(k + 1, n):
-            second = points[m] - center
-            second_length = math.sqrt(np.sum(second**2))
+            second_length = _distance(points[m], center)
             if radius >= first_length or radius >= second_length:
                 continue
-            cosine = np.sum(first * second) / (first_length * second_length)
+            cosine = 0.0
+            for c in range(3):
+                cosine += (points[k, c] - center[c]) * (points[m, c] - center[c])
+            cosine /= first_length * second_length
             between = math.acos(min(1.0, max(-1.0, cosine)))
             if between - math.asin(radius / first_length) - math.asin(radius / second_length) > angle + 1e-9:
                 return False
@@ -216,6 +245,12 @@ def _in_view(center, radius, points, limits):
     for k in range(0, n, 2):
         long_enough = long_enough and _long_enough(center, radius, points[k], points[k + 1], near, cone, ratio)
     return long_enough
+
+
+@njit(cache=True, nogil=True)
+def _distance(point, other):
+    x, y, z = point[0] - other[0], point[1] - other[1], point[2] - other[2]
+    return math.sqrt(x * x + y * y + z * z)
 
 
 @njit(cache=True, nogil=True)
@@ -229,8 +264,7 @@ def _long_enough(center, radius, first, second, near, cone, ratio):
     area = math.sqrt(x * x + y * y + z * z) + radius * math.sqrt(np.sum(line**2))
     depth = 1.0
     for point in (first, second):
-        distance = math.sqrt(np.sum((point - center) ** 2))
-        depth *= max(near, (distance - radius) * math.cos(cone))
+        depth *= max(near, (_distance(point, center) - radius) * math.cos(cone))
     return area >= ratio * depth * (1.0 - 1e-9)
 
 

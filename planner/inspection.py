@@ -349,8 +349,7 @@ class _Work:
                 improve(poses)
             return bound, proof
         idx, most = np.flatnonzero(inspected), self.effort.bound_nodes
-        bound, proof = lower_bound(
-            self.judge, idx, known, realised, max_nodes=most, improve=improve, progress=self.progress
-        )
+        workers = {"executor": self.executor, "progress": self.progress}
+        bound, proof = lower_bound(self.judge, idx, known, realised, max_nodes=most, improve=improve, **workers)
         self.memo.put_proof(basis, bound, proof, joined)
         return bound, proof
