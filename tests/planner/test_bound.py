@@ -13,7 +13,7 @@ from test_inspection import CAMERA, UNCERTAINTY, WORKSPACE, random_poses
 
 from planner.camera import Camera
 from planner.columns import Judge
-from planner.conflicts import Cells
+from planner.conflicts import Cells, entity_cells
 from planner.constraints import Requirements
 from planner.cover import min_cover
 from planner.duality import LinearBound, spread_weights
@@ -24,6 +24,7 @@ from planner.posebox import extent, farthest, most_turn, rotation, seen_from
 from planner.posesearch import FOUND, PROVEN, search
 from planner.stabbing import may_exceed, weight_at
 from planner.subdivision import PoseTree
+from planner.tasks import Shared
 from planner.viewpoints import viewpoints_for
 
 # grown once: what they hold does not depend on weights and limits
@@ -319,6 +320,17 @@ def test_depth_without_end_is_cut_at_the_size_of_the_workspace():
     assert np.isinf(far_off.depth_of_field_mm[1])
     assert view.far == pytest.approx(8100.0 * np.sqrt(3))
     assert view.near == far_off.depth_of_field_mm[0] < view.middle < view.far
+
+
+def test_cells_of_entities_one_by_one_are_those_of_all():
+    judge, regions = request_for(SIZES[1])
+    none = Cells([[]])
+    one_by_one = [entity_cells(Shared(judge), name) for name in EDGES]
+    for joined in (Cells.joined(one_by_one), Cells.joined([Cells.joined(one_by_one[:5]), *one_by_one[5:]])):
+        for mine, theirs in zip(joined.arrays, regions.arrays, strict=True):
+            assert np.array_equal(mine, theirs)
+    assert len(regions.boxes) > len(EDGES)
+    assert Cells.joined([none, one_by_one[0]]).entity_start.tolist() == [0, 0, len(one_by_one[0].boxes)]
 
 
 def leaves_of(tree, pose):
