@@ -123,32 +123,34 @@ def window(s, far, v, u, n, t, nu, view, room, least, weight, scores):
     added, times the weight, what each coordinate of the box does to the sides of the window that cut the room, as a
     share of how wide the view is.
     """
-    distance = np.empty(2)
-    for i in range(2):
-        distance[i] = math.sqrt(s[i, 0] ** 2 + s[i, 1] ** 2 + s[i, 2] ** 2)
-    first, most = np.empty(3), np.empty(3)
+    of_0 = math.sqrt(s[0, 0] ** 2 + s[0, 1] ** 2 + s[0, 2] ** 2)
+    of_1 = math.sqrt(s[1, 0] ** 2 + s[1, 1] ** 2 + s[1, 2] ** 2)
+    most_0 = most_1 = most_2 = 0.0
+    spans = u[0] + u[1] + u[2]
     for c in range(6):
         n0, n1, n2, k, width, outside = form(c, view, room)
         size = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
         least[c] = -np.inf
         for i in range(2):
             g0, g1, g2 = n1 * s[i, 2] - n2 * s[i, 1], n2 * s[i, 0] - n0 * s[i, 2], n0 * s[i, 1] - n1 * s[i, 0]
-            first[0] = 2.0 / n * abs(g0 + v[1] * g2 - v[2] * g1) * u[0]
-            first[1] = 2.0 / n * abs(g1 + v[2] * g0 - v[0] * g2) * u[1]
-            first[2] = 2.0 / n * abs(g2 + v[0] * g1 - v[1] * g0) * u[2]
-            along, whole = n0 * s[i, 0] + n1 * s[i, 1] + n2 * s[i, 2], size * distance[i]
+            first_0 = 2.0 / n * abs(g0 + v[1] * g2 - v[2] * g1) * u[0]
+            first_1 = 2.0 / n * abs(g1 + v[2] * g0 - v[0] * g2) * u[1]
+            first_2 = 2.0 / n * abs(g2 + v[0] * g1 - v[1] * g0) * u[2]
+            along, whole = n0 * s[i, 0] + n1 * s[i, 1] + n2 * s[i, 2], size * (of_0 if i == 0 else of_1)
             across = math.sqrt(g0 * g0 + g1 * g1 + g2 * g2)
             rest = min(t * t * (whole - along) + 2.0 * t * (t * t + nu) * across, 2.0 * whole)
             k_end = far[i] - view.middle if c == 5 else k
             value = -(k_end + along)
-            value -= first[0] + first[1] + first[2] + rest + _EPS
+            value -= first_0 + first_1 + first_2 + rest + _EPS
             if value > least[c]:
                 least[c] = value
-                for j in range(3):
-                    most[j] = first[j] + rest * u[j] / (u[0] + u[1] + u[2])
+                most_0, most_1 = first_0 + rest * u[0] / spans, first_1 + rest * u[1] / spans
+                most_2 = first_2 + rest * u[2] / spans
         if least[c] > outside:
+            scores[3] += weight * min(most_0 / width, _MOST_SCORE)
+            scores[4] += weight * min(most_1 / width, _MOST_SCORE)
+            scores[5] += weight * min(most_2 / width, _MOST_SCORE)
             for j in range(3):
-                scores[3 + j] += weight * min(most[j] / width, _MOST_SCORE)
                 # a smaller box of q has smaller s; but that says nothing while the turn is large
                 scores[j] += weight * 2.0 * t * size / width if t < 0.5 else 0.0
 
@@ -252,19 +254,20 @@ def keep_cells(entities, cells, c, h, swing, rest, eye):
     first then. The nodal points are those about c, given how far the point looked at and the turn move them, that are
     in the box ``eye`` (2, 3).
     """
-    around = entities.around
+    # by their own names: else much of the time goes into counting references
+    around, planes, plane_start, boxes = entities.around, entities.planes, entities.plane_start, entities.boxes
     kept, met = 0, False
     for cell in cells:
         apart, holds = False, True
         for k in range(3):
-            if entities.boxes[cell, 0, k] > eye[1, k] + around or entities.boxes[cell, 1, k] < eye[0, k] - around:
+            if boxes[cell, 0, k] > eye[1, k] + around or boxes[cell, 1, k] < eye[0, k] - around:
                 apart = True
         inside = not apart
-        for p in range(entities.plane_start[cell], entities.plane_start[cell + 1]):
+        for p in range(plane_start[cell], plane_start[cell + 1]):
             if apart:
                 break
-            p0, p1, p2 = entities.planes[p, 0], entities.planes[p, 1], entities.planes[p, 2]
-            low = high = entities.planes[p, 3]
+            p0, p1, p2 = planes[p, 0], planes[p, 1], planes[p, 2]
+            low = high = planes[p, 3]
             value = low + p0 * c[0] + p1 * c[1] + p2 * c[2]
             slack = abs(p0) * h[0] + abs(p1) * h[1] + abs(p2) * h[2] + rest
             for k in range(3):

@@ -18,39 +18,32 @@ _MOST_DOUBTFUL = 8
 @njit(cache=True, nogil=True)
 def exclusive_groups(members, conflict, group):
     """Write a group for each member such that those of one group all exclude each other; numbered from 0."""
-    n_groups = 0
-    for a in range(len(members)):
-        group[a] = n_groups
-        for g in range(n_groups):
-            fits = True
-            for b in range(a):
-                if group[b] == g and not conflict[members[a], members[b]]:
-                    fits = False
-                    break
-            if fits:
-                group[a] = g
-                break
-        if group[a] == n_groups:
-            n_groups += 1
-
-
-@njit(cache=True, nogil=True)
-def holds(least, w, view):
-    """Tell whether a window contains a point w."""
-    return (
-        least[5] <= w[2] <= -least[4]
-        and least[0] + view.tan_x * w[2] <= w[0] <= -least[1] - view.tan_x * w[2]
-        and least[2] + view.tan_y * w[2] <= w[1] <= -least[3] - view.tan_y * w[2]
-    )
+    m = len(members)
+    # the last member that a group has no room for
+    barred = np.full(m + 1, -1)
+    for a in range(m):
+        for b in range(a):
+            if not conflict[members[a], members[b]]:
+                barred[group[b]] = a
+        g = 0
+        while barred[g] == a:
+            g += 1
+        group[a] = g
 
 
 @njit(cache=True, nogil=True)
 def weight_at(least, group, y, w, view):
     """Return the weight of the windows (m, 6) that contain w, of each group only the first one's."""
     total = 0.0
+    x_z, y_z = view.tan_x * w[2], view.tan_y * w[2]
     seen = np.zeros(len(y), np.bool_)
     for a in range(len(y)):
-        if not seen[group[a]] and holds(least[a], w, view):
+        if (
+            not seen[group[a]]
+            and least[a, 5] <= w[2] <= -least[a, 4]
+            and least[a, 0] + x_z <= w[0] <= -least[a, 1] - x_z
+            and least[a, 2] + y_z <= w[1] <= -least[a, 3] - y_z
+        ):
             seen[group[a]] = True
             total += y[a]
     return total

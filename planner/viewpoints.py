@@ -158,20 +158,50 @@ def heavy_members(tree, box, eye, request, live):
     float
         The share of that volume from where so much may be inspected.
     """
+    boxes, sets = tree.boxes, tree.sets
+    nodes = np.empty(_EFFORT + _DEPTH, np.int64)
+    hull, volume = np.empty((2, 3)), 0.0
+    hull[0], hull[1] = np.inf, -np.inf
+    for i in range(_heavy_nodes(tree, box, eye, request, nodes)):
+        node, part = nodes[i], 1.0
+        for word in range(len(live)):
+            live[word] |= sets[node, word]
+        for k in range(3):
+            low, high = max(eye[0, k], boxes[node, 0, k]), min(eye[1, k], boxes[node, 1, k])
+            part *= high - low
+            hull[0, k], hull[1, k] = min(hull[0, k], low), max(hull[1, k], high)
+        volume += part
+    if hull[0, 0] <= hull[1, 0]:
+        eye[:] = hull
+    return volume / max(np.prod(eye[1] - eye[0]), _EPS)
+
+
+@njit(cache=True, nogil=True)
+def _heavy_nodes(tree, box, eye, request, nodes):
+    """Write the nodes, not halved further, from where enough may be inspected in a box; return how many."""
     members, y, group, limit = request
-    across, m = _extents(box), len(members)
+    # arrays by their own names, and no calls: else most of the time goes into counting references
+    boxes, sets, second = tree.boxes, tree.sets, tree.second
+    c, matrix, across, m = box[0], box[1], _extents(box), len(members)
     # of a member and all after it
     after = np.zeros(m + 1)
     for a in range(m - 1, -1, -1):
         after[a] = after[a + 1] + y[a]
-    hull, part, seen = np.empty((2, 3)), np.empty((2, 3)), np.zeros(m, np.int64)
-    hull[0], hull[1] = np.inf, -np.inf
-    todo = np.zeros(_DEPTH, np.int64)
-    size, looked, volume = 1, 0, 0.0
+    todo, seen = np.zeros(_DEPTH, np.int64), np.zeros(m, np.int64)
+    size, looked, n = 1, 0, 0
     while size > 0:
         size -= 1
         node = todo[size]
-        if not _meets(tree.boxes[node], eye, box[0], box[1], across):
+        # whether its box meets the other one, and may meet the nodal points
+        apart = False
+        for i in range(3):
+            off, reach = 0.0, across[i]
+            for k in range(3):
+                off += matrix[k, i] * ((boxes[node, 0, k] + boxes[node, 1, k]) / 2 - c[k])
+                reach += abs(matrix[k, i]) * (boxes[node, 1, k] - boxes[node, 0, k]) / 2
+            outside = boxes[node, 0, i] > eye[1, i] or boxes[node, 1, i] < eye[0, i]
+            apart = apart or outside or abs(off) > reach
+        if apart:
             continue
         looked += 1
         total = 0.0
@@ -179,22 +209,18 @@ def heavy_members(tree, box, eye, request, live):
             if total > limit or total + after[a] <= limit:
                 break
             e = members[a]
-            if tree.sets[node, e >> 6] >> np.uint64(e & 63) & np.uint64(1) and seen[group[a]] != looked:
+            if sets[node, e >> 6] >> np.uint64(e & 63) & np.uint64(1) and seen[group[a]] != looked:
                 seen[group[a]] = looked
                 total += y[a]
         if total <= limit:
             continue
-        if tree.second[node] > 0 and looked < _EFFORT:
-            todo[size], todo[size + 1] = tree.second[node], node + 1
+        if second[node] > 0 and looked < _EFFORT:
+            todo[size], todo[size + 1] = second[node], node + 1
             size += 2
             continue
-        live |= tree.sets[node]
-        part[0], part[1] = np.maximum(eye[0], tree.boxes[node, 0]), np.minimum(eye[1], tree.boxes[node, 1])
-        volume += np.prod(part[1] - part[0])
-        hull[0], hull[1] = np.minimum(hull[0], part[0]), np.maximum(hull[1], part[1])
-    if hull[0, 0] <= hull[1, 0]:
-        eye[:] = hull
-    return volume / max(np.prod(eye[1] - eye[0]), _EPS)
+        nodes[n] = node
+        n += 1
+    return n
 
 
 @njit(cache=True, nogil=True)
@@ -207,19 +233,3 @@ def _extents(box):
             across[i] += h[k] * abs(matrix[k, i])
             across[i] += abs(swing[k, 0] * matrix[0, i] + swing[k, 1] * matrix[1, i] + swing[k, 2] * matrix[2, i])
     return across
-
-
-@njit(cache=True, nogil=True)
-def _meets(box, eye, c, matrix, across):
-    """Tell whether a box meets another one, and may meet the nodal points of a box of poses."""
-    for i in range(3):
-        if box[0, i] > eye[1, i] or box[1, i] < eye[0, i]:
-            return False
-    for i in range(3):
-        off, reach = 0.0, across[i]
-        for k in range(3):
-            off += matrix[k, i] * ((box[0, k] + box[1, k]) / 2 - c[k])
-            reach += abs(matrix[k, i]) * (box[1, k] - box[0, k]) / 2
-        if abs(off) > reach:
-            return False
-    return True
