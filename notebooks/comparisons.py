@@ -225,6 +225,6 @@ plt.show()
 # on the two blocks in under a tenth of the time. A dome per entity looks at every entity nearly straight, so its worst
 # P is high, for as many settings or more. What they do worse: they have no bound to say when they are done; one dome
 # leaves entities out; and on the part with sixteen entities the others need half as many settings again as
-# `plan_inspection`. There, with a coarse arm and 99 %, it takes five to eight times as long as the slowest rival, most
+# `plan_inspection`. There, with a coarse arm and 99 %, it takes two to three times as long as the slowest rival, most
 # of it for the bound, which is not reached all the same: it does not know how little of the image is left where such
 # an arm still measures accurately.
