@@ -115,20 +115,20 @@ def segment_triangle_gap(
     (p, q), (hp, hq) = segments.swapaxes(0, 1), heights.T
     best = np.full(len(near), np.inf)
     for point, height in ((p, hp), (q, hq)):
-        inside = (_insets(point, triangles, normals) >= 0).all(axis=1)
+        inside = (side_distances(point, triangles, normals) >= 0).all(axis=1)
         best = np.where(inside, np.minimum(best, np.abs(height)), best)
     for k in range(3):
         best = np.minimum(best, segment_distance(p, q, triangles[:, k], triangles[:, (k + 1) % 3]))
     across = hp * hq < 0
     share = np.divide(hp, hp - hq, out=np.zeros_like(hp), where=across)
-    insets = _insets(p + share[:, None] * (q - p), triangles, normals)
+    insets = side_distances(p + share[:, None] * (q - p), triangles, normals)
     gap[near] = np.where(across & (insets >= 0).all(axis=1), 0.0, best)
     through = across & (np.abs(heights).min(axis=1) > tolerance)
     pierces[near] = through & (insets > np.where(rim, tolerance, -tolerance)).all(axis=1)
     return gap, pierces
 
 
-def _insets(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray) -> np.ndarray:
+def side_distances(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Return the distances of points, seen along the normal, from the sides, shape (n, 3): positive inside."""
     insets = []
     for k in range(3):
@@ -140,10 +140,11 @@ def _insets(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray) -> n
 
 
 def segment_distance(p: np.ndarray, q: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the distances between segments pq and ab, all arrays of shape (n, 3)."""
+    """Return the distances between segments pq and ab, all arrays of shape (n, 3); a segment may be a point."""
     u, v, w = q - p, b - a, p - a
     uu, uv, vv = (np.einsum("ij,ij->i", x, y) for x, y in ((u, u), (u, v), (v, v)))
     uw, vw = (np.einsum("ij,ij->i", x, w) for x in (u, v))
+    uu, vv = np.maximum(uu, 1e-300), np.maximum(vv, 1e-300)
     spread = uu * vv - uv * uv
     slanted = spread > 1e-24 * uu * vv
     s = np.clip(np.divide(uv * vw - vv * uw, spread, out=np.zeros_like(spread), where=slanted), 0.0, 1.0)

@@ -33,6 +33,10 @@ class TouchingError(SelfIntersectionError):
     """Parts of the surface that are not neighbours touch without crossing."""
 
 
+class ResolutionError(SolidError):
+    """Details of the part are too small for its grid: snapping could make one what is apart."""
+
+
 class ReadError(AspectGraphError, ValueError):
     """A part file cannot be read, or does not hold what its name says."""
 

@@ -27,6 +27,8 @@ GRID_BITS = 20
 # a vertex is displaced by at most sqrt(3)/2 steps; so is the plane it is compared with, at each of its three points
 _RESOLUTION_STEPS = 4.0
 _LARGEST_COORDINATE_STEPS = 1 << 40
+# leaves room for workspaces of 4,000 extents
+_FINEST_SCALE = 1 << 8
 # Rounding of the own coordinates against that of the largest of the user's, half a unit in the last place.
 _NOISE = 16 * 2.0**-53
 # Denominators so large that random coordinates would fit one of them this often are none.
@@ -67,7 +69,14 @@ class Grid:
     resolution: float
 
     @classmethod
-    def over(cls, vertices: np.ndarray, frame: np.ndarray | None = None, used: np.ndarray | None = None) -> Grid:
+    def over(
+        cls,
+        vertices: np.ndarray,
+        frame: np.ndarray | None = None,
+        used: np.ndarray | None = None,
+        *,
+        finest: bool = False,
+    ) -> Grid:
         """Lay a grid over (n, 3) vertices in mm.
 
         Parameters
@@ -77,6 +86,9 @@ class Grid:
             Rotation; default: the user's frame.
         used : ndarray of int, optional
             The vertices that belong to the part; default: all.
+        finest : bool
+            Where vertices must be displaced, take 2**20 steps along every axis instead of the same step for all, but
+            steps of no less than 2**-8 of the largest.
 
         Raises
         ------
@@ -92,6 +104,8 @@ class Grid:
         largest = int(np.argmax(extents >= (1.0 - 1e-9) * extents.max()))
         noise = _NOISE * max(float(np.abs(vertices).max()), extents[largest])
         steps, exact = _steps(part, extents, noise)
+        if finest and not exact:
+            steps = np.maximum(extents, extents[largest] / _FINEST_SCALE) / (1 << GRID_BITS)
         if np.abs(vertices).max() / steps[largest] > _LARGEST_COORDINATE_STEPS:
             raise SolidError(
                 f"vertices must lie within {_LARGEST_COORDINATE_STEPS * steps[largest]:g} mm of the origin, 2**40 grid "

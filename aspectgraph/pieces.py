@@ -73,7 +73,7 @@ def _is_convex(loop: Sequence[int], xy: list[list[int]]) -> bool:
 
 
 def _triangles(points: np.ndarray, face: Face, normal: np.ndarray, known: np.ndarray) -> list[list[int]]:
-    """Triangles of a face as it lies on the grid, or the known ones if snapping made its loops touch."""
+    """Triangles of a face as it lies on the grid, or the known ones where a corner snapped straight leaves too few."""
     try:
         return triangulate_face(points.astype(float), face, normal).tolist()
     except SolidError:

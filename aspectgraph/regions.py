@@ -12,6 +12,7 @@ from .cellset import CellSet
 from .crop import crop
 from .entities import Entity, resolve_entities
 from .exceptions import EntityError, WorkspaceError
+from .features import resolving_grid
 from .frame import own_frame
 from .grid import Grid, turned
 from .lattice import face_planes
@@ -169,7 +170,7 @@ def make_scene(solid: Solid, entities: Mapping[str, Entity] | None = None) -> tu
     """Lay a solid on its grid, in its own frame and order; entities tell the sides of a symmetric part apart."""
     marks = [] if entities is None else [entities[name].edge_ids for name in sorted(entities)]
     frame = own_frame(solid, marks)
-    grid = Grid.over(solid.vertices, frame, np.unique(solid.triangles))
+    grid = resolving_grid(solid, frame)
     listing = list_solid(solid, grid.points)
     loops = [np.empty(0, int)] * len(solid.faces)
     for face, number in zip(listing.faces, listing.face, strict=True):

@@ -208,6 +208,25 @@ def test_state_of_another_request_is_refused(folder, quick, capsys):
     assert "must belong to the same part" in lines[-1]
 
 
+def test_boxes_too_near_each_other_are_refused_before_planning(folder, capsys):
+    """Two copies of the block a nanometre apart would be one to the grid."""
+    counts, *rows = [line for line in BLOCK.splitlines() if line and line != "OFF"]
+    n_vertices, n_faces = map(int, counts.split()[:2])
+    vertices, faces = rows[:n_vertices], rows[n_vertices : n_vertices + n_faces]
+    corners = [list(map(float, row.split())) for row in vertices]
+    shift = max(x for x, _, _ in corners) - min(x for x, _, _ in corners) + 1e-6
+    moved = [f"{x + shift!r} {y!r} {z!r}" for x, y, z in corners]
+    others = [[int(word) for word in row.split()] for row in faces]
+    shifted = [" ".join(map(str, [row[0], *(v + n_vertices for v in row[1 : row[0] + 1])])) for row in others]
+    lines = ["OFF", f"{2 * n_vertices} {2 * n_faces} 0", *vertices, *moved, *faces, *shifted]
+    (folder / "pair.off").write_text("\n".join(lines) + "\n")
+    told = failure(capsys, ["graph", "pair.off", "--entities", "0", "--graphml", "g.graphml"])
+    assert len([line for line in told if line.startswith("aspectgraph: ")]) == 1
+    assert "Got 1e-06 mm between" in told[-1]
+    assert "merge the solids" in told[-1]
+    assert not (folder / "g.graphml").exists()
+
+
 def test_help_explains_and_is_quick():
     script = (
         "import sys\nfrom planner.cli import main\ntry: main(['--help'])\nexcept SystemExit as end: code = end.code\n"
