@@ -182,7 +182,7 @@ def _complaint(solid: Solid, grid: Grid, nearest: Nearest) -> str:
     more = f" ({nearest.n} such pairs)" if nearest.n > 1 else ""
     cure = "leave the detail out, or make it larger"
     if shape.are_of_two_shells(nearest):
-        cure = "merge the solids into one, leave one out, or widen the gap"
+        cure = "merge the solids in the CAD model, leave one out, or widen the gap"
     steps = " x ".join(dict.fromkeys(f"{step:.3g}" for step in grid.steps_mm))
     return (
         f"parts of the surface must be at least {LEAST_STEPS:g} grid steps of {steps} mm apart. "

@@ -27,6 +27,8 @@ from .tree import holds
 Progress = Callable[[int, int, str], None]
 
 _WORKSPACE_DIAGONALS = 10.0
+# coverings kept for another call; one takes megabytes, and a plan asks for thousands
+_COVERINGS_KEPT = 16
 
 
 class VisibilityRegions:
@@ -104,7 +106,8 @@ class VisibilityRegions:
         if not names:
             raise EntityError("names must hold at least one entity. Got none.")
         key = tuple(sorted(set(names)))
-        if key not in self._covering:
+        kept = self._covering.pop(key, None)
+        if kept is None:
             order = own_order(self._scene, self.solid, [self.entities[name] for name in key])
             regions = [self._regions[key[k]] for k in order]
             shared = share_planes(regions, self._scene, self.grid.cube_planes(self.workspace))
@@ -113,8 +116,12 @@ class VisibilityRegions:
             crop(cx, len(shared.planes))
             present = leaves(cx)
             bits = np.unpackbits(cx.label[present].view(np.uint8), axis=1, bitorder="little")[:, : len(key)]
-            self._covering[key] = CellSet(cx, present[bits.all(axis=1)], self.grid)
-        return self._covering[key]
+            kept = CellSet(cx, present[bits.all(axis=1)], self.grid)
+        # the last one asked for comes last, the first one goes
+        self._covering[key] = kept
+        while len(self._covering) > _COVERINGS_KEPT:
+            del self._covering[next(iter(self._covering))]
+        return kept
 
     def subset(self, names: Sequence[str]) -> VisibilityRegions:
         """The same regions for some of the entities."""

@@ -87,7 +87,7 @@ def test_mating_boxes_are_refused_with_place_distance_and_step(gap, seed):
     assert text.startswith(f"parts of the surface must be at least {LEAST_STEPS:g} grid steps apart, ")
     assert f"Got {gap:.3g} mm between vertex (" in text or f"Got {gap:.3g} mm between edge" in text
     assert f"{20 * (1 + gap / 20) / 2**GRID_BITS:.3g}" in text
-    assert text.endswith("merge the solids into one, leave one out, or widen the gap.")
+    assert text.endswith("merge the solids in the CAD model, leave one out, or widen the gap.")
 
 
 @pytest.mark.parametrize("seed", [None, 0, 1])

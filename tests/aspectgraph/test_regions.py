@@ -8,6 +8,7 @@ import solids
 
 from aspectgraph import ContradictionError, EntityError, WorkspaceError, build_aspect_graph, compute_regions, graph_of
 from aspectgraph.raycast import confirm
+from aspectgraph.regions import _COVERINGS_KEPT
 
 WORKSPACE = ((-60, -60, -60), (60, 60, 60))
 
@@ -85,6 +86,20 @@ def test_covering_cells_hold_exactly_the_covering_viewpoints(slot, viewpoints):
         assert (cells.contains(viewpoints) == slot.observable(viewpoints, names).all(axis=1)).all()
         covering = [slot.graph.nodes[node]["volume"] for node in slot.covering(names)]
         assert cells.volume == pytest.approx(sum(covering), rel=1e-9)
+
+
+def test_coverings_do_not_pile_up():
+    """Every set of entities asked for has a covering of its own; only the last few stay."""
+    regions = compute_regions(solids.two_pocket_block(), solids.TWO_POCKET_ENTITIES, WORKSPACE)
+    names = regions.entity_names
+    sets = [[name for k, name in enumerate(names) if bits >> k & 1] for bits in range(1, 2 ** len(names))]
+    first = regions.covering_cells(sets[0])
+    assert regions.covering_cells(sets[0]) is first
+    for one in sets:
+        regions.covering_cells(one)
+    assert len(regions._covering) == _COVERINGS_KEPT < len(sets)
+    assert regions.covering_cells(sets[0]) is not first
+    assert regions.covering_cells(sets[0]).volume == first.volume
 
 
 def test_cells_are_polytopes_whose_half_spaces_hold_their_vertices(slot):
