@@ -60,8 +60,8 @@ def test_unknown_name_is_refused():
         ({"format": "a shopping list"}, "format must be 'aspectgraph inspection plan'. Got 'a shopping list'"),
         ({"camera": {}}, "focal_length_mm must be given"),
         ({"pose_uncertainty": {"covariance": [[1.0]]}}, r"covariance must have the shape \(6, 6\)"),
-        ({"settings": [{"entities": []}]}, "right types"),
-        ({"entities": {"top front": [1, 2, 3]}}, r"points must have the shape \(2, 3\)"),
+        ({"settings": [{"entities": []}]}, r"settings\[0\].cam2world must be given\. Got none"),
+        ({"entities": {"top front": [1, 2, 3]}}, r'entities\["top front"\] must have the shape \(2, 3\)\. Got \(3,\)'),
     ],
 )
 def test_wrong_content_is_named_with_the_file(tmp_path, change, message):
@@ -75,7 +75,7 @@ def test_missing_field_is_named(tmp_path):
     data = plan().to_dict()
     del data["lower_bound"]
     (tmp_path / "plan.json").write_text(json.dumps(data))
-    with pytest.raises(PlanFileError, match="must have the field 'lower_bound'"):
+    with pytest.raises(PlanFileError, match="lower_bound must be given"):
         read_plan(tmp_path / "plan.json")
 
 
