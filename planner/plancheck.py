@@ -164,13 +164,17 @@ def _check_simulation(simulation: Mapping, settings) -> None:
         _check_keys(rates, setting["entities"], "simulation", "rates", k)
         for name, rate in rates.items():
             where = ("simulation", "rates", k, name)
-            _check_rate(rate, simulation["n"], *where)
+            _check_rate(rate, simulation, *where)
             if abs(rate["predicted"] - setting["probability"][name]) > _SAME:
                 rule = f"must be the setting's probability, {setting['probability'][name]:g}"
                 _refuse(field_name(*where, "predicted"), rule, rate["predicted"])
 
 
-def _check_rate(rate: Mapping, n: int, *where) -> None:
+def _check_rate(rate: Mapping, simulation: Mapping, *where) -> None:
+    n, together = simulation["n"], simulation["confidence"]
+    if rate["confidence"] < together:
+        rule = f"must be at least simulation.confidence, {together:g}"
+        _refuse(field_name(*where, "confidence"), rule, rate["confidence"])
     if rate["n"] != n:
         _refuse(field_name(*where, "n"), f"must be simulation.n, {n}", rate["n"])
     for field in ("successes", "outside"):

@@ -66,6 +66,7 @@ def shown(value) -> str:
     if isinstance(value, int) and value.bit_length() > 4 * _LONGEST:
         return f"an integer of {value.bit_length()} bits"
     text = json.dumps(value, ensure_ascii=False, default=repr)
+    text = text if text.isprintable() else ascii(text)
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 

@@ -164,7 +164,7 @@ def test_state_of_another_request_is_refused(space, tmp_path):
 
 def test_damaged_state_is_refused(tmp_path):
     (tmp_path / "state.json").write_text("{")
-    with pytest.raises(PlanFileError, match="state.json:1:2: state file must be JSON"):
+    with pytest.raises(PlanFileError, match=r"state\.json:1:2: state file must be JSON"):
         PlanningState({}, tmp_path / "state.json")
     (tmp_path / "state.json").write_text("{}")
     with pytest.raises(PlanFileError, match="must be a planning state of version 1"):
