@@ -191,9 +191,8 @@ class Camera:
         known = [field.name for field in fields(cls)]
         for key in data:
             if key not in known:
-                raise CameraError(
-                    f"{key if key.isidentifier() else _shown(key)} must be one of {', '.join(known)}. Got an unknown field."
-                )
+                named = key if key.isidentifier() else _shown(key)
+                raise CameraError(f"{named} must be one of {', '.join(known)}. Got an unknown field.")
         for key in known[:5]:
             if key not in data:
                 raise CameraError(f"{key} must be given. Got {_shown(', '.join(map(str, data)) or 'nothing', str)}.")
