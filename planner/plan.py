@@ -29,14 +29,15 @@ class InspectionPlan:
     """Sensor settings from which every entity that can be inspected is inspected.
 
     **Guarantee.** Every entity is either inspected by a setting with at least ``probability``, or listed in
-    ``uninspectable`` with the reason. No plan that inspects the same entities has fewer than ``lower_bound`` settings.
+    ``uninspectable`` with the reason: no view of it was found. No plan that inspects the same entities, or more, under
+    the same request has fewer than ``lower_bound`` settings.
 
     Attributes
     ----------
     settings : tuple of SensorSetting
         In the order of the robot's travel.
     lower_bound : int
-        Proven least number of settings.
+        Proven: so many settings are needed at least to inspect what this plan inspects; 0 if that is nothing.
     bound_proof : str
         What the bound rests on, in one sentence.
     uninspectable : mapping of str to str
@@ -98,8 +99,8 @@ class InspectionPlan:
 
     @property
     def minimal(self) -> bool:
-        """Whether the number of settings is proven to be the least possible."""
-        return len(self.settings) == self.lower_bound
+        """Whether no plan that inspects the same entities has fewer settings; an empty plan is not called minimal."""
+        return bool(self.settings) and len(self.settings) == self.lower_bound
 
     @property
     def inspected(self) -> dict[str, float]:

@@ -13,9 +13,8 @@ from planner.columns import Judge
 from planner.exceptions import InfeasibleError
 from planner.pose import PoseUncertainty
 from planner.setting import SensorSetting, plan_setting
-from planner.simulate import simulate_setting
+from planner.simulate import MODEL_TOLERANCE, simulate_setting
 from planner.tasks import Shared
-from planner.verification import MODEL_TOLERANCE
 
 # simulated to tell whether a pose is contradicted; poses tried near one that is
 _TRIAL_POSES = 4000
