@@ -30,9 +30,10 @@ _MEANING = {
     "resolution_mm": "too short for the resolution",
     "focus_mm": "out of focus",
     "field_of_view_px": "larger than the field of view",
+    "field_of_view_mm": "larger than the field of view",
     "workspace_mm": "out of reach",
     "reach": "out of reach",
-    "clearance_mm": "out of reach",
+    "clearance_mm": "only seen from too near the part",
 }
 
 
@@ -158,5 +159,11 @@ def reason_for(outcome: SensorSetting | str, threshold: float) -> str:
     """Say why an entity is not inspected, given the outcome of its own run."""
     if isinstance(outcome, str):
         return outcome
-    best = float(np.max(list(outcome.probability.values())))
-    return f"probability too low: the best pose found reaches P = {best:.4f}, below the required {threshold:g}."
+    best = max(outcome.probability.values())
+    if best >= threshold:
+        return (
+            f"no feasible view: the best pose found reaches P = {best:.4f}, but breaks a constraint when judged anew."
+        )
+    # so many digits that it is seen to be below
+    digits = next((n for n in range(4, 16) if round(best, n) < threshold), 16)
+    return f"probability too low: the best pose found reaches P = {best:.{digits}f}, below the required {threshold:g}."

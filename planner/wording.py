@@ -66,8 +66,7 @@ def _counted(result, n: int) -> str:
         parts.append(f"{kinds[CONSERVATIVE]} conservative (measured up to {_largest(result, CONSERVATIVE)} better)")
     if kinds[TOLERATED]:
         parts.append(
-            f"{kinds[TOLERATED]} too high, within the model's tolerance of {MODEL_TOLERANCE:g} (measured up to "
-            f"{_largest(result, TOLERATED)} worse)"
+            f"{kinds[TOLERATED]} above the interval by no more than the model's tolerance of {MODEL_TOLERANCE:g}"
         )
     if kinds[CONTRADICTED]:
         parts.append(f"{kinds[CONTRADICTED]} contradicted (measured up to {_largest(result, CONTRADICTED)} worse)")

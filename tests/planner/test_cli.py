@@ -137,7 +137,7 @@ def test_incomplete_plan_is_written_and_told(folder, quick, capsys):
     # farther from the part than the lens can focus
     assert main([*PLAN, "--simulate", "100", "--stand-off", "450"]) == INCOMPLETE
     out = capsys.readouterr().out
-    assert "not inspected: rim: no feasible view: constraints cannot be met together for rim" in out
+    assert "not inspected: rim: no feasible view: constraints were met together by no pose tried for rim" in out
     assert set(read_plan(folder / "out" / "plan.json").uninspectable) == {"rim", "far rim", "bottom", "bottom right"}
     assert main(["simulate", "out/plan.json"]) == INCOMPLETE
 
