@@ -137,8 +137,10 @@ def explain_infeasible(
             break
         margin, entity = _best_margin(name, constraints, encoding, tried, rng)
         if margin < 0:
+            # of visibility the margin is only a sign
+            best = "" if name == "visibility" else f": the best margin found is {_quantity(name, margin)}"
             return InfeasibleError(
-                f"{name} was met by no pose tried{_for(entity)}: the best margin found is {_quantity(name, margin)}.",
+                f"{name} was met by no pose tried{_for(entity)}{best}.",
                 constraint=name,
                 entity=entity,
                 margin=margin,

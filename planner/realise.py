@@ -33,7 +33,7 @@ _MEANING = {
     "field_of_view_mm": "larger than the field of view",
     "workspace_mm": "out of reach",
     "reach": "out of reach",
-    "clearance_mm": "only seen from too near the part",
+    "clearance_mm": "in view only too near the part",
 }
 
 
@@ -78,13 +78,22 @@ def realise(shared: Shared, pose_uncertainty: PoseUncertainty, names, seed: int,
                 start=start,
             )
         except InfeasibleError as error:
-            alone = str(error).startswith(f"{error.constraint} ")
-            return f"{_MEANING.get(error.constraint) if alone else 'no feasible view'}: {error}"
+            return f"{meaning(error)}: {error}"
         if found is None or min(setting.probability.values()) > min(found.probability.values()):
             found = setting
         if min(found.probability.values()) >= judge.threshold or len(names) == 1:
             break
     return found
+
+
+def meaning(error: InfeasibleError) -> str:
+    """Say in a few words what keeps entities from being inspected."""
+    told = str(error)
+    if not told.startswith(f"{error.constraint} "):
+        return "no feasible view"
+    if error.constraint == "visibility" and " cannot be met" not in told:
+        return "in view from no pose tried"
+    return _MEANING[error.constraint]
 
 
 def best_supported(judge: Judge, pose_uncertainty: PoseUncertainty, options, seed: int) -> SensorSetting:

@@ -225,7 +225,7 @@ def _gap(plan) -> str:
     """Say what the bound leaves open."""
     n, bound = len(plan.settings), plan.lower_bound
     if not n:
-        return "The plan inspects nothing, so there is nothing to prove."
+        return "So there is nothing to prove."
     if plan.minimal:
         return f"The plan has {count(n, 'setting')} and the bound is {bound}, so for what it inspects it is minimal."
     return f"The plan has {count(n, 'setting')}; for what it inspects, the least number is from {bound} to {n}."

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from planner.simulate import CONFIRMED
-from planner.wording import bound_sentence, count, simulation_sentence
+from planner.wording import bound_sentence, count, percent, simulation_sentence
 
 _MOST_ROWS = 60
 
@@ -61,7 +61,7 @@ def print_plan(plan) -> None:
         ("position (mm)", "right"),
         ("entity", "left"),
         ("P", "right"),
-        ("simulated", "right"),
+        ("simulated", "left"),
         ("margins", "left"),
     )
     for k, setting in enumerate(plan.settings):
@@ -99,6 +99,8 @@ def print_simulation(plan, result) -> None:
     for name, reason in plan.uninspectable.items():
         console.print(f"not inspected: {name}: {reason}")
     console.print(simulation_sentence(result))
+    if any(result.rates):
+        console.print(f"All intervals hold together with {percent(result.confidence)} confidence.")
 
 
 def verdict(plan) -> str:

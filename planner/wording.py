@@ -45,10 +45,7 @@ def simulation_sentence(result) -> str:
         told = "does not contradict the plan"
     else:
         told = "confirms the plan" if kinds[CONFIRMED] == n else "supports the plan"
-    return (
-        f"A simulation of {count(result.n, 'displaced pose')} per setting {told}: {_counted(result, n)}. All its "
-        f"intervals hold together with {percent(result.confidence)} confidence."
-    )
+    return f"A simulation of {count(result.n, 'displaced pose')} per setting {told}: {_counted(result, n)}."
 
 
 def percent(share: float) -> str:

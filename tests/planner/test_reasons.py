@@ -8,7 +8,7 @@ from plan_examples import CAMERA, setting
 
 from planner.exceptions import InfeasibleError
 from planner.explain import check_extent
-from planner.realise import reason_for
+from planner.realise import meaning, reason_for
 
 
 @pytest.mark.parametrize(
@@ -41,3 +41,17 @@ def test_too_far_apart_names_one_entity_once(ends, who):
     constraints = SimpleNamespace(camera=CAMERA, names=tuple(ends), ends=np.array(list(ends.values()), dtype=float))
     with pytest.raises(InfeasibleError, match=f"^field_of_view_px cannot be met for {who}"):
         check_extent(constraints)
+
+
+@pytest.mark.parametrize(
+    ("message", "constraint", "words"),
+    [
+        ("visibility cannot be met: entity 'a' is observable from nowhere.", "visibility", "unobservable"),
+        ("visibility was met by no pose tried for entity 'a'.", "visibility", "in view from no pose tried"),
+        ("constraints were met together by no pose tried for a: nothing.", "focus_mm", "no feasible view"),
+        ("field_of_view_mm was met by no pose tried.", "field_of_view_mm", "larger than the field of view"),
+        ("clearance_mm was met by no pose tried.", "clearance_mm", "in view only too near the part"),
+    ],
+)
+def test_words_before_a_reason_claim_no_more_than_it_says(message, constraint, words):
+    assert meaning(InfeasibleError(message, constraint=constraint)) == words
