@@ -12,10 +12,11 @@ from scipy.spatial.transform import Rotation
 from planner.picture import PictureMaker
 from planner.plot import color_of, plan_figure
 from planner.progress import report
-from planner.simulate import CONFIRMED, CONTRADICTED, MODEL_TOLERANCE, UNSTATED
+from planner.simulate import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
 from planner.tables import margin_texts
 from planner.wording import bound_sentence, count, percent, simulation_sentence
 
+_STYLES = {CONFIRMED: "good", CONSERVATIVE: "good", TOLERATED: "note", CONTRADICTED: "bad", UNSTATED: "bad"}
 _EDGE, _POSE = ("edge", "edges"), "camera pose"
 
 
@@ -180,8 +181,7 @@ def _rate_cells(rate, threshold: float) -> str:
         f'<span class="bar"><i style="left:{place(rate.low):.1f}%;width:{width:.1f}%"></i>'
         f'<u style="left:calc({place(rate.predicted):.1f}% - 1px)"></u></span>'
     )
-    style = "bad" if rate.verdict in (CONTRADICTED, UNSTATED) else "good"
-    told = f'<span class="{style}">{escape(rate.verdict)}</span>'
+    told = f'<span class="{_STYLES[rate.verdict]}">{escape(rate.verdict)}</span>'
     return f'<td class="n">{rate.frequency:.4f}</td><td>{rate.low:.4f} to {rate.high:.4f}{bar}</td><td>{told}</td>'
 
 
