@@ -102,7 +102,7 @@ def _uninspectable(plan) -> str:
         f"<tr><td>{escape(name)}</td><td>{escape(why)}</td></tr>" for name, why in plan.uninspectable.items()
     )
     return (
-        '<h2 class="bad">Not inspected</h2><p class="note">These edges are in no setting, for the reason given.</p>'
+        '<h2 class="bad">Not inspected</h2><p class="note">What is in no setting, and why.</p>'
         f'<div class="scroll"><table><tr><th>Edge</th><th>Reason</th></tr>{rows}</table></div>'
     )
 
@@ -195,7 +195,8 @@ def _request(plan) -> str:
         "Camera": f"{camera.name or 'camera'}: f = {camera.focal_length_mm:g} mm, f/{camera.f_number:g}",
         "Sensor": f"{camera.resolution[0]} x {camera.resolution[1]} pixels of "
         f"{1000 * camera.pixel_pitch_mm[0]:g} x {1000 * camera.pixel_pitch_mm[1]:g} um",
-        "Focus": f"{camera.focus_distance_mm:g} mm; sharp from {near:.1f} to {far:.1f} mm",
+        "Focus": f"{camera.focus_distance_mm:g} mm; sharp from {near:.1f} mm "
+        + (f"to {far:.1f} mm" if np.isfinite(far) else "on"),
         "Field of view": f"{field[0]:.0f} x {field[1]:.0f} mm in the plane of focus",
         "Camera pose, std. deviations": f"{_list(sigmas[:3])} mm along x, y, z; {_list(sigmas[3:])} rad about x, y, z",
         "Workspace": f"({_list(plan.workspace[0], '.1f')}) to ({_list(plan.workspace[1], '.1f')}) mm",

@@ -20,8 +20,8 @@ def print_part(solid, edges) -> None:
     console = _console()
     size = np.ptp(solid.bounds, axis=0)
     console.print(
-        f"{solid.name}: {solid.n_shells} shell{'s' * (solid.n_shells != 1)}, {len(solid.faces)} faces, "
-        f"{len(solid.edges)} edges, {len(edges)} sharp straight edges, {_vector(size, ' x ')} mm"
+        f"{solid.name}: {count(solid.n_shells, 'shell')}, {count(len(solid.faces), 'face')}, "
+        f"{count(len(solid.edges), 'edge')}, {count(len(edges), 'sharp straight edge')}, {_vector(size, ' x ')} mm"
     )
     for note in solid.notes:
         console.print(f"note: {note}")
@@ -40,8 +40,9 @@ def print_graph(graph) -> None:
     console, nodes = _console(), graph.graph.nodes
     lists = {frozenset(nodes[n]["observable"]) for n in nodes}
     console.print(
-        f"{len(nodes)} viewing domains, {graph.graph.number_of_edges()} adjacencies, {len(lists)} distinct lists of "
-        f"{len(graph.entity_names)} entities"
+        f"{count(len(nodes), 'viewing domain')}, "
+        f"{count(graph.graph.number_of_edges(), 'adjacency', 'adjacencies')}, "
+        f"{count(len(lists), 'distinct list')} of {count(len(graph.entity_names), 'entity', 'entities')}"
     )
     table = _table(("domain", "right"), ("volume (mm3)", "right"), ("observable", "left"))
     ordered = sorted(nodes, key=lambda n: (-len(nodes[n]["observable"]), n))

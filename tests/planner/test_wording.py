@@ -3,7 +3,9 @@
 import itertools
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
+import networkx as nx
 import pytest
 from grid_box import EDGES, BoxSpace
 from plan_examples import ENTITIES, plan, setting
@@ -12,7 +14,7 @@ from planner import SimulationResult, SuccessRate
 from planner.bound import _proof
 from planner.report import report_html
 from planner.simulate import CONFIRMED, CONSERVATIVE, CONTRADICTED, TOLERATED, UNSTATED, VERDICTS
-from planner.tables import print_plan, print_simulation, verdict
+from planner.tables import print_graph, print_plan, print_simulation, verdict
 from planner.wording import bound_sentence, graph_sentence, simulation_sentence
 
 # successes of 1000, low, high and prediction
@@ -204,3 +206,17 @@ def test_a_skipped_graph_is_told_with_what_to_do():
     assert "joint graph of 60 entities" in text
     assert "the limit is 24" in text
     assert "aspectgraph graph PART --entities IDS --graphml FILE" in text
+
+
+def test_a_lens_that_focuses_up_to_infinity_is_told_without_a_number():
+    made = box_plan(["+z-y"], None)
+    far = replace(made, camera=replace(made.camera, focus_distance_mm=1e5))
+    assert "100000 mm; sharp from " in report_html(far, SPACE)
+    assert not re.search(r"sharp from [^<]*inf", report_html(far, SPACE))
+
+
+def test_a_graph_of_one_domain_and_one_entity_is_told_in_the_singular(capsys):
+    graph = nx.Graph()
+    graph.add_node(0, observable=("rim",), volume=1.0)
+    print_graph(SimpleNamespace(graph=graph, entity_names=("rim",)))
+    assert "1 viewing domain, 0 adjacencies, 1 distinct list of 1 entity" in capsys.readouterr().out
