@@ -109,8 +109,9 @@ def _validator(kind: str):
 
 def _is_number(value) -> bool:
     """Tell whether a value is a number that a float can hold."""
-    return math.isfinite(value) if isinstance(value, float) else _is_integer(value) and value.bit_length() <= 1000
+    return math.isfinite(value) if isinstance(value, float) else _is_integer(value)
 
 
 def _is_integer(value) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
+    # larger ones are no floats, and limits are asked only of what is a number
+    return isinstance(value, int) and not isinstance(value, bool) and value.bit_length() <= 1000

@@ -30,7 +30,7 @@ def assert_one_line(error, path):
     assert str(error).startswith(str(path))
     assert str(error).endswith(".")
     assert str(error).isprintable()
-    assert len(str(error)) < len(str(path)) + 400
+    assert len(str(error)) < len(str(path)) + 400, str(error)
 
 
 def test_damaged_plan_is_refused_or_makes_sense(tmp_path):

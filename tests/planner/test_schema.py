@@ -97,6 +97,8 @@ WRONG = {
     "another n": ((*RATE, "n"), 60, "must be simulation.n, 50. Got 60."),
     "rates of nobody": (("simulation", "rates", 0, "x"), 1, "must be an object. Got 1."),
     "fewer rates": (("simulation", "rates"), [], None),
+    "too many draws": (("simulation", "n"), 2**54, "must be an integer from 1 to 2^53. Got 18014398509481984."),
+    "far too many draws": (("simulation", "n"), 10**400, "must be an integer from 1 to 2^53. Got an integer of 1329"),
 }
 # where the field that is named is not the one that was changed, or the value is told otherwise
 SENTENCES = {
