@@ -96,7 +96,7 @@ def _check_rigid(poses: np.ndarray, name: str) -> None:
         raise PlanFileError(f"{name} must hold a rotation: orthonormal, determinant +1. Got one off by {off:.3g}.")
     if np.abs(poses[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(initial=0.0) > 0.0:
         wrong = poses[(poses[:, 3] != [0.0, 0.0, 0.0, 1.0]).any(axis=1), 3][0]
-        raise PlanFileError(f"{name} must have the last row [0, 0, 0, 1]. Got {wrong.tolist()}.")
+        raise PlanFileError(f"{name} must have the last row [0, 0, 0, 1]. Got {shown(wrong.tolist())}.")
 
 
 def _off_rotation(turns: np.ndarray) -> float:
@@ -108,10 +108,10 @@ def _off_rotation(turns: np.ndarray) -> float:
 def _check_geometry(data: Mapping) -> None:
     low, high = np.array(data["workspace"], dtype=float)
     if not (low < high).all():
-        _refuse("workspace", "must hold the lower corner, then the upper one", str(data["workspace"]))
+        _refuse("workspace", "must hold the lower corner, then the upper one", data["workspace"])
     for name, (start, end) in data["entities"].items():
         if start == end:
-            _refuse(field_name("entities", name), "must have two different ends", str([start, end]))
+            _refuse(field_name("entities", name), "must have two different ends", [start, end])
 
 
 def _check_promises(setting: Mapping, data: Mapping, k: int) -> None:
@@ -119,7 +119,7 @@ def _check_promises(setting: Mapping, data: Mapping, k: int) -> None:
     position = np.array(setting["cam2world"], dtype=float)[:3, 3]
     low, high = np.array(data["workspace"], dtype=float)
     if not ((position >= low - _SAME) & (position <= high + _SAME)).all():
-        _refuse(field_name("settings", k, "cam2world"), "must be in the workspace", str(position.tolist()))
+        _refuse(field_name("settings", k, "cam2world"), "must be in the workspace", position.tolist())
     for i, name in enumerate(setting["entities"]):
         if name not in data["entities"]:
             _refuse(field_name("settings", k, "entities", i), "must be one of the plan's entities", name)
@@ -213,4 +213,4 @@ def _names_of(key: str, known) -> list[str]:
 
 
 def _refuse(name: str, rule: str, value) -> None:
-    raise PlanFileError(f"{name} {rule}. Got {value if isinstance(value, str) and value[:1] == '[' else shown(value)}.")
+    raise PlanFileError(f"{name} {rule}. Got {shown(value)}.")

@@ -60,14 +60,16 @@ def shown(value) -> str:
     if isinstance(value, dict) and set(value) == {"not finite"}:
         value = value["not finite"]
         return {"nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}.get(str(value), shown(value))
-    if isinstance(value, dict | list):
-        kind, what = ("an object", "fields") if isinstance(value, dict) else ("an array", "items")
-        return f"{kind} of {len(value)} {what if len(value) != 1 else what[:-1]}"
     if isinstance(value, int) and value.bit_length() > 4 * _LONGEST:
         return f"an integer of {value.bit_length()} bits"
     text = json.dumps(value, ensure_ascii=False, default=repr)
     text = text if text.isprintable() else ascii(text)
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+    if len(text) <= _LONGEST:
+        return text
+    if isinstance(value, dict | list):
+        kind, what = ("an object", "field") if isinstance(value, dict) else ("an array", "item")
+        return f"{kind} of {len(value)} {what}{'s' * (len(value) != 1)}"
+    return f"{text[: _LONGEST - 3]}..."
 
 
 def _message(error) -> str:

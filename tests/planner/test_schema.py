@@ -82,7 +82,7 @@ WRONG = {
     "margin nan": ((*FIRST, "margins", "focus_mm"), math.nan, 'must be a number, or {"not finite": "inf"} where'),
     "margin odd": ((*FIRST, "margins", "reach", "not finite"), "nan", 'must be "inf". Got "nan".'),
     "unknown entity": ((*FIRST, "entities", 0), "x", None),
-    "no entity": ((*FIRST, "entities"), [], "must be an array of at least one name, all different. Got an array of 0"),
+    "no entity": ((*FIRST, "entities"), [], "must be an array of at least one name, all different. Got []."),
     "no length": (("entities", "bottom", 1), [0, 0, 0], None),
     "in neither": (("entities", "side"), [[0, 0, 0], [1, 0, 0]], "must be in a setting or uninspectable. Got neither."),
     "in both": (("uninspectable", "top front"), "hidden", None),
@@ -137,6 +137,9 @@ def test_an_empty_plan_has_the_bound_0(tmp_path):
     empty = plan(settings=(), lower_bound=0, uninspectable=dict.fromkeys(plan().entities, "hidden"))
     empty.write(tmp_path / "plan.json")
     assert read_plan(tmp_path / "plan.json") == empty
+    # earlier programs called it minimal
+    (tmp_path / "plan.json").write_text(json.dumps({**empty.to_dict(), "minimal": True}))
+    assert read_plan(tmp_path / "plan.json") == empty
     (tmp_path / "plan.json").write_text(json.dumps({**empty.to_dict(), "lower_bound": 1}))
     with pytest.raises(PlanFileError, match=r"lower_bound must be 0, as there are no settings\. Got 1\."):
         read_plan(tmp_path / "plan.json")
@@ -183,7 +186,7 @@ def test_state_is_checked_by_its_own_schema():
 @pytest.mark.parametrize(
     ("poses", "message"),
     [
-        ([[1, 2], [3]], r"joined\[0\] must be numbers of the shape \(n, 4, 4\)\. Got an array of 2 items\."),
+        ([[1, 2], [3]], r"joined\[0\] must be numbers of the shape \(n, 4, 4\)\. Got \[\[1, 2\], \[3\]\]\."),
         ([[["1"] * 4] * 4], "must be numbers of the shape"),
         ([[[math.nan] * 4] * 4], r"must hold finite numbers\. Got nan\."),
         ([[[1e300] * 4] * 4], r"must hold a rotation: orthonormal, determinant \+1\. Got one off by inf\."),
@@ -195,8 +198,9 @@ def test_many_poses_are_checked_at_once(poses, message):
 
 
 def test_values_are_shown_as_json_writes_them_and_shortened():
-    assert [shown(value) for value in (None, math.nan, {"not finite": "inf"}, [1], {})] == [
-        "null", "NaN", "Infinity", "an array of 1 item", "an object of 0 fields",
+    long = "x" * 60
+    assert [shown(value) for value in (None, math.nan, {"not finite": "inf"}, [1], {}, [long], {"a": long})] == [
+        "null", "NaN", "Infinity", "[1]", "{}", "an array of 1 item", "an object of 1 field",
     ]  # fmt: skip
     assert shown("x" * 500) == '"' + "x" * 56 + "..."
     assert field_name("settings", 2, "probability", "long edge") == 'settings[2].probability["long edge"]'
