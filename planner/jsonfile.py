@@ -65,11 +65,9 @@ def encoded(value):
     return value
 
 
-def decoded(value):
-    """Undo `encoded`; arrays come back as lists."""
-    if isinstance(value, Mapping):
-        return float(value["not finite"]) if set(value) == {"not finite"} else {k: decoded(v) for k, v in value.items()}
-    return [decoded(item) for item in value] if isinstance(value, list) else value
+def number(value) -> float:
+    """Return a number as it was before `encoded`."""
+    return float(value["not finite"]) if isinstance(value, Mapping) else value
 
 
 class _Refused(Exception):

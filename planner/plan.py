@@ -13,7 +13,7 @@ import numpy as np
 from planner.camera import Camera
 from planner.exceptions import PlanFileError, PlannerError
 from planner.files import write_text
-from planner.jsonfile import decoded, encoded, read_json
+from planner.jsonfile import encoded, read_json
 from planner.plancheck import check_plan
 from planner.pose import PoseUncertainty
 from planner.schema import check_schema, shown
@@ -222,7 +222,6 @@ def _from_json(cls, data) -> InspectionPlan:
     _check_format(data)
     check_schema(data, "plan")
     check_plan(data)
-    data = decoded(data)
     with _inside("camera"):
         camera = Camera.from_dict(data["camera"])
     with _inside("pose_uncertainty"):

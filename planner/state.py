@@ -16,7 +16,7 @@ import numpy as np
 
 from planner.exceptions import PlanFileError
 from planner.files import write_text
-from planner.jsonfile import decoded, encoded, read_json
+from planner.jsonfile import encoded, read_json
 from planner.plancheck import check_state
 from planner.schema import check_schema
 from planner.setting import SensorSetting
@@ -59,7 +59,7 @@ class PlanningState:
         outcome = self._outcomes.get(_key(names))
         if outcome is None:
             return None
-        return SensorSetting.from_dict(decoded(outcome["setting"])) if "setting" in outcome else outcome["reason"]
+        return SensorSetting.from_dict(outcome["setting"]) if "setting" in outcome else outcome["reason"]
 
     def put(self, names, outcome: SensorSetting | str) -> None:
         """Remember an outcome and save all of them."""

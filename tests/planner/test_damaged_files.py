@@ -107,3 +107,11 @@ def test_damaged_camera_is_refused_or_exists(tmp_path):
         assert 0 < near < far
         assert np.isfinite([camera.image_distance_mm, *camera.sensor_size_mm, *camera.matrix.flat]).all()
     assert refused > 0.6 * MUTANTS
+
+
+def test_state_is_strict_json_and_keeps_margins_that_are_not_finite(tmp_path):
+    path = written_state(tmp_path / "state.json")
+    json.loads(path.read_text(), parse_constant=pytest.fail)
+    found = PlanningState(REQUEST, path).get(["top right", "top front"])
+    assert found == setting((40.0, -180.0, 620.0), ["top front", "top right"])
+    assert found.margins["reach"] == float("inf")

@@ -22,6 +22,15 @@ def test_round_trip_loses_nothing(tmp_path):
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "plan.json").read_bytes()
 
 
+def test_an_entity_may_be_called_like_the_notation_of_numbers(tmp_path):
+    name = "not finite"
+    original = plan(
+        settings=[setting((40.0, -180.0, 620.0), [name])], entities={name: ENTITIES["bottom"]}, uninspectable={}
+    )
+    original.write(tmp_path / "plan.json")
+    assert read_plan(tmp_path / "plan.json") == original
+
+
 def test_file_is_strict_json_with_a_version(tmp_path):
     plan().write(tmp_path / "plan.json")
     data = json.loads((tmp_path / "plan.json").read_text(), parse_constant=pytest.fail)
