@@ -81,7 +81,7 @@ def lower_bound(
         What it rests on, in one sentence.
     """
     if n_settings <= 1:
-        return n_settings, "Fewer settings than one inspect nothing."
+        return n_settings, "Fewer settings than one inspect nothing." if n_settings else "No entity is inspected."
     entity_idx = np.asarray(entity_idx)
     shared = Shared(judge)
     regions = Cells.joined(in_order(executor, entity_cells, [(shared, judge.names[i]) for i in entity_idx]))
@@ -104,11 +104,16 @@ def lower_bound(
     linear = LinearBound(PoseSpace(judge, entity_idx, regions, conflict), columns, improve)
     bound = linear.raise_from(target - 1, n_settings, max_nodes=max(0, max_nodes - tree.made), progress=progress)
     report(progress, max_nodes, max_nodes, "lower bound")
-    pairs = int(conflict.sum()) // 2
-    return bound, (
-        f"Covering by optimistic columns: {tree.made + linear.made} boxes of camera poses were checked against "
-        f"necessary conditions (visibility, focus, sensor size, length of the image), and {pairs} pairs of edges were "
-        "found to exclude each other."
+    return bound, _proof(tree.made + linear.made, int(conflict.sum()) // 2)
+
+
+def _proof(boxes: int, pairs: int) -> str:
+    """Say what a bound rests on."""
+    checked = "1 box of camera poses was" if boxes == 1 else f"{boxes} boxes of camera poses were"
+    excluded = "1 pair of edges was" if pairs == 1 else f"{pairs or 'no'} pairs of edges were"
+    return (
+        f"Covering by optimistic columns: {checked} checked against necessary conditions (visibility, focus, sensor "
+        f"size, length of the image), and {excluded} found to exclude each other."
     )
 
 

@@ -31,6 +31,9 @@ try:
 except ModuleNotFoundError:  # Python 3.10
     import tomli as tomllib
 
+# numbers outside are slips of the pen, and what is derived from them is not finite
+_SMALLEST, _LARGEST = 1e-9, 1e9
+
 
 @dataclass(frozen=True)
 class Camera:
@@ -56,7 +59,8 @@ class Camera:
     Raises
     ------
     CameraError
-        If a number is not finite and positive, a count not a positive integer, or the focus distance not beyond f.
+        If a number is not positive and of a sensible size, a count not a positive integer, the focus distance not
+        beyond f, or the name no text.
     """
 
     focal_length_mm: float
@@ -76,7 +80,10 @@ class Camera:
         object.__setattr__(self, "resolution", counts)
         blur = min(pitch) if self.largest_blur_mm is None else self.largest_blur_mm
         object.__setattr__(self, "largest_blur_mm", _check_positive("largest_blur_mm", blur))
-        if self.focus_distance_mm <= self.focal_length_mm:
+        if not isinstance(self.name, str):
+            raise CameraError(f"name must be text. Got {_shown(self.name)}.")
+        # focus a rounding error beyond f is none: the image distance would not be finite
+        if not 1.0 / self.focal_length_mm > 1.0 / self.focus_distance_mm:
             raise CameraError(
                 f"focus_distance_mm must exceed focal_length_mm ({self.focal_length_mm:g}), "
                 f"else no real image forms. Got {self.focus_distance_mm:g}."
@@ -184,10 +191,11 @@ class Camera:
         known = [field.name for field in fields(cls)]
         for key in data:
             if key not in known:
-                raise CameraError(f"{key} must be one of {', '.join(known)}. Got an unknown field.")
+                named = key if key.isidentifier() else _shown(key)
+                raise CameraError(f"{named} must be one of {', '.join(known)}. Got an unknown field.")
         for key in known[:5]:
             if key not in data:
-                raise CameraError(f"{key} must be given. Got {', '.join(map(str, data)) or 'nothing'}.")
+                raise CameraError(f"{key} must be given. Got {_shown(', '.join(map(str, data)) or 'nothing', str)}.")
         return cls(**data)
 
 
@@ -225,6 +233,11 @@ def _read_toml(path: Path) -> tuple[str, dict]:
         found = re.search(r"line (\d+)", str(error))
         line = int(found.group(1)) if found else len(text.splitlines())
         raise CameraError(f"{path}:{line}: camera file must be TOML. {error}.") from None
+    except RecursionError:
+        raise CameraError(f"{path}: camera file must not nest arrays or tables so deep. Got too many levels.") from None
+    except ValueError:
+        # Python reads no integer of more than some thousand digits
+        raise CameraError(f"{path}: camera file must hold numbers of a sensible length. Got a longer one.") from None
 
 
 def _line_of(field: str, text: str) -> int:
@@ -239,7 +252,7 @@ def _check_pair(field: str, values) -> tuple:
     except TypeError:
         pair = ()
     if len(pair) != 2 or isinstance(values, str):
-        raise CameraError(f"{field} must be two numbers, across and down. Got {values!r}.")
+        raise CameraError(f"{field} must be two numbers, across and down. Got {_shown(values)}.")
     return pair
 
 
@@ -248,13 +261,25 @@ def _check_positive(field: str, value) -> float:
         number = float(value)
     except (TypeError, ValueError):
         number = math.nan
-    if not (math.isfinite(number) and number > 0) or isinstance(value, str):
-        raise CameraError(f"{field} must be finite and positive. Got {value!r}.")
+    except OverflowError:
+        number = math.inf
+    if not (math.isfinite(number) and number > 0) or isinstance(value, str | bool):
+        raise CameraError(f"{field} must be finite and positive. Got {_shown(value)}.")
+    if not _SMALLEST <= number <= _LARGEST:
+        raise CameraError(f"{field} must be in [{_SMALLEST:g}, {_LARGEST:g}]. Got {number:g}.")
     return number
 
 
 def _check_count(field: str, value) -> int:
     number = _check_positive(field, value)
     if number != int(number):
-        raise CameraError(f"{field} must be whole pixels. Got {value!r}.")
+        raise CameraError(f"{field} must be whole pixels. Got {_shown(value)}.")
     return int(number)
+
+
+def _shown(value, text=repr) -> str:
+    """Return a value as Python writes it, shortened to a readable length."""
+    if isinstance(value, int) and value.bit_length() > 240:
+        return f"an integer of {value.bit_length()} bits"
+    told = text(value)
+    return told if len(told) <= 80 else f"{told[:77]}..."

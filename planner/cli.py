@@ -29,7 +29,8 @@ An entities file (TOML or JSON) maps names to edge ids or to two end points:
   rim = 17
   slot = [[0, 0, 10], [25, 0, 10]]
 
-exit codes: 0 done, 1 plan incomplete, 2 bad input"""
+exit codes: 0 done, 1 plan incomplete, 2 bad input
+(1 also if the simulation contradicts the plan, or the work was interrupted)"""
 
 
 class _UsageError(Exception):
@@ -56,6 +57,7 @@ def main(arguments: list[str] | None = None) -> int:
     int
         The exit code.
     """
+    options = argparse.Namespace(command=None)
     try:
         options = build_parser().parse_args(arguments)
         from planner import commands
@@ -66,7 +68,8 @@ def main(arguments: list[str] | None = None) -> int:
     except SystemExit:
         raise
     except KeyboardInterrupt:
-        return _fail("interrupted; 'plan' continues from where it was with --resume", INCOMPLETE)
+        resume = "; 'plan' continues from where it was with --resume" if options.command == "plan" else ""
+        return _fail(f"interrupted{resume}", INCOMPLETE)
     except BrokenPipeError:
         # the reader of a pipe has seen enough; without this the interpreter complains while it shuts down
         sys.stdout = None

@@ -31,6 +31,7 @@ from planner.pose import PoseUncertainty
 from planner.progress import labelled, terminal_progress
 from planner.report import report_html
 from planner.verification import simulate_plan
+from planner.wording import graph_sentence
 
 STATE_FILE = "planning-state.json"
 # beyond this the joint graph of all entities is neither worth drawing nor worth waiting for
@@ -107,6 +108,8 @@ def plan(options) -> int:
         written = write_outputs(found, regions, folder, progress)
     state.unlink(missing_ok=True)
     tables.print_plan(found)
+    for note in _notes(regions):
+        print(note)
     for path in written:
         print(os.path.relpath(path) if path.is_relative_to(Path.cwd()) else path)
     return DONE if found.complete and found.simulation.confirmed else INCOMPLETE
@@ -139,13 +142,21 @@ def write_outputs(found: InspectionPlan, regions, folder: Path, progress=None) -
     """
     with staged_folder(folder) as staging:
         found.write(staging / "plan.json")
-        (staging / "report.html").write_text(report_html(found, regions, progress=progress), encoding="utf-8")
+        (staging / "report.html").write_text(
+            report_html(found, regions, progress=progress, notes=_notes(regions)), encoding="utf-8"
+        )
         written = ["plan.json", "report.html"]
         if len(regions.entity_names) <= _MOST_GRAPH_ENTITIES:
             write_graphml(graph_of(regions), staging / "graph.graphml")
             written.append("graph.graphml")
         written += [str(path.relative_to(staging)) for path in write_poses(found, staging)]
     return [folder / name for name in written]
+
+
+def _notes(regions) -> list[str]:
+    """Say what is left out of what a plan usually leaves."""
+    n = len(regions.entity_names)
+    return [graph_sentence(n, _MOST_GRAPH_ENTITIES)] if n > _MOST_GRAPH_ENTITIES else []
 
 
 def _read_part(options):

@@ -1,4 +1,7 @@
-"""Why a request cannot be met: which constraint, for which entity, by how much."""
+"""Why a request is not met: which constraint, for which entity, by how much.
+
+What "cannot be met" is proven. What "was met by no pose tried" was searched for in vain.
+"""
 
 from __future__ import annotations
 
@@ -89,14 +92,14 @@ def check_extent(constraints: Constraints) -> None:
     apart = np.linalg.norm(ends[:, None] - ends, axis=-1)
     first, second = np.unravel_index(np.argmax(apart), apart.shape)
     if apart[first, second] > limit:
-        names = [constraints.names[i // 2] for i in (first, second)]
+        names = list(dict.fromkeys(constraints.names[i // 2] for i in (first, second)))
+        who = f"entities {names[0]!r} and {names[1]!r}: their" if len(names) > 1 else f"entity {names[0]!r}: its"
         margin = (limit - apart[first, second]) * camera.image_distance_mm / farthest / min(camera.pixel_pitch_mm)
         raise InfeasibleError(
-            f"field_of_view_px cannot be met for entities {names[0]!r} and {names[1]!r}: their ends are "
-            f"{apart[first, second]:.5g} mm apart, and where the lens focuses the image is at most {limit:.5g} mm "
-            "across.",
+            f"field_of_view_px cannot be met for {who} ends are {apart[first, second]:.5g} mm apart, and where the "
+            f"lens focuses the image is at most {limit:.5g} mm across.",
             constraint="field_of_view_px",
-            entity=names[1],
+            entity=names[-1],
             margin=float(margin),
         )
 
@@ -111,9 +114,9 @@ def explain_positions(constraints: Constraints, cells, rng: np.random.Generator)
     best = int(np.argmax(slack.min(axis=1)))
     worst = int(np.argmin(slack[best]))
     return InfeasibleError(
-        f"focus_mm cannot be met for entity {constraints.names[worst]!r}: its ends must be {nearest:.5g} to "
-        f"{farthest:.5g} mm from the camera, and the best of {len(positions)} viewpoints that see all entities has "
-        f"{distance[best, worst].min():.5g} to {distance[best, worst].max():.5g} mm.",
+        f"focus_mm was met by no viewpoint tried for entity {constraints.names[worst]!r}: its ends must be "
+        f"{nearest:.5g} to {farthest:.5g} mm from the camera, and the best of {len(positions)} viewpoints that see "
+        f"what is to be inspected has {distance[best, worst].min():.5g} to {distance[best, worst].max():.5g} mm.",
         constraint="focus_mm",
         entity=constraints.names[worst],
         margin=float(slack[best, worst]),
@@ -134,8 +137,10 @@ def explain_infeasible(
             break
         margin, entity = _best_margin(name, constraints, encoding, tried, rng)
         if margin < 0:
+            # of visibility the margin is only a sign
+            best = "" if name == "visibility" else f": the best margin found is {_quantity(name, margin)}"
             return InfeasibleError(
-                f"{name} cannot be met{_for(entity)}: the best margin found is {_quantity(name, margin)}.",
+                f"{name} was met by no pose tried{_for(entity)}{best}.",
                 constraint=name,
                 entity=entity,
                 margin=margin,
@@ -169,7 +174,7 @@ def _conflict(margins: dict[str, np.ndarray], constraints: Constraints) -> Infea
     name = missed[0][1] if missed else ""
     what = f"the nearest pose misses {', '.join(parts)}" if parts else "no pose was found that meets all of them"
     return InfeasibleError(
-        f"constraints cannot be met together for {', '.join(constraints.names)}: {what}.",
+        f"constraints were met together by no pose tried for {', '.join(constraints.names)}: {what}.",
         constraint=name,
         entity=worst[name][1] if name else "",
         margin=worst[name][0] if name else float("nan"),

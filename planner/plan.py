@@ -5,15 +5,18 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 
 from planner.camera import Camera
 from planner.exceptions import PlanFileError, PlannerError
 from planner.files import write_text
+from planner.jsonfile import encoded, read_json
+from planner.plancheck import check_plan
 from planner.pose import PoseUncertainty
+from planner.schema import check_schema, shown
 from planner.setting import SensorSetting
 
 FORMAT = "aspectgraph inspection plan"
@@ -26,14 +29,15 @@ class InspectionPlan:
     """Sensor settings from which every entity that can be inspected is inspected.
 
     **Guarantee.** Every entity is either inspected by a setting with at least ``probability``, or listed in
-    ``uninspectable`` with the reason. No plan that inspects the same entities has fewer than ``lower_bound`` settings.
+    ``uninspectable`` with the reason: no view of it was found. No plan that inspects the same entities, or more, under
+    the same request has fewer than ``lower_bound`` settings.
 
     Attributes
     ----------
     settings : tuple of SensorSetting
         In the order of the robot's travel.
     lower_bound : int
-        Proven least number of settings.
+        Proven: so many settings are needed at least to inspect what this plan inspects; 0 if that is nothing.
     bound_proof : str
         What the bound rests on, in one sentence.
     uninspectable : mapping of str to str
@@ -95,8 +99,8 @@ class InspectionPlan:
 
     @property
     def minimal(self) -> bool:
-        """Whether the number of settings is proven to be the least possible."""
-        return len(self.settings) == self.lower_bound
+        """Whether no plan that inspects the same entities has fewer settings; an empty plan is not called minimal."""
+        return bool(self.settings) and len(self.settings) == self.lower_bound
 
     @property
     def inspected(self) -> dict[str, float]:
@@ -161,21 +165,10 @@ class InspectionPlan:
         Raises
         ------
         PlanFileError
-            If the format, the version or a field is missing or wrong; the message names it.
+            If the format, the version or a field is missing, wrong or unknown, or fields contradict each other; the
+            message names the first such field by its path.
         """
-        _check_format(data)
-        try:
-            return cls(
-                settings=tuple(SensorSetting.from_dict(s) for s in data["settings"]),
-                camera=Camera.from_dict(data["camera"]),
-                pose_uncertainty=PoseUncertainty.from_dict(data["pose_uncertainty"]),
-                simulation=_simulation_from(data.get("simulation")),
-                **{name: data[name] for name in _PLAIN_FIELDS},
-            )
-        except KeyError as error:
-            raise PlanFileError(f"plan must have the field {error.args[0]!r}. Got none.") from None
-        except (TypeError, AttributeError) as error:
-            raise PlanFileError(f"plan must have fields of the right types. Got: {error}.") from None
+        return _from_json(cls, encoded(data))
 
     def write(self, path) -> None:
         """Write the plan as JSON; the file appears whole or not at all.
@@ -185,7 +178,7 @@ class InspectionPlan:
         OutputError
             If it cannot be written.
         """
-        write_text(path, json.dumps(_encoded(self.to_dict()), indent=1, allow_nan=False) + "\n")
+        write_text(path, json.dumps(encoded(self.to_dict()), indent=1, allow_nan=False) + "\n")
 
     def __eq__(self, other) -> bool:
         if not isinstance(other, InspectionPlan):
@@ -214,29 +207,49 @@ def read_plan(path) -> InspectionPlan:
     Raises
     ------
     PlanFileError
-        If the file cannot be read, is not JSON, or is not a plan of a version this program knows; the message names the
-        file and, for malformed JSON, line and column.
+        If the file cannot be read, is not JSON, is not a plan of a version this program knows, or has a field that is
+        wrong; the message names the file, and line and column of malformed JSON or the path of the field.
     """
-    path = Path(path)
+    data = read_json(path, "plan file")
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        return InspectionPlan.from_dict(_decoded(data))
-    except OSError as error:
-        raise PlanFileError(f"{path}: plan file must be readable. Got: {error.strerror}.") from None
-    except UnicodeDecodeError:
-        raise PlanFileError(f"{path}: plan file must be UTF-8 text. Got other bytes.") from None
-    except json.JSONDecodeError as error:
-        raise PlanFileError(f"{path}:{error.lineno}:{error.colno}: plan file must be JSON. Got: {error.msg}.") from None
-    except PlannerError as error:
+        return _from_json(InspectionPlan, data)
+    except PlanFileError as error:
         raise PlanFileError(f"{path}: {error}") from None
+
+
+def _from_json(cls, data) -> InspectionPlan:
+    """Check the values of a plan file and build the plan."""
+    _check_format(data)
+    check_schema(data, "plan")
+    check_plan(data)
+    with _inside("camera"):
+        camera = Camera.from_dict(data["camera"])
+    with _inside("pose_uncertainty"):
+        pose_uncertainty = PoseUncertainty.from_dict(data["pose_uncertainty"])
+    return cls(
+        settings=tuple(SensorSetting.from_dict(s) for s in data["settings"]),
+        camera=camera,
+        pose_uncertainty=pose_uncertainty,
+        simulation=_simulation_from(data.get("simulation")),
+        **{name: data[name] for name in _PLAIN_FIELDS},
+    )
+
+
+@contextmanager
+def _inside(field: str):
+    """Put the path in front of what is said of a part of the plan."""
+    try:
+        yield
+    except PlannerError as error:
+        raise PlanFileError(f"{field}.{error}") from None
 
 
 def _check_format(data) -> None:
     if not isinstance(data, Mapping) or data.get("format") != FORMAT:
         found = data.get("format") if isinstance(data, Mapping) else type(data).__name__
-        raise PlanFileError(f"format must be {FORMAT!r}. Got {found!r}.")
+        raise PlanFileError(f"format must be {FORMAT!r}. Got {repr(found)[:60]}.")
     if data.get("version") != VERSION:
-        raise PlanFileError(f"version must be {VERSION}. Got {data.get('version')!r}.")
+        raise PlanFileError(f"version must be {VERSION}. Got {shown(data.get('version'))}.")
 
 
 def _simulation_from(data):
@@ -253,22 +266,3 @@ def _read_only(values, shape: tuple[int, ...]) -> np.ndarray:
         raise PlanFileError(f"points must have the shape {shape}. Got {array.shape}.")
     array.setflags(write=False)
     return array
-
-
-def _encoded(value):
-    """Replace numbers JSON has no notation for, such as the margin of a constraint that was not set."""
-    if isinstance(value, dict):
-        return {key: _encoded(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_encoded(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return {"not finite": str(value)}
-    return value
-
-
-def _decoded(value):
-    if isinstance(value, dict):
-        return (
-            float(value["not finite"]) if set(value) == {"not finite"} else {k: _decoded(v) for k, v in value.items()}
-        )
-    return [_decoded(item) for item in value] if isinstance(value, list) else value

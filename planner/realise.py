@@ -13,9 +13,8 @@ from planner.columns import Judge
 from planner.exceptions import InfeasibleError
 from planner.pose import PoseUncertainty
 from planner.setting import SensorSetting, plan_setting
-from planner.simulate import simulate_setting
+from planner.simulate import MODEL_TOLERANCE, simulate_setting
 from planner.tasks import Shared
-from planner.verification import MODEL_TOLERANCE
 
 # simulated to tell whether a pose is contradicted; poses tried near one that is
 _TRIAL_POSES = 4000
@@ -31,9 +30,10 @@ _MEANING = {
     "resolution_mm": "too short for the resolution",
     "focus_mm": "out of focus",
     "field_of_view_px": "larger than the field of view",
+    "field_of_view_mm": "larger than the field of view",
     "workspace_mm": "out of reach",
     "reach": "out of reach",
-    "clearance_mm": "out of reach",
+    "clearance_mm": "in view only too near the part",
 }
 
 
@@ -78,13 +78,22 @@ def realise(shared: Shared, pose_uncertainty: PoseUncertainty, names, seed: int,
                 start=start,
             )
         except InfeasibleError as error:
-            alone = str(error).startswith(f"{error.constraint} ")
-            return f"{_MEANING.get(error.constraint) if alone else 'no feasible view'}: {error}"
+            return f"{meaning(error)}: {error}"
         if found is None or min(setting.probability.values()) > min(found.probability.values()):
             found = setting
         if min(found.probability.values()) >= judge.threshold or len(names) == 1:
             break
     return found
+
+
+def meaning(error: InfeasibleError) -> str:
+    """Say in a few words what keeps entities from being inspected."""
+    told = str(error)
+    if not told.startswith(f"{error.constraint} "):
+        return "no feasible view"
+    if error.constraint == "visibility" and " cannot be met" not in told:
+        return "in view from no pose tried"
+    return _MEANING[error.constraint]
 
 
 def best_supported(judge: Judge, pose_uncertainty: PoseUncertainty, options, seed: int) -> SensorSetting:
@@ -159,5 +168,11 @@ def reason_for(outcome: SensorSetting | str, threshold: float) -> str:
     """Say why an entity is not inspected, given the outcome of its own run."""
     if isinstance(outcome, str):
         return outcome
-    best = float(np.max(list(outcome.probability.values())))
-    return f"probability too low: the best pose found reaches P = {best:.4f}, below the required {threshold:g}."
+    best = max(outcome.probability.values())
+    if best >= threshold:
+        return (
+            f"no feasible view: the best pose found reaches P = {best:.4f}, but breaks a constraint when judged anew."
+        )
+    # so many digits that it is seen to be below
+    digits = next((n for n in range(4, 16) if round(best, n) < threshold), 16)
+    return f"probability too low: the best pose found reaches P = {best:.{digits}f}, below the required {threshold:g}."

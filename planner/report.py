@@ -12,11 +12,15 @@ from scipy.spatial.transform import Rotation
 from planner.picture import PictureMaker
 from planner.plot import color_of, plan_figure
 from planner.progress import report
+from planner.simulate import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
 from planner.tables import margin_texts
-from planner.verification import MODEL_TOLERANCE, promises_too_much
+from planner.wording import bound_sentence, count, percent, simulation_sentence
+
+_STYLES = {CONFIRMED: "good", CONSERVATIVE: "good", TOLERATED: "note", CONTRADICTED: "bad", UNSTATED: "bad"}
+_EDGE, _POSE = ("edge", "edges"), "camera pose"
 
 
-def report_html(plan, space, progress=None) -> str:
+def report_html(plan, space, progress=None, notes=()) -> str:
     """Return the report about a plan.
 
     Parameters
@@ -27,6 +31,8 @@ def report_html(plan, space, progress=None) -> str:
         Gives the part and the viewing domains.
     progress : callable, optional
         ``progress(done, total, label)``.
+    notes : sequence of str
+        What else the reader should know, such as a file that was not written.
 
     Returns
     -------
@@ -55,37 +61,37 @@ def report_html(plan, space, progress=None) -> str:
         summary=_summary(plan),
         settings=_settings(plan, space.solid, progress),
         request=_request(plan),
-        method=_method(plan),
+        method=_method(plan) + "".join(f"<p>{escape(note)}</p>" for note in notes),
         footer="Lengths in millimetres, in the part's own frame. Camera axes: x right, y down, z forward.",
     )
 
 
 def _lead(plan) -> str:
-    n, inspected = len(plan.settings), len(plan.inspected)
-    text = f"{_count(inspected, 'edge')} of {len(plan.entities)} can be measured from {_count(n, 'camera pose')}."
-    if plan.minimal and n:
-        text += " No plan with fewer poses exists: this is proven."
-    elif n:
-        text += f" At least {plan.lower_bound} are needed: this is proven."
-    if plan.simulation is not None and n:
-        text += (
-            " Simulated measurements confirm every stated probability."
-            if plan.simulation.confirmed
-            else " Simulated measurements contradict some of the stated probabilities."
-        )
-    return text
+    """Say what the plan does, what is proven and what the simulation made of it."""
+    n, inspected, asked = len(plan.settings), len(plan.inspected), len(plan.entities)
+    if not n:
+        return f"{inspected} of {count(asked, *_EDGE)} inspected: the plan has no camera poses."
+    verb = "is" if inspected == 1 else "are"
+    told = "Not simulated." if plan.simulation is None else simulation_sentence(plan.simulation)
+    return (
+        f"{inspected} of {count(asked, *_EDGE)} {verb} measured from {count(n, _POSE)}. "
+        f"{bound_sentence(plan, _EDGE, _POSE)} {told}"
+    )
 
 
 def _figures(plan) -> str:
-    worst = min(plan.inspected.values(), default=float("nan"))
-    cells = [
-        (str(len(plan.settings)), "camera poses"),
-        (str(plan.lower_bound), "proven minimum" if plan.minimal else "proven lower bound"),
-        (f"{len(plan.inspected)} / {len(plan.entities)}", "edges inspected"),
-        (f"{worst:.3f}", f"smallest probability (required {plan.probability:g})"),
-    ]
-    if plan.simulation is not None:
-        cells.append((f"{plan.simulation.worst_difference:.4f}", "largest difference to the simulation"))
+    n = len(plan.settings)
+    cells = [(str(n), "camera pose" if n == 1 else "camera poses")]
+    if n:
+        cells.append((str(plan.lower_bound), "proven minimum" if plan.minimal else "proven lower bound"))
+    cells.append((f"{len(plan.inspected)} / {len(plan.entities)}", "edges inspected"))
+    if n:
+        worst = min(plan.inspected.values())
+        cells.append((f"{_down(worst, 3)}", f"smallest probability (required {plan.probability:g})"))
+    if n and plan.simulation is not None:
+        kinds = plan.simulation.verdicts
+        cells.append((f"{kinds[CONFIRMED]} / {sum(kinds.values())}", "stated probabilities confirmed by simulation"))
+        cells.append((str(kinds[CONTRADICTED]), "contradicted by simulation"))
     return "".join(f"<div><b>{escape(value)}</b><span>{escape(what)}</span></div>" for value, what in cells)
 
 
@@ -96,12 +102,14 @@ def _uninspectable(plan) -> str:
         f"<tr><td>{escape(name)}</td><td>{escape(why)}</td></tr>" for name, why in plan.uninspectable.items()
     )
     return (
-        '<h2 class="bad">Not inspected</h2><p class="note">These edges are in no setting, for the reason given.</p>'
+        '<h2 class="bad">Not inspected</h2><p class="note">What is in no setting, and why.</p>'
         f'<div class="scroll"><table><tr><th>Edge</th><th>Reason</th></tr>{rows}</table></div>'
     )
 
 
 def _summary(plan) -> str:
+    if not plan.settings:
+        return '<p class="note">The plan has no settings.</p>'
     rows = []
     for k, setting in enumerate(plan.settings):
         probabilities = setting.probability.values()
@@ -157,7 +165,7 @@ def _probabilities(plan, k: int, setting) -> str:
         rows.append(f"<tr>{row}</tr>")
     head = '<th>Edge</th><th class="n">Length (mm)</th><th class="n">P</th>'
     if rates:
-        head += f'<th class="n">Simulated</th><th>{plan.simulation.confidence:.0%} interval</th><th></th>'
+        head += '<th class="n">Simulated</th><th>Interval</th><th></th>'
     return f"<table><tr>{head}</tr>{''.join(rows)}</table>"
 
 
@@ -173,11 +181,7 @@ def _rate_cells(rate, threshold: float) -> str:
         f'<span class="bar"><i style="left:{place(rate.low):.1f}%;width:{width:.1f}%"></i>'
         f'<u style="left:calc({place(rate.predicted):.1f}% - 1px)"></u></span>'
     )
-    told = (
-        '<span class="bad">promises too much</span>'
-        if promises_too_much(rate)
-        else '<span class="good">confirmed</span>'
-    )
+    told = f'<span class="{_STYLES[rate.verdict]}">{escape(rate.verdict)}</span>'
     return f'<td class="n">{rate.frequency:.4f}</td><td>{rate.low:.4f} to {rate.high:.4f}{bar}</td><td>{told}</td>'
 
 
@@ -191,7 +195,8 @@ def _request(plan) -> str:
         "Camera": f"{camera.name or 'camera'}: f = {camera.focal_length_mm:g} mm, f/{camera.f_number:g}",
         "Sensor": f"{camera.resolution[0]} x {camera.resolution[1]} pixels of "
         f"{1000 * camera.pixel_pitch_mm[0]:g} x {1000 * camera.pixel_pitch_mm[1]:g} um",
-        "Focus": f"{camera.focus_distance_mm:g} mm; sharp from {near:.1f} to {far:.1f} mm",
+        "Focus": f"{camera.focus_distance_mm:g} mm; sharp from {near:.1f} mm "
+        + (f"to {far:.1f} mm" if np.isfinite(far) else "on"),
         "Field of view": f"{field[0]:.0f} x {field[1]:.0f} mm in the plane of focus",
         "Camera pose, std. deviations": f"{_list(sigmas[:3])} mm along x, y, z; {_list(sigmas[3:])} rad about x, y, z",
         "Workspace": f"({_list(plan.workspace[0], '.1f')}) to ({_list(plan.workspace[1], '.1f')}) mm",
@@ -201,25 +206,15 @@ def _request(plan) -> str:
 
 
 def _method(plan) -> str:
-    n, bound = len(plan.settings), plan.lower_bound
-    gap = (
-        f"The plan has {_count(n, 'setting')} and the bound is {bound}, so the plan is minimal."
-        if plan.minimal
-        else f"The plan has {_count(n, 'setting')}; between {bound} and {n} may suffice."
-    )
     paragraphs = [
         "Which edges can be seen from where was computed exactly from the part's geometry. Camera poses were searched "
         "by a genetic algorithm inside the viewing domains, subject to resolution, focus, field of view, visibility, "
-        "clearance and workspace; the fewest poses that cover all edges were chosen by integer programming.",
-        f"Lower bound. {plan.bound_proof} {gap}",
+        "clearance and workspace; of all poses found, a few that together inspect every edge that any of them inspects "
+        "were chosen by integer programming and exchange.",
+        f"Lower bound. {plan.bound_proof} {_gap(plan)}",
     ]
-    if plan.simulation is not None:
-        paragraphs.append(
-            f"Simulation. For each setting {plan.simulation.n} displaced poses were drawn, the edges projected, their "
-            "ends rounded to pixels and measured. An end outside the image counts as a failure. All intervals hold "
-            f"together with {plan.simulation.confidence:.0%} confidence. A probability counts as contradicted when it "
-            f"is above its interval by more than {MODEL_TOLERANCE:g}: it takes the phases of the pixel grid as random."
-        )
+    if plan.simulation is not None and plan.settings:
+        paragraphs.append(_simulated(plan.simulation))
     paragraphs.append(
         "Method after C. C. Yang and F. W. Ciarallo, Optimized sensor placement for active visual inspection, Journal "
         "of Robotic Systems 18(1), 1-15, 2001."
@@ -227,12 +222,34 @@ def _method(plan) -> str:
     return "".join(f"<p>{escape(text)}</p>" for text in paragraphs)
 
 
+def _gap(plan) -> str:
+    """Say what the bound leaves open."""
+    n, bound = len(plan.settings), plan.lower_bound
+    if not n:
+        return "So there is nothing to prove."
+    if plan.minimal:
+        return f"The plan has {count(n, 'setting')} and the bound is {bound}, so for what it inspects it is minimal."
+    return f"The plan has {count(n, 'setting')}; for what it inspects, the least number is from {bound} to {n}."
+
+
+def _simulated(simulation) -> str:
+    return (
+        f"Simulation. For each setting {count(simulation.n, 'displaced pose')} were drawn, the edges projected, their "
+        "ends rounded to pixels and measured. An end outside the image counts as a failure. All intervals hold "
+        f"together with {percent(simulation.confidence)} confidence. A stated probability is confirmed when it is "
+        "inside its interval, and conservative when it is below: the edge is measured better than stated. Above the "
+        f"interval by at most {MODEL_TOLERANCE:g} it is within the model's tolerance, as the model takes the phases of "
+        "the pixel grid as random; above it by more, it is contradicted."
+    )
+
+
+def _down(value: float, digits: int) -> str:
+    """Return a number rounded down, so that it does not seem to reach what it misses."""
+    return f"{np.floor(value * 10**digits + 1e-6) / 10**digits:.{digits}f}"
+
+
 def _swatch(k: int) -> str:
     return f'<span class="swatch" style="background:{color_of(k)}"></span>'
-
-
-def _count(n: int, what: str) -> str:
-    return f"{n} {what}{'' if n == 1 else 's'}"
 
 
 def _list(values, spec: str = ".4g") -> str:

@@ -13,6 +13,7 @@ from planner.camera import Camera
 from planner.constraints import Constraints, Requirements
 from planner.exceptions import RequestError
 from planner.explain import check_extent, check_observable, check_resolvable
+from planner.jsonfile import number
 from planner.objective import Objective
 from planner.pose import PoseUncertainty
 from planner.reach import Reach
@@ -85,8 +86,10 @@ class SensorSetting:
 
     @classmethod
     def from_dict(cls, data: Mapping) -> SensorSetting:
-        """Build from the result of `to_dict`."""
-        return cls(**{**data, "entities": tuple(data["entities"]), "history": tuple(data.get("history", ()))})
+        """Build from the result of `to_dict`, also as files have it."""
+        margins = {name: number(value) for name, value in data["margins"].items()}
+        lists = {"entities": tuple(data["entities"]), "history": tuple(data.get("history", ()))}
+        return cls(**{**data, **lists, "margins": margins})
 
     def __eq__(self, other) -> bool:
         if not isinstance(other, SensorSetting):

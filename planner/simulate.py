@@ -6,6 +6,7 @@ and image coordinates rounded to whole pixels. Agreement with the predicted prob
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -18,6 +19,14 @@ from planner.exceptions import RequestError
 from planner.pose import PoseUncertainty, world_to_cam
 
 _BATCH = 100_000
+# The probability takes the phases of the pixel grid as random; one planned pose has definite ones. Where rounding to
+# pixels matters, the two differ by about this much, either way.
+MODEL_TOLERANCE = 0.01
+
+# what a simulation can say of a stated probability
+CONFIRMED, CONSERVATIVE, TOLERATED = "confirmed", "conservative", "within the model's tolerance"
+CONTRADICTED, UNSTATED = "contradicted", "not stated"
+VERDICTS = (CONFIRMED, CONSERVATIVE, TOLERATED, CONTRADICTED, UNSTATED)
 
 
 @dataclass(frozen=True)
@@ -55,6 +64,22 @@ class SuccessRate:
     def confirms(self) -> bool:
         """Whether the predicted probability is inside the confidence interval."""
         return self.low <= self.predicted <= self.high
+
+    @property
+    def verdict(self) -> str:
+        """What the simulation says of the prediction, one of `VERDICTS`.
+
+        "confirmed": it is inside the interval. "conservative": below it, so the entity is measured better than stated.
+        "within the model's tolerance": above the interval, by no more than `MODEL_TOLERANCE`. "contradicted": above it
+        by more. "not stated": there is none.
+        """
+        if math.isnan(self.predicted):
+            return UNSTATED
+        if self.confirms:
+            return CONFIRMED
+        if self.predicted < self.low:
+            return CONSERVATIVE
+        return TOLERATED if self.predicted <= self.high + MODEL_TOLERANCE else CONTRADICTED
 
 
 def simulate_setting(

@@ -16,6 +16,9 @@ import numpy as np
 
 from planner.exceptions import PlanFileError
 from planner.files import write_text
+from planner.jsonfile import encoded, read_json
+from planner.plancheck import check_state
+from planner.schema import check_schema
 from planner.setting import SensorSetting
 
 FORMAT = "aspectgraph planning state"
@@ -35,12 +38,13 @@ class PlanningState:
     Raises
     ------
     PlanFileError
-        If the file is not a state file, or belongs to another request.
+        If the file is not a state file, belongs to another request, or has a field that is wrong; it is left as it is.
     """
 
     def __init__(self, request: dict, path=None):
         self.fingerprint = hashlib.sha256(json.dumps(request, sort_keys=True).encode()).hexdigest()
         self.path = None if path is None else Path(path)
+        self._names = request.get("entities")
         self._outcomes: dict[str, dict] = {}
         self._proof: dict | None = None
         if self.path is not None and self.path.exists():
@@ -59,7 +63,7 @@ class PlanningState:
 
     def put(self, names, outcome: SensorSetting | str) -> None:
         """Remember an outcome and save all of them."""
-        entry = {"reason": outcome} if isinstance(outcome, str) else {"setting": outcome.to_dict()}
+        entry = {"reason": outcome} if isinstance(outcome, str) else {"setting": encoded(outcome.to_dict())}
         self._outcomes[_key(names)] = entry
         self.save()
 
@@ -94,10 +98,7 @@ class PlanningState:
             self.path.unlink(missing_ok=True)
 
     def _read(self) -> dict:
-        try:
-            data = json.loads(self.path.read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-            raise PlanFileError(f"{self.path}: state file must be readable JSON. Got: {error}.") from None
+        data = read_json(self.path, "state file")
         if not isinstance(data, dict) or data.get("format") != FORMAT or data.get("version") != VERSION:
             raise PlanFileError(
                 f"{self.path}: state file must be a planning state of version {VERSION}. Got another file."
@@ -107,6 +108,11 @@ class PlanningState:
                 f"{self.path}: state file must belong to the same part, entities, camera, limits and seed. "
                 "Got another request's."
             )
+        try:
+            check_schema(data, "state")
+            check_state(data, self._names)
+        except PlanFileError as error:
+            raise PlanFileError(f"{self.path}: {error}") from None
         return data
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from planner.verification import promises_too_much
+from planner.simulate import CONFIRMED
+from planner.wording import bound_sentence, count, percent, simulation_sentence
 
 _MOST_ROWS = 60
 
@@ -19,8 +20,8 @@ def print_part(solid, edges) -> None:
     console = _console()
     size = np.ptp(solid.bounds, axis=0)
     console.print(
-        f"{solid.name}: {solid.n_shells} shell{'s' * (solid.n_shells != 1)}, {len(solid.faces)} faces, "
-        f"{len(solid.edges)} edges, {len(edges)} sharp straight edges, {_vector(size, ' x ')} mm"
+        f"{solid.name}: {count(solid.n_shells, 'shell')}, {count(len(solid.faces), 'face')}, "
+        f"{count(len(solid.edges), 'edge')}, {count(len(edges), 'sharp straight edge')}, {_vector(size, ' x ')} mm"
     )
     for note in solid.notes:
         console.print(f"note: {note}")
@@ -39,8 +40,9 @@ def print_graph(graph) -> None:
     console, nodes = _console(), graph.graph.nodes
     lists = {frozenset(nodes[n]["observable"]) for n in nodes}
     console.print(
-        f"{len(nodes)} viewing domains, {graph.graph.number_of_edges()} adjacencies, {len(lists)} distinct lists of "
-        f"{len(graph.entity_names)} entities"
+        f"{count(len(nodes), 'viewing domain')}, "
+        f"{count(graph.graph.number_of_edges(), 'adjacency', 'adjacencies')}, "
+        f"{count(len(lists), 'distinct list')} of {count(len(graph.entity_names), 'entity', 'entities')}"
     )
     table = _table(("domain", "right"), ("volume (mm3)", "right"), ("observable", "left"))
     ordered = sorted(nodes, key=lambda n: (-len(nodes[n]["observable"]), n))
@@ -60,7 +62,7 @@ def print_plan(plan) -> None:
         ("position (mm)", "right"),
         ("entity", "left"),
         ("P", "right"),
-        ("simulated", "right"),
+        ("simulated", "left"),
         ("margins", "left"),
     )
     for k, setting in enumerate(plan.settings):
@@ -72,7 +74,7 @@ def print_plan(plan) -> None:
         for i, (row, margin) in enumerate(zip(rows, margins, strict=True)):
             head = (str(k + 1), _vector(setting.position, " ", 1)) if i == 0 else ("", "")
             table.add_row(*head, *row, margin, end_section=i == len(rows) - 1)
-    console.print(table)
+    _print_settings(console, table)
     for name, reason in plan.uninspectable.items():
         console.print(f"not inspected: {name}: {reason}")
     console.print(verdict(plan))
@@ -91,32 +93,28 @@ def print_simulation(plan, result) -> None:
     )
     for k, rates in enumerate(result.rates):
         for i, (name, rate) in enumerate(rates.items()):
-            flag = "promises too much" if promises_too_much(rate) else ""
-            cells = f"{rate.predicted:.4f}", f"{rate.frequency:.4f}", f"{rate.low:.4f} .. {rate.high:.4f}", flag
+            interval = f"{rate.low:.4f} .. {rate.high:.4f}"
+            cells = f"{rate.predicted:.4f}", f"{rate.frequency:.4f}", interval, rate.verdict
             table.add_row(str(k + 1) if i == 0 else "", name, *cells, end_section=i == len(rates) - 1)
-    console.print(table)
+    _print_settings(console, table)
     for name, reason in plan.uninspectable.items():
         console.print(f"not inspected: {name}: {reason}")
-    told = "confirms" if result.confirmed else "contradicts"
-    console.print(
-        f"The simulation of {result.n} displaced poses per setting {told} the plan "
-        f"(intervals hold together with {result.confidence:.0%} confidence)."
-    )
+    console.print(simulation_sentence(result))
+    if any(result.rates):
+        console.print(f"All intervals hold together with {percent(result.confidence)} confidence.")
 
 
 def verdict(plan) -> str:
     """Say in a few sentences how good a plan is."""
-    n, bound = len(plan.settings), plan.lower_bound
-    inspected = len(plan.inspected)
-    proven = "Proven minimal: no plan with fewer settings exists."
-    count = proven if plan.minimal else f"Proven lower bound: {bound}."
-    text = f"{inspected} of {len(plan.entities)} entities inspected from {n} setting{'s' * (n != 1)}. {count}"
-    if plan.simulation is not None:
-        told = (
-            "confirms every probability" if plan.simulation.confirmed else "contradicts the plan: it promises too much"
-        )
-        text += f" Simulation {told} ({plan.simulation.n} displaced poses per setting)."
-    return text
+    inspected, n = len(plan.inspected), len(plan.settings)
+    sentences = [
+        f"{inspected} of {count(len(plan.entities), 'entity', 'entities')} inspected from {count(n, 'setting')}."
+    ]
+    if n:
+        sentences.append(bound_sentence(plan))
+        told = "Not simulated." if plan.simulation is None else simulation_sentence(plan.simulation)
+        sentences.append(told)
+    return " ".join(sentences)
 
 
 def margin_texts(margins) -> list[str]:
@@ -131,8 +129,18 @@ def margin_texts(margins) -> list[str]:
     return texts
 
 
+def _print_settings(console: Console, table: Table) -> None:
+    """Print a table unless it has no rows: a plan may have no settings."""
+    if table.row_count:
+        console.print(table)
+
+
 def _interval(rate) -> str:
-    return "" if rate is None else f"{rate.frequency:.4f} ({rate.low:.3f} .. {rate.high:.3f})"
+    """Return the frequency and its interval, and what they say of the prediction unless they confirm it."""
+    if rate is None:
+        return ""
+    told = "" if rate.verdict == CONFIRMED else f" {rate.verdict}"
+    return f"{rate.frequency:.4f} ({rate.low:.4f} .. {rate.high:.4f}){told}"
 
 
 def _vector(values, separator: str = " ", digits: int = 2) -> str:

@@ -8,17 +8,14 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from planner.progress import Progress, report
-from planner.simulate import SuccessRate, simulate_setting
+from planner.simulate import CONTRADICTED, UNSTATED, VERDICTS, SuccessRate, simulate_setting
 
 _CONFIDENCE = 0.99
-# The probability takes the phases of the pixel grid as random; one planned pose has definite ones. Where rounding to
-# pixels matters, the two differ by about this much, either way.
-MODEL_TOLERANCE = 0.01
 
 
 def promises_too_much(rate: SuccessRate) -> bool:
     """Tell whether the predicted probability is above the whole interval by more than the model's tolerance."""
-    return rate.predicted > rate.high + MODEL_TOLERANCE
+    return rate.verdict == CONTRADICTED
 
 
 @dataclass(frozen=True)
@@ -50,9 +47,16 @@ class SimulationResult:
         )
 
     @property
+    def verdicts(self) -> dict[str, int]:
+        """How many predictions were confirmed, how many conservative and so on; see `SuccessRate.verdict`."""
+        found = [rate.verdict for rates in self.rates for rate in rates.values()]
+        return {verdict: found.count(verdict) for verdict in VERDICTS}
+
+    @property
     def confirmed(self) -> bool:
-        """Whether no prediction is contradicted."""
-        return not self.broken
+        """Whether every probability is stated and none contradicted; of a plan without settings, it is true."""
+        kinds = self.verdicts
+        return not kinds[CONTRADICTED] and not kinds[UNSTATED]
 
     @property
     def worst_difference(self) -> float:

@@ -7,6 +7,7 @@ import sys
 
 import networkx as nx
 import pytest
+from plan_examples import plan
 
 from planner import commands
 from planner.cli import BAD_INPUT, DONE, INCOMPLETE, main
@@ -137,7 +138,7 @@ def test_incomplete_plan_is_written_and_told(folder, quick, capsys):
     # farther from the part than the lens can focus
     assert main([*PLAN, "--simulate", "100", "--stand-off", "450"]) == INCOMPLETE
     out = capsys.readouterr().out
-    assert "not inspected: rim: no feasible view: constraints cannot be met together for rim" in out
+    assert "not inspected: rim: no feasible view: constraints were met together by no pose tried for rim" in out
     assert set(read_plan(folder / "out" / "plan.json").uninspectable) == {"rim", "far rim", "bottom", "bottom right"}
     assert main(["simulate", "out/plan.json"]) == INCOMPLETE
 
@@ -225,6 +226,39 @@ def test_boxes_too_near_each_other_are_refused_before_planning(folder, capsys):
     assert "Got 1e-06 mm between" in told[-1]
     assert "merge the solids" in told[-1]
     assert not (folder / "g.graphml").exists()
+
+
+def test_interrupted_simulation_does_not_speak_of_resuming(folder, capsys, monkeypatch):
+    def interrupt(path):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(commands, "read_plan", interrupt)
+    assert failure(capsys, ["simulate", "plan.json"], INCOMPLETE) == ["aspectgraph: interrupted"]
+
+
+def test_skipped_graph_is_told_on_the_terminal_and_in_the_report(folder, quick, capsys, monkeypatch):
+    monkeypatch.setattr(commands, "_MOST_GRAPH_ENTITIES", 3)
+    assert main([*PLAN, "--simulate", "100"]) == DONE
+    sentence = "graph.graphml was skipped: the joint graph of 4 entities takes too long to build and to draw"
+    assert sentence in capsys.readouterr().out
+    assert sentence in (folder / "out" / "report.html").read_text()
+    assert not (folder / "out" / "graph.graphml").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"probability": 2}, "plan.json: probability must be in (0, 1). Got 2."),
+        ({"lower_bound": 99}, "plan.json: lower_bound must be 1 to 2, the number of settings. Got 99."),
+        ({"lower_bound": "x"}, 'plan.json: lower_bound must be a non-negative integer. Got "x".'),
+        ({"entities": {}}, "plan.json: entities must map at least one name to two end points."),
+    ],
+)
+def test_plan_whose_promises_make_no_sense_is_not_confirmed(folder, capsys, change, message):
+    plan().write(folder / "plan.json")
+    data = json.loads((folder / "plan.json").read_text())
+    (folder / "plan.json").write_text(json.dumps({**data, **change}))
+    assert message in failure(capsys, ["simulate", "plan.json"])[-1]
 
 
 def test_help_explains_and_is_quick():

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from grid_box import EDGES, BoxSpace
 
-from planner import Camera, PoseUncertainty
+from planner import Camera, PoseUncertainty, look_at
 from planner.bound import lower_bound
 from planner.candidates import perturbed
 from planner.columns import ColumnPool, Judge
@@ -127,7 +127,7 @@ def test_a_resumed_plan_takes_in_the_poses_that_the_proof_came_across(space, tmp
 
 
 def test_a_proof_on_another_basis_is_not_taken(tmp_path):
-    poses = np.random.default_rng(0).normal(size=(2, 4, 4))
+    poses = look_at([[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]], (0.0, 0.0, 0.0), roll=0.3)
     PlanningState({}, tmp_path / "state.json").put_proof("12 entities", 3, "boxes", [poses, poses[:1]])
     again = PlanningState({}, tmp_path / "state.json")
     assert again.get_proof("13 entities") is None
@@ -164,7 +164,7 @@ def test_state_of_another_request_is_refused(space, tmp_path):
 
 def test_damaged_state_is_refused(tmp_path):
     (tmp_path / "state.json").write_text("{")
-    with pytest.raises(PlanFileError, match="state file must be readable JSON"):
+    with pytest.raises(PlanFileError, match=r"state\.json:1:2: state file must be JSON"):
         PlanningState({}, tmp_path / "state.json")
     (tmp_path / "state.json").write_text("{}")
     with pytest.raises(PlanFileError, match="must be a planning state of version 1"):

@@ -22,6 +22,15 @@ def test_round_trip_loses_nothing(tmp_path):
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "plan.json").read_bytes()
 
 
+def test_an_entity_may_be_called_like_the_notation_of_numbers(tmp_path):
+    name = "not finite"
+    original = plan(
+        settings=[setting((40.0, -180.0, 620.0), [name])], entities={name: ENTITIES["bottom"]}, uninspectable={}
+    )
+    original.write(tmp_path / "plan.json")
+    assert read_plan(tmp_path / "plan.json") == original
+
+
 def test_file_is_strict_json_with_a_version(tmp_path):
     plan().write(tmp_path / "plan.json")
     data = json.loads((tmp_path / "plan.json").read_text(), parse_constant=pytest.fail)
@@ -60,8 +69,8 @@ def test_unknown_name_is_refused():
         ({"format": "a shopping list"}, "format must be 'aspectgraph inspection plan'. Got 'a shopping list'"),
         ({"camera": {}}, "focal_length_mm must be given"),
         ({"pose_uncertainty": {"covariance": [[1.0]]}}, r"covariance must have the shape \(6, 6\)"),
-        ({"settings": [{"entities": []}]}, "right types"),
-        ({"entities": {"top front": [1, 2, 3]}}, r"points must have the shape \(2, 3\)"),
+        ({"settings": [{"entities": []}]}, r"settings\[0\].cam2world must be given\. Got none"),
+        ({"entities": {"top front": [1, 2, 3]}}, r'entities\["top front"\] must have the shape \(2, 3\)\. Got \(3,\)'),
     ],
 )
 def test_wrong_content_is_named_with_the_file(tmp_path, change, message):
@@ -75,7 +84,7 @@ def test_missing_field_is_named(tmp_path):
     data = plan().to_dict()
     del data["lower_bound"]
     (tmp_path / "plan.json").write_text(json.dumps(data))
-    with pytest.raises(PlanFileError, match="must have the field 'lower_bound'"):
+    with pytest.raises(PlanFileError, match="lower_bound must be given"):
         read_plan(tmp_path / "plan.json")
 
 

@@ -67,10 +67,10 @@ def test_page_is_well_formed_and_needs_nothing_from_outside(page):
 
 def test_page_says_what_matters(page):
     text = re.sub(r"<script.*?</script>", "", page, flags=re.S)
-    assert "2 edges of 3 can be measured from 2 camera poses." in text
-    assert "At least 1 are needed: this is proven." in text
+    assert "2 of 3 edges are measured from 2 camera poses." in text
+    assert "Every plan that inspects these 2 edges under this request has at least 1 camera pose." in text
     assert "unobservable: &lt;hidden&gt; &amp; gone" in text
-    assert "promises too much" in text or "confirmed" in text
+    assert '<span class="good">confirmed</span>' in text
     assert "0.9500" in text
     for name in ("+z-y", "+z+x"):
         assert f">{name}</text>" in text
@@ -93,7 +93,10 @@ def test_report_without_settings_or_simulation():
         lower_bound=0,
     )
     page = report_html(nothing, SPACE)
-    assert "0 edges of 1 can be measured from 0 camera poses." in page
+    assert "0 of 1 edge inspected: the plan has no camera poses." in page
+    assert "there is nothing to prove" in page
+    assert "proven minimum" not in page
+    assert ">nan<" not in page
 
 
 def test_plotly_is_inlined_once(page):
@@ -180,5 +183,8 @@ def test_margins_are_told_with_their_units():
 
 
 def test_verdict_names_bound_and_simulation():
-    assert verdict(box_plan()) == "2 of 3 entities inspected from 2 settings. Proven lower bound: 1."
+    assert verdict(box_plan()) == (
+        "2 of 3 entities inspected from 2 settings. Proven lower bound: 1. Every plan that inspects these 2 entities "
+        "under this request has at least 1 setting. Not simulated."
+    )
     assert "Proven minimal" in verdict(box_plan(lower_bound=2))
