@@ -9,7 +9,10 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
+import threading
+from contextlib import contextmanager
 
 from planner.exitcodes import BAD_INPUT, DONE, INCOMPLETE
 
@@ -58,15 +61,17 @@ def main(arguments: list[str] | None = None) -> int:
     """
     try:
         options = build_parser().parse_args(arguments)
-        from planner import commands
+        with _termination_as_interruption():
+            from planner import commands
 
-        return getattr(commands, options.command)(options)
+            return getattr(commands, options.command)(options)
     except _UsageError as error:
         return _fail(str(error), BAD_INPUT)
     except SystemExit:
         raise
-    except KeyboardInterrupt:
-        return _fail("interrupted; 'plan' continues from where it was with --resume", INCOMPLETE)
+    except KeyboardInterrupt as interruption:
+        # a command that can be resumed says how
+        return _fail("; ".join(["interrupted", *map(str, interruption.args)]), INCOMPLETE)
     except BrokenPipeError:
         # the reader of a pipe has seen enough; without this the interpreter complains while it shuts down
         sys.stdout = None
@@ -161,6 +166,24 @@ def _add_workspace(parser) -> None:
         metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
         help="opposite corners of the box the camera may be in, mm",
     )
+
+
+@contextmanager
+def _termination_as_interruption():
+    """Treat a request to terminate like an interruption from the keyboard, so that what was found out is kept."""
+
+    def interrupt(*_) -> None:
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():
+        # signals are the main thread's
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _cores() -> int:

@@ -165,7 +165,7 @@ BAD = {
         ["graph", "block.off", "--entities", "1", "--graphml", "no/g.graphml"],
         "no/g.graphml must be in a folder",
     ),
-    "folder is a file": ([*PLAN[:-1], "block.off"], "output folder must be a folder"),
+    "folder is a file": ([*PLAN[:-1], "block.off"], "--out must be a folder"),
     "no plan": (["simulate", "plan.json"], "plan.json: plan file must be readable"),
     "workspace": ([*PLAN, "--workspace", "1", "1", "1", "0", "0", "0"], "workspace"),
     "picture": (["info", "block.off", "--picture", "edges.bmp"], "picture must end in .png or .html"),
@@ -202,7 +202,7 @@ def test_malformed_files_are_named(folder, capsys):
 def test_state_of_another_request_is_refused(folder, quick, capsys):
     (folder / "out").mkdir()
     (folder / "out" / commands.STATE_FILE).write_text(
-        json.dumps({"format": "aspectgraph planning state", "version": 1, "request": "0", "outcomes": {}})
+        json.dumps({"format": "aspectgraph planning state", "version": 2, "request": "0", "outcomes": {}})
     )
     lines = failure(capsys, [*PLAN, "--resume"])
     assert "must belong to the same part" in lines[-1]
