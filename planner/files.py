@@ -85,7 +85,7 @@ def output_folder(path, names: Sequence[str] = (), parameter: str = "output fold
             _make(path, made)
             for name in names:
                 _check_not_in_the_way(path / name)
-            for folder in {(path / name).parent for name in ("", *names)} | {path}:
+            for folder in {path, *((path / name).parent for name in names)}:
                 if folder.exists():
                     _try_to_write(folder)
         except OSError as error:
@@ -130,7 +130,7 @@ def staged_folder(path, names: Sequence[str] = (), parameter: str = "output fold
                 _Exchange(staging, path).run(names)
             finally:
                 shutil.rmtree(staging, ignore_errors=True)
-            _remove_leftovers({(path / name).parent for name in ("x", *names)})
+            _remove_leftovers({path, *((path / name).parent for name in names)})
         except OSError as error:
             raise _refused(path, error, parameter) from None
 
