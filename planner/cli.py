@@ -9,12 +9,10 @@ from __future__ import annotations
 
 import argparse
 import os
-import signal
 import sys
-import threading
-from contextlib import contextmanager
 
 from planner.exitcodes import BAD_INPUT, DONE, INCOMPLETE
+from planner.signals import termination_as_interruption
 
 _DESCRIPTION = """\
 Plan camera poses for the inspection of straight edges of a part: from where can each edge be measured to the required
@@ -61,7 +59,7 @@ def main(arguments: list[str] | None = None) -> int:
     """
     try:
         options = build_parser().parse_args(arguments)
-        with _termination_as_interruption():
+        with termination_as_interruption():
             from planner import commands
 
             return getattr(commands, options.command)(options)
@@ -166,24 +164,6 @@ def _add_workspace(parser) -> None:
         metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
         help="opposite corners of the box the camera may be in, mm",
     )
-
-
-@contextmanager
-def _termination_as_interruption():
-    """Treat a request to terminate like an interruption from the keyboard, so that what was found out is kept."""
-
-    def interrupt(*_) -> None:
-        raise KeyboardInterrupt
-
-    if threading.current_thread() is not threading.main_thread():
-        # signals are the main thread's
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _cores() -> int:

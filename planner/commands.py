@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-import signal
 import warnings
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +30,8 @@ from planner.outputs import PLAN_FILES, rescue, write_outputs
 from planner.plan import read_plan
 from planner.pose import PoseUncertainty
 from planner.progress import labelled, terminal_progress
+from planner.signals import leave_signals_to_the_parent
+from planner.state import read_state
 from planner.verification import simulate_plan
 
 STATE_FILE = "planning-state.json"
@@ -88,8 +89,7 @@ def plan(options) -> int:
 def _planned(options, solid, entities, camera: Camera, uncertainty: PoseUncertainty, folder: Path) -> tuple:
     """Plan and write; return the plan and the files. The state is deleted only after that."""
     state, box = folder / STATE_FILE, _workspace(options)
-    if not options.resume:
-        state.unlink(missing_ok=True)
+    _prepare(state, options.resume)
     with terminal_progress() as progress, _executor(options.jobs) as executor:
         regions = compute_regions(
             solid,
@@ -117,8 +117,22 @@ def _planned(options, solid, entities, camera: Camera, uncertainty: PoseUncertai
             written = write_outputs(found, regions, folder, progress)
         except OutputError as error:
             raise OutputError(f"{error} {rescue(found, state)}") from None
-    state.unlink(missing_ok=True)
+    with suppress(OSError):
+        # if it stays, it does no harm: it gives this plan again
+        state.unlink(missing_ok=True)
     return found, written
+
+
+def _prepare(state: Path, resume: bool) -> None:
+    """Refuse a state that cannot be resumed before any work; forget it if it is not to be resumed."""
+    if resume and state.exists():
+        read_state(state)
+    if not resume:
+        try:
+            state.unlink(missing_ok=True)
+        except OSError as error:
+            reason = f"{state} cannot be deleted: {error.strerror}"
+            raise OutputError(f"--out must be a folder that can be written. Got {reason}.") from None
 
 
 @contextmanager
@@ -172,14 +186,8 @@ def _executor(jobs: int):
     if jobs == 1:
         yield None
         return
-    executor = ProcessPoolExecutor(jobs, initializer=_leave_signals_to_the_parent)
+    executor = ProcessPoolExecutor(jobs, initializer=leave_signals_to_the_parent)
     try:
         yield executor
     finally:
         executor.shutdown(cancel_futures=True)
-
-
-def _leave_signals_to_the_parent() -> None:
-    """Ignore an interruption from the keyboard, which every process gets, and end at once when asked to."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)

@@ -309,6 +309,16 @@ def test_state_of_another_request_is_refused(folder, quick, capsys):
     assert "must belong to the same part" in lines[-1]
 
 
+def test_a_state_that_cannot_be_resumed_is_refused_before_any_work(folder, capsys):
+    (folder / "out").mkdir()
+    (folder / "out" / commands.STATE_FILE).write_text(
+        json.dumps({"format": "aspectgraph planning state", "version": 1})
+    )
+    lines = failure(capsys, [*PLAN, "--resume"])
+    assert len(lines) == 1
+    assert "must be a planning state of version 2. Got version 1" in lines[0]
+
+
 def test_help_explains_and_is_quick():
     script = (
         "import sys\nfrom planner.cli import main\ntry: main(['--help'])\nexcept SystemExit as end: code = end.code\n"
