@@ -249,7 +249,12 @@ def _refused(path: Path, error: OSError, parameter: str) -> OutputError:
     while error.strerror is None and isinstance(error.__context__, OSError):
         error = error.__context__
     rule = "a folder" if isinstance(error, NotADirectoryError | FileExistsError) else "a folder that can be written"
-    return OutputError(f"{parameter} must be {rule}. Got {path}: {error.strerror or error}.")
+    reason = error.strerror or error
+    if isinstance(error.filename, str) and not Path(error.filename).name.startswith(_HIDDEN):
+        inside = Path(error.filename).absolute()
+        # which file it is that cannot be replaced
+        reason = f"{reason} ({inside.relative_to(path)})" if path in inside.parents else reason
+    return OutputError(f"{parameter} must be {rule}. Got {path}: {reason}.")
 
 
 def _umask() -> int:

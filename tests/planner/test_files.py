@@ -72,6 +72,21 @@ def test_whatever_step_fails_the_older_set_stays_whole(out, monkeypatch, failing
     assert contents(out) == (before if caught else after)
 
 
+def test_a_file_that_cannot_be_replaced_is_named(out, monkeypatch):
+    replace = os.replace
+
+    def stuck(source, place):
+        if Path(source).name == "images.txt" and "old" in Path(place).name:
+            raise PermissionError(errno.EPERM, "Operation not permitted", str(source), None, str(place))
+        replace(source, place)
+
+    before = contents(out)
+    monkeypatch.setattr(os, "replace", stuck)
+    with pytest.raises(OutputError, match=r"/out: Operation not permitted \(colmap/images\.txt\)\.$"):
+        write(out, NAMES, "new")
+    assert contents(out) == before
+
+
 def test_the_first_file_is_never_beside_others_of_another_set(out, monkeypatch):
     seen, replace = [], os.replace
 
