@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 
 import numpy as np
@@ -123,6 +124,14 @@ def test_interrupted_again_and_again_it_still_gets_there(space, whole, tmp_path)
             again = plan_box(space, path, stop_at(25))
     assert exact(again) == exact(plan)
     assert len(labels) / 25 < goes < 2 * len(labels) / 25
+
+
+def test_interrupted_with_an_executor_and_resumed_without(space, whole, tmp_path):
+    plan, labels = whole
+    for k in (len(NAMES) + 2, len(labels) // 2, len(labels) - 2):
+        with ThreadPoolExecutor(2) as executor, pytest.raises(Stop):
+            plan_box(space, tmp_path / f"{k}.json", stop_at(k), executor=executor)
+        assert exact(plan_box(space, tmp_path / f"{k}.json")) == exact(plan)
 
 
 def test_what_a_killed_process_leaves_is_as_good(space, whole, tmp_path, at_once):
