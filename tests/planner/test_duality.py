@@ -109,17 +109,25 @@ def test_a_proof_goes_on_from_any_part_where_it_stopped(seed):
     told = []
 
     def raised(kept=None, keep=None):
-        space = FewPoses(columns, 16, np.random.default_rng(7))
-        linear = LinearBound(space, columns[-24:], lambda poses: columns[-24:], Ledger(kept=kept, keep=keep))
-        return linear.raise_from(1, 24, max_nodes=100_000), linear.made, linear.found, space
+        space, improved = FewPoses(columns, 16, np.random.default_rng(7)), []
 
-    bound, made, found, space = raised(keep=lambda entries: told.append(json.dumps(packed(entries))))
+        def improve(poses):
+            improved.append(len(poses))
+            return columns[-24:]
+
+        linear = LinearBound(space, columns[-24:], improve, Ledger(kept=kept, keep=keep))
+        return linear.raise_from(1, 24, max_nodes=100_000), linear.made, linear.found, space, improved
+
+    bound, made, found, space, improved = raised(keep=lambda entries: told.append(json.dumps(packed(entries))))
     assert len(told) == len(space.asked) > 16
+    assert improved
     for k in range(0, len(told), 5):
         again = raised(kept=unpacked(json.loads(told[k])))
         assert again[:2] == (bound, made)
         assert np.array_equal(again[2], found)
         assert len(again[3].asked) == len(told) - k - 1
+        # of poses found before it stopped, all that were not told yet are told now
+        assert again[4] == improved[len(improved) - len(again[4]) :]
         assert again[3].regrown == [{"y": np.ones(1), "limit": 1.0, "finest": 0.5}]
 
 

@@ -14,7 +14,7 @@ from grid_box import EDGES, BoxSpace
 
 from planner import Camera, PoseUncertainty
 from planner.bound import lower_bound
-from planner.candidates import perturbed
+from planner.candidates import perturbed, price_poses
 from planner.columns import ColumnPool, Judge
 from planner.conflicts import Cells, find_conflicts
 from planner.defaults import default_workspace
@@ -123,6 +123,35 @@ def test_a_resumed_plan_takes_in_the_poses_that_the_proof_came_across(space, tmp
     # the proof is not done again, and its poses are in the pools all the same
     assert len(proofs) == 2
     assert (proofs[0] == proofs[1]).all()
+
+
+def test_a_proof_that_goes_on_improves_the_columns_as_it_would_have(space, tmp_path, monkeypatch):
+    """Each batch of poses has a seed of its own, by its number."""
+    state, after, stops = tmp_path / "state.json", [], [True]
+
+    def proof(judge, _, __, ___, *, ledger, **____):
+        if ledger("first") is None:
+            ledger.improve(random_poses(judge, 40, seed=9))
+            ledger.tell("first", {"done": True})
+        if stops.pop():
+            raise KeyboardInterrupt
+        after.append((ledger.improve(random_poses(judge, 40, seed=10)), seeds[-1]))
+        return 1, "by assumption"
+
+    def price(shared, pools, seed, *arguments, **options):
+        seeds.append(seed)
+        price_poses(shared, pools, seed, *arguments, **options)
+
+    seeds = []
+    monkeypatch.setattr("planner.inspection.lower_bound", proof)
+    monkeypatch.setattr("planner.inspection.price_poses", price)
+    with pytest.raises(KeyboardInterrupt):
+        plan_box(space, rng=3, state=state)
+    stops += [False, False]
+    resumed = plan_box(space, rng=3, state=state)
+    assert plan_box(space, rng=3) == resumed
+    assert np.array_equal(after[0][0], after[1][0])
+    assert after[0][1] == after[1][1]
 
 
 @pytest.mark.parametrize(
