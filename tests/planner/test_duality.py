@@ -129,6 +129,10 @@ def test_a_proof_goes_on_from_any_part_where_it_stopped(seed):
         # of poses found before it stopped, all that were not told yet are told now
         assert again[4] == improved[len(improved) - len(again[4]) :]
         assert again[3].regrown == [{"y": np.ones(1), "limit": 1.0, "finest": 0.5}]
+    # poses of an earlier sweep that were still to be told when it stopped come before those found since
+    kept = unpacked(json.loads(told[0]))
+    kept["linear"]["poses"] = np.zeros((2, 4, 4))
+    assert raised(kept)[4] == [improved[0] + 2, *improved[1:]]
 
 
 def test_relieved_weights_give_up_no_more_than_they_must():
