@@ -32,6 +32,7 @@ from scipy.sparse import csr_matrix
 from planner.conflicts import Cells, entity_cells, find_conflicts
 from planner.cover import cover_within, distinct_rows, maximal_columns
 from planner.duality import LinearBound
+from planner.ledger import Ledger
 from planner.looks import PoseSpace
 from planner.progress import report
 from planner.relaxation import fractional_cover
@@ -51,7 +52,15 @@ _FINEST_RAD = 2e-3
 
 
 def lower_bound(
-    judge, entity_idx, n_settings: int, columns, *, max_nodes: int, improve=None, executor=None, progress=None
+    judge,
+    entity_idx,
+    n_settings: int,
+    columns,
+    *,
+    max_nodes: int,
+    ledger: Ledger | None = None,
+    executor=None,
+    progress=None,
 ) -> tuple[int, str]:
     """Prove how many settings are needed at least.
 
@@ -67,8 +76,9 @@ def lower_bound(
         Columns known to be realisable; they start the weights.
     max_nodes : int
         Boxes of poses, at most.
-    improve : callable, optional
-        Is told of poses worth knowing, see `planner.duality.LinearBound`.
+    ledger : Ledger, optional
+        Is told of poses worth knowing, see `planner.duality.LinearBound`, and of how far the proof has got. What it
+        holds of an earlier one for the same arguments, this one goes on from; it proves the same.
     executor : concurrent.futures.Executor, optional
         Computes the cells of entities' regions.
     progress : callable, optional
@@ -82,11 +92,26 @@ def lower_bound(
     """
     if n_settings <= 1:
         return n_settings, "Fewer settings than one inspect nothing." if n_settings else "No entity is inspected."
-    entity_idx = np.asarray(entity_idx)
+    entity_idx, ledger = np.asarray(entity_idx), ledger or Ledger()
     shared = Shared(judge)
     regions = Cells.joined(in_order(executor, entity_cells, [(shared, judge.names[i]) for i in entity_idx]))
-    conflict = find_conflicts(judge, entity_idx, columns, regions)
-    tree = PoseTree(judge, entity_idx, regions, conflict)
+    first = ledger("covers")
+    if first is None:
+        conflict = find_conflicts(judge, entity_idx, columns, regions)
+        tree = PoseTree(judge, entity_idx, regions, conflict)
+        proven = _by_covers(tree, columns, n_settings, max_nodes, progress)
+        first = {"conflict": conflict, "bound": proven, "made": tree.made}
+    ledger.tell("covers", first)
+    space = PoseSpace(judge, entity_idx, regions, first["conflict"])
+    linear = LinearBound(space, columns, ledger.improve, ledger)
+    nodes = max(0, max_nodes - first["made"])
+    bound = linear.raise_from(first["bound"], n_settings, max_nodes=nodes, progress=progress)
+    report(progress, max_nodes, max_nodes, "lower bound")
+    return bound, _proof(first["made"] + linear.made, int(first["conflict"].sum()) // 2)
+
+
+def _by_covers(tree: PoseTree, columns, n_settings: int, max_nodes: int, progress) -> int:
+    """Return how many settings covers by leaves' sets prove; the tree is grown as far as they need it."""
     weights = _Weights(np.asarray(columns, dtype=bool))
     target, rounds = 2, 0
     guide = fractional_cover(columns)[1]
@@ -101,10 +126,7 @@ def lower_bound(
             break
         tree.split(heavy, sets_first)
         report(progress, min(tree.made, max_nodes), max_nodes, "lower bound")
-    linear = LinearBound(PoseSpace(judge, entity_idx, regions, conflict), columns, improve)
-    bound = linear.raise_from(target - 1, n_settings, max_nodes=max(0, max_nodes - tree.made), progress=progress)
-    report(progress, max_nodes, max_nodes, "lower bound")
-    return bound, _proof(tree.made + linear.made, int(conflict.sum()) // 2)
+    return target - 1
 
 
 def _proof(boxes: int, pairs: int) -> str:

@@ -8,11 +8,13 @@ random perturbation of the best ones.
 from __future__ import annotations
 
 import hashlib
+from typing import NamedTuple
 
 import numpy as np
 
 from planner.columns import ColumnPool, Judge, Judgement
 from planner.exchange import exchange_columns
+from planner.ledger import Ledger
 from planner.pose import look_at
 from planner.progress import report
 from planner.relaxation import fractional_cover
@@ -86,25 +88,52 @@ def _targets(judge: Judge, viewpoints: np.ndarray, own: int, rng) -> np.ndarray:
     return middles[own] + share * (middles[other] - middles[own])
 
 
+class Pools(NamedTuple):
+    """Columns found so far.
+
+    Attributes
+    ----------
+    realised : ColumnPool
+        What poses inspect.
+    near : ColumnPool
+        Optimistic columns: what they nearly inspect.
+    """
+
+    realised: ColumnPool
+    near: ColumnPool
+
+    def add(self, poses: np.ndarray, judged: Judgement) -> None:
+        """Add poses (n, 4, 4) as judged."""
+        self.realised.add(judged.inspects, poses, judged.probability)
+        self.near.add(judged.nearly, poses, judged.probability)
+
+    def to_dict(self) -> dict:
+        """Return the arrays, for `from_dict`."""
+        return {"realised": self.realised.to_dict(), "near": self.near.to_dict()}
+
+    @classmethod
+    def from_dict(cls, data: dict) -> Pools:
+        """Build from the result of `to_dict`; other keys do not matter."""
+        return cls(*(ColumnPool.from_dict(data[name]) for name in cls._fields))
+
+
 def price_poses(
     shared: Shared,
-    pool: ColumnPool,
-    near: ColumnPool,
+    pools: Pools,
     seed: int,
     rounds: int,
     executor=None,
     progress=None,
     parents: np.ndarray | None = None,
+    ledger: Ledger | None = None,
 ) -> None:
     """Improve both pools by column generation.
 
     Parameters
     ----------
     shared : Shared of Judge
-    pool : ColumnPool
-        Realised columns; changed in place.
-    near : ColumnPool
-        Optimistic columns; changed in place.
+    pools : Pools
+        Changed in place.
     seed : int
         The plan's seed.
     rounds : int
@@ -115,28 +144,35 @@ def price_poses(
         ``progress(done, total, label)``.
     parents : array (m, 4, 4), optional
         Poses to begin with; they join the pools.
+    ledger : Ledger, optional
+        Is told after each round how far this has got; what it holds already is where this goes on, with the pools as
+        they were then.
     """
-    breed = pool.poses[:0] if parents is None else parents[:_PARENTS]
+    breed = pools.realised.poses[:0] if parents is None else parents[:_PARENTS]
     if parents is not None:
-        judged = shared.value(parents)
-        pool.add(judged.inspects, parents, judged.probability)
-        near.add(judged.nearly, parents, judged.probability)
-    covered = pool.membership.any(axis=0)
+        pools.add(parents, shared.value(parents))
     rng = np.random.default_rng(column_seed(seed, ["pricing"]))
+    covered = pools.realised.membership.any(axis=0)
     values: list[float] = []
-    prices = np.zeros(len(covered))
-    for done in range(rounds):
-        membership = pool.membership[:, covered]
+    first, prices, ledger = 0, np.zeros(len(covered)), ledger or Ledger()
+    if (kept := ledger("pricing")) is not None:
+        first, breed, values, prices, covered = (kept[k] for k in ("done", "breed", "values", "prices", "covered"))
+        rng.bit_generator.state = kept["rng"]
+    for done in range(first, rounds):
+        membership = pools.realised.membership[:, covered]
         if not covered.any() or membership.all(axis=1).any():
             break
         if done % _ROUNDS_PER_CHECK == 0:
-            values.append(fractional_cover(membership)[0])
+            values = [*values, fractional_cover(membership)[0]]
             if _is_settled(values, membership, rounds - done):
                 break
         # the optimal prices are seldom unique: other ones every round keep the search from staring at one corner
         bias = 1.0 + 0.5 * rng.random(int(covered.sum()))
-        prices[covered] = fractional_cover(membership, bias, prices[covered] if done else None)[1]
-        breed = _improve(shared, pool, near, breed, prices, rng, executor)
+        guess, prices = prices[covered] if done else None, np.zeros(len(covered))
+        prices[covered] = fractional_cover(membership, bias, guess)[1]
+        breed = _improve(shared, pools, breed, prices, rng, executor)
+        so_far = {"done": done + 1, "breed": breed, "values": values, "prices": prices, "covered": covered}
+        ledger.tell("pricing", {**so_far, "rng": rng.bit_generator.state})
         report(progress, done + 1, rounds, "column generation")
     report(progress, rounds, rounds, "column generation")
 
@@ -157,10 +193,9 @@ def _is_settled(values: list[float], membership: np.ndarray, left: int) -> bool:
     return hopeless and not exchange_columns(membership, fewest, steps=_STEPS).missing
 
 
-def _improve(
-    shared: Shared, pool: ColumnPool, near: ColumnPool, breed, prices: np.ndarray, rng, executor
-) -> np.ndarray:
+def _improve(shared: Shared, pools: Pools, breed, prices: np.ndarray, rng, executor) -> np.ndarray:
     """Breed from the most promising poses; return the next parents."""
+    pool, near = pools
     at_random = pool.poses[rng.integers(len(pool), size=_PARENTS // 4)]
     worthy = pool.poses[np.argsort(-(pool.membership @ prices), kind="stable")[: _PARENTS // 4]]
     # what is nearly inspected and worth more than 1 would improve the cover if only the pose were put right
@@ -171,8 +206,7 @@ def _improve(
     # batches of one size, whoever judges them: the last digits must not depend on the executor
     batches = [(shared, children[i : i + _BATCH], prices) for i in range(0, len(children), _BATCH)]
     judged = Judgement.joined(list(in_order(executor, _judged, batches)))
-    pool.add(judged.inspects, children, judged.probability)
-    near.add(judged.nearly, children, judged.probability)
+    pools.add(children, judged)
     return children[_champions(judged.promise, prices, rng)]
 
 

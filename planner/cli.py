@@ -12,6 +12,7 @@ import os
 import sys
 
 from planner.exitcodes import BAD_INPUT, DONE, INCOMPLETE
+from planner.signals import termination_as_interruption
 
 _DESCRIPTION = """\
 Plan camera poses for the inspection of straight edges of a part: from where can each edge be measured to the required
@@ -57,19 +58,19 @@ def main(arguments: list[str] | None = None) -> int:
     int
         The exit code.
     """
-    options = argparse.Namespace(command=None)
     try:
         options = build_parser().parse_args(arguments)
-        from planner import commands
+        with termination_as_interruption():
+            from planner import commands
 
-        return getattr(commands, options.command)(options)
+            return getattr(commands, options.command)(options)
     except _UsageError as error:
         return _fail(str(error), BAD_INPUT)
     except SystemExit:
         raise
-    except KeyboardInterrupt:
-        resume = "; 'plan' continues from where it was with --resume" if options.command == "plan" else ""
-        return _fail(f"interrupted{resume}", INCOMPLETE)
+    except KeyboardInterrupt as interruption:
+        # a command that can be resumed says how
+        return _fail("; ".join(["interrupted", *map(str, interruption.args)]), INCOMPLETE)
     except BrokenPipeError:
         # the reader of a pipe has seen enough; without this the interpreter complains while it shuts down
         sys.stdout = None

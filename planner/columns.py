@@ -208,6 +208,17 @@ class ColumnPool:
     def __len__(self) -> int:
         return len(self.membership)
 
+    def to_dict(self) -> dict:
+        """Return the arrays, for `from_dict`; they are not changed when something is added."""
+        return {"membership": self.membership, "poses": self.poses, "quality": self.quality}
+
+    @classmethod
+    def from_dict(cls, data: dict) -> ColumnPool:
+        """Build from the result of `to_dict`."""
+        pool = cls(data["membership"].shape[1])
+        pool.membership, pool.poses, pool.quality = data["membership"], data["poses"], data["quality"]
+        return pool
+
     def add(self, membership: np.ndarray, poses: np.ndarray, probability: np.ndarray) -> None:
         """Add columns (n, k) with their poses (n, 4, 4) and probabilities (n, k); keep the maximal ones.
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+import warnings
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -23,23 +24,23 @@ from planner.camera import Camera
 from planner.defaults import check_fraction, default_workspace
 from planner.exceptions import OutputError, RequestError
 from planner.exitcodes import DONE, INCOMPLETE
-from planner.export import write_poses
-from planner.files import check_folder, staged_folder
+from planner.files import check_file_place, output_folder
 from planner.inspection import plan_inspection
-from planner.plan import InspectionPlan, read_plan
+from planner.outputs import PLAN_FILES, left_out, rescue, write_outputs
+from planner.plan import read_plan
 from planner.pose import PoseUncertainty
 from planner.progress import labelled, terminal_progress
-from planner.report import report_html
+from planner.signals import leave_signals_to_the_parent
+from planner.state import read_state
 from planner.verification import simulate_plan
-from planner.wording import graph_sentence
 
 STATE_FILE = "planning-state.json"
-# beyond this the joint graph of all entities is neither worth drawing nor worth waiting for
-_MOST_GRAPH_ENTITIES = 24
 
 
 def info(options) -> int:
     """Show what a part consists of and which edges can be entities."""
+    if options.picture:
+        check_file_place(options.picture)
     solid = _read_part(options)
     edges = solid.straight_edges(min_length_mm=options.min_length)
     if options.picture:
@@ -52,7 +53,7 @@ def info(options) -> int:
 
 def graph(options) -> int:
     """Build the entity-based aspect graph and write it."""
-    _check_file_place(options.graphml)
+    check_file_place(options.graphml)
     solid = _read_part(options)
     entities = read_entities(options.entities, solid)
     with terminal_progress() as progress:
@@ -68,20 +69,29 @@ def graph(options) -> int:
 
 def plan(options) -> int:
     """Plan an inspection and write everything about it."""
-    folder = check_folder(options.out)
     check_fraction("accuracy", options.accuracy)
     check_fraction("probability", options.probability)
     for name, least in (("seed", 0), ("simulate", 1), ("jobs", 1)):
         if getattr(options, name) < least:
             raise RequestError(f"--{name} must be at least {least}. Got {getattr(options, name)}.")
-    camera = read_camera(options.camera)
-    uncertainty = PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad)
-    solid = _read_part(options)
-    entities = read_entities(options.entities, solid)
-    state = folder / STATE_FILE
-    if not options.resume:
-        state.unlink(missing_ok=True)
-    box = _workspace(options)
+    with output_folder(options.out, (*PLAN_FILES, STATE_FILE), "--out") as folder, _resumable(folder / STATE_FILE):
+        camera = read_camera(options.camera)
+        uncertainty = PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad)
+        solid = _read_part(options)
+        entities = read_entities(options.entities, solid)
+        found, written = _planned(options, solid, entities, camera, uncertainty, folder)
+    tables.print_plan(found)
+    for note in left_out(len(found.entities)):
+        print(note)
+    for path in written:
+        print(os.path.relpath(path) if path.is_relative_to(Path.cwd()) else path)
+    return DONE if found.complete and found.simulation.confirmed else INCOMPLETE
+
+
+def _planned(options, solid, entities, camera: Camera, uncertainty: PoseUncertainty, folder: Path) -> tuple:
+    """Plan and write; return the plan and the files. The state is deleted only after that."""
+    state, box = folder / STATE_FILE, _workspace(options)
+    _prepare(state, options.resume)
     with terminal_progress() as progress, _executor(options.jobs) as executor:
         regions = compute_regions(
             solid,
@@ -105,14 +115,40 @@ def plan(options) -> int:
             progress=progress,
         )
         found = found.simulated(options.simulate, rng=options.seed, progress=progress)
-        written = write_outputs(found, regions, folder, progress)
-    state.unlink(missing_ok=True)
-    tables.print_plan(found)
-    for note in _notes(regions):
-        print(note)
-    for path in written:
-        print(os.path.relpath(path) if path.is_relative_to(Path.cwd()) else path)
-    return DONE if found.complete and found.simulation.confirmed else INCOMPLETE
+        try:
+            written = write_outputs(found, regions, folder, progress)
+        except OutputError as error:
+            raise OutputError(f"{error} {rescue(found, state)}") from None
+    with suppress(OSError):
+        # if it stays, it does no harm: it gives this plan again
+        state.unlink(missing_ok=True)
+    return found, written
+
+
+def _prepare(state: Path, resume: bool) -> None:
+    """Refuse a state that cannot be resumed before any work; forget it if it is not to be resumed."""
+    if resume and state.exists():
+        read_state(state)
+    if not resume:
+        try:
+            state.unlink(missing_ok=True)
+        except OSError as error:
+            reason = f"{state} cannot be deleted: {error.strerror}"
+            raise OutputError(f"--out must be a folder that can be written. Got {reason}.") from None
+
+
+@contextmanager
+def _resumable(state: Path):
+    """Tell of the state when the work is interrupted, if there is one then."""
+    try:
+        with warnings.catch_warnings():
+            # if it matters in the end, that is told then
+            warnings.filterwarnings("ignore", "state is no longer saved", RuntimeWarning)
+            yield
+    except KeyboardInterrupt:
+        if state.exists():
+            raise KeyboardInterrupt("'plan' continues from where it was with --resume") from None
+        raise
 
 
 def simulate(options) -> int:
@@ -132,33 +168,6 @@ def read_camera(text: str) -> Camera:
     return Camera.from_toml(path) if path.suffix.lower() == ".toml" or path.is_file() else Camera.named(text)
 
 
-def write_outputs(found: InspectionPlan, regions, folder: Path, progress=None) -> list[Path]:
-    """Write plan, graph, report and poses; they appear in the folder together, or not at all.
-
-    Returns
-    -------
-    list of pathlib.Path
-        The files, the most useful first.
-    """
-    with staged_folder(folder) as staging:
-        found.write(staging / "plan.json")
-        (staging / "report.html").write_text(
-            report_html(found, regions, progress=progress, notes=_notes(regions)), encoding="utf-8"
-        )
-        written = ["plan.json", "report.html"]
-        if len(regions.entity_names) <= _MOST_GRAPH_ENTITIES:
-            write_graphml(graph_of(regions), staging / "graph.graphml")
-            written.append("graph.graphml")
-        written += [str(path.relative_to(staging)) for path in write_poses(found, staging)]
-    return [folder / name for name in written]
-
-
-def _notes(regions) -> list[str]:
-    """Say what is left out of what a plan usually leaves."""
-    n = len(regions.entity_names)
-    return [graph_sentence(n, _MOST_GRAPH_ENTITIES)] if n > _MOST_GRAPH_ENTITIES else []
-
-
 def _read_part(options):
     """Read the part; an error names the file."""
     try:
@@ -175,13 +184,12 @@ def _workspace(options) -> np.ndarray | None:
 
 @contextmanager
 def _executor(jobs: int):
-    """Provide a process pool, or none for one process."""
-    with ProcessPoolExecutor(jobs) if jobs > 1 else nullcontext() as executor:
+    """Provide a process pool, or none for one process; work not begun is dropped at the end."""
+    if jobs == 1:
+        yield None
+        return
+    executor = ProcessPoolExecutor(jobs, initializer=leave_signals_to_the_parent)
+    try:
         yield executor
-
-
-def _check_file_place(path) -> None:
-    """Refuse a file that could not be written, before the work and not after it."""
-    parent = Path(path).absolute().parent
-    if not parent.is_dir() or not os.access(parent, os.W_OK):
-        raise OutputError(f"{path} must be in a folder that exists and can be written. Got {parent}.")
+    finally:
+        executor.shutdown(cancel_futures=True)

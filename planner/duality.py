@@ -18,13 +18,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
 from planner.cover import maximal_columns
-from planner.looks import PoseSpace
+from planner.ledger import Ledger
+from planner.looks import Found, PoseSpace
 from planner.posesearch import PROVEN, SPENT
 from planner.progress import report
 from planner.relaxation import mean_dual
@@ -129,6 +131,56 @@ class _Parts:
         self.waits |= self.proven
         self.proven = np.zeros_like(self.proven)
 
+    def to_dict(self) -> dict:
+        """Return copies of the fields, for `from_dict`."""
+        arrays = {name: getattr(self, name).copy() for name in ("proven", "waits", "worth")}
+        return {**arrays, "first": self.first}
+
+    @classmethod
+    def from_dict(cls, data: dict) -> _Parts:
+        """Build from the result of `to_dict`."""
+        parts = cls(len(data["worth"]), data["first"])
+        parts.proven, parts.waits, parts.worth = data["proven"], data["waits"], data["worth"]
+        return parts
+
+
+@dataclass
+class _Course:
+    """What goes on from sweep to sweep while a bound is raised.
+
+    Attributes
+    ----------
+    bound, target : int
+        Proven, and aimed at.
+    y : array (e,)
+        Weights.
+    limit, least : float
+        What no pose may weigh, and below which the target is given up.
+    allowed : float
+        Boxes that may have been looked at when the target is given up.
+    undecided : bool
+        More boxes would not decide.
+    parts : _Parts
+    """
+
+    bound: int
+    target: int
+    y: np.ndarray
+    limit: float
+    least: float
+    allowed: float
+    undecided: bool
+    parts: _Parts
+
+    def to_dict(self) -> dict:
+        """Return the fields, for `from_dict`; the arrays do not change any more."""
+        return {**self.__dict__, "y": self.y.copy(), "parts": self.parts.to_dict()}
+
+    @classmethod
+    def from_dict(cls, data: dict) -> _Course:
+        """Build from the result of `to_dict`."""
+        return cls(**{**data, "parts": _Parts.from_dict(data["parts"])})
+
 
 class LinearBound:
     """A lower bound that is raised by weights, as far as the boxes of poses allowed suffice.
@@ -141,6 +193,8 @@ class LinearBound:
     improve : callable, optional
         ``improve(poses)`` is told of poses (f, 4, 4) that inspect more than the weights foresee; it returns the columns
         known to be realisable from then on.
+    ledger : Ledger, optional
+        Is told how far this has got, at every sweep and part; what it holds already is where this goes on.
 
     Attributes
     ----------
@@ -151,13 +205,20 @@ class LinearBound:
     """
 
     def __init__(
-        self, space: PoseSpace, columns: np.ndarray, improve: Callable[[np.ndarray], np.ndarray] | None = None
+        self,
+        space: PoseSpace,
+        columns: np.ndarray,
+        improve: Callable[[np.ndarray], np.ndarray] | None = None,
+        ledger: Ledger | None = None,
     ):
         self.space, self.improve = space, improve
+        self.ledger = ledger or Ledger()
         self.columns = np.asarray(columns, dtype=bool)
         self.found = self.columns[:0]
         self.made = 0
         self._poses: list[np.ndarray] = []
+        # of a sweep that was interrupted, what came out of its first parts
+        self._swept: list[Found] = []
 
     def raise_from(self, bound: int, n_settings: int, *, max_nodes: int, progress=None) -> int:
         """Return what is proven, given what is proven already; at most ``n_settings``.
@@ -165,46 +226,66 @@ class LinearBound:
         Looks at ``max_nodes`` boxes of poses at most. A large number of settings is aimed at first: what is found on
         the way counts for the smaller ones as well, and what is proven of a part holds for larger limits.
         """
+        kept = self.ledger("linear")
+        at = self._start(bound, n_settings, max_nodes) if kept is None else self._resume(kept)
+        parts = at.parts
+        while at.bound < at.target:
+            # weights prove no more than their sum, and hardly that
+            hopeless = at.limit <= at.least or at.undecided
+            asked = None if hopeless else parts.next_ones(int(at.allowed) - self.made)
+            if asked is None:
+                # what is proven for a smaller limit is proven for this one; what is to spare must not make it smaller
+                parts.ease()
+                at.target, at.undecided = at.target - 1, False
+                at.allowed = self._share(max_nodes, at.target - at.bound)
+                at.limit = max(at.limit, limit_for(at.y, at.target))
+                continue
+            outcomes, made, sets, doubts = self._sweep(at, *asked, max_nodes, progress)
+            hard = parts.learn(asked[0], outcomes, made)
+            sets = np.concatenate([sets, doubts[hard]])
+            if len(sets):
+                self._make_room(at, sets)
+            elif parts.proven.all():
+                at.bound = max(at.bound, at.target)
+                parts.renew()
+                at.target, at.allowed = min(at.bound + 1, n_settings), _SHARE_OF_NEXT * max_nodes
+                at.limit, at.least = limit_for(at.y, at.target), _LEAST_LIMIT_OF_NEXT
+            else:
+                # boxes too small to be halved: more of them would not decide
+                at.undecided = not (outcomes == SPENT).any() and not parts.waits.any()
+        self._improve()
+        return at.bound
+
+    def _start(self, bound: int, n_settings: int, max_nodes: int) -> _Course:
+        """Return where to begin."""
         n_parts = len(self.space.parts)
         parts = _Parts(n_parts, min(_FIRST_NODES, max_nodes // (_LEAST_SWEEPS * n_parts) + 1))
         y = self._weights()
         target = min(n_settings, max(bound, int(float(y.sum()) / _LEAST_LIMIT)) + 1)
+        least = 1.0 + min(_NEAR_ONE, _NEAR_SETTING / max(1, target - 1))
         allowed = self._share(max_nodes, target - bound)
-        limit, least = limit_for(y, target), 1.0 + min(_NEAR_ONE, _NEAR_SETTING / max(1, target - 1))
-        undecided = False
-        while bound < target:
-            # weights prove no more than their sum, and hardly that
-            asked = parts.next_ones(int(allowed) - self.made) if limit > least and not undecided else None
-            if asked is None:
-                # what is proven for a smaller limit is proven for this one; what is to spare must not make it smaller
-                parts.ease()
-                target, undecided = target - 1, False
-                allowed, limit = self._share(max_nodes, target - bound), max(limit, limit_for(y, target))
-                continue
-            outcomes, made, sets, doubts = self._sweep(asked[0], y, limit, asked[1], max_nodes, progress)
-            hard = parts.learn(asked[0], outcomes, made)
-            sets = np.concatenate([sets, doubts[hard]])
-            if len(sets):
-                self.found = np.concatenate([self.found, sets])
-                lighter = relieved(y, sets, limit)
-                if lighter.sum() > limit * (target - 1):
-                    # what is proven for larger weights is proven for these
-                    y = lighter
-                    continue
-                self._improve()
-                parts.renew()
-                y = self._weights()
-                limit = limit_for(y, target)
-            elif parts.proven.all():
-                bound = max(bound, target)
-                parts.renew()
-                target, allowed = min(bound + 1, n_settings), _SHARE_OF_NEXT * max_nodes
-                limit, least = limit_for(y, target), _LEAST_LIMIT_OF_NEXT
-            else:
-                # boxes too small to be halved: more of them would not decide
-                undecided = not (outcomes == SPENT).any() and not parts.waits.any()
+        return _Course(bound, target, y, limit_for(y, target), least, allowed, False, parts)
+
+    def _resume(self, kept: dict) -> _Course:
+        """Go on from what was told of a sweep; return where that is."""
+        self.found, self.made = kept["found"], kept["made"]
+        self._poses = [kept["poses"]] if len(kept["poses"]) else []
+        self.space.regrow(kept["viewpoints"])
+        self._swept = _unpacked(kept["swept"])
+        return _Course.from_dict(kept["course"])
+
+    def _make_room(self, at: _Course, sets: np.ndarray) -> None:
+        """Make the weights smaller where sets found exceed the limit; compute them anew if that is too much."""
+        self.found = np.concatenate([self.found, sets])
+        lighter = relieved(at.y, sets, at.limit)
+        if lighter.sum() > at.limit * (at.target - 1):
+            # what is proven for larger weights is proven for these
+            at.y = lighter
+            return
         self._improve()
-        return bound
+        at.parts.renew()
+        at.y = self._weights()
+        at.limit = limit_for(at.y, at.target)
 
     def _share(self, max_nodes: int, ahead: int) -> float:
         """Return how many boxes may have been looked at when a number of settings so far ahead is given up."""
@@ -219,18 +300,54 @@ class LinearBound:
             self.columns = self.improve(np.concatenate(self._poses))
         self._poses = []
 
-    def _sweep(self, parts: np.ndarray, y: np.ndarray, limit: float, most, max_nodes: int, progress) -> tuple:
+    def _sweep(self, at: _Course, parts: np.ndarray, most: np.ndarray, max_nodes: int, progress) -> tuple:
         """Search parts of the space; return outcomes, boxes looked at, what poses found inspect, and doubts."""
 
         def tick() -> None:
             report(progress, min(self.made, max_nodes), max_nodes, "lower bound")
 
-        done = []
-        with closing(self.space.search(y, limit, most, tick, parts=parts, most=_MOST_FOUND)) as results:
+        tell = self._teller(at)
+        done, self._swept = self._swept, []
+        self.made += sum(found.made for found in done)
+        left = slice(len(done), None)
+        search = self.space.search(at.y, at.limit, most[left], tick, parts=parts[left], most=_MOST_FOUND)
+        with closing(search) as results:
             for found in results:
                 done.append(found)
                 self.made += found.made
+                tell(tuple(done))
                 tick()
         self._poses.extend(found.poses for found in done if len(found.poses))
         outcomes, made = np.array([(found.outcome, found.made) for found in done]).T
         return outcomes, made, np.concatenate([found.sets for found in done]), np.array([found.doubt for found in done])
+
+    def _teller(self, at: _Course) -> Callable[[tuple[Found, ...]], None]:
+        """Return what tells the ledger of a sweep's parts that are done; all else is as it is before the sweep."""
+        poses = np.concatenate([np.zeros((0, 4, 4)), *self._poses])
+        before = {"course": at.to_dict(), "found": self.found, "made": self.made, "poses": poses}
+
+        def tell(done: tuple[Found, ...]) -> None:
+            viewpoints = self.space.grown_for()
+            self.ledger.tell("linear", {**before, "viewpoints": viewpoints, "swept": lambda: _packed(done)})
+
+        return tell
+
+
+def _packed(done: tuple[Found, ...]) -> dict:
+    """Return what came out of parts, one at least, as a few arrays, for `_unpacked`."""
+    return {
+        "outcome": np.array([found.outcome for found in done]),
+        "made": np.array([found.made for found in done]),
+        "doubt": np.array([found.doubt for found in done]),
+        "n_poses": np.array([len(found.poses) for found in done]),
+        "poses": np.concatenate([found.poses for found in done]),
+        "sets": np.concatenate([found.sets for found in done]),
+    }
+
+
+def _unpacked(packed: dict) -> list[Found]:
+    """Return what `_packed` made few arrays of."""
+    cuts = np.cumsum(packed["n_poses"])[:-1]
+    poses, sets = np.split(packed["poses"], cuts), np.split(packed["sets"], cuts)
+    rows = zip(packed["outcome"].tolist(), packed["made"].tolist(), poses, sets, packed["doubt"], strict=True)
+    return [Found(*row) for row in rows]

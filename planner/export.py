@@ -22,6 +22,16 @@ from scipy.spatial.transform import Rotation
 
 from planner.files import write_text
 
+# what `write_poses` writes
+POSE_FILES = (
+    "poses_opencv.json",
+    "poses_open3d.json",
+    "poses_ros.yaml",
+    "transforms.json",
+    "colmap/cameras.txt",
+    "colmap/images.txt",
+    "colmap/points3D.txt",
+)
 # OpenCV camera axes (x right, y down, z forward) to OpenGL ones (x right, y up, z backward)
 _OPENCV_TO_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -46,19 +56,19 @@ def write_poses(plan, folder) -> list[Path]:
         If a file cannot be written.
     """
     folder = Path(folder)
-    files = {
-        "poses_opencv.json": opencv_json(plan),
-        "poses_open3d.json": open3d_json(plan),
-        "poses_ros.yaml": ros_yaml(plan),
-        "transforms.json": nerfstudio_json(plan),
-        "colmap/cameras.txt": colmap_cameras(plan),
-        "colmap/images.txt": colmap_images(plan),
-        "colmap/points3D.txt": "# no points: the poses are planned, not reconstructed\n",
-    }
+    texts = (
+        opencv_json(plan),
+        open3d_json(plan),
+        ros_yaml(plan),
+        nerfstudio_json(plan),
+        colmap_cameras(plan),
+        colmap_images(plan),
+        "# no points: the poses are planned, not reconstructed\n",
+    )
     (folder / "colmap").mkdir(exist_ok=True)
-    for name, text in files.items():
+    for name, text in zip(POSE_FILES, texts, strict=True):
         write_text(folder / name, text)
-    return sorted(folder / name for name in files)
+    return sorted(folder / name for name in POSE_FILES)
 
 
 def opencv_json(plan) -> str:

@@ -1,12 +1,17 @@
 """Writing files so that a reader never meets half of one: write beside the target, then rename."""
 
+import errno
 import os
 import shutil
 import tempfile
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from planner.exceptions import OutputError
+
+# hidden files and folders of a run that was killed while it wrote begin like this
+_HIDDEN = ".aspectgraph-"
 
 
 def write_text(path, text: str) -> None:
@@ -33,9 +38,79 @@ def write_text(path, text: str) -> None:
         Path(temporary).unlink(missing_ok=True)
 
 
+def check_file_place(path) -> None:
+    """Refuse a file that could not be written, before the work and not after it.
+
+    Raises
+    ------
+    OutputError
+        If it is a folder, or nothing can be written beside it: that is tried.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise OutputError(f"{path} must be a file that can be written. Got a folder.")
+    try:
+        _try_to_write(path.parent)
+    except OSError as error:
+        raise OutputError(
+            f"{path} must be in a folder that exists and can be written. Got '{path}': {error.strerror}."
+        ) from None
+
+
 @contextmanager
-def staged_folder(path):
+def output_folder(path, names: Sequence[str] = (), parameter: str = "output folder"):
+    """Make a folder if there is none, and try whether files can be written; forget it if nothing is written.
+
+    Parameters
+    ----------
+    path : path
+    names : sequence of str
+        Files to be written later, relative to the folder.
+    parameter : str
+        What the caller knows the folder as.
+
+    Yields
+    ------
+    pathlib.Path
+        The folder. Folders made for it are removed at the end if they are empty.
+
+    Raises
+    ------
+    OutputError
+        If it is no folder, cannot be made or written, or a folder is in a file's way.
+    """
+    path, made = Path(path).absolute(), []
+    try:
+        try:
+            _make(path, made)
+            for name in names:
+                _check_not_in_the_way(path / name)
+            for folder in {path, *((path / name).parent for name in names)}:
+                if folder.exists():
+                    _try_to_write(folder)
+        except OSError as error:
+            raise _refused(path, error, parameter) from None
+        yield path
+    finally:
+        _remove_empty(made)
+
+
+@contextmanager
+def staged_folder(path, names: Sequence[str] = (), parameter: str = "output folder"):
     """Collect files in a hidden folder and move them into place only when the block ends without an exception.
+
+    **Guarantee.** If that fails, the folder is as it was. A reader never finds the first of ``names`` beside files of
+    another set: it leaves first and comes last.
+
+    Parameters
+    ----------
+    path : path
+        The folder.
+    names : sequence of str
+        Files, relative to the folder, that belong to a set: those of an earlier set do not stay, even if no new one
+        comes in their place.
+    parameter : str
+        What the caller knows the folder as.
 
     Yields
     ------
@@ -47,45 +122,139 @@ def staged_folder(path):
     OutputError
         If the folder cannot be made or written.
     """
-    path = check_folder(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    staging = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
-    try:
-        yield staging
-        _move_into(staging, path)
-    except OSError as error:
-        raise OutputError(f"{path} must be a folder that can be written. Got: {error.strerror or error}.") from None
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
+    with output_folder(path, names, parameter) as path:
+        try:
+            staging = Path(tempfile.mkdtemp(prefix=_HIDDEN, dir=path))
+            try:
+                yield staging
+                _Exchange(staging, path).run(names)
+            finally:
+                shutil.rmtree(staging, ignore_errors=True)
+            _remove_leftovers({path, *((path / name).parent for name in names)})
+        except OSError as error:
+            raise _refused(path, error, parameter) from None
 
 
-def check_folder(path) -> Path:
-    """Return the path if it is, or can become, a folder that can be written; nothing is created.
+class _Exchange:
+    """Moves the files of a staging folder into a folder, all of them or none.
 
-    Raises
-    ------
-    OutputError
-        If it is a file or lies where nothing can be made.
+    Every step that others can see is a renaming within one folder: it needs no space, and can be undone.
     """
-    path = Path(path).absolute()
-    nearest = next(p for p in (path, *path.parents) if p.exists())
+
+    def __init__(self, staging: Path, target: Path):
+        self.staging, self.target = staging, target
+        self.moved: list[tuple[Path, Path]] = []
+        self.made: list[Path] = []
+
+    def run(self, names: Sequence[str]) -> None:
+        """Put all new files in place of the old ones, ``names[0]`` last; old ones of these names do not stay."""
+        new = [path.relative_to(self.staging) for path in sorted(self.staging.rglob("*")) if not path.is_dir()]
+        first = Path(names[0]) if names else None
+        new.sort(key=lambda name: name == first)
+        old = dict.fromkeys([*map(Path, names), *new])
+        hidden: list[Path] = []
+        try:
+            for name in new:
+                hidden.append(self._beside(name, "new"))
+                self._bring(name, hidden[-1])
+            for name in old:
+                if os.path.lexists(self.target / name):
+                    self._rename(self.target / name, self._beside(name, "old"))
+            for name, path in zip(new, hidden, strict=True):
+                self._rename(path, self.target / name)
+        except BaseException:
+            self._undo()
+            for path in hidden:
+                path.unlink(missing_ok=True)
+            _remove_empty(self.made)
+            raise
+        for name in old:
+            with suppress(OSError):
+                self._beside(name, "old").unlink(missing_ok=True)
+
+    def _beside(self, name: Path, kind: str) -> Path:
+        place = self.target / name
+        return place.parent / f"{self.staging.name}-{kind}-{place.name}"
+
+    def _bring(self, name: Path, hidden: Path) -> None:
+        """Move a file beside its place, where another file system may be mounted."""
+        _check_not_in_the_way(self.target / name)
+        _make(hidden.parent, self.made)
+        source = self.staging / name
+        with open(source, "rb") as stream:
+            os.fsync(stream.fileno())
+        try:
+            os.replace(source, hidden)
+        except OSError as error:
+            if error.errno != errno.EXDEV:
+                raise
+            shutil.copy(source, hidden)
+
+    def _rename(self, source: Path, place: Path) -> None:
+        # noted first: an interruption may come right after the renaming
+        self.moved.append((source, place))
+        os.replace(source, place)
+
+    def _undo(self) -> None:
+        for source, place in reversed(self.moved):
+            if not os.path.lexists(source):
+                with suppress(OSError):
+                    os.replace(place, source)
+
+
+def _make(path: Path, made: list[Path]) -> None:
+    """Make a folder and those above it; list what was made, from the top down."""
+    nearest = next(p for p in (path, *path.parents) if os.path.lexists(p))
     if not nearest.is_dir():
-        raise OutputError(f"output folder must be a folder. Got {path}: {nearest} is a file.")
-    if not os.access(nearest, os.W_OK | os.X_OK):
-        raise OutputError(
-            f"output folder must be a folder that can be written. Got {path}: no permission in {nearest}."
-        )
-    return path
+        kind = "a file" if nearest.exists() else "a link that leads nowhere"
+        raise NotADirectoryError(errno.ENOTDIR, f"{nearest} is {kind}")
+    for folder in reversed([path, *path.parents][: len(path.parts) - len(nearest.parts)]):
+        folder.mkdir(exist_ok=True)
+        made.append(folder)
 
 
-def _move_into(staging: Path, target: Path) -> None:
-    target.mkdir(exist_ok=True)
-    for source in sorted(staging.rglob("*")):
-        place = target / source.relative_to(staging)
-        if source.is_dir():
-            place.mkdir(exist_ok=True)
-        else:
-            os.replace(source, place)
+def _try_to_write(folder: Path) -> None:
+    with tempfile.NamedTemporaryFile(prefix=_HIDDEN, dir=folder) as stream:
+        stream.write(b"some text")
+        stream.flush()
+        os.fsync(stream.fileno())
+
+
+def _check_not_in_the_way(place: Path) -> None:
+    if place.is_dir():
+        raise IsADirectoryError(errno.EISDIR, f"{place} is a folder")
+    if os.path.lexists(place.parent) and not place.parent.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, f"{place.parent} is a file")
+
+
+def _remove_empty(folders: Sequence[Path]) -> None:
+    for folder in reversed(folders):
+        with suppress(OSError):
+            folder.rmdir()
+
+
+def _remove_leftovers(folders) -> None:
+    """Remove what a run left that was killed while it wrote."""
+    for folder in folders:
+        for path in folder.glob(f"{_HIDDEN}*"):
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                with suppress(OSError):
+                    path.unlink()
+
+
+def _refused(path: Path, error: OSError, parameter: str) -> OutputError:
+    # an error of ours says where, which is a hidden file here; the one behind it says why
+    while error.strerror is None and isinstance(error.__context__, OSError):
+        error = error.__context__
+    rule = "a folder" if isinstance(error, NotADirectoryError | FileExistsError) else "a folder that can be written"
+    reason = error.strerror or error
+    if isinstance(error.filename, str) and not Path(error.filename).name.startswith(_HIDDEN):
+        inside = Path(error.filename).absolute()
+        # which file it is that cannot be replaced
+        reason = f"{reason} ({inside.relative_to(path)})" if path in inside.parents else reason
+    return OutputError(f"{parameter} must be {rule}. Got {path}: {reason}.")
 
 
 def _umask() -> int:

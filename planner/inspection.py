@@ -14,21 +14,24 @@ The way
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import asdict
 
 import numpy as np
 
 from planner.bound import lower_bound
 from planner.camera import Camera
-from planner.candidates import column_seed, judged_poses, price_poses
+from planner.candidates import Pools, column_seed, judged_poses, price_poses
 from planner.choice import few_columns, sets_to_realise
 from planner.columns import ColumnPool, Judge
 from planner.constraints import Requirements
-from planner.defaults import check_count, check_fraction, check_seed, corner_margin_px, default_workspace
+from planner.defaults import check_fraction, check_seed, corner_margin_px, default_workspace
+from planner.effort import Effort
 from planner.exceptions import RequestError
+from planner.ledger import Ledger
 from planner.plan import InspectionPlan
 from planner.pose import PoseUncertainty
 from planner.progress import labelled, report
+from planner.reach import reach_name
 from planner.realise import best_supported, realise, reason_for, without_contradicted
 from planner.setting import position_margin_mm
 from planner.state import PlanningState
@@ -39,40 +42,6 @@ from planner.tour import travel_order
 _JOINED_ROUNDS, _JOINED_ROUNDS_MOST, _JOINED_COLUMNS = 5, 25, 20_000
 # of `Effort.cover_nodes`, for each cover while optimistic columns are tried
 _REFUTING_SHARE = 0.1
-
-
-@dataclass(frozen=True)
-class Effort:
-    """How long to search; the defaults suit a hundred entities.
-
-    Parameters
-    ----------
-    viewpoints : int
-        Viewpoints drawn for every entity.
-    pricing_rounds : int
-        Rounds of column generation at most.
-    refutations : int
-        Optimistic columns that the genetic algorithm tries to realise, at most.
-    bound_nodes : int
-        Boxes of poses behind the lower bound, at most.
-    cover_nodes : int
-        Nodes of the integer programming solver for one cover, at most; a tenth while optimistic ones are tried.
-
-    Raises
-    ------
-    RequestError
-        If one is no integer, or negative; of viewpoints and nodes of the solver there must be one at least.
-    """
-
-    viewpoints: int = 50
-    pricing_rounds: int = 50
-    refutations: int = 30
-    bound_nodes: int = 8_000_000
-    cover_nodes: int = 1000
-
-    def __post_init__(self):
-        for field in fields(self):
-            check_count(field.name, getattr(self, field.name), int(field.name in ("viewpoints", "cover_nodes")))
 
 
 def plan_inspection(
@@ -125,7 +94,9 @@ def plan_inspection(
     effort : Effort, optional
         How long to search.
     state : path, optional
-        File to resume from, if it exists, and to keep results in while planning; deleted when the plan is done.
+        File to resume from, if it exists, and to keep results in while planning. It stays when the plan is done, and
+        the same call then returns the plan at once: delete it when the plan is written. If it can no longer be saved,
+        a warning says so and the planning goes on.
     executor : concurrent.futures.Executor, optional
         Runs the per-entity and per-column work.
     progress : callable, optional
@@ -140,7 +111,9 @@ def plan_inspection(
     RequestError
         If an argument breaks its rule.
     PlanFileError
-        If the state file belongs to another request.
+        If the state file belongs to another request, or another version of the program.
+    OutputError
+        If the state file cannot be written.
     """
     check_fraction("accuracy", accuracy)
     check_fraction("probability", probability)
@@ -160,15 +133,19 @@ def plan_inspection(
         visibility_radius_mm = position_margin_mm(pose_uncertainty)
     requirements = Requirements(min_length_px, field_margin_px, "exact", stand_off_mm, reach, visibility_radius_mm)
     judge = Judge(space, space.entity_names, camera, pose_uncertainty, accuracy, probability, requirements)
-    memo = PlanningState(_request(judge, pose_uncertainty, seed), state)
-    work = _Work(judge, pose_uncertainty, seed, memo, effort or Effort(), executor, progress)
-    plan = work.plan()
-    memo.discard()
-    return plan
+    effort = effort or Effort()
+    memo = PlanningState(_request(judge, pose_uncertainty, seed, effort), state)
+    if memo.plan is not None:
+        return memo.plan
+    try:
+        memo.finish(_Work(judge, pose_uncertainty, seed, memo, effort, executor, progress).plan())
+    finally:
+        memo.save()
+    return memo.plan
 
 
-def _request(judge: Judge, pose_uncertainty: PoseUncertainty, seed: int) -> dict:
-    """Return what the outcome of a genetic algorithm run depends on, apart from the set of entities."""
+def _request(judge: Judge, pose_uncertainty: PoseUncertainty, seed: int, effort: Effort) -> dict:
+    """Return what the plan depends on."""
     need = judge.requirements
     return {
         "vertices": np.round(judge.space.solid.vertices, 6).tolist(),
@@ -184,8 +161,9 @@ def _request(judge: Judge, pose_uncertainty: PoseUncertainty, seed: int) -> dict
             need.stand_off_mm,
             need.visibility_radius_mm,
         ],
-        "reach": repr(need.reach),
+        "reach": reach_name(need.reach),
         "seed": seed,
+        "effort": asdict(effort),
     }
 
 
@@ -197,24 +175,25 @@ class _Work:
         self.pose_uncertainty, self.seed, self.memo = pose_uncertainty, seed, memo
         self.effort, self.executor, self.progress = effort, executor, progress
         self.names = judge.names
-        self.pool, self.near = ColumnPool(len(self.names)), ColumnPool(len(self.names))
+        self.pools = Pools(ColumnPool(len(self.names)), ColumnPool(len(self.names)))
+        self.uninspectable: dict[str, str] = {}
         self.refuted, self.runs = np.zeros((0, len(self.names)), dtype=bool), 0
+
+    @property
+    def pool(self) -> ColumnPool:
+        """Columns that poses inspect."""
+        return self.pools.realised
 
     def plan(self) -> InspectionPlan:
         """Do all steps."""
-        self._sample()
-        # before the columns are improved, so that others can join what is hard to inspect
-        uninspectable = self._try_alone()
-        price_poses(
-            self.shared, self.pool, self.near, self.seed, self.effort.pricing_rounds, self.executor, self.progress
-        )
+        self._find_columns()
         bound, proof = self._bound()
         inspected = self.pool.membership.any(axis=0)
         self._refute(inspected, bound)
         settings = self._settle(inspected)
         # a later run may have come across a view of one that had none of its own
         seen = set().union(*(setting.entities for setting in settings))
-        uninspectable = {name: reason for name, reason in uninspectable.items() if name not in seen}
+        uninspectable = {name: reason for name, reason in self.uninspectable.items() if name not in seen}
         order = travel_order(np.array([s.cam2world for s in settings]).reshape(-1, 4, 4))
         return InspectionPlan(
             settings=tuple(settings[i] for i in order),
@@ -231,13 +210,37 @@ class _Work:
             seed=self.seed,
         )
 
+    def _keep(self, step: str, values: dict) -> None:
+        """Take a checkpoint: all that the steps from here on depend on."""
+        self.memo.keep(step, {"pools": self.pools.to_dict(), "uninspectable": dict(self.uninspectable), **values})
+
+    def _find_columns(self) -> None:
+        """Fill the pools, or go on from the checkpoint."""
+        last = self.memo.last()
+        if last is None:
+            self._sample()
+            self._keep("candidate poses", {})
+        else:
+            self.pools, self.uninspectable = Pools.from_dict(last["pools"]), last["uninspectable"]
+        if last is None or last["step"] == "candidate poses":
+            # before the columns are improved, so that others can join what is hard to inspect
+            self.uninspectable = self._try_alone()
+        if last is None or last["step"] != "lower bound":
+            self._price(last)
+
     def _sample(self) -> None:
         """Fill the pools from viewpoints of every entity."""
         arguments = [(self.shared, name, self.effort.viewpoints, self.seed) for name in self.names]
         for k, (poses, judged) in enumerate(in_order(self.executor, judged_poses, arguments)):
-            self.pool.add(judged.inspects, poses, judged.probability)
-            self.near.add(judged.nearly, poses, judged.probability)
+            self.pools.add(poses, judged)
             report(self.progress, k + 1, len(self.names), "candidate poses")
+
+    def _price(self, last: dict | None) -> None:
+        """Improve the pools by column generation."""
+        step = "column generation"
+        ledger = Ledger(kept=_entries(last, step), keep=lambda told: self._keep(step, {"entries": told}))
+        rounds = self.effort.pricing_rounds
+        price_poses(self.shared, self.pools, self.seed, rounds, self.executor, self.progress, ledger=ledger)
 
     def _try_alone(self) -> dict[str, str]:
         """Give entities that no pose inspects a run of their own; return the reasons of those that fail."""
@@ -258,7 +261,7 @@ class _Work:
                 enough = len(few_columns(realised, nodes, rng))
             if enough <= max(bound, 1):
                 return
-            near, refuted = self.near.membership[:, inspected], self.refuted[:, inspected]
+            near, refuted = self.pools.near.membership[:, inspected], self.refuted[:, inspected]
             sets = sets_to_realise(realised, near, refuted, enough, nodes, rng)[:left]
             if not sets:
                 return
@@ -320,7 +323,7 @@ class _Work:
 
     def _start(self, names) -> np.ndarray | None:
         """Return the candidate pose (1, 4, 4) that inspects, or nearly inspects, a set of entities."""
-        for pool in (self.pool, self.near):
+        for pool in self.pools:
             best = pool.best_containing(np.isin(self.names, names))
             if best is not None:
                 return pool.poses[best : best + 1]
@@ -328,28 +331,39 @@ class _Work:
 
     def _bound(self) -> tuple[int, str]:
         """Prove a lower bound; poses that the proof comes across join the pools."""
-        inspected = self.pool.membership.any(axis=0)
-        realised = self.pool.membership[:, inspected]
-        known = len(few_columns(realised, self._nodes(_REFUTING_SHARE), self._rng("known"))) if inspected.any() else 0
-
-        joined: list[np.ndarray] = []
+        last, step = self.memo.last(), "lower bound"
+        entries = _entries(last, step)
+        values = self._known() if entries is None else {name: last[name] for name in ("known", "inspected", "joined")}
+        inspected = values["inspected"]
 
         def improve(poses: np.ndarray) -> np.ndarray:
-            joined.append(poses)
-            seed = column_seed(self.seed, ["joined", str(len(joined))])
+            values["joined"] += 1
+            seed = column_seed(self.seed, ["joined", str(values["joined"])])
             rounds = min(max(_JOINED_ROUNDS, _JOINED_COLUMNS // max(1, len(self.pool))), _JOINED_ROUNDS_MOST)
-            price_poses(self.shared, self.pool, self.near, seed, rounds, self.executor, parents=poses)
+            price_poses(self.shared, self.pools, seed, rounds, self.executor, parents=poses)
             return self.pool.membership[:, inspected]
 
-        basis = repr((self.effort, np.array(self.names)[inspected].tolist()))
-        stored = self.memo.get_proof(basis)
-        if stored is not None:
-            bound, proof, batches = stored
-            for poses in batches:
-                improve(poses)
-            return bound, proof
-        idx, most = np.flatnonzero(inspected), self.effort.bound_nodes
-        workers = {"executor": self.executor, "progress": self.progress}
-        bound, proof = lower_bound(self.judge, idx, known, realised, max_nodes=most, improve=improve, **workers)
-        self.memo.put_proof(basis, bound, proof, joined)
-        return bound, proof
+        ledger = Ledger(improve, entries, lambda told: self._keep(step, {**values, "entries": told}))
+        proven = ledger("proven")
+        if proven is None:
+            idx, most = np.flatnonzero(inspected), self.effort.bound_nodes
+            workers = {"executor": self.executor, "progress": self.progress}
+            columns = self.pool.membership[:, inspected]
+            proven = lower_bound(self.judge, idx, values["known"], columns, max_nodes=most, ledger=ledger, **workers)
+            self._keep(step, {**values, "entries": {"proven": list(proven)}})
+        return tuple(proven)
+
+    def _known(self) -> dict:
+        """Return what a proof needs to know: which entities are to be covered, and in how many settings they can be."""
+        inspected = self.pool.membership.any(axis=0)
+        known = 0
+        if inspected.any():
+            known = len(
+                few_columns(self.pool.membership[:, inspected], self._nodes(_REFUTING_SHARE), self._rng("known"))
+            )
+        return {"inspected": inspected, "known": known, "joined": 0}
+
+
+def _entries(last: dict | None, step: str) -> dict | None:
+    """Return a ledger's entries in the checkpoint if it was taken in this step."""
+    return last["entries"] if last is not None and last["step"] == step else None

@@ -90,7 +90,8 @@ class PoseSpace:
         self.entities = entities_of(judge.ends[entity_idx], regions, judge.requirements.visibility_radius_mm)
         points = self.entities.ends.reshape(-1, 3)
         self.nodal_points = np.array([regions.boxes[:, 0].min(axis=0), regions.boxes[:, 1].max(axis=0)])
-        self._grown, self._grown_for = None, None
+        self._grown: Viewpoints | None = None
+        self._grown_for: tuple[np.ndarray, float] | None = None
         low, high = points.min(axis=0) - self.view.radius, points.max(axis=0) + self.view.radius
         root = np.array([(low + high) / 2, (high - low) / 2, np.zeros(3), np.ones(3)])
         self.parts = [(chart, part) for chart in (0, 1) for part in _cut(root, _PARTS // 2)]
@@ -150,6 +151,19 @@ class PoseSpace:
             self._grown = viewpoints_for(self.nodal_points, self.entities, self.view, y, limit, finest)
             self._grown_for = y.copy(), limit
         return self._grown
+
+    def grown_for(self) -> dict | None:
+        """Return what `regrow` needs: the weights, the limit and the finest boxes of the tree of viewpoints, if any."""
+        if self._grown is None:
+            return None
+        return {"y": self._grown_for[0], "limit": self._grown_for[1], "finest": self._grown.finest}
+
+    def regrow(self, grown_for: dict | None) -> None:
+        """Grow the tree of viewpoints that `grown_for` described; later ones depend on how fine it is."""
+        if grown_for is not None:
+            y, limit, finest = (grown_for[name] for name in ("y", "limit", "finest"))
+            self._grown = viewpoints_for(self.nodal_points, self.entities, self.view, y, limit, finest)
+            self._grown_for = y, limit
 
     def _search_part(
         self, k: int, tree: Viewpoints, y: np.ndarray, limit: float, max_nodes: int, most: int, stop

@@ -37,15 +37,8 @@ def check_plan(data: Mapping) -> None:
         _check_simulation(data["simulation"], data["settings"])
 
 
-def check_state(data: Mapping, names=None) -> None:
+def check_state(data: Mapping) -> None:
     """Refuse a planning state that contradicts itself.
-
-    Parameters
-    ----------
-    data : mapping
-        What the file holds.
-    names : collection of str, optional
-        The entities of the request.
 
     Raises
     ------
@@ -53,39 +46,23 @@ def check_state(data: Mapping, names=None) -> None:
         Names the first wrong field by its path, the rule and the value.
     """
     for key, outcome in data["outcomes"].items():
-        own = _names_of(key, names)
+        own = _names_of(key)
         if "setting" in outcome:
             check_setting(outcome["setting"], "outcomes", key, "setting")
             if sorted(outcome["setting"]["entities"]) != own:
                 where = field_name("outcomes", key, "setting", "entities")
                 _refuse(where, "must be those of the key", outcome["setting"]["entities"])
-    proof = data.get("proof")
-    if proof is not None:
-        if names is not None and proof["bound"] > len(names):
-            _refuse("proof.bound", f"must be at most the number of entities, {len(names)}", proof["bound"])
-        for i, poses in enumerate(proof["joined"]):
-            check_poses(poses, "proof", "joined", i)
+    if data["plan"] is not None:
+        try:
+            check_plan(data["plan"])
+        except PlanFileError as error:
+            raise PlanFileError(f"plan.{error}") from None
 
 
 def check_setting(setting: Mapping, *where) -> None:
     """Refuse a setting whose pose is not rigid or whose probabilities are not those of its entities."""
     _check_rigid(np.array(setting["cam2world"], dtype=float)[None], field_name(*where, "cam2world"))
     _check_keys(setting["probability"], setting["entities"], *where, "probability")
-
-
-def check_poses(poses, *where) -> np.ndarray:
-    """Return an array (n, 4, 4) of rigid poses, or refuse what is none; quicker than the schema for many."""
-    name = field_name(*where)
-    try:
-        array = np.array(poses)
-    except ValueError:
-        array = np.empty(0, dtype=object)
-    if array.dtype.kind not in "if" or array.ndim != 3 or array.shape[1:] != (4, 4):
-        raise PlanFileError(f"{name} must be numbers of the shape (n, 4, 4). Got {shown(poses)}.")
-    if not np.isfinite(array).all():
-        raise PlanFileError(f"{name} must hold finite numbers. Got {array[~np.isfinite(array)][0]}.")
-    _check_rigid(array.astype(float), name)
-    return array.astype(float)
 
 
 def _check_rigid(poses: np.ndarray, name: str) -> None:
@@ -196,7 +173,7 @@ def _check_keys(values: Mapping, names, *where) -> None:
             _refuse(field_name(*where, name), "must be of an entity of the setting", name)
 
 
-def _names_of(key: str, known) -> list[str]:
+def _names_of(key: str) -> list[str]:
     """Return the names a key of the outcomes stands for."""
     try:
         names = json.loads(key)
@@ -206,9 +183,6 @@ def _names_of(key: str, known) -> list[str]:
         _refuse("outcomes", "must have sorted JSON arrays of names as keys", key)
     if names != sorted(set(names)):
         _refuse("outcomes", "must have sorted JSON arrays of names as keys", key)
-    for name in names:
-        if known is not None and name not in known:
-            _refuse(field_name("outcomes", key), "must be a set of the request's entities", name)
     return names
 
 

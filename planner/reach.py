@@ -1,13 +1,18 @@
 """Signed distance to solids, and the regions a robot can reach.
 
 A region is anything with ``margin(positions) -> (n,)``: the distance in mm to its boundary, positive inside. A plain
-``callable(positions) -> (n,) bool`` is accepted wherever a region is, which is where inverse kinematics goes.
+``callable(positions) -> (n,) bool`` is accepted wherever a region is, which is where inverse kinematics goes. A plan
+that is to be resumed tells regions apart by `reach_name`; a region or callable of your own may have an attribute
+``state_name`` that says what it permits.
 """
 
 from __future__ import annotations
 
+import hashlib
+import pickle
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import BuiltinFunctionType, FunctionType
 from typing import Protocol
 
 import numpy as np
@@ -99,6 +104,12 @@ class MeshRegion:
             self._distance = SignedDistance(self.vertices, self.triangles)
         return -self._distance(positions)
 
+    @property
+    def state_name(self) -> str:
+        """A digest of the mesh, whatever the memory layout and integer type of its arrays."""
+        content = self.vertices.tobytes() + self.triangles.astype("<i8").tobytes()
+        return f"mesh {self.vertices.shape} {hashlib.sha256(content).hexdigest()}"
+
     def __getstate__(self) -> dict:
         """Leave the scene behind: it cannot cross a process boundary and is rebuilt on demand."""
         return {**self.__dict__, "_distance": None}
@@ -112,6 +123,26 @@ def check_reach(reach: Reach | None) -> Reach | None:
     if reach is None or hasattr(reach, "margin") or callable(reach):
         return reach
     raise RequestError(f"reach must have a margin method or be callable. Got {reach!r}.")
+
+
+def reach_name(reach: Reach | None) -> str:
+    """Return what tells a region from others, the same in every process: a planning state belongs to one region.
+
+    An attribute ``state_name`` (str), if there is one, is the name. Else a function is known by its module and name,
+    whatever it refers to, and any other region by its content.
+    """
+    if reach is None:
+        return "none"
+    if hasattr(reach, "state_name"):
+        return str(reach.state_name)
+    if isinstance(reach, FunctionType | BuiltinFunctionType):
+        return f"{reach.__module__}.{reach.__qualname__}"
+    try:
+        content = hashlib.sha256(pickle.dumps(reach, protocol=4)).hexdigest()
+    except (pickle.PicklingError, TypeError, AttributeError):
+        # what cannot be packed, such as a connection to a robot
+        content = "unnamed"
+    return f"{type(reach).__module__}.{type(reach).__qualname__} {content}"
 
 
 def reach_margin(reach: Reach, positions: np.ndarray) -> np.ndarray:

@@ -358,3 +358,19 @@ def test_every_inspected_set_is_inside_the_leaf_of_its_pose(size):
         if inspected.any():
             near = leaves_of(tree, pose)
             assert (tree.sets[near] >= inspected).all(axis=1).any()
+
+
+def test_a_tree_of_viewpoints_grown_again_is_the_same_and_so_are_later_ones():
+    """How fine a tree is depends on those grown before it."""
+    judge, regions = request_for(SIZES[1])
+    even, odd = np.where(np.arange(len(EDGES)) % 2 == 0, [[1.0], [0.2]], [[0.2], [1.0]])
+    first = space_for(judge, regions)
+    first._viewpoints(even, 1.0)
+    again = space_for(judge, regions)
+    again.regrow(first.grown_for())
+    assert first.grown_for()["finest"] == again.grown_for()["finest"]
+    # for the same weights the tree is not grown anew, for others it is
+    for y, limit in ((even, 1.1), (odd, 0.9), (odd, 0.3)):
+        one, other = first._viewpoints(y, limit), again._viewpoints(y, limit)
+        assert all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+    assert space_for(judge, regions).grown_for() is None

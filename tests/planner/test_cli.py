@@ -1,7 +1,9 @@
 """The command line end to end on a small block; every error is one line, and nothing half-written stays behind."""
 
+import errno
 import json
 import os
+import signal
 import subprocess
 import sys
 
@@ -9,9 +11,11 @@ import networkx as nx
 import pytest
 from plan_examples import plan
 
-from planner import commands
+from planner import commands, outputs
 from planner.cli import BAD_INPUT, DONE, INCOMPLETE, main
+from planner.exceptions import OutputError
 from planner.plan import read_plan
+from planner.state import PlanningState
 
 BLOCK = """OFF
 8 6 12
@@ -134,6 +138,99 @@ def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):
     assert commands.STATE_FILE not in os.listdir(folder / "other")
 
 
+def test_a_request_to_terminate_keeps_the_state_too(folder, quick, capsys, monkeypatch):
+    monkeypatch.setattr("planner.inspection.travel_order", lambda poses: os.kill(os.getpid(), signal.SIGTERM))
+    before = signal.getsignal(signal.SIGTERM)
+    assert failure(capsys, PLAN, INCOMPLETE)[-1].endswith(
+        "interrupted; 'plan' continues from where it was with --resume"
+    )
+    assert os.listdir(folder / "out") == [commands.STATE_FILE]
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
+@pytest.mark.parametrize("work", ["planner.commands.compute_regions", "planner.inspection.judged_poses"])
+def test_resuming_is_not_offered_where_there_is_no_state(folder, quick, capsys, monkeypatch, work):
+    def interrupt(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(work, interrupt)
+    assert failure(capsys, [*PLAN, "--jobs", "1"], INCOMPLETE)[-1] == "aspectgraph: interrupted"
+    assert not (folder / "out").exists()
+
+
+def test_a_plan_that_cannot_be_written_is_kept_and_resumed_without_planning(folder, quick, capsys, monkeypatch):
+    plan = [*PLAN, "--simulate", "100"]
+    assert main(plan) == DONE
+    first = {path: path.read_bytes() for path in (folder / "out").rglob("*") if path.is_file()}
+    capsys.readouterr()
+
+    def full(*arguments, **options):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("planner.outputs.write_poses", full)
+        lines = failure(capsys, [*plan, "--seed", "1"])
+    state = folder / "out" / commands.STATE_FILE
+    assert lines[-1].endswith(
+        f"--out must be a folder that can be written. Got {folder / 'out'}: No space left on device. "
+        f"The plan is kept in {state}: the same command with --resume writes it without planning again."
+    )
+    assert {path: path.read_bytes() for path in first} == first
+    with monkeypatch.context() as patch:
+        patch.setattr("planner.inspection.judged_poses", full)
+        patch.setattr("planner.inspection.realise", full)
+        assert main([*plan, "--seed", "1", "--resume"]) == DONE
+    assert read_plan(folder / "out" / "plan.json").seed == 1
+    assert not state.exists()
+
+
+def test_a_plan_that_can_be_kept_nowhere_in_its_folder_is_elsewhere(folder, quick, capsys, monkeypatch):
+    saves = []
+
+    def full(path, text):
+        saves.append(path)
+        if len(saves) > 1:
+            raise OutputError("disk full")
+
+    def unwritable(*arguments, **options):
+        raise OutputError("disk full")
+
+    (folder / "tmp").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(folder / "tmp"))
+    monkeypatch.setattr("planner.state.write_text", full)
+    monkeypatch.setattr(commands, "write_outputs", unwritable)
+    last = failure(capsys, [*PLAN, "--simulate", "100"])[-1]
+    place = next((folder / "tmp").glob("aspectgraph-*/plan.json"))
+    assert last == f"aspectgraph: disk full The plan is in {place} instead."
+    assert read_plan(place).simulation.confirmed
+
+
+def test_the_state_stays_until_everything_is_written(folder, quick, monkeypatch):
+    def broken(*arguments, **options):
+        raise RuntimeError("bug")
+
+    for name in (
+        "planner.outputs.report_html",
+        "planner.outputs.write_graphml",
+        "planner.verification.simulate_setting",
+    ):
+        with monkeypatch.context() as patch:
+            patch.setattr(name, broken)
+            with pytest.raises(RuntimeError):
+                main([*PLAN, "--simulate", "100", "--resume"])
+        assert os.listdir(folder / "out") == [commands.STATE_FILE]
+
+
+def test_an_older_graph_does_not_stay_beside_a_new_plan(folder, quick, monkeypatch):
+    assert main([*PLAN, "--simulate", "100"]) == DONE
+    (folder / "out" / "photo.png").write_text("mine")
+    monkeypatch.setattr("planner.outputs._MOST_GRAPH_ENTITIES", 3)
+    assert main([*PLAN, "--simulate", "100", "--seed", "1"]) == DONE
+    names = os.listdir(folder / "out")
+    assert "graph.graphml" not in names
+    assert {"plan.json", "report.html", "photo.png"} < set(names)
+
+
 def test_incomplete_plan_is_written_and_told(folder, quick, capsys):
     # farther from the part than the lens can focus
     assert main([*PLAN, "--simulate", "100", "--stand-off", "450"]) == INCOMPLETE
@@ -166,7 +263,12 @@ BAD = {
         ["graph", "block.off", "--entities", "1", "--graphml", "no/g.graphml"],
         "no/g.graphml must be in a folder",
     ),
-    "folder is a file": ([*PLAN[:-1], "block.off"], "output folder must be a folder"),
+    "folder for a file": (["graph", "block.off", "--entities", "1", "--graphml", "."], "must be a file"),
+    "picture is a folder": (
+        ["info", "block.off", "--picture", "."],
+        "must be a file that can be written. Got a folder",
+    ),
+    "folder is a file": ([*PLAN[:-1], "block.off"], "--out must be a folder"),
     "no plan": (["simulate", "plan.json"], "plan.json: plan file must be readable"),
     "workspace": ([*PLAN, "--workspace", "1", "1", "1", "0", "0", "0"], "workspace"),
     "picture": (["info", "block.off", "--picture", "edges.bmp"], "picture must end in .png or .html"),
@@ -202,9 +304,9 @@ def test_malformed_files_are_named(folder, capsys):
 
 def test_state_of_another_request_is_refused(folder, quick, capsys):
     (folder / "out").mkdir()
-    (folder / "out" / commands.STATE_FILE).write_text(
-        json.dumps({"format": "aspectgraph planning state", "version": 1, "request": "0", "outcomes": {}})
-    )
+    other = PlanningState({"part": "another"}, folder / "out" / commands.STATE_FILE)
+    other.put(["rim"], "hidden")
+    other.save()
     lines = failure(capsys, [*PLAN, "--resume"])
     assert "must belong to the same part" in lines[-1]
 
@@ -237,7 +339,7 @@ def test_interrupted_simulation_does_not_speak_of_resuming(folder, capsys, monke
 
 
 def test_skipped_graph_is_told_on_the_terminal_and_in_the_report(folder, quick, capsys, monkeypatch):
-    monkeypatch.setattr(commands, "_MOST_GRAPH_ENTITIES", 3)
+    monkeypatch.setattr(outputs, "_MOST_GRAPH_ENTITIES", 3)
     assert main([*PLAN, "--simulate", "100"]) == DONE
     sentence = "graph.graphml was skipped: the joint graph of 4 entities takes too long to build and to draw"
     assert sentence in capsys.readouterr().out
@@ -259,6 +361,16 @@ def test_plan_whose_promises_make_no_sense_is_not_confirmed(folder, capsys, chan
     data = json.loads((folder / "plan.json").read_text())
     (folder / "plan.json").write_text(json.dumps({**data, **change}))
     assert message in failure(capsys, ["simulate", "plan.json"])[-1]
+
+
+def test_a_state_that_cannot_be_resumed_is_refused_before_any_work(folder, capsys):
+    (folder / "out").mkdir()
+    (folder / "out" / commands.STATE_FILE).write_text(
+        json.dumps({"format": "aspectgraph planning state", "version": 1})
+    )
+    lines = failure(capsys, [*PLAN, "--resume"])
+    assert len(lines) == 1
+    assert "must be a planning state of version 2. Got version 1" in lines[0]
 
 
 def test_help_explains_and_is_quick():

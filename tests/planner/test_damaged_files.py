@@ -76,11 +76,9 @@ def test_damaged_state_is_refused_and_left_alone_or_makes_sense(tmp_path):
             assert path.read_bytes() == content
             refused += 1
             continue
-        outcomes = [state.get(names) for names in (["bottom"], ["top front", "top right"])]
-        assert all(one is None or isinstance(one, str) or min(one.probability.values()) >= 0 for one in outcomes)
-        bound, _, joined = state.get_proof("all") or (0, "", [])
-        assert 0 <= bound <= len(ENTITIES)
-        assert all(poses.shape[1:] == (4, 4) and np.isfinite(poses).all() for poses in joined)
+        # other spaces or another order of the fields, but nothing else
+        assert json.loads(content) == good
+        assert state.get(["bottom"]) == "unobservable: no viewpoint sees it."
     assert refused > 0.6 * MUTANTS
 
 
@@ -89,7 +87,11 @@ def written_state(path):
     state.put(["bottom"], "unobservable: no viewpoint sees it.")
     state.put(["top front", "top right"], setting((40.0, -180.0, 620.0), ["top front", "top right"]))
     poses = look_at([[0.0, 1.0, 200.0], [3.0, 4.0, 500.0]], (0.0, 0.0, 0.0), roll=0.3)
-    state.put_proof("all", 2, "boxes", [poses, poses[:1]])
+    pools = {"realised": {"poses": poses}, "near": {"poses": poses[:1]}}
+    state.keep(
+        "lower bound", {"pools": pools, "uninspectable": {"bottom": "hidden"}, "entries": {"proven": [2, "boxes"]}}
+    )
+    state.save()
     return path
 
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
 from planner.cover import min_cover
 from planner.duality import LinearBound, limit_for, relieved
+from planner.ledger import Ledger
 from planner.looks import Found
+from planner.packing import packed, unpacked
 from planner.posesearch import FOUND, PROVEN, SPENT, UNRESOLVED
 from planner.relaxation import fractional_cover
 
@@ -19,6 +23,13 @@ class FewPoses:
         self.columns, self.parts = columns, list(range(n_parts))
         self.part, self.cost = rng.integers(n_parts, size=len(columns)), rng.integers(20, 2000, n_parts)
         self.asked = []
+        self.regrown = []
+
+    def grown_for(self):
+        return {"y": np.ones(1), "limit": 1.0, "finest": 0.5}
+
+    def regrow(self, grown_for):
+        self.regrown.append(grown_for)
 
     def search(self, y, limit, max_nodes, tick=None, *, parts, most):
         for k, nodes in zip(parts, np.broadcast_to(max_nodes, len(parts)), strict=True):
@@ -89,6 +100,39 @@ def test_too_few_boxes_prove_nothing_wrong():
         linear = LinearBound(FewPoses(columns, 16, np.random.default_rng(2)), columns[-24:])
         assert 1 <= linear.raise_from(1, 24, max_nodes=boxes) <= fewest
         assert linear.made <= boxes
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_proof_goes_on_from_any_part_where_it_stopped(seed):
+    """It searches no part again that was done, and ends the same; what it tells survives being written."""
+    columns = columns_of(np.random.default_rng(seed))
+    told = []
+
+    def raised(kept=None, keep=None):
+        space, improved = FewPoses(columns, 16, np.random.default_rng(7)), []
+
+        def improve(poses):
+            improved.append(len(poses))
+            return columns[-24:]
+
+        linear = LinearBound(space, columns[-24:], improve, Ledger(kept=kept, keep=keep))
+        return linear.raise_from(1, 24, max_nodes=100_000), linear.made, linear.found, space, improved
+
+    bound, made, found, space, improved = raised(keep=lambda entries: told.append(json.dumps(packed(entries))))
+    assert len(told) == len(space.asked) > 16
+    assert improved
+    for k in range(0, len(told), 5):
+        again = raised(kept=unpacked(json.loads(told[k])))
+        assert again[:2] == (bound, made)
+        assert np.array_equal(again[2], found)
+        assert len(again[3].asked) == len(told) - k - 1
+        # of poses found before it stopped, all that were not told yet are told now
+        assert again[4] == improved[len(improved) - len(again[4]) :]
+        assert again[3].regrown == [{"y": np.ones(1), "limit": 1.0, "finest": 0.5}]
+    # poses of an earlier sweep that were still to be told when it stopped come before those found since
+    kept = unpacked(json.loads(told[0]))
+    kept["linear"]["poses"] = np.zeros((2, 4, 4))
+    assert raised(kept)[4] == [improved[0] + 2, *improved[1:]]
 
 
 def test_relieved_weights_give_up_no_more_than_they_must():

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from grid_box import EDGES, BoxSpace
 
-from planner import Camera, PoseUncertainty, look_at
+from planner import Camera, PoseUncertainty
 from planner.bound import lower_bound
-from planner.candidates import perturbed
+from planner.candidates import perturbed, price_poses
 from planner.columns import ColumnPool, Judge
 from planner.conflicts import Cells, find_conflicts
 from planner.defaults import default_workspace
@@ -100,15 +100,14 @@ def test_interrupted_plan_resumes_to_the_same_plan(space, plan, tmp_path):
     runs = []
     resumed = plan_box(space, rng=3, state=state, progress=lambda done, total, label: runs.append((label, done, total)))
     assert resumed == plan
-    assert not state.exists()
     assert [total for label, _, total in runs if label == "genetic algorithm"] == [1]
 
 
 def test_a_resumed_plan_takes_in_the_poses_that_the_proof_came_across(space, tmp_path, monkeypatch):
     proofs, state = [], tmp_path / "state.json"
 
-    def proof(judge, _, __, ___, *, improve, **____):
-        proofs.append(improve(random_poses(judge, 300, seed=9)))
+    def proof(judge, _, __, ___, *, ledger, **____):
+        proofs.append(ledger.improve(random_poses(judge, 300, seed=9)))
         return 1, "by assumption"
 
     def stop(_):
@@ -121,20 +120,38 @@ def test_a_resumed_plan_takes_in_the_poses_that_the_proof_came_across(space, tmp
         with pytest.raises(KeyboardInterrupt):
             plan_box(space, rng=3, state=state)
     assert plan_box(space, rng=3, state=state) == plan
+    # the proof is not done again, and its poses are in the pools all the same
     assert len(proofs) == 2
     assert (proofs[0] == proofs[1]).all()
-    assert not state.exists()
 
 
-def test_a_proof_on_another_basis_is_not_taken(tmp_path):
-    poses = look_at([[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]], (0.0, 0.0, 0.0), roll=0.3)
-    PlanningState({}, tmp_path / "state.json").put_proof("12 entities", 3, "boxes", [poses, poses[:1]])
-    again = PlanningState({}, tmp_path / "state.json")
-    assert again.get_proof("13 entities") is None
-    bound, text, joined = again.get_proof("12 entities")
-    assert (bound, text) == (3, "boxes")
-    assert np.array_equal(joined[0], poses)
-    assert np.array_equal(joined[1], poses[:1])
+def test_a_proof_that_goes_on_improves_the_columns_as_it_would_have(space, tmp_path, monkeypatch):
+    """Each batch of poses has a seed of its own, by its number."""
+    state, after, stops = tmp_path / "state.json", [], [True]
+
+    def proof(judge, _, __, ___, *, ledger, **____):
+        if ledger("first") is None:
+            ledger.improve(random_poses(judge, 40, seed=9))
+            ledger.tell("first", {"done": True})
+        if stops.pop():
+            raise KeyboardInterrupt
+        after.append((ledger.improve(random_poses(judge, 40, seed=10)), seeds[-1]))
+        return 1, "by assumption"
+
+    def price(shared, pools, seed, *arguments, **options):
+        seeds.append(seed)
+        price_poses(shared, pools, seed, *arguments, **options)
+
+    seeds = []
+    monkeypatch.setattr("planner.inspection.lower_bound", proof)
+    monkeypatch.setattr("planner.inspection.price_poses", price)
+    with pytest.raises(KeyboardInterrupt):
+        plan_box(space, rng=3, state=state)
+    stops += [False, False]
+    resumed = plan_box(space, rng=3, state=state)
+    assert plan_box(space, rng=3) == resumed
+    assert np.array_equal(after[0][0], after[1][0])
+    assert after[0][1] == after[1][1]
 
 
 @pytest.mark.parametrize(
@@ -167,7 +184,7 @@ def test_damaged_state_is_refused(tmp_path):
     with pytest.raises(PlanFileError, match=r"state\.json:1:2: state file must be JSON"):
         PlanningState({}, tmp_path / "state.json")
     (tmp_path / "state.json").write_text("{}")
-    with pytest.raises(PlanFileError, match="must be a planning state of version 1"):
+    with pytest.raises(PlanFileError, match="must be a planning state of version 2"):
         PlanningState({}, tmp_path / "state.json")
 
 

@@ -10,8 +10,9 @@ from plan_examples import plan
 from planner.exceptions import PlanFileError
 from planner.jsonfile import encoded, read_json
 from planner.plan import InspectionPlan, read_plan
-from planner.plancheck import check_poses, check_state
+from planner.plancheck import check_state
 from planner.schema import check_schema, field_name, read_schema, shown
+from planner.state import PlanningState
 
 
 def data():
@@ -169,32 +170,56 @@ def test_folder_instead_of_a_file_is_named(tmp_path):
         read_plan(tmp_path)
 
 
-def test_state_is_checked_by_its_own_schema():
-    state = {"format": "aspectgraph planning state", "version": 1, "request": "0" * 64, "outcomes": {'["a"]': {}}}
-    with pytest.raises(PlanFileError, match=r'outcomes\["\[\\"a\\"\]"\] must hold either a setting or a reason\.'):
+STATE = {
+    "format": "aspectgraph planning state",
+    "version": 2,
+    "request": "0" * 64,
+    "outcomes": {'["a"]': {"reason": "hidden"}},
+    "checkpoint": None,
+    "plan": None,
+    "digest": "0" * 64,
+}
+WRONG_STATE = {
+    "outcome": ({"outcomes": {'["a"]': {}}}, 'outcomes["[\\"a\\"]"] must hold either a setting or a reason.'),
+    "key": ({"outcomes": {'["b","a"]': {"reason": ""}}}, "outcomes must have sorted JSON arrays of names as keys."),
+    "step": (
+        {"checkpoint": {"step": "lunch", "pools": {}, "uninspectable": {}}},
+        'checkpoint.step must be a step of planning. Got "lunch".',
+    ),
+    "pools": (
+        {"checkpoint": {"step": "lower bound", "uninspectable": {}}},
+        "checkpoint.pools must be given. Got none.",
+    ),
+    "digest": ({"digest": 7}, "digest must be 64 hexadecimal digits. Got 7."),
+    "no plan": ({"plan": 7}, "plan must be an object or null. Got 7."),
+    "plan's field": ({"plan": changed(("accuracy",), 2)}, "plan.accuracy must be in (0, 1). Got 2."),
+    "plan's bound": ({"plan": changed(("lower_bound",), 99)}, "plan.lower_bound must be 1 to 2"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_STATE)
+def test_state_is_checked_by_its_own_schema(case):
+    change, message = WRONG_STATE[case]
+
+    def check(state):
         check_schema(state, "state")
-    proof = {"basis": "", "bound": 3, "text": "", "joined": []}
-    state = {**state, "outcomes": {'["a"]': {"reason": "hidden"}}, "proof": proof}
-    check_schema(state, "state")
-    check_state(state, ["a", "b", "c"])
-    with pytest.raises(PlanFileError, match=r"proof\.bound must be at most the number of entities, 2\. Got 3\."):
-        check_state(state, ["a", "b"])
-    with pytest.raises(PlanFileError, match="must be a set of the request's entities"):
-        check_state(state, ["b", "c", "d"])
+        check_state(state)
+
+    check(STATE)
+    with pytest.raises(PlanFileError) as raised:
+        check({**STATE, **change})
+    assert str(raised.value).startswith(message)
 
 
-@pytest.mark.parametrize(
-    ("poses", "message"),
-    [
-        ([[1, 2], [3]], r"joined\[0\] must be numbers of the shape \(n, 4, 4\)\. Got \[\[1, 2\], \[3\]\]\."),
-        ([[["1"] * 4] * 4], "must be numbers of the shape"),
-        ([[[math.nan] * 4] * 4], r"must hold finite numbers\. Got nan\."),
-        ([[[1e300] * 4] * 4], r"must hold a rotation: orthonormal, determinant \+1\. Got one off by inf\."),
-    ],
-)
-def test_many_poses_are_checked_at_once(poses, message):
-    with pytest.raises(PlanFileError, match=message):
-        check_poses(poses, "proof", "joined", 0)
+def test_a_state_that_was_changed_inside_is_refused(tmp_path):
+    """What fits every rule may still not be what was written."""
+    path = tmp_path / "state.json"
+    state = PlanningState({}, path)
+    state.put(["a"], "hidden by e7")
+    state.save()
+    path.write_text(path.read_text().replace("hidden by e7", "hidden by e8"))
+    with pytest.raises(PlanFileError, match="digest must be that of the other fields"):
+        PlanningState({}, path)
 
 
 def test_values_are_shown_as_json_writes_them_and_shortened():

@@ -1,0 +1,35 @@
+"""Requests to terminate: treated like an interruption from the keyboard, so that what was found out is kept."""
+
+import signal
+import threading
+from contextlib import contextmanager
+
+# not everywhere is there a terminal to be hung up
+_TERMINATING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+
+
+@contextmanager
+def termination_as_interruption():
+    """Raise `KeyboardInterrupt` in the block when the process is asked to terminate."""
+
+    def interrupt(*_) -> None:
+        raise KeyboardInterrupt
+
+    ours = []
+    # signals are the main thread's; one that is ignored, as after nohup, stays so
+    if threading.current_thread() is threading.main_thread():
+        ours = [one for one in _TERMINATING if signal.getsignal(one) == signal.SIG_DFL]
+    try:
+        for one in ours:
+            signal.signal(one, interrupt)
+        yield
+    finally:
+        for one in ours:
+            signal.signal(one, signal.SIG_DFL)
+
+
+def leave_signals_to_the_parent() -> None:
+    """In a worker process, ignore an interruption from the keyboard, which every process gets; terminate at once."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for one in _TERMINATING:
+        signal.signal(one, signal.SIG_DFL)
