@@ -84,7 +84,7 @@ def test_mating_boxes_are_refused_with_place_distance_and_step(gap, seed):
     with pytest.raises(ResolutionError) as raised:
         compute_regions(boxes, [0])
     text = str(raised.value)
-    assert text.startswith(f"parts of the surface must be at least {LEAST_STEPS:g} grid steps apart, ")
+    assert text.startswith(f"parts of the surface must be at least {LEAST_STEPS:g} grid steps of ")
     assert f"Got {gap:.3g} mm between vertex (" in text or f"Got {gap:.3g} mm between edge" in text
     assert f"{20 * (1 + gap / 20) / 2**GRID_BITS:.3g}" in text
     assert text.endswith("merge the solids in the CAD model, leave one out, or widen the gap.")
