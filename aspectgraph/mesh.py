@@ -17,13 +17,15 @@ import numpy as np
 from aspectgraph.coplanar import find_twins
 from aspectgraph.curved import find_curved
 from aspectgraph.exceptions import OrientationError, ReadError
-from aspectgraph.facets import Tessellation, join_facets
+from aspectgraph.facets import join_facets
+from aspectgraph.limits import ReadLimits
 from aspectgraph.mesh_glb import parse_glb
 from aspectgraph.mesh_ply import parse_ply
 from aspectgraph.mesh_stl import parse_stl
 from aspectgraph.mesh_text import parse_obj, parse_off
 from aspectgraph.shells import face_outwards
 from aspectgraph.solid import Solid
+from aspectgraph.tessellation import Tessellation
 from aspectgraph.topology import Face, describe_edge, label_shells, pair_edges
 from aspectgraph.triangulate import newell_area_vector, triangulate_face
 from aspectgraph.validation import check_vertices, default_planarity_mm
@@ -42,7 +44,13 @@ _PARSERS = {
 
 
 def read_mesh(
-    data: bytes, suffix: str, *, units: str | None = None, planarity_mm: float | None = None, name: str = ""
+    data: bytes,
+    suffix: str,
+    *,
+    units: str | None = None,
+    planarity_mm: float | None = None,
+    name: str = "",
+    limits: ReadLimits | None = None,
 ) -> Solid:
     """Return the solid bounded by the triangles of a mesh file.
 
@@ -58,11 +66,13 @@ def read_mesh(
         See `assemble`; also the ``weld_mm`` of the module's description. Default: 10⁻⁶ of the bounding box diagonal.
     name : str
         Name of the part.
+    limits : ReadLimits, optional
+        Most triangles to make of the file.
 
     Raises
     ------
     ReadError
-        The file is damaged, a coordinate is not finite, or `units` is unknown.
+        The file is damaged or exceeds a limit, a coordinate is not finite, or `units` is unknown.
     SolidError
         The surface is open, not manifold, or crosses or touches itself.
     """
