@@ -139,8 +139,10 @@ def _select(damage: list[str], wanted: Sequence[int] | None, name: str) -> list[
     n = len(damage)
     chosen = list(range(n)) if wanted is None else [int(i) for i in wanted]
     bad = [i for i in chosen if not 0 <= i < n]
-    if bad or not chosen or len(set(chosen)) < len(chosen):
-        raise ReadError(f"solids must name some of 0..{n - 1} of {name}, each once. Got {chosen}.")
+    if bad or not chosen:
+        raise ReadError(f"solids must name some of 0..{n - 1} of {name}. Got {chosen}.")
+    if len(set(chosen)) < len(chosen):
+        raise ReadError(f"solids must name each solid once. Got {chosen}.")
     for i in chosen:
         if damage[i]:
             whole = [k for k in range(n) if not damage[k]]
