@@ -131,7 +131,9 @@ def _content(path: Path, packed: bool, limits: ReadLimits) -> bytes:
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise ReadError(f"a .gz file must be a whole gzip file. Got {path.name}: {error}.") from error
     except OSError as error:
-        raise ReadError(f"path must name a file that can be read. Got {path.name}: {error.strerror or error}.") from error
+        raise ReadError(
+            f"path must name a file that can be read. Got {path.name}: {error.strerror or error}."
+        ) from error
     if len(data) > most:
         raise ReadError(
             f"a part file must have at most file_mb={limits.file_mb:g} MB, unpacked. Got {path.name} with more; "

@@ -89,7 +89,9 @@ def read_step(
         except (SelfIntersectionError, NonManifoldError) as error:
             if len(chosen) == 1:
                 raise
-            hint = f"The file holds {len(chosen)} solids; read some of them with {_HOW_TO_CHOOSE.format('[...]', '...')}."
+            hint = (
+                f"The file holds {len(chosen)} solids; read some of them with {_HOW_TO_CHOOSE.format('[...]', '...')}."
+            )
             raise type(error)(f"{error} {hint}") from error
     raise AssertionError("the last attempt returns or raises")
 

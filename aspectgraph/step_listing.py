@@ -1,4 +1,4 @@
-"""What a STEP file says it holds, read from its text: solids, their faces and vertices, the unit and its uncertainty."""
+"""What a STEP file says it holds, read from its text: solids with faces and vertices, the unit, its uncertainty."""
 
 from __future__ import annotations
 
@@ -12,8 +12,19 @@ from aspectgraph.exceptions import ReadError
 from aspectgraph.step_text import Entity, reachable
 
 SOLID_KINDS = frozenset(
-    """BREP_WITH_VOIDS CSG_SOLID EXTRUDED_AREA_SOLID EXTRUDED_FACE_SOLID FACETED_BREP MANIFOLD_SOLID_BREP
-    REVOLVED_AREA_SOLID REVOLVED_FACE_SOLID SOLID_REPLICA SURFACE_CURVE_SWEPT_AREA_SOLID SWEPT_DISK_SOLID""".split()
+    [
+        "BREP_WITH_VOIDS",
+        "CSG_SOLID",
+        "EXTRUDED_AREA_SOLID",
+        "EXTRUDED_FACE_SOLID",
+        "FACETED_BREP",
+        "MANIFOLD_SOLID_BREP",
+        "REVOLVED_AREA_SOLID",
+        "REVOLVED_FACE_SOLID",
+        "SOLID_REPLICA",
+        "SURFACE_CURVE_SWEPT_AREA_SOLID",
+        "SWEPT_DISK_SOLID",
+    ]
 )
 """The types that are solids, those the kernel cannot build among them."""
 
@@ -80,9 +91,9 @@ def _holders(entities: dict[int, Entity]) -> dict[int, int | None]:
                 if number in solids:
                     holders.setdefault(number, references[-1])
     # solids that are part of another one, such as that of a replica, are listed by it
-    rest = {number for solid in solids - set(holders) for number in [solid]}
+    rest = solids - set(holders)
     inner = set().union(*(reachable(entities, number) for number in holders)) if rest else set()
-    holders.update({number: None for number in sorted(rest - inner)})
+    holders.update(dict.fromkeys(sorted(rest - inner)))
     return holders
 
 
@@ -151,4 +162,6 @@ def _unit_mm(entities: dict[int, Entity], number: int, depth: int = 0) -> float:
             factors = [_unit_mm(entities, ref, depth + 1) for ref in measure.references if ref in entities]
             if factors and measure.numbers[0] > 0:
                 return measure.numbers[0] * factors[0]
-    raise ReadError(f"the length unit of a STEP file must be a multiple of the metre. Got #{number}={entity.text[:60]}.")
+    raise ReadError(
+        f"the length unit of a STEP file must be a multiple of the metre. Got #{number}={entity.text[:60]}."
+    )

@@ -1,7 +1,7 @@
 """The process in which the STEP kernel runs: it answers requests until its input ends.
 
-A request is a line of JSON. An answer is two lengths, then that many bytes of JSON and of an .npz archive. The kernel is
-a large C++ library that a damaged file can crash or keep busy for ever; nothing it does reaches the caller but answers.
+A request is a line of JSON. An answer is two lengths, then that many bytes of JSON and of an .npz archive. The kernel
+is a large C++ library that a damaged file can crash or keep busy for ever; only answers reach the caller.
 """
 
 from __future__ import annotations

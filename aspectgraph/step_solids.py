@@ -109,7 +109,9 @@ def load_solids(path: Path, name: str) -> Inventory:
     if not found and not damage:
         n = len(explore(shape, TopAbs_ShapeEnum.TopAbs_FACE))
         raise ReadError(f"a STEP file must hold at least one closed solid. Got {name} with {n} loose faces only.")
-    slots = [_slot(solid, listed.get(number), damage.get(number, "")) for solid, number in _in_order(found, listed, name)]
+    slots = [
+        _slot(solid, listed.get(number), damage.get(number, "")) for solid, number in _in_order(found, listed, name)
+    ]
     return Inventory(slots, _left_out(shape))
 
 
@@ -171,7 +173,8 @@ def _in_order(found: list, listed: dict[int, ListedSolid], name: str) -> list:
     if [number for number in listed if number in built] != built:
         # their places among the parts of an assembly, and with them the numbers of the others, are not known
         raise ReadError(
-            f"every solid of a STEP file must be built. Got {name}: OCCT leaves out #{missing[0]} ({len(missing)} such)."
+            f"every solid of a STEP file must be built. Got {name}, of which OCCT leaves out #{missing[0]} "
+            f"({len(missing)} such)."
         )
     shapes = dict(zip(built, (solid for solid, _ in found), strict=True))
     return [(shapes.get(number), number) for number in listed]
