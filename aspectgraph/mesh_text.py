@@ -11,39 +11,10 @@ from aspectgraph.mesh_numbers import decode_text, parse_integer, parse_real
 
 _OBJ_UNSUPPORTED = {"curv", "curv2", "surf", "cstype", "parm", "trim", "hole", "end"}
 _OBJ_SKIPPED = {
-    "vt",
-    "vn",
-    "vp",
-    "g",
-    "o",
-    "s",
-    "mg",
-    "mtllib",
-    "usemtl",
-    "maplib",
-    "usemap",
-    "bevel",
-    "c_interp",
-    "d_interp",
-    "lod",
-    "shadow_obj",
-    "trace_obj",
-    "ctech",
-    "stech",
-    "call",
-    "csh",
-    "deg",
-    "bmat",
-    "step",
-    "con",
-    "sp",
-    "scrv",
-    "bzp",
-    "bsp",
-    "cdc",
-    "cdp",
-    "res",
-}
+    "vt", "vn", "vp", "g", "o", "s", "mg", "mtllib", "usemtl", "maplib", "usemap", "bevel", "c_interp", "d_interp",
+    "lod", "shadow_obj", "trace_obj", "ctech", "stech", "call", "csh", "deg", "bmat", "step", "con", "sp", "scrv",
+    "bzp", "bsp", "cdc", "cdp", "res",
+}  # fmt: skip
 _OFF_KEYWORD = re.compile("(ST)?C?N?OFF|off")
 
 
@@ -111,9 +82,7 @@ def parse_off(data: bytes) -> tuple[np.ndarray, list[list[int]]]:
     rows = [(number, row) for number, row in enumerate(rows, start=1) if row]
     keyword = rows[0][1][0] if rows else ""
     if not _OFF_KEYWORD.fullmatch(keyword) or "BINARY" in (word.upper() for word in rows[0][1]):
-        raise ReadError(
-            f"a text OFF file must begin with OFF, or with COFF, NOFF or STOFF for more than places. Got {keyword[:20]!r}."
-        )
+        raise ReadError(f"a text OFF file must begin with OFF, COFF, NOFF or STOFF. Got {keyword[:20]!r}.")
     head = rows[0][1][1:]
     body = rows[1:]
     if not head and body:

@@ -27,7 +27,7 @@ RELATIVE_CHORD = 1e-3
 """Default chord tolerance as a fraction of the bounding box diagonal of the solids read."""
 
 UNSTATED_UNCERTAINTY_MM = 1e-3
-"""What is taken for the uncertainty of a file that states none: far above rounding, far below what a camera measures."""
+"""Taken for the uncertainty of a file that states none: far above rounding, far below what a camera measures."""
 
 _RELATIVE_HARMLESS = {"vertex": RELATIVE_PLANARITY, "planar": RELATIVE_PLANARITY, "curved": RELATIVE_CHORD / 10.0}
 _WHERE = {
@@ -45,8 +45,8 @@ def check_fit(
     Parameters
     ----------
     fits : sequence of dict
-        For every solid ``"uncertainty_mm"`` (None if not stated) and ``"gaps"``: kind of gap to its width and place, see
-        `step_gaps.measure_gaps`.
+        For every solid ``"uncertainty_mm"`` (None if not stated) and ``"gaps"``: kind of gap to its width and place,
+        see `step_gaps.measure_gaps`.
     solids : sequence of int
         Their numbers in the file.
     diagonal_mm : float

@@ -12,20 +12,12 @@ from aspectgraph.exceptions import ReadError
 from aspectgraph.step_text import Entity, reachable
 
 SOLID_KINDS = frozenset(
-    [
-        "BREP_WITH_VOIDS",
-        "CSG_SOLID",
-        "EXTRUDED_AREA_SOLID",
-        "EXTRUDED_FACE_SOLID",
-        "FACETED_BREP",
-        "MANIFOLD_SOLID_BREP",
-        "REVOLVED_AREA_SOLID",
-        "REVOLVED_FACE_SOLID",
-        "SOLID_REPLICA",
-        "SURFACE_CURVE_SWEPT_AREA_SOLID",
-        "SWEPT_DISK_SOLID",
-    ]
-)
+    {
+        "BREP_WITH_VOIDS", "CSG_SOLID", "EXTRUDED_AREA_SOLID", "EXTRUDED_FACE_SOLID", "FACETED_BREP",
+        "MANIFOLD_SOLID_BREP", "REVOLVED_AREA_SOLID", "REVOLVED_FACE_SOLID", "SOLID_REPLICA",
+        "SURFACE_CURVE_SWEPT_AREA_SOLID", "SWEPT_DISK_SOLID",
+    }
+)  # fmt: skip
 """The types that are solids, those the kernel cannot build among them."""
 
 _SHELL_KINDS = {"CLOSED_SHELL", "OPEN_SHELL", "ORIENTED_CLOSED_SHELL", "ORIENTED_OPEN_SHELL"}

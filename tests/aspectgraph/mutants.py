@@ -98,3 +98,45 @@ def with_json(document, rest: bytes) -> bytes:
     head = json.dumps(document).encode()
     head += b" " * (-len(head) % 4)
     return struct.pack("<4sIII4s", b"glTF", 2, 20 + len(head) + len(rest), len(head), b"JSON") + head + rest
+
+
+ENCODINGS = (
+    "utf-16", "utf-32", "utf-7", "latin-1", "utf-8-sig", "cp500", "shift_jis", "idna", "rot13", "hex", "punycode",
+    "nonsense", "", "UTF-9", "unicode_escape", "undefined", "gb18030",
+)  # fmt: skip
+XML_WORDS = (
+    b"", b"x", b"-1", b"nan", b"inf", b"1e999", b"9" * 30, b"9" * 5000, b"true", b"int", b"double", b"[1]", b"{}",
+    b"[{}]", b"[" * 3000, b"<a/>", b"&x;", b"1_0",
+)  # fmt: skip
+XML_PIECE = re.compile(rb"[\w.:]+=\"[^\"]*\"|<[^<>]*>|>[^<>]+<")
+
+
+def damaged_encoding(data: bytes, rng: np.random.Generator) -> bytes:
+    """Another encoding, another one declared."""
+    actual, declared = (ENCODINGS[i] for i in rng.integers(len(ENCODINGS), size=2))
+    text = re.sub("encoding=['\"][^'\"]*['\"]", f"encoding='{declared}'", data.decode())
+    try:
+        return text.encode(actual)
+    except (LookupError, UnicodeError):
+        return text.encode("latin-1", "replace")
+
+
+def damaged_xml(data: bytes, rng: np.random.Generator) -> bytes:
+    """One to two tags, attributes or texts lost, doubled or replaced."""
+    for _ in range(rng.integers(1, 3)):
+        pieces = list(XML_PIECE.finditer(data))
+        piece = pieces[rng.integers(len(pieces))]
+        old, word = piece[0], XML_WORDS[rng.integers(len(XML_WORDS))]
+        kind = rng.integers(4)
+        if kind == 0:
+            new = b""
+        elif kind == 1:
+            new = old + b" " + old
+        elif old.startswith(b">"):
+            new = b">" + word + b"<"
+        elif old.startswith(b"<"):
+            new = old
+        else:
+            new = old.split(b"=")[0] + b'="' + word.replace(b"<", b"") + b'"'
+        data = data[: piece.start()] + new + data[piece.end() :]
+    return data
