@@ -71,7 +71,8 @@ def check_fit(
             if not gap <= permitted:
                 raise ReadError(
                     f"the vertices, edges and faces of a STEP file must meet within gap_mm={permitted:.3g} mm. "
-                    f"Got a gap of {gap:.3g} mm {where} of {name}."
+                    f"Got a gap of {gap:.3g} mm {where} of {name}; "
+                    "allow more with gap_mm=... (on the command line --gap-mm), and look at the result."
                 )
             if gap > max(stated, RELATIVE_PLANARITY * diagonal_mm, widest[0]):
                 widest = gap, f"a gap of {gap:.3g} mm {where}; the file states {stated:.3g} mm"
