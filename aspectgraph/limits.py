@@ -13,7 +13,7 @@ class ReadLimits:
     """Limits on the reading of one part file.
 
     The defaults are far above what real parts need: the largest of the NIST test parts (2 MB, 635 faces) takes 3 s and
-    300 MB in the STEP kernel; an STL file of a million facets has 50 MB.
+    80 MB in the STEP kernel; an STL file of a million facets has 50 MB.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class ReadLimits:
     """
 
     time_s: float = 300.0
-    memory_mb: float = 4000.0
+    memory_mb: float = 2000.0
     file_mb: float = 256.0
     triangles: int = 5_000_000
 

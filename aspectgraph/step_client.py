@@ -17,7 +17,7 @@ import numpy as np
 from aspectgraph import exceptions
 from aspectgraph.exceptions import MissingExtraError, ReadError
 from aspectgraph.limits import ReadLimits
-from aspectgraph.step_server import LENGTHS
+from aspectgraph.step_server import LENGTHS, OUT_OF_MEMORY
 
 # The process needs a few modules of this package, not all that the package imports; so it starts in half a second.
 _PROGRAM = """
@@ -126,10 +126,12 @@ class StepKernel:
                 f"a STEP file must be read within time_s={self.limits.time_s:g} seconds. Got {self.name}, which takes "
                 "longer; allow more with limits=ReadLimits(time_s=...)."
             )
+        if code == OUT_OF_MEMORY:
+            return self._complaint({"error": "MemoryError"})
         how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
         return ReadError(
-            f"a STEP file must be one that OCCT can read. Got {self.name}, on which it crashes ({how}; "
-            f"it had {self.limits.memory_mb:g} MB)."
+            f"a STEP file must be one that OCCT can read. Got {self.name}, on which it crashes ({how}), or runs out of "
+            f"its memory_mb={self.limits.memory_mb:g} MB."
         )
 
     def _complaint(self, header: dict) -> ReadError:

@@ -18,6 +18,9 @@ import numpy as np
 from aspectgraph.exceptions import AspectGraphError
 
 LENGTHS = struct.Struct("<QQ")
+OUT_OF_MEMORY = 12
+"""Exit code of a process without the memory to say so."""
+
 _PAGE_COUNTS = "/proc/self/statm"
 _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG
 
@@ -46,10 +49,14 @@ def serve(parent: int, memory_mb: float) -> None:
         return
     _limit_memory(memory_mb)
     part = StepPart()
-    for line in sys.stdin.buffer:
-        request = json.loads(line)
-        _limit_time(request.pop("time_s"))
-        _send(answers, *_answer(part, request))
+    try:
+        for line in sys.stdin.buffer:
+            request = json.loads(line)
+            _limit_time(request.pop("time_s"))
+            _send(answers, *_answer(part, request))
+    except MemoryError:
+        # too little is left for an answer
+        os._exit(OUT_OF_MEMORY)
 
 
 def _answer(part, request: dict) -> tuple[dict, dict]:
