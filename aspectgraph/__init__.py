@@ -27,6 +27,7 @@ from aspectgraph.exceptions import (
 )
 from aspectgraph.graph import EntityAspectGraph, build_aspect_graph, graph_of
 from aspectgraph.graphml import read_graphml, write_graphml
+from aspectgraph.limits import ReadLimits
 from aspectgraph.partition import PartitionSurface
 from aspectgraph.plot import GraphDrawing, plot_graph
 from aspectgraph.plot3d import plot_domains, plot_solid
@@ -58,6 +59,7 @@ __all__ = [
     "PictureError",
     "PlanarityError",
     "ReadError",
+    "ReadLimits",
     "ResolutionError",
     "SectionDrawing",
     "SelfIntersectionError",

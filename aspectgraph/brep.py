@@ -25,8 +25,8 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
 from aspectgraph.exceptions import NonManifoldError, OpenSolidError, ReadError
-from aspectgraph.facets import Tessellation
-from aspectgraph.topology import describe_point
+from aspectgraph.places import describe_point
+from aspectgraph.tessellation import Tessellation
 
 SMOOTH_DEG = 5.0
 """Two CAD faces, at least one of them curved, meet smoothly where their normals differ by less all along the edge.
@@ -124,7 +124,7 @@ class _Collector:
         if mesh is None or mesh.NbTriangles() == 0:
             raise ReadError(f"every face must be tessellated. Got no triangles for face {face_index} of the solid.")
         move = location.Transformation()
-        points = np.array([_xyz(mesh.Node(k).Transformed(move)) for k in range(1, mesh.NbNodes() + 1)])
+        points = np.array([xyz(mesh.Node(k).Transformed(move)) for k in range(1, mesh.NbNodes() + 1)])
         number = np.full(len(points), -1, dtype=np.int64)
         for shape in explore(face, TopAbs_ShapeEnum.TopAbs_EDGE):
             self._add_edge(TopoDS.Edge(shape), face, face_index, mesh, location, points, number)
@@ -181,7 +181,8 @@ def _check_uses(uses: list[_Use], points: list[np.ndarray]) -> None:
         raise ReadError(f"faces must cut a common edge alike. Got different pieces at the edge from {ends}.")
 
 
-def _xyz(point) -> tuple[float, float, float]:
+def xyz(point) -> tuple[float, float, float]:
+    """Return the coordinates of an OCCT point or vector."""
     return point.X(), point.Y(), point.Z()
 
 
@@ -198,7 +199,7 @@ def is_planar(face, flat_mm: float) -> bool:
         return False
     us = np.linspace(surface.FirstUParameter(), surface.LastUParameter(), _N_SAMPLES)
     vs = np.linspace(surface.FirstVParameter(), surface.LastVParameter(), _N_SAMPLES)
-    points = np.array([_xyz(surface.Value(u, v)) for u in us for v in vs])
+    points = np.array([xyz(surface.Value(u, v)) for u in us for v in vs])
     centred = points - points.mean(axis=0)
     normal = np.linalg.svd(centred, full_matrices=False)[2][2]
     return bool(np.abs(centred @ normal).max() <= flat_mm)
@@ -210,7 +211,7 @@ def is_straight(edge, flat_mm: float) -> bool:
     if curve.GetType() == GeomAbs_CurveType.GeomAbs_Line:
         return True
     parameters = np.linspace(curve.FirstParameter(), curve.LastParameter(), 2 * _N_SAMPLES)
-    points = np.array([_xyz(curve.Value(t)) for t in parameters])
+    points = np.array([xyz(curve.Value(t)) for t in parameters])
     along = points[-1] - points[0]
     length = np.linalg.norm(along)
     if length <= flat_mm:
@@ -234,7 +235,7 @@ def _normals(use: _Use) -> list[np.ndarray]:
         uv = curve.Value(first + fraction * (last - first))
         point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
         surface.D1(uv.X(), uv.Y(), point, along_u, along_v)
-        normal = np.cross(_xyz(along_u), _xyz(along_v))
+        normal = np.cross(xyz(along_u), xyz(along_v))
         length = np.linalg.norm(normal)
         normals.append(flip * normal / length if length > 0 else np.zeros(3))
     return normals

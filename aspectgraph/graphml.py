@@ -13,9 +13,12 @@ Reference: U. Brandes et al., GraphML progress report, Graph Drawing 2001.
 
 from __future__ import annotations
 
+import gzip
 import json
 import math
 import re
+import warnings
+import zlib
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -39,6 +42,10 @@ AXES = ("x", "y", "z")
 
 NOT_XML = re.compile("[\x00-\x08\x0b-\x1f\x7f\ud800-\udfff\ufffe\uffff]")
 """What XML cannot carry or, as carriage return, changes on the way."""
+
+
+_WRONG_VALUES = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
+"""What comes of a file with a value of another type than it should have, or in an encoding that does not exist."""
 
 
 class Codec(NamedTuple):
@@ -99,17 +106,21 @@ def read_graphml(path) -> nx.Graph:
     """
     path = Path(path)
     try:
-        flat = nx.read_graphml(path, node_type=int)
-    except (ParseError, nx.NetworkXError, ValueError, KeyError) as error:
-        raise GraphMLError(f"{path}: must be GraphML with integer node ids. Got {error}.") from error
+        # what networkx warns of and guesses, a missing type for one, is never in a file of ours
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            flat = nx.read_graphml(path, node_type=int)
+    except (ParseError, nx.NetworkXError, EOFError, gzip.BadGzipFile, zlib.error, Warning, *_WRONG_VALUES) as error:
+        text = " ".join(str(error).split())[:200]
+        raise GraphMLError(f"{path}: must be GraphML with integer node ids. Got {text}.") from error
     if flat.is_directed() or flat.is_multigraph():
         raise GraphMLError(
             f"{path}: must hold one undirected edge at most between two nodes. Got a {type(flat).__name__}."
         )
     try:
         return _rebuilt_graph(flat)
-    except ValueError as error:
-        raise GraphMLError(f"{path}: {error}") from error
+    except _WRONG_VALUES as error:
+        raise GraphMLError(f"{path}: {' '.join(str(error).split())[:400]}") from error
 
 
 # ------------------------------------------------------------------------------------------------ whole graphs
@@ -206,7 +217,7 @@ def _rebuilt(flat, owner: str) -> dict[str, Any]:
         try:
             decode = CODECS.get(key, SCALAR).decode
             attributes[key] = tuple(map(decode, value)) if key in VECTORS else decode(value)
-        except (TypeError, ValueError, KeyError) as error:
+        except _WRONG_VALUES as error:
             raise ValueError(f"{key} of {owner} {error}") from error
     return attributes
 

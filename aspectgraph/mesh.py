@@ -17,13 +17,15 @@ import numpy as np
 from aspectgraph.coplanar import find_twins
 from aspectgraph.curved import find_curved
 from aspectgraph.exceptions import OrientationError, ReadError
-from aspectgraph.facets import Tessellation, join_facets
+from aspectgraph.facets import join_facets
+from aspectgraph.limits import ReadLimits
 from aspectgraph.mesh_glb import parse_glb
 from aspectgraph.mesh_ply import parse_ply
 from aspectgraph.mesh_stl import parse_stl
 from aspectgraph.mesh_text import parse_obj, parse_off
 from aspectgraph.shells import face_outwards
 from aspectgraph.solid import Solid
+from aspectgraph.tessellation import Tessellation
 from aspectgraph.topology import Face, describe_edge, label_shells, pair_edges
 from aspectgraph.triangulate import newell_area_vector, triangulate_face
 from aspectgraph.validation import check_vertices, default_planarity_mm
@@ -32,17 +34,15 @@ from aspectgraph.weld import drop_repetitions, drop_thin, is_closed, weld
 UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "inch": 25.4, "ft": 304.8}
 """Millimetres in one of each unit."""
 
-_PARSERS = {
-    ".stl": parse_stl,
-    ".obj": parse_obj,
-    ".ply": lambda data, notes: parse_ply(data),
-    ".off": lambda data, notes: parse_off(data),
-    ".glb": lambda data, notes: parse_glb(data),
-}
-
 
 def read_mesh(
-    data: bytes, suffix: str, *, units: str | None = None, planarity_mm: float | None = None, name: str = ""
+    data: bytes,
+    suffix: str,
+    *,
+    units: str | None = None,
+    planarity_mm: float | None = None,
+    name: str = "",
+    limits: ReadLimits | None = None,
 ) -> Solid:
     """Return the solid bounded by the triangles of a mesh file.
 
@@ -58,21 +58,26 @@ def read_mesh(
         See `assemble`; also the ``weld_mm`` of the module's description. Default: 10⁻⁶ of the bounding box diagonal.
     name : str
         Name of the part.
+    limits : ReadLimits, optional
+        Most triangles to make of the file.
 
     Raises
     ------
     ReadError
-        The file is damaged, a coordinate is not finite, or `units` is unknown.
+        The file is damaged or exceeds a limit, a coordinate is not finite, or `units` is unknown.
     SolidError
         The surface is open, not manifold, or crosses or touches itself.
     """
     notes: list[str] = []
     scale = _scale(units, suffix)
-    vertices, polygons = _PARSERS[suffix](data, notes)
+    most = (limits or ReadLimits()).triangles
+    vertices, polygons = _parse(data, suffix, notes, most)
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if len(bad):
         raise ReadError(f"coordinates must be finite. Got {vertices[bad[0]].tolist()} at vertex {bad[0]} of the file.")
-    vertices, triangles = _welded_triangles(check_vertices(vertices * scale), polygons, notes)
+    with np.errstate(over="ignore"):
+        vertices = check_vertices(vertices * scale)
+    vertices, triangles = _welded_triangles(vertices, polygons, notes)
     if len(triangles) < 4:
         raise ReadError(f"a closed mesh must have at least 4 facets. Got {len(triangles)}.")
     tolerance = default_planarity_mm(vertices) if planarity_mm is None else planarity_mm
@@ -86,6 +91,25 @@ def read_mesh(
         n = sum(face.curved for face in faces)
         notes.append(f"{n} faces taken for facets of curved surfaces; their chords are no candidates")
     return Solid(vertices, faces, curved_edges=curved_edges, name=name, planarity_mm=2 * tolerance, notes=notes)
+
+
+def _parse(data: bytes, suffix: str, notes: list[str], most_triangles: int):
+    """Return vertices and polygons as the format has them."""
+    if suffix == ".glb":
+        return parse_glb(data, most_triangles)
+    if suffix == ".stl":
+        vertices, polygons = parse_stl(data, notes)
+    elif suffix == ".obj":
+        vertices, polygons = parse_obj(data, notes)
+    else:
+        vertices, polygons = (parse_ply if suffix == ".ply" else parse_off)(data)
+    n = len(polygons) if isinstance(polygons, np.ndarray) else sum(len(polygon) - 2 for polygon in polygons)
+    if n > most_triangles:
+        raise ReadError(
+            f"a mesh file must hold at most triangles={most_triangles} triangles. Got {n}; "
+            "allow more with limits=ReadLimits(triangles=...)."
+        )
+    return vertices, polygons
 
 
 def _scale(units: str | None, suffix: str) -> float:

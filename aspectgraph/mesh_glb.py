@@ -3,41 +3,69 @@
 from __future__ import annotations
 
 import json
+import math
 import struct
 
 import numpy as np
 
 from aspectgraph.exceptions import ReadError
 
-_COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_INDEX_TYPES = {5121: "<u1", 5123: "<u2", 5125: "<u4"}
+_REAL_TYPES = {5126: "<f4"}
 _TRIANGLES = 4
+_UNIT_LENGTH = 1e-3
+"""How far the length of a rotation's quaternion may be from one."""
 
 
-def parse_glb(data: bytes) -> tuple[np.ndarray, np.ndarray]:
+def parse_glb(data: bytes, most_triangles: int = 5_000_000) -> tuple[np.ndarray, np.ndarray]:
     """Return the vertices and triangles of the scene of a GLB file, in the file's unit (the standard says metres).
+
+    Parameters
+    ----------
+    data : bytes
+        The file.
+    most_triangles : int
+        See `ReadLimits`. A mesh may be placed any number of times, so a small file can hold very many.
 
     Raises
     ------
     ReadError
-        The file is cut off or malformed, holds no triangles, or needs an extension (compression).
+        The file is cut off or malformed, holds no triangles or too many, or needs an extension (compression).
     """
     try:
         document, binary = _split_chunks(data)
         needed = document.get("extensionsRequired", [])
         if needed:
-            raise ReadError(f"a GLB file must do without required extensions. Got {', '.join(needed)}.")
-        vertices, triangles = [], []
-        n = 0
-        for matrix, mesh in _placed_meshes(document):
-            for primitive in document["meshes"][mesh]["primitives"]:
-                points, corners = _read_primitive(document, binary, primitive)
-                vertices.append(points @ matrix[:3, :3].T + matrix[:3, 3])
-                triangles.append(n + (corners[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else corners))
-                n += len(points)
-    except (KeyError, IndexError, TypeError, struct.error, json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ReadError(
-            f"a GLB file must be whole and follow glTF 2.0. Got {type(error).__name__}: {error}."
-        ) from error
+            raise ReadError(f"a GLB file must do without required extensions. Got {', '.join(map(str, needed))[:80]}.")
+        # what overflows is not finite, and refused as such
+        with np.errstate(all="ignore"):
+            return _gather(document, binary, most_triangles)
+    except ReadError:
+        raise
+    except (
+        ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError, struct.error,
+    ) as error:  # fmt: skip
+        # a value of another type than the standard says, or none
+        text = " ".join(str(error).split())[:100]
+        raise ReadError(f"a GLB file must be whole and follow glTF 2.0. Got {type(error).__name__}: {text}.") from error
+
+
+def _gather(document: dict, binary: bytes, most_triangles: int) -> tuple[np.ndarray, np.ndarray]:
+    vertices, triangles = [], []
+    n = n_triangles = 0
+    for matrix, mesh in _placed_meshes(document):
+        for primitive in _at(document["meshes"], mesh)["primitives"]:
+            points, corners = _read_primitive(document, binary, primitive)
+            n_triangles += len(corners)
+            if n_triangles > most_triangles or n + len(points) > 3 * most_triangles:
+                raise ReadError(
+                    f"a GLB file must place at most triangles={most_triangles} triangles. Got more; "
+                    "allow more with limits=ReadLimits(triangles=...)."
+                )
+            vertices.append(points.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3])
+            corners = corners.astype(np.int64)
+            triangles.append(n + (corners[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else corners))
+            n += len(points)
     if not triangles:
         raise ReadError("a GLB file must hold triangles. Got none.")
     return np.concatenate(vertices), np.concatenate(triangles)
@@ -57,20 +85,38 @@ def _split_chunks(data: bytes) -> tuple[dict, bytes]:
     return json.loads(chunks[b"JSON"].decode("utf-8")), chunks.get(b"BIN\0", b"")
 
 
+def _at(items: list, index: int):
+    """Return an item of a list of the document; Python would take -1 and True as well."""
+    if type(index) is not int or not 0 <= index < len(items):
+        raise ReadError(f"the numbers in a GLB file must be those of things in it. Got {str(index)[:40]}.")
+    return items[index]
+
+
+def _natural(value) -> int:
+    if type(value) is not int or value < 0:
+        raise ReadError(f"counts and offsets in a GLB file must be whole numbers from 0. Got {str(value)[:40]}.")
+    return value
+
+
 def _placed_meshes(document: dict) -> list[tuple[np.ndarray, int]]:
-    """Return every mesh of the scene with its 4x4 placement."""
+    """Return every mesh of the scene with its 4x4 placement.
+
+    The standard has nodes form trees, so each is visited once: the work is bounded by the size of the file.
+    """
     nodes = document.get("nodes", [])
     scenes = document.get("scenes")
-    roots = scenes[document.get("scene", 0)].get("nodes", []) if scenes else _parentless(nodes)
-    placed, pending = [], [(np.eye(4), root, 0) for root in reversed(roots)]
+    roots = _at(scenes, document.get("scene", 0)).get("nodes", []) if scenes else _parentless(nodes)
+    placed, pending, seen = [], [(np.eye(4), root) for root in reversed(roots)], set()
     while pending:
-        parent, index, depth = pending.pop()
-        if depth > len(nodes):
-            raise ReadError("the nodes of a GLB file must form a tree. Got a cycle.")
-        matrix = parent @ _local_matrix(nodes[index])
-        if "mesh" in nodes[index]:
-            placed.append((matrix, nodes[index]["mesh"]))
-        pending.extend((matrix, child, depth + 1) for child in reversed(nodes[index].get("children", [])))
+        parent, index = pending.pop()
+        node = _at(nodes, index)
+        if index in seen:
+            raise ReadError(f"the nodes of a GLB file must form trees. Got node {index} in two places.")
+        seen.add(index)
+        matrix = parent @ _local_matrix(node)
+        if "mesh" in node:
+            placed.append((matrix, node["mesh"]))
+        pending.extend((matrix, child) for child in reversed(node.get("children", [])))
     return placed
 
 
@@ -81,43 +127,62 @@ def _parentless(nodes: list[dict]) -> list[int]:
 
 def _local_matrix(node: dict) -> np.ndarray:
     if "matrix" in node:
-        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
-    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
+        matrix = _reals(node["matrix"], 16).reshape(4, 4).T
+        if (matrix[3] != (0, 0, 0, 1)).any():
+            raise ReadError(f"the matrix of a GLB node must end in 0, 0, 0, 1. Got {matrix[3].tolist()}.")
+        return matrix
+    x, y, z, w = rotation = _reals(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), 4)
+    if not abs(np.linalg.norm(rotation) - 1.0) <= _UNIT_LENGTH:
+        raise ReadError(f"the rotation of a GLB node must be a unit quaternion. Got {rotation.tolist()}.")
     matrix = np.eye(4)
     matrix[:3, :3] = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
     ]
-    matrix[:3, :3] *= np.array(node.get("scale", (1.0, 1.0, 1.0)))
-    matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
+    matrix[:3, :3] *= _reals(node.get("scale", (1.0, 1.0, 1.0)), 3)
+    matrix[:3, 3] = _reals(node.get("translation", (0.0, 0.0, 0.0)), 3)
     return matrix
 
 
+def _reals(values, n: int) -> np.ndarray:
+    numbers = len(values) == n and all(type(value) in (int, float) and math.isfinite(value) for value in values)
+    if not numbers:
+        raise ReadError(f"the placement of a GLB node must be {n} finite numbers. Got {str(values)[:60]}.")
+    return np.array(values, dtype=np.float64)
+
+
 def _read_primitive(document: dict, binary: bytes, primitive: dict) -> tuple[np.ndarray, np.ndarray]:
+    """Return views of the points (n, 3) and the triangles (t, 3) of a primitive."""
     mode = primitive.get("mode", _TRIANGLES)
-    if mode != _TRIANGLES:
-        raise ReadError(f"the primitives of a GLB file must be triangles (mode 4). Got mode {mode}.")
-    points = _read_accessor(document, binary, primitive["attributes"]["POSITION"], 3).astype(np.float64)
+    if type(mode) is not int or mode != _TRIANGLES:
+        raise ReadError(f"the primitives of a GLB file must be triangles (mode 4). Got mode {str(mode)[:40]}.")
+    points = _read_accessor(document, binary, primitive["attributes"]["POSITION"], "VEC3")
     if "indices" in primitive:
-        corners = _read_accessor(document, binary, primitive["indices"], 1).astype(np.int64).ravel()
+        corners = _read_accessor(document, binary, primitive["indices"], "SCALAR").ravel()
     else:
         corners = np.arange(len(points))
-    if len(corners) % 3 or (len(corners) and corners.max() >= len(points)):
+    if len(corners) % 3 or corners.max() >= len(points):
         raise ReadError(f"GLB indices must be triples below {len(points)}. Got {len(corners)} up to {corners.max()}.")
     return points, corners.reshape(-1, 3)
 
 
-def _read_accessor(document: dict, binary: bytes, index: int, width: int) -> np.ndarray:
-    accessor = document["accessors"][index]
+def _read_accessor(document: dict, binary: bytes, index: int, kind: str) -> np.ndarray:
+    accessor = _at(document["accessors"], index)
     if "sparse" in accessor or "bufferView" not in accessor:
         raise ReadError(f"GLB accessors must be plain. Got a sparse one, number {index}.")
-    view = document["bufferViews"][accessor["bufferView"]]
-    if view.get("buffer", 0) != 0 or "uri" in document["buffers"][0]:
+    view = _at(document["bufferViews"], accessor["bufferView"])
+    if _natural(view.get("buffer", 0)) != 0 or "uri" in document["buffers"][0]:
         raise ReadError(f"a GLB file must hold its own data. Got buffer view {accessor['bufferView']} elsewhere.")
-    dtype = np.dtype(_COMPONENTS[accessor["componentType"]])
-    count, start = accessor["count"], view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-    stride = view.get("byteStride", dtype.itemsize * width)
-    if count < 1 or start + (count - 1) * stride + dtype.itemsize * width > len(binary):
+    types, width = (_REAL_TYPES, 3) if kind == "VEC3" else (_INDEX_TYPES, 1)
+    if accessor.get("type") != kind or accessor.get("componentType") not in types:
+        raise ReadError(f"a GLB accessor must be {kind} of a legal component type. Got number {index}, which is not.")
+    dtype = np.dtype(types[accessor["componentType"]])
+    count, start = _natural(accessor["count"]), _natural(accessor.get("byteOffset", 0))
+    size, offset = _natural(view["byteLength"]), _natural(view.get("byteOffset", 0))
+    row = dtype.itemsize * width
+    stride = _natural(view.get("byteStride", row))
+    outside = start + (count - 1) * stride + row > size or offset + size > len(binary)
+    if count < 1 or stride < row or outside:
         raise ReadError(f"GLB accessors must lie inside the binary chunk. Got number {index} outside.")
-    return np.ndarray((count, width), dtype, binary, start, (stride, dtype.itemsize))
+    return np.ndarray((count, width), dtype, binary, offset + start, (stride, dtype.itemsize))

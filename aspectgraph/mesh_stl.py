@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aspectgraph.exceptions import ReadError
+from aspectgraph.mesh_numbers import decode_text, parse_real
 
 _HEADER = 84
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -14,7 +15,7 @@ def parse_stl(data: bytes, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
     """Return the corners and triangles of an STL file.
 
     A file whose length fits its facet count is binary, whatever its header says; so is one that does not begin with
-    ``solid`` or that holds a zero byte. Bytes after the last facet are ignored and noted.
+    ``solid`` or that holds a zero byte. A few bytes after the last facet, less than another one, are ignored and noted.
 
     Parameters
     ----------
@@ -37,7 +38,7 @@ def parse_stl(data: bytes, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
     count = int.from_bytes(data[80:_HEADER], "little") if len(data) >= _HEADER else -1
     fits = count >= 0 and len(data) == _HEADER + _FACET.itemsize * count
     text = b"\0" not in data and data.lstrip(b"\xef\xbb\xbf \t\r\n")[:5].lower() == b"solid"
-    corners = _parse_text(data.decode("latin-1")) if text and not fits else _parse_binary(data, count, notes)
+    corners = _parse_text(decode_text(data)) if text and not fits else _parse_binary(data, count, notes)
     if not len(corners):
         raise ReadError("an STL file must hold facets. Got 0.")
     return corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
@@ -47,14 +48,14 @@ def _parse_binary(data: bytes, count: int, notes: list[str]) -> np.ndarray:
     if count < 0:
         raise ReadError(f"a binary STL file must have at least {_HEADER} bytes. Got {len(data)}.")
     room, spare = divmod(len(data) - _HEADER, _FACET.itemsize)
-    if count > room:
+    if not count and room:
+        raise ReadError(f"a binary STL file must count its facets. Got 0 counted, {room} present.")
+    if count != room:
         raise ReadError(
             f"a binary STL file must hold the facets its header counts. Got {count} counted, {room} whole ones present."
         )
-    if count < room or spare:
-        if not count:
-            raise ReadError(f"a binary STL file must count its facets. Got 0 counted, {room} present.")
-        notes.append(f"ignored {len(data) - _HEADER - count * _FACET.itemsize} bytes after the last facet")
+    if spare:
+        notes.append(f"ignored {spare} bytes after the last facet")
     return np.frombuffer(data, _FACET, count, _HEADER)["corners"].astype(np.float64)
 
 
@@ -64,7 +65,7 @@ def _parse_text(text: str) -> np.ndarray:
     closed = False
     for number, line in enumerate(text.splitlines(), start=1):
         words = line.lower().split()
-        keyword = words[0].lstrip("\ufeffï»¿") if words else ""
+        keyword = words[0] if words else ""
         if keyword == "facet":
             if loop is not None:
                 raise ReadError(f"an STL facet must end before the next begins. Got a new one in line {number}.")
@@ -86,7 +87,7 @@ def _parse_text(text: str) -> np.ndarray:
 
 def _numbers(words: list[str], number: int) -> list[float]:
     try:
-        x, y, z = (float(word) for word in words[1:4])
+        x, y, z = (parse_real(word) for word in words[1:])
     except ValueError as error:
         raise ReadError(f"an STL vertex must have three numbers. Got {' '.join(words)!r} in line {number}.") from error
     return [x, y, z]

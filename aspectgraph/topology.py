@@ -16,6 +16,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from aspectgraph.exceptions import NonManifoldError, OpenSolidError, OrientationError, SolidError
+from aspectgraph.places import describe_point
 
 
 @dataclass(frozen=True)
@@ -88,11 +89,6 @@ def _loop(indices: Iterable) -> tuple[int, ...]:
     if any(isinstance(i, bool) or not isinstance(i, int | np.integer) for i in loop):
         raise SolidError(f"faces must be loops of integer vertex indices. Got {loop}.")
     return tuple(int(i) for i in loop)
-
-
-def describe_point(point: np.ndarray) -> str:
-    """Return a point as text for a message, in millimetres."""
-    return "(" + ", ".join(f"{float(c):.6g}" for c in point) + ")"
 
 
 def describe_edge(vertices: np.ndarray, i: int, j: int) -> str:

@@ -149,6 +149,16 @@ def _add_simulate(commands) -> None:
 def _add_part(parser) -> None:
     parser.add_argument("part", metavar="PART", help=".step .stp .stl .obj .ply .off .glb")
     parser.add_argument("--units", metavar="UNIT", help="units of a file that does not say: mm, inch, m, ...")
+    parser.add_argument("--solids", type=_numbers, metavar="N,N", help="which solids of a STEP file, counted from 0")
+    parser.add_argument("--gap-mm", type=float, metavar="MM", help="widest gap between a STEP file's edges and faces")
+
+
+def _numbers(text: str) -> list[int]:
+    """Return whole numbers separated by commas."""
+    numbers = text.split(",")
+    if not all(number.strip().isascii() and number.strip().isdigit() for number in numbers):
+        raise argparse.ArgumentTypeError(f"must be whole numbers like 0,2. Got {text!r}.")
+    return [int(number) for number in numbers]
 
 
 def _add_entities(parser) -> None:

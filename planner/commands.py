@@ -171,7 +171,7 @@ def read_camera(text: str) -> Camera:
 def _read_part(options):
     """Read the part; an error names the file."""
     try:
-        return read_solid(options.part, units=options.units)
+        return read_solid(options.part, units=options.units, solids=options.solids, gap_mm=options.gap_mm)
     except AspectGraphError as error:
         if str(options.part) in str(error):
             raise

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mesh_files import corners, glb_bytes, obj_text, off_text, ply_bytes, stl_bytes, stl_text
+from mutants import damaged_bytes, damaged_glb, damaged_numbers
 from solids import l_block
 
 from aspectgraph import AspectGraphError, Solid, read_solid
@@ -22,34 +23,29 @@ FILES = {
 }
 
 
-def damaged(data: bytes, rng: np.random.Generator) -> bytes:
-    """One to three cuts, losses, repetitions or changed bytes."""
-    for _ in range(rng.integers(1, 4)):
-        at, other = rng.integers(len(data), size=2)
-        kind = rng.integers(5)
-        if kind == 0:
-            data = data[:at]
-        elif kind == 1:
-            data = data[:at] + data[at + rng.integers(1, 40) :]
-        elif kind == 2:
-            data = data[:at] + data[other : other + 30] + data[at:]
-        else:
-            new = rng.integers(256) if kind == 3 else rng.choice(list(b"0123456789.-e \n"))
-            data = data[:at] + bytes([new]) + data[at + 1 :]
-        data = data or b"x"
-    return data
-
-
-@pytest.mark.parametrize("name", FILES)
-def test_damage(tmp_path, name):
+def read_damaged(path, n: int, damage) -> list[str]:
+    """Read a file damaged in n ways; return the messages of the errors."""
     rng = np.random.default_rng(20240229)
-    path = tmp_path / name
     messages = []
-    for _ in range(120):
-        path.write_bytes(damaged(FILES[name], rng))
+    for _ in range(n):
+        path.write_bytes(damage(FILES[path.name], rng))
         try:
             assert isinstance(read_solid(path), Solid)
         except AspectGraphError as error:
             messages.append(str(error))
-    assert len(messages) > 60
     assert not any("\n" in message for message in messages)
+    return messages
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_damaged_bytes(tmp_path, name):
+    assert len(read_damaged(tmp_path / name, 120, damaged_bytes)) > 60
+
+
+@pytest.mark.parametrize("name", [name for name in FILES if "binary" not in name and "glb" not in name])
+def test_damaged_numbers(tmp_path, name):
+    assert len(read_damaged(tmp_path / name, 120, damaged_numbers)) > 40
+
+
+def test_damaged_glb_documents(tmp_path):
+    assert len(read_damaged(tmp_path / "part.glb", 300, damaged_glb)) > 150

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import builtins
 import gzip
 from collections import Counter
 from pathlib import Path
@@ -223,15 +222,10 @@ def test_units_belong_to_meshes():
         read_solid(EXAMPLES / "mfcad_6-11-11-19.step", units="mm")
 
 
-def test_without_the_extra(monkeypatch):
-    real = builtins.__import__
-
-    def no_ocp(name, *args, **kwargs):
-        if name.split(".")[0] == "OCP":
-            raise ImportError("No module named 'OCP'")
-        return real(name, *args, **kwargs)
-
-    monkeypatch.setattr(builtins, "__import__", no_ocp)
+def test_without_the_extra(monkeypatch, tmp_path):
+    (tmp_path / "OCP.py").write_text("raise ImportError(\"No module named 'OCP'\")")
+    monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(MissingExtraError, match=r"pip install aspectgraph\[step\]") as caught:
         read_solid(EXAMPLES / "mfcad_6-11-11-19.step")
     assert isinstance(caught.value, ImportError)
+    assert "No module named 'OCP'" in str(caught.value)

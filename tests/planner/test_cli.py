@@ -382,3 +382,30 @@ def test_help_explains_and_is_quick():
     assert done.returncode == 0
     assert "exit codes: 0 done, 1 plan incomplete, 2 bad input" in done.stdout
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_solids_of_a_step_file_can_be_chosen(folder, capsys):
+    pytest.importorskip("OCP")
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
+    from OCP.gp import gp_Pnt
+    from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
+
+    writer = STEPControl_Writer()
+    for size, x in ((2.0, 0.0), (2.0, 1.0), (3.0, 9.0)):
+        box = BRepPrimAPI_MakeBox(gp_Pnt(x, x, x), size, size, size).Shape()
+        writer.Transfer(box, STEPControl_StepModelType.STEPControl_AsIs)
+    writer.Write("part.step")
+    capsys.readouterr()
+    assert "solids=[...] (on the command line --solids ...)" in failure(capsys, ["info", "part.step"])[0]
+    assert main(["info", "part.step", "--solids", "0,2"]) == DONE
+    assert "part: 2 shells, 12 faces" in capsys.readouterr().out
+    assert main(["graph", "part.step", "--solids", "2", "--all", "--graphml", "g.graphml"]) == DONE
+    assert len(nx.read_graphml("g.graphml")) > 1
+    capsys.readouterr()
+    for arguments, rule in (
+        (["part.step", "--solids", "7"], "must name some of 0..2 of part.step. Got [7]"),
+        (["part.step", "--solids", "1,x"], "argument --solids: must be whole numbers"),
+        (["part.step", "--solids", "0", "--gap-mm", "-1"], "gap_mm must be positive"),
+        (["block.off", "--solids", "0"], "solids applies to STEP files"),
+    ):
+        assert rule in failure(capsys, ["info", *arguments])[0]

@@ -1,0 +1,45 @@
+"""What reading a part file may cost: a file from anywhere must not take the machine."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from aspectgraph.exceptions import ReadError
+
+
+@dataclass(frozen=True)
+class ReadLimits:
+    """Limits on the reading of one part file.
+
+    The defaults are far above what real parts need: the largest of the NIST test parts (2 MB, 635 faces) takes 3 s and
+    80 MB in the STEP kernel; an STL file of a million facets has 50 MB.
+
+    Attributes
+    ----------
+    time_s : float
+        Wall-clock time the STEP kernel may take, in seconds.
+    memory_mb : float
+        Memory the STEP kernel may take for the file, in MB (10⁶ bytes); where the operating system cannot limit it, the
+        time limit alone holds.
+    file_mb : float
+        Size of the file in MB, unpacked.
+    triangles : int
+        Triangles of a mesh file, each use of a shared mesh counted.
+
+    Raises
+    ------
+    ReadError
+        A limit is not positive.
+    """
+
+    time_s: float = 300.0
+    memory_mb: float = 2000.0
+    file_mb: float = 256.0
+    triangles: int = 5_000_000
+
+    def __post_init__(self):
+        for name in ("time_s", "memory_mb", "file_mb", "triangles"):
+            value = getattr(self, name)
+            if not 0 < value < math.inf:
+                raise ReadError(f"{name} of the limits must be positive and finite. Got {value}.")

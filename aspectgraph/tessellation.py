@@ -1,0 +1,32 @@
+"""Triangles on their way from a reader to a solid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass
+class Tessellation:
+    """Triangles of a closed surface and what is known of the surface behind them.
+
+    Attributes
+    ----------
+    vertices : ndarray, shape (n, 3)
+        In mm.
+    triangles : ndarray of int, shape (t, 3)
+        Counter-clockwise seen from outside.
+    patch : ndarray of int, shape (t,)
+        The surface each triangle belongs to, 0..p-1 (all 0 if unknown).
+    curved_patch : ndarray of bool, shape (p,)
+        Which of them are curved; triangles of two curved ones, or of a curved and a planar one, are never joined.
+    curved_edges : set of (int, int)
+        Vertex pairs, lower index first, of chords of curved or smooth edges.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    patch: np.ndarray
+    curved_patch: np.ndarray
+    curved_edges: set[tuple[int, int]] = field(default_factory=set)
