@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from mutants import damaged_bytes, damaged_encoding, damaged_numbers, damaged_xml
-from test_graphml import small_graph
+from graph_examples import small_graph
+from part_mutants import damaged_bytes, damaged_encoding, damaged_numbers, damaged_xml
 
 from aspectgraph import GraphMLError, read_graphml, write_graphml
 

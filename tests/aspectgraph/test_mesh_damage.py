@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mesh_files import corners, glb_bytes, obj_text, off_text, ply_bytes, stl_bytes, stl_text
-from mutants import damaged_bytes, damaged_glb, damaged_numbers
+from part_mutants import damaged_bytes, damaged_glb, damaged_numbers
 from solids import l_block
 
 from aspectgraph import AspectGraphError, Solid, read_solid

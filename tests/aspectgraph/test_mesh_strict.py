@@ -9,7 +9,7 @@ import struct
 import numpy as np
 import pytest
 from mesh_files import corners, glb_bytes, obj_text, off_text, ply_bytes, stl_bytes, stl_text
-from mutants import with_json
+from part_mutants import with_json
 from solids import cube, l_block, two_boxes
 
 from aspectgraph import ReadError, ReadLimits, read_solid

@@ -5,7 +5,7 @@ import random
 
 import numpy as np
 import pytest
-from mutants import damaged_json, damaged_toml
+from file_mutants import damaged_json, damaged_toml
 from plan_examples import ENTITIES, plan, setting
 
 from planner import Camera, look_at
