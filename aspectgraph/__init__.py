@@ -1,9 +1,8 @@
 """Exact entity-based aspect graphs of polyhedral parts."""
 
-from aspectgraph.cellset import Cell, CellSet
-from aspectgraph.complete import complete_aspect_graph
-from aspectgraph.edge_picture import edge_figure, write_edge_picture
-from aspectgraph.entities import Entity, read_entities, resolve_entities
+from aspectgraph.cells.cell_set import Cell, CellSet
+from aspectgraph.entities.entity_files import read_entities
+from aspectgraph.entities.straight_edges import Entity, resolve_entities
 from aspectgraph.exceptions import (
     AspectGraphError,
     ContradictionError,
@@ -25,17 +24,19 @@ from aspectgraph.exceptions import (
     WidthError,
     WorkspaceError,
 )
-from aspectgraph.graph import EntityAspectGraph, build_aspect_graph, graph_of
-from aspectgraph.graphml import read_graphml, write_graphml
-from aspectgraph.limits import ReadLimits
-from aspectgraph.partition import PartitionSurface
-from aspectgraph.plot import GraphDrawing, plot_graph
-from aspectgraph.plot3d import plot_domains, plot_solid
-from aspectgraph.plot_section import SectionDrawing, plot_section
-from aspectgraph.reader import read_solid
-from aspectgraph.regions import VisibilityRegions, compute_regions
-from aspectgraph.solid import Solid
-from aspectgraph.topology import Edge, Face
+from aspectgraph.graph.aspect_graph import EntityAspectGraph, build_aspect_graph, graph_of
+from aspectgraph.graph.complete_graph import complete_aspect_graph
+from aspectgraph.graph.graphml import read_graphml, write_graphml
+from aspectgraph.graph.partition_surfaces import PartitionSurface
+from aspectgraph.plot.edge_ids import edge_figure, write_edge_picture
+from aspectgraph.plot.graph_plot import GraphDrawing, plot_graph
+from aspectgraph.plot.section import SectionDrawing, plot_section
+from aspectgraph.plot.solid_view import plot_domains, plot_solid
+from aspectgraph.read.limits import ReadLimits
+from aspectgraph.read.part_file import read_solid
+from aspectgraph.solid.solid import Solid
+from aspectgraph.solid.topology import Edge, Face
+from aspectgraph.visibility.visibility_regions import VisibilityRegions, compute_regions
 
 __all__ = [
     "AspectGraphError",

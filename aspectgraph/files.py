@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from .exceptions import OutputError
+from aspectgraph.exceptions import OutputError
 
 
 @contextmanager

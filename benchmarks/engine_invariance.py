@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "tests" / "aspectgraph"))
+sys.path.insert(0, str(ROOT / "tests" / "aspectgraph" / "helpers"))
 
 from engine_pairs import sharp_edges  # noqa: E402
 from exact_checker import ExactChecker  # noqa: E402

@@ -3,7 +3,7 @@
     python benchmarks/engine_speed.py [--quick]
 
 1. Plate of n x n pockets, two floor edges per pocket: the engine against the same insertion in plain rational
-   arithmetic (tests/aspectgraph/rational_twin.py), cells per domain, growth with the number of faces.
+   arithmetic (tests/aspectgraph/helpers/rational_twin.py), cells per domain, growth with the number of faces.
 2. A million viewpoints times 20 entities: exact location against Open3D casting 32 rays per edge.
 3. Real parts: regions of all edges, joint graphs, peak memory.
 """
@@ -18,15 +18,15 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "tests" / "aspectgraph"))
+sys.path.insert(0, str(ROOT / "tests" / "aspectgraph" / "helpers"))
 
 import solids  # noqa: E402
 from exact_checker import ExactChecker  # noqa: E402
 from rational_twin import twin_graph  # noqa: E402
 
 from aspectgraph import build_aspect_graph, compute_regions, graph_of, read_solid  # noqa: E402
-from aspectgraph.graph import cells_per_domain  # noqa: E402
-from aspectgraph.raycast import SightLines  # noqa: E402
+from aspectgraph.graph.aspect_graph import cells_per_domain  # noqa: E402
+from aspectgraph.graph.ray_confirmation import SightLines  # noqa: E402
 
 
 def seconds(call, repeats=1):

@@ -30,15 +30,15 @@ import numpy as np
 from cases import SETUPS, regions
 from scipy.optimize import minimize
 
-from planner.candidates import entity_poses
-from planner.columns import Judge
-from planner.constraints import Constraints, Requirements
-from planner.cover import greedy_cover, min_cover
-from planner.encoding import PoseEncoding
+from planner.camera.pose import look_at
+from planner.columns.candidates import entity_poses
+from planner.columns.judge import Judge
+from planner.cover.set_cover import greedy_cover, min_cover
 from planner.inspection import plan_inspection
-from planner.pose import look_at
-from planner.sampling import ViewpointSampler
-from planner.setting import position_margin_mm
+from planner.request.constraints import Constraints, Requirements
+from planner.request.defaults import position_margin_mm
+from planner.setting.pose_bits import PoseEncoding
+from planner.setting.viewpoint_sampling import ViewpointSampler
 
 THRESHOLD = 0.9
 _ROLLS = 4

@@ -26,13 +26,13 @@ from cases import SETUPS, regions
 from scipy.optimize import differential_evolution, minimize
 
 from planner import Search
-from planner.constraints import Constraints, Requirements
-from planner.encoding import PoseEncoding
-from planner.objective import Objective
-from planner.sampling import ViewpointSampler
-from planner.search import search_pose
-from planner.setting import position_margin_mm
-from planner.start import draw_start
+from planner.request.constraints import Constraints, Requirements
+from planner.request.defaults import position_margin_mm
+from planner.request.objective import Objective
+from planner.setting.first_poses import draw_start
+from planner.setting.pose_bits import PoseEncoding
+from planner.setting.pose_search import search_pose
+from planner.setting.viewpoint_sampling import ViewpointSampler
 
 _TRIES_PER_EVALUATION = 20
 _STEP = 1e-4

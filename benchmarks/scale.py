@@ -76,7 +76,7 @@ def _toml(camera: Camera) -> str:
 def _run(arguments: list[str]) -> tuple[float, float, float]:
     """Run the command line; return wall time and processor time, s, and peak memory, GiB."""
     begun, before = time.perf_counter(), os.times()
-    command = [sys.executable, "-c", "import sys; from planner.cli import main; sys.exit(main())", *arguments]
+    command = [sys.executable, "-c", "import sys; from planner.cli.main import main; sys.exit(main())", *arguments]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
     peak = [0.0]
     watch = threading.Thread(target=_watch, args=(process, peak), daemon=True)

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 
-import numba
+import numba as nb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -65,7 +65,7 @@ def length_expansion(
     return length.reshape(lead), gradient.reshape((*lead, 6)), hessian.reshape((*lead, 6, 6))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy")
 def expand(ends, f, g, h, work):
     """Write gradient (6,) and Hessian (6, 6) of one edge's image length; return length and direction (L, e1, e2).
 
@@ -88,7 +88,7 @@ def expand(ends, f, g, h, work):
     return length, e1, e2
 
 
-@numba.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy")
 def _add_end(c, w, f, e1, e2, sign, g, h, work):
     """Add one end point's share (sign -1 first, +1 second) to g, to the lower triangle of h and to B."""
     a = work[0]
@@ -110,7 +110,7 @@ def _add_end(c, w, f, e1, e2, sign, g, h, work):
         h[3 + i, 3 + i] -= sign * dot
 
 
-@numba.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy")
 def _point_gradient(c, w, f, e1, e2, out):
     """Write A = (a, C x a): the derivative of e . (u, v) by the displacement."""
     a1, a2 = f * w * e1, f * w * e2
@@ -121,7 +121,7 @@ def _point_gradient(c, w, f, e1, e2, out):
     out[5] = c[0] * a2 - c[1] * a1
 
 
-@numba.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy")
 def _expand_all(endpoints, f, length, gradient, hessian):
     work = np.empty((3, 6))
     for i in range(len(endpoints)):

@@ -33,7 +33,7 @@ from __future__ import annotations
 
 import math
 
-import numba
+import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
@@ -86,7 +86,7 @@ def joint_probability(
     return out
 
 
-@numba.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy")
 def _joint_loop(endpoints, f, rx, ry, root, log_low, log_high, out):
     g, b, alpha, beta2 = np.empty(6), np.empty(6), np.empty(6), np.zeros(6)
     h, m, work = np.empty((6, 6)), np.empty((6, 6)), np.empty((3, 6))
@@ -109,7 +109,7 @@ def _joint_loop(endpoints, f, rx, ry, root, log_low, log_high, out):
         out[i] = _interval_probability(alpha, beta2, b_norm2, abs(e1) * rx, abs(e2) * ry, low, high)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy")
 def _whiten(g, h, s, b, m, work):
     """Write b = S'g and M = S'HS."""
     row = work[0]
@@ -131,7 +131,7 @@ def _whiten(g, h, s, b, m, work):
             m[k, j] = total
 
 
-@numba.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy")
 def _tridiagonalise(b, m, alpha, beta2, work):
     """Rotate b onto the first axis and M to tridiagonal form; fill alpha, beta squared, return |b| squared.
 
@@ -158,7 +158,7 @@ def _tridiagonalise(b, m, alpha, beta2, work):
     return b_norm2
 
 
-@numba.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy")
 def _reflect(m, v, p, scale, start):
     """Replace the trailing block of M by P M P with P = I - scale v v'."""
     dot = 0.0
@@ -176,7 +176,7 @@ def _reflect(m, v, p, scale, start):
             m[i, j] -= v[i] * p[j] + p[i] * v[j]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy")
 def _pivots(t, alpha, beta2):
     """Return det(I - itM) = p_0 and 1 / D_0 = p_1 / p_0, each as real and imaginary part."""
     t2 = t * t
@@ -191,7 +191,7 @@ def _pivots(t, alpha, beta2):
     return re, im, (last_re * re + last_im * im) * scale, (last_im * re - last_re * im) * scale
 
 
-@numba.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy")
 def _square_root(re, im, near_re, near_im):
     """Return the square root of re + i im that lies on the side of near_re + i near_im."""
     size = math.sqrt(re * re + im * im)
@@ -206,7 +206,7 @@ def _square_root(re, im, near_re, near_im):
     return root_re, root_im
 
 
-@numba.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy")
 def _tails(alpha, beta2, b_norm2, width_x, width_y):
     """Return the mean of x and how far from it x may lie, but for a probability of about 1e-6."""
     mean, quadratic = 0.0, 0.0
@@ -218,7 +218,7 @@ def _tails(alpha, beta2, b_norm2, width_x, width_y):
     return mean, (7.0 + 9.0 * quadratic / variance) * math.sqrt(variance)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy")
 def _interval_probability(alpha, beta2, b_norm2, width_x, width_y, low, high):
     """Return P(low <= x <= high) for x = quadratic form in normals + two triangular variables of the given widths."""
     mean, reach = _tails(alpha, beta2, b_norm2, width_x, width_y)

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.patheffects import withStroke
 
 from aspectgraph import build_aspect_graph, plot_graph, plot_section, read_entities, read_solid
-from aspectgraph.edge_picture import is_seen, render, view_axes
+from aspectgraph.plot.hidden_lines import is_seen, render, view_axes
 
 HERE = Path(__file__).parent
 DIRECTION = (0.9, 1.0, 0.75)

@@ -53,8 +53,8 @@ from paper_tables import (
 from rivals import Problem
 
 from planner import Search
-from planner.picture import PictureMaker
-from planner.pose import world_to_cam
+from planner.camera.pose import world_to_cam
+from planner.output.predicted_image import PictureMaker
 
 FULL = os.environ.get("FULL_TABLES") == "1"
 plt.rcParams.update({"figure.constrained_layout.use": True, "axes.grid": True, "grid.alpha": 0.3, "font.size": 9})

@@ -8,9 +8,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from planner.camera import Camera, camera_names
-    from planner.cover import Cover, is_cover, min_cover
-    from planner.defaults import default_workspace
+    from planner.camera.camera import Camera
+    from planner.camera.catalogue import camera_names
+    from planner.camera.pose import look_at
+    from planner.camera.pose_uncertainty import PoseUncertainty
+    from planner.cover.set_cover import Cover, is_cover, min_cover
     from planner.exceptions import (
         CameraError,
         CoverError,
@@ -21,29 +23,30 @@ if TYPE_CHECKING:
         RequestError,
         UncertaintyError,
     )
-    from planner.export import write_poses
-    from planner.inspection import Effort, plan_inspection
+    from planner.inspection import plan_inspection
+    from planner.output.pose_files import write_poses
+    from planner.output.report import report_html
     from planner.plan import InspectionPlan, read_plan
-    from planner.pose import PoseUncertainty, look_at
-    from planner.reach import BoxRegion, MeshRegion, SphereRegion
-    from planner.report import report_html
-    from planner.search import Search
-    from planner.setting import SensorSetting, plan_setting
-    from planner.simulate import SuccessRate, simulate_setting
-    from planner.tour import travel_order
-    from planner.verification import SimulationResult, simulate_plan
+    from planner.request.defaults import default_workspace
+    from planner.request.effort import Effort
+    from planner.request.reach import BoxRegion, MeshRegion, SphereRegion
+    from planner.setting.plan_setting import plan_setting
+    from planner.setting.pose_search import Search
+    from planner.setting.sensor_setting import SensorSetting
+    from planner.travel import travel_order
+    from planner.verify.simulate_plan import SimulationResult, simulate_plan
+    from planner.verify.simulate_setting import SuccessRate, simulate_setting
 
 _NAMES = {
-    "planner.camera": (
-        "Camera",
-        "camera_names",
-    ),
-    "planner.cover": (
+    "planner.camera.camera": ("Camera",),
+    "planner.camera.catalogue": ("camera_names",),
+    "planner.camera.pose": ("look_at",),
+    "planner.camera.pose_uncertainty": ("PoseUncertainty",),
+    "planner.cover.set_cover": (
         "Cover",
         "is_cover",
         "min_cover",
     ),
-    "planner.defaults": ("default_workspace",),
     "planner.exceptions": (
         "CameraError",
         "CoverError",
@@ -54,39 +57,31 @@ _NAMES = {
         "RequestError",
         "UncertaintyError",
     ),
-    "planner.export": ("write_poses",),
-    "planner.inspection": (
-        "Effort",
-        "plan_inspection",
-    ),
+    "planner.inspection": ("plan_inspection",),
+    "planner.output.pose_files": ("write_poses",),
+    "planner.output.report": ("report_html",),
     "planner.plan": (
         "InspectionPlan",
         "read_plan",
     ),
-    "planner.pose": (
-        "PoseUncertainty",
-        "look_at",
-    ),
-    "planner.reach": (
+    "planner.request.defaults": ("default_workspace",),
+    "planner.request.effort": ("Effort",),
+    "planner.request.reach": (
         "BoxRegion",
         "MeshRegion",
         "SphereRegion",
     ),
-    "planner.report": ("report_html",),
-    "planner.search": ("Search",),
-    "planner.setting": (
-        "Search",
-        "SensorSetting",
-        "plan_setting",
-    ),
-    "planner.simulate": (
-        "SuccessRate",
-        "simulate_setting",
-    ),
-    "planner.tour": ("travel_order",),
-    "planner.verification": (
+    "planner.setting.plan_setting": ("plan_setting",),
+    "planner.setting.pose_search": ("Search",),
+    "planner.setting.sensor_setting": ("SensorSetting",),
+    "planner.travel": ("travel_order",),
+    "planner.verify.simulate_plan": (
         "SimulationResult",
         "simulate_plan",
+    ),
+    "planner.verify.simulate_setting": (
+        "SuccessRate",
+        "simulate_setting",
     ),
 }
 _HOMES = {name: home for home, names in _NAMES.items() for name in names}

@@ -2,13 +2,14 @@
 
 The way
 -------
-1. Candidate poses are drawn from the domains and improved (`planner.candidates`). Each gives a column: what it
+1. Candidate poses are drawn from the domains and improved (`planner.columns.candidates`). Each gives a column: what it
    inspects; and an optimistic one: what it nearly inspects.
-2. A lower bound is proven (`planner.bound`). On the way it meets poses that inspect more than the candidates do; they
-   join them.
-3. Sets of entities that would save a setting, and that some pose nearly inspects, are chosen (`planner.choice`). The
-   genetic algorithm tries to realise them; one that misses is refuted, with everything that contains it, and replaced
-   by the largest part it reached. Choose again, until none is left or enough were tried.
+2. A lower bound is proven (`planner.bound.lower_bound`). On the way it meets poses that inspect more than the
+   candidates do; they join them.
+3. Sets of entities that would save a setting, and that some pose nearly inspects, are chosen
+   (`planner.cover.few_columns`). The genetic algorithm tries to realise them; one that misses is refuted, with
+   everything that contains it, and replaced by the largest part it reached. Choose again, until none is left or enough
+   were tried.
 4. Every chosen column gets its own run of the genetic algorithm, for the best probabilities.
 """
 
@@ -18,25 +19,25 @@ from dataclasses import asdict
 
 import numpy as np
 
-from planner.bound import lower_bound
-from planner.camera import Camera
-from planner.candidates import Pools, column_seed, judged_poses, price_poses
-from planner.choice import few_columns, sets_to_realise
-from planner.columns import ColumnPool, Judge
-from planner.constraints import Requirements
-from planner.defaults import check_fraction, check_seed, corner_margin_px, default_workspace
-from planner.effort import Effort
+from planner.bound.lower_bound import lower_bound
+from planner.camera.camera import Camera
+from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.columns.candidates import Pools, column_seed, judged_poses, price_poses
+from planner.columns.judge import Judge
+from planner.columns.pool import ColumnPool
+from planner.columns.realise_column import best_supported, realise, reason_for, without_contradicted
+from planner.cover.few_columns import few_columns, sets_to_realise
 from planner.exceptions import RequestError
+from planner.executors import Shared, in_order
 from planner.ledger import Ledger
 from planner.plan import InspectionPlan
-from planner.pose import PoseUncertainty
 from planner.progress import labelled, report
-from planner.reach import reach_name
-from planner.realise import best_supported, realise, reason_for, without_contradicted
-from planner.setting import position_margin_mm
-from planner.state import PlanningState
-from planner.tasks import Shared, in_order
-from planner.tour import travel_order
+from planner.request.constraints import Requirements
+from planner.request.defaults import check_fraction, check_seed, corner_margin_px, default_workspace, position_margin_mm
+from planner.request.effort import Effort
+from planner.request.reach import reach_name
+from planner.resume import PlanningState
+from planner.travel import travel_order
 
 # rounds of column generation from poses that the proof of the lower bound has come across; more while columns are few
 _JOINED_ROUNDS, _JOINED_ROUNDS_MOST, _JOINED_COLUMNS = 5, 25, 20_000

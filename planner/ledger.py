@@ -18,7 +18,7 @@ class Ledger:
     kept : dict, optional
         What an earlier proof for the same request told last; this one goes on from there.
     keep : callable, optional
-        ``keep(entries)`` is given all that was told so far; see `planner.state.PlanningState.keep` for what it may
+        ``keep(entries)`` is given all that was told so far; see `planner.resume.PlanningState.keep` for what it may
         hold.
     """
 

@@ -10,14 +10,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from planner.camera import Camera
+from planner.camera.camera import Camera
+from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import PlanFileError, PlannerError
 from planner.files import write_text
-from planner.jsonfile import encoded, read_json
-from planner.plancheck import check_plan
-from planner.pose import PoseUncertainty
-from planner.schema import check_schema, shown
-from planner.setting import SensorSetting
+from planner.records.json_file import encoded, read_json
+from planner.records.plan_check import check_plan
+from planner.records.schema import check_schema, shown
+from planner.setting.sensor_setting import SensorSetting
 
 FORMAT = "aspectgraph inspection plan"
 VERSION = 1
@@ -128,7 +128,7 @@ class InspectionPlan:
         SimulationResult
             Per setting and entity the success frequency and its confidence interval.
         """
-        from planner.verification import simulate_plan
+        from planner.verify.simulate_plan import simulate_plan
 
         return simulate_plan(self, n, rng=rng, progress=progress)
 
@@ -255,7 +255,7 @@ def _check_format(data) -> None:
 def _simulation_from(data):
     if data is None:
         return None
-    from planner.verification import SimulationResult
+    from planner.verify.simulate_plan import SimulationResult
 
     return SimulationResult.from_dict(data)
 

@@ -79,7 +79,7 @@ def test_links_within_the_documents_lead_somewhere(path):
             assert (path.parent / target).exists(), target
 
 
-@pytest.mark.parametrize("name", ["planner.no_such_module.f", "planner.bound.no_such_name"])
+@pytest.mark.parametrize("name", ["planner.no_such_module.f", "planner.bound.lower_bound.no_such_name"])
 def test_a_wrong_name_is_noticed(name):
     with pytest.raises((ImportError, AttributeError)):
         resolve(name)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from aspectgraph import read_graphml
-from planner.cli import build_parser, main
+from planner.cli.main import build_parser, main
 from planner.plan import read_plan
 
 ROOT = Path(__file__).parents[1]

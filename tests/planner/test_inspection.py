@@ -10,25 +10,27 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from box_requests import CAMERA, UNCERTAINTY, WORKSPACE, random_poses
 from grid_box import EDGES, BoxSpace
 
-from planner import Camera, PoseUncertainty
-from planner.bound import lower_bound
-from planner.candidates import perturbed, price_poses
-from planner.columns import ColumnPool, Judge
-from planner.conflicts import Cells, find_conflicts
-from planner.defaults import default_workspace
+from planner import PoseUncertainty
+from planner.bound.boxes.cells import Cells
+from planner.bound.excluded_pairs import find_conflicts
+from planner.bound.lower_bound import lower_bound
+from planner.columns.candidates import price_poses
+from planner.columns.judge import Judge
+from planner.columns.perturb import perturbed
+from planner.columns.pool import ColumnPool
+from planner.columns.realise_column import best_supported, without_contradicted
 from planner.exceptions import PlanFileError, RequestError
-from planner.inspection import Effort, plan_inspection
-from planner.realise import best_supported, without_contradicted
-from planner.simulate import simulate_setting
-from planner.state import PlanningState
-from planner.verification import promises_too_much
+from planner.inspection import plan_inspection
+from planner.request.defaults import default_workspace
+from planner.request.effort import Effort
+from planner.resume import PlanningState
+from planner.verify.simulate_plan import promises_too_much
+from planner.verify.simulate_setting import simulate_setting
 
-CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
-UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
 QUICK = Effort(viewpoints=30, pricing_rounds=15, refutations=2, bound_nodes=4000)
-WORKSPACE = [[-900.0] * 3, [1100.0] * 3]
 
 
 @pytest.fixture(scope="module")
@@ -250,8 +252,8 @@ def test_no_entities_are_refused(space):
 
 
 def test_margin_keeps_displaced_corners_in_the_image():
-    from planner.defaults import corner_margin_px
-    from planner.simulate import displaced_poses
+    from planner.request.defaults import corner_margin_px
+    from planner.verify.simulate_setting import displaced_poses
 
     margin = corner_margin_px(CAMERA, UNCERTAINTY, sigmas=4.0)
     near = CAMERA.depth_of_field_mm[0]
@@ -280,15 +282,8 @@ def judge(space):
     return Judge(space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9)
 
 
-def random_poses(judge, n, seed=0):
-    from planner.candidates import entity_poses
-
-    poses = np.concatenate([entity_poses(judge, name, 10, seed) for name in judge.names])
-    return poses[np.random.default_rng(seed).permutation(len(poses))[:n]]
-
-
 def test_judge_agrees_with_constraints_one_entity_at_a_time(space, judge):
-    from planner.constraints import Constraints
+    from planner.request.constraints import Constraints
 
     poses = random_poses(judge, 300)
     judged = judge(poses)
@@ -366,7 +361,7 @@ def test_what_simulation_contradicts_is_left_to_the_setting_where_it_is_supporte
     pose = random_poses(judge, 1)[0]
     settings = [judge.setting(pose, EDGES[:3], str(k), seed=k) for k in range(2)]
     excess = {"0": dict(zip(EDGES, [0.02, 0.02, 0.0], strict=False)), "1": dict(zip(EDGES, [0, 0.02, 0], strict=False))}
-    monkeypatch.setattr("planner.realise._excess", lambda _, __, setting, ___: excess[setting.message])
+    monkeypatch.setattr("planner.columns.realise_column._excess", lambda _, __, setting, ___: excess[setting.message])
     first, second = without_contradicted(judge, UNCERTAINTY, settings, 0)
     assert first.entities == tuple(first.probability) == tuple(EDGES[1:3])
     assert first.fitness == pytest.approx(sum(first.probability.values()))

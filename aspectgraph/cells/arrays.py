@@ -1,0 +1,216 @@
+"""Arrays of a convex cell complex, and how vertices, edges, faces and cells are added to them.
+
+What the complex is and promises stands in `split`, which cuts it.
+"""
+
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from aspectgraph.exact.predicates import LIMBS, meet
+
+# columns of Complex.vertex: plane of the remembered sign, that sign, mark
+SIGN_PLANE, SIGN, VERTEX_MARK = range(3)
+# columns of Complex.edge: two vertices, two planes, two parts, mark
+ENDS, LINE, EDGE_CHILD, EDGE_MARK = 0, 2, 4, 6
+# columns of Complex.face: plane, cells on the positive and negative side, two parts, place in the list of edges
+FACE_PLANE, SIDES, FACE_CHILD, FACE_FIRST, FACE_SIZE = 0, 1, 3, 5, 6
+# columns of Complex.cell: plane that split it, two parts, places in the lists of faces and corners
+CELL_PLANE, CELL_CHILD, CELL_FIRST, CELL_SIZE, CORNER_FIRST, CORNER_SIZE = 0, 1, 3, 4, 5, 6
+# rows of Complex.lists
+EDGE_LIST, FACE_LIST, CORNER_LIST = range(3)
+# entries of Complex.count; the lengths of the lists follow N_LIST
+N_VERTICES, N_EDGES, N_FACES, N_CELLS, MARK, N_LIST = range(6)
+
+POSITIVE, NEGATIVE, CROSSED = 1, 2, 3
+
+# flags in the last word of a label
+INSIDE, UNKNOWN = np.uint64(1 << 63), np.uint64(1 << 62)
+
+
+class Complex(NamedTuple):
+    """Arrays of a cell complex; only the first ``count`` rows of each are in use, and -1 means none.
+
+    Attributes
+    ----------
+    planes : ndarray of int64, shape (p, 4)
+    vertices, coordinates : ndarray, shapes (v, 4, LIMBS) of int64 and (v, 3) of float64
+        Corners, exact and rounded (see `predicates`).
+    vertex, edge, face, cell : ndarray of int32, shapes (·, 3), (·, 7), (·, 7), (·, 7)
+        Links, by the columns named above.
+    label : ndarray of uint64, shape (c, words)
+        What is known of each cell.
+    lists : ndarray of int32, shape (3, l)
+        Edges of faces, faces of cells and corners of cells, one after the other.
+    count : ndarray of int64, shape (8,)
+    """
+
+    planes: np.ndarray
+    vertices: np.ndarray
+    coordinates: np.ndarray
+    vertex: np.ndarray
+    edge: np.ndarray
+    face: np.ndarray
+    cell: np.ndarray
+    label: np.ndarray
+    lists: np.ndarray
+    count: np.ndarray
+
+
+def allocate(planes: np.ndarray, n_cells: int, n_words: int = 1) -> Complex:
+    """Return an empty complex with room for about `n_cells` cells over the (p, 4) int64 plane table.
+
+    The arrays are not touched, so the operating system commits memory only for the rows that come into use.
+    """
+    n_vertices, n_edges, n_faces = 8 * n_cells + 64, 16 * n_cells + 128, 10 * n_cells + 64
+    return Complex(
+        planes=planes,
+        vertices=np.empty((n_vertices, 4, LIMBS), np.int64),
+        coordinates=np.empty((n_vertices, 3)),
+        vertex=np.empty((n_vertices, 3), np.int32),
+        edge=np.empty((n_edges, 7), np.int32),
+        face=np.empty((n_faces, 7), np.int32),
+        cell=np.empty((2 * n_cells + 8, 7), np.int32),
+        label=np.empty((2 * n_cells + 8, n_words), np.uint64),
+        lists=np.empty((3, 64 * n_cells + 512), np.int32),
+        count=np.zeros(N_LIST + 3, np.int64),
+    )
+
+
+def with_room(build, n_cells=1024, limit=1 << 24):
+    """Call `build(n_cells)` with doubled room until it fits.
+
+    Raises
+    ------
+    MemoryError
+        If `limit` cells are not enough.
+    """
+    while True:
+        try:
+            return build(n_cells)
+        except MemoryError:
+            n_cells *= 4
+            if n_cells > limit:
+                raise MemoryError(f"the cell complex needs more than {limit} cells.") from None
+
+
+@nb.njit(cache=True)
+def _require(used, extra, room):
+    if used + extra > room:
+        raise MemoryError
+
+
+@nb.njit(cache=True)
+def add_vertex(cx, p, q, r):
+    """Append the common point of planes p, q and r."""
+    v = cx.count[N_VERTICES]
+    _require(v, 1, len(cx.vertices))
+    meet(cx.planes, p, q, r, cx.vertices, cx.coordinates, v)
+    cx.vertex[v, SIGN_PLANE] = -1
+    cx.vertex[v, VERTEX_MARK] = -1
+    cx.count[N_VERTICES] = v + 1
+    return v
+
+
+@nb.njit(cache=True)
+def add_edge(cx, v, w, p, q):
+    """Append the edge from vertex v to w on the line of planes p and q."""
+    e = cx.count[N_EDGES]
+    _require(e, 1, len(cx.edge))
+    cx.edge[e, ENDS], cx.edge[e, ENDS + 1] = v, w
+    cx.edge[e, LINE], cx.edge[e, LINE + 1] = p, q
+    cx.edge[e, EDGE_CHILD] = -1
+    cx.edge[e, EDGE_MARK] = -1
+    cx.count[N_EDGES] = e + 1
+    return e
+
+
+@nb.njit(cache=True)
+def add_face(cx, plane, positive, negative):
+    """Append a face without edges; `push_edge` fills the newest face."""
+    f = cx.count[N_FACES]
+    _require(f, 1, len(cx.face))
+    cx.face[f, FACE_PLANE] = plane
+    cx.face[f, SIDES], cx.face[f, SIDES + 1] = positive, negative
+    cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE] = cx.count[N_LIST + EDGE_LIST], 0
+    cx.face[f, FACE_CHILD] = -1
+    cx.count[N_FACES] = f + 1
+    return f
+
+
+@nb.njit(cache=True)
+def push_edge(cx, f, e):
+    """Append edge e to the face whose list was opened last."""
+    k = cx.count[N_LIST + EDGE_LIST]
+    _require(k, 1, cx.lists.shape[1])
+    cx.lists[EDGE_LIST, k] = e
+    cx.face[f, FACE_SIZE] += 1
+    cx.count[N_LIST + EDGE_LIST] = k + 1
+
+
+@nb.njit(cache=True)
+def add_cell(cx):
+    """Append a cell without faces; `push_face` fills the newest cell."""
+    c = cx.count[N_CELLS]
+    _require(c, 1, len(cx.cell))
+    cx.cell[c, CELL_FIRST], cx.cell[c, CELL_SIZE] = cx.count[N_LIST + FACE_LIST], 0
+    cx.cell[c, CORNER_FIRST], cx.cell[c, CORNER_SIZE] = cx.count[N_LIST + CORNER_LIST], 0
+    cx.cell[c, CELL_PLANE] = -1
+    cx.cell[c, CELL_CHILD] = -1
+    cx.label[c] = 0
+    cx.count[N_CELLS] = c + 1
+    return c
+
+
+@nb.njit(cache=True)
+def push_face(cx, c, f):
+    """Append face f to the cell whose list was opened last."""
+    k = cx.count[N_LIST + FACE_LIST]
+    _require(k, 1, cx.lists.shape[1])
+    cx.lists[FACE_LIST, k] = f
+    cx.cell[c, CELL_SIZE] += 1
+    cx.count[N_LIST + FACE_LIST] = k + 1
+
+
+@nb.njit(cache=True)
+def push_corner(cx, c, v):
+    """Append vertex v to the corners of the newest cell."""
+    k = cx.count[N_LIST + CORNER_LIST]
+    _require(k, 1, cx.lists.shape[1])
+    cx.lists[CORNER_LIST, k] = v
+    cx.cell[c, CORNER_SIZE] += 1
+    cx.count[N_LIST + CORNER_LIST] = k + 1
+
+
+@nb.njit(cache=True)
+def add_box(cx, box):
+    """Start the complex with one cell; `box` holds the planes x_min, x_max, y_min, y_max, z_min, z_max."""
+    c = add_cell(cx)
+    corner = np.empty((2, 2, 2), np.int64)
+    for i in range(2):
+        for j in range(2):
+            for k in range(2):
+                corner[i, j, k] = add_vertex(cx, box[i], box[2 + j], box[4 + k])
+                push_corner(cx, c, corner[i, j, k])
+    edge = np.empty((3, 2, 2), np.int64)
+    for i in range(2):
+        for j in range(2):
+            edge[0, i, j] = add_edge(cx, corner[0, i, j], corner[1, i, j], box[2 + i], box[4 + j])
+            edge[1, i, j] = add_edge(cx, corner[i, 0, j], corner[i, 1, j], box[i], box[4 + j])
+            edge[2, i, j] = add_edge(cx, corner[i, j, 0], corner[i, j, 1], box[i], box[2 + j])
+    for axis in range(3):
+        for side in range(2):
+            f = add_face(cx, box[2 * axis + side], c if side == 0 else -1, -1 if side == 0 else c)
+            for k in range(2):
+                if axis == 0:
+                    push_edge(cx, f, edge[1, side, k])
+                    push_edge(cx, f, edge[2, side, k])
+                elif axis == 1:
+                    push_edge(cx, f, edge[0, side, k])
+                    push_edge(cx, f, edge[2, k, side])
+                else:
+                    push_edge(cx, f, edge[0, k, side])
+                    push_edge(cx, f, edge[1, k, side])
+            push_face(cx, c, f)
+    return c

@@ -1,0 +1,131 @@
+"""Sets of convex cells as users see them: in millimetres, to measure, to draw from and to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from aspectgraph.cells.arrays import N_CELLS, Complex
+from aspectgraph.cells.measure import cell_sizes, cell_triangles, half_spaces, measured, spans
+from aspectgraph.cells.point_location import holds, tree_of
+from aspectgraph.exact.grid import Grid, turned
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A convex polytope.
+
+    Attributes
+    ----------
+    half_spaces : ndarray, shape (k, 4)
+        Rows (a, b, c, d) with unit normals: a·x + b·y + c·z + d <= 0 inside, in mm.
+    vertices : ndarray, shape (v, 3)
+        Corners in mm.
+    volume : float
+        In mm³.
+    """
+
+    half_spaces: np.ndarray
+    vertices: np.ndarray
+    volume: float
+
+
+class CellSet:
+    """A union of convex cells of one partition of the workspace.
+
+    Parameters
+    ----------
+    cx : Complex
+        The partition.
+    cells : array_like of int
+        The cells of the set.
+    grid : Grid
+
+    Attributes
+    ----------
+    volumes : ndarray, shape (m,)
+        Volume of each cell in mm³.
+    """
+
+    def __init__(self, cx: Complex, cells: np.ndarray, grid: Grid):
+        self._cx = cx
+        self._cells = np.asarray(cells, np.int64)
+        self._grid = grid
+        self._measured = measured(cx, grid)
+        self._sizes = cell_sizes(self._measured, self._cells)
+        self.volumes = self._sizes[:, 0] * grid.step_mm**3
+
+    def __len__(self) -> int:
+        return len(self._cells)
+
+    def __iter__(self) -> Iterator[Cell]:
+        return (self[k] for k in range(len(self)))
+
+    def __getitem__(self, k: int) -> Cell:
+        cell = int(self._cells[k])
+        grid, rows = self._grid, half_spaces(self._measured, cell)
+        rows[:, 3] = rows[:, 3] * grid.step_mm - rows[:, :3] @ grid.origin_mm
+        rows[:, :3] = turned(grid.frame.T, rows[:, :3])
+        corners = cell_triangles(self._cx, cell).reshape(-1, 3)
+        # np.unique does the same, and takes five times as long for so few rows
+        corners = corners[np.lexsort(corners.T[::-1])]
+        corners = corners[np.append(True, (corners[1:] != corners[:-1]).any(axis=1))]
+        return Cell(rows, grid.to_mm(corners), float(self.volumes[k]))
+
+    @property
+    def volume(self) -> float:
+        """Total volume in mm³."""
+        return float(self.volumes.sum())
+
+    @cached_property
+    def bounds(self) -> np.ndarray:
+        """Lowest and highest corner in mm, shape (2, 3).
+
+        Raises
+        ------
+        ValueError
+            If the set is empty.
+        """
+        if not len(self):
+            raise ValueError("bounds need at least one cell. The set is empty.")
+        grid = self._grid
+        return spans(self._cx, self._cells, grid.frame.T * grid.steps_mm) + turned(grid.frame.T, grid.origin_mm)
+
+    def contains(self, points) -> np.ndarray:
+        """Whether the closed set holds each of (n, 3) points in mm, exactly; (n,) bool."""
+        flag = np.zeros(int(self._cx.count[N_CELLS]), bool)
+        flag[self._cells] = True
+        return holds(tree_of(self._cx), flag, self._grid.to_points(np.asarray(points, float).reshape(-1, 3)))
+
+    def sample(self, n: int, rng=0) -> np.ndarray:
+        """Draw n points uniformly from the union, in mm, shape (n, 3).
+
+        Raises
+        ------
+        ValueError
+            If the set is empty.
+        """
+        if not len(self):
+            raise ValueError("sample needs at least one cell. The set is empty.")
+        generator = np.random.default_rng(rng)
+        corners, volumes = self._tetrahedra
+        chosen = corners[generator.choice(len(volumes), size=n, p=volumes / volumes.sum())]
+        weights = generator.exponential(size=(n, 4))
+        weights /= weights.sum(axis=1, keepdims=True)
+        return self._grid.to_mm(np.einsum("nk,nkc->nc", weights, chosen))
+
+    @cached_property
+    def _tetrahedra(self) -> tuple[np.ndarray, np.ndarray]:
+        """Tetrahedra that tile the cells: corners in grid steps, shape (t, 4, 3), and volumes."""
+        parts = []
+        for cell in self._cells:
+            triangles = cell_triangles(self._cx, cell)
+            apex = np.broadcast_to(triangles.reshape(-1, 3).mean(axis=0), (len(triangles), 1, 3))
+            parts.append(np.concatenate([apex, triangles], axis=1))
+        corners = np.concatenate(parts)
+        edges = corners[:, 1:] - corners[:, :1]
+        volumes = np.abs(np.linalg.det(edges)) / 6.0
+        return corners, volumes

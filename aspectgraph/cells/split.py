@@ -1,0 +1,282 @@
+"""A convex cell complex cut by planes, exactly.
+
+Notation
+--------
+vertex  the common point of three planes (``predicates``)
+edge    two vertices and the two planes whose line carries it
+face    a convex polygon on one plane, an unordered list of edges, and the cells on its positive and negative side
+cell    a convex polyhedron, a list of faces and a list of all its corners; once split by plane h it keeps h and its two
+        children, so the cells of a complex form a binary space partition tree whose leaves are the present cells
+
+Neighbours share their faces and edges: splitting a cell splits what it shares, and the other owner looks its lists up
+again through the children (`_refresh_face`, `_refresh_cell`) when it is next touched.
+
+Guarantee: the leaves always tile the starting box without gap or overlap, two leaves share exactly the faces that
+carry both of their numbers, and no decision depends on rounding.
+"""
+
+import numba as nb
+import numpy as np
+
+from aspectgraph.cells.arrays import (
+    CELL_CHILD,
+    CELL_FIRST,
+    CELL_PLANE,
+    CELL_SIZE,
+    CORNER_FIRST,
+    CORNER_LIST,
+    CORNER_SIZE,
+    CROSSED,
+    EDGE_CHILD,
+    EDGE_LIST,
+    EDGE_MARK,
+    ENDS,
+    FACE_CHILD,
+    FACE_FIRST,
+    FACE_LIST,
+    FACE_PLANE,
+    FACE_SIZE,
+    LINE,
+    MARK,
+    N_CELLS,
+    N_LIST,
+    NEGATIVE,
+    POSITIVE,
+    SIDES,
+    SIGN,
+    SIGN_PLANE,
+    VERTEX_MARK,
+    add_cell,
+    add_edge,
+    add_face,
+    add_vertex,
+    push_corner,
+    push_edge,
+    push_face,
+)
+from aspectgraph.exact.predicates import sign_at_vertex
+
+
+@nb.njit(cache=True)
+def vertex_sign(cx, h, v):
+    """Sign of plane h at vertex v, remembered until another plane asks."""
+    if cx.vertex[v, SIGN_PLANE] != h:
+        cx.vertex[v, SIGN_PLANE] = h
+        cx.vertex[v, SIGN] = sign_at_vertex(cx.planes, h, cx.vertices, cx.coordinates, v)
+    return cx.vertex[v, SIGN]
+
+
+@nb.njit(cache=True)
+def _push_edge_leaves(cx, f, e):
+    if cx.edge[e, EDGE_CHILD] < 0:
+        push_edge(cx, f, e)
+    else:
+        _push_edge_leaves(cx, f, cx.edge[e, EDGE_CHILD])
+        _push_edge_leaves(cx, f, cx.edge[e, EDGE_CHILD + 1])
+
+
+@nb.njit(cache=True)
+def refresh_face(cx, f):
+    """Replace edges of face f that were split since by their parts."""
+    first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
+    stale = False
+    for k in range(first, first + size):
+        if cx.edge[cx.lists[EDGE_LIST, k], EDGE_CHILD] >= 0:
+            stale = True
+            break
+    if stale:
+        cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE] = cx.count[N_LIST + EDGE_LIST], 0
+        for k in range(first, first + size):
+            _push_edge_leaves(cx, f, cx.lists[EDGE_LIST, k])
+
+
+@nb.njit(cache=True)
+def _push_face_leaves(cx, c, f):
+    if cx.face[f, FACE_CHILD] < 0:
+        push_face(cx, c, f)
+    else:
+        _push_face_leaves(cx, c, cx.face[f, FACE_CHILD])
+        _push_face_leaves(cx, c, cx.face[f, FACE_CHILD + 1])
+
+
+@nb.njit(cache=True)
+def refresh_cell(cx, c):
+    """Replace faces of cell c that were split since by their parts, and refresh those."""
+    first, size = cx.cell[c, CELL_FIRST], cx.cell[c, CELL_SIZE]
+    stale = False
+    for k in range(first, first + size):
+        if cx.face[cx.lists[FACE_LIST, k], FACE_CHILD] >= 0:
+            stale = True
+            break
+    if stale:
+        cx.cell[c, CELL_FIRST], cx.cell[c, CELL_SIZE] = cx.count[N_LIST + FACE_LIST], 0
+        for k in range(first, first + size):
+            _push_face_leaves(cx, c, cx.lists[FACE_LIST, k])
+    for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + cx.cell[c, CELL_SIZE]):
+        refresh_face(cx, cx.lists[FACE_LIST, k])
+
+
+@nb.njit(cache=True)
+def face_side(cx, f, h):
+    """POSITIVE, NEGATIVE, CROSSED, or 0 where face f lies in plane h."""
+    side = 0
+    for k in range(cx.face[f, FACE_FIRST], cx.face[f, FACE_FIRST] + cx.face[f, FACE_SIZE]):
+        e = cx.lists[EDGE_LIST, k]
+        for end in range(2):
+            s = vertex_sign(cx, h, cx.edge[e, ENDS + end])
+            if s > 0:
+                side |= POSITIVE
+            elif s < 0:
+                side |= NEGATIVE
+        if side == CROSSED:
+            return side
+    return side
+
+
+@nb.njit(cache=True)
+def cell_side(cx, c, h):
+    """POSITIVE, NEGATIVE or CROSSED: where the open cell c lies from plane h."""
+    side = 0
+    for k in range(cx.cell[c, CORNER_FIRST], cx.cell[c, CORNER_FIRST] + cx.cell[c, CORNER_SIZE]):
+        s = vertex_sign(cx, h, cx.lists[CORNER_LIST, k])
+        if s > 0:
+            side |= POSITIVE
+        elif s < 0:
+            side |= NEGATIVE
+        if side == CROSSED:
+            return side
+    return side
+
+
+@nb.njit(cache=True)
+def _split_edge(cx, e, h):
+    """Split edge e, whose ends lie on opposite sides of h, into its positive and negative part."""
+    v, w = cx.edge[e, ENDS], cx.edge[e, ENDS + 1]
+    p, q = cx.edge[e, LINE], cx.edge[e, LINE + 1]
+    m = add_vertex(cx, p, q, h)
+    cx.vertex[m, SIGN_PLANE] = h
+    cx.vertex[m, SIGN] = 0
+    if vertex_sign(cx, h, v) < 0:
+        v, w = w, v
+    positive = add_edge(cx, v, m, p, q)
+    negative = add_edge(cx, m, w, p, q)
+    cx.edge[e, EDGE_CHILD], cx.edge[e, EDGE_CHILD + 1] = positive, negative
+
+
+@nb.njit(cache=True)
+def split_face(cx, f, h):
+    """Split face f, crossed by plane h, into its positive and negative part; return their common edge.
+
+    The two ends of the cut are the only vertices of the face on h, because the face is convex and crossed.
+    """
+    refresh_face(cx, f)
+    first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
+    for k in range(first, first + size):
+        e = cx.lists[EDGE_LIST, k]
+        if vertex_sign(cx, h, cx.edge[e, ENDS]) * vertex_sign(cx, h, cx.edge[e, ENDS + 1]) < 0:
+            _split_edge(cx, e, h)
+    refresh_face(cx, f)
+    first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
+    start = end = -1
+    for k in range(first, first + size):
+        for side in range(2):
+            v = cx.edge[cx.lists[EDGE_LIST, k], ENDS + side]
+            if vertex_sign(cx, h, v) == 0:
+                if start < 0:
+                    start = v
+                elif v != start:
+                    end = v
+    cut = add_edge(cx, start, end, cx.face[f, FACE_PLANE], h)
+    for child in range(2):
+        part = add_face(cx, cx.face[f, FACE_PLANE], cx.face[f, SIDES], cx.face[f, SIDES + 1])
+        cx.face[f, FACE_CHILD + child] = part
+        for k in range(first, first + size):
+            e = cx.lists[EDGE_LIST, k]
+            s = vertex_sign(cx, h, cx.edge[e, ENDS]) + vertex_sign(cx, h, cx.edge[e, ENDS + 1])
+            if (s > 0) == (child == 0):
+                push_edge(cx, part, e)
+        push_edge(cx, part, cut)
+    return cut
+
+
+@nb.njit(cache=True)
+def _push_cut_edges(cx, cap, f, h, mark):
+    """Append the edges of face f that lie in plane h to the face `cap`, each once."""
+    for k in range(cx.face[f, FACE_FIRST], cx.face[f, FACE_FIRST] + cx.face[f, FACE_SIZE]):
+        e = cx.lists[EDGE_LIST, k]
+        if (
+            cx.edge[e, EDGE_MARK] != mark
+            and vertex_sign(cx, h, cx.edge[e, ENDS]) == 0
+            and vertex_sign(cx, h, cx.edge[e, ENDS + 1]) == 0
+        ):
+            cx.edge[e, EDGE_MARK] = mark
+            push_edge(cx, cap, e)
+
+
+@nb.njit(cache=True)
+def _own(cx, f, old, new):
+    for side in range(2):
+        if cx.face[f, SIDES + side] == old:
+            cx.face[f, SIDES + side] = new
+
+
+@nb.njit(cache=True)
+def _push_corners(cx, c, part, cap, h, side):
+    """Corners of the part of cell c on one side of h: those of c on that side, and those of the cap."""
+    cx.count[MARK] += 1
+    mark = cx.count[MARK]
+    for k in range(cx.cell[c, CORNER_FIRST], cx.cell[c, CORNER_FIRST] + cx.cell[c, CORNER_SIZE]):
+        v = cx.lists[CORNER_LIST, k]
+        if vertex_sign(cx, h, v) == side:
+            push_corner(cx, part, v)
+    for k in range(cx.face[cap, FACE_FIRST], cx.face[cap, FACE_FIRST] + cx.face[cap, FACE_SIZE]):
+        for end in range(2):
+            v = cx.edge[cx.lists[EDGE_LIST, k], ENDS + end]
+            if cx.vertex[v, VERTEX_MARK] != mark:
+                cx.vertex[v, VERTEX_MARK] = mark
+                push_corner(cx, part, v)
+
+
+@nb.njit(cache=True)
+def split_cell(cx, c, h):
+    """Split cell c, crossed by plane h, into its positive and its negative part."""
+    refresh_cell(cx, c)
+    first, size = cx.cell[c, CELL_FIRST], cx.cell[c, CELL_SIZE]
+    for k in range(first, first + size):
+        f = cx.lists[FACE_LIST, k]
+        if face_side(cx, f, h) == CROSSED:
+            split_face(cx, f, h)
+    refresh_cell(cx, c)
+    first, size = cx.cell[c, CELL_FIRST], cx.cell[c, CELL_SIZE]
+    cx.count[MARK] += 1
+    mark = cx.count[MARK]
+    cap = add_face(cx, h, -1, -1)
+    for k in range(first, first + size):
+        _push_cut_edges(cx, cap, cx.lists[FACE_LIST, k], h, mark)
+    for child in range(2):
+        part = add_cell(cx)
+        cx.label[part] = cx.label[c]
+        cx.cell[c, CELL_CHILD + child] = part
+        cx.face[cap, SIDES + child] = part
+        for k in range(first, first + size):
+            f = cx.lists[FACE_LIST, k]
+            if (face_side(cx, f, h) == POSITIVE) == (child == 0):
+                push_face(cx, part, f)
+                _own(cx, f, c, part)
+        push_face(cx, part, cap)
+        _push_corners(cx, c, part, cap, h, 1 if child == 0 else -1)
+    cx.cell[c, CELL_PLANE] = h
+
+
+@nb.njit(cache=True)
+def leaves(cx):
+    """Numbers of the present cells, refreshed, in ascending order."""
+    n = cx.count[N_CELLS]
+    result = np.empty(n, np.int64)
+    m = 0
+    for c in range(n):
+        if cx.cell[c, CELL_CHILD] < 0:
+            refresh_cell(cx, c)
+            result[m] = c
+            m += 1
+    return result[:m]

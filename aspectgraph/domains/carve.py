@@ -1,0 +1,249 @@
+"""Take the inside of the solid out of a joint complex.
+
+Points inside the solid see no entity, so only cells with an empty list need cutting: along the convex pieces of the
+faces that pass through them. A piece enters the complex as a free facet on the plane of its face; its sides are cut out
+by planes through its sides and (to the grid) perpendicular to the face, which themselves never cut a cell.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from aspectgraph.cells.arrays import (
+    CELL_CHILD,
+    CELL_PLANE,
+    CROSSED,
+    FACE_CHILD,
+    FACE_PLANE,
+    INSIDE,
+    N_CELLS,
+    NEGATIVE,
+    POSITIVE,
+    UNKNOWN,
+    Complex,
+    add_edge,
+    add_face,
+    add_vertex,
+    push_edge,
+)
+from aspectgraph.cells.measure import cell_centre
+from aspectgraph.cells.simplify import partition
+from aspectgraph.cells.split import face_side, refresh_cell, refresh_face, split_face
+from aspectgraph.exact.grid import as_queries
+from aspectgraph.exact.planes import plane_through
+from aspectgraph.exact.predicates import sign_at_point
+from aspectgraph.visibility.scene import Scene
+
+# reach of the perpendicular planes, in steps: enough to be perpendicular to 1e-5, little enough for 63 bits
+_NORMAL_STEPS = 1 << 16
+
+
+class Facets(NamedTuple):
+    """Convex polygons on known planes.
+
+    Attributes
+    ----------
+    planes : ndarray of int64, shape (m, 4)
+        Perpendicular planes through the sides, loop after loop.
+    first : ndarray of int32, shape (n + 1,)
+        Where the sides of each polygon start.
+    face : ndarray of int32, shape (n,)
+        The face each polygon belongs to.
+    """
+
+    planes: np.ndarray
+    first: np.ndarray
+    face: np.ndarray
+
+
+def surface_facets(scene: Scene) -> Facets:
+    """Convex facets of the solid's whole surface."""
+    faces = scene.pieces.face
+    normals = scene.planes[scene.plane_of_face[faces], :3] * scene.side_of_face[faces, None]
+    lengths = np.linalg.norm(normals.astype(float), axis=1, keepdims=True)
+    steps = np.rint(normals / lengths * _NORMAL_STEPS).astype(np.int64)
+    planes, sizes = _perpendicular_planes(scene.points, scene.pieces, steps, scene.resolution)
+    kept = sizes > 0
+    first = np.concatenate([[0], np.cumsum(sizes[kept])]).astype(np.int32)
+    return Facets(planes, first, faces[kept])
+
+
+@nb.njit(cache=True)
+def _perpendicular_planes(points, pieces, steps, resolution):
+    """Planes through the sides of every piece and its normal, and how many each has; none for a piece without area."""
+    planes = np.empty((len(pieces.vertices), 4), np.int64)
+    sizes = np.zeros(len(pieces.face), np.int64)
+    n = 0
+    for k in range(len(pieces.face)):
+        loop = _true_corners(points, pieces.vertices[pieces.first[k] : pieces.first[k + 1]], resolution)
+        if len(loop) < 3:
+            continue
+        sizes[k] = len(loop)
+        for i in range(len(loop)):
+            p, q = points[loop[i]], points[loop[(i + 1) % len(loop)]]
+            planes[n] = plane_through(p, q, p + steps[k])
+            n += 1
+    return planes[:n].copy(), sizes
+
+
+@nb.njit(cache=True)
+def _true_corners(points, loop, resolution):
+    """Drop vertices within the resolution of the line through their neighbours."""
+    kept = [v for v in loop]  # noqa: C416 - numba makes no list of an array otherwise
+    k = 0
+    while k < len(kept) and len(kept) > 2:
+        before, here, after = points[kept[k - 1]], points[kept[k]], points[kept[(k + 1) % len(kept)]]
+        turn = length = 0.0
+        for axis in range(3):
+            i, j = (axis + 1) % 3, (axis + 2) % 3
+            u = np.float64(after[i] - before[i]), np.float64(after[j] - before[j])
+            w = np.float64(here[i] - before[i]), np.float64(here[j] - before[j])
+            turn += (u[0] * w[1] - u[1] * w[0]) ** 2
+            length += np.float64(after[axis] - before[axis]) ** 2
+        if turn <= resolution * resolution * length:
+            kept.pop(k)
+            k = max(0, k - 1)
+        else:
+            k += 1
+    return kept
+
+
+def carve(cx: Complex, scene: Scene, facets: Facets, n_box: int) -> None:
+    """Cut cells with an empty list along the solid's surface and flag those inside it.
+
+    Parameters
+    ----------
+    cx : Complex
+        Its plane table: box, faces, others, and last the facets' perpendicular planes.
+    scene, facets
+        The solid on its grid and the facets of its surface.
+    n_box : int
+        Number of box planes.
+    """
+    free = _insert_facets(
+        cx, facets.first, n_box + scene.plane_of_face[facets.face], scene.side_of_face[facets.face], len(facets.planes)
+    )
+    words = cx.label.shape[1]
+    labels = np.zeros((2, words), np.uint64)
+    # Facets of displaced vertices overlap or gape by a step: their sides tell only where snapping was exact.
+    labels[:, -1] = (0, INSIDE) if scene.resolution == 0.0 else UNKNOWN
+    _carve(cx, free, labels)
+    for c in _unknown(cx):
+        inside = is_inside(scene, cell_centre(cx, c))
+        cx.label[c, -1] = INSIDE if inside else np.uint64(0)
+
+
+@nb.njit(cache=True)
+def _insert_facets(cx, first, plane, side, n_perpendicular):
+    """Add the polygons as free faces; their sides name the label rows outside (0) and inside (1)."""
+    offset = len(cx.planes) - n_perpendicular
+    faces = np.empty(len(first) - 1, np.int64)
+    for k in range(len(first) - 1):
+        start, size = first[k], first[k + 1] - first[k]
+        corner = np.empty(size, np.int64)
+        for i in range(size):
+            corner[i] = add_vertex(cx, plane[k], offset + start + (i + size - 1) % size, offset + start + i)
+        edge = np.empty(size, np.int64)
+        for i in range(size):
+            edge[i] = add_edge(cx, corner[i], corner[(i + 1) % size], plane[k], offset + start + i)
+        outside_positive = side[k] > 0
+        faces[k] = add_face(cx, plane[k], 0 if outside_positive else 1, 1 if outside_positive else 0)
+        for i in range(size):
+            push_edge(cx, faces[k], edge[i])
+    return faces
+
+
+@nb.njit(cache=True)
+def _is_empty(label):
+    return not label.any()
+
+
+@nb.njit(cache=True)
+def _carve(cx, facets, labels):
+    """Hand the facets down the tree and partition the leaves with an empty list by them."""
+    stack = [(0, facets)]
+    while len(stack) > 0:
+        cell, own = stack.pop()
+        if cx.cell[cell, CELL_CHILD] < 0:
+            if _is_empty(cx.label[cell]):
+                cx.label[cell, cx.label.shape[1] - 1] = UNKNOWN
+                refresh_cell(cx, cell)
+                partition(cx, cell, own, labels)
+            continue
+        h = cx.cell[cell, CELL_PLANE]
+        parts = np.empty((2, len(own)), np.int64)
+        n_ahead = n_behind = 0
+        for f in own:
+            refresh_face(cx, f)
+            side = 0 if cx.face[f, FACE_PLANE] == h else face_side(cx, f, h)
+            if side == CROSSED:
+                split_face(cx, f, h)
+            if side & POSITIVE:
+                parts[0, n_ahead] = cx.face[f, FACE_CHILD] if side == CROSSED else f
+                n_ahead += 1
+            if side & NEGATIVE:
+                parts[1, n_behind] = cx.face[f, FACE_CHILD + 1] if side == CROSSED else f
+                n_behind += 1
+        stack.append((np.int64(cx.cell[cell, CELL_CHILD]), parts[0, :n_ahead].copy()))
+        stack.append((np.int64(cx.cell[cell, CELL_CHILD + 1]), parts[1, :n_behind].copy()))
+
+
+def _unknown(cx: Complex) -> list[int]:
+    n = int(cx.count[N_CELLS])
+    return np.flatnonzero((cx.cell[:n, CELL_CHILD] < 0) & (cx.label[:n, -1] == UNKNOWN)).tolist()
+
+
+def is_inside(scene: Scene, position: np.ndarray) -> bool:
+    """Whether a point, given in grid steps, lies inside the solid: parity of the crossings of a ray.
+
+    A ray that passes too close to an edge for doubles to tell is replaced by one along another axis, then by one from a
+    point a hair aside.
+    """
+    first, loop = scene.pieces.first, scene.pieces.vertices
+    nudge = np.zeros(3)
+    generator = np.random.default_rng(0)
+    while True:
+        point = as_queries(position + nudge)
+        for axis in range(3):
+            parity = _parity(
+                point, axis, scene.points, first, loop, scene.pieces.face, scene.planes, scene.plane_of_face
+            )
+            if parity >= 0:
+                return parity == 1
+        nudge = generator.uniform(-1e-3, 1e-3, 3)
+
+
+@nb.njit(cache=True)
+def _parity(point, axis, points, first, loop, face, planes, plane_of_face):
+    """Parity of the pieces that the ray from `point` in the direction of an axis crosses; -1 if in doubt."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    crossings = 0
+    scale = np.int64(1) << 20
+    for piece in range(len(face)):
+        h = plane_of_face[face[piece]]
+        slope = planes[h, axis]
+        if slope == 0:
+            continue
+        left = right = doubtful = False
+        for k in range(first[piece], first[piece + 1]):
+            v = loop[k]
+            w = loop[k + 1] if k + 1 < first[piece + 1] else loop[first[piece]]
+            ax = np.float64(points[v, i] * scale - point[i])
+            ay = np.float64(points[v, j] * scale - point[j])
+            bx = np.float64(points[w, i] * scale - point[i])
+            by = np.float64(points[w, j] * scale - point[j])
+            turn = ax * by - ay * bx
+            if abs(turn) <= 1e-15 * (abs(ax * by) + abs(ay * bx)):
+                doubtful = True
+            left |= turn > 0
+            right |= turn < 0
+        if left and right:
+            continue
+        if doubtful:
+            return -1
+        if sign_at_point(planes, h, point) * (1 if slope > 0 else -1) < 0:
+            crossings += 1
+    return crossings % 2

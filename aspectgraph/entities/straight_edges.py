@@ -1,0 +1,204 @@
+"""Straight edges as entities of interest: named, and picked by id or by end points."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from aspectgraph.exceptions import EntityError
+from aspectgraph.solid.places import describe_point
+from aspectgraph.solid.solid import Solid
+from aspectgraph.solid.topology import Edge
+
+if sys.version_info >= (3, 11):
+    pass
+else:
+    pass
+
+RELATIVE_TOLERANCE = 1e-4
+"""Default distance within which given end points match vertices, as a fraction of the bounding box diagonal."""
+
+
+@dataclass(frozen=True)
+class Entity:
+    """A named edge, or chain of collinear edges, to be measured.
+
+    Attributes
+    ----------
+    name : str
+    endpoints : ndarray, shape (2, 3), read-only
+        In mm.
+    edge_ids : tuple of int
+        Ordered from ``endpoints[0]`` to ``endpoints[1]``.
+    """
+
+    name: str
+    endpoints: np.ndarray = field(compare=False)
+    edge_ids: tuple[int, ...]
+
+    def __post_init__(self):
+        endpoints = np.array(self.endpoints, dtype=np.float64)
+        endpoints.flags.writeable = False
+        object.__setattr__(self, "endpoints", endpoints)
+
+    @property
+    def length_mm(self) -> float:
+        """Distance of the end points in mm."""
+        return float(np.linalg.norm(self.endpoints[1] - self.endpoints[0]))
+
+
+def resolve_entities(
+    solid: Solid, mapping: Mapping | Iterable[int], tolerance_mm: float | None = None, min_dihedral_deg: float = 5.0
+) -> dict[str, Entity]:
+    """Find the edges that names, ids or end points stand for.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    mapping : mapping or iterable of int
+        ``{name: edge id}`` or ``{name: (p, q)}`` with end points in mm, which may span a chain of collinear edges;
+        an `Entity` of this solid is taken as it is. Plain edge ids are named ``"e<id>"``.
+    tolerance_mm : float, optional
+        Largest distance of a given end point from the vertex it stands for. Default: 10⁻⁴ of the bounding box diagonal.
+    min_dihedral_deg : float
+        Smallest turn of the normal across an edge for it to be seen as one.
+
+    Returns
+    -------
+    dict
+        Name to `Entity`, in the order given.
+
+    Raises
+    ------
+    EntityError
+        There is no such edge, or it is curved, smooth, without length or named twice.
+    """
+    if not isinstance(mapping, Mapping):
+        mapping = {_id_name(item): item for item in _distinct(mapping)}
+    if not mapping:
+        raise EntityError("entities must name at least one edge. Got none.")
+    if tolerance_mm is None:
+        tolerance_mm = RELATIVE_TOLERANCE * float(np.linalg.norm(np.ptp(solid.bounds, axis=0)))
+    if not tolerance_mm > 0:
+        raise EntityError(f"tolerance_mm must be positive. Got {tolerance_mm}.")
+    entities: dict[str, Entity] = {}
+    named: dict[frozenset[int], str] = {}
+    for name, target in mapping.items():
+        if not isinstance(name, str) or not name.strip():
+            raise EntityError(f"an entity's name must be text. Got {name!r}.")
+        entity = _resolve(solid, name, target, tolerance_mm)
+        for edge_id in entity.edge_ids:
+            _check_edge(solid.edges[edge_id], name, min_dihedral_deg)
+        key = frozenset(entity.edge_ids)
+        if key in named:
+            raise EntityError(f"an edge must be named once. Got {named[key]!r} and {name!r} for edge {min(key)}.")
+        named[key] = name
+        entities[name] = entity
+    return entities
+
+
+def _id_name(item) -> str:
+    if isinstance(item, bool) or not isinstance(item, int | np.integer):
+        raise EntityError(f"edge ids must be integers. Got {item!r}.")
+    return f"e{item}"
+
+
+def _distinct(items: Iterable) -> list:
+    items = list(items)
+    for i, item in enumerate(items):
+        if any(item is other or item == other for other in items[:i] if np.isscalar(item) and np.isscalar(other)):
+            raise EntityError(f"an edge must be named once. Got edge {item} twice.")
+    return items
+
+
+def _resolve(solid: Solid, name: str, target, tolerance_mm: float) -> Entity:
+    if isinstance(target, Entity):
+        if not target.edge_ids or not all(0 <= i < len(solid.edges) for i in target.edge_ids):
+            raise EntityError(f"edge ids must be in 0..{len(solid.edges) - 1}. Got {target.edge_ids} for {name!r}.")
+        return Entity(name, target.endpoints, target.edge_ids)
+    if isinstance(target, int | np.integer) and not isinstance(target, bool):
+        if not 0 <= target < len(solid.edges):
+            raise EntityError(f"an edge id must be in 0..{len(solid.edges) - 1}. Got {target} for {name!r}.")
+        return Entity(name, solid.edge_points(int(target)), (int(target),))
+    try:
+        ends = np.array(target, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise EntityError(f"an entity must be an edge id or two end points. Got {target!r} for {name!r}.") from error
+    if ends.shape != (2, 3) or not np.isfinite(ends).all():
+        raise EntityError(f"an entity must be an edge id or two finite end points. Got {target!r} for {name!r}.")
+    if np.linalg.norm(ends[1] - ends[0]) <= tolerance_mm:
+        raise EntityError(
+            f"an entity must have a length. Got two end points at {describe_point(ends[0])} for {name!r}."
+        )
+    return _find_chain(solid, name, ends, tolerance_mm)
+
+
+def _check_edge(edge: Edge, name: str, min_dihedral_deg: float) -> None:
+    if edge.curved:
+        raise EntityError(
+            f"an entity must be a straight, sharp edge. Got edge {edge.id}, part of a curve, for {name!r}."
+        )
+    if abs(edge.dihedral_deg) < min_dihedral_deg:
+        raise EntityError(
+            f"an entity's faces must turn by at least {min_dihedral_deg:g} degrees. "
+            f"Got {abs(edge.dihedral_deg):.3g} at edge {edge.id} for {name!r}."
+        )
+
+
+def _find_chain(solid: Solid, name: str, ends: np.ndarray, tolerance_mm: float) -> Entity:
+    """Walk from the vertex at the first end point to the one at the second along edges on the line between."""
+    distance = np.linalg.norm(solid.vertices[:, None] - ends, axis=2)
+    start, goal = (int(v) for v in np.argmin(distance, axis=0))
+    if max(distance[start, 0], distance[goal, 1]) > tolerance_mm:
+        raise EntityError(_no_edge(solid, name, ends, tolerance_mm))
+    line = solid.vertices[[start, goal]]
+    along = (line[1] - line[0]) / np.linalg.norm(line[1] - line[0])
+    offset = solid.vertices - line[0]
+    progress = offset @ along
+    on_line = np.linalg.norm(offset - progress[:, None] * along, axis=1) <= tolerance_mm
+    steps: dict[int, list[tuple[int, int]]] = {}
+    for edge in solid.edges:
+        a, b = edge.vertices
+        if on_line[a] and on_line[b]:
+            a, b = (a, b) if progress[a] < progress[b] else (b, a)
+            steps.setdefault(a, []).append((b, edge.id))
+    path = _walk(steps, start, goal)
+    if path is None:
+        raise EntityError(_no_edge(solid, name, ends, tolerance_mm))
+    return Entity(name, line, tuple(path))
+
+
+def _walk(steps: dict[int, list[tuple[int, int]]], start: int, goal: int) -> list[int] | None:
+    """Return the edge ids of a path, which only ever goes forward, or None."""
+    came: dict[int, tuple[int, int]] = {}
+    front = [start]
+    while front:
+        vertex = front.pop()
+        for ahead, edge_id in steps.get(vertex, ()):
+            if ahead not in came:
+                came[ahead] = (vertex, edge_id)
+                front.append(ahead)
+    if goal not in came:
+        return None
+    path = []
+    while goal != start:
+        goal, edge_id = came[goal]
+        path.append(edge_id)
+    return path[::-1]
+
+
+def _no_edge(solid: Solid, name: str, ends: np.ndarray, tolerance_mm: float) -> str:
+    points = np.array([solid.edge_points(edge.id) for edge in solid.edges])
+    gaps = [np.linalg.norm(points[:, order] - ends, axis=2).max(axis=1) for order in ([0, 1], [1, 0])]
+    gap = np.minimum(*gaps)
+    nearest = int(np.argmin(gap))
+    a, b = (describe_point(p) for p in points[nearest])
+    return (
+        f"end points must lie within {tolerance_mm:.3g} mm of the ends of an edge. Got {name!r} from "
+        f"{describe_point(ends[0])} to {describe_point(ends[1])}; the nearest is edge {nearest} from {a} to {b}, "
+        f"{gap[nearest]:.3g} mm off."
+    )

@@ -1,0 +1,271 @@
+"""The entity-based aspect graph: viewing domains as nodes, common boundaries as edges (paper section 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+
+import networkx as nx
+import numpy as np
+
+from aspectgraph.cells.arrays import Complex
+from aspectgraph.cells.cell_set import CellSet
+from aspectgraph.cells.crop import at_limits, crop
+from aspectgraph.cells.measure import measured
+from aspectgraph.cells.point_location import locate, tree_of
+from aspectgraph.domains.carve import carve, surface_facets
+from aspectgraph.domains.find_domains import Domain, Domains, find_domains
+from aspectgraph.domains.width import Ruler, largest_extent
+from aspectgraph.entities.straight_edges import Entity
+from aspectgraph.exceptions import EntityError, WidthError
+from aspectgraph.graph.partition_surfaces import Provenance
+from aspectgraph.graph.ray_confirmation import confirm
+from aspectgraph.solid.solid import Solid
+from aspectgraph.visibility.overlay import overlay, share_planes
+from aspectgraph.visibility.scene import own_order
+from aspectgraph.visibility.visibility_regions import Progress, VisibilityRegions, compute_regions
+
+# domains next to a displaced part that are thinner than this share of its extent are slivers
+_MIN_WIDTH_SHARE = 1e-4
+
+
+class EntityAspectGraph:
+    """EAG(E, V, O, A) of a solid: entities E, viewing domains V, observable lists O, adjacencies A.
+
+    Made by `build_aspect_graph`.
+
+    Attributes
+    ----------
+    graph : networkx.Graph
+        Nodes 0, 1, … are viewing domains, longest lists first, with attributes ``observable`` (tuple of names),
+        ``volume`` (mm³, inside the workspace), ``unbounded`` (reaches the workspace's boundary), ``viewpoint`` and
+        ``clearance`` (centre and radius in mm of the largest ball in one of its cells, of those as wide as the least
+        width where they are), ``bbox_min``, ``bbox_max``, ``n_cells``, ``confirmed``, ``n_rays``, ``n_arbitrated``.
+        Edges carry ``area`` (mm²) and ``surfaces`` (tuple of `PartitionSurface`).
+    regions : VisibilityRegions
+        The regions of the entities, which answer `observable` and `covering_cells`.
+    """
+
+    def __init__(self, regions: VisibilityRegions, graph: nx.Graph, cx: Complex, domains: Domains):
+        self.regions = regions
+        self.graph = graph
+        self._cx = cx
+        self._domains = domains
+        self._tree = tree_of(cx)
+
+    @property
+    def solid(self) -> Solid:
+        """The solid."""
+        return self.regions.solid
+
+    @property
+    def workspace(self) -> np.ndarray:
+        """Lowest and highest corner of the viewpoint space in mm, shape (2, 3)."""
+        return self.regions.workspace
+
+    @property
+    def entities(self) -> dict[str, Entity]:
+        """The entities by name, in order."""
+        return self.regions.entities
+
+    @property
+    def entity_names(self) -> tuple[str, ...]:
+        """Names of the entities, in order."""
+        return self.regions.entity_names
+
+    def observable(self, points, names: Sequence[str] | None = None) -> np.ndarray:
+        """Whether entities are observable from viewpoints, (n, k) bool; see `VisibilityRegions.observable`."""
+        return self.regions.observable(points, names)
+
+    def covering_cells(self, names: Sequence[str]) -> CellSet:
+        """Viewpoints from which all named entities are observable; see `VisibilityRegions.covering_cells`."""
+        return self.regions.covering_cells(names)
+
+    def domain_of(self, points) -> np.ndarray:
+        """Node of each viewpoint.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, 3)
+            Viewpoints in mm.
+
+        Returns
+        -------
+        ndarray of int64, shape (n,)
+            Node numbers; -1 inside the solid and outside the workspace.
+        """
+        viewpoints = np.asarray(points, float).reshape(-1, 3)
+        result = np.full(len(viewpoints), -1, np.int64)
+        inside = ((viewpoints >= self.workspace[0]) & (viewpoints <= self.workspace[1])).all(axis=1)
+        cells = locate(self._tree, self.regions.grid.to_points(viewpoints[inside]))
+        result[inside] = self._domains.of_cell[cells]
+        return result
+
+    def covering(self, names: Sequence[str]) -> list[int]:
+        """Nodes whose list contains all the names."""
+        wanted = set(self.regions.check_names(names))
+        return [node for node, listed in self.graph.nodes(data="observable") if wanted <= set(listed)]
+
+    def cells(self, node: int) -> CellSet:
+        """Convex cells of one viewing domain."""
+        return CellSet(self._cx, self._domains.domains[node].cells, self.regions.grid)
+
+    def sample(self, names: Sequence[str], n: int, rng=0) -> np.ndarray:
+        """Draw n viewpoints in mm uniformly from all domains that cover the names, shape (n, 3).
+
+        Raises
+        ------
+        EntityError
+            If no domain covers them.
+        """
+        nodes = self.covering(names)
+        if not nodes:
+            raise EntityError(f"names must be observable together from somewhere. Got {', '.join(names)}.")
+        cells = np.concatenate([self._domains.domains[node].cells for node in nodes])
+        return CellSet(self._cx, cells, self.regions.grid).sample(n, rng)
+
+
+def build_aspect_graph(
+    solid: Solid,
+    entities: Mapping | Sequence,
+    workspace=None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    *,
+    min_width_mm: float | None = None,
+) -> EntityAspectGraph:
+    """Build the entity-based aspect graph of a solid.
+
+    Parameters
+    ----------
+    solid : Solid
+    entities : mapping of str to edge id or pair of points
+        What shall be dimensioned.
+    workspace : array_like, shape (2, 3), optional
+        Corners of the viewpoint space in mm. Default: the part's box with ten diagonals of room.
+    executor : concurrent.futures.Executor, optional
+        Computes the entities' regions in parallel.
+    progress : callable(done, total, label), optional
+    min_width_mm : float, optional
+        Thinner domains are slivers, and contacts must be wider by half (see `domains`); away from the part in
+        proportion to the distance, because snapping turns planes. Default: 10⁻⁴ of the largest distance between two
+        vertices; 0 where snapping displaced nothing.
+
+    Returns
+    -------
+    EntityAspectGraph
+        Guarantee: every viewpoint outside the solid and off the partition surfaces lies in exactly one domain, whose
+        list names exactly the entities with an unobstructed sight triangle from there, save in merged slivers.
+
+    Raises
+    ------
+    EntityError, WorkspaceError, WidthError
+        For bad input.
+    ContradictionError
+        If ray casting and exact arbitration refute a domain's list.
+    """
+    return graph_of(compute_regions(solid, entities, workspace, executor, progress), min_width_mm=min_width_mm)
+
+
+def graph_of(
+    regions: VisibilityRegions, names: Sequence[str] | None = None, *, min_width_mm: float | None = None
+) -> EntityAspectGraph:
+    """Build the graph of some entities (default: all) from regions already computed; see `build_aspect_graph`."""
+    chosen = regions.subset(regions.entity_names if names is None else names)
+    grid, scene = chosen.grid, chosen._scene
+    min_width_mm = _check_min_width(min_width_mm, chosen)
+    own = [chosen._regions[name] for name in chosen.entity_names]
+    cube, limits = grid.cube_planes(chosen.workspace), grid.box_planes(chosen.workspace)
+    order = own_order(scene, chosen.solid, chosen.entities.values())
+    shared = share_planes(own, scene, cube, order)
+    facets = surface_facets(scene)
+    cx = overlay(own, shared.extended(limits).extended(facets.planes), order=order)
+    carve(cx, scene, facets, len(cube))
+    crop(cx, len(shared.planes))
+    extent = largest_extent(grid.points * grid.scale)
+    domains = find_domains(measured(cx, grid), Ruler(min_width_mm / grid.step_mm, 0.5 * extent))
+    provenance = Provenance(chosen.solid, scene, grid, list(chosen.entities.values()), own, shared)
+    graph = _networkx(chosen, cx, domains, provenance, at_limits(cx, len(shared.planes)))
+    graph.graph["min_width_mm"] = min_width_mm
+    eag = EntityAspectGraph(chosen, graph, cx, domains)
+    _confirm(eag, scene)
+    return eag
+
+
+def _check_min_width(min_width_mm: float | None, regions: VisibilityRegions) -> float:
+    """Return the width below which a domain next to the part is a sliver, in mm; see `build_aspect_graph`."""
+    extent = largest_extent(regions.solid.vertices)
+    displaced = regions.grid.resolution * regions.grid.step_mm
+    if min_width_mm is None:
+        return _MIN_WIDTH_SHARE * extent if displaced else 0.0
+    if not displaced <= min_width_mm < extent:
+        raise WidthError(
+            f"min_width_mm must be at least {displaced:g} mm, by which snapping may displace a partition plane, and "
+            f"below the part's {extent:g} mm. Got {min_width_mm}."
+        )
+    return float(min_width_mm)
+
+
+def _networkx(
+    regions: VisibilityRegions, cx: Complex, domains: Domains, provenance: Provenance, at_boundary: np.ndarray
+) -> nx.Graph:
+    names, grid = regions.entity_names, regions.grid
+    graph = nx.Graph(
+        part=regions.solid.name,
+        entities=names,
+        endpoints=tuple(tuple(map(float, e.endpoints.ravel())) for e in regions.entities.values()),
+        workspace_min=tuple(map(float, regions.workspace[0])),
+        workspace_max=tuple(map(float, regions.workspace[1])),
+        grid_mm=float(grid.step_mm),
+        snapping_mm=float(grid.snapping_mm),
+        n_slivers=int(domains.n_slivers),
+    )
+    members = [_listed(domain) for domain in domains.domains]
+    for node, domain in enumerate(domains.domains):
+        low, high = CellSet(cx, domain.cells, grid).bounds
+        graph.add_node(
+            node,
+            observable=tuple(names[k] for k in sorted(members[node])),
+            volume=float(domain.volume * grid.step_mm**3),
+            unbounded=bool(at_boundary[domain.cells].any()),
+            viewpoint=tuple(map(float, grid.measured_to_mm(domain.viewpoint))),
+            clearance=float(domain.clearance * grid.step_mm),
+            bbox_min=tuple(map(float, low)),
+            bbox_max=tuple(map(float, high)),
+            n_cells=len(domain.cells),
+        )
+    for (i, j), contact in domains.contacts.items():
+        graph.add_edge(
+            i,
+            j,
+            area=float(contact.area * grid.step_mm**2),
+            surfaces=provenance.surfaces(sorted(contact.planes), sorted(members[i] ^ members[j])),
+        )
+    return graph
+
+
+def _listed(domain: Domain) -> set[int]:
+    bits = sum(word << (64 * k) for k, word in enumerate(domain.label))
+    return {k for k in range(bits.bit_length()) if bits >> k & 1}
+
+
+def _confirm(eag: EntityAspectGraph, scene) -> None:
+    """Cast rays from near every node's viewpoint and note the result on the node.
+
+    Not from the viewpoint itself: in symmetric parts it lies on partition planes and on seams between blocked sets. Any
+    other point of its ball, which lies in one cell, is as good a witness.
+    """
+    graph, names = eag.graph, eag.entity_names
+    viewpoints = np.array([graph.nodes[node]["viewpoint"] for node in graph])
+    clearances = np.array([graph.nodes[node]["clearance"] for node in graph])
+    aside = np.random.default_rng(0).normal(size=viewpoints.shape)
+    viewpoints = viewpoints + 0.25 * clearances[:, None] * aside / np.linalg.norm(aside, axis=1, keepdims=True)
+    observable = np.array([[name in graph.nodes[node]["observable"] for name in names] for node in graph])
+    found = confirm(eag.solid, eag.entities, scene, eag.regions.grid, viewpoints, observable.reshape(len(graph), -1))
+    for node in graph:
+        graph.nodes[node].update(confirmed=True, n_rays=found.n_rays, n_arbitrated=int(found.n_arbitrated[node]))
+
+
+def cells_per_domain(eag: EntityAspectGraph) -> float:
+    """Mean number of convex cells per viewing domain."""
+    return (eag._domains.of_cell >= 0).sum() / max(1, len(eag.graph))

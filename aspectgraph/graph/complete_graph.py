@@ -1,0 +1,244 @@
+"""The complete aspect graph of a small solid: every viewing domain on which the line drawing stays the same.
+
+For comparison with the entity-based graph only; its size is why that one exists (paper section 3.4: 71 nodes for an
+L-block against 20 for the edges of its step). Space is cut by *all* planes through an edge and a vertex of the solid,
+types A and B, and cells with equal drawings are merged across common faces. Surfaces of type C, ruled by three skew
+edges, are **not** included: across one of them two T-junctions on an edge change places, and a cell that one of them
+crosses gets the drawing of a single witness point.
+
+A drawing lists, for every sharp edge, its visible parts; each end of a part is an end of the edge itself or is named by
+the edge of the solid that cuts it off there (a T-junction).
+
+Which cells there are and which touch is decided exactly. The drawing of a cell is computed in doubles, at a witness
+point in general position inside it.
+"""
+
+from __future__ import annotations
+
+import networkx as nx
+import numba as nb
+import numpy as np
+
+from aspectgraph.cells.arrays import CROSSED, INSIDE, Complex, add_box, allocate, with_room
+from aspectgraph.cells.measure import cell_triangles, measured
+from aspectgraph.cells.split import cell_side, leaves, split_cell
+from aspectgraph.domains.carve import is_inside
+from aspectgraph.domains.find_domains import find_domains
+from aspectgraph.domains.width import Ruler, largest_extent
+from aspectgraph.exact.planes import find_plane, plane_through
+from aspectgraph.solid.solid import Solid
+from aspectgraph.visibility.scene import Scene, make_scene
+from aspectgraph.visibility.visibility_regions import Progress, check_workspace
+
+_BOX = np.arange(6)
+_MIN_WIDTH_SHARE = 1e-4
+_SHARP_DEG = 1e-6
+
+# a sight line arrives if nothing stops it before this share of its way
+_ARRIVED = 1.0 - 1e-9
+
+Part = tuple[int, int]
+"""Visible part of an edge: the edges that cut it off at its start and end, -1 for the edge's own ends."""
+
+
+def complete_aspect_graph(solid: Solid, workspace=None, progress: Progress | None = None) -> nx.Graph:
+    """Build the complete aspect graph of a small solid.
+
+    The number of planes grows with the square of the number of edges and that of cells with its sixth power: an L-block
+    has 29 planes and 1,493 cells.
+
+    Parameters
+    ----------
+    solid : Solid
+    workspace : array_like, shape (2, 3), optional
+        Corners of the viewpoint space in mm. Default: the part's box with ten diagonals of room.
+    progress : callable(done, total, label), optional
+
+    Returns
+    -------
+    networkx.Graph
+        Nodes 0, 1, … with attributes ``drawing`` (text, see `describe_drawing`), ``n_visible`` (edges seen whole),
+        ``volume`` (mm³), ``viewpoint`` and ``clearance`` (as in `EntityAspectGraph`) and ``n_cells``; edges with
+        ``area`` (mm²); the graph with ``part``, ``n_planes``, ``n_cells`` and ``n_slivers``.
+
+    Raises
+    ------
+    WorkspaceError
+        If the workspace is not a box around the part.
+    """
+    box_mm = check_workspace(workspace, solid)
+    grid, scene = make_scene(solid)
+    sharp = solid.straight_edges(min_dihedral_deg=_SHARP_DEG)
+    planes = edge_vertex_planes(scene, np.array([edge.vertices for edge in sharp]))
+    cx = arrangement(np.concatenate([grid.box_planes(box_mm), planes]))
+    drawings = _label(cx, solid, scene, progress)
+    extent = largest_extent(grid.points * grid.scale)
+    domains = find_domains(measured(cx, grid), Ruler(_MIN_WIDTH_SHARE * extent, 0.5 * extent))
+    graph = nx.Graph(part=solid.name, n_planes=len(planes), n_cells=len(leaves(cx)), n_slivers=int(domains.n_slivers))
+    for node, domain in enumerate(domains.domains):
+        drawing = drawings[domain.label[0]]
+        graph.add_node(
+            node,
+            drawing=drawing,
+            n_visible=len(seen_whole(drawing)),
+            volume=float(domain.volume * grid.step_mm**3),
+            viewpoint=tuple(map(float, grid.measured_to_mm(domain.viewpoint))),
+            clearance=float(domain.clearance * grid.step_mm),
+            n_cells=len(domain.cells),
+        )
+    for (i, j), contact in domains.contacts.items():
+        graph.add_edge(i, j, area=float(contact.area * grid.step_mm**2))
+    return graph
+
+
+def _label(cx: Complex, solid: Solid, scene: Scene, progress: Progress | None) -> list[str]:
+    """Label the cells outside the solid by the number of their drawing; return the drawings."""
+    sharp = solid.straight_edges(min_dihedral_deg=_SHARP_DEG)
+    lines = Drawing(scene.points, np.array([edge.vertices for edge in sharp]), solid.triangles)
+    ids = [edge.id for edge in sharp]
+    numbers: dict[str, int] = {}
+    present = leaves(cx).tolist()
+    for done, c in enumerate(present, start=1):
+        witness = interior_point(cell_triangles(cx, c))
+        if is_inside(scene, witness):
+            cx.label[c, 0] = INSIDE
+        else:
+            cx.label[c, 0] = numbers.setdefault(describe_drawing(lines.visible_parts(witness), ids), len(numbers))
+        if progress is not None:
+            progress(done, len(present), "cells")
+    return list(numbers)
+
+
+def edge_vertex_planes(scene: Scene, edges: np.ndarray) -> np.ndarray:
+    """Return the distinct planes through an edge and a vertex, faces' planes first, int64, shape (p, 4)."""
+    rank = np.argsort(np.lexsort(scene.points.T[::-1]))
+    edges = edges[np.lexsort(np.sort(rank[edges], axis=1).T[::-1])]
+    corners = np.unique(edges)
+    corners = corners[np.argsort(rank[corners])]
+    planes = np.empty((len(scene.planes) + len(edges) * len(corners), 4), np.int64)
+    n = len(scene.planes)
+    planes[:n] = scene.planes
+    for a, b in edges:
+        for vertex in corners:
+            plane = plane_through(scene.points[a], scene.points[b], scene.points[vertex])
+            trio = np.array([a, b, vertex])
+            if plane[:3].any() and find_plane(planes, n, scene.points, trio, scene.resolution) < 0:
+                planes[n] = plane
+                n += 1
+    return planes[:n].copy()
+
+
+def arrangement(planes: np.ndarray):
+    """Return the complex of all cells of planes; the first six are the box."""
+    return with_room(lambda n_cells: _arrangement(planes, n_cells))
+
+
+def _arrangement(planes, n_cells):
+    cx = allocate(planes, n_cells)
+    add_box(cx, _BOX)
+    _cut_everywhere(cx)
+    return cx
+
+
+@nb.njit(cache=True)
+def _cut_everywhere(cx):
+    for h in range(6, len(cx.planes)):
+        for c in leaves(cx):
+            if cell_side(cx, c, h) == CROSSED:
+                split_cell(cx, c, h)
+
+
+def interior_point(triangles: np.ndarray) -> np.ndarray:
+    """Return a point in general position inside a convex cell, given triangles of its surface, shape (t, 3, 3)."""
+    corners = np.unique(triangles.reshape(-1, 3), axis=0)
+    weights = np.random.default_rng(len(corners)).uniform(1.0, 2.0, len(corners))
+    return weights @ corners / weights.sum()
+
+
+class Drawing:
+    """Computes line drawings of a solid.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3)
+        Vertices.
+    edges : ndarray of int, shape (m, 2)
+        Sharp edges.
+    triangles : ndarray of int, shape (t, 3)
+        The surface.
+    """
+
+    def __init__(self, points: np.ndarray, edges: np.ndarray, triangles: np.ndarray):
+        self.starts, self.ends = (points[edges[:, k]].astype(float) for k in (0, 1))
+        self.corners = points[triangles].astype(float)
+        self._share = (edges[:, None, :, None] == edges[None, :, None, :]).any(axis=(2, 3))
+
+    def visible_parts(self, viewpoint: np.ndarray) -> list[list[Part]]:
+        """Return the visible parts of every edge, in order along it."""
+        cuts = [[(0.0, -1)] for _ in self.starts]
+        for e, f, t in sorted(self._crossings(viewpoint), key=lambda row: row[2]):
+            cuts[e].append((t, f))
+        pieces = [(e, *pair) for e, row in enumerate(cuts) for pair in zip(row, [*row[1:], (1.0, -1)], strict=True)]
+        edge, middle = np.array([p[0] for p in pieces]), np.array([0.5 * (p[1][0] + p[2][0]) for p in pieces])
+        targets = self.starts[edge] + middle[:, None] * (self.ends - self.starts)[edge]
+        parts: list[list[Part]] = [[] for _ in self.starts]
+        open_end = False
+        for (e, (start, f), (_, g)), arrives in zip(pieces, self._arrive(viewpoint, targets), strict=True):
+            if arrives and open_end and start > 0.0:
+                parts[e][-1] = (parts[e][-1][0], g)
+            elif arrives:
+                parts[e].append((f, g))
+            open_end = arrives
+        return parts
+
+    def _crossings(self, v: np.ndarray) -> list[tuple[int, int, float]]:
+        """Return (e, f, t) where a nearer edge f crosses edge e, at parameter t on e, for all pairs of edges."""
+        a, b = self.starts - v, self.ends - v
+        normal = np.cross(a, b)
+        # [e, f]: ends of e against the plane (v, f), and ends of f against the plane (v, e)
+        e_start, e_end = a @ normal.T, b @ normal.T
+        f_start, f_end = e_start.T, e_end.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t, s = e_start / (e_start - e_end), f_start / (f_start - f_end)
+            on_e = a[:, None] + t[..., None] * (b - a)[:, None]
+            on_f = a[None] + s[..., None] * (b - a)[None]
+            nearness = (on_f * on_e).sum(axis=2) / (on_e * on_e).sum(axis=2)
+        crosses = (e_start * e_end < 0) & (f_start * f_end < 0) & ~self._share
+        e, f = np.nonzero(crosses & (nearness > 0) & (nearness < 1))
+        return list(zip(e.tolist(), f.tolist(), t[e, f].tolist(), strict=True))
+
+    def _arrive(self, v: np.ndarray, targets: np.ndarray) -> np.ndarray:
+        """Return which sight lines from v to points on edges are not stopped by a face."""
+        ray = (targets - v)[:, None]
+        p, q, r = (self.corners[:, k] - v for k in range(3))
+        # The line passes a triangle seen from v where it is on the same side of the planes through v and its sides.
+        sides = np.stack([(ray * np.cross(x, y)).sum(axis=2) for x, y in ((p, q), (q, r), (r, p))])
+        margin = 1e-12 * np.abs(sides).max(axis=0)
+        passes = (sides >= -margin).all(axis=0) | (sides <= margin).all(axis=0)
+        normal = np.cross(q - p, r - p)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = (p * normal).sum(axis=1) / (ray * normal).sum(axis=2)
+        return ~(passes & (share > 0) & (share < _ARRIVED)).any(axis=1)
+
+
+def describe_drawing(parts: list[list[Part]], ids: list[int]) -> str:
+    """Return a drawing as text: ``4`` is edge 4 seen whole, ``4[-7]`` from its start to where edge 7 cuts it off.
+
+    Parameters
+    ----------
+    parts : list of list of Part
+        Visible parts of each edge, edges counted from 0.
+    ids : list of int
+        Their ids in the solid.
+    """
+    words = []
+    for e, row in zip(ids, parts, strict=True):
+        for start, end in row:
+            ends = [str(ids[f]) if f >= 0 else "" for f in (start, end)]
+            words.append(f"{e}[{ends[0]}-{ends[1]}]" if any(ends) else str(e))
+    return " ".join(words) or "nothing"
+
+
+def seen_whole(drawing: str) -> tuple[int, ...]:
+    """Return the edges that a drawing shows whole."""
+    return tuple(int(word) for word in drawing.split() if word.isdigit())

@@ -1,0 +1,111 @@
+"""Partition surfaces: the planes that bound viewing domains, and where they come from (paper section 3.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aspectgraph.entities.straight_edges import Entity
+from aspectgraph.exact.grid import Grid
+from aspectgraph.solid.solid import Solid
+from aspectgraph.visibility.blocked_sets import EDGE_AND_END, VERTEX_AND_ENTITY
+from aspectgraph.visibility.entity_region import Region
+from aspectgraph.visibility.overlay import SharedPlanes
+from aspectgraph.visibility.scene import Scene
+
+
+@dataclass(frozen=True)
+class PartitionSurface:
+    """A plane across which one entity appears or disappears.
+
+    Attributes
+    ----------
+    type : str
+        ``"A"``: the plane of a face next to the entity. ``"B"``: a plane through the entity and a vertex, or through an
+        end of the entity and another edge.
+    entity : str
+        Name of the entity.
+    vertices, edges, faces : tuple of int
+        What spans the plane, by numbers of the solid: a face (type A; type B if the plane is also that of a face), an
+        edge and an end of the entity, or a vertex and the entity's edges.
+    plane : tuple of float
+        (a, b, c, d) with unit normal, a·x + b·y + c·z = d in mm.
+    """
+
+    type: str
+    entity: str
+    vertices: tuple[int, ...]
+    edges: tuple[int, ...]
+    faces: tuple[int, ...]
+    plane: tuple[float, float, float, float]
+
+
+class Provenance:
+    """Looks up which surfaces a shared plane stands for.
+
+    Parameters
+    ----------
+    solid, scene, grid
+        The solid, and itself on its grid.
+    entities : sequence of Entity
+    regions : sequence of Region
+        Region of each entity.
+    shared : SharedPlanes
+        Their planes.
+    """
+
+    def __init__(
+        self,
+        solid: Solid,
+        scene: Scene,
+        grid: Grid,
+        entities: Sequence[Entity],
+        regions: Sequence[Region],
+        shared: SharedPlanes,
+    ):
+        self._solid, self._scene = solid, scene
+        self._in_mm = grid.planes_to_mm(shared.planes)
+        self._entities, self._regions, self._shared = entities, regions, shared
+        self._edge_of_pair = {frozenset(edge.vertices): edge.id for edge in solid.edges}
+        self._rows = [{int(n): row for row, n in reversed(list(enumerate(number)))} for number in shared.number]
+
+    def surfaces(self, planes: Iterable[int], changed: Iterable[int]) -> tuple[PartitionSurface, ...]:
+        """Surfaces on the given shared planes for the entities (by position) that change across them."""
+        found = []
+        for k in changed:
+            for plane in planes:
+                row = self._rows[k].get(plane)
+                if row is not None and self._regions[k].origin[row, 0] >= 0:
+                    found.append(self._surface(k, row, plane))
+        return tuple(found)
+
+    def _surface(self, k: int, row: int, plane: int) -> PartitionSurface:
+        entity = self._entities[k]
+        kind, *numbers = self._regions[k].origin[row].tolist()
+        next_to = tuple(
+            f
+            for edge_id in entity.edge_ids
+            for f in self._solid.edges[edge_id].faces
+            if self._same_plane(self._scene.planes[self._scene.plane_of_face[f]], self._shared.planes[plane])
+        )
+        vertices: tuple[int, ...] = ()
+        edges: tuple[int, ...] = ()
+        faces: tuple[int, ...] = next_to
+        if not next_to:
+            if kind == EDGE_AND_END:
+                vertices = (numbers[2],)
+                edge = self._edge_of_pair.get(frozenset(numbers[:2]))
+                edges = () if edge is None else (edge,)
+                vertices = vertices if edges else tuple(numbers)
+            elif kind == VERTEX_AND_ENTITY:
+                vertices, edges = (numbers[0],), entity.edge_ids
+            else:
+                faces = (numbers[0],)
+        in_mm = tuple(self._in_mm[plane].tolist())
+        return PartitionSurface("A" if next_to else "B", entity.name, vertices, edges, faces, in_mm)
+
+    @staticmethod
+    def _same_plane(plane: np.ndarray, other: np.ndarray) -> bool:
+        return bool((plane == other).all() or (plane == -other).all())

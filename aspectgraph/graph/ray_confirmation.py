@@ -1,0 +1,139 @@
+"""Confirm viewing domains with Open3D's ray casting.
+
+From each domain's viewpoint, rays go to points spread along every entity. All of them arriving means the entity is
+seen, one of them stopped means it is not. Rays are float32 and sample the entity, so an answer that disagrees with the
+domain's list is a doubt, not a verdict: doubts are settled exactly, by asking each blocked set of the entity whether it
+holds the viewpoint. A list that is wrong by that test raises.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+import open3d as o3d
+
+from aspectgraph.entities.straight_edges import Entity
+from aspectgraph.exact.grid import Grid
+from aspectgraph.exact.predicates import sign_at_point
+from aspectgraph.exceptions import ContradictionError
+from aspectgraph.solid.solid import Solid
+from aspectgraph.visibility.blocked_sets import blockers
+from aspectgraph.visibility.scene import Scene
+
+RAYS_PER_ENTITY = 32
+
+# a ray is stopped if it hits before this share of the way to the entity
+_ARRIVED = 1.0 - 1e-4
+_RAYS_AT_ONCE = 1 << 20
+
+
+class Confirmation(NamedTuple):
+    """What ray casting found for each viewpoint.
+
+    Attributes
+    ----------
+    n_rays : int
+        Rays cast from every viewpoint.
+    n_arbitrated : ndarray of int, shape (n,)
+        Entities whose answer was settled exactly.
+    """
+
+    n_rays: int
+    n_arbitrated: np.ndarray
+
+
+class SightLines:
+    """Ray casting from viewpoints to the entities of a solid.
+
+    Parameters
+    ----------
+    solid : Solid
+    entities : sequence of Entity
+    rays_per_entity : int
+    """
+
+    def __init__(self, solid: Solid, entities: Sequence[Entity], rays_per_entity: int = RAYS_PER_ENTITY):
+        self._centre = solid.bounds.mean(axis=0)
+        self._scene = o3d.t.geometry.RaycastingScene()
+        self._scene.add_triangles(
+            o3d.core.Tensor((solid.vertices - self._centre).astype(np.float32)),
+            o3d.core.Tensor(solid.triangles.astype(np.uint32)),
+        )
+        along = (np.arange(rays_per_entity) + 0.5) / rays_per_entity
+        ends = np.array([entity.endpoints for entity in entities])
+        # shape (k, rays, 3)
+        self._targets = ends[:, None, 0] + along[None, :, None] * (ends[:, 1] - ends[:, 0])[:, None] - self._centre
+
+    def arrive(self, viewpoints: np.ndarray) -> np.ndarray:
+        """Whether every ray from (n, 3) viewpoints in mm to each of k entities arrives, as (n, k) bool."""
+        k, rays, _ = self._targets.shape
+        result = np.empty((len(viewpoints), k), bool)
+        rows = max(1, _RAYS_AT_ONCE // (k * rays))
+        for start in range(0, len(viewpoints), rows):
+            eyes = viewpoints[start : start + rows] - self._centre
+            directions = self._targets[None] - eyes[:, None, None]
+            origins = np.broadcast_to(eyes[:, None, None], directions.shape)
+            bundle = np.concatenate([origins, directions], axis=-1).astype(np.float32)
+            hits = self._scene.cast_rays(o3d.core.Tensor(bundle))["t_hit"].numpy()
+            result[start : start + rows] = (hits >= _ARRIVED).all(axis=-1)
+        return result
+
+
+@nb.njit(cache=True)
+def is_blocked(sets, query):
+    """Whether one of the blocked sets holds an int64 query point (`Grid.to_points`) in its interior, exactly."""
+    for k in range(len(sets.first) - 1):
+        holds = True
+        for j in range(sets.first[k], sets.first[k + 1]):
+            if sign_at_point(sets.planes, sets.plane[j], query) * sets.side[j] <= 0:
+                holds = False
+                break
+        if holds:
+            return True
+    return False
+
+
+def confirm(
+    solid: Solid,
+    entities: Mapping[str, Entity],
+    scene: Scene,
+    grid: Grid,
+    viewpoints: np.ndarray,
+    observable: np.ndarray,
+) -> Confirmation:
+    """Check the lists of domains against rays cast from their viewpoints.
+
+    Parameters
+    ----------
+    solid : Solid
+    entities : mapping of k entities by name
+    scene, grid
+        The solid on its grid.
+    viewpoints : ndarray, shape (n, 3)
+        One per domain, in mm.
+    observable : ndarray of bool, shape (n, k)
+        The domains' lists.
+
+    Raises
+    ------
+    ContradictionError
+        If a list is wrong, naming domain and entity.
+    """
+    if not entities or not len(viewpoints):
+        return Confirmation(0, np.zeros(len(viewpoints), int))
+    seen = SightLines(solid, list(entities.values())).arrive(viewpoints)
+    doubts = seen != observable
+    queries = grid.to_points(viewpoints)
+    for column in np.flatnonzero(doubts.any(axis=0)):
+        name, entity = list(entities.items())[column]
+        sets = blockers(scene, solid, entity)
+        for row in np.flatnonzero(doubts[:, column]):
+            if is_blocked(sets, queries[row]) == observable[row, column]:
+                raise ContradictionError(
+                    f"domain {row} must list exactly the entities observable from {viewpoints[row].tolist()} mm. "
+                    f"Its list {'holds' if observable[row, column] else 'lacks'} {name!r}."
+                )
+    return Confirmation(RAYS_PER_ENTITY * len(entities), doubts.sum(axis=1))

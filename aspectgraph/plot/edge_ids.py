@@ -1,0 +1,220 @@
+"""Pictures of a part with the ids of its straight edges: a PNG of four views, or an HTML page to turn about."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from aspectgraph.exceptions import EntityError, MissingExtraError, PictureError
+from aspectgraph.files import replacing
+from aspectgraph.plot.hidden_lines import is_seen, render, view_axes
+from aspectgraph.plot.style import is_feature
+from aspectgraph.plot.traces import line_trace, part_traces, scene_figure, xyz
+from aspectgraph.solid.solid import Solid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from plotly.graph_objects import Figure, Scatter3d
+
+VIEWS = {
+    "from the right, front and above": (0.6, -0.8, 0.7),
+    "from the left, back and above": (-0.6, 0.8, 0.7),
+    "from the right, back and below": (0.6, 0.8, -0.7),
+    "from the left, front and below": (-0.6, -0.8, -0.7),
+}
+"""The four views of the PNG: name and direction from the part towards the viewer."""
+
+_PALETTE = ("#c0392b", "#1f618d", "#1e8449", "#af601a", "#6c3483", "#117a65", "#b7950b", "#2e4053")
+_SAMPLES = np.linspace(0.01, 0.99, 50)
+_FONT_PT = 8.0
+# places for a label around an edge's middle, near ones first, in font sizes
+_AROUND = np.array([(r * np.cos(a), r * np.sin(a)) for r in range(2, 16) for a in np.arange(0, 2 * np.pi, np.pi / 12)])
+
+
+def write_edge_picture(solid: Solid, path: str | Path, edge_ids: Iterable[int] | None = None) -> Path:
+    """Draw a part with the ids of its edges; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    path : str or Path
+        Ends in .png (needs matplotlib) or .html (opens offline).
+    edge_ids : iterable of int, optional
+        The edges to name. Default: all of ``solid.straight_edges()``.
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    PictureError
+        The path ends otherwise.
+    EntityError
+        There is no such edge.
+    MissingExtraError
+        matplotlib is not installed.
+    OutputError
+        The folder does not exist, or the file cannot be written.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in (".png", ".html"):
+        raise PictureError(f"path of a picture must end in .png or .html. Got {str(path)!r}.")
+    with replacing(path) as beside:
+        if suffix == ".html":
+            edge_figure(solid, edge_ids).write_html(beside, include_plotlyjs=True)
+        else:
+            _write_png(solid, beside, edge_ids)
+    return path
+
+
+def edge_figure(solid: Solid, edge_ids: Iterable[int] | None = None) -> Figure:
+    """Return an interactive 3-D picture; pointing at an edge shows its id, length, angle and ends."""
+    import plotly.graph_objects as go
+
+    ids = _checked_ids(solid, edge_ids)
+    lines = [_line(solid, edge_id, n) for n, edge_id in enumerate(ids)]
+    labels = go.Scatter3d(
+        **xyz([solid.edge_points(edge_id).mean(axis=0) for edge_id in ids]),
+        mode="text",
+        text=[str(edge_id) for edge_id in ids],
+        hoverinfo="skip",
+        name="ids",
+    )
+    title = f"{solid.name}: {len(ids)} straight edges"
+    figure = scene_figure([*part_traces(solid), *lines, labels], next(iter(VIEWS.values())), title=title)
+    return figure.update_layout(showlegend=False)
+
+
+def _line(solid: Solid, edge_id: int, n: int) -> Scatter3d:
+    points = np.linspace(*solid.edge_points(edge_id), 9)
+    ends = " to ".join("(" + ", ".join(f"{c:.6g}" for c in p) + ")" for p in points[[0, -1]])
+    text = (
+        f"edge {edge_id}<br>length {solid.edge_length_mm(edge_id):.6g} mm<br>"
+        f"angle {solid.edges[edge_id].dihedral_deg:.4g}°<br>{ends}<extra></extra>"
+    )
+    return line_trace([points], color=_PALETTE[n % len(_PALETTE)], width=6, name=f"edge {edge_id}", hovertemplate=text)
+
+
+def _checked_ids(solid: Solid, edge_ids: Iterable[int] | None) -> list[int]:
+    if edge_ids is None:
+        return [edge.id for edge in solid.straight_edges()]
+    ids = [int(edge_id) for edge_id in edge_ids]
+    bad = [edge_id for edge_id in ids if not 0 <= edge_id < len(solid.edges)]
+    if bad:
+        raise EntityError(f"an edge id must be in 0..{len(solid.edges) - 1}. Got {bad[0]}.")
+    return ids
+
+
+def _write_png(solid: Solid, path: Path, edge_ids: Iterable[int] | None) -> None:
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingExtraError(
+            f"PNG pictures need the package matplotlib. Got {error}; install it with: pip install aspectgraph[plot]"
+        ) from error
+    ids = _checked_ids(solid, edge_ids)
+    figure = Figure(figsize=(22, 17), dpi=100)
+    FigureCanvasAgg(figure)
+    figure.subplots_adjust(left=0.01, right=0.99, bottom=0.01, top=0.94, wspace=0.02, hspace=0.05)
+    for ax, (title, direction) in zip(figure.subplots(2, 2).ravel(), VIEWS.items(), strict=True):
+        draw_edges(solid, ids, direction, ax=ax)
+        ax.set_title(title)
+    figure.suptitle(f"{solid.name}: straight edges and their ids", fontsize=16)
+    figure.savefig(path, format="png", dpi="figure")
+
+
+def draw_edges(solid: Solid, edge_ids: Iterable[int] | None, direction, *, ax: Axes) -> Axes:
+    """Draw one parallel view with the ids of the edges seen in it.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    edge_ids : iterable of int or None
+        The edges to name; None: all of ``solid.straight_edges()``.
+    direction : array_like, shape (3,)
+        From the part towards the viewer.
+    ax : matplotlib Axes
+        Where to draw.
+
+    Returns
+    -------
+    Axes
+        `ax`.
+    """
+    from matplotlib.collections import LineCollection
+
+    ids = _checked_ids(solid, edge_ids)
+    axes = view_axes(direction)
+    points = solid.vertices @ axes.T
+    front = solid.normals[solid.triangle_face] @ axes[2]
+    towards = np.flatnonzero(front > 1e-9)
+    corners = points[solid.triangles[towards]]
+    image, extent = render(corners, 0.62 + 0.33 * front[towards])
+    ax.imshow(image, cmap="gray", vmin=0.0, vmax=1.0, extent=extent, origin="lower", interpolation="nearest")
+    _draw_outlines(solid, points, corners, set(ids), ax)
+    spots = []
+    for n, edge_id in enumerate(ids):
+        run = points[list(solid.edges[edge_id].vertices)]
+        samples = run[0] + _SAMPLES[:, None] * (run[1] - run[0])
+        seen = is_seen(samples, corners)
+        pieces = _seen_pieces(samples, seen)
+        if pieces:
+            colour = _PALETTE[n % len(_PALETTE)]
+            ax.add_collection(LineCollection(pieces, colors=colour, linewidths=2.0))
+            spots.append((edge_id, colour, samples[seen][:, :2]))
+    ax.set_aspect("equal")
+    ax.autoscale_view()
+    ax.set_axis_off()
+    _place_labels(spots, ax)
+    return ax
+
+
+def _seen_pieces(samples: np.ndarray, seen: np.ndarray) -> list[np.ndarray]:
+    """Return the stretches of an edge between samples that are both seen, shape (2, 2) each."""
+    both = seen[:-1] & seen[1:]
+    return [samples[k : k + 2, :2] for k in np.flatnonzero(both)]
+
+
+def _draw_outlines(solid: Solid, points: np.ndarray, corners: np.ndarray, named: set[int], ax: Axes) -> None:
+    """Draw the feature edges that are not named, where seen at their middle, in grey."""
+    from matplotlib.collections import LineCollection
+
+    rest = [e for e in solid.edges if e.id not in named and is_feature(solid, e)]
+    if rest:
+        runs = points[np.array([e.vertices for e in rest])]
+        seen = is_seen(runs.mean(axis=1), corners)
+        ax.add_collection(LineCollection(runs[seen][:, :, :2], colors="dimgrey", linewidths=0.6))
+
+
+def _place_labels(spots: list[tuple[int, str, np.ndarray]], ax: Axes) -> None:
+    """Write each id where it covers no other: on its edge, else beside it with a line to the edge's middle.
+
+    The shortest edges come first, for they have the fewest places.
+    """
+    low, high = np.array([ax.get_xlim(), ax.get_ylim()]).T
+    size_pt = 72.0 * ax.get_position().size * ax.figure.get_size_inches()
+    unit_per_pt = float(((high - low) / size_pt).max())
+    box = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
+    taken = np.empty((0, 4))
+    for edge_id, colour, samples in sorted(spots, key=lambda spot: float(np.ptp(spot[2], axis=0).max())):
+        room = unit_per_pt * _FONT_PT * np.array([0.65 * len(str(edge_id)) + 0.35, 1.35])
+        middle = samples[len(samples) // 2]
+        on_edge = samples[np.argsort(np.abs(np.arange(len(samples)) - len(samples) // 2), kind="stable")]
+        places = np.vstack([on_edge, middle + unit_per_pt * _FONT_PT * _AROUND])
+        gaps = np.abs(places[:, None] - taken[:, :2]) - (room + taken[:, 2:]) / 2
+        free = (gaps > 0).any(axis=2).all(axis=1)
+        k = int(np.argmax(free))
+        x, y = places[k]
+        taken = np.vstack([taken, [x, y, *room]])
+        if k >= len(on_edge):
+            ax.plot(*zip(middle, (x, y), strict=True), color=colour, linewidth=0.6)
+        ax.text(x, y, str(edge_id), color=colour, fontsize=_FONT_PT, ha="center", va="center", bbox=box)

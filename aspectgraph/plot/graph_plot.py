@@ -1,0 +1,262 @@
+"""Picture of an aspect graph: viewing domains as circles, adjacencies as lines (matplotlib)."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import networkx as nx
+import numpy as np
+
+from aspectgraph.plot.node_places import layout
+from aspectgraph.plot.style import INK, list_colors, list_text, new_axes, text_extent
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import LineCollection, PathCollection
+    from matplotlib.text import Text
+
+    from aspectgraph.graph.aspect_graph import EntityAspectGraph
+
+_NODE_POINTS2 = (70.0, 900.0)
+_EDGE_POINTS = (0.8, 5.0)
+_EDGE_COLOR = "#9aa4b0"
+_DASHES, _DOTS = (0, (1.6, 1.0)), (0, (2.2, 1.4))
+_MANY = 30
+
+
+@dataclass(frozen=True)
+class GraphDrawing:
+    """What `plot_graph` has drawn.
+
+    Attributes
+    ----------
+    ax : Axes
+    nodes : PathCollection
+        Circles, in node order.
+    edges : LineCollection
+        Lines, in edge order.
+    labels : dict of node to Text
+    positions : dict of node to ndarray, shape (2,)
+        In data coordinates.
+    """
+
+    ax: Axes
+    nodes: PathCollection
+    edges: LineCollection
+    labels: dict[Hashable, Text]
+    positions: dict[Hashable, np.ndarray]
+
+
+def plot_graph(
+    eag: EntityAspectGraph | nx.Graph,
+    ax: Axes | None = None,
+    *,
+    labels: Mapping[Hashable, str] | None = None,
+    colors: Mapping[Hashable, str] | None = None,
+    legend: bool = True,
+) -> GraphDrawing:
+    """Draw an aspect graph.
+
+    A circle grows with the logarithm of its domain's volume; its outline is dashed where the domain reaches the
+    boundary of the workspace. A line grows with the logarithm of the shared area; it is dashed where all surfaces
+    there are of type B. Domains with the longest lists are at the top.
+
+    Parameters
+    ----------
+    eag : EntityAspectGraph or networkx.Graph
+        The latter from `read_graphml` or `complete_aspect_graph`.
+    ax : Axes, optional
+        Where to draw. Default: axes in a new pyplot figure.
+    labels : mapping of node to str, optional
+        Default: the observable lists.
+    colors : mapping of node to str, optional
+        Default: one colour per list, the same as in `plot_section` and `plot_domains`.
+    legend : bool
+        Whether to explain the outlines and lines.
+
+    Returns
+    -------
+    GraphDrawing
+
+    Raises
+    ------
+    ValueError
+        The graph has no nodes, or is not one of those above.
+    MissingExtraError
+        matplotlib is not installed.
+    """
+    graph = _checked(eag)
+    if ax is None:
+        side = float(np.clip(1.7 * np.sqrt(len(graph)), 5.0, 14.0))
+        ax = new_axes((1.2 * side, side))
+    labels = _lists(graph) if labels is None else labels
+    positions = layout(graph)
+    _prepare(ax, positions)
+    edges = _draw_edges(graph, positions, ax)
+    nodes = _draw_nodes(graph, positions, list_colors(graph) if colors is None else colors, ax)
+    texts = _draw_labels(graph, positions, labels, nodes, ax)
+    if legend:
+        _draw_legend(graph, ax)
+    return GraphDrawing(ax, nodes, edges, texts, positions)
+
+
+def _checked(eag) -> nx.Graph:
+    graph = eag if isinstance(eag, nx.Graph) else eag.graph
+    if not len(graph):
+        raise ValueError("eag must have at least one node. Got a graph without nodes.")
+    missing = [node for node, data in graph.nodes(data=True) if "volume" not in data]
+    missing += [edge for *edge, data in graph.edges(data=True) if "area" not in data]
+    if missing:
+        raise ValueError(f"every node must have a volume and every edge an area. Got {missing[0]} without.")
+    return graph
+
+
+def _lists(graph: nx.Graph) -> dict[Hashable, str]:
+    if any("observable" not in data for _, data in graph.nodes(data=True)):
+        return dict.fromkeys(graph, "")
+    names = graph.graph["entities"]
+    return {node: list_text(listed, names) for node, listed in graph.nodes(data="observable")}
+
+
+def _prepare(ax: Axes, positions) -> None:
+    points = np.array(list(positions.values()))
+    ax.set_axis_off()
+    ax.set_aspect("equal", adjustable="datalim")
+    low, high = points.min(axis=0), points.max(axis=0)
+    room = 0.05 * max(float((high - low).max()), 1e-3)
+    ax.update_datalim([low - room, high + room])
+    ax.margins(0)
+    ax.autoscale_view()
+
+
+def _scaled(values, smallest: float, largest: float) -> np.ndarray:
+    """Map positive values to a range by their logarithm."""
+    logs = np.log(np.maximum(np.asarray(values, float), np.finfo(float).tiny))
+    if not len(logs) or np.ptp(logs) < 1e-9:
+        return np.full(len(logs), 0.5 * (smallest + largest))
+    return smallest + (largest - smallest) * (logs - logs.min()) / np.ptp(logs)
+
+
+def _shrink(graph: nx.Graph) -> float:
+    """Return the share of their full area that circles have in a graph of this size."""
+    return 1.0 if len(graph) <= _MANY else 0.6 * _MANY / len(graph)
+
+
+def _only_type_b(data: dict) -> bool:
+    surfaces = data.get("surfaces", ())
+    return bool(surfaces) and all(surface.type == "B" for surface in surfaces)
+
+
+def _draw_edges(graph: nx.Graph, positions, ax: Axes) -> LineCollection:
+    from matplotlib.collections import LineCollection
+
+    rows = list(graph.edges(data=True))
+    lines = LineCollection(
+        [(positions[i], positions[j]) for i, j, _ in rows],
+        linewidths=_shrink(graph) ** 0.5 * _scaled([data["area"] for *_, data in rows], *_EDGE_POINTS),
+        linestyles=[_DASHES if _only_type_b(data) else "solid" for *_, data in rows],
+        colors=_EDGE_COLOR,
+        zorder=1,
+    )
+    ax.add_collection(lines)
+    return lines
+
+
+def _draw_nodes(graph: nx.Graph, positions, colors, ax: Axes) -> PathCollection:
+    points = np.array([positions[node] for node in graph])
+    open_domain = [data.get("unbounded", False) for _, data in graph.nodes(data=True)]
+    return ax.scatter(
+        *points.T,
+        s=_shrink(graph) * _scaled([volume for _, volume in graph.nodes(data="volume")], *_NODE_POINTS2),
+        c=[colors[node] for node in graph],
+        edgecolors=INK,
+        linewidths=1.3 if len(graph) <= _MANY else 0.8,
+        linestyles=[_DOTS if is_open else "solid" for is_open in open_domain],
+        zorder=2,
+    )
+
+
+def _draw_labels(graph: nx.Graph, positions, labels, nodes: PathCollection, ax: Axes) -> dict[Hashable, Text]:
+    """Write each label below, above or beside its node, wherever it covers least."""
+    from matplotlib.patheffects import withStroke
+
+    size = 10.0 if len(graph) <= _MANY else 6.5
+    radius = np.sqrt(nodes.get_sizes()) / 2.0
+    texts = {}
+    halo = [withStroke(linewidth=2.5, foreground="white")]
+    spots = _Spots(graph, positions, radius, ax)
+    for k, node in enumerate(graph):
+        text = labels.get(node, "")
+        if text:
+            offset, horizontal, vertical = spots.best(k, text, size)
+            texts[node] = ax.annotate(
+                text,
+                positions[node],
+                offset,
+                textcoords="offset points",
+                ha=horizontal,
+                va=vertical,
+                fontsize=size,
+                color=INK,
+                linespacing=0.95,
+                path_effects=halo,
+                zorder=3,
+            )
+    return texts
+
+
+class _Spots:
+    """Finds room for labels; all in points (1/72 inch)."""
+
+    def __init__(self, graph: nx.Graph, positions, radius: np.ndarray, ax: Axes):
+        scale = 72.0 / ax.figure.dpi
+        self._centres = ax.transData.transform(np.array([positions[node] for node in graph])) * scale
+        self._radius = radius
+        place = {node: k for k, node in enumerate(graph)}
+        pairs = np.array([(place[i], place[j]) for i, j in graph.edges], int).reshape(-1, 2)
+        share = np.linspace(0.0, 1.0, 41)[:, None, None]
+        ends = self._centres[pairs]
+        self._on_lines = ((1 - share) * ends[:, 0] + share * ends[:, 1]).reshape(-1, 2)
+        self._taken: list[np.ndarray] = []
+
+    def best(self, k: int, text: str, size: float):
+        """Offset and alignments of the label of node k."""
+        half = 0.5 * size * np.array(text_extent(text))
+        gap = self._radius[k] + 2.0
+        choices = [
+            ((0, -gap), "center", "top"),
+            ((0, gap), "center", "bottom"),
+            ((gap, 0), "left", "center"),
+            ((-gap, 0), "right", "center"),
+        ]
+        boxes = [self._centres[k] + np.array(offset) + np.sign(offset) * half for offset, *_ in choices]
+        costs = [self._cost(centre, half, k) for centre in boxes]
+        chosen = int(np.argmin(costs))
+        self._taken.append(np.array([boxes[chosen], half]))
+        return choices[chosen]
+
+    def _cost(self, centre: np.ndarray, half: np.ndarray, k: int) -> float:
+        lines = (np.abs(self._on_lines - centre) < half).all(axis=1).sum()
+        away = np.abs(self._centres - centre) - half - self._radius[:, None]
+        circles = (away < 0).all(axis=1).sum() - (away[k] < 0).all()
+        labels = sum((np.abs(other - centre) < half + room).all() for other, room in self._taken)
+        return float(lines + 20 * circles + 40 * labels)
+
+
+def _draw_legend(graph: nx.Graph, ax: Axes) -> None:
+    from matplotlib.lines import Line2D
+
+    def circle(style, label):
+        return ax.scatter([], [], s=90, c="white", edgecolors=INK, linewidths=1.3, linestyles=[style], label=label)
+
+    reach = {bool(data.get("unbounded")) for _, data in graph.nodes(data=True) if "unbounded" in data}
+    handles = [circle(_DOTS, "open to the workspace's boundary")] if True in reach else []
+    handles += [circle("solid", "bounded domain")] if False in reach else []
+    types = {_only_type_b(data) for *_, data in graph.edges(data=True) if "surfaces" in data}
+    line = {"color": _EDGE_COLOR, "linewidth": 2.5}
+    handles += [Line2D([], [], **line, label="boundary with a type A surface")] if False in types else []
+    handles += [Line2D([], [], **line, linestyle=_DASHES, label="type B surfaces only")] if True in types else []
+    if handles:
+        ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(0, 0), ncols=2, fontsize=8, frameon=False)

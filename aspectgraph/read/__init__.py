@@ -1,0 +1,16 @@
+"""Part files in, a `Solid` in millimetres out.
+
+Every repair is noted in the solid, nothing is guessed: what cannot be read as a closed surface is refused.
+"""
+
+from aspectgraph.read.join_faces import assemble
+from aspectgraph.read.limits import ReadLimits
+from aspectgraph.read.part_file import read_solid
+from aspectgraph.read.tessellation import Tessellation
+
+__all__ = [
+    "ReadLimits",
+    "Tessellation",
+    "assemble",
+    "read_solid",
+]

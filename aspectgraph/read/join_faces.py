@@ -1,0 +1,112 @@
+"""From triangles to the faces of a solid: coplanar triangles joined, loops traced, idle vertices removed.
+
+The notation is that of `coplanar`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from aspectgraph.exceptions import SolidError
+from aspectgraph.read.coplanar import find_twins, group_coplanar
+from aspectgraph.read.loops import drop_idle_vertices, trace_loops
+from aspectgraph.read.tessellation import Tessellation
+from aspectgraph.solid.checks import default_planarity_mm
+from aspectgraph.solid.solid import Solid
+from aspectgraph.solid.topology import Face, check_fans, pair_edges
+from aspectgraph.solid.triangulate import newell_area_vector
+
+
+def assemble(
+    tessellation: Tessellation, name: str = "", planarity_mm: float | None = None, notes: Iterable[str] = ()
+) -> Solid:
+    """Join coplanar triangles into faces and return the validated solid.
+
+    Parameters
+    ----------
+    tessellation : Tessellation
+        Closed, oriented triangles.
+    name : str
+        Name of the part.
+    planarity_mm : float, optional
+        Triangles whose corners lie in a plane to within this distance are joined; an edge vertex this close to the line
+        between its neighbours is removed where only two faces meet. Default: 10⁻⁶ of the bounding box diagonal.
+    notes : iterable of str
+        Passed on to the solid.
+
+    Raises
+    ------
+    SolidError
+        The triangles do not bound a valid solid.
+    """
+    tolerance = default_planarity_mm(tessellation.vertices) if planarity_mm is None else planarity_mm
+    vertices, faces, curved_edges = join_facets(tessellation, tolerance)
+    return Solid(vertices, faces, curved_edges=curved_edges, name=name, planarity_mm=2 * tolerance, notes=notes)
+
+
+def join_facets(tessellation: Tessellation, tolerance_mm: float) -> tuple[np.ndarray, list[Face], set[tuple[int, int]]]:
+    """Join coplanar triangles into faces; see `assemble`.
+
+    Returns
+    -------
+    vertices : ndarray, shape (m, 3)
+        Those still in use.
+    faces : list of Face
+    curved_edges : set of (int, int)
+
+    Raises
+    ------
+    SolidError
+        The triangles do not bound a closed, oriented, manifold surface.
+    """
+    vertices, triangles = tessellation.vertices, tessellation.triangles
+    corners = [Face(tuple(row)) for row in triangles.tolist()]
+    pair_edges(vertices, corners)
+    check_fans(vertices, corners)
+    twin = find_twins(triangles)
+    flat = ~tessellation.curved_patch[tessellation.patch]
+    here, there = np.repeat(np.arange(len(triangles)), 3), twin // 3
+    joinable = (tessellation.patch[here] == tessellation.patch[there]) | (flat[here] & flat[there])
+    group = group_coplanar(vertices, triangles, twin, joinable, tolerance_mm)
+    curved_edges = tessellation.curved_edges | _inner_edges(tessellation, twin)
+    loops, curved_edges = drop_idle_vertices(vertices, trace_loops(triangles, twin, group), curved_edges, tolerance_mm)
+    curved = tessellation.curved_patch[tessellation.patch[_first_member(group)]]
+    faces = [_as_face(vertices, cycles, bool(flag)) for cycles, flag in zip(loops, curved, strict=True)]
+    used, faces, curved_edges = _renumber(faces, curved_edges)
+    return vertices[used], faces, curved_edges
+
+
+def _first_member(group: np.ndarray) -> np.ndarray:
+    return np.unique(group, return_index=True)[1]
+
+
+def _inner_edges(tessellation: Tessellation, twin: np.ndarray) -> set[tuple[int, int]]:
+    """Return the edges inside curved patches."""
+    patch = np.repeat(tessellation.patch, 3)
+    inner = (patch == patch[twin]) & tessellation.curved_patch[patch]
+    start = tessellation.triangles.ravel()[inner]
+    end = np.roll(tessellation.triangles, -1, axis=1).ravel()[inner]
+    return {(a, b) for a, b in zip(start.tolist(), end.tolist(), strict=True) if a < b}
+
+
+def _as_face(vertices: np.ndarray, cycles: list[list[int]], curved: bool) -> Face:
+    if not cycles:
+        raise SolidError("a solid must have a volume. Got a closed surface that lies in one plane.")
+    areas = np.array([newell_area_vector(vertices[cycle]) for cycle in cycles])
+    total = areas.sum(axis=0)
+    outer = int(np.argmax(areas @ total))
+    holes = tuple(tuple(cycle) for i, cycle in enumerate(cycles) if i != outer)
+    return Face(tuple(cycles[outer]), holes, curved)
+
+
+def _renumber(faces: list[Face], curved_edges: set[tuple[int, int]]):
+    """Drop unused vertices: return the old indices in use, and faces and edges in new indices."""
+    used = sorted({v for face in faces for loop in face.loops for v in loop})
+    new = {old: i for i, old in enumerate(used)}
+    faces = [
+        Face(tuple(new[v] for v in face.outer), tuple(tuple(new[v] for v in h) for h in face.holes), face.curved)
+        for face in faces
+    ]
+    return used, faces, {(new[a], new[b]) for a, b in curved_edges if a in new and b in new}

@@ -1,0 +1,144 @@
+"""`read_solid`: one call for every part file."""
+
+from __future__ import annotations
+
+import gzip
+import tempfile
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from aspectgraph.exceptions import PartFileNotFoundError, ReadError
+from aspectgraph.read.limits import ReadLimits
+from aspectgraph.read.mesh import read_mesh
+from aspectgraph.read.step.step_file import read_step
+from aspectgraph.solid.solid import Solid
+
+STEP_SUFFIXES = (".step", ".stp")
+MESH_SUFFIXES = (".stl", ".obj", ".ply", ".off", ".glb")
+
+
+def read_solid(
+    path: str | Path,
+    *,
+    units: str | None = None,
+    chord_tolerance_mm: float | None = None,
+    angular_tolerance_deg: float | None = None,
+    planarity_mm: float | None = None,
+    gap_mm: float | None = None,
+    solids: Sequence[int] | None = None,
+    limits: ReadLimits | None = None,
+) -> Solid:
+    """Read a part file as a validated solid in millimetres.
+
+    Parameters
+    ----------
+    path : str or Path
+        A .step, .stp, .stl, .obj, .ply, .off or .glb file; any of them may be compressed as .gz.
+    units : {"mm", "cm", "m", "um", "inch", "ft"}, optional
+        Unit of a mesh file's coordinates: default "mm", and "m" for .glb, whose standard says so. STEP files carry
+        their own unit.
+    chord_tolerance_mm, angular_tolerance_deg : float, optional
+        How closely curved faces of STEP files are followed; see `read_step`. Default: a thousandth of the bounding box
+        diagonal, and 30 degrees.
+    planarity_mm : float, optional
+        Triangles this close to one plane become one face; see `assemble`.
+    gap_mm : float, optional
+        How far apart the vertices, edges and faces of a STEP file that should meet may lie. Default: the uncertainty
+        the file states, or what is too small to change the shape; see `step_fit`.
+    solids : sequence of int, optional
+        Which solids of a STEP file to read, counted from 0 in the order of the file, damaged ones included. Default:
+        all, and all of them must be whole.
+    limits : ReadLimits, optional
+        What reading the file may cost. Default: ``ReadLimits()``.
+
+    Returns
+    -------
+    Solid
+        Its ``notes`` say what was chosen or repaired.
+
+    Raises
+    ------
+    PartFileNotFoundError
+        There is no such file.
+    ReadError
+        The file is not what its name says, is damaged, or a parameter does not apply to it.
+    SolidError
+        The surface is open, not manifold, intersects itself, or solids touch.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise PartFileNotFoundError(f"path must name an existing part file. Got {str(path)!r}.")
+    limits = limits or ReadLimits()
+    packed = path.suffix.lower() == ".gz"
+    plain_name = path.stem if packed else path.name
+    suffix = Path(plain_name).suffix.lower()
+    name = Path(plain_name).stem
+    _check_tolerances(chord_tolerance_mm, angular_tolerance_deg, planarity_mm, gap_mm)
+    if suffix in STEP_SUFFIXES:
+        _check_units(units, path)
+        options = {
+            "chord_tolerance_mm": chord_tolerance_mm,
+            "angular_tolerance_deg": angular_tolerance_deg,
+            "planarity_mm": planarity_mm,
+            "gap_mm": gap_mm,
+            "solids": solids,
+        }
+        return _read_step(path, _content(path, packed, limits), packed, options | {"name": name, "limits": limits})
+    if suffix in MESH_SUFFIXES:
+        for value, label in ((solids, "solids"), (gap_mm, "gap_mm")):
+            if value is not None:
+                raise ReadError(f"{label} applies to STEP files. Got {label}={value} for {path.name}.")
+        content = _content(path, packed, limits)
+        return read_mesh(content, suffix, units=units, planarity_mm=planarity_mm, name=name, limits=limits)
+    known = ", ".join((*STEP_SUFFIXES, *MESH_SUFFIXES))
+    raise ReadError(f"a part file must end in one of {known} (or one of these and .gz). Got {path.name!r}.")
+
+
+def _check_tolerances(chord_tolerance_mm, angular_tolerance_deg, planarity_mm, gap_mm) -> None:
+    lengths = {"chord_tolerance_mm": chord_tolerance_mm, "planarity_mm": planarity_mm, "gap_mm": gap_mm}
+    for label, value in lengths.items():
+        if value is not None and not 0 < value < float("inf"):
+            raise ReadError(f"{label} must be positive and finite. Got {value}.")
+    if angular_tolerance_deg is not None and not 0 < angular_tolerance_deg <= 90:
+        raise ReadError(f"angular_tolerance_deg must be in (0, 90]. Got {angular_tolerance_deg}.")
+
+
+def _check_units(units: str | None, path: Path) -> None:
+    if units is not None:
+        raise ReadError(
+            f"units applies to mesh files; a STEP file states its own. Got units={units!r} for {path.name}."
+        )
+
+
+def _read_step(path: Path, content: bytes, packed: bool, options: dict) -> Solid:
+    if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"ISO-10303-21"):
+        raise ReadError(f"a STEP file must begin with ISO-10303-21. Got {path.name} without it.")
+    if not packed:
+        return read_step(path, **options)
+    with tempfile.TemporaryDirectory() as folder:
+        unpacked = Path(folder) / Path(path.stem).name
+        unpacked.write_bytes(content)
+        return read_step(unpacked, **options)
+
+
+def _content(path: Path, packed: bool, limits: ReadLimits) -> bytes:
+    """Return the bytes of a file, unpacked; no more of them than the limit are ever held."""
+    most = int(limits.file_mb * 1e6)
+    try:
+        with gzip.open(path) if packed else open(path, "rb") as file:
+            data = file.read(most + 1)
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise ReadError(f"a .gz file must be a whole gzip file. Got {path.name}: {error}.") from error
+    except OSError as error:
+        raise ReadError(
+            f"path must name a file that can be read. Got {path.name}: {error.strerror or error}."
+        ) from error
+    if len(data) > most:
+        raise ReadError(
+            f"a part file must have at most file_mb={limits.file_mb:g} MB, unpacked. Got {path.name} with more; "
+            "allow more with limits=ReadLimits(file_mb=...)."
+        )
+    if not data.strip():
+        raise ReadError(f"a part file must not be empty. Got {path.name} with {len(data)} bytes.")
+    return data

@@ -1,0 +1,154 @@
+"""The caller's side of the STEP kernel's process: requests out, checked answers back, within limits."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+from aspectgraph import exceptions
+from aspectgraph.exceptions import MissingExtraError, ReadError
+from aspectgraph.read.limits import ReadLimits
+from aspectgraph.read.step.server import LENGTHS, OUT_OF_MEMORY
+
+# The process needs a few modules of these rooms, not all that their faces import; so it starts in half a second.
+_PROGRAM = """
+import sys, types
+sys.path[:] = {path!r}
+for room in ("", ".read", ".read.step", ".solid"):
+    package = types.ModuleType("aspectgraph" + room)
+    package.__path__ = [{folder!r} + room.replace(".", "/")]
+    sys.modules[package.__name__] = package
+from aspectgraph.read.step.server import serve
+serve({parent!r}, {memory_mb!r})
+"""
+
+
+class StepKernel:
+    """A process with the STEP kernel; to be used in a ``with`` block, at whose end it is gone.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file, for messages.
+    limits : ReadLimits
+        The time limit is for all requests together.
+
+    Raises
+    ------
+    MissingExtraError
+        The package cadquery-ocp-novtk is not installed.
+    ReadError
+        The file crashed the kernel, or made it exceed a limit.
+    """
+
+    def __init__(self, name: str, limits: ReadLimits):
+        self.name, self.limits = name, limits
+        self.seconds_left = limits.time_s
+
+    def __enter__(self) -> StepKernel:
+        program = _PROGRAM.format(
+            path=sys.path, folder=str(Path(__file__).parents[2]), parent=os.getpid(), memory_mb=self.limits.memory_mb
+        )
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", program],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+        )
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.process.kill()
+        self.process.wait()
+        self.process.stdout.close()
+        try:
+            self.process.stdin.close()
+        except OSError:
+            # a request that could not be delivered any more
+            return
+
+    def ask(self, do: str, **options) -> tuple[dict, dict[str, np.ndarray]]:
+        """Send a request and return its answer: JSON values and arrays."""
+        timed_out = threading.Event()
+
+        def stop() -> None:
+            timed_out.set()
+            self.process.kill()
+
+        timer = threading.Timer(self.seconds_left, stop)
+        timer.daemon = True
+        started = time.monotonic()
+        timer.start()
+        try:
+            answer = self._exchange({"do": do, "time_s": self.seconds_left, **options})
+        finally:
+            timer.cancel()
+            self.seconds_left = max(self.seconds_left - (time.monotonic() - started), 1e-3)
+        if answer is None:
+            raise self._death(timed_out.is_set())
+        header, arrays = answer
+        if "error" in header:
+            raise self._complaint(header)
+        return header, arrays
+
+    def _exchange(self, request: dict) -> tuple[dict, dict[str, np.ndarray]] | None:
+        """Return the answer to a request, or None if the process died."""
+        try:
+            self.process.stdin.write(json.dumps(request).encode() + b"\n")
+            self.process.stdin.flush()
+        except OSError:
+            # gone; what it said last may still be in the pipe
+            pass
+        head = self.process.stdout.read(LENGTHS.size)
+        if len(head) < LENGTHS.size:
+            return None
+        sizes = LENGTHS.unpack(head)
+        header, packed = (self.process.stdout.read(size) for size in sizes)
+        if (len(header), len(packed)) != sizes:
+            return None
+        with np.load(io.BytesIO(packed), allow_pickle=False) as archive:
+            return json.loads(header), dict(archive)
+
+    def _death(self, timed_out: bool) -> ReadError:
+        self.process.kill()
+        code = self.process.wait()
+        if timed_out or code == -getattr(signal, "SIGALRM", 0):
+            return ReadError(
+                f"a STEP file must be read within time_s={self.limits.time_s:g} seconds. Got {self.name}, which takes "
+                "longer; allow more with limits=ReadLimits(time_s=...)."
+            )
+        if code == OUT_OF_MEMORY:
+            return self._complaint({"error": "MemoryError"})
+        how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        return ReadError(
+            f"a STEP file must be one that OCCT can read. Got {self.name}, on which it crashes ({how}), or runs out of "
+            f"its memory_mb={self.limits.memory_mb:g} MB."
+        )
+
+    def _complaint(self, header: dict) -> ReadError:
+        if header["error"] == "MemoryError":
+            return ReadError(
+                f"a STEP file must be read within memory_mb={self.limits.memory_mb:g} MB. Got {self.name}, which takes "
+                "more; allow more with limits=ReadLimits(memory_mb=...)."
+            )
+        if header["error"] == "MissingExtraError":
+            return MissingExtraError(
+                f"STEP files need the package cadquery-ocp-novtk, 8 or newer. Got {header['message']}; "
+                "install it with: pip install aspectgraph[step]"
+            )
+        if header["error"] == "KernelError":
+            return ReadError(
+                f"a STEP file must be one that OCCT can read. Got {self.name}, on which it stops with "
+                f"{header['message']}."
+            )
+        return getattr(exceptions, header["error"])(header["message"])

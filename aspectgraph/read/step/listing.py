@@ -1,0 +1,159 @@
+"""What a STEP file says it holds, read from its text: solids with faces and vertices, the unit, its uncertainty."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from aspectgraph.exceptions import ReadError
+from aspectgraph.read.step.text import Entity, reachable
+
+SOLID_KINDS = frozenset(
+    {
+        "BREP_WITH_VOIDS", "CSG_SOLID", "EXTRUDED_AREA_SOLID", "EXTRUDED_FACE_SOLID", "FACETED_BREP",
+        "MANIFOLD_SOLID_BREP", "REVOLVED_AREA_SOLID", "REVOLVED_FACE_SOLID", "SOLID_REPLICA",
+        "SURFACE_CURVE_SWEPT_AREA_SOLID", "SWEPT_DISK_SOLID",
+    }
+)  # fmt: skip
+"""The types that are solids, those the kernel cannot build among them."""
+
+_SHELL_KINDS = {"CLOSED_SHELL", "OPEN_SHELL", "ORIENTED_CLOSED_SHELL", "ORIENTED_OPEN_SHELL"}
+_PREFIX_MM = {
+    "": 1e3, "KILO": 1e6, "HECTO": 1e5, "DECA": 1e4, "DECI": 1e2, "CENTI": 1e1, "MILLI": 1.0, "MICRO": 1e-3,
+    "NANO": 1e-6,
+}  # fmt: skip
+_SI_METRE = re.compile(r"SI_UNIT\s*\(\s*(?:\$|\.([A-Z]+)\.)\s*,\s*\.METRE\.\s*\)", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class ListedSolid:
+    """A solid as the file states it.
+
+    Attributes
+    ----------
+    number : int
+        Its entity number.
+    entities : set of int
+        All it is made of.
+    n_faces : int
+        Faces in its shells.
+    points_mm : ndarray, shape (n, 3)
+        Its vertices, before any placement in an assembly.
+    uncertainty_mm : float or None
+        How closely its vertices, edges and faces fit together, if the file says so.
+    """
+
+    number: int
+    entities: set[int]
+    n_faces: int
+    points_mm: np.ndarray
+    uncertainty_mm: float | None
+
+
+def list_solids(entities: dict[int, Entity]) -> list[ListedSolid]:
+    """Return the solids in the order of the representations that hold them.
+
+    That is the order in which the kernel finds the solids of a file without an assembly.
+
+    Raises
+    ------
+    ReadError
+        A closed shell belongs to no solid, or the length unit is not one of length.
+    """
+    holders = _holders(entities)
+    listed = [_listed(entities, number, context) for number, context in holders.items()]
+    used = set().union(*(solid.entities for solid in listed))
+    loose = _closed_shells(entities) - used - _shells_of_surfaces(entities)
+    if loose:
+        raise ReadError(f"the closed shells of a STEP file must belong to solids. Got #{min(loose)}, which does not.")
+    return listed
+
+
+def _holders(entities: dict[int, Entity]) -> dict[int, int | None]:
+    """Return the number of every solid, and of the context of the representation that lists it."""
+    solids = {number for number, entity in entities.items() if entity.kind in SOLID_KINDS or _is_complex_solid(entity)}
+    holders: dict[int, int | None] = {}
+    for entity in entities.values():
+        if "REPRESENTATION" in entity.text.upper() and any(k.endswith("REPRESENTATION") for k in entity.kinds):
+            references = entity.references
+            for number in references[:-1]:
+                if number in solids:
+                    holders.setdefault(number, references[-1])
+    # solids that are part of another one, such as that of a replica, are listed by it
+    rest = solids - set(holders)
+    inner = set().union(*(reachable(entities, number) for number in holders)) if rest else set()
+    holders.update(dict.fromkeys(sorted(rest - inner)))
+    return holders
+
+
+def _is_complex_solid(entity: Entity) -> bool:
+    return entity.text.lstrip().startswith("(") and not SOLID_KINDS.isdisjoint(entity.kinds)
+
+
+def _listed(entities: dict[int, Entity], number: int, context: int | None) -> ListedSolid:
+    inside = reachable(entities, number)
+    unit_mm, uncertainty_mm = _units(entities, context)
+    n_faces = sum(_count_faces(entities, ref) for ref in entities[number].references)
+    points = [_point(entities, i) for i in sorted(inside) if entities[i].kind == "VERTEX_POINT"]
+    kept = np.array([p for p in points if p is not None], dtype=np.float64).reshape(-1, 3)
+    return ListedSolid(number, inside, n_faces, kept * unit_mm, uncertainty_mm)
+
+
+def _count_faces(entities: dict[int, Entity], number: int, depth: int = 0) -> int:
+    entity = entities.get(number)
+    if entity is None or depth > 2 or entity.kind not in _SHELL_KINDS:
+        return 0
+    if entity.kind.startswith("ORIENTED"):
+        return sum(_count_faces(entities, ref, depth + 1) for ref in entity.references)
+    return len(set(entity.references))
+
+
+def _point(entities: dict[int, Entity], vertex: int) -> list[float] | None:
+    places = [entities[ref] for ref in entities[vertex].references if ref in entities]
+    numbers = places[0].numbers if places and places[0].kind == "CARTESIAN_POINT" else []
+    return numbers if len(numbers) == 3 else None
+
+
+def _closed_shells(entities: dict[int, Entity]) -> set[int]:
+    return {number for number, entity in entities.items() if entity.kind == "CLOSED_SHELL"}
+
+
+def _shells_of_surfaces(entities: dict[int, Entity]) -> set[int]:
+    """Return the shells that are surfaces by intent, such as supplemental geometry."""
+    models = [entity for entity in entities.values() if entity.kind.endswith("SURFACE_MODEL")]
+    return {ref for model in models for ref in model.references}
+
+
+def _units(entities: dict[int, Entity], context: int | None) -> tuple[float, float | None]:
+    """Return millimetres per unit, 1 if the file states none, and the uncertainty in mm."""
+    stated = [ref for ref in entities[context].references if ref in entities] if context in entities else []
+    lengths = [_unit_mm(entities, ref) for ref in stated if "LENGTH_UNIT" in entities[ref].kinds]
+    uncertainties = [_uncertainty_mm(entities, ref) for ref in stated if "UNCERTAINTY" in entities[ref].kind]
+    known = [x for x in uncertainties if x is not None]
+    return lengths[0] if lengths else 1.0, max(known, default=None)
+
+
+def _uncertainty_mm(entities: dict[int, Entity], number: int) -> float | None:
+    entity = entities[number]
+    units = [ref for ref in entity.references if ref in entities and "LENGTH_UNIT" in entities[ref].kinds]
+    value = entity.numbers[0] * _unit_mm(entities, units[0]) if units and entity.numbers else -1.0
+    return value if value > 0 and math.isfinite(value) else None
+
+
+def _unit_mm(entities: dict[int, Entity], number: int, depth: int = 0) -> float:
+    """Return the millimetres in a unit of length."""
+    entity = entities[number]
+    si = _SI_METRE.search(entity.text)
+    if si and (si[1] or "").upper() in _PREFIX_MM:
+        return _PREFIX_MM[(si[1] or "").upper()]
+    for measure in (entities[ref] for ref in entity.references if ref in entities):
+        if "MEASURE_WITH_UNIT" in measure.kind and measure.numbers and depth < 4:
+            factors = [_unit_mm(entities, ref, depth + 1) for ref in measure.references if ref in entities]
+            if factors and measure.numbers[0] > 0:
+                return measure.numbers[0] * factors[0]
+    raise ReadError(
+        f"the length unit of a STEP file must be a multiple of the metre. Got #{number}={entity.text[:60]}."
+    )

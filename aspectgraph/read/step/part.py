@@ -1,0 +1,56 @@
+"""The part of one STEP file, as the kernel's process holds it: what it consists of, and its triangles.
+
+Imports OCP; import this module only in that process.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from aspectgraph.read.step.gaps import measure_gaps
+from aspectgraph.read.step.solids import Slot, diagonal_mm, load_solids
+from aspectgraph.read.step.triangles import tessellate
+
+
+class StepPart:
+    """Loads a file once and answers what is asked about it."""
+
+    def __init__(self):
+        self.slots: list[Slot] = []
+        self.shapes: list = []
+        self.flat_mm = 0.0
+
+    def answer(self, do: str, **options) -> tuple[dict, dict]:
+        """Return the answer to a request: JSON values and arrays."""
+        return {"load": self.load, "select": self.select, "tessellate": self.tessellate}[do](**options)
+
+    def load(self, path: str, name: str) -> tuple[dict, dict]:
+        """Load the file; tell what is wrong with which solid."""
+        inventory = load_solids(Path(path), name)
+        self.slots = inventory.slots
+        return {"damage": [slot.damage for slot in inventory.slots], "notes": inventory.notes}, {}
+
+    def select(self, solids: list[int], relative_planarity: float) -> tuple[dict, dict]:
+        """Choose the solids to work on; tell their size and how closely each fits together."""
+        chosen = [self.slots[i] for i in solids]
+        self.shapes = [slot.shape for slot in chosen]
+        diagonal = diagonal_mm(self.shapes)
+        self.flat_mm = diagonal * relative_planarity
+        rows = []
+        for slot in chosen:
+            gaps = measure_gaps(slot.shape, self.flat_mm)
+            widest = {kind: [gap.gap_mm, list(gap.place)] for kind, gap in gaps.items()}
+            rows.append({"uncertainty_mm": slot.uncertainty_mm, "gaps": widest})
+        return {"diagonal_mm": diagonal, "fits": rows}, {}
+
+    def tessellate(self, chord_mm: float, angle_rad: float) -> tuple[dict, dict]:
+        """Cut the chosen solids into triangles."""
+        arrays = {}
+        for k, shape in enumerate(self.shapes):
+            part = tessellate(shape, chord_mm, angle_rad, self.flat_mm)
+            chords = np.array(sorted(part.curved_edges), dtype=np.int64).reshape(-1, 2)
+            fields = (part.vertices, part.triangles, part.patch, part.curved_patch, chords)
+            arrays.update({f"{k}_{i}": array for i, array in enumerate(fields)})
+        return {"n": len(self.shapes)}, arrays

@@ -1,0 +1,237 @@
+"""The solids of a STEP file as the kernel builds them, checked against what the file says it holds.
+
+The kernel leaves out what it cannot build, and says so nowhere a program could look. So every solid the file lists must
+come out, with as many faces and with every vertex in its place; every part of an assembly must be placed.
+
+Imports OCP; import this module only when a boundary representation is at hand.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from OCP.Bnd import Bnd_Box
+from OCP.BRep import BRep_Tool
+from OCP.BRepBndLib import BRepBndLib
+from OCP.IFSelect import IFSelect_ReturnStatus
+from OCP.Interface import Interface_Static
+from OCP.Message import Message
+from OCP.STEPControl import STEPControl_Reader
+from OCP.TopAbs import TopAbs_ShapeEnum
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS
+
+from aspectgraph.exceptions import ReadError
+from aspectgraph.read.step.listing import ListedSolid, list_solids
+from aspectgraph.read.step.text import parse_entities
+from aspectgraph.read.step.triangles import explore, xyz
+from aspectgraph.solid.places import describe_point
+
+RELATIVE_DISPLACEMENT = 1e-3
+"""A vertex farther from where the file puts it, as a fraction of the solid's diagonal, is another vertex.
+
+The kernel moves vertices that its healing merges, but by no more than the uncertainty of the file; a wrong unit or a
+lost vertex leaves gaps of the size of an edge.
+"""
+
+_HARMLESS = ("ShapeRepresentation", "MechanicalDesignAndDraughtingRelationship")
+_STRUCTURE = ("Transformation", "RepresentationRelationship", "RepresentationMap", "MappedItem", "UsageOccurrence")
+
+
+@dataclass
+class Slot:
+    """A solid of the file, in its order.
+
+    Attributes
+    ----------
+    shape : TopoDS_Shape or None
+        None if the kernel did not build it.
+    damage : str
+        What is wrong with it; empty if nothing is.
+    uncertainty_mm : float or None
+        See `ListedSolid`.
+    """
+
+    shape: object | None
+    damage: str = ""
+    uncertainty_mm: float | None = None
+
+
+@dataclass
+class Inventory:
+    """What a STEP file holds: its solids, and notes on what belongs to none."""
+
+    slots: list[Slot]
+    notes: list[str] = field(default_factory=list)
+
+
+def load_solids(path: Path, name: str) -> Inventory:
+    """Return the solids of a STEP file in mm, each once for every place it has, in the order of the file.
+
+    Parameters
+    ----------
+    path : Path
+        An uncompressed STEP file.
+    name : str
+        What to call the file in messages.
+
+    Raises
+    ------
+    ReadError
+        The file is not a STEP file, is damaged in more than one solid's own geometry, or holds no closed solid.
+    """
+    entities = parse_entities(Path(path).read_bytes())
+    listed = {solid.number: solid for solid in list_solids(entities)}
+    reader = STEPControl_Reader()
+    with _quiet():
+        Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
+        if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
+            raise ReadError(f"a .step or .stp file must be a STEP file. Got {name}, which OCCT cannot read.")
+        model = reader.Model()
+        _check_references(model, name)
+        # kept while the file is read: two handles of an entity are recognised as one by the object that wraps them
+        handles = [model.Value(i) for i in range(1, model.NbEntities() + 1)]
+        if len(handles) != len(entities):
+            raise ReadError(f"a STEP file must be whole. Got {name}: {len(handles)} of {len(entities)} entities read.")
+        numbers = dict(zip(handles, entities, strict=True))
+        damage = _damage(model, numbers, listed, name)
+        reader.TransferRoots()
+    _check_assembly(reader, handles, name)
+    shape = reader.OneShape()
+    if shape is None or shape.IsNull():
+        raise ReadError(f"a STEP file must hold at least one closed solid. Got {name} without any shape.")
+    found = [(solid, _entity_number(reader, solid, numbers)) for solid in explore(shape, TopAbs_ShapeEnum.TopAbs_SOLID)]
+    if not found and not damage:
+        n = len(explore(shape, TopAbs_ShapeEnum.TopAbs_FACE))
+        raise ReadError(f"a STEP file must hold at least one closed solid. Got {name} with {n} loose faces only.")
+    slots = [
+        _slot(solid, listed.get(number), damage.get(number, "")) for solid, number in _in_order(found, listed, name)
+    ]
+    return Inventory(slots, _left_out(shape))
+
+
+def diagonal_mm(shapes: list) -> float:
+    """Return the diagonal of the box around some shapes."""
+    box = Bnd_Box()
+    for shape in shapes:
+        BRepBndLib.AddOptimal_s(shape, box, False, False)
+    return math.dist(xyz(box.CornerMin()), xyz(box.CornerMax()))
+
+
+def _check_references(model, name: str) -> None:
+    n_fails = model.GlobalCheck().NbFails()
+    if n_fails:
+        raise ReadError(f"a STEP file must be whole. Got {name} with {n_fails} syntax errors or missing entities.")
+
+
+def _damage(model, numbers: dict, listed: dict[int, ListedSolid], name: str) -> dict[int, str]:
+    """Return what is wrong with the entities that solids consist of, by solid; refuse damage that has no owner.
+
+    Errors in other entities (annotations, styles) are common in good files and do no harm.
+    """
+    damaged: dict[int, set[str]] = {}
+    for i, (handle, number) in enumerate(numbers.items(), start=1):
+        if not model.IsErrorEntity(i):
+            continue
+        family, _, kind = handle.DynamicType().Name().partition("_")
+        owners = [solid for solid in listed.values() if number in solid.entities]
+        for solid in owners:
+            damaged.setdefault(solid.number, set()).add(kind)
+        shapes = family in ("StepShape", "StepGeom") and not kind.endswith(_HARMLESS)
+        structure = any(part in kind for part in _STRUCTURE) and not kind.endswith(_HARMLESS)
+        if not owners and (shapes or structure):
+            raise ReadError(f"the geometry of a STEP file must be whole. Got {name} with errors in {kind} #{number}.")
+    return {number: f"errors in {', '.join(sorted(kinds))}" for number, kinds in damaged.items()}
+
+
+def _check_assembly(reader, handles: list, name: str) -> None:
+    """Check that every part of an assembly was placed."""
+    process = reader.WS().TransferReader().TransientProcess()
+    placed = {process.Mapped(i) for i in range(1, process.NbMapped() + 1) if process.MapItem(i).HasResult()}
+    lost = [h for h in handles if h.DynamicType().Name().endswith("UsageOccurrence") and h not in placed]
+    if lost:
+        raise ReadError(f"every part of an assembly must be placed. Got {len(lost)} lost parts in {name}.")
+
+
+def _entity_number(reader, solid, numbers: dict) -> int | None:
+    """Return the number of the entity that a solid was made from."""
+    bare = solid.Located(TopLoc_Location())
+    return numbers.get(reader.WS().TransferReader().EntityFromShapeResult(bare, 1))
+
+
+def _in_order(found: list, listed: dict[int, ListedSolid], name: str) -> list:
+    """Return the solids with their numbers; those that were not built stand where the file lists them, with None."""
+    built = [number for _, number in found]
+    missing = [number for number in listed if number not in built]
+    if not missing:
+        return found
+    if [number for number in listed if number in built] != built:
+        # their places among the parts of an assembly, and with them the numbers of the others, are not known
+        raise ReadError(
+            f"every solid of a STEP file must be built. Got {name}, of which OCCT leaves out #{missing[0]} "
+            f"({len(missing)} such)."
+        )
+    shapes = dict(zip(built, (solid for solid, _ in found), strict=True))
+    return [(shapes.get(number), number) for number in listed]
+
+
+def _slot(shape, listed: ListedSolid | None, damage: str) -> Slot:
+    if listed is None:
+        return Slot(shape, damage)
+    if shape is None:
+        return Slot(None, damage or f"#{listed.number}, which OCCT cannot build", listed.uncertainty_mm)
+    return Slot(shape, damage or _compare(shape, listed), listed.uncertainty_mm)
+
+
+def _compare(shape, listed: ListedSolid) -> str:
+    """Return how a solid differs from what the file lists, or nothing."""
+    n_faces = len(explore(shape, TopAbs_ShapeEnum.TopAbs_FACE))
+    if n_faces < listed.n_faces:
+        return f"{n_faces} of the {listed.n_faces} faces that #{listed.number} lists"
+    bare = shape.Located(TopLoc_Location())
+    points = np.array(
+        [xyz(BRep_Tool.Pnt_s(TopoDS.Vertex(v))) for v in explore(bare, TopAbs_ShapeEnum.TopAbs_VERTEX)]
+    ).reshape(-1, 3)
+    distance_mm, place = _farthest(listed.points_mm, points)
+    allowed = RELATIVE_DISPLACEMENT * float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
+    if distance_mm > allowed:
+        return f"a vertex of #{listed.number} at {describe_point(place)} that is {distance_mm:.3g} mm off"
+    return ""
+
+
+def _farthest(expected: np.ndarray, points: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return the expected point that is farthest from all others, and how far that is."""
+    known = set(map(tuple, points.tolist()))
+    rest = [p for p in expected.tolist() if tuple(p) not in known]
+    worst, place = 0.0, np.zeros(3)
+    for point in rest:
+        distance = float(np.sqrt(((points - point) ** 2).sum(axis=1).min())) if len(points) else math.inf
+        if not distance <= worst:
+            worst, place = distance, np.array(point)
+    return worst, place
+
+
+def _left_out(shape) -> list[str]:
+    """Return a note on faces and edges that belong to no solid, such as annotations."""
+    n_faces = len(explore(shape, TopAbs_ShapeEnum.TopAbs_FACE, outside=TopAbs_ShapeEnum.TopAbs_SOLID))
+    n_edges = len(explore(shape, TopAbs_ShapeEnum.TopAbs_EDGE, outside=TopAbs_ShapeEnum.TopAbs_FACE))
+    return [f"left out {n_faces} faces and {n_edges} edges that belong to no solid"] if n_faces or n_edges else []
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep OCCT from printing; what it would say is checked and raised instead."""
+    messenger = Message.DefaultMessenger_s()
+    printers = [messenger.Printers().Value(k) for k in range(1, messenger.Printers().Length() + 1)]
+    for printer in printers:
+        messenger.RemovePrinter(printer)
+    try:
+        yield
+    finally:
+        for printer in printers:
+            messenger.AddPrinter(printer)

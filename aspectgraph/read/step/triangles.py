@@ -1,0 +1,241 @@
+"""From an OCCT solid to triangles that share their vertices along every edge.
+
+The mesher cuts each edge once and uses the same points for the faces on both sides. Its nodes are therefore identified
+by what they *are* (a vertex, the k-th point of an edge, a point inside a face), never by where they lie.
+
+Imports OCP; import this module only when a boundary representation is at hand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.BRepTools import BRepTools
+from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
+from OCP.GeomAbs import GeomAbs_CurveType, GeomAbs_SurfaceType
+from OCP.gp import gp_Pnt, gp_Vec
+from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
+from OCP.TopExp import TopExp, TopExp_Explorer
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS
+
+from aspectgraph.exceptions import NonManifoldError, OpenSolidError, ReadError
+from aspectgraph.read.tessellation import Tessellation
+from aspectgraph.solid.places import describe_point
+
+SMOOTH_DEG = 5.0
+"""Two CAD faces, at least one of them curved, meet smoothly where their normals differ by less all along the edge.
+
+Between planar faces the facets have the true angle, so the caller of ``straight_edges`` decides.
+"""
+
+_N_SAMPLES = 7
+
+
+@dataclass(frozen=True)
+class _Use:
+    """An edge as one face uses it."""
+
+    edge: object
+    face: object
+    face_index: int
+    nodes: tuple[int, ...]
+
+
+def explore(shape, kind: TopAbs_ShapeEnum, outside: TopAbs_ShapeEnum = TopAbs_ShapeEnum.TopAbs_SHAPE) -> list:
+    """Return the sub-shapes of a kind that are in none of the kind `outside`, in file order, once for each use."""
+    found, explorer = [], TopExp_Explorer(shape, kind, outside)
+    while explorer.More():
+        found.append(explorer.Current())
+        explorer.Next()
+    return found
+
+
+def tessellate(solid, chord_tolerance_mm: float, angular_tolerance_rad: float, flat_mm: float) -> Tessellation:
+    """Return the triangles of an OCCT solid.
+
+    Parameters
+    ----------
+    solid : TopoDS_Shape
+        One solid.
+    chord_tolerance_mm, angular_tolerance_rad : float
+        Largest distance, and largest turn between neighbouring chords, of the triangles from the true surface.
+    flat_mm : float
+        Surfaces and curves that leave a plane or line by less are planar or straight, however they are stored.
+
+    Raises
+    ------
+    OpenSolidError, NonManifoldError
+        An edge does not have two faces.
+    ReadError
+        A face could not be cut into triangles.
+    """
+    BRepTools.Clean_s(solid)
+    # Chords of circles turn by half of the angle the mesher is given.
+    BRepMesh_IncrementalMesh(solid, chord_tolerance_mm, False, 2.0 * angular_tolerance_rad, False)
+    return _Collector(solid, flat_mm).collect()
+
+
+class _Collector:
+    """Gathers the mesher's nodes and triangles under shared ids."""
+
+    def __init__(self, solid, flat_mm: float):
+        self.flat_mm = flat_mm
+        self.faces = [TopoDS.Face(face) for face in explore(solid, TopAbs_ShapeEnum.TopAbs_FACE)]
+        self.edge_map, self.vertex_map = ShapeMap(), ShapeMap()
+        TopExp.MapShapes_s(solid, TopAbs_ShapeEnum.TopAbs_EDGE, self.edge_map)
+        TopExp.MapShapes_s(solid, TopAbs_ShapeEnum.TopAbs_VERTEX, self.vertex_map)
+        self.ids: dict[tuple, int] = {}
+        self.parent: list[int] = []
+        self.points: list[np.ndarray] = []
+        self.uses: dict[int, list[_Use]] = {}
+
+    def collect(self) -> Tessellation:
+        blocks = [self._add_face(i, face) for i, face in enumerate(self.faces)]
+        root = np.array([self._root(i) for i in range(len(self.parent))], dtype=np.int64)
+        triangles = root[np.concatenate(blocks)]
+        patch = np.repeat(np.arange(len(blocks)), [len(block) for block in blocks])
+        whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+        curved_patch = np.array([not is_planar(face, self.flat_mm) for face in self.faces])
+        curved_edges = self._curved_edges(root, curved_patch)
+        return Tessellation(np.array(self.points), triangles[whole], patch[whole], curved_patch, curved_edges)
+
+    def _id(self, key: tuple, point: np.ndarray) -> int:
+        if key not in self.ids:
+            self.ids[key] = len(self.parent)
+            self.parent.append(len(self.parent))
+            self.points.append(point)
+        return self.ids[key]
+
+    def _root(self, i: int) -> int:
+        while self.parent[i] != i:
+            i = self.parent[i]
+        return i
+
+    def _add_face(self, face_index: int, face) -> np.ndarray:
+        """Number the nodes of a face; return its triangles in these numbers, outward."""
+        location = TopLoc_Location()
+        mesh = BRep_Tool.Triangulation_s(face, location)
+        if mesh is None or mesh.NbTriangles() == 0:
+            raise ReadError(f"every face must be tessellated. Got no triangles for face {face_index} of the solid.")
+        move = location.Transformation()
+        points = np.array([xyz(mesh.Node(k).Transformed(move)) for k in range(1, mesh.NbNodes() + 1)])
+        number = np.full(len(points), -1, dtype=np.int64)
+        for shape in explore(face, TopAbs_ShapeEnum.TopAbs_EDGE):
+            self._add_edge(TopoDS.Edge(shape), face, face_index, mesh, location, points, number)
+        for k in np.flatnonzero(number < 0).tolist():
+            number[k] = self._id(("inside", face_index, k), points[k])
+        corners = [_corners(mesh.Triangle(k)) for k in range(1, mesh.NbTriangles() + 1)]
+        triangles = number[np.array(corners) - 1]
+        turned = (face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED) != move.IsNegative()
+        return triangles[:, ::-1] if turned else triangles
+
+    def _add_edge(self, edge, face, face_index, mesh, location, points, number) -> None:
+        polygon = BRep_Tool.PolygonOnTriangulation_s(edge, mesh, location)
+        if polygon is None:
+            return
+        nodes = [polygon.Node(k) - 1 for k in range(1, polygon.NbNodes() + 1)]
+        edge_index = self.edge_map.FindIndex(edge)
+        ends = [self.vertex_map.FindIndex(end(edge, False)) for end in (TopExp.FirstVertex_s, TopExp.LastVertex_s)]
+        keys = [("edge", edge_index, k) for k in range(len(nodes))]
+        keys[0], keys[-1] = ("vertex", ends[0]), ("vertex", ends[1])
+        if BRep_Tool.Degenerated_s(edge):
+            keys = [keys[0]] * len(keys)
+        for node, key in zip(nodes, keys, strict=True):
+            new = self._id(key, points[node])
+            if number[node] >= 0:
+                a, b = sorted((self._root(int(number[node])), self._root(new)))
+                self.parent[b] = a
+            number[node] = new
+        if not BRep_Tool.Degenerated_s(edge):
+            use = _Use(edge, face, face_index, tuple(int(number[node]) for node in nodes))
+            self.uses.setdefault(edge_index, []).append(use)
+
+    def _curved_edges(self, root: np.ndarray, curved_patch: np.ndarray) -> set[tuple[int, int]]:
+        """Return the chords of edges that are not straight or not sharp."""
+        chords = set()
+        for uses in self.uses.values():
+            _check_uses(uses, self.points)
+            on_curved = any(curved_patch[use.face_index] for use in uses)
+            smooth = on_curved and turn_deg(*uses) < SMOOTH_DEG
+            if is_straight(uses[0].edge, self.flat_mm) and not smooth:
+                continue
+            chain = root[list(uses[0].nodes)].tolist()
+            chords.update((min(a, b), max(a, b)) for a, b in pairwise(chain))
+        return chords
+
+
+def _check_uses(uses: list[_Use], points: list[np.ndarray]) -> None:
+    """Check that an edge has two faces that cut it into the same pieces."""
+    ends = f"{describe_point(points[uses[0].nodes[0]])} to {describe_point(points[uses[0].nodes[-1]])}"
+    if len(uses) == 1:
+        raise OpenSolidError(f"every edge of a solid must have two faces. Got one at the edge from {ends}.")
+    if len(uses) > 2:
+        raise NonManifoldError(f"every edge of a solid must have two faces. Got {len(uses)} at the edge from {ends}.")
+    if len(uses[0].nodes) != len(uses[1].nodes):
+        raise ReadError(f"faces must cut a common edge alike. Got different pieces at the edge from {ends}.")
+
+
+def xyz(point) -> tuple[float, float, float]:
+    """Return the coordinates of an OCCT point or vector."""
+    return point.X(), point.Y(), point.Z()
+
+
+def _corners(triangle) -> tuple[int, int, int]:
+    return triangle.Value(1), triangle.Value(2), triangle.Value(3)
+
+
+def is_planar(face, flat_mm: float) -> bool:
+    """Return whether the surface of a face stays within `flat_mm` of a plane."""
+    surface = BRepAdaptor_Surface(face)
+    if surface.GetType() == GeomAbs_SurfaceType.GeomAbs_Plane:
+        return True
+    if surface.GetType() in (GeomAbs_SurfaceType.GeomAbs_Cylinder, GeomAbs_SurfaceType.GeomAbs_Cone):
+        return False
+    us = np.linspace(surface.FirstUParameter(), surface.LastUParameter(), _N_SAMPLES)
+    vs = np.linspace(surface.FirstVParameter(), surface.LastVParameter(), _N_SAMPLES)
+    points = np.array([xyz(surface.Value(u, v)) for u in us for v in vs])
+    centred = points - points.mean(axis=0)
+    normal = np.linalg.svd(centred, full_matrices=False)[2][2]
+    return bool(np.abs(centred @ normal).max() <= flat_mm)
+
+
+def is_straight(edge, flat_mm: float) -> bool:
+    """Return whether an edge stays within `flat_mm` of the line between its ends."""
+    curve = BRepAdaptor_Curve(edge)
+    if curve.GetType() == GeomAbs_CurveType.GeomAbs_Line:
+        return True
+    parameters = np.linspace(curve.FirstParameter(), curve.LastParameter(), 2 * _N_SAMPLES)
+    points = np.array([xyz(curve.Value(t)) for t in parameters])
+    along = points[-1] - points[0]
+    length = np.linalg.norm(along)
+    if length <= flat_mm:
+        return False
+    return bool(np.linalg.norm(np.cross(points - points[0], along / length), axis=1).max() <= flat_mm)
+
+
+def turn_deg(one: _Use, other: _Use) -> float:
+    """Return the largest turn of the outward normal across an edge, in degrees, over a few points of it."""
+    cosines = [a @ b for a, b in zip(_normals(one), _normals(other), strict=True)]
+    return float(np.degrees(np.arccos(np.clip(min(cosines), -1.0, 1.0))))
+
+
+def _normals(use: _Use) -> list[np.ndarray]:
+    surface = BRepAdaptor_Surface(use.face)
+    flip = -1.0 if use.face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else 1.0
+    first, last = BRep_Tool.Range_s(use.edge, use.face)
+    curve = BRep_Tool.CurveOnSurface_s(use.edge, use.face, first, last)
+    normals = []
+    for fraction in (0.2, 0.5, 0.8):
+        uv = curve.Value(first + fraction * (last - first))
+        point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
+        surface.D1(uv.X(), uv.Y(), point, along_u, along_v)
+        normal = np.cross(xyz(along_u), xyz(along_v))
+        length = np.linalg.norm(normal)
+        normals.append(flip * normal / length if length > 0 else np.zeros(3))
+    return normals

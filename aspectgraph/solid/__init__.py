@@ -1,0 +1,42 @@
+"""The part: a closed, oriented surface of planar faces.
+
+Whoever holds a `Solid` may rely on its rules, for its constructor checked them all: every edge runs once in each
+direction, faces are planar and have an area, shells face outwards, and the surface neither crosses nor touches itself.
+What breaks a rule is refused with its place.
+"""
+
+from aspectgraph.solid.checks import check_vertices, default_planarity_mm, face_area_vectors
+from aspectgraph.solid.places import describe_point
+from aspectgraph.solid.self_contact import segment_distance, side_distances
+from aspectgraph.solid.shells import face_outwards
+from aspectgraph.solid.solid import Solid
+from aspectgraph.solid.topology import (
+    Edge,
+    Face,
+    check_fans,
+    describe_edge,
+    label_shells,
+    pair_edges,
+    signed_dihedrals_deg,
+)
+from aspectgraph.solid.triangulate import newell_area_vector, triangulate_face
+
+__all__ = [
+    "Edge",
+    "Face",
+    "Solid",
+    "check_fans",
+    "check_vertices",
+    "default_planarity_mm",
+    "describe_edge",
+    "describe_point",
+    "face_area_vectors",
+    "face_outwards",
+    "label_shells",
+    "newell_area_vector",
+    "pair_edges",
+    "segment_distance",
+    "side_distances",
+    "signed_dihedrals_deg",
+    "triangulate_face",
+]

@@ -1,0 +1,173 @@
+"""The solid: a closed, oriented surface of planar faces.
+
+Rules
+-----
+* Coordinates are finite; loops have at least three distinct vertices; every edge is traversed exactly once in each
+  direction; around every vertex the faces form one fan.
+* Faces are planar to within ``planarity_mm`` and have an area. Loops may hold collinear vertices.
+* Faces run counter-clockwise seen from outside. Several disjoint solids and closed voids are legal; solids that overlap
+  or touch, and surfaces that cross themselves, are not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from aspectgraph.exceptions import SolidError
+from aspectgraph.solid.checks import (
+    check_areas,
+    check_indices,
+    check_planarity,
+    check_vertices,
+    default_planarity_mm,
+    face_area_vectors,
+)
+from aspectgraph.solid.self_contact import check_contacts
+from aspectgraph.solid.shells import check_shells
+from aspectgraph.solid.topology import Edge, Face, as_face, check_fans, label_shells, pair_edges, signed_dihedrals_deg
+from aspectgraph.solid.triangulate import signed_volume, triangulate_face
+
+
+class Solid:
+    """A polyhedral solid.
+
+    Parameters
+    ----------
+    vertices : array_like, shape (n, 3)
+        Coordinates in mm.
+    faces : iterable
+        Each a loop of vertex indices, ``(outer loop, [hole, ...])`` or a `Face`; counter-clockwise seen from outside.
+    curved_edges : iterable of (int, int)
+        Vertex pairs of edges that stand for a curved or smooth edge of the part; never offered as entities.
+    name : str
+        Name of the part.
+    planarity_mm : float, optional
+        Largest distance of a face's vertex from its plane. Default: 10⁻⁶ of the bounding box diagonal.
+    notes : iterable of str
+        What a reader repaired or chose on the way here.
+
+    Attributes
+    ----------
+    vertices : ndarray of float64, shape (n, 3), read-only
+        Coordinates in mm.
+    faces : tuple of Face
+    edges : tuple of Edge
+        ``edges[i].id == i``, in order of first appearance in the loops, so ids are stable for the same input.
+    normals : ndarray, shape (f, 3), read-only
+        Outward unit normals of the faces.
+    face_triangles : tuple of ndarray of int32, shape (m, 3)
+        Triangles of each face, counter-clockwise seen from outside, using its own vertices only.
+    face_shell : ndarray of int, shape (f,)
+        The shell (connected piece of surface) of each face.
+    volume : float
+        In mm³.
+    name, notes : str, tuple of str
+
+    Raises
+    ------
+    SolidError
+        Or one of its kinds, if a rule in the module's description is broken.
+    """
+
+    def __init__(
+        self,
+        vertices,
+        faces: Iterable[Face | Sequence],
+        *,
+        curved_edges: Iterable[tuple[int, int]] = (),
+        name: str = "",
+        planarity_mm: float | None = None,
+        notes: Iterable[str] = (),
+    ):
+        self.name = name
+        self.notes = tuple(notes)
+        self.vertices = check_vertices(vertices)
+        self.faces = tuple(as_face(face) for face in faces)
+        check_indices(self.vertices, self.faces)
+        edge_vertices, edge_faces = pair_edges(self.vertices, self.faces)
+        check_fans(self.vertices, self.faces)
+        self.planarity_mm = default_planarity_mm(self.vertices) if planarity_mm is None else float(planarity_mm)
+        self.normals = self._checked_normals()
+        self.face_triangles = tuple(
+            triangulate_face(self.vertices, face, normal, f"face {i}")
+            for i, (face, normal) in enumerate(zip(self.faces, self.normals, strict=True))
+        )
+        self.face_shell = label_shells(len(self.faces), edge_faces)
+        self.edges = self._build_edges(edge_vertices, edge_faces, curved_edges)
+        self.volume = signed_volume(self.vertices, self.triangles)
+        check_contacts(self)
+        check_shells(self.vertices, self.triangles, self.face_shell[self.triangle_face])
+
+    def _checked_normals(self) -> np.ndarray:
+        area_vectors = face_area_vectors(self.vertices, self.faces)
+        check_areas(self.vertices, self.faces, area_vectors)
+        normals = area_vectors / np.linalg.norm(area_vectors, axis=1, keepdims=True)
+        check_planarity(self.vertices, self.faces, normals, self.planarity_mm)
+        normals.flags.writeable = False
+        return normals
+
+    def _build_edges(self, edge_vertices, edge_faces, curved_edges) -> tuple[Edge, ...]:
+        curved = {(min(pair), max(pair)) for pair in curved_edges}
+        unknown = curved - set(map(tuple, np.sort(edge_vertices, axis=1).tolist()))
+        if unknown:
+            raise SolidError(f"curved_edges must name edges. Got vertices {min(unknown)}.")
+        turns = signed_dihedrals_deg(self.vertices, self.normals, edge_vertices, edge_faces)
+        rows = zip(edge_vertices.tolist(), edge_faces.tolist(), turns.tolist(), strict=True)
+        return tuple(
+            Edge(i, (a, b), (f, g), turn, (min(a, b), max(a, b)) in curved)
+            for i, ((a, b), (f, g), turn) in enumerate(rows)
+        )
+
+    @cached_property
+    def triangles(self) -> np.ndarray:
+        """All triangles, ndarray of int32, shape (t, 3), face by face."""
+        return np.concatenate(self.face_triangles)
+
+    @cached_property
+    def triangle_face(self) -> np.ndarray:
+        """The face of each triangle, ndarray of int, shape (t,)."""
+        return np.repeat(np.arange(len(self.faces)), [len(t) for t in self.face_triangles])
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """Lowest and highest corner of the bounding box in mm, shape (2, 3)."""
+        return np.array([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+    @property
+    def n_shells(self) -> int:
+        """Number of connected pieces of surface."""
+        return int(self.face_shell.max()) + 1
+
+    def edge_points(self, edge_id: int) -> np.ndarray:
+        """Return the two end points of an edge in mm, shape (2, 3)."""
+        return self.vertices[list(self.edges[edge_id].vertices)]
+
+    def edge_length_mm(self, edge_id: int) -> float:
+        """Return the length of an edge in mm."""
+        start, end = self.edge_points(edge_id)
+        return float(np.linalg.norm(end - start))
+
+    def straight_edges(self, min_dihedral_deg: float = 5.0, min_length_mm: float = 0.0) -> tuple[Edge, ...]:
+        """Return the edges that can be entities: straight, sharp and long enough.
+
+        Parameters
+        ----------
+        min_dihedral_deg : float
+            Smallest turn of the normal across the edge, either way, in degrees.
+        min_length_mm : float
+            Smallest length.
+        """
+        return tuple(
+            edge
+            for edge in self.edges
+            if not edge.curved
+            and abs(edge.dihedral_deg) >= min_dihedral_deg
+            and self.edge_length_mm(edge.id) >= min_length_mm
+        )
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        return f"<Solid {self.name!r}: {len(self.vertices)} vertices, {len(self.edges)} edges, {len(self.faces)} faces>"

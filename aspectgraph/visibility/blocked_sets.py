@@ -1,0 +1,236 @@
+"""Blocked sets: from where a convex piece of surface hides part of an entity.
+
+Notation
+--------
+ab   the entity, a closed segment between two vertices of the solid
+O    a convex piece of a face, P its plane with the outward side positive; O hides something only from points p of ab
+     in front of P, because every blocked line of sight enters the solid somewhere
+B    {q + t (q - p) : q in O, p in ab in front of P, t >= 0}, the blocked set of O, convex and unbounded
+
+B is cut out by P and by every plane that separates O from ab, touches both, and passes through
+
+* an edge of O and an end of ab in front of P (type B, or A where it is a face next to the entity), or
+* ab and a vertex of O (likewise).
+
+Where P separates a from b, the part of ab in front of P ends on P, and the planes through that end and an edge of O
+are P itself. So every bounding plane passes through vertices of the solid: quadrics (type C) never bound a domain of
+whole-edge observability.
+
+The faces next to the entity block by themselves: from behind both of them at a convex edge, from behind either at a
+re-entrant one.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numba as nb
+import numpy as np
+
+from aspectgraph.exact.planes import find_plane, height, plane_through, side_of
+from aspectgraph.solid.solid import Solid
+from aspectgraph.visibility.scene import Scene, entity_ends
+
+if TYPE_CHECKING:
+    from aspectgraph.entities.straight_edges import Entity
+
+# how a plane came about: FACE (face, -1, -1), EDGE_AND_END (edge's two vertices, end of the entity), or
+# VERTEX_AND_ENTITY (vertex, both ends of the entity)
+FACE, EDGE_AND_END, VERTEX_AND_ENTITY = range(3)
+
+
+class Blockers(NamedTuple):
+    """Convex sets {side · (plane) > 0 for all their planes}, largest first.
+
+    Attributes
+    ----------
+    first : ndarray of int32, shape (n + 1,)
+        Where each set's planes start.
+    plane, side : ndarray, shape (m,)
+        Plane number and the side (1 or -1) the set lies on.
+    planes : ndarray of int64, shape (p, 4)
+        The planes: those of the faces, then those cast for this entity.
+    origin : ndarray of int32, shape (p, 4)
+        How each plane came about: kind and three vertex or face numbers.
+    """
+
+    first: np.ndarray
+    plane: np.ndarray
+    side: np.ndarray
+    planes: np.ndarray
+    origin: np.ndarray
+
+
+def blockers(scene: Scene, solid: Solid, entity: Entity) -> Blockers:
+    """All blocked sets of one entity: the faces next to it first, then every other piece in its way."""
+    a, b = entity_ends(scene, solid, entity)
+    wedge_first, wedge_plane, wedge_side = _wedge(scene, solid, entity)
+    n_face_planes = len(scene.planes)
+    room = n_face_planes + 3 * len(scene.pieces.vertices)
+    planes = np.empty((room, 4), np.int64)
+    planes[:n_face_planes] = scene.planes
+    origin = np.full((room, 4), -1, np.int32)
+    origin[:n_face_planes, 0] = FACE
+    origin[scene.plane_of_face[::-1], 1] = np.arange(len(scene.plane_of_face))[::-1]
+    in_the_way = _facing(scene, a, b, wedge_first, wedge_plane, wedge_side)
+    size = _apparent_size(scene.points, scene.pieces, in_the_way, a, b)
+    order = in_the_way[np.argsort(-size, kind="stable")]
+    piece_plane = scene.plane_of_face[scene.pieces.face]
+    piece_side = scene.side_of_face[scene.pieces.face]
+    first, plane, side, n_planes = _cast(
+        scene.points,
+        scene.pieces,
+        order,
+        piece_plane,
+        piece_side,
+        planes,
+        n_face_planes,
+        origin,
+        a,
+        b,
+        scene.resolution,
+    )
+    return Blockers(
+        np.concatenate([wedge_first, wedge_first[-1] + first[1:]]).astype(np.int32),
+        np.concatenate([wedge_plane, plane]).astype(np.int32),
+        np.concatenate([wedge_side, side]).astype(np.int8),
+        planes[:n_planes].copy(),
+        origin[:n_planes].copy(),
+    )
+
+
+def _wedge(scene: Scene, solid: Solid, entity: Entity) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The blocked sets of the faces next to the entity, as first, plane, side."""
+    sets = set()
+    for edge_id in entity.edge_ids:
+        edge = solid.edges[edge_id]
+        behind = [(int(scene.plane_of_face[f]), -int(scene.side_of_face[f])) for f in edge.faces]
+        sets |= {tuple(sorted(behind))} if edge.dihedral_deg > 0 else {(half,) for half in behind}
+    ordered = sorted(sets)
+    first = np.cumsum([0] + [len(halves) for halves in ordered])
+    flat = np.array([half for halves in ordered for half in halves])
+    return first, flat[:, 0], flat[:, 1]
+
+
+@nb.njit(cache=True)
+def _facing(scene, a, b, wedge_first, wedge_plane, wedge_side):
+    """Pieces with an end of the entity in front of them that are not wholly inside one blocked set of the wedge."""
+    points, pieces = scene.points, scene.pieces
+    result = np.empty(len(pieces.face), np.int64)
+    n = 0
+    for piece in range(len(pieces.face)):
+        face = pieces.face[piece]
+        plane, side = scene.planes[scene.plane_of_face[face]], scene.side_of_face[face]
+        if (
+            side * side_of(plane, points[a], scene.resolution) <= 0
+            and side * side_of(plane, points[b], scene.resolution) <= 0
+        ):
+            continue
+        hidden = False
+        for k in range(len(wedge_first) - 1):
+            inside = True
+            for j in range(wedge_first[k], wedge_first[k + 1]):
+                for i in range(pieces.first[piece], pieces.first[piece + 1]):
+                    point = points[pieces.vertices[i]]
+                    if wedge_side[j] * side_of(scene.planes[wedge_plane[j]], point, scene.resolution) < 0:
+                        inside = False
+            hidden |= inside
+        if not hidden:
+            result[n] = piece
+            n += 1
+    return result[:n]
+
+
+@nb.njit(cache=True)
+def _apparent_size(points, pieces, chosen, a, b):
+    """Rough solid angle of pieces seen from the middle of the entity; only orders the work."""
+    eye = 0.5 * (points[a] + points[b])
+    size = np.empty(len(chosen))
+    for k in range(len(chosen)):
+        loop = pieces.vertices[pieces.first[chosen[k]] : pieces.first[chosen[k] + 1]]
+        centre, normal = np.zeros(3), np.zeros(3)
+        for i in range(len(loop)):
+            p, q = points[loop[i]] - eye, points[loop[(i + 1) % len(loop)]] - eye
+            centre += p / len(loop)
+            for axis in range(3):
+                j, m = (axis + 1) % 3, (axis + 2) % 3
+                normal[axis] += p[j] * q[m] - p[m] * q[j]
+        distance = np.sqrt((centre * centre).sum())
+        size[k] = abs((normal * centre).sum()) / max(distance, 1.0) ** 3
+    return size
+
+
+@nb.njit(cache=True)
+def _separates(plane, points, loop, others, resolution):
+    """Side of the plane on which the loop lies with `others` on the opposite side or on the plane; 0 if none."""
+    positive = negative = False
+    for v in loop:
+        s = side_of(plane, points[v], resolution)
+        positive |= s > 0
+        negative |= s < 0
+    if positive == negative:
+        return 0
+    side = 1 if positive else -1
+    for v in others:
+        if side * side_of(plane, points[v], resolution) > 0:
+            return 0
+    return side
+
+
+@nb.njit(cache=True)
+def _side_of_loop(plane, points, loop):
+    """Side of the plane on which the loop's farthest vertex lies."""
+    farthest = np.int64(0)
+    for v in loop:
+        h = height(plane, points[v])
+        if abs(h) > abs(farthest):
+            farthest = h
+    return 1 if farthest > 0 else -1
+
+
+@nb.njit(cache=True)
+def _cast(points, pieces, order, piece_plane, piece_side, planes, n_planes, origin, a, b, resolution):
+    """Blocked sets of the pieces in the given order; appends their planes to `planes` and `origin`."""
+    n_face_planes = n_planes
+    room = len(order) + 3 * len(pieces.vertices)
+    first = np.zeros(len(order) + 1, np.int32)
+    plane_list = np.empty(room, np.int32)
+    side_list = np.empty(room, np.int8)
+    ends = np.array([a, b])
+    n = 0
+    for row in range(len(order)):
+        piece = order[row]
+        loop = pieces.vertices[pieces.first[piece] : pieces.first[piece + 1]]
+        own, outward = piece_plane[piece], piece_side[piece]
+        plane_list[n], side_list[n] = own, -outward
+        start, n = n, n + 1
+        for i in range(len(loop)):
+            following = loop[(i + 1) % len(loop)]
+            for kind in range(3):
+                # kind 0 and 1: edge of O with an end in front of P; kind 2: vertex of O with ab
+                if kind < 2:
+                    if outward * side_of(planes[own], points[ends[kind]], resolution) <= 0:
+                        continue
+                    trio = np.array([loop[i], following, ends[kind]])
+                    others = ends[1 - kind : 2 - kind]
+                else:
+                    trio = np.array([loop[i], a, b])
+                    others = ends[:0]
+                plane = plane_through(points[trio[0]], points[trio[1]], points[trio[2]])
+                if not plane.any() or _separates(plane, points, loop, others, resolution) == 0:
+                    continue
+                known = find_plane(planes, n_planes, points, trio, resolution)
+                if known < 0:
+                    known = n_planes
+                    planes[known] = plane
+                    origin[known, 0] = EDGE_AND_END if kind < 2 else VERTEX_AND_ENTITY
+                    origin[known, 1:] = trio
+                    n_planes += 1
+                repeated = False
+                for k in range(start, n):
+                    repeated |= plane_list[k] == known
+                if not repeated:
+                    plane_list[n], side_list[n] = known, _side_of_loop(planes[known], points, loop)
+                    n += 1
+        first[row + 1] = n
+    return first, plane_list[:n].copy(), side_list[:n].copy(), max(n_planes, n_face_planes)

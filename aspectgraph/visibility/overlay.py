@@ -1,0 +1,192 @@
+"""The joint complex of several regions: one convex partition in which every entity is observable or not per cell.
+
+The regions' trees are laid over each other entity by entity; a cell is cut only where the next tree cuts it. Bit k of a
+cell's label says that entity k is observable from it. Since trees cut wider than the true boundary of their region,
+the result is simplified whenever the cells have multiplied.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from aspectgraph.cells.arrays import CELL_CHILD, CROSSED, N_CELLS, POSITIVE, Complex, add_box, allocate, with_room
+from aspectgraph.cells.simplify import n_leaves, simplify
+from aspectgraph.cells.split import cell_side, split_cell
+from aspectgraph.exact.planes import find_parallel, find_plane
+from aspectgraph.visibility.blocked_sets import FACE
+from aspectgraph.visibility.entity_region import Region
+from aspectgraph.visibility.scene import Scene
+
+_BOX = np.arange(6)
+_SIMPLIFY_ABOVE = 1024
+_ROOM = 1 << 12
+
+
+class SharedPlanes(NamedTuple):
+    """One plane table for several regions.
+
+    Attributes
+    ----------
+    planes : ndarray of int64, shape (p, 4)
+        The box, the faces of the solid, then what the regions add.
+    number : list of ndarray of int32
+        For each region, the shared number of each of its planes.
+    flipped : list of ndarray of bool
+        For each region, whether the shared plane has the opposite positive side.
+    """
+
+    planes: np.ndarray
+    number: list[np.ndarray]
+    flipped: list[np.ndarray]
+
+    def extended(self, planes: np.ndarray) -> SharedPlanes:
+        """The same with further planes, (n, 4), at the end of the table."""
+        return self._replace(planes=np.concatenate([self.planes, planes]))
+
+
+def share_planes(
+    regions: Sequence[Region], scene: Scene, box: np.ndarray, order: Sequence[int] | None = None
+) -> SharedPlanes:
+    """Number the planes of all regions jointly, in some order; planes that agree at their defining points are one.
+
+    Where snapping displaced vertices, planes parallel at those points to within the resolution become exactly parallel;
+    otherwise they would meet far away.
+    """
+    room = len(box) + len(scene.planes) + sum(len(region.tree.planes) for region in regions)
+    planes = np.empty((room, 4), np.int64)
+    known: dict[tuple[int, ...], int] = {}
+    n = 0
+    for plane in [*box, *scene.planes]:
+        planes[n] = plane
+        known.setdefault(_key(plane), n)
+        n += 1
+    numbers = [np.empty(0, np.int32)] * len(regions)
+    for position in range(len(regions)) if order is None else order:
+        region = regions[position]
+        number = np.empty(len(region.tree.planes), np.int32)
+        for k, (plane, origin) in enumerate(zip(region.tree.planes, region.origin, strict=True)):
+            match = known.get(_key(plane), -1)
+            if match < 0 and scene.resolution > 0 and origin[0] != FACE:
+                trio = origin[1:].astype(np.int64)
+                match = len(box) + find_plane(planes[len(box) : n], n - len(box), scene.points, trio, scene.resolution)
+                if match < len(box):
+                    match, plane = -1, find_parallel(planes[len(box) : n], scene.points, trio, scene.resolution, plane)
+            if match < 0:
+                match, n = n, n + 1
+                planes[match] = plane
+                known[_key(plane)] = match
+            number[k] = match
+        numbers[position] = number
+    products = (
+        planes[number, :3].astype(float) * region.tree.planes[:, :3]
+        for number, region in zip(numbers, regions, strict=True)
+    )
+    flips = [product.sum(axis=1) < 0 for product in products]
+    return SharedPlanes(planes[:n].copy(), numbers, flips)
+
+
+def _key(plane: np.ndarray) -> tuple[int, ...]:
+    coefficients = plane.tolist()
+    leading = next(c for c in coefficients if c)
+    return tuple(coefficients) if leading > 0 else tuple(-c for c in coefficients)
+
+
+def n_words(n_entities: int) -> int:
+    """Words of a label that holds one bit per entity and two flags."""
+    return (n_entities + 2 + 63) // 64
+
+
+def overlay(
+    regions: Sequence[Region],
+    shared: SharedPlanes,
+    *,
+    order: Sequence[int] | None = None,
+    covering_only: bool = False,
+) -> Complex:
+    """Lay regions over each other.
+
+    Parameters
+    ----------
+    regions : sequence of k Region
+    shared : SharedPlanes
+        Their planes.
+    order : sequence of int, optional
+        In which they are laid over each other; it changes no label. Default: as given, as `covering_only` needs it.
+    covering_only : bool
+        Leave cells uncut from which some entity is not observable: enough to find where all of them are.
+
+    Returns
+    -------
+    Complex
+        Bit k of a present cell's label is set iff entity k is observable from it. With `covering_only` all bits are set
+        iff all entities are, and none otherwise.
+    """
+    order = range(len(regions)) if order is None else order
+    return with_room(
+        lambda n_cells: _overlay(regions, shared, order, covering_only, n_cells),
+        n_cells=max(_ROOM, 64 * sum(region.n_leaves for region in regions)),
+    )
+
+
+def _overlay(regions, shared: SharedPlanes, order: Sequence[int], covering_only: bool, n_cells: int) -> Complex:
+    cx = allocate(shared.planes, n_cells, n_words(len(regions)))
+    add_box(cx, _BOX)
+    limit = _SIMPLIFY_ABOVE
+    for k in order:
+        tree = regions[k].tree
+        inner = tree.plane >= 0
+        plane = np.where(inner, shared.number[k][tree.plane], -1).astype(np.int32)
+        child = tree.child.copy()
+        swapped = inner & shared.flipped[k][tree.plane]
+        child[swapped] = child[swapped][:, ::-1]
+        _add_region(cx, plane, child, regions[k].observable, k, covering_only)
+        if covering_only:
+            _forget_uncovered(cx, k + 1)
+        if n_leaves(cx) > limit:
+            cx = simplify(cx, _BOX, n_cells)
+            limit = max(_SIMPLIFY_ABOVE, 4 * n_leaves(cx))
+    return simplify(cx, _BOX, n_cells)
+
+
+@nb.njit(cache=True)
+def _covers(label, k):
+    """Whether the bits of entities 0 to k - 1 are all set."""
+    for bit in range(k):
+        if not (label[bit // 64] >> np.uint64(bit % 64)) & np.uint64(1):
+            return False
+    return True
+
+
+@nb.njit(cache=True)
+def _forget_uncovered(cx, k):
+    """Clear labels that lack one of the first k bits, so that simplifying joins their cells."""
+    for c in range(cx.count[N_CELLS]):
+        if cx.cell[c, CELL_CHILD] < 0 and not _covers(cx.label[c], k):
+            cx.label[c] = 0
+
+
+@nb.njit(cache=True)
+def _add_region(cx, plane, child, observable, k, covering_only):
+    """Set bit k where region k holds the cell, cutting cells its tree cuts."""
+    bit = np.uint64(1) << np.uint64(k % 64)
+    stack = [(0, 0) for _ in range(0)]
+    for c in range(cx.count[N_CELLS]):
+        if cx.cell[c, CELL_CHILD] < 0 and not (covering_only and not _covers(cx.label[c], k)):
+            stack.append((c, 0))
+    while len(stack) > 0:
+        cell, node = stack.pop()
+        if plane[node] < 0:
+            if observable[node]:
+                cx.label[cell, k // 64] |= bit
+            continue
+        place = cell_side(cx, cell, plane[node])
+        if place == CROSSED:
+            split_cell(cx, cell, plane[node])
+            stack.append((np.int64(cx.cell[cell, CELL_CHILD]), np.int64(child[node, 0])))
+            stack.append((np.int64(cx.cell[cell, CELL_CHILD + 1]), np.int64(child[node, 1])))
+        else:
+            stack.append((cell, np.int64(child[node, 0 if place == POSITIVE else 1])))

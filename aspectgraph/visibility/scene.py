@@ -1,0 +1,70 @@
+"""A solid on its grid, as everything that asks for visibility needs it, and the entities' places there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from aspectgraph.entities.straight_edges import Entity
+from aspectgraph.exact.canonical_axes import own_frame
+from aspectgraph.exact.canonical_order import list_solid
+from aspectgraph.exact.features import resolving_grid
+from aspectgraph.exact.grid import Grid, turned
+from aspectgraph.exact.planes import face_planes
+from aspectgraph.solid.solid import Solid
+from aspectgraph.visibility.convex_pieces import Pieces, convex_pieces
+
+
+class Scene(NamedTuple):
+    """A solid on its grid, as the shadows need it.
+
+    Attributes
+    ----------
+    points : ndarray of int64, shape (n, 3)
+        Vertices in grid steps.
+    resolution : float
+        See `grid.Grid`.
+    planes : ndarray of int64, shape (p, 4)
+        Planes of the faces.
+    plane_of_face : ndarray, shape (f,)
+    side_of_face : ndarray, shape (f,)
+        1 where the outward side of a face is the positive side of its plane, else -1.
+    pieces : Pieces
+    """
+
+    points: np.ndarray
+    resolution: float
+    planes: np.ndarray
+    plane_of_face: np.ndarray
+    side_of_face: np.ndarray
+    pieces: Pieces
+
+
+def own_order(scene: Scene, solid: Solid, entities: Iterable[Entity]) -> list[int]:
+    """Positions of entities in an order that depends on their places on the part alone."""
+    ends = [scene.points[list(entity_ends(scene, solid, entity))].ravel().tolist() for entity in entities]
+    return sorted(range(len(ends)), key=ends.__getitem__)
+
+
+def entity_ends(scene: Scene, solid: Solid, entity: Entity) -> tuple[int, int]:
+    """Vertex numbers of an entity's two ends, sorted by their places on the grid."""
+    ends: set[int] = set()
+    for edge_id in entity.edge_ids:
+        ends ^= set(solid.edges[edge_id].vertices)
+    return tuple(sorted(ends, key=lambda v: scene.points[v].tolist()))
+
+
+def make_scene(solid: Solid, entities: Mapping[str, Entity] | None = None) -> tuple[Grid, Scene]:
+    """Lay a solid on its grid, in its own frame and order; entities tell the sides of a symmetric part apart."""
+    marks = [] if entities is None else [entities[name].edge_ids for name in sorted(entities)]
+    frame = own_frame(solid, marks)
+    grid = resolving_grid(solid, frame)
+    listing = list_solid(solid, grid.points)
+    loops = [np.empty(0, int)] * len(solid.faces)
+    for face, number in zip(listing.faces, listing.face, strict=True):
+        loops[number] = listing.vertex[list(face.outer)]
+    planes, plane_of_face, side_of_face = face_planes(grid, loops, turned(frame, solid.normals), listing.face)
+    pieces = convex_pieces(solid, grid.points, planes[plane_of_face, :3] * side_of_face[:, None], listing)
+    return grid, Scene(grid.points, grid.resolution, planes, plane_of_face, side_of_face, pieces)

@@ -1,0 +1,220 @@
+"""Regions of many entities: exact visibility queries without a joint graph."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, as_completed
+
+import numpy as np
+
+from aspectgraph.cells.cell_set import CellSet
+from aspectgraph.cells.crop import crop
+from aspectgraph.cells.point_location import holds
+from aspectgraph.cells.split import leaves
+from aspectgraph.entities.straight_edges import Entity, resolve_entities
+from aspectgraph.exact.grid import Grid
+from aspectgraph.exceptions import EntityError, WorkspaceError
+from aspectgraph.solid.solid import Solid
+from aspectgraph.visibility.entity_region import Region, observable_region
+from aspectgraph.visibility.overlay import overlay, share_planes
+from aspectgraph.visibility.scene import Scene, make_scene, own_order
+
+Progress = Callable[[int, int, str], None]
+
+_WORKSPACE_DIAGONALS = 10.0
+# coverings kept for another call; one takes megabytes, and a plan asks for thousands
+_COVERINGS_KEPT = 16
+
+
+class VisibilityRegions:
+    """From where each entity of a solid is observable as a whole, exactly.
+
+    Made by `compute_regions`.
+
+    Attributes
+    ----------
+    solid : Solid
+    workspace : ndarray, shape (2, 3)
+        Lowest and highest corner of the viewpoint space in mm.
+    entities : dict of str to Entity
+        In the order given.
+    grid : Grid
+        Integer grid of all geometry; ``grid.snapping_mm`` is the largest displacement of a vertex.
+    """
+
+    def __init__(
+        self, solid: Solid, workspace: np.ndarray, entities: dict[str, Entity], grid: Grid, scene: Scene, regions
+    ):
+        self.solid = solid
+        self.workspace = workspace
+        self.entities = entities
+        self.grid = grid
+        self._scene = scene
+        self._regions: dict[str, Region] = dict(regions)
+        self._covering: dict[tuple[str, ...], CellSet] = {}
+
+    @property
+    def entity_names(self) -> tuple[str, ...]:
+        """Names of the entities, in order."""
+        return tuple(self.entities)
+
+    def observable(self, points, names: Sequence[str] | None = None) -> np.ndarray:
+        """Whether entities are observable from viewpoints.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, 3)
+            Viewpoints in mm. They are rounded to 2**-20 of a grid step; the answer is exact from there. On a partition
+            surface an entity is observable if it is from either side.
+        names : sequence of str, optional
+            Entities asked for. Default: all.
+
+        Returns
+        -------
+        ndarray of bool, shape (n, k)
+            One column per name; False inside the solid.
+
+        Raises
+        ------
+        WorkspaceError
+            If a point lies outside the workspace.
+        EntityError
+            If a name is unknown.
+        """
+        names = self.check_names(self.entity_names if names is None else names)
+        queries = self._queries(points)
+        result = np.empty((len(queries), len(names)), bool)
+        for column, name in enumerate(names):
+            region = self._regions[name]
+            result[:, column] = holds(region.tree, region.observable, queries)
+        return result
+
+    def covering_cells(self, names: Sequence[str]) -> CellSet:
+        """Viewpoints from which all named entities are observable, as convex cells.
+
+        Raises
+        ------
+        EntityError
+            If a name is unknown, or none is given.
+        """
+        names = self.check_names(names)
+        if not names:
+            raise EntityError("names must hold at least one entity. Got none.")
+        key = tuple(sorted(set(names)))
+        kept = self._covering.pop(key, None)
+        if kept is None:
+            order = own_order(self._scene, self.solid, [self.entities[name] for name in key])
+            regions = [self._regions[key[k]] for k in order]
+            shared = share_planes(regions, self._scene, self.grid.cube_planes(self.workspace))
+            limits = self.grid.box_planes(self.workspace)
+            cx = overlay(regions, shared.extended(limits), covering_only=True)
+            crop(cx, len(shared.planes))
+            present = leaves(cx)
+            bits = np.unpackbits(cx.label[present].view(np.uint8), axis=1, bitorder="little")[:, : len(key)]
+            kept = CellSet(cx, present[bits.all(axis=1)], self.grid)
+        # the last one asked for comes last, the first one goes
+        self._covering[key] = kept
+        while len(self._covering) > _COVERINGS_KEPT:
+            del self._covering[next(iter(self._covering))]
+        return kept
+
+    def subset(self, names: Sequence[str]) -> VisibilityRegions:
+        """The same regions for some of the entities."""
+        names = self.check_names(names)
+        return VisibilityRegions(
+            self.solid,
+            self.workspace,
+            {name: self.entities[name] for name in names},
+            self.grid,
+            self._scene,
+            {name: self._regions[name] for name in names},
+        )
+
+    def check_names(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Return the names as a tuple if all are known, else raise EntityError."""
+        for name in names:
+            if name not in self.entities:
+                raise EntityError(f"names must be names of entities, {', '.join(self.entities)}. Got {name!r}.")
+        return tuple(names)
+
+    def _queries(self, points) -> np.ndarray:
+        viewpoints = np.asarray(points, float).reshape(-1, 3)
+        outside = ~((viewpoints >= self.workspace[0]) & (viewpoints <= self.workspace[1])).all(axis=1)
+        if outside.any():
+            raise WorkspaceError(
+                f"points must lie in the workspace {self.workspace[0].tolist()} to {self.workspace[1].tolist()} mm. "
+                f"Got {viewpoints[outside][0].tolist()} ({int(outside.sum())} outside)."
+            )
+        return self.grid.to_points(viewpoints)
+
+
+def check_workspace(workspace, solid: Solid) -> np.ndarray:
+    """Return a workspace as a (2, 3) array in mm; None gives the part's box with ten diagonals of room around it.
+
+    Raises
+    ------
+    WorkspaceError
+        If it is not a finite box.
+    """
+    if workspace is None:
+        low, high = solid.bounds
+        room = _WORKSPACE_DIAGONALS * np.linalg.norm(high - low)
+        return np.array([low - room, high + room])
+    box = np.asarray(workspace, float)
+    if box.shape != (2, 3):
+        raise WorkspaceError(f"workspace must have shape (2, 3), its two corners. Got shape {box.shape}.")
+    if not (np.isfinite(box).all() and (box[0] < box[1]).all()):
+        raise WorkspaceError(f"workspace must be finite, lower corner first. Got {box.tolist()}.")
+    return box
+
+
+def compute_regions(
+    solid: Solid,
+    entities: Mapping | Sequence,
+    workspace=None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> VisibilityRegions:
+    """Compute from where each entity is observable.
+
+    Parameters
+    ----------
+    solid : Solid
+    entities : mapping of str to edge id or pair of points, or sequence of edge ids
+        See `resolve_entities`; resolved entities are taken as they are.
+    workspace : array_like, shape (2, 3), optional
+        Corners of the viewpoint space in mm. Default: the part's box with ten diagonals of room.
+    executor : concurrent.futures.Executor, optional
+        Computes entities in parallel; the result does not depend on it.
+    progress : callable(done, total, label), optional
+
+    Raises
+    ------
+    EntityError
+        If an entity is not a sharp straight edge.
+    WorkspaceError
+        If the workspace is not a box around the part.
+    """
+    resolved = _resolved(solid, entities)
+    box_mm = check_workspace(workspace, solid)
+    grid, scene = make_scene(solid, resolved)
+    grid.box_planes(box_mm)
+    cube = grid.cube_planes(box_mm)
+    report = progress or (lambda done, total, label: None)
+    regions: dict[str, Region] = {}
+    if executor is None:
+        for name, entity in resolved.items():
+            regions[name] = observable_region(scene, solid, entity, cube)
+            report(len(regions), len(resolved), name)
+    else:
+        futures = {executor.submit(observable_region, scene, solid, e, cube): name for name, e in resolved.items()}
+        for future in as_completed(futures):
+            regions[futures[future]] = future.result()
+            report(len(regions), len(resolved), futures[future])
+    return VisibilityRegions(solid, box_mm, resolved, grid, scene, {name: regions[name] for name in resolved})
+
+
+def _resolved(solid: Solid, entities) -> dict[str, Entity]:
+    if isinstance(entities, Mapping) and all(isinstance(value, Entity) for value in entities.values()):
+        return dict(entities)
+    return resolve_entities(solid, entities)

@@ -1,0 +1,68 @@
+"""Boxes of poses whose turns are small: whether heavy windows meet there, and how such a box is halved. Compiled loops.
+
+The windows are linear in the point looked at and the turn together (`planner.bound.boxes.linear_sides`,
+`planner.bound.boxes.linear_windows`).
+"""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+from planner.bound.boxes.exclusive_groups import exclusive_groups
+from planner.bound.boxes.linear_sides import find_apart, linear_sides
+from planner.bound.boxes.linear_windows import YES, may_meet
+from planner.bound.boxes.trial import LENGTH, SIGHT, VIEW
+from planner.bound.boxes.windows import most_turn
+
+# rad of half the angle
+_SMALL_TURN = 0.1
+# parts of a box looked at, at most
+_MOST_PARTS = 64
+# the turn is halved where what it leaves open of the nodal point at second order is more than this share of its box
+_TURN_SHARE = 0.25
+# smaller boxes of these are not halved further: turn, in its coordinates, and nodal points, mm
+_LEAST_TURN, _LEAST_MM = 2e-3, 0.05
+
+
+@nb.njit(cache=True, nogil=True)
+def is_small(stack, i):
+    """Tell whether the turns of box i are small enough for linear windows."""
+    v = stack.turn[i]
+    return most_turn(v, stack.span[i], 1.0 + np.sum(v * v))[0] <= _SMALL_TURN
+
+
+@nb.njit(cache=True, nogil=True)
+def may_see(stack, i, entities, view, conflict, limit, work, rest, x, meets):
+    """Answer whether windows heavier than the limit may meet in box i, and where; see `linear_windows.may_meet`."""
+    m, u, eye = stack.count[i], stack.span[i], stack.eye[i]
+    n = linear_sides(stack, i, entities, view, work, rest)
+    apart = work.apart[:m, :m]
+    for a in range(m):
+        for b in range(m):
+            apart[a, b] = conflict[stack.members[i, a], stack.members[i, b]]
+    find_apart(work, n, u, apart)
+    exclusive_groups(np.arange(m), apart, work.group[:m])
+    sides, members = (work.rows[:n], work.rhs[:n], work.owner[:n]), (work.group[:m], work.y[:m])
+    low, high, slope = np.empty(6), np.empty(6), np.zeros((3, 3))
+    low[:3], low[3:], high[:3], high[3:] = -work.room, -u, work.room, u
+    # with a turn, w is tried such that the nodal point stays in the middle
+    for j in range(3):
+        for k in range(3):
+            for c in range(3):
+                slope[j, k] += work.matrix[c, j] * work.swing[k, c] / u[k]
+    seat = work.matrix.T @ ((eye[0] + eye[1]) / 2 - work.nodal), slope
+    return may_meet(sides, members, limit, (low, high), seat, _MOST_PARTS, x, meets[:m])
+
+
+@nb.njit(cache=True, nogil=True)
+def nodal_or_turn(stack, i, rest, answer, lost):
+    """Return along which coordinate box i is to be halved; -1 if it is too small for that.
+
+    The nodal points decide visibility and length, and tie the points looked at to the turn. What the turn makes
+    uncertain of that should not be more than there is of them.
+    """
+    u, half = stack.span[i], (stack.eye[i, 1] - stack.eye[i, 0]) / 2
+    if rest > _TURN_SHARE * half.max() or (answer == YES and lost[VIEW] > max(lost[SIGHT], lost[LENGTH])):
+        return 3 + np.argmax(u) if u.max() > _LEAST_TURN else -1
+    return 6 + np.argmax(half) if half.max() > _LEAST_MM else -1

@@ -1,0 +1,180 @@
+"""Boxes of camera poses that wait to be searched (`planner.bound.boxes.search`). Compiled loops."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+# boxes that wait at most: a box has at most two halves waiting for each halving of its coordinates
+LEVELS = 160
+_EPS = 1e-9
+
+
+class Stack(NamedTuple):
+    """Boxes that wait: q0, h, v0, u; where windows met in the box before halving; and what may be inspected.
+
+    ``eye`` (2, 3) are the lowest and highest coordinates that the nodal point may have; for so many halvings as
+    ``pause`` says it is not asked what is visible from there.
+    ``members[i, :count[i]]`` are entities in descending order of weight; ``sure`` those visible from all of the box;
+    the cells in which the nodal point may lie are those of ``cells`` from ``start[i, a]`` to ``start[i, a + 1]``.
+    """
+
+    look: np.ndarray
+    half: np.ndarray
+    turn: np.ndarray
+    span: np.ndarray
+    met: np.ndarray
+    count: np.ndarray
+    members: np.ndarray
+    sure: np.ndarray
+    start: np.ndarray
+    cells: np.ndarray
+    eye: np.ndarray
+    pause: np.ndarray
+
+
+class Work(NamedTuple):
+    """Of the box at work: rotation, room, swings, nodal point; windows, weights and groups of members.
+
+    ``scores`` (9,) tell how much is gained by halving along each coordinate of q, v and the nodal point.
+    ``rows``, their right-hand sides and owners are linear sides of windows, see `planner.bound.boxes.linear_sides`;
+    ``side`` tells which of the six sides, ``of_side`` lists them by that, and ``apart`` (m, m) which members exclude
+    each other.
+    """
+
+    matrix: np.ndarray
+    room: np.ndarray
+    swing: np.ndarray
+    nodal: np.ndarray
+    least: np.ndarray
+    y: np.ndarray
+    group: np.ndarray
+    scores: np.ndarray
+    rows: np.ndarray
+    rhs: np.ndarray
+    owner: np.ndarray
+    side: np.ndarray
+    of_side: np.ndarray
+    apart: np.ndarray
+
+
+@nb.njit(cache=True, nogil=True)
+def planted(box, order, entities, eye):
+    """Return a stack with one box in which every entity of the order may be inspected, from an eye in (2, 3)."""
+    m, n_cells = len(order), 0
+    for e in order:
+        n_cells += entities.entity_start[e + 1] - entities.entity_start[e]
+    point = np.empty((5, LEVELS, 3))
+    stack = Stack(
+        point[0],
+        point[1],
+        point[2],
+        point[3],
+        point[4],
+        np.zeros(LEVELS, np.int64),
+        np.empty((LEVELS, m), np.int64),
+        np.zeros((LEVELS, m), np.bool_),
+        np.zeros((LEVELS, m + 1), np.int64),
+        np.empty((LEVELS, n_cells), np.int32),
+        np.empty((LEVELS, 2, 3)),
+        np.zeros(LEVELS, np.int64),
+    )
+    stack.look[0], stack.half[0], stack.turn[0], stack.span[0] = box[0], box[1], box[2], box[3]
+    stack.met[0] = np.inf
+    stack.eye[0] = eye
+    stack.count[0], at = m, 0
+    for a in range(m):
+        stack.members[0, a], stack.start[0, a] = order[a], at
+        for cell in range(entities.entity_start[order[a]], entities.entity_start[order[a] + 1]):
+            stack.cells[0, at] = cell
+            at += 1
+    stack.start[0, m] = at
+    return stack
+
+
+@nb.njit(cache=True, nogil=True)
+def new_work(m):
+    """Return room for the work on boxes with up to m members."""
+    square, line = np.empty((2, 3, 3)), np.empty((2, 3))
+    least, scores = np.empty((m, 6)), np.empty(9)
+    y, group = np.empty(m), np.empty(m, np.int64)
+    # of each member both ends on six sides of the view, and the length; and two for each side of two boxes of points
+    n_rows = 13 * m + 12
+    sides = np.empty((n_rows, 6)), np.empty(n_rows), np.empty(n_rows, np.int64)
+    apart = np.zeros((m, m), np.bool_)
+    kinds = np.empty(n_rows, np.int64), np.empty((6, n_rows), np.int64)
+    return Work(square[0], line[0], square[1], line[1], least, y, group, scores, *sides, *kinds, apart)
+
+
+@nb.njit(cache=True, nogil=True)
+def keep_members(stack, i, work, live):
+    """Drop the members of box i whose bit is not set; return the weight of the others."""
+    kept, at, total = 0, 0, 0.0
+    for a in range(stack.count[i]):
+        e = stack.members[i, a]
+        if not live[e >> 6] >> np.uint64(e & 63) & np.uint64(1):
+            continue
+        first, last = stack.start[i, a], stack.start[i, a + 1]
+        stack.members[i, kept], stack.sure[i, kept], stack.start[i, kept] = e, stack.sure[i, a], at
+        for c in range(first, last):
+            stack.cells[i, at] = stack.cells[i, c]
+            at += 1
+        work.y[kept], work.least[kept] = work.y[a], work.least[a]
+        total += work.y[a]
+        kept += 1
+    stack.count[i], stack.start[i, kept] = kept, at
+    return total
+
+
+@nb.njit(cache=True, nogil=True)
+def agree(stack, i, work, rest, middle):
+    """Shrink the points looked at and the nodal points of box i to where the ones go with the others; false if none do.
+
+    c = q - z0 a, and a differs from the middle rotation's by the swings and the rest.
+    """
+    q, h, eye = stack.look[i], stack.half[i], stack.eye[i]
+    for k in range(3):
+        arm = middle * work.matrix[k, 2]
+        swing = abs(work.swing[0, k]) + abs(work.swing[1, k]) + abs(work.swing[2, k]) + rest + _EPS
+        low, high = max(q[k] - h[k], eye[0, k] + arm - swing), min(q[k] + h[k], eye[1, k] + arm + swing)
+        eye[0, k], eye[1, k] = max(eye[0, k], low - arm - swing), min(eye[1, k], high - arm + swing)
+        if low > high or eye[0, k] > eye[1, k]:
+            return False
+        q[k], h[k] = (low + high) / 2, (high - low) / 2
+        work.nodal[k] = q[k] - arm
+    return True
+
+
+@nb.njit(cache=True, nogil=True)
+def halve(stack, i, axis, met, turn, nodal):
+    """Replace box i by its halves in places i and i + 1; the one of a pose that was tried comes on top.
+
+    The axes are those of the point looked at, of the turn, and of the nodal point; of that pose they are ``met``,
+    ``turn`` (from the middle rotation) and ``nodal``.
+    """
+    for field in (stack.look, stack.half, stack.turn, stack.span):
+        field[i + 1] = field[i]
+    m = stack.count[i]
+    n_cells = stack.start[i, m]
+    stack.count[i + 1] = m
+    stack.members[i + 1, :m] = stack.members[i, :m]
+    stack.sure[i + 1, :m] = stack.sure[i, :m]
+    stack.start[i + 1, : m + 1] = stack.start[i, : m + 1]
+    stack.cells[i + 1, :n_cells] = stack.cells[i, :n_cells]
+    stack.met[i], stack.met[i + 1] = met, met
+    stack.eye[i + 1], stack.pause[i + 1] = stack.eye[i], stack.pause[i]
+    if axis >= 6:
+        k = axis - 6
+        middle = (stack.eye[i, 0, k] + stack.eye[i, 1, k]) / 2
+        low, high = (i, i + 1) if nodal[k] > middle else (i + 1, i)
+        stack.eye[low, 1, k] = stack.eye[high, 0, k] = middle
+        return
+    boxes, size = (stack.look, stack.half) if axis < 3 else (stack.turn, stack.span)
+    k = axis % 3
+    half = size[i, k] / 2
+    size[i, k] = size[i + 1, k] = half
+    on_top = 1.0 if (met[k] > stack.look[i, k] if axis < 3 else turn[k] > 0.0) else -1.0
+    boxes[i, k] -= on_top * half
+    boxes[i + 1, k] += on_top * half

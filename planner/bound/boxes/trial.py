@@ -1,0 +1,79 @@
+"""Poses of a box that are tried. Compiled loops."""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+from planner.bound.boxes.visibility import hidden_around, holds_point
+from planner.bound.boxes.windows import farthest, rotation, seen_from
+
+# what a member that should be inspected is lost for
+SIGHT, LENGTH, VIEW = range(3)
+
+
+@nb.njit(cache=True, nogil=True)
+def try_pose(stack, i, chart, x, meets, entities, view, work, trial):
+    """Try the pose of box i at x = (w, d), see `planner.bound.boxes.linear_sides`.
+
+    Its nodal point is moved into the box if it is not there. Of the members only those are asked that should meet.
+
+    Parameters
+    ----------
+    trial : tuple
+        Is written to: the pose (4, 4), camera to part; what it inspects (e,); the weight (3,) of the members that are
+        not visible, whose image is too short, or that are out of view; and the point (3,) it looks at.
+
+    Returns
+    -------
+    float
+        The weight of what it inspects.
+    """
+    pose, inspected, lost, look = trial
+    matrix, zero, s, far, opened = np.empty((3, 3)), np.zeros(3), np.empty((2, 3)), np.empty(2), np.empty(2)
+    rotation(chart, stack.turn[i] + x[3:], matrix)
+    look[:] = stack.look[i] + matrix @ x[:3]
+    eye = np.empty((2, 3))
+    eye[:] = np.minimum(np.maximum(look - view.middle * matrix[:, 2], stack.eye[i, 0]), stack.eye[i, 1])
+    look[:] = eye[0] + view.middle * matrix[:, 2]
+    pose[:3, :3], pose[:3, 3] = matrix, eye[0]
+    inspected[:], lost[:], total = False, 0.0, 0.0
+    for a in range(stack.count[i]):
+        if not meets[a]:
+            continue
+        e = stack.members[i, a]
+        if not _in_view(entities.ends[e], look, matrix, view):
+            lost[VIEW] += work.y[a]
+            continue
+        seen_from(entities.ends[e], look, matrix, s)
+        farthest(s, entities.lengths[e], 0.0, zero, view, far, opened)
+        if s[0, 2] + view.middle > far[0] or s[1, 2] + view.middle > far[1]:
+            lost[LENGTH] += work.y[a]
+        elif _sees(entities, stack.cells[i, stack.start[i, a] : stack.start[i, a + 1]], eye, stack.sure[i, a]):
+            inspected[e] = True
+            total += work.y[a]
+        else:
+            lost[SIGHT] += work.y[a]
+    return total
+
+
+@nb.njit(cache=True, nogil=True)
+def _sees(entities, cells, eye, sure):
+    """Tell whether a nodal point lies in one of the cells, and all points around it do."""
+    if sure:
+        return True
+    for cell in cells:
+        if holds_point(entities, cell, eye[0]):
+            return not hidden_around(entities, cells, eye)
+    return False
+
+
+@nb.njit(cache=True, nogil=True)
+def _in_view(ends, look, matrix, view):
+    """Tell whether both ends are in focus and on the sensor."""
+    for i in range(2):
+        x, y, z = matrix.T @ (ends[i] - look)
+        z += view.middle
+        if z < view.near or z > view.far or abs(x) > view.tan_x * z or abs(y) > view.tan_y * z:
+            return False
+    return True

@@ -1,0 +1,128 @@
+"""Which cells the nodal points of a box may enter, and which ends are out of focus or range. Compiled loops.
+
+The notation is that of `windows`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+
+# a cell that a nodal point may enter by less is not met
+_TOUCH_MM = 1e-6
+
+
+@nb.njit(cache=True, nogil=True)
+def keep_cells(entities, cells, c, h, swing, rest, eye):
+    """Move to the front the cells that some nodal point of a box, or a point around it, may lie in; return how many.
+
+    0 if no nodal point itself lies in one; -1 if all of them, with the points around them, lie in one: that one is the
+    first then. The nodal points are those about c, given how far the point looked at and the turn move them, that are
+    in the box ``eye`` (2, 3).
+    """
+    # by their own names: else much of the time goes into counting references
+    around, planes, plane_start, boxes = entities.around, entities.planes, entities.plane_start, entities.boxes
+    kept, met = 0, False
+    for cell in cells:
+        apart, holds = False, True
+        for k in range(3):
+            if boxes[cell, 0, k] > eye[1, k] + around or boxes[cell, 1, k] < eye[0, k] - around:
+                apart = True
+        inside = not apart
+        for p in range(plane_start[cell], plane_start[cell + 1]):
+            if apart:
+                break
+            p0, p1, p2 = planes[p, 0], planes[p, 1], planes[p, 2]
+            low = high = planes[p, 3]
+            value = low + p0 * c[0] + p1 * c[1] + p2 * c[2]
+            slack = abs(p0) * h[0] + abs(p1) * h[1] + abs(p2) * h[2] + rest
+            for k in range(3):
+                slack += abs(p0 * swing[k, 0] + p1 * swing[k, 1] + p2 * swing[k, 2])
+            if p0 > 0.0:
+                low, high = low + p0 * eye[0, 0], high + p0 * eye[1, 0]
+            else:
+                low, high = low + p0 * eye[1, 0], high + p0 * eye[0, 0]
+            if p1 > 0.0:
+                low, high = low + p1 * eye[0, 1], high + p1 * eye[1, 1]
+            else:
+                low, high = low + p1 * eye[1, 1], high + p1 * eye[0, 1]
+            if p2 > 0.0:
+                low, high = low + p2 * eye[0, 2], high + p2 * eye[1, 2]
+            else:
+                low, high = low + p2 * eye[1, 2], high + p2 * eye[0, 2]
+            low, high = max(low, value - slack), min(high, value + slack)
+            apart = low > around + _TOUCH_MM
+            holds = holds and low <= _TOUCH_MM
+            inside = inside and high + around <= 0.0
+        if not apart:
+            cells[kept] = cell
+            kept += 1
+            met = met or holds
+            if inside:
+                cells[0] = cell
+                return -1
+    return kept if met else 0
+
+
+@nb.njit(cache=True, nogil=True)
+def holds_point(entities, cell, c):
+    """Tell whether a cell contains a nodal point."""
+    for p in range(entities.plane_start[cell], entities.plane_start[cell + 1]):
+        plane = entities.planes[p]
+        if plane[3] + plane[0] * c[0] + plane[1] * c[1] + plane[2] * c[2] > _TOUCH_MM:
+            return False
+    return True
+
+
+@nb.njit(cache=True, nogil=True)
+def hidden_around(entities, cells, eye):
+    """Tell whether for every nodal point of a small box (2, 3) the same point around it is in none of the cells."""
+    if max(eye[1, 0] - eye[0, 0], eye[1, 1] - eye[0, 1], eye[1, 2] - eye[0, 2]) > 2.0 * entities.around:
+        return False
+    for d in range(len(entities.directions)):
+        x = (eye[0, 0] + eye[1, 0]) / 2 + entities.around * entities.directions[d, 0]
+        y = (eye[0, 1] + eye[1, 1]) / 2 + entities.around * entities.directions[d, 1]
+        z = (eye[0, 2] + eye[1, 2]) / 2 + entities.around * entities.directions[d, 2]
+        a, b, c = (eye[1, 0] - eye[0, 0]) / 2, (eye[1, 1] - eye[0, 1]) / 2, (eye[1, 2] - eye[0, 2]) / 2
+        seen = False
+        for cell in cells:
+            apart = False
+            for p in range(entities.plane_start[cell], entities.plane_start[cell + 1]):
+                p0, p1, p2 = entities.planes[p, 0], entities.planes[p, 1], entities.planes[p, 2]
+                value = entities.planes[p, 3] + p0 * x + p1 * y + p2 * z
+                if value - abs(p0) * a - abs(p1) * b - abs(p2) * c > _TOUCH_MM:
+                    apart = True
+                    break
+            if not apart:
+                seen = True
+                break
+        if not seen:
+            return True
+    return False
+
+
+@nb.njit(cache=True, nogil=True)
+def out_of_focus(ends, eye, view):
+    """Tell whether an end is too near or too far for every nodal point of a box."""
+    reach = view.far * math.sqrt(1.0 + view.tan_x**2 + view.tan_y**2)
+    for i in range(2):
+        least, most = 0.0, 0.0
+        for k in range(3):
+            least += max(eye[0, k] - ends[i, k], ends[i, k] - eye[1, k], 0.0) ** 2
+            most += max(eye[1, k] - ends[i, k], ends[i, k] - eye[0, k]) ** 2
+        if least > reach * reach or most < view.near * view.near:
+            return True
+    return False
+
+
+@nb.njit(cache=True, nogil=True)
+def out_of_range(ends, q, h, radius):
+    """Tell whether an end is farther from the whole box of q than any point in view is from the point looked at."""
+    for i in range(2):
+        square = 0.0
+        for k in range(3):
+            square += max(abs(ends[i, k] - q[k]) - h[k], 0.0) ** 2
+        if square > radius * radius:
+            return True
+    return False

@@ -1,0 +1,222 @@
+"""A proven lower bound on the number of sensor settings, by subdividing the space of poses.
+
+Notation
+--------
+node       a box of positions (centre c, half sizes h) times a patch of viewing directions times an interval of rolls
+S(node)    its optimistic set: every entity that *may* be inspected by *some* pose of the node; where S contains two
+           entities that exclude each other (`planner.bound.excluded_pairs`), the node is split into two with the same
+           poses, one without the first entity, one without all that it excludes
+y          weights of the entities, y >= 0
+
+Every pose lies in some leaf of the subdivision, so what it inspects is part of that leaf's S, and no plan has fewer
+settings than a cover by leaves' sets has columns. For each number of settings, the leaves of a cover by fewer are
+split, some rounds long: quick where pairs that exclude each other decide. If nothing in any leaf's S weighs more than
+1, at least sum(y) settings are needed (linear programming duality), and only leaves of weight at least 1 - (K - sum(y))
+can be in a cover of K columns (reduced-cost fixing). Where this gets no further, weights alone go on: those of the
+columns that are known to be realisable, all leaves that weigh too much being split; of entities that exclude each other
+at a leaf's poses only one counts. In the end, boxes about the point looked at take over (`planner.bound.dual_bound`),
+which are searched depth first and need no memory; what is visible together from where is found beforehand
+(`planner.bound.boxes.viewpoint_tree`).
+
+S(node) uses necessary conditions only: visibility (the box meets a cell of the entity's region), distance and depth
+(focus), the rectangle of the sensor, the resolution, and the length of image without which quantization alone keeps
+the probability below the threshold (`planner.bound.least_image`). All slack that a node's size causes is added. So the
+bound holds for any search.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import linprog
+from scipy.sparse import csr_matrix
+
+from planner.bound.boxes.cells import Cells, entity_cells
+from planner.bound.dual_bound import LinearBound
+from planner.bound.excluded_pairs import find_conflicts
+from planner.bound.pose_space import PoseSpace
+from planner.bound.pose_tree import PoseTree
+from planner.cover.relaxation import fractional_cover
+from planner.cover.set_cover import cover_within, distinct_rows, maximal_columns
+from planner.executors import Shared, in_order
+from planner.ledger import Ledger
+from planner.progress import report
+
+_BATCH = 6000
+_MAX_INTEGER_COLUMNS = 4000
+_COVER_NODES = 2000
+# for each number of settings, one integer cover in each of so many rounds, then in every so many
+_COVER_ROUNDS = 20
+_ROUNDS_PER_COVER = 10
+# nodes that have boxes of positions, at most: what pairs that exclude each other decide is soon proven
+_FIRST_NODES = 32_000
+# nodes smaller than this angle (seen from the camera, rad) are not split further
+_FINEST_RAD = 2e-3
+
+
+def lower_bound(
+    judge,
+    entity_idx,
+    n_settings: int,
+    columns,
+    *,
+    max_nodes: int,
+    ledger: Ledger | None = None,
+    executor=None,
+    progress=None,
+) -> tuple[int, str]:
+    """Prove how many settings are needed at least.
+
+    Parameters
+    ----------
+    judge : Judge
+        The request: visibility, camera and constraints.
+    entity_idx : array of int (e,)
+        The entities to be covered, as columns of the judge.
+    n_settings : int
+        Size of the cover that is known; the proof stops when it gets there.
+    columns : array of bool (c, e)
+        Columns known to be realisable; they start the weights.
+    max_nodes : int
+        Boxes of poses, at most.
+    ledger : Ledger, optional
+        Is told of poses worth knowing, see `planner.bound.dual_bound.LinearBound`, and of how far the proof has got.
+        What it holds of an earlier one for the same arguments, this one goes on from; it proves the same.
+    executor : concurrent.futures.Executor, optional
+        Computes the cells of entities' regions.
+    progress : callable, optional
+
+    Returns
+    -------
+    bound : int
+        No plan for these entities has fewer settings.
+    proof : str
+        What it rests on, in one sentence.
+    """
+    if n_settings <= 1:
+        return n_settings, "Fewer settings than one inspect nothing." if n_settings else "No entity is inspected."
+    entity_idx, ledger = np.asarray(entity_idx), ledger or Ledger()
+    shared = Shared(judge)
+    regions = Cells.joined(in_order(executor, entity_cells, [(shared, judge.names[i]) for i in entity_idx]))
+    first = ledger("covers")
+    if first is None:
+        conflict = find_conflicts(judge, entity_idx, columns, regions)
+        tree = PoseTree(judge, entity_idx, regions, conflict)
+        proven = _by_covers(tree, columns, n_settings, max_nodes, progress)
+        first = {"conflict": conflict, "bound": proven, "made": tree.made}
+    ledger.tell("covers", first)
+    space = PoseSpace(judge, entity_idx, regions, first["conflict"])
+    linear = LinearBound(space, columns, ledger.improve, ledger)
+    nodes = max(0, max_nodes - first["made"])
+    bound = linear.raise_from(first["bound"], n_settings, max_nodes=nodes, progress=progress)
+    report(progress, max_nodes, max_nodes, "lower bound")
+    return bound, _proof(first["made"] + linear.made, int(first["conflict"].sum()) // 2)
+
+
+def _by_covers(tree: PoseTree, columns, n_settings: int, max_nodes: int, progress) -> int:
+    """Return how many settings covers by leaves' sets prove; the tree is grown as far as they need it."""
+    weights = _Weights(np.asarray(columns, dtype=bool))
+    target, rounds = 2, 0
+    guide = fractional_cover(columns)[1]
+    while target <= n_settings and tree.made < min(_FIRST_NODES, max_nodes):
+        rounds += 1
+        sets_first = rounds <= _COVER_ROUNDS or rounds % _ROUNDS_PER_COVER == 0
+        heavy = _to_split(tree, weights.solve(tree.sets), target) if sets_first else _above(tree, guide, target)
+        if heavy is None:
+            target, rounds = target + 1, 0
+            continue
+        if not heavy.size:
+            break
+        tree.split(heavy, sets_first)
+        report(progress, min(tree.made, max_nodes), max_nodes, "lower bound")
+    return target - 1
+
+
+def _proof(boxes: int, pairs: int) -> str:
+    """Say what a bound rests on."""
+    checked = "1 box of camera poses was" if boxes == 1 else f"{boxes} boxes of camera poses were"
+    excluded = "1 pair of edges was" if pairs == 1 else f"{pairs or 'no'} pairs of edges were"
+    return (
+        f"Covering by optimistic columns: {checked} checked against necessary conditions (visibility, focus, sensor "
+        f"size, length of the image), and {excluded} found to exclude each other."
+    )
+
+
+def _to_split(tree: PoseTree, y: np.ndarray, target: int) -> np.ndarray | None:
+    """Choose the nodes to split to prove ``target``; none if nothing is left to split, None if it is proven."""
+    weight = tree.sets @ y
+    splittable = tree.size > _FINEST_RAD
+    # what a cover with fewer settings may waste
+    spare = target - 1 - float(y.sum())
+    if spare < -1e-6:
+        return None
+    usable = np.flatnonzero(weight >= 1.0 - spare - 1e-6)
+    first, of_distinct = distinct_rows(tree.sets[usable])
+    distinct = tree.sets[usable[first]]
+    heaviest = np.argsort(-(distinct @ y), kind="stable")[: 4 * _MAX_INTEGER_COLUMNS]
+    kept = heaviest[maximal_columns(distinct[heaviest])][:_MAX_INTEGER_COLUMNS]
+    exhaustive = len(distinct) <= 4 * _MAX_INTEGER_COLUMNS and len(kept) < _MAX_INTEGER_COLUMNS
+    if not distinct[kept].any(axis=0).all():
+        return None if exhaustive else _heaviest(usable[splittable[usable]], weight)
+    chosen, decided = cover_within(distinct[kept], target - 1, node_limit=_COVER_NODES)
+    if exhaustive and chosen is None and decided:
+        return None
+    if chosen is None:
+        return _heaviest(usable[splittable[usable]], weight)
+    nodes = usable[np.isin(of_distinct, kept[chosen])]
+    return nodes[splittable[nodes]][:_BATCH]
+
+
+def _above(tree: PoseTree, y: np.ndarray, target: int) -> np.ndarray | None:
+    """Choose the nodes that weigh too much for the weights to prove ``target``, the heaviest first; None if none do."""
+    limit = float(y.sum()) / (target - 1) - 1e-6
+    nodes = np.flatnonzero(tree.sets @ y > limit)
+    weight = tree.weights(nodes, y)
+    nodes, weight = nodes[weight > limit], weight[weight > limit]
+    if not nodes.size:
+        return None
+    fine = tree.size[nodes] > _FINEST_RAD
+    return nodes[fine][np.argsort(-weight[fine], kind="stable")[:_BATCH]]
+
+
+def _heaviest(nodes: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    return nodes[np.argsort(-weight[nodes], kind="stable")[:_BATCH]]
+
+
+class _Weights:
+    """The dual of the fractional cover over all leaves, by constraint generation."""
+
+    def __init__(self, columns: np.ndarray):
+        self._columns = columns[distinct_rows(columns)[0]]
+        self._rows = self._columns[:0]
+
+    def solve(self, sets: np.ndarray) -> np.ndarray:
+        """Return the weights y (e,) of largest sum such that no leaf and no known column weighs more than 1."""
+        self._forget(sets)
+        for _ in range(60):
+            y = self._solve()
+            weight = sets @ y
+            violated = np.flatnonzero(weight > 1.0 + 1e-7)
+            if not violated.size:
+                break
+            worst = violated[np.argsort(-weight[violated], kind="stable")[:2000]]
+            new = sets[worst[distinct_rows(sets[worst])[0]]]
+            new = new[np.argsort(-(new @ y), kind="stable")[:150]]
+            self._rows = np.concatenate([self._rows, new])
+        self._rows = self._rows[self._rows @ y > 0.5]
+        return y / max(1.0, float((sets @ y).max(initial=0.0)))
+
+    def _solve(self) -> np.ndarray:
+        rows = np.concatenate([self._columns, self._rows])
+        result = linprog(
+            -np.ones(rows.shape[1]),
+            A_ub=csr_matrix(rows.astype(float)),
+            b_ub=np.ones(len(rows)),
+            bounds=(0.0, 1.0),
+        )
+        return np.clip(result.x, 0.0, None)
+
+    def _forget(self, sets: np.ndarray) -> None:
+        """Drop the sets of leaves that have been split since: they would hold the weights down for ever."""
+        if len(self._rows):
+            present = {row.tobytes() for row in np.packbits(sets, axis=1)}
+            self._rows = self._rows[[row.tobytes() in present for row in np.packbits(self._rows, axis=1)]]

@@ -1,0 +1,21 @@
+"""The camera, its poses, and how far a real pose may be from the planned one.
+
+Lengths are millimetres, angles radians; poses map OpenCV camera coordinates to the part's. A camera or
+an uncertainty that cannot be is refused when it is made.
+"""
+
+from planner.camera.camera import Camera
+from planner.camera.catalogue import camera_names
+from planner.camera.pose import aim, cam_to_paper, look_at, moved, world_to_cam
+from planner.camera.pose_uncertainty import PoseUncertainty
+
+__all__ = [
+    "Camera",
+    "PoseUncertainty",
+    "aim",
+    "cam_to_paper",
+    "camera_names",
+    "look_at",
+    "moved",
+    "world_to_cam",
+]

@@ -1,0 +1,31 @@
+"""The catalogue of real cameras: bodies, lenses and pairs of them, read from ``catalogue.toml``."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import resources
+
+try:
+    import tomllib
+except ModuleNotFoundError:  # Python 3.10
+    import tomli as tomllib
+
+
+def camera_names() -> tuple[str, ...]:
+    """Return the names of the catalogue, sorted."""
+    return tuple(sorted(catalogued()))
+
+
+@cache
+def catalogued() -> dict[str, tuple[dict, dict]]:
+    """Read the catalogue: the fields of each camera, and its lens.
+
+    Bodies and lenses hold data-sheet facts, pairs say which are mounted and how they are set.
+    """
+    data = tomllib.loads(resources.files("planner.camera").joinpath("catalogue.toml").read_text(encoding="utf-8"))
+    cameras = {}
+    for name, pair in data["pair"].items():
+        body, lens = data["body"][pair["body"]], data["lens"][pair["lens"]]
+        settings = {key: value for key, value in pair.items() if key not in ("body", "lens")}
+        cameras[name] = {"focal_length_mm": lens["focal_length_mm"], **body, **settings}, lens
+    return cameras

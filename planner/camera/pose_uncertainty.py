@@ -1,0 +1,153 @@
+"""How far a camera's real pose may be from the planned one, and what that is in the paper's frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.camera.pose import cross_matrix, paper_displacement_jacobian
+from planner.exceptions import UncertaintyError
+
+_NAMES = ("dx", "dy", "dz", "phi_x", "phi_y", "phi_z")
+MAX_SIGMA_MM = 100.0
+MAX_SIGMA_RAD = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class PoseUncertainty:
+    """How far the camera's real pose may be from the planned one.
+
+    The real pose is ``cam2world @ D`` with D the rotation by the vector (phi_x, phi_y, phi_z) and the translation
+    (dx, dy, dz): a displacement about the front nodal point, in the camera's own OpenCV axes, normal with mean zero.
+
+    Parameters
+    ----------
+    covariance : array (6, 6)
+        Over (dx, dy, dz, phi_x, phi_y, phi_z), in mm², mm·rad and rad².
+
+    Raises
+    ------
+    UncertaintyError
+        If it is not (6, 6), finite, symmetric and positive semi-definite, or if a standard deviation exceeds 100 mm or
+        1 rad, which is the mark of wrong units.
+    """
+
+    covariance: np.ndarray
+
+    def __post_init__(self):
+        object.__setattr__(self, "covariance", _check_covariance(self.covariance))
+
+    @classmethod
+    def isotropic(cls, *, translation_mm: float, rotation_rad: float) -> PoseUncertainty:
+        """Return independent, equal standard deviations along and about the three axes."""
+        sigmas = np.repeat([translation_mm, rotation_rad], 3).astype(float)
+        for name, value in (("translation_mm", translation_mm), ("rotation_rad", rotation_rad)):
+            if not (np.isfinite(value) and value >= 0):
+                raise UncertaintyError(f"{name} must be finite and not negative. Got {value!r}.")
+        return cls(np.diag(sigmas**2))
+
+    @classmethod
+    def robot_hand_eye(
+        cls,
+        *,
+        robot_translation_mm: float,
+        robot_rotation_rad: float,
+        hand_eye_translation_mm: float,
+        hand_eye_rotation_rad: float,
+        cam2flange,
+    ) -> PoseUncertainty:
+        """Combine the robot's repeatability at its flange with the uncertainty of the hand-eye calibration.
+
+        Parameters
+        ----------
+        robot_translation_mm, robot_rotation_rad : float
+            Standard deviations of the flange's pose, per axis, about the flange's origin.
+        hand_eye_translation_mm, hand_eye_rotation_rad : float
+            Standard deviations of the calibrated camera pose, per axis, about the nodal point.
+        cam2flange : array (4, 4)
+            The calibrated pose of the camera in the flange's frame. Its lever arm turns flange rotations into
+            translations of the camera, correlated with the rotation.
+        """
+        cam2flange = np.asarray(cam2flange, dtype=float)
+        if cam2flange.shape != (4, 4):
+            raise UncertaintyError(f"cam2flange must have the shape (4, 4). Got {cam2flange.shape}.")
+        robot = cls.isotropic(translation_mm=robot_translation_mm, rotation_rad=robot_rotation_rad).covariance
+        hand_eye = cls.isotropic(translation_mm=hand_eye_translation_mm, rotation_rad=hand_eye_rotation_rad).covariance
+        rotation, lever = cam2flange[:3, :3].T, cam2flange[:3, 3]
+        jacobian = np.zeros((6, 6))
+        jacobian[:3, :3] = jacobian[3:, 3:] = rotation
+        jacobian[:3, 3:] = -rotation @ cross_matrix(lever)
+        return cls(jacobian @ robot @ jacobian.T + hand_eye)
+
+    @property
+    def sigmas(self) -> np.ndarray:
+        """Standard deviations (6,) of dx, dy, dz in mm and phi_x, phi_y, phi_z in rad."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def paper_covariance(self, image_distance_mm: float) -> np.ndarray:
+        """Return the covariance (6, 6) of the object's displacement (d, φ) in the paper's frame, eqs 6–9."""
+        jacobian = paper_displacement_jacobian(image_distance_mm)
+        covariance = jacobian @ self.covariance @ jacobian.T
+        return (covariance + covariance.T) / 2
+
+    def to_dict(self) -> dict:
+        """Return the covariance as nested lists, ready for JSON."""
+        return {"covariance": self.covariance.tolist()}
+
+    @classmethod
+    def from_dict(cls, data: Mapping) -> PoseUncertainty:
+        """Build from the result of `to_dict`."""
+        if "covariance" not in data:
+            raise UncertaintyError(f"covariance must be given. Got {', '.join(map(str, data)) or 'nothing'}.")
+        return cls(data["covariance"])
+
+    def __eq__(self, other) -> bool:
+        if not isinstance(other, PoseUncertainty):
+            return NotImplemented
+        return np.array_equal(self.covariance, other.covariance)
+
+    def __hash__(self) -> int:
+        return hash(self.covariance.tobytes())
+
+
+def _check_covariance(covariance) -> np.ndarray:
+    try:
+        cov = np.array(covariance, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise UncertaintyError(f"covariance must be a (6, 6) array of numbers. Got {covariance!r}.") from None
+    if cov.shape != (6, 6):
+        raise UncertaintyError(f"covariance must have the shape (6, 6). Got {cov.shape}.")
+    if not np.isfinite(cov).all():
+        raise UncertaintyError(f"covariance must be finite. Got {cov[~np.isfinite(cov)][0]}.")
+    scale = np.abs(cov).max()
+    if not np.allclose(cov, cov.T, rtol=0, atol=1e-9 * scale):
+        raise UncertaintyError(f"covariance must be symmetric. Got a difference of {np.abs(cov - cov.T).max():g}.")
+    cov = (cov + cov.T) / 2
+    _check_semidefinite(cov)
+    for name, sigma, limit, unit in zip(
+        _NAMES,
+        np.sqrt(np.diag(cov).clip(0)),
+        [MAX_SIGMA_MM] * 3 + [MAX_SIGMA_RAD] * 3,
+        ["mm"] * 3 + ["rad"] * 3,
+        strict=True,
+    ):
+        if sigma > limit:
+            raise UncertaintyError(
+                f"covariance must have standard deviations of at most {limit:g} {unit} for {name} "
+                f"(are its units mm and rad?). Got {sigma:g} {unit}."
+            )
+    cov.setflags(write=False)
+    return cov
+
+
+def _check_semidefinite(cov: np.ndarray) -> None:
+    """Test the correlation matrix, so that millimetres and radians weigh the same."""
+    variances = np.diag(cov)
+    if variances.min() < 0:
+        raise UncertaintyError(f"covariance must have non-negative variances. Got {variances.min():g}.")
+    scale = np.where(variances > 0, np.sqrt(variances), 1.0)
+    lowest = np.linalg.eigvalsh(cov / np.outer(scale, scale)).min()
+    if lowest < -1e-9:
+        raise UncertaintyError(f"covariance must be positive semi-definite. Got the (scaled) eigenvalue {lowest:g}.")

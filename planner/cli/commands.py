@@ -1,0 +1,195 @@
+"""What the four commands do. Each takes the parsed options and returns the exit code."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+
+from aspectgraph import (
+    AspectGraphError,
+    compute_regions,
+    graph_of,
+    read_entities,
+    read_solid,
+    write_edge_picture,
+    write_graphml,
+)
+from planner.camera.camera import Camera
+from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.cli.exit_codes import DONE, INCOMPLETE
+from planner.cli.signals import leave_signals_to_the_parent
+from planner.exceptions import OutputError, RequestError
+from planner.files import check_file_place, output_folder
+from planner.inspection import plan_inspection
+from planner.output import terminal_tables
+from planner.output.plan_folder import PLAN_FILES, left_out, rescue, write_outputs
+from planner.plan import read_plan
+from planner.progress import labelled, terminal_progress
+from planner.request.defaults import check_fraction, default_workspace
+from planner.resume import read_state
+from planner.verify.simulate_plan import simulate_plan
+
+STATE_FILE = "planning-state.json"
+
+
+def info(options) -> int:
+    """Show what a part consists of and which edges can be entities."""
+    if options.picture:
+        check_file_place(options.picture)
+    solid = _read_part(options)
+    edges = solid.straight_edges(min_length_mm=options.min_length)
+    if options.picture:
+        write_edge_picture(solid, options.picture, [edge.id for edge in edges])
+    terminal_tables.print_part(solid, edges)
+    if options.picture:
+        print(options.picture)
+    return DONE
+
+
+def graph(options) -> int:
+    """Build the entity-based aspect graph and write it."""
+    check_file_place(options.graphml)
+    solid = _read_part(options)
+    entities = read_entities(options.entities, solid)
+    with terminal_progress() as progress:
+        regions = compute_regions(
+            solid, entities, workspace=_workspace(options), progress=labelled(progress, "visible regions")
+        )
+        result = graph_of(regions)
+    write_graphml(result, options.graphml)
+    terminal_tables.print_graph(result)
+    print(options.graphml)
+    return DONE
+
+
+def plan(options) -> int:
+    """Plan an inspection and write everything about it."""
+    check_fraction("accuracy", options.accuracy)
+    check_fraction("probability", options.probability)
+    for name, least in (("seed", 0), ("simulate", 1), ("jobs", 1)):
+        if getattr(options, name) < least:
+            raise RequestError(f"--{name} must be at least {least}. Got {getattr(options, name)}.")
+    with output_folder(options.out, (*PLAN_FILES, STATE_FILE), "--out") as folder, _resumable(folder / STATE_FILE):
+        camera = read_camera(options.camera)
+        uncertainty = PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad)
+        solid = _read_part(options)
+        entities = read_entities(options.entities, solid)
+        found, written = _planned(options, solid, entities, camera, uncertainty, folder)
+    terminal_tables.print_plan(found)
+    for note in left_out(len(found.entities)):
+        print(note)
+    for path in written:
+        print(os.path.relpath(path) if path.is_relative_to(Path.cwd()) else path)
+    return DONE if found.complete and found.simulation.confirmed else INCOMPLETE
+
+
+def _planned(options, solid, entities, camera: Camera, uncertainty: PoseUncertainty, folder: Path) -> tuple:
+    """Plan and write; return the plan and the files. The state is deleted only after that."""
+    state, box = folder / STATE_FILE, _workspace(options)
+    _prepare(state, options.resume)
+    with terminal_progress() as progress, _executor(options.jobs) as executor:
+        regions = compute_regions(
+            solid,
+            entities,
+            workspace=default_workspace(solid, camera) if box is None else box,
+            executor=executor,
+            progress=labelled(progress, "visible regions"),
+        )
+        found = plan_inspection(
+            solid,
+            entities,
+            camera,
+            uncertainty,
+            accuracy=options.accuracy,
+            probability=options.probability,
+            rng=options.seed,
+            stand_off_mm=options.stand_off,
+            space=regions,
+            state=state,
+            executor=executor,
+            progress=progress,
+        )
+        found = found.simulated(options.simulate, rng=options.seed, progress=progress)
+        try:
+            written = write_outputs(found, regions, folder, progress)
+        except OutputError as error:
+            raise OutputError(f"{error} {rescue(found, state)}") from None
+    with suppress(OSError):
+        # if it stays, it does no harm: it gives this plan again
+        state.unlink(missing_ok=True)
+    return found, written
+
+
+def _prepare(state: Path, resume: bool) -> None:
+    """Refuse a state that cannot be resumed before any work; forget it if it is not to be resumed."""
+    if resume and state.exists():
+        read_state(state)
+    if not resume:
+        try:
+            state.unlink(missing_ok=True)
+        except OSError as error:
+            reason = f"{state} cannot be deleted: {error.strerror}"
+            raise OutputError(f"--out must be a folder that can be written. Got {reason}.") from None
+
+
+@contextmanager
+def _resumable(state: Path):
+    """Tell of the state when the work is interrupted, if there is one then."""
+    try:
+        with warnings.catch_warnings():
+            # if it matters in the end, that is told then
+            warnings.filterwarnings("ignore", "state is no longer saved", RuntimeWarning)
+            yield
+    except KeyboardInterrupt:
+        if state.exists():
+            raise KeyboardInterrupt("'plan' continues from where it was with --resume") from None
+        raise
+
+
+def simulate(options) -> int:
+    """Check a plan by simulation."""
+    if options.poses < 1 or options.seed < 0:
+        raise RequestError(f"--poses must be at least 1 and --seed at least 0. Got {options.poses} and {options.seed}.")
+    found = read_plan(options.plan)
+    with terminal_progress() as progress:
+        result = simulate_plan(found, options.poses, rng=options.seed, progress=progress)
+    terminal_tables.print_simulation(found, result)
+    return DONE if found.complete and result.confirmed else INCOMPLETE
+
+
+def read_camera(text: str) -> Camera:
+    """Return the camera of a TOML file, or the one with that name in the catalogue."""
+    path = Path(text)
+    return Camera.from_toml(path) if path.suffix.lower() == ".toml" or path.is_file() else Camera.named(text)
+
+
+def _read_part(options):
+    """Read the part; an error names the file."""
+    try:
+        return read_solid(options.part, units=options.units, solids=options.solids, gap_mm=options.gap_mm)
+    except AspectGraphError as error:
+        if str(options.part) in str(error):
+            raise
+        raise type(error)(f"{options.part}: {error}") from None
+
+
+def _workspace(options) -> np.ndarray | None:
+    return None if options.workspace is None else np.reshape(options.workspace, (2, 3))
+
+
+@contextmanager
+def _executor(jobs: int):
+    """Provide a process pool, or none for one process; work not begun is dropped at the end."""
+    if jobs == 1:
+        yield None
+        return
+    executor = ProcessPoolExecutor(jobs, initializer=leave_signals_to_the_parent)
+    try:
+        yield executor
+    finally:
+        executor.shutdown(cancel_futures=True)

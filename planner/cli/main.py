@@ -1,0 +1,208 @@
+"""The command line: what can be asked, and how errors and exit codes come out.
+
+Results go to standard output, progress and errors to standard error. Exit codes: 0 done, 1 the plan is incomplete (or
+was interrupted, or its simulation contradicts it), 2 bad input. The imports that take time happen inside the
+commands, so ``--help`` is immediate.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+
+from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
+from planner.cli.signals import termination_as_interruption
+
+_DESCRIPTION = """\
+Plan camera poses for the inspection of straight edges of a part: from where can each edge be measured to the required
+accuracy, how probable is that, and how few poses suffice?"""
+
+_EXAMPLES = """\
+examples:
+  aspectgraph info part.step
+  aspectgraph info part.step --picture edges.html
+  aspectgraph graph part.step --entities 12,15,31 --graphml graph.graphml
+  aspectgraph plan part.step --entities edges.toml --camera basler-acA2440-20gm-25mm --out plan
+  aspectgraph simulate plan/plan.json
+
+An entities file (TOML or JSON) maps names to edge ids or to two end points:
+  rim = 17
+  slot = [[0, 0, 10], [25, 0, 10]]
+
+exit codes: 0 done, 1 plan incomplete, 2 bad input
+(1 also if the simulation contradicts the plan, or the work was interrupted)"""
+
+
+class _UsageError(Exception):
+    """A command line that does not parse."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """Reports usage errors like all others: one line, and no usage text in front of it."""
+
+    def error(self, message: str):
+        raise _UsageError(f"{self.prog}: {message}; see {self.prog} --help")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        Default: those the program was started with.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
+    try:
+        options = build_parser().parse_args(arguments)
+        with termination_as_interruption():
+            from planner.cli import commands
+
+            return getattr(commands, options.command)(options)
+    except _UsageError as error:
+        return _fail(str(error), BAD_INPUT)
+    except SystemExit:
+        raise
+    except KeyboardInterrupt as interruption:
+        # a command that can be resumed says how
+        return _fail("; ".join(["interrupted", *map(str, interruption.args)]), INCOMPLETE)
+    except BrokenPipeError:
+        # the reader of a pipe has seen enough; without this the interpreter complains while it shuts down
+        sys.stdout = None
+        return DONE
+    # last, because finding out which exceptions are ours imports the packages
+    except _own_errors() as error:
+        from planner.exceptions import InfeasibleError
+
+        return _fail(str(error), INCOMPLETE if isinstance(error, InfeasibleError) else BAD_INPUT)
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the whole command line."""
+    parser = _Parser(
+        prog="aspectgraph",
+        description=_DESCRIPTION,
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=_version())
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    _add_info(commands)
+    _add_graph(commands)
+    _add_plan(commands)
+    _add_simulate(commands)
+    return parser
+
+
+def _add_info(commands) -> None:
+    info = commands.add_parser("info", help="faces and straight edges of a part, with ids", allow_abbrev=False)
+    _add_part(info)
+    info.add_argument(
+        "--picture", metavar="FILE", help="draw the edges with their ids: .png, or .html to turn it around"
+    )
+    info.add_argument("--min-length", type=float, default=0.0, metavar="MM", help="leave out shorter edges")
+
+
+def _add_graph(commands) -> None:
+    graph = commands.add_parser("graph", help="build and export the entity-based aspect graph", allow_abbrev=False)
+    _add_part(graph)
+    _add_entities(graph)
+    graph.add_argument("--graphml", metavar="FILE", required=True, help="GraphML for Gephi, yEd, Cytoscape, igraph")
+    _add_workspace(graph)
+
+
+def _add_plan(commands) -> None:
+    plan = commands.add_parser(
+        "plan", help="plan the inspection and write plan, graph, report, poses", allow_abbrev=False
+    )
+    _add_part(plan)
+    _add_entities(plan)
+    plan.add_argument("--camera", metavar="NAME|FILE", required=True, help="name of the catalogue, or a TOML file")
+    plan.add_argument("--accuracy", type=float, default=0.98, metavar="A", help="0.98 allows 2%% of an edge's length")
+    plan.add_argument("--probability", type=float, default=0.9, metavar="P", help="required probability of it")
+    plan.add_argument("--out", metavar="DIR", required=True, help="folder to write to")
+    plan.add_argument("--sigma-mm", type=float, default=0.2, metavar="MM", help="camera position, std. deviation")
+    plan.add_argument(
+        "--sigma-rad", type=float, default=0.002, metavar="RAD", help="camera orientation, std. deviation"
+    )
+    plan.add_argument("--stand-off", type=float, default=50.0, metavar="MM", help="smallest distance from the part")
+    plan.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same plan (default 0)")
+    plan.add_argument("--simulate", type=int, default=10_000, metavar="N", help="displaced poses per setting")
+    plan.add_argument("--jobs", type=int, default=_cores(), metavar="N", help="processes to use (default: every core)")
+    plan.add_argument("--resume", action="store_true", help="continue an interrupted plan from its state in DIR")
+    _add_workspace(plan)
+
+
+def _add_simulate(commands) -> None:
+    simulate = commands.add_parser("simulate", help="check a plan by drawing displaced poses", allow_abbrev=False)
+    simulate.add_argument("plan", metavar="PLAN", help="plan.json")
+    simulate.add_argument("--poses", type=int, default=100_000, metavar="N", help="displaced poses per setting")
+    simulate.add_argument("--seed", type=int, default=0, metavar="N")
+
+
+def _add_part(parser) -> None:
+    parser.add_argument("part", metavar="PART", help=".step .stp .stl .obj .ply .off .glb")
+    parser.add_argument("--units", metavar="UNIT", help="units of a file that does not say: mm, inch, m, ...")
+    parser.add_argument("--solids", type=_numbers, metavar="N,N", help="which solids of a STEP file, counted from 0")
+    parser.add_argument("--gap-mm", type=float, metavar="MM", help="widest gap between a STEP file's edges and faces")
+
+
+def _numbers(text: str) -> list[int]:
+    """Return whole numbers separated by commas."""
+    numbers = text.split(",")
+    if not all(number.strip().isascii() and number.strip().isdigit() for number in numbers):
+        raise argparse.ArgumentTypeError(f"must be whole numbers like 0,2. Got {text!r}.")
+    return [int(number) for number in numbers]
+
+
+def _add_entities(parser) -> None:
+    which = parser.add_mutually_exclusive_group(required=True)
+    which.add_argument("--entities", metavar="FILE|IDS|all", help="TOML or JSON file, ids like 3,17,21, or all")
+    which.add_argument("--all", dest="entities", action="store_const", const="all", help="all sharp straight edges")
+
+
+def _add_workspace(parser) -> None:
+    parser.add_argument(
+        "--workspace",
+        type=float,
+        nargs=6,
+        metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
+        help="opposite corners of the box the camera may be in, mm",
+    )
+
+
+def _cores() -> int:
+    """Return the number of cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return f"aspectgraph {version('aspectgraph')}"
+
+
+def _own_errors() -> tuple[type[Exception], ...]:
+    """Return the exception trees of the packages; imported only when there is something to catch."""
+    from aspectgraph.exceptions import AspectGraphError
+    from errors.exceptions import MeasurementModelError
+    from ga.exceptions import GAError
+    from planner.exceptions import PlannerError
+
+    return AspectGraphError, MeasurementModelError, GAError, PlannerError
+
+
+def _fail(message: str, code: int) -> int:
+    line = " ".join(message.split())
+    print(line if line.startswith("aspectgraph") else f"aspectgraph: {line}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,221 @@
+"""Candidate poses: drawn from the domains, then improved where the cover would profit.
+
+Column generation (Gilmore & Gomory 1961): the linear relaxation of the cover over the columns found so far prices each
+entity; a pose whose inspected entities are worth more than 1 together improves the cover. Such poses are looked for by
+random perturbation of the best ones.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.camera.pose import look_at
+from planner.columns.judge import Judge, Judgement
+from planner.columns.perturb import perturbed
+from planner.columns.pool import ColumnPool
+from planner.cover.exchange_search import exchange_columns
+from planner.cover.relaxation import fractional_cover
+from planner.executors import Shared, in_order
+from planner.ledger import Ledger
+from planner.progress import report
+from planner.request.space import cells_of
+from planner.setting.viewpoint_sampling import ViewpointSampler
+
+_AXES_PER_VIEWPOINT = 6
+_PARENTS = 64
+_CHILDREN = 24
+_BATCH = 768
+# the relaxation is looked at every so many rounds; the search ends if so many looks gain no more than that share
+_ROUNDS_PER_CHECK = 10
+_CHECKS = 5
+_GAIN = 2e-3
+# exchanges for a cover that would end it
+_STEPS = 300
+
+
+def column_seed(seed: int, names) -> int:
+    """Derive the seed of work on a set of names from the plan's seed and the set, whatever the order of the work."""
+    text = "\x1f".join([str(seed), *sorted(names)])
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:7], "big")
+
+
+def entity_poses(judge: Judge, name: str, n_viewpoints: int, seed: int) -> np.ndarray:
+    """Draw poses that look at an entity and at what else can be seen from there.
+
+    Parameters
+    ----------
+    judge : Judge
+    name : str
+        The entity.
+    n_viewpoints : int
+        Viewpoints drawn uniformly from where the entity is observable and can be in focus.
+    seed : int
+        The plan's seed.
+
+    Returns
+    -------
+    array (n, 4, 4)
+        Poses; none if no such viewpoint was found.
+    """
+    rng = np.random.default_rng(column_seed(seed, [name]))
+    own = judge.names.index(name)
+    sampler = ViewpointSampler(cells_of(judge.space, [name]), judge.ends[own : own + 1], judge.camera)
+    viewpoints = sampler.sample(n_viewpoints, rng)
+    if not len(viewpoints):
+        return np.zeros((0, 4, 4))
+    viewpoints = np.repeat(viewpoints, _AXES_PER_VIEWPOINT, axis=0)
+    return look_at(viewpoints, _targets(judge, viewpoints, own, rng), roll=rng.uniform(-np.pi, np.pi, len(viewpoints)))
+
+
+def judged_poses(shared: Shared, name: str, n_viewpoints: int, seed: int) -> tuple[np.ndarray, Judgement]:
+    """Draw poses for an entity and judge them: `entity_poses` as a task; ``shared`` holds the judge."""
+    poses = entity_poses(shared.value, name, n_viewpoints, seed)
+    return poses, shared.value(poses)
+
+
+def _judged(shared: Shared, poses: np.ndarray, prices: np.ndarray) -> Judgement:
+    return shared.value(poses, prices)
+
+
+def _targets(judge: Judge, viewpoints: np.ndarray, own: int, rng) -> np.ndarray:
+    """Choose points to look at: the entity's middle, or a point between it and the middle of another one near it."""
+    middles = judge.ends.mean(axis=1)
+    width = 2 * judge.camera.focus_distance_mm * np.tan(judge.camera.half_diagonal_rad)
+    near = np.flatnonzero(np.linalg.norm(middles - middles[own], axis=1) < width)
+    other = rng.choice(near, len(viewpoints))
+    share = rng.uniform(0.0, 1.0, (len(viewpoints), 1))
+    share[::_AXES_PER_VIEWPOINT] = 0.0
+    return middles[own] + share * (middles[other] - middles[own])
+
+
+class Pools(NamedTuple):
+    """Columns found so far.
+
+    Attributes
+    ----------
+    realised : ColumnPool
+        What poses inspect.
+    near : ColumnPool
+        Optimistic columns: what they nearly inspect.
+    """
+
+    realised: ColumnPool
+    near: ColumnPool
+
+    def add(self, poses: np.ndarray, judged: Judgement) -> None:
+        """Add poses (n, 4, 4) as judged."""
+        self.realised.add(judged.inspects, poses, judged.probability)
+        self.near.add(judged.nearly, poses, judged.probability)
+
+    def to_dict(self) -> dict:
+        """Return the arrays, for `from_dict`."""
+        return {"realised": self.realised.to_dict(), "near": self.near.to_dict()}
+
+    @classmethod
+    def from_dict(cls, data: dict) -> Pools:
+        """Build from the result of `to_dict`; other keys do not matter."""
+        return cls(*(ColumnPool.from_dict(data[name]) for name in cls._fields))
+
+
+def price_poses(
+    shared: Shared,
+    pools: Pools,
+    seed: int,
+    rounds: int,
+    executor=None,
+    progress=None,
+    parents: np.ndarray | None = None,
+    ledger: Ledger | None = None,
+) -> None:
+    """Improve both pools by column generation.
+
+    Parameters
+    ----------
+    shared : Shared of Judge
+    pools : Pools
+        Changed in place.
+    seed : int
+        The plan's seed.
+    rounds : int
+        Rounds at most; fewer if more are not worth it, or one column covers everything.
+    executor : concurrent.futures.Executor, optional
+        Judges poses; the result does not depend on it.
+    progress : callable, optional
+        ``progress(done, total, label)``.
+    parents : array (m, 4, 4), optional
+        Poses to begin with; they join the pools.
+    ledger : Ledger, optional
+        Is told after each round how far this has got; what it holds already is where this goes on, with the pools as
+        they were then.
+    """
+    breed = pools.realised.poses[:0] if parents is None else parents[:_PARENTS]
+    if parents is not None:
+        pools.add(parents, shared.value(parents))
+    rng = np.random.default_rng(column_seed(seed, ["pricing"]))
+    covered = pools.realised.membership.any(axis=0)
+    values: list[float] = []
+    first, prices, ledger = 0, np.zeros(len(covered)), ledger or Ledger()
+    if (kept := ledger("pricing")) is not None:
+        first, breed, values, prices, covered = (kept[k] for k in ("done", "breed", "values", "prices", "covered"))
+        rng.bit_generator.state = kept["rng"]
+    for done in range(first, rounds):
+        membership = pools.realised.membership[:, covered]
+        if not covered.any() or membership.all(axis=1).any():
+            break
+        if done % _ROUNDS_PER_CHECK == 0:
+            values = [*values, fractional_cover(membership)[0]]
+            if _is_settled(values, membership, rounds - done):
+                break
+        # the optimal prices are seldom unique: other ones every round keep the search from staring at one corner
+        bias = 1.0 + 0.5 * rng.random(int(covered.sum()))
+        guess, prices = prices[covered] if done else None, np.zeros(len(covered))
+        prices[covered] = fractional_cover(membership, bias, guess)[1]
+        breed = _improve(shared, pools, breed, prices, rng, executor)
+        so_far = {"done": done + 1, "breed": breed, "values": values, "prices": prices, "covered": covered}
+        ledger.tell("pricing", {**so_far, "rng": rng.bit_generator.state})
+        report(progress, done + 1, rounds, "column generation")
+    report(progress, rounds, rounds, "column generation")
+
+
+def _is_settled(values: list[float], membership: np.ndarray, left: int) -> bool:
+    """Tell whether more columns are not worth it: the relaxation's value no longer falls, or too slowly.
+
+    Too slowly means that, with the gain of late, it would not get to the next whole number in the rounds that are left,
+    and a cover of as few columns as the value allows is there already.
+    """
+    if len(values) <= _CHECKS:
+        return False
+    gain = values[-1 - _CHECKS] - values[-1]
+    if gain <= _GAIN * values[-1]:
+        return True
+    fewest = int(np.ceil(values[-1] - 1e-6))
+    hopeless = values[-1] - gain * left / (_CHECKS * _ROUNDS_PER_CHECK) > fewest - 1
+    return hopeless and not exchange_columns(membership, fewest, steps=_STEPS).missing
+
+
+def _improve(shared: Shared, pools: Pools, breed, prices: np.ndarray, rng, executor) -> np.ndarray:
+    """Breed from the most promising poses; return the next parents."""
+    pool, near = pools
+    at_random = pool.poses[rng.integers(len(pool), size=_PARENTS // 4)]
+    worthy = pool.poses[np.argsort(-(pool.membership @ prices), kind="stable")[: _PARENTS // 4]]
+    # what is nearly inspected and worth more than 1 would improve the cover if only the pose were put right
+    hopeful = np.flatnonzero(near.membership @ prices > 1.0)
+    hopeful = near.poses[hopeful[rng.permutation(len(hopeful))[: _PARENTS // 2]]]
+    parents = np.concatenate([breed, at_random, worthy, hopeful])
+    children = perturbed(np.repeat(parents, _CHILDREN, axis=0), shared.value.camera.focus_distance_mm, rng)
+    # batches of one size, whoever judges them: the last digits must not depend on the executor
+    batches = [(shared, children[i : i + _BATCH], prices) for i in range(0, len(children), _BATCH)]
+    judged = Judgement.joined(list(in_order(executor, _judged, batches)))
+    pools.add(children, judged)
+    return children[_champions(judged.promise, prices, rng)]
+
+
+def _champions(promise: np.ndarray, prices: np.ndarray, rng) -> np.ndarray:
+    """Choose poses of much promised worth, each for another entity, so that the search stays spread over the part."""
+    worth = promise @ prices
+    entities = rng.permutation(np.flatnonzero(prices > 0))[: _PARENTS // 2]
+    best = [int(np.argmax(np.where(promise[:, e] > 0.3, worth, -1.0))) for e in entities]
+    return np.unique(best)

@@ -1,0 +1,196 @@
+"""Which entities a pose inspects, judged for many poses at once.
+
+Notation: k entities, n poses. A pose *inspects* an entity if every constraint holds for it and its probability reaches
+the threshold. It *nearly* inspects it if it can be seen from there and the other margins miss by little; a set of
+entities that some pose nearly inspects is an optimistic column, worth a run of the genetic algorithm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from planner.camera.camera import Camera
+from planner.camera.pose import world_to_cam
+from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.request.constraints import Constraints, Requirements, visibility_slacks
+from planner.request.objective import Objective
+from planner.request.space import Space
+from planner.setting.sensor_setting import SensorSetting
+
+_BATCH = 2048
+# how far a margin may miss for an entity still to count as nearly inspected
+_NEAR_FIELD = 0.06
+_NEAR_LENGTH = 0.1
+_NEAR_FOCUS = 0.1
+_NEAR_PROBABILITY = 0.05
+# missing a constraint by so many tolerances, an entity is not looked at further
+_HOPELESS = 6.0
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What poses inspect.
+
+    Attributes
+    ----------
+    inspects : array of bool (n, k)
+        All constraints hold and the probability reaches the threshold.
+    nearly : array of bool (n, k)
+        The same with some slack; contains ``inspects``.
+    probability : array (n, k)
+        Success probability; 0 where the constraints rule the entity out.
+    promise : array (n, k)
+        1 where the constraints hold, falling to 0 as they are missed by more: a slope for a search to climb.
+    """
+
+    inspects: np.ndarray
+    nearly: np.ndarray
+    probability: np.ndarray
+    promise: np.ndarray
+
+    @classmethod
+    def joined(cls, parts: Sequence[Judgement]) -> Judgement:
+        """Return the judgements of several groups of poses as one; there must be one at least."""
+        return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
+
+
+class Judge:
+    """Judges poses against all entities of a request.
+
+    Parameters
+    ----------
+    space : VisibilityRegions or EntityAspectGraph
+        Tells which entities are observable from a position.
+    names : sequence of str
+        Entities (k), the columns of every result.
+    camera : Camera
+    pose_uncertainty : PoseUncertainty
+    accuracy, probability : float
+        Required accuracy, and required probability of it.
+    requirements : Requirements, optional
+    """
+
+    def __init__(
+        self,
+        space: Space,
+        names,
+        camera: Camera,
+        pose_uncertainty: PoseUncertainty,
+        accuracy: float,
+        probability: float,
+        requirements: Requirements | None = None,
+    ):
+        self.space, self.names, self.camera = space, tuple(names), camera
+        self.accuracy, self.threshold = accuracy, probability
+        self.requirements = requirements or Requirements()
+        self.constraints = Constraints(space, self.names, camera, self.requirements)
+        self.ends = self.constraints.ends
+        self._objective = Objective(self.ends, camera, pose_uncertainty, accuracy)
+        nearest, farthest = camera.depth_of_field_mm
+        depth = min(farthest, 10 * nearest) - nearest
+        self._tolerance = {
+            "resolution_mm": _NEAR_LENGTH * self.constraints.min_length_mm,
+            "focus_mm": _NEAR_FOCUS * depth,
+            "field_of_view_px": _NEAR_FIELD * max(camera.resolution),
+        }
+
+    def __getstate__(self) -> dict:
+        """Leave the constraints behind: their scene cannot cross a process boundary and is rebuilt."""
+        return {name: value for name, value in self.__dict__.items() if name != "constraints"}
+
+    def __setstate__(self, state: dict) -> None:
+        self.__dict__.update(state)
+        self.constraints = Constraints(self.space, self.names, self.camera, self.requirements)
+
+    def __call__(self, cam2world: np.ndarray, prices: np.ndarray | None = None) -> Judgement:
+        """Judge poses (n, 4, 4).
+
+        Parameters
+        ----------
+        cam2world : array (n, 4, 4)
+        prices : array (k,), optional
+            Worth of the entities; probabilities are computed only for poses that nearly inspect a worth of more than 1,
+            the others inspect nothing.
+        """
+        parts = [self._judge(cam2world[i : i + _BATCH], prices) for i in range(0, len(cam2world), _BATCH)]
+        if not parts:
+            empty = np.zeros((0, len(self.names)))
+            return Judgement(empty.astype(bool), empty.astype(bool), empty, empty)
+        return Judgement.joined(parts)
+
+    def _judge(self, cam2world, prices) -> Judgement:
+        missed = self._missed(cam2world)
+        nearly = missed <= 1.0
+        if prices is not None:
+            nearly &= (nearly @ prices > 1.0 + 1e-6)[:, None]
+        probability = np.zeros(nearly.shape)
+        if nearly.any():
+            probability[nearly] = self._probability(cam2world, nearly)
+        nearly &= probability >= self.threshold - _NEAR_PROBABILITY
+        self._hide_around(cam2world, nearly, probability)
+        inspects = (missed == 0.0) & nearly & (probability >= self.threshold)
+        return Judgement(inspects, nearly, probability, np.exp(-missed))
+
+    def _missed(self, cam2world) -> np.ndarray:
+        """Return how far the worst constraint of each entity is missed, in units of its tolerance; (n, k), 0 is met."""
+        missed = np.zeros((len(cam2world), len(self.names)))
+        for name in self.constraints.constraint_names:
+            left = np.flatnonzero((missed < _HOPELESS).any(axis=1))
+            if not left.size:
+                break
+            if name == "visibility":
+                self._hide(cam2world, missed)
+                continue
+            margin = self.constraints.slacks(cam2world[left], only=[name])[name].min(axis=-1)
+            short = np.maximum(-margin, 0.0)
+            tolerance = self._tolerance.get(name)
+            missed[left] = np.maximum(
+                missed[left], np.where(short > 0, np.inf, 0.0) if tolerance is None else short / tolerance
+            )
+        return missed
+
+    def _hide(self, cam2world, missed: np.ndarray) -> None:
+        """Ask for visibility, the costly constraint, only where the others leave hope."""
+        positions = cam2world[:, :3, 3]
+        for k, name in enumerate(self.names):
+            rows = np.flatnonzero(missed[:, k] < _HOPELESS)
+            if rows.size:
+                hidden = visibility_slacks(self.space, positions[rows], [name])[:, 0, 0] < 0
+                missed[rows[hidden], k] = np.inf
+
+    def _hide_around(self, cam2world, nearly: np.ndarray, probability: np.ndarray) -> None:
+        """Ask for visibility all around the positions, which costs most, only of what would otherwise be inspected."""
+        positions, radius = cam2world[:, :3, 3], self.requirements.visibility_radius_mm
+        for k, name in enumerate(self.names if radius > 0 else ()):
+            rows = np.flatnonzero(nearly[:, k])
+            if rows.size:
+                hidden = visibility_slacks(self.space, positions[rows], [name], radius)[:, 0, 0] < 0
+                nearly[rows[hidden], k] = False
+                probability[rows[hidden], k] = 0.0
+
+    def _probability(self, cam2world, wanted: np.ndarray) -> np.ndarray:
+        return self._objective.probability_of(world_to_cam(self.ends, cam2world)[wanted])
+
+    def setting(
+        self, cam2world: np.ndarray, names, message: str, seed: int | None = None, nfev: int = 1
+    ) -> SensorSetting:
+        """Describe a pose (4, 4) as a setting that inspects some of the entities."""
+        idx = [self.names.index(name) for name in names]
+        pose = np.asarray(cam2world)[None]
+        probability = self._probability(pose, np.isin(np.arange(len(self.names)), idx)[None])
+        by_idx = dict(zip(sorted(idx), probability.tolist(), strict=True))
+        own = Constraints(self.space, names, self.camera, self.requirements)
+        return SensorSetting(
+            cam2world=cam2world,
+            entities=tuple(names),
+            probability={name: by_idx[i] for name, i in zip(names, idx, strict=True)},
+            margins={name: float(margin.min()) for name, margin in own.margins(pose).items()},
+            fitness=float(sum(by_idx.values())),
+            nfev=nfev,
+            generations=0,
+            message=message,
+            seed=seed,
+        )

@@ -1,0 +1,172 @@
+"""The linear relaxation of the set cover and its dual: weights of entities, no column weighing more than 1.
+
+Few columns bind, so the linear programs are solved by constraint generation: with some columns at first, then with the
+heaviest of those that the weights break, too, until they break none.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from scipy.optimize import linprog
+from scipy.sparse import csr_matrix
+
+from planner.cover.set_cover import check_membership
+from planner.executors import THREADS
+
+# bias and number of the duals that columns are left out by
+_FIXING_DUALS = 1.05, 4
+_CORE_SLACK = 0.1
+_CORE_OF_ENTITY = 5
+# columns at first, and so many more at a time
+_FIRST_COLUMNS, _MORE_COLUMNS = 300, 100
+_BROKEN = 1e-9
+# several duals are solved in so many shares
+_SHARES = 2
+
+
+def fractional_cover(membership, bias=None, guess=None) -> tuple[float, np.ndarray]:
+    """Solve the linear relaxation and its dual.
+
+    Parameters
+    ----------
+    membership : array_like of bool, shape (c, e)
+    bias : array_like, shape (e,), optional
+        Positive factors; the dual maximises the weights times these. Default: all 1, which gives the relaxation's
+        value.
+    guess : array_like, shape (e,), optional
+        Weights of a similar problem; they make it quicker.
+
+    Returns
+    -------
+    value : float
+        Sum of the weights; no cover has fewer than ``ceil(value)`` columns.
+    weights : ndarray, shape (e,)
+        The dual: non-negative weights of the entities, no column weighing more than 1.
+
+    Raises
+    ------
+    CoverError
+        If some entity is in no column.
+    """
+    membership = check_membership(membership)
+    n_entities = membership.shape[1]
+    if n_entities == 0:
+        return 0.0, np.zeros(0)
+    bias = np.ones(n_entities) if bias is None else np.asarray(bias, dtype=float)
+    weights = _dual(membership, bias, _first_columns(membership, guess))
+    weights /= max(1.0, float((membership @ weights).max()))
+    return float(weights.sum()), weights
+
+
+def mean_dual(membership, bias: float, n: int) -> np.ndarray:
+    """Return the mean (e,) of several duals of the fractional cover, no column weighing more than 1.
+
+    A single one often rests on few entities, and gives nearly every column the same weight.
+
+    Parameters
+    ----------
+    membership : array_like of bool, shape (c, e)
+    bias : float
+        Every dual maximises the weights times random factors from 1 to this; with 1, their sum.
+    n : int
+        Number of duals.
+
+    Raises
+    ------
+    CoverError
+        If some entity is in no column.
+    """
+    membership = check_membership(membership)
+    if membership.shape[1] == 0:
+        return np.zeros(0)
+    factors = 1.0 + (bias - 1.0) * np.random.default_rng(0).random((n, membership.shape[1]))
+    with ThreadPoolExecutor(THREADS) as pool:
+        # in a fixed number of shares, so that the result does not depend on the machine
+        weights = pool.map(lambda k: _duals(membership, factors[k::_SHARES]), range(min(n, _SHARES)))
+        weights = np.mean(np.concatenate(list(weights)), axis=0)
+    return weights / max(1.0, float((membership @ weights).max(initial=0.0)))
+
+
+def columns_of_covers(membership, size: int) -> np.ndarray:
+    """Return the columns that a cover of at most so many may use (reduced-cost fixing).
+
+    With weights y that give no column more than 1, a cover with a column of weight 1 - r has at least sum(y) + r.
+
+    Parameters
+    ----------
+    membership : array_like of bool, shape (c, e)
+    size : int
+
+    Returns
+    -------
+    ndarray of int, ascending
+        None if there is no such cover.
+
+    Raises
+    ------
+    CoverError
+        If some entity is in no column.
+    """
+    weights = mean_dual(membership, *_FIXING_DUALS)
+    return np.flatnonzero(membership @ weights >= 1.0 - (size - float(weights.sum())) - 1e-6)
+
+
+def core_columns(membership) -> np.ndarray:
+    """Return the columns worth looking at for a small cover; they contain every entity.
+
+    Those of least reduced cost (the core problem of large set covers; Caprara, Fischetti & Toth 1999). Integer
+    programming is much quicker on them. That the smallest cover is among them is likely, not proven.
+
+    Parameters
+    ----------
+    membership : array_like of bool, shape (c, e)
+
+    Returns
+    -------
+    ndarray of int, ascending
+
+    Raises
+    ------
+    CoverError
+        If some entity is in no column.
+    """
+    membership = check_membership(membership)
+    weight = membership @ mean_dual(membership, *_FIXING_DUALS)
+    kept = weight >= 1.0 - _CORE_SLACK
+    # of an entity in none of them, the heaviest columns there are
+    for entity in np.flatnonzero(~membership[kept].any(axis=0)):
+        own = np.flatnonzero(membership[:, entity])
+        kept[own[np.argsort(-weight[own], kind="stable")[:_CORE_OF_ENTITY]]] = True
+    return np.flatnonzero(kept)
+
+
+def _duals(membership: np.ndarray, factors: np.ndarray) -> np.ndarray:
+    """Solve the dual for each row (f, e) of factors; the columns of one are those that the next one starts with."""
+    active = _first_columns(membership)
+    return np.array([_dual(membership, factor, active) for factor in factors])
+
+
+def _first_columns(membership: np.ndarray, guess=None) -> np.ndarray:
+    """Return which columns (c,) to start with: the heaviest by a guess or the largest, and one for every entity."""
+    active = np.zeros(len(membership), dtype=bool)
+    heavy = membership.sum(axis=1) if guess is None else membership @ np.asarray(guess, dtype=float)
+    active[np.argsort(-heavy, kind="stable")[:_FIRST_COLUMNS]] = True
+    active[np.argmax(membership, axis=0)] = True
+    return active
+
+
+def _dual(membership: np.ndarray, bias: np.ndarray, active: np.ndarray) -> np.ndarray:
+    """Return the dual (e,); ``active`` (c,) is changed to the columns it was solved with."""
+    while True:
+        result = linprog(
+            -bias,
+            A_ub=csr_matrix(membership[active].astype(float)),
+            b_ub=np.ones(int(active.sum())),
+            bounds=(0.0, 1.0),
+        )
+        weights = np.clip(result.x, 0.0, None)
+        weight = membership @ weights
+        broken = np.flatnonzero((weight > 1.0 + _BROKEN) & ~active)
+        if not broken.size:
+            return weights
+        active[broken[np.argsort(-weight[broken], kind="stable")[:_MORE_COLUMNS]]] = True

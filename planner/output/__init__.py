@@ -1,0 +1,16 @@
+"""A plan for others to use: pose files of other programs, the report, tables and words.
+
+Nothing here changes a plan or judges it anew.
+"""
+
+from planner.output.plan_folder import left_out, rescue, write_outputs
+from planner.output.pose_files import write_poses
+from planner.output.report import report_html
+
+__all__ = [
+    "left_out",
+    "report_html",
+    "rescue",
+    "write_outputs",
+    "write_poses",
+]

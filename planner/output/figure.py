@@ -1,0 +1,105 @@
+"""The interactive 3-D figure of a plan (plotly): the part, the entities, the cameras and where they may be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aspectgraph.plot.clip import domain_facets
+from aspectgraph.plot.traces import line_trace, part_traces, point_text, scene_figure, surface_trace, xyz
+
+# after Okabe and Ito (2008), and Tol (2021): told apart with any colour vision
+COLORS = (
+    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#56b4e9",
+    "#882255", "#44aa99", "#332288", "#999933", "#aa4499", "#117733",
+)  # fmt: skip
+_RED = "#c0152f"
+
+
+def color_of(setting_idx: int) -> str:
+    """Return the colour of a setting, the same in every picture."""
+    return COLORS[setting_idx % len(COLORS)]
+
+
+def plan_figure(plan, solid, space=None):
+    """Draw a plan: part, entities, camera frusta, the robot's path and (hidden until asked for) covering domains.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+    solid : Solid
+    space : VisibilityRegions or EntityAspectGraph, optional
+        Gives the domains.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    traces = part_traces(solid)
+    for k, setting in enumerate(plan.settings):
+        group = f"setting {k + 1}"
+        ends = [plan.entities[name] for name in setting.entities]
+        traces.append(_entity_trace(ends, setting.entities, color_of(k), group))
+        traces.append(_frustum_trace(setting, plan.camera, k, group))
+    hidden = [plan.entities[name] for name in plan.uninspectable]
+    if hidden:
+        traces.append(line_trace(hidden, color=_RED, width=7, name="not inspected", dash="dot"))
+    traces.append(_path_trace(plan))
+    if space is not None:
+        box = _scene_box(plan, solid)
+        for k, setting in enumerate(plan.settings):
+            facets = domain_facets(space.covering_cells(list(setting.entities)), solid, box)
+            name = f"domains of setting {k + 1}"
+            traces.append(surface_trace(facets, color=color_of(k), opacity=0.16, name=name, visible="legendonly"))
+    figure = scene_figure(traces, eye=(1.1, -1.3, 0.75))
+    figure.update_scenes(camera_projection_type="perspective")
+    return figure.update_layout(legend={"y": 0.93, "bgcolor": "rgba(255,255,255,0.8)"}, uirevision="plan")
+
+
+def _entity_trace(ends, names, color, group):
+    hover = [name for name in names for _ in range(3)]
+    return line_trace(ends, color=color, width=9, name=group, legendgroup=group, hovertext=hover, hoverinfo="text")
+
+
+def _frustum_trace(setting, camera, k, group):
+    """Draw the pyramid from the nodal point to the plane in focus, and the number of the setting."""
+    half = np.array(camera.sensor_size_mm) / 2 / camera.image_distance_mm * camera.focus_distance_mm
+    corners = np.array([[x, y, camera.focus_distance_mm] for x, y in half * [[-1, -1], [1, -1], [1, 1], [-1, 1]]])
+    corners = corners @ setting.cam2world[:3, :3].T + setting.position
+    apex = setting.position
+    pieces = [(apex, c) for c in corners] + list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
+    probabilities = "<br>".join(f"{name}: P = {p:.4f}" for name, p in setting.probability.items())
+    return line_trace(
+        pieces,
+        color=color_of(k),
+        width=2,
+        name=f"camera {k + 1}",
+        legendgroup=group,
+        showlegend=False,
+        hovertext=f"setting {k + 1}, camera at {point_text(apex)} mm<br>{probabilities}",
+        hoverinfo="text",
+    )
+
+
+def _path_trace(plan):
+    import plotly.graph_objects as go
+
+    positions = np.array([setting.position for setting in plan.settings])
+    return go.Scatter3d(
+        **xyz(positions),
+        mode="lines+markers+text",
+        line={"color": "#9aa3ae", "width": 2, "dash": "dash"},
+        marker={"size": 5, "color": [color_of(k) for k in range(len(positions))]},
+        text=[str(k + 1) for k in range(len(positions))],
+        textposition="top center",
+        textfont={"size": 14},
+        name="order of travel",
+        hoverinfo="skip",
+    )
+
+
+def _scene_box(plan, solid) -> np.ndarray:
+    """Return the box (2, 3) that is worth showing: part and cameras with some air, inside the workspace."""
+    points = np.vstack([solid.bounds, *(setting.position for setting in plan.settings)])
+    low, high = points.min(axis=0), points.max(axis=0)
+    air = 0.15 * np.linalg.norm(high - low)
+    return np.array([np.maximum(low - air, plan.workspace[0]), np.minimum(high + air, plan.workspace[1])])

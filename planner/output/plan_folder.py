@@ -1,0 +1,66 @@
+"""What is written about a plan: all files of one plan in one folder."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from aspectgraph import graph_of, write_graphml
+from planner.exceptions import OutputError
+from planner.files import staged_folder
+from planner.output.pose_files import POSE_FILES, write_poses
+from planner.output.report import report_html
+from planner.output.wording import graph_sentence
+from planner.plan import InspectionPlan
+from planner.resume import holds_plan
+
+# the plan first: see `staged_folder`
+PLAN_FILES = ("plan.json", "report.html", "graph.graphml", *POSE_FILES)
+# beyond this the joint graph of all entities is neither worth drawing nor worth waiting for
+_MOST_GRAPH_ENTITIES = 24
+
+
+def write_outputs(found: InspectionPlan, regions, folder: Path, progress=None) -> list[Path]:
+    """Write plan, graph, report and poses; they appear in the folder together, or not at all.
+
+    Of an earlier plan's files none stays.
+
+    Returns
+    -------
+    list of pathlib.Path
+        The files, the most useful first.
+
+    Raises
+    ------
+    OutputError
+        If they cannot be written; the folder is as it was then.
+    """
+    with staged_folder(folder, PLAN_FILES, "--out") as staging:
+        found.write(staging / "plan.json")
+        report = report_html(found, regions, progress=progress, notes=left_out(len(found.entities)))
+        (staging / "report.html").write_text(report, encoding="utf-8")
+        written = ["plan.json", "report.html"]
+        if len(regions.entity_names) <= _MOST_GRAPH_ENTITIES:
+            write_graphml(graph_of(regions), staging / "graph.graphml")
+            written.append("graph.graphml")
+        written += [str(path.relative_to(staging)) for path in write_poses(found, staging)]
+    return [folder / name for name in written]
+
+
+def left_out(n: int) -> list[str]:
+    """Say what is left out of what a plan of n entities usually leaves."""
+    return [graph_sentence(n, _MOST_GRAPH_ENTITIES)] if n > _MOST_GRAPH_ENTITIES else []
+
+
+def rescue(found: InspectionPlan, state: Path) -> str:
+    """See that a plan that cannot be written is not lost; return where it is, in one sentence."""
+    if holds_plan(state):
+        return f"The plan is kept in {state}: the same command with --resume writes it without planning again."
+    try:
+        place = Path(tempfile.mkdtemp(prefix="aspectgraph-")) / "plan.json"
+        found.write(place)
+    except OSError as error:
+        # one of ours is a sentence that names the file
+        reason = str(error) if isinstance(error, OutputError) else f"Got: {error}."
+        return f"The plan cannot be kept anywhere else: {reason}"
+    return f"The plan is in {place} instead."

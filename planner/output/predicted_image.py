@@ -1,0 +1,211 @@
+"""The image a setting will take, predicted: hidden lines removed, faces shaded, entities highlighted; as SVG.
+
+Visibility of lines is decided by casting rays at points along them, a few pixels apart. That is for looking at; what is
+observable was decided exactly, by the regions.
+"""
+
+from __future__ import annotations
+
+import base64
+import struct
+import zlib
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+
+from aspectgraph.plot.style import is_feature
+from planner.camera.pose import world_to_cam
+
+_STEP_PX = 5.0
+_NEAREST_MM = 1.0
+# a ray that ends this fraction before the point has been stopped by something else
+_HIT_TOLERANCE = 4e-4
+_SHADED_WIDTH = 560
+
+
+class PictureMaker:
+    """Predicts images of a part.
+
+    Parameters
+    ----------
+    solid : Solid
+    camera : Camera
+    """
+
+    def __init__(self, solid, camera):
+        import open3d as o3d
+
+        self.solid, self.camera = solid, camera
+        self._center = solid.bounds.mean(axis=0)
+        self._scene = o3d.t.geometry.RaycastingScene()
+        self._scene.add_triangles(
+            np.ascontiguousarray(solid.vertices - self._center, dtype=np.float32),
+            np.ascontiguousarray(solid.triangles, dtype=np.uint32),
+        )
+        self._edge_vertices = np.array([edge.vertices for edge in solid.edges])
+        self._edge_faces = np.array([edge.faces for edge in solid.edges])
+        self._feature = np.array([is_feature(solid, edge) for edge in solid.edges])
+
+    def image_svg(self, cam2world, entities: dict, color: str) -> str:
+        """Return the predicted image: shaded faces, visible edges, entities (name to ends (2, 3)) in a colour."""
+        width, height = self.camera.resolution
+        lines = _path(self.edge_lines(cam2world))
+        shades = base64.b64encode(png_grey(self.shaded(cam2world))).decode()
+        return (
+            f'<svg class="shot" viewBox="0 0 {width} {height}" role="img" aria-label="predicted image">'
+            f'<image href="data:image/png;base64,{shades}" width="{width}" height="{height}" '
+            'preserveAspectRatio="none"/>'
+            f'<path class="edge" d="{lines}"/>{self._highlights(cam2world, entities, color)}</svg>'
+        )
+
+    def edge_map_svg(self, cam2world, entities: dict) -> str:
+        """Return the edge map: the visible edges as thin lines, the inspected ones bold with their ends marked."""
+        width, height = self.camera.resolution
+        marks = []
+        for uv in self._project_entities(cam2world, entities):
+            marks.append(f'<path class="measured" d="{_path([uv])}"/>')
+            marks += [f'<circle class="end" cx="{u:.1f}" cy="{v:.1f}" r="{width / 170:.1f}"/>' for u, v in uv]
+        return (
+            f'<svg class="shot map" viewBox="0 0 {width} {height}" role="img" aria-label="edge map">'
+            f'<path class="edge" d="{_path(self.edge_lines(cam2world))}"/>{"".join(marks)}</svg>'
+        )
+
+    def _highlights(self, cam2world, entities: dict, color: str) -> str:
+        width, height = self.camera.resolution
+        size = width / 42
+        parts = []
+        for name, uv in zip(entities, self._project_entities(cam2world, entities), strict=True):
+            u, v = uv.mean(axis=0)
+            anchor = "end" if u > 0.75 * width else "start"
+            v = min(max(v - 0.4 * size, 1.2 * size), height - 0.6 * size)
+            parts.append(f'<path class="entity" stroke="{color}" d="{_path([uv])}"/>')
+            parts.append(
+                f'<text x="{u:.0f}" y="{v:.0f}" font-size="{size:.0f}" text-anchor="{anchor}" fill="{color}">'
+                f"{escape(name)}</text>"
+            )
+        return "".join(parts)
+
+    def _project_entities(self, cam2world, entities: dict) -> list[np.ndarray]:
+        return [self._project(world_to_cam(np.asarray(ends), cam2world)) for ends in entities.values()]
+
+    def _project(self, points_cam: np.ndarray) -> np.ndarray:
+        matrix = self.camera.matrix
+        return points_cam[..., :2] / points_cam[..., 2:] * [matrix[0, 0], matrix[1, 1]] + matrix[:2, 2]
+
+    def edge_lines(self, cam2world) -> list[np.ndarray]:
+        """Return the visible pieces of the part's edges, each (2, 2) in px.
+
+        Drawn are edges where the surface turns by 20 degrees or more, and outlines of smooth surfaces.
+        """
+        solid = self.solid
+        first = solid.vertices[self._edge_vertices[:, 0]]
+        facing = np.einsum("nfi,nfi->nf", solid.normals[self._edge_faces], cam2world[:3, 3] - first[:, None]) > 0
+        outline = facing[:, 0] != facing[:, 1]
+        drawn = facing.any(axis=1) & (self._feature | outline)
+        segments = world_to_cam(solid.vertices[self._edge_vertices[drawn]], cam2world)
+        samples = [s for s in map(self._sample, segments) if s is not None]
+        if not samples:
+            return []
+        visible = self._visible(cam2world, np.concatenate([s.points for s in samples]))
+        starts = np.cumsum([0] + [len(s.points) for s in samples])
+        pieces = []
+        for s, a, b in zip(samples, starts[:-1], starts[1:], strict=True):
+            pieces += [s.pixels[[i, j]] for i, j in _runs(visible[a:b])]
+        return pieces
+
+    def _sample(self, segment_cam: np.ndarray) -> _Sampled | None:
+        """Clip a segment (2, 3) to the image and sample it evenly in pixels."""
+        segment = _clip_near(segment_cam)
+        if segment is None:
+            return None
+        pixels = self._project(segment)
+        span = _clip_rectangle(pixels, self.camera.resolution)
+        if span is None:
+            return None
+        length = np.linalg.norm(pixels[1] - pixels[0]) * (span[1] - span[0])
+        s = np.linspace(*span, int(np.clip(length / _STEP_PX, 2, 500)) + 1)[:, None]
+        # the inverse depth, not the depth, is linear along the image of a segment
+        inverse = (1 - s) / segment[0, 2] + s / segment[1, 2]
+        points = ((1 - s) * segment[0] / segment[0, 2] + s * segment[1] / segment[1, 2]) / inverse
+        return _Sampled(points, pixels[0] + s * (pixels[1] - pixels[0]))
+
+    def _visible(self, cam2world, points_cam: np.ndarray) -> np.ndarray:
+        directions = points_cam @ cam2world[:3, :3].T
+        return self._cast(cam2world, directions)["t_hit"].numpy() >= 1.0 - _HIT_TOLERANCE
+
+    def _cast(self, cam2world, directions: np.ndarray) -> dict:
+        origin = np.broadcast_to(cam2world[:3, 3] - self._center, directions.shape)
+        return self._scene.cast_rays(np.concatenate([origin, directions], axis=-1).astype(np.float32))
+
+    def shaded(self, cam2world) -> np.ndarray:
+        """Return a small grey image (h, w) of uint8, lit from above the camera's left shoulder."""
+        (width, height), matrix = self.camera.resolution, self.camera.matrix
+        scale = width / _SHADED_WIDTH
+        u, v = np.meshgrid((np.arange(_SHADED_WIDTH) + 0.5) * scale, (np.arange(round(height / scale)) + 0.5) * scale)
+        rays = np.stack(
+            [(u - matrix[0, 2]) / matrix[0, 0], (v - matrix[1, 2]) / matrix[1, 1], np.ones_like(u)], axis=-1
+        )
+        hit = self._cast(cam2world, rays @ cam2world[:3, :3].T)
+        normals = hit["primitive_normals"].numpy() @ cam2world[:3, :3]
+        light = np.array([-0.35, -0.5, -0.8]) / np.linalg.norm([0.35, 0.5, 0.8])
+        brightness = 0.50 + 0.42 * np.clip(normals @ light, 0.0, 1.0)
+        return np.where(np.isfinite(hit["t_hit"].numpy()), 255 * brightness, 250).astype(np.uint8)
+
+
+@dataclass(frozen=True)
+class _Sampled:
+    points: np.ndarray
+    pixels: np.ndarray
+
+
+def png_grey(image: np.ndarray) -> bytes:
+    """Encode a grey image (h, w) of uint8 as PNG."""
+    height, width = image.shape
+    # each line is preceded by its filter; 1 is the difference to the left neighbour, which packs flat areas well
+    left = np.concatenate([np.zeros((height, 1), np.uint8), image[:, :-1]], axis=1)
+    raw = np.concatenate([np.ones((height, 1), np.uint8), image - left], axis=1).tobytes()
+    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(raw, 9)), (b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
+    )
+
+
+def _path(lines) -> str:
+    return "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in lines)
+
+
+def _runs(visible: np.ndarray) -> list[tuple[int, int]]:
+    """Return first and last index of every run of two or more visible samples."""
+    padded = np.concatenate([[False], visible, [False]]).astype(int)
+    changes = np.flatnonzero(np.diff(padded))
+    return [(a, b - 1) for a, b in zip(changes[::2], changes[1::2], strict=True) if b - a > 1]
+
+
+def _clip_near(segment: np.ndarray) -> np.ndarray | None:
+    """Clip a segment (2, 3) in the camera frame to what is in front of the camera."""
+    depth = segment[:, 2] - _NEAREST_MM
+    if (depth <= 0).all():
+        return None
+    if (depth >= 0).all():
+        return segment
+    crossing = segment[0] + depth[0] / (depth[0] - depth[1]) * (segment[1] - segment[0])
+    return np.array([segment[0], crossing] if depth[0] > 0 else [crossing, segment[1]])
+
+
+def _clip_rectangle(pixels: np.ndarray, resolution) -> tuple[float, float] | None:
+    """Return the parameter interval of a line (2, 2) inside the image (Liang and Barsky 1984), or None."""
+    low, high = 0.0, 1.0
+    step = pixels[1] - pixels[0]
+    for i, size in enumerate(resolution):
+        for sign, distance in ((-1.0, pixels[0, i] + 0.5), (1.0, size - 0.5 - pixels[0, i])):
+            speed = sign * step[i]
+            if speed == 0:
+                if distance < 0:
+                    return None
+            elif speed > 0:
+                high = min(high, distance / speed)
+            else:
+                low = max(low, distance / speed)
+    return (low, high) if low < high else None

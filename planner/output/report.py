@@ -1,0 +1,255 @@
+"""The report: one self-contained HTML file about a plan, for the screen, the printer and the customer."""
+
+from __future__ import annotations
+
+from html import escape
+from importlib import resources
+from string import Template
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from planner.output.figure import color_of, plan_figure
+from planner.output.predicted_image import PictureMaker
+from planner.output.wording import bound_sentence, count, margin_texts, percent, simulation_sentence
+from planner.progress import report
+from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
+
+_STYLES = {CONFIRMED: "good", CONSERVATIVE: "good", TOLERATED: "note", CONTRADICTED: "bad", UNSTATED: "bad"}
+_EDGE, _POSE = ("edge", "edges"), "camera pose"
+
+
+def report_html(plan, space, progress=None, notes=()) -> str:
+    """Return the report about a plan.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        With or without the result of its simulation.
+    space : VisibilityRegions or EntityAspectGraph
+        Gives the part and the viewing domains.
+    progress : callable, optional
+        ``progress(done, total, label)``.
+    notes : sequence of str
+        What else the reader should know, such as a file that was not written.
+
+    Returns
+    -------
+    str
+        A page without references to anything outside it. The same plan gives the same page.
+    """
+    from plotly.offline import get_plotlyjs
+
+    figure = plan_figure(plan, space.solid, space)
+    template = Template(resources.files("planner.output").joinpath("report.html").read_text(encoding="utf-8"))
+    return template.substitute(
+        title=escape(f"Inspection plan: {plan.part}"),
+        plotly=get_plotlyjs(),
+        part=escape(plan.part or "part"),
+        lead=escape(_lead(plan)),
+        figures=_figures(plan),
+        scene=figure.to_html(
+            full_html=False,
+            include_plotlyjs=False,
+            div_id="scene",
+            default_height="100%",
+            config={"displaylogo": False, "responsive": True, "scrollZoom": True},
+        ),
+        uninspectable=_uninspectable(plan),
+        tolerance=f"{100 * (1 - plan.accuracy):.3g} %",
+        summary=_summary(plan),
+        settings=_settings(plan, space.solid, progress),
+        request=_request(plan),
+        method=_method(plan) + "".join(f"<p>{escape(note)}</p>" for note in notes),
+        footer="Lengths in millimetres, in the part's own frame. Camera axes: x right, y down, z forward.",
+    )
+
+
+def _lead(plan) -> str:
+    """Say what the plan does, what is proven and what the simulation made of it."""
+    n, inspected, asked = len(plan.settings), len(plan.inspected), len(plan.entities)
+    if not n:
+        return f"{inspected} of {count(asked, *_EDGE)} inspected: the plan has no camera poses."
+    verb = "is" if inspected == 1 else "are"
+    told = "Not simulated." if plan.simulation is None else simulation_sentence(plan.simulation)
+    return (
+        f"{inspected} of {count(asked, *_EDGE)} {verb} measured from {count(n, _POSE)}. "
+        f"{bound_sentence(plan, _EDGE, _POSE)} {told}"
+    )
+
+
+def _figures(plan) -> str:
+    n = len(plan.settings)
+    cells = [(str(n), "camera pose" if n == 1 else "camera poses")]
+    if n:
+        cells.append((str(plan.lower_bound), "proven minimum" if plan.minimal else "proven lower bound"))
+    cells.append((f"{len(plan.inspected)} / {len(plan.entities)}", "edges inspected"))
+    if n:
+        worst = min(plan.inspected.values())
+        cells.append((f"{_down(worst, 3)}", f"smallest probability (required {plan.probability:g})"))
+    if n and plan.simulation is not None:
+        kinds = plan.simulation.verdicts
+        cells.append((f"{kinds[CONFIRMED]} / {sum(kinds.values())}", "stated probabilities confirmed by simulation"))
+        cells.append((str(kinds[CONTRADICTED]), "contradicted by simulation"))
+    return "".join(f"<div><b>{escape(value)}</b><span>{escape(what)}</span></div>" for value, what in cells)
+
+
+def _uninspectable(plan) -> str:
+    if not plan.uninspectable:
+        return ""
+    rows = "".join(
+        f"<tr><td>{escape(name)}</td><td>{escape(why)}</td></tr>" for name, why in plan.uninspectable.items()
+    )
+    return (
+        '<h2 class="bad">Not inspected</h2><p class="note">What is in no setting, and why.</p>'
+        f'<div class="scroll"><table><tr><th>Edge</th><th>Reason</th></tr>{rows}</table></div>'
+    )
+
+
+def _summary(plan) -> str:
+    if not plan.settings:
+        return '<p class="note">The plan has no settings.</p>'
+    rows = []
+    for k, setting in enumerate(plan.settings):
+        probabilities = setting.probability.values()
+        position = " ".join(f"{x:.1f}" for x in setting.position)
+        rows.append(
+            f'<tr><td><a href="#setting-{k + 1}">{_swatch(k)}{k + 1}</a></td><td class="n">{position}</td>'
+            f'<td class="n">{len(setting.entities)}</td><td class="n">{min(probabilities):.4f}</td>'
+            f"<td>{escape(', '.join(setting.entities))}</td></tr>"
+        )
+    head = (
+        '<th>Setting</th><th class="n">Position (mm)</th><th class="n">Edges</th>'
+        '<th class="n">Smallest P</th><th>Which</th>'
+    )
+    return f'<div class="scroll"><table><tr>{head}</tr>{"".join(rows)}</table></div>'
+
+
+def _settings(plan, solid, progress) -> str:
+    maker = PictureMaker(solid, plan.camera)
+    sections = []
+    for k, setting in enumerate(plan.settings):
+        sections.append(_setting(plan, k, setting, maker))
+        report(progress, k + 1, len(plan.settings), "predicted images")
+    return "".join(sections)
+
+
+def _setting(plan, k: int, setting, maker: PictureMaker) -> str:
+    entities = {name: plan.entities[name] for name in setting.entities}
+    x, y, z, w = Rotation.from_matrix(setting.cam2world[:3, :3]).as_quat(canonical=True)
+    position = ", ".join(f"{value:.3f}" for value in setting.position)
+    return (
+        f'<section class="setting" id="setting-{k + 1}"><div class="head"><h3>{_swatch(k)}Setting {k + 1}</h3>'
+        f'<span class="note">camera at ({position}) mm, '
+        f"quaternion x y z w = ({x:.6f}, {y:.6f}, {z:.6f}, {w:.6f})</span></div>"
+        f'<div class="shots"><figure>{maker.image_svg(setting.cam2world, entities, color_of(k))}'
+        "<figcaption>Predicted image, hidden lines removed</figcaption></figure>"
+        f"<figure>{maker.edge_map_svg(setting.cam2world, entities)}"
+        "<figcaption>Edge map: the measured edges and their ends in bold</figcaption></figure></div>"
+        f'<div class="scroll">{_probabilities(plan, k, setting)}</div>'
+        f'<p class="note">Margins: {escape("; ".join(margin_texts(setting.margins)))}.</p></section>'
+    )
+
+
+def _probabilities(plan, k: int, setting) -> str:
+    rates = plan.simulation.rates[k] if plan.simulation is not None else {}
+    rows = []
+    for name in setting.entities:
+        length = np.linalg.norm(plan.entities[name][1] - plan.entities[name][0])
+        row = (
+            f'<td>{escape(name)}</td><td class="n">{length:.3f}</td><td class="n">{setting.probability[name]:.4f}</td>'
+        )
+        if name in rates:
+            row += _rate_cells(rates[name], plan.probability)
+        rows.append(f"<tr>{row}</tr>")
+    head = '<th>Edge</th><th class="n">Length (mm)</th><th class="n">P</th>'
+    if rates:
+        head += '<th class="n">Simulated</th><th>Interval</th><th></th>'
+    return f"<table><tr>{head}</tr>{''.join(rows)}</table>"
+
+
+def _rate_cells(rate, threshold: float) -> str:
+    """Return the simulated frequency, and the interval as numbers and as a bar with the prediction marked."""
+    low_end = min(threshold, rate.low, rate.predicted) - 0.02
+
+    def place(value: float) -> float:
+        return 100 * (value - low_end) / (1.0 - low_end)
+
+    width = max(place(rate.high) - place(rate.low), 1.5)
+    bar = (
+        f'<span class="bar"><i style="left:{place(rate.low):.1f}%;width:{width:.1f}%"></i>'
+        f'<u style="left:calc({place(rate.predicted):.1f}% - 1px)"></u></span>'
+    )
+    told = f'<span class="{_STYLES[rate.verdict]}">{escape(rate.verdict)}</span>'
+    return f'<td class="n">{rate.frequency:.4f}</td><td>{rate.low:.4f} to {rate.high:.4f}{bar}</td><td>{told}</td>'
+
+
+def _request(plan) -> str:
+    camera, sigmas = plan.camera, plan.pose_uncertainty.sigmas
+    near, far = camera.depth_of_field_mm
+    field = np.array(camera.sensor_size_mm) / camera.image_distance_mm * camera.focus_distance_mm
+    rows = {
+        "Required accuracy": f"{plan.accuracy:g} (error at most {100 * (1 - plan.accuracy):.3g} % of an edge's image)",
+        "Required probability": f"{plan.probability:g}",
+        "Camera": f"{camera.name or 'camera'}: f = {camera.focal_length_mm:g} mm, f/{camera.f_number:g}",
+        "Sensor": f"{camera.resolution[0]} x {camera.resolution[1]} pixels of "
+        f"{1000 * camera.pixel_pitch_mm[0]:g} x {1000 * camera.pixel_pitch_mm[1]:g} um",
+        "Focus": f"{camera.focus_distance_mm:g} mm; sharp from {near:.1f} mm "
+        + (f"to {far:.1f} mm" if np.isfinite(far) else "on"),
+        "Field of view": f"{field[0]:.0f} x {field[1]:.0f} mm in the plane of focus",
+        "Camera pose, std. deviations": f"{_list(sigmas[:3])} mm along x, y, z; {_list(sigmas[3:])} rad about x, y, z",
+        "Workspace": f"({_list(plan.workspace[0], '.1f')}) to ({_list(plan.workspace[1], '.1f')}) mm",
+        "Seed": str(plan.seed),
+    }
+    return "<dl>" + "".join(f"<dt>{escape(k)}</dt><dd>{escape(v)}</dd>" for k, v in rows.items()) + "</dl>"
+
+
+def _method(plan) -> str:
+    paragraphs = [
+        "Which edges can be seen from where was computed exactly from the part's geometry. Camera poses were searched "
+        "by a genetic algorithm inside the viewing domains, subject to resolution, focus, field of view, visibility, "
+        "clearance and workspace; of all poses found, a few that together inspect every edge that any of them inspects "
+        "were chosen by integer programming and exchange.",
+        f"Lower bound. {plan.bound_proof} {_gap(plan)}",
+    ]
+    if plan.simulation is not None and plan.settings:
+        paragraphs.append(_simulated(plan.simulation))
+    paragraphs.append(
+        "Method after C. C. Yang and F. W. Ciarallo, Optimized sensor placement for active visual inspection, Journal "
+        "of Robotic Systems 18(1), 1-15, 2001."
+    )
+    return "".join(f"<p>{escape(text)}</p>" for text in paragraphs)
+
+
+def _gap(plan) -> str:
+    """Say what the bound leaves open."""
+    n, bound = len(plan.settings), plan.lower_bound
+    if not n:
+        return "So there is nothing to prove."
+    if plan.minimal:
+        return f"The plan has {count(n, 'setting')} and the bound is {bound}, so for what it inspects it is minimal."
+    return f"The plan has {count(n, 'setting')}; for what it inspects, the least number is from {bound} to {n}."
+
+
+def _simulated(simulation) -> str:
+    return (
+        f"Simulation. For each setting {count(simulation.n, 'displaced pose')} were drawn, the edges projected, their "
+        "ends rounded to pixels and measured. An end outside the image counts as a failure. All intervals hold "
+        f"together with {percent(simulation.confidence)} confidence. A stated probability is confirmed when it is "
+        "inside its interval, and conservative when it is below: the edge is measured better than stated. Above the "
+        f"interval by at most {MODEL_TOLERANCE:g} it is within the model's tolerance, as the model takes the phases of "
+        "the pixel grid as random; above it by more, it is contradicted."
+    )
+
+
+def _down(value: float, digits: int) -> str:
+    """Return a number rounded down, so that it does not seem to reach what it misses."""
+    return f"{np.floor(value * 10**digits + 1e-6) / 10**digits:.{digits}f}"
+
+
+def _swatch(k: int) -> str:
+    return f'<span class="swatch" style="background:{color_of(k)}"></span>'
+
+
+def _list(values, spec: str = ".4g") -> str:
+    return ", ".join(f"{value:{spec}}" for value in values)

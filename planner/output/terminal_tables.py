@@ -1,0 +1,137 @@
+"""Tables for the terminal."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from planner.output.wording import count, margin_texts, percent, simulation_sentence, verdict
+from planner.verify.simulate_setting import CONFIRMED
+
+_MOST_ROWS = 60
+
+
+def print_part(solid, edges) -> None:
+    """Print what a part consists of and its straight edges."""
+    console = _console()
+    size = np.ptp(solid.bounds, axis=0)
+    console.print(
+        f"{solid.name}: {count(solid.n_shells, 'shell')}, {count(len(solid.faces), 'face')}, "
+        f"{count(len(solid.edges), 'edge')}, {count(len(edges), 'sharp straight edge')}, {_vector(size, ' x ')} mm"
+    )
+    for note in solid.notes:
+        console.print(f"note: {note}")
+    table = _table(
+        ("id", "right"), ("from (mm)", "right"), ("to (mm)", "right"), ("length", "right"), ("turn (deg)", "right")
+    )
+    for edge in edges:
+        start, end = solid.edge_points(edge.id)
+        length = f"{np.linalg.norm(end - start):.3f}"
+        table.add_row(str(edge.id), _vector(start), _vector(end), length, f"{edge.dihedral_deg:+.1f}")
+    console.print(table)
+
+
+def print_graph(graph) -> None:
+    """Print the size of an aspect graph and its domains, largest lists first."""
+    console, nodes = _console(), graph.graph.nodes
+    lists = {frozenset(nodes[n]["observable"]) for n in nodes}
+    console.print(
+        f"{count(len(nodes), 'viewing domain')}, "
+        f"{count(graph.graph.number_of_edges(), 'adjacency', 'adjacencies')}, "
+        f"{count(len(lists), 'distinct list')} of {count(len(graph.entity_names), 'entity', 'entities')}"
+    )
+    table = _table(("domain", "right"), ("volume (mm3)", "right"), ("observable", "left"))
+    ordered = sorted(nodes, key=lambda n: (-len(nodes[n]["observable"]), n))
+    for n in ordered[:_MOST_ROWS]:
+        names = ", ".join(nodes[n]["observable"]) or "none"
+        table.add_row(str(n), f"{nodes[n]['volume']:.4g}", names)
+    console.print(table)
+    if len(ordered) > _MOST_ROWS:
+        console.print(f"and {len(ordered) - _MOST_ROWS} more in the GraphML file")
+
+
+def print_plan(plan) -> None:
+    """Print the plan: settings, probabilities, margins, and what cannot be inspected."""
+    console = _console()
+    table = _table(
+        ("setting", "right"),
+        ("position (mm)", "right"),
+        ("entity", "left"),
+        ("P", "right"),
+        ("simulated", "left"),
+        ("margins", "left"),
+    )
+    for k, setting in enumerate(plan.settings):
+        rates = plan.simulation.rates[k] if plan.simulation else {}
+        rows = [(name, f"{setting.probability[name]:.4f}", _interval(rates.get(name))) for name in setting.entities]
+        margins = margin_texts(setting.margins)
+        rows += [("", "", "")] * (len(margins) - len(rows))
+        margins += [""] * (len(rows) - len(margins))
+        for i, (row, margin) in enumerate(zip(rows, margins, strict=True)):
+            head = (str(k + 1), _vector(setting.position, " ", 1)) if i == 0 else ("", "")
+            table.add_row(*head, *row, margin, end_section=i == len(rows) - 1)
+    _print_settings(console, table)
+    for name, reason in plan.uninspectable.items():
+        console.print(f"not inspected: {name}: {reason}")
+    console.print(verdict(plan))
+
+
+def print_simulation(plan, result) -> None:
+    """Print predicted probabilities beside simulated frequencies."""
+    console = _console()
+    table = _table(
+        ("setting", "right"),
+        ("entity", "left"),
+        ("predicted", "right"),
+        ("frequency", "right"),
+        ("interval", "right"),
+        ("", "left"),
+    )
+    for k, rates in enumerate(result.rates):
+        for i, (name, rate) in enumerate(rates.items()):
+            interval = f"{rate.low:.4f} .. {rate.high:.4f}"
+            cells = f"{rate.predicted:.4f}", f"{rate.frequency:.4f}", interval, rate.verdict
+            table.add_row(str(k + 1) if i == 0 else "", name, *cells, end_section=i == len(rates) - 1)
+    _print_settings(console, table)
+    for name, reason in plan.uninspectable.items():
+        console.print(f"not inspected: {name}: {reason}")
+    console.print(simulation_sentence(result))
+    if any(result.rates):
+        console.print(f"All intervals hold together with {percent(result.confidence)} confidence.")
+
+
+def _print_settings(console: Console, table: Table) -> None:
+    """Print a table unless it has no rows: a plan may have no settings."""
+    if table.row_count:
+        console.print(table)
+
+
+def _interval(rate) -> str:
+    """Return the frequency and its interval, and what they say of the prediction unless they confirm it."""
+    if rate is None:
+        return ""
+    told = "" if rate.verdict == CONFIRMED else f" {rate.verdict}"
+    return f"{rate.frequency:.4f} ({rate.low:.4f} .. {rate.high:.4f}){told}"
+
+
+def _vector(values, separator: str = " ", digits: int = 2) -> str:
+    return separator.join(f"{value + 0.0:.{digits}f}" for value in np.round(values, digits))
+
+
+def _table(*columns: tuple[str, str]) -> Table:
+    from rich import box
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for title, justify in columns:
+        table.add_column(title, justify=justify, overflow="fold")
+    return table
+
+
+def _console() -> Console:
+    """Return a console that does not squeeze tables when the output is not a terminal, and never guesses at markup."""
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else 160
+    return Console(file=sys.stdout, width=width, markup=False, highlight=False, soft_wrap=False)

@@ -1,0 +1,111 @@
+"""What is said of a plan, in sentences that are true of every plan: complete or not, empty, simulated or not.
+
+The terminal and the report say the same. "Under this request" stands for all the proof takes as given: the part, the
+workspace, the camera and its uncertainty, the accuracy, the probability and the constraints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
+
+
+def count(n: int, singular: str, plural: str | None = None) -> str:
+    """Return a number with its noun."""
+    return f"{n} {singular if n == 1 else plural or singular + 's'}"
+
+
+def bound_sentence(plan, what: Sequence[str] = ("entity", "entities"), place: str = "setting") -> str:
+    """Say how many settings are proven to be needed, and for what; nothing of a plan without settings."""
+    n, bound, inspected = len(plan.settings), plan.lower_bound, len(plan.inspected)
+    if not n:
+        return ""
+    these = f"these {count(inspected, *what)}" if inspected > 1 else f"this {what[0]}"
+    if plan.complete:
+        these = f"all {count(inspected, *what)}" if inspected > 1 else f"the {what[0]}"
+    if plan.minimal:
+        return f"Proven minimal: no plan that inspects {these} under this request has fewer {place}s."
+    return f"Proven lower bound: {bound}. Every plan that inspects {these} under this request has at least " + (
+        f"{count(bound, place)}."
+    )
+
+
+def simulation_sentence(result) -> str:
+    """Say what a simulation made of the stated probabilities, every kind counted."""
+    kinds = result.verdicts
+    n = sum(kinds.values())
+    if not n:
+        return "Nothing was simulated: the plan has no settings."
+    if kinds[CONTRADICTED]:
+        told = "contradicts the plan"
+    elif kinds[UNSTATED]:
+        told = "cannot judge the plan"
+    elif kinds[TOLERATED]:
+        told = "does not contradict the plan"
+    else:
+        told = "confirms the plan" if kinds[CONFIRMED] == n else "supports the plan"
+    return f"A simulation of {count(result.n, 'displaced pose')} per setting {told}: {_counted(result, n)}."
+
+
+def percent(share: float) -> str:
+    """Return a share in percent, with the digits it needs."""
+    return f"{100 * share:.6g} %"
+
+
+def _counted(result, n: int) -> str:
+    """Count the rates of each kind, and say how far off they are at most."""
+    kinds = result.verdicts
+    if n == 1 and kinds[CONFIRMED]:
+        return "the one stated probability confirmed"
+    parts = [f"{kinds[CONFIRMED]} of {count(n, 'stated probability', 'stated probabilities')} confirmed"]
+    if kinds[CONSERVATIVE]:
+        parts.append(f"{kinds[CONSERVATIVE]} conservative (measured up to {_largest(result, CONSERVATIVE)} better)")
+    if kinds[TOLERATED]:
+        parts.append(
+            f"{kinds[TOLERATED]} above the interval by no more than the model's tolerance of {MODEL_TOLERANCE:g}"
+        )
+    if kinds[CONTRADICTED]:
+        parts.append(f"{kinds[CONTRADICTED]} contradicted (measured up to {_largest(result, CONTRADICTED)} worse)")
+    if kinds[UNSTATED]:
+        parts.append(f"{kinds[UNSTATED]} missing")
+    return ", ".join(parts)
+
+
+def _largest(result, kind: str) -> str:
+    """Return the largest difference between prediction and frequency among rates of a kind."""
+    rates = [rate for rates in result.rates for rate in rates.values() if rate.verdict == kind]
+    return f"{max(abs(rate.predicted - rate.frequency) for rate in rates):.2g}"
+
+
+def graph_sentence(n_entities: int, most: int) -> str:
+    """Say that the joint graph was left out, and what to do about it."""
+    return (
+        f"graph.graphml was skipped: the joint graph of {n_entities} entities takes too long to build and to draw (the "
+        f"limit is {most}). For a few of them: aspectgraph graph PART --entities IDS --graphml FILE."
+    )
+
+
+def verdict(plan) -> str:
+    """Say in a few sentences how good a plan is."""
+    inspected, n = len(plan.inspected), len(plan.settings)
+    sentences = [
+        f"{inspected} of {count(len(plan.entities), 'entity', 'entities')} inspected from {count(n, 'setting')}."
+    ]
+    if n:
+        sentences.append(bound_sentence(plan))
+        told = "Not simulated." if plan.simulation is None else simulation_sentence(plan.simulation)
+        sentences.append(told)
+    return " ".join(sentences)
+
+
+def margin_texts(margins) -> list[str]:
+    """Return one text per constraint: name, margin and unit; yes-or-no constraints without a number."""
+    texts = []
+    for key, value in margins.items():
+        name, _, unit = key.rpartition("_")
+        if unit not in ("mm", "px"):
+            texts.append(f"{key.replace('_', ' ')} {'met' if value >= 0 else 'missed'}")
+        else:
+            texts.append(f"{name.replace('_', ' ')} {value:+.4g} {unit}")
+    return texts

@@ -1,0 +1,190 @@
+"""What a schema cannot say of a plan or state file: names that agree, rigid poses, promises that make sense.
+
+Every function takes values that are as ``schema.json`` says and raises `PlanFileError` with the path of the field.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+
+import numpy as np
+
+from planner.exceptions import PlanFileError
+from planner.records.schema import field_name, shown
+
+# rotations are stored with all digits; a matrix farther from one was changed
+_RIGID = 1e-6
+# a number computed twice may differ in its last digits
+_SAME = 1e-6
+
+
+def check_plan(data: Mapping) -> None:
+    """Refuse a plan that contradicts itself.
+
+    Raises
+    ------
+    PlanFileError
+        Names the first wrong field by its path, the rule and the value.
+    """
+    _check_geometry(data)
+    for k, setting in enumerate(data["settings"]):
+        check_setting(setting, "settings", k)
+        _check_promises(setting, data, k)
+    _check_everyone_once(data)
+    _check_bound(data)
+    if data.get("simulation") is not None:
+        _check_simulation(data["simulation"], data["settings"])
+
+
+def check_state(data: Mapping) -> None:
+    """Refuse a planning state that contradicts itself.
+
+    Raises
+    ------
+    PlanFileError
+        Names the first wrong field by its path, the rule and the value.
+    """
+    for key, outcome in data["outcomes"].items():
+        own = _names_of(key)
+        if "setting" in outcome:
+            check_setting(outcome["setting"], "outcomes", key, "setting")
+            if sorted(outcome["setting"]["entities"]) != own:
+                where = field_name("outcomes", key, "setting", "entities")
+                _refuse(where, "must be those of the key", outcome["setting"]["entities"])
+    if data["plan"] is not None:
+        try:
+            check_plan(data["plan"])
+        except PlanFileError as error:
+            raise PlanFileError(f"plan.{error}") from None
+
+
+def check_setting(setting: Mapping, *where) -> None:
+    """Refuse a setting whose pose is not rigid or whose probabilities are not those of its entities."""
+    _check_rigid(np.array(setting["cam2world"], dtype=float)[None], field_name(*where, "cam2world"))
+    _check_keys(setting["probability"], setting["entities"], *where, "probability")
+
+
+def _check_rigid(poses: np.ndarray, name: str) -> None:
+    turns = poses[:, :3, :3]
+    # beyond this, products overflow before they can be compared
+    off = np.inf if np.abs(turns).max(initial=0.0) > 2.0 else _off_rotation(turns)
+    if off > _RIGID:
+        raise PlanFileError(f"{name} must hold a rotation: orthonormal, determinant +1. Got one off by {off:.3g}.")
+    if np.abs(poses[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(initial=0.0) > 0.0:
+        wrong = poses[(poses[:, 3] != [0.0, 0.0, 0.0, 1.0]).any(axis=1), 3][0]
+        raise PlanFileError(f"{name} must have the last row [0, 0, 0, 1]. Got {shown(wrong.tolist())}.")
+
+
+def _off_rotation(turns: np.ndarray) -> float:
+    """Return by how much matrices (n, 3, 3) are no rotations, at most."""
+    gram = np.abs(turns @ np.swapaxes(turns, 1, 2) - np.eye(3)).max(initial=0.0)
+    return float(max(gram, np.abs(np.linalg.det(turns) - 1.0).max(initial=0.0)))
+
+
+def _check_geometry(data: Mapping) -> None:
+    low, high = np.array(data["workspace"], dtype=float)
+    if not (low < high).all():
+        _refuse("workspace", "must hold the lower corner, then the upper one", data["workspace"])
+    for name, (start, end) in data["entities"].items():
+        if start == end:
+            _refuse(field_name("entities", name), "must have two different ends", [start, end])
+
+
+def _check_promises(setting: Mapping, data: Mapping, k: int) -> None:
+    """Check what the plan says of one setting: inside the workspace, all constraints met, probable enough."""
+    position = np.array(setting["cam2world"], dtype=float)[:3, 3]
+    low, high = np.array(data["workspace"], dtype=float)
+    if not ((position >= low - _SAME) & (position <= high + _SAME)).all():
+        _refuse(field_name("settings", k, "cam2world"), "must be in the workspace", position.tolist())
+    for i, name in enumerate(setting["entities"]):
+        if name not in data["entities"]:
+            _refuse(field_name("settings", k, "entities", i), "must be one of the plan's entities", name)
+    required = data["probability"]
+    for name, value in setting["probability"].items():
+        if value < required - _SAME:
+            rule = f"must be at least the required probability, {required:g}"
+            _refuse(field_name("settings", k, "probability", name), rule, value)
+    for name, value in setting["margins"].items():
+        if not isinstance(value, Mapping) and value < -_SAME:
+            _refuse(field_name("settings", k, "margins", name), "must not be negative: the constraint is met", value)
+
+
+def _check_everyone_once(data: Mapping) -> None:
+    inspected = {name for setting in data["settings"] for name in setting["entities"]}
+    for name in data["uninspectable"]:
+        if name not in data["entities"]:
+            _refuse(field_name("uninspectable", name), "must be one of the plan's entities", name)
+    for name in data["entities"]:
+        if (name in inspected) == (name in data["uninspectable"]):
+            found = "both" if name in inspected else "neither"
+            raise PlanFileError(f"{field_name('entities', name)} must be in a setting or uninspectable. Got {found}.")
+
+
+def _check_bound(data: Mapping) -> None:
+    n, bound = len(data["settings"]), data["lower_bound"]
+    if not min(n, 1) <= bound <= n:
+        rule = f"must be 1 to {n}, the number of settings" if n else "must be 0, as there are no settings"
+        _refuse("lower_bound", rule, bound)
+    # of a plan without settings, both have been written
+    if n and data.get("minimal", bound == n) != (bound == n):
+        rule = f"must be {shown(bound == n)} for {n} settings and the lower bound {bound}"
+        _refuse("minimal", rule, data["minimal"])
+
+
+def _check_simulation(simulation: Mapping, settings) -> None:
+    if len(simulation["rates"]) != len(settings):
+        raise PlanFileError(
+            f"simulation.rates must hold one object per setting, {len(settings)}. Got {len(simulation['rates'])}."
+        )
+    for k, (rates, setting) in enumerate(zip(simulation["rates"], settings, strict=True)):
+        _check_keys(rates, setting["entities"], "simulation", "rates", k)
+        for name, rate in rates.items():
+            where = ("simulation", "rates", k, name)
+            _check_rate(rate, simulation, *where)
+            if abs(rate["predicted"] - setting["probability"][name]) > _SAME:
+                rule = f"must be the setting's probability, {setting['probability'][name]:g}"
+                _refuse(field_name(*where, "predicted"), rule, rate["predicted"])
+
+
+def _check_rate(rate: Mapping, simulation: Mapping, *where) -> None:
+    n, together = simulation["n"], simulation["confidence"]
+    if rate["confidence"] < together:
+        rule = f"must be at least simulation.confidence, {together:g}"
+        _refuse(field_name(*where, "confidence"), rule, rate["confidence"])
+    if rate["n"] != n:
+        _refuse(field_name(*where, "n"), f"must be simulation.n, {n}", rate["n"])
+    for field in ("successes", "outside"):
+        if rate[field] > n:
+            _refuse(field_name(*where, field), f"must be at most n, {n}", rate[field])
+    if not rate["low"] <= rate["successes"] / n <= rate["high"]:
+        found = f"{rate['low']:g} to {rate['high']:g}"
+        rule = f"must be an interval, low to high, that contains successes / n, {rate['successes'] / n:g}"
+        raise PlanFileError(f"{field_name(*where)} {rule}. Got {found}.")
+
+
+def _check_keys(values: Mapping, names, *where) -> None:
+    """Refuse an object that does not have exactly one field per entity of the setting."""
+    for name in names:
+        if name not in values:
+            raise PlanFileError(f"{field_name(*where, name)} must be given. Got none.")
+    for name in values:
+        if name not in names:
+            _refuse(field_name(*where, name), "must be of an entity of the setting", name)
+
+
+def _names_of(key: str) -> list[str]:
+    """Return the names a key of the outcomes stands for."""
+    try:
+        names = json.loads(key)
+    except (ValueError, RecursionError):
+        names = None
+    if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
+        _refuse("outcomes", "must have sorted JSON arrays of names as keys", key)
+    if names != sorted(set(names)):
+        _refuse("outcomes", "must have sorted JSON arrays of names as keys", key)
+    return names
+
+
+def _refuse(name: str, rule: str, value) -> None:
+    raise PlanFileError(f"{name} {rule}. Got {shown(value)}.")

@@ -1,0 +1,243 @@
+"""What a setting must satisfy: signed margins, 0 or more is satisfied; the image's own are in `image_constraints`.
+
+Every function takes the entities' ends in the camera frame, ``ends_cam`` (n, k, 2, 3): n settings, k entities, two
+ends, OpenCV axes, mm; or the positions of the front nodal point (n, 3) in the part's frame. It returns *slacks* (n,
+k, s) or (n, 1, s): one smooth number per inequality, in the unit of the constraint. The margin of a constraint is its
+smallest slack.
+
+Notation of Yang & Ciarallo (2001), section 4.2: r_v nodal point, v optical axis, r_1 and r_2 the ends of an entity, u
+the unit vector between them, L_w its length, d the image distance. In the camera frame r_v = 0 and v = (0, 0, 1).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from planner.camera.camera import Camera
+from planner.camera.pose import world_to_cam
+from planner.exceptions import RequestError
+from planner.request.image_constraints import FIELD_OF_VIEW, FOCUS, RESOLUTION, Lens, cone_slacks, image_slacks
+from planner.request.reach import Reach, SignedDistance, check_reach, reach_margin
+from planner.request.space import Space
+
+# the axes, and the diagonals of a cube: around a position, an entity must be visible in these directions
+_DIAGONALS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / math.sqrt(3)
+AROUND = np.vstack([np.eye(3), -np.eye(3), _DIAGONALS])
+_AND_HERE = np.vstack([np.zeros(3), AROUND])
+# up to so many poses, one question for them and the points around them is cheaper than two
+_FEW = 40
+# Open3D's distances are good to 1e-7 of the part's size; only what is surely farther is not asked for
+_SURELY = 1.001
+
+
+def visibility_slacks(space: Space, positions: np.ndarray, names: Sequence[str], radius_mm: float = 0.0) -> np.ndarray:
+    """+1 where an entity is observable from a position and all around it, else -1; (n, k, 1).
+
+    All around it are 14 points at `radius_mm`: along the axes and the diagonals of the part's frame. Outside the
+    workspace nothing is observable.
+    """
+    if radius_mm > 0 and len(positions) <= _FEW:
+        return np.where(_observable_around(space, positions, names, radius_mm, _AND_HERE), 1.0, -1.0)[..., None]
+    visible = _observable(space, positions, names)
+    rows = np.flatnonzero(visible.any(axis=1))
+    if radius_mm > 0 and rows.size:
+        visible[rows] &= _observable_around(space, positions[rows], names, radius_mm, AROUND)
+    return np.where(visible, 1.0, -1.0)[..., None]
+
+
+def _observable_around(space: Space, positions: np.ndarray, names, radius_mm: float, around: np.ndarray) -> np.ndarray:
+    """Return which entities are observable from all points around positions; (n, k)."""
+    # all points in one call: asking costs more than answering
+    eyes = positions[:, None] + radius_mm * around
+    return _observable(space, eyes.reshape(-1, 3), names).reshape(len(positions), len(around), -1).all(axis=1)
+
+
+def _observable(space: Space, positions: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    low, high = (np.asarray(corner, dtype=float) for corner in space.workspace)
+    inside = ((positions >= low) & (positions <= high)).all(axis=-1)
+    visible = np.zeros((len(positions), len(names)), bool)
+    visible[inside] = space.observable(positions[inside], names)
+    return visible
+
+
+def clearance_slacks(distance, positions: np.ndarray, stand_off_mm: float) -> np.ndarray:
+    """Signed distance from the part less the stand-off, mm; (n, 1, 1). `distance` maps (n, 3) to (n,)."""
+    return (distance(positions) - stand_off_mm)[:, None, None]
+
+
+def workspace_slacks(workspace, positions: np.ndarray) -> np.ndarray:
+    """Distance from the six walls of the workspace box, mm, positive inside; (n, 1, 6)."""
+    low, high = (np.asarray(corner, dtype=float) for corner in workspace)
+    return np.concatenate([positions - low, high - positions], axis=-1)[:, None, :]
+
+
+def enclosing_sphere(points: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return centre (3,) and radius of a sphere around points (m, 3), close to the smallest one.
+
+    The centre walks towards the farthest point by ever smaller steps (Bădoiu & Clarkson 2003); the best one is kept.
+    The radius is exact for that centre, so no point is ever outside.
+    """
+    center = (points.min(axis=0) + points.max(axis=0)) / 2
+    best, radius = center, np.inf
+    for step in range(2, 300):
+        distances = np.linalg.norm(points - center, axis=-1)
+        if distances.max() < radius:
+            best, radius = center, float(distances.max())
+        center = center + (points[np.argmax(distances)] - center) / step
+    return best, radius
+
+
+@dataclass(frozen=True)
+class Requirements:
+    """What is asked of a sensor setting beside the accuracy.
+
+    Parameters
+    ----------
+    min_length_px : float
+        Shortest image of an entity, in pixels of the larger pitch (L_min of eq 16).
+    field_margin_px : float
+        Strip along the sensor's sides that no entity's image may enter. Ignored by the cone.
+    field_of_view : {"exact", "cone"}
+        Both ends inside the rectangular sensor, or the paper's conservative cone.
+    stand_off_mm : float
+        Smallest distance between the front nodal point and the part.
+    reach : Region or callable, optional
+        Where the front nodal point may be, see `planner.request.reach`.
+    visibility_radius_mm : float
+        Distance around the front nodal point from which the entities must be observable too.
+
+    Raises
+    ------
+    RequestError
+        If a value breaks its rule.
+    """
+
+    min_length_px: float = 20.0
+    field_margin_px: float = 0.0
+    field_of_view: str = "exact"
+    stand_off_mm: float = 50.0
+    reach: Reach | None = field(default=None, repr=False)
+    visibility_radius_mm: float = 0.0
+
+    def __post_init__(self):
+        for name in ("min_length_px", "field_margin_px", "stand_off_mm", "visibility_radius_mm"):
+            value = getattr(self, name)
+            if not (isinstance(value, int | float | np.number) and math.isfinite(value) and value >= 0):
+                raise RequestError(f"{name} must be finite and not negative. Got {value!r}.")
+        if self.field_of_view not in ("exact", "cone"):
+            raise RequestError(f"field_of_view must be 'exact' or 'cone'. Got {self.field_of_view!r}.")
+        check_reach(self.reach)
+
+
+class Constraints:
+    """All constraints of one request: which settings satisfy them, and by how much.
+
+    Parameters
+    ----------
+    space : VisibilityRegions or EntityAspectGraph
+        Anything with ``solid``, ``entities``, ``workspace`` and ``observable``.
+    names : sequence of str
+        The entities to be inspected together.
+    camera : Camera
+        The camera.
+    requirements : Requirements
+        What is asked.
+    """
+
+    def __init__(self, space: Space, names: Sequence[str], camera: Camera, requirements: Requirements):
+        self.space, self.names, self.camera, self.requirements = space, tuple(names), camera, requirements
+        self.ends = np.array([space.entities[name].endpoints for name in self.names], dtype=np.float64)
+        self.sphere_center, self.sphere_radius = enclosing_sphere(self.ends.reshape(-1, 3))
+        self.min_length_mm = requirements.min_length_px * max(camera.pixel_pitch_mm)
+        self._lens = Lens.of(camera, self.min_length_mm, requirements.field_margin_px)
+        self._exact_field = requirements.field_of_view == "exact"
+        self._workspace = np.array(space.workspace, dtype=np.float64)
+        self._box = np.array([np.min(space.solid.vertices, axis=0), np.max(space.solid.vertices, axis=0)])
+        self._distance = SignedDistance(space.solid.vertices, space.solid.triangles)
+        # of the image, in columns of `image_slacks`
+        self._columns = {"resolution_mm": RESOLUTION, "focus_mm": FOCUS}
+        if self._exact_field:
+            self._columns["field_of_view_px"] = FIELD_OF_VIEW
+        self._checks = self._build_checks()
+
+    def _build_checks(self) -> dict:
+        """Map each constraint that is no column of the image to its slacks as a function of cam2world."""
+        need, checks = self.requirements, {}
+        if not self._exact_field:
+            checks["field_of_view_mm"] = lambda pose: cone_slacks(
+                self.camera, world_to_cam(self.sphere_center, pose), self.sphere_radius
+            )
+        checks["workspace_mm"] = lambda pose: workspace_slacks(self._workspace, pose[:, :3, 3])
+        if need.reach is not None:
+            checks["reach"] = lambda pose: reach_margin(need.reach, pose[:, :3, 3])[:, None, None]
+        checks["clearance_mm"] = lambda pose: clearance_slacks(self._distance, pose[:, :3, 3], need.stand_off_mm)
+        checks["visibility"] = lambda pose: visibility_slacks(
+            self.space, pose[:, :3, 3], self.names, need.visibility_radius_mm
+        )
+        return checks
+
+    @property
+    def constraint_names(self) -> tuple[str, ...]:
+        """Names of the constraints; each ends with the unit of its margin."""
+        return (*self._columns, *self._checks)
+
+    def slacks(self, cam2world: np.ndarray, only: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+        """Return the slacks (n, k or 1, s) of poses (n, 4, 4) per constraint."""
+        names = self.constraint_names if only is None else only
+        if any(name in self._columns for name in names):
+            image = image_slacks(self._lens, world_to_cam(self.ends, cam2world))
+        return {
+            name: image[..., self._columns[name]] if name in self._columns else self._checks[name](cam2world)
+            for name in names
+        }
+
+    def margins(self, cam2world: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the margin of poses (n, 4, 4) per constraint and entity: (n, k), or (n, 1) where entities share it."""
+        return {name: slacks.min(axis=-1) for name, slacks in self.slacks(cam2world).items()}
+
+    def feasible(self, cam2world: np.ndarray) -> np.ndarray:
+        """Return which of the poses (n, 4, 4) satisfy every constraint; (n,) bool."""
+        image = image_slacks(self._lens, world_to_cam(self.ends, cam2world))
+        if not self._exact_field:
+            image = image[..., : FIELD_OF_VIEW.start]
+        mask = image.min(axis=(1, 2)) >= 0
+        # cheap constraints come first, and the costly ones see only what is left
+        for name, check in self._checks.items():
+            left = np.flatnonzero(mask)
+            if name == "clearance_mm":
+                left = left[self._may_be_near(cam2world[left, :3, 3])]
+            if left.size:
+                mask[left] = check(cam2world[left]).min(axis=(1, 2)) >= 0
+        return mask
+
+    def _may_be_near(self, positions: np.ndarray) -> np.ndarray:
+        """Return which positions (n, 3) are not surely farther from the part than the stand-off: by the part's box."""
+        outside = np.maximum(np.maximum(self._box[0] - positions, positions - self._box[1]), 0.0)
+        return (outside**2).sum(axis=1) <= (_SURELY * self.requirements.stand_off_mm) ** 2
+
+    def scale(self, name: str) -> float:
+        """Return a natural size of a constraint's margin, to weigh violations of different units."""
+        low, high = (np.asarray(corner, dtype=float) for corner in self.space.workspace)
+        diagonal = float(np.linalg.norm(high - low))
+        return {
+            "resolution_mm": max(self.min_length_mm, 1e-9),
+            "focus_mm": self.camera.depth_of_field_mm[0],
+            "field_of_view_px": float(max(self.camera.resolution)),
+            "field_of_view_mm": max(self.sphere_radius, 1e-9),
+            "clearance_mm": max(self.requirements.stand_off_mm, 1.0),
+            "workspace_mm": diagonal,
+            # a region's margin is a distance, a callable's is +1 or -1
+            "reach": diagonal if hasattr(self.requirements.reach, "margin") else 1.0,
+            "visibility": 1.0,
+        }[name]
+
+    def violation(self, cam2world: np.ndarray) -> np.ndarray:
+        """Return how far poses (n, 4, 4) are from feasible: 0 is feasible, else a sum over constraints; (n,)."""
+        total = np.zeros(len(cam2world))
+        for name, margin in self.margins(cam2world).items():
+            total += np.minimum(np.maximum(-margin, 0.0) / self.scale(name), 10.0).sum(axis=1) / margin.shape[1]
+        return total

@@ -1,0 +1,89 @@
+"""What a request takes where nothing is said, and checks of what is said."""
+
+from __future__ import annotations
+
+import math
+from numbers import Integral
+
+import numpy as np
+
+from planner.camera.camera import Camera
+from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.exceptions import RequestError
+
+
+def default_workspace(solid, camera: Camera) -> np.ndarray:
+    """Return the box (2, 3) around a part from whose walls the lens can just focus on it, mm."""
+    size = float(np.linalg.norm(solid.bounds[1] - solid.bounds[0]))
+    distance = min(camera.depth_of_field_mm[1] / np.cos(camera.half_diagonal_rad), 10 * camera.focus_distance_mm)
+    return solid.bounds + np.array([[-1.0], [1.0]]) * max(distance, size)
+
+
+def corner_margin_px(camera: Camera, pose_uncertainty: PoseUncertainty, sigmas: float = 4.0) -> float:
+    """Return the strip along the sensor's sides that pose uncertainty cannot take an image point across.
+
+    An end that leaves the image cannot be measured, whatever its probability of being measured accurately. A camera
+    moved by t and turned by phi moves the image (u, v) of a point at depth z, in units of the image distance, by
+    (-t_x/z + u t_z/z + u v phi_x - (1 + u^2) phi_y + v phi_z, likewise down). The worst corner at the nearest depth
+    counts.
+
+    Parameters
+    ----------
+    camera : Camera
+    pose_uncertainty : PoseUncertainty
+    sigmas : float
+        Width of the strip in standard deviations.
+
+    Returns
+    -------
+    float
+        Pixels; at most a quarter of the sensor's smaller side, so that something of it is left.
+    """
+    z, widest = camera.depth_of_field_mm[0], 0.0
+    half = np.array(camera.sensor_size_mm) / 2 / camera.image_distance_mm
+    for u, v in half * [[1, 1], [1, -1]]:
+        across = [-1 / z, 0, u / z, u * v, -(1 + u * u), v]
+        down = [0, -1 / z, v / z, 1 + v * v, -u * v, -u]
+        for row, pitch in zip((across, down), camera.pixel_pitch_mm, strict=True):
+            variance = np.array(row) @ pose_uncertainty.covariance @ row
+            widest = max(widest, camera.image_distance_mm / pitch * float(np.sqrt(max(variance, 0.0))))
+    return min(sigmas * widest, min(camera.resolution) / 4)
+
+
+def check_fraction(name: str, value) -> float:
+    """Return a number in (0, 1) or raise `RequestError`."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0 < value < 1:
+        raise RequestError(f"{name} must be in (0, 1). Got {value!r}.")
+    return float(value)
+
+
+def check_count(name: str, value, least: int) -> None:
+    """Raise `RequestError` unless a value is an integer of at least so much."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
+        raise RequestError(f"{name} must be an integer of at least {least}. Got {value!r}.")
+
+
+def check_seed(rng) -> int:
+    """Return a seed: the integer itself, or one drawn from the generator."""
+    if isinstance(rng, np.random.Generator):
+        return int(rng.integers(2**31))
+    if isinstance(rng, bool) or not isinstance(rng, Integral) or rng < 0:
+        raise RequestError(f"rng must be a non-negative integer or a numpy Generator. Got {rng!r}.")
+    return int(rng)
+
+
+def pose_margin_px(camera: Camera, pose_uncertainty: PoseUncertainty) -> float:
+    """Return three standard deviations, in px, of how far the pose uncertainty moves the image of a point.
+
+    The point is on the optical axis at the focus distance; the axis with the finer pitch or larger spread counts.
+    """
+    d, s = camera.image_distance_mm, camera.focus_distance_mm
+    # a camera moved by dx and turned by phi_y about its nodal point moves the image of (0, 0, s) by −d·(dx/s + phi_y)
+    rows = np.array([[1 / s, 0, 0, 0, 1, 0], [0, 1 / s, 0, -1, 0, 0]]) * (d / np.array(camera.pixel_pitch_mm))[:, None]
+    variances = np.diag(rows @ pose_uncertainty.covariance @ rows.T)
+    return 3.0 * math.sqrt(max(variances.max(), 0.0))
+
+
+def position_margin_mm(pose_uncertainty: PoseUncertainty) -> float:
+    """Return three standard deviations of the position, in mm, in the direction where it is least certain."""
+    return 3.0 * math.sqrt(max(float(np.linalg.eigvalsh(pose_uncertainty.covariance[:3, :3]).max()), 0.0))

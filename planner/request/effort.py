@@ -1,0 +1,41 @@
+"""How long to search for a plan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from planner.request.defaults import check_count
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How long to search; the defaults suit a hundred entities.
+
+    Parameters
+    ----------
+    viewpoints : int
+        Viewpoints drawn for every entity.
+    pricing_rounds : int
+        Rounds of column generation at most.
+    refutations : int
+        Optimistic columns that the genetic algorithm tries to realise, at most.
+    bound_nodes : int
+        Boxes of poses behind the lower bound, at most.
+    cover_nodes : int
+        Nodes of the integer programming solver for one cover, at most; a tenth while optimistic ones are tried.
+
+    Raises
+    ------
+    RequestError
+        If one is no integer, or negative; of viewpoints and nodes of the solver there must be one at least.
+    """
+
+    viewpoints: int = 50
+    pricing_rounds: int = 50
+    refutations: int = 30
+    bound_nodes: int = 8_000_000
+    cover_nodes: int = 1000
+
+    def __post_init__(self):
+        for field in fields(self):
+            check_count(field.name, getattr(self, field.name), int(field.name in ("viewpoints", "cover_nodes")))

@@ -1,0 +1,48 @@
+"""Where entities are observable from, as far as a request asks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from aspectgraph import CellSet, Entity, Solid
+
+
+class Space(Protocol):
+    """Where entities are observable from: `VisibilityRegions` or `EntityAspectGraph` of the package `aspectgraph`.
+
+    Attributes
+    ----------
+    solid : Solid
+        The part.
+    workspace : array (2, 3)
+        Lowest and highest corner of where the camera may be, mm.
+    entities : mapping of str to Entity
+        The entities by name, in order; ``entity_names`` are their names.
+    """
+
+    solid: Solid
+    workspace: np.ndarray
+    entities: Mapping[str, Entity]
+
+    @property
+    def entity_names(self) -> tuple[str, ...]:
+        """Names of the entities, in order."""
+
+    def observable(self, points, names: Sequence[str] | None = None) -> np.ndarray:
+        """Return which entities are observable from which viewpoints (n, 3); (n, k) bool."""
+
+    def covering_cells(self, names: Sequence[str]) -> CellSet:
+        """Return from where all named entities are observable, as convex cells."""
+
+
+def cells_of(space: Space, names):
+    """Return the covering cells of entities (`CellSet`) without leaving them in the space's memory.
+
+    A space remembers cells it was asked for. For a hundred entities those would be gigabytes, and no request here comes
+    twice.
+    """
+    return (space.subset(names) if hasattr(space, "subset") else space).covering_cells(names)

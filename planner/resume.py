@@ -1,0 +1,219 @@
+"""What a plan in the making has found out so far, kept in a file so that it can be resumed.
+
+A plan is a deterministic function of its request. Its costly parts are the search for candidate poses, the proof of the
+lower bound and runs of the genetic algorithm, one per set of entities, each with a seed derived from the plan's seed
+and the set. So the state is
+
+* a memo of the runs' outcomes: resuming finds them there instead of running again;
+* a checkpoint: all that the planning depends on from one of certain points on. Between two of them nothing is known, so
+  what was done since the last one is done again;
+* the plan, once there is one.
+
+With or without interruption the plan is the same. The file is written every few seconds, and when the planning ends for
+whatever reason that lets it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+import warnings
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from planner.exceptions import OutputError, PlanFileError
+from planner.files import write_text
+from planner.plan import InspectionPlan
+from planner.records.json_file import encoded, read_json
+from planner.records.packing import packed, unpacked
+from planner.records.plan_check import check_state
+from planner.records.schema import check_schema, shown
+from planner.setting.sensor_setting import SensorSetting
+
+FORMAT = "aspectgraph planning state"
+VERSION = 2
+
+# the file is not written anew before so many seconds, nor before so many times as long as it took
+_SECONDS, _TIMES = 5.0, 200.0
+
+
+class PlanningState:
+    """Checkpoint, outcomes of genetic algorithm runs by set of entities, and plan; saved now and then to a file.
+
+    Parameters
+    ----------
+    request : dict
+        Everything the plan depends on, as plain values; a file made for another request, or by another version of the
+        program, is refused.
+    path : path, optional
+        File to continue from, if it exists, and to save to.
+
+    Raises
+    ------
+    PlanFileError
+        If the file is not a state file, belongs to another request, or has a field that is wrong; it is left as it is.
+    OutputError
+        If nothing can be saved there.
+    """
+
+    def __init__(self, request: dict, path=None):
+        basis = {**request, "program": _program_version()}
+        self.fingerprint = hashlib.sha256(json.dumps(basis, sort_keys=True).encode()).hexdigest()
+        self.path = None if path is None else Path(path)
+        self._outcomes: dict[str, dict] = {}
+        self._checkpoint: dict | None = None
+        self.plan: InspectionPlan | None = None
+        self._seconds, self._saved_at, self._failed = 0.0, 0.0, False
+        if self.path is None:
+            return
+        if self.path.exists():
+            data = self._read()
+            self._outcomes, self._checkpoint, self.plan = data["outcomes"], data["checkpoint"], data["plan"]
+        # found out now whether that is possible, and not when there is something to lose
+        self._write()
+
+    def __len__(self) -> int:
+        return len(self._outcomes)
+
+    def get(self, names) -> SensorSetting | str | None:
+        """Return the setting found for a set of entities, the reason why there is none, or None if not tried yet."""
+        outcome = self._outcomes.get(_key(names))
+        if outcome is None:
+            return None
+        return SensorSetting.from_dict(outcome["setting"]) if "setting" in outcome else outcome["reason"]
+
+    def put(self, names, outcome: SensorSetting | str) -> None:
+        """Remember an outcome; save if it is time to."""
+        entry = {"reason": outcome} if isinstance(outcome, str) else {"setting": outcome.to_dict()}
+        self._outcomes[_key(names)] = entry
+        self._save_in_time()
+
+    def last(self) -> dict | None:
+        """Return the checkpoint, if any: what `keep` was given, with its ``step``."""
+        return self._checkpoint
+
+    def keep(self, step: str, values: dict) -> None:
+        """Take a checkpoint in place of the one before; save if it is time to.
+
+        Parameters
+        ----------
+        step : str
+            What is being done.
+        values : dict
+            See `planner.records.packing.packed`. They must not be changed any more; what can be called is called when
+            the file is written.
+        """
+        self._checkpoint = {**values, "step": step}
+        self._save_in_time()
+
+    def finish(self, plan: InspectionPlan) -> None:
+        """Remember the plan; what led to it is no longer needed."""
+        self.plan, self._checkpoint, self._outcomes = plan, None, {}
+
+    def save(self) -> None:
+        """Write the file, if there is one, whole or not at all; remove it if there is nothing to keep.
+
+        What goes wrong is no more than a warning, once: it must not end the planning.
+        """
+        if self.path is None:
+            return
+        try:
+            if self.plan is None and self._checkpoint is None and not self._outcomes:
+                self.path.unlink(missing_ok=True)
+            else:
+                self._write()
+        except OSError as error:
+            if not self._failed:
+                warnings.warn(f"state is no longer saved: {error}", RuntimeWarning, stacklevel=2)
+            self._failed = True
+
+    def _save_in_time(self) -> None:
+        # the cost of saving is a small share of the time, however large the state is
+        if time.monotonic() - self._saved_at > max(_SECONDS, _TIMES * self._seconds):
+            self.save()
+
+    def _write(self) -> None:
+        begin = time.monotonic()
+        data = encoded(
+            {
+                "format": FORMAT,
+                "version": VERSION,
+                "request": self.fingerprint,
+                "outcomes": self._outcomes,
+                "checkpoint": packed(self._checkpoint),
+                "plan": None if self.plan is None else self.plan.to_dict(),
+            }
+        )
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(f"{self.path} must be in a folder that can be made. Got: {error.strerror}.") from None
+        write_text(self.path, json.dumps({**data, "digest": _digest(data)}, allow_nan=False) + "\n")
+        self._saved_at = time.monotonic()
+        self._seconds = self._saved_at - begin
+
+    def _read(self) -> dict:
+        """Read the file, and all of its fields."""
+        data = read_state(self.path)
+        if data["request"] != self.fingerprint:
+            raise PlanFileError(
+                f"{self.path}: state file must belong to the same part, entities, camera, limits, effort, seed and "
+                "version of the program. Got another request's."
+            )
+        return {
+            "outcomes": data["outcomes"],
+            "checkpoint": unpacked(data["checkpoint"]),
+            "plan": None if data["plan"] is None else InspectionPlan.from_dict(data["plan"]),
+        }
+
+
+def read_state(path) -> dict:
+    """Return the fields of a state file as they are in the file.
+
+    Raises
+    ------
+    PlanFileError
+        If it is not one, of another version, or not as it was written; the message names the field where that is known.
+    """
+    path = Path(path)
+    data = read_json(path, "state file")
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        raise PlanFileError(f"{path}: state file must be a planning state of version {VERSION}. Got another file.")
+    if data.get("version") != VERSION:
+        raise PlanFileError(
+            f"{path}: state file must be a planning state of version {VERSION}. Got version "
+            f"{shown(data.get('version'))}, which another version of this program wrote; plan again without it."
+        )
+    try:
+        check_schema(data, "state")
+        check_state(data)
+    except PlanFileError as error:
+        raise PlanFileError(f"{path}: {error}") from None
+    # what is inside a checkpoint fits together or not, which no single field tells
+    if data["digest"] != _digest({name: value for name, value in data.items() if name != "digest"}):
+        raise PlanFileError(f"{path}: digest must be that of the other fields. Got another; plan again without it.")
+    return data
+
+
+def holds_plan(path) -> bool:
+    """Tell whether a file is the state of a planning that is done, so that resuming it gives the plan at once."""
+    try:
+        return read_state(path)["plan"] is not None
+    except PlanFileError:
+        return False
+
+
+def _digest(data: dict) -> str:
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+
+
+def _key(names) -> str:
+    return json.dumps(sorted(names))
+
+
+def _program_version() -> str:
+    try:
+        return version("aspectgraph")
+    except PackageNotFoundError:
+        return "unknown"

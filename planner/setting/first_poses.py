@@ -1,0 +1,111 @@
+"""Feasible poses to begin with: the paper's restricted sampling, and a repair for requests where draws hardly ever fit.
+
+Draws come from the covering domains (`ViewpointSampler`). Where too few of them satisfy all constraints, the least
+violating ones are moved step by step towards feasibility: each round keeps the best poses and tries normal steps
+around them, ever smaller. A pose that leaves the covering domains fails the visibility constraint, so it is never
+among the feasible ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.request.constraints import Constraints
+from planner.setting.pose_bits import PoseEncoding
+from planner.setting.viewpoint_sampling import ViewpointSampler
+
+_BATCH = 512
+_POOL = 32
+_CHILDREN = 256
+_STEPS = np.geomspace(0.2, 1e-3, 24)
+
+
+@dataclass
+class Start:
+    """Feasible chromosomes, and what was tried to find them.
+
+    Attributes
+    ----------
+    bits : array (n, n_bits)
+        Feasible chromosomes.
+    tried : array (m, 6)
+        Parameters of poses that were tried and kept for an explanation: the least violating first.
+    drawn, feasible_drawn : int
+        Poses drawn from the covering domains, and how many of them were feasible.
+    """
+
+    bits: np.ndarray
+    tried: np.ndarray
+    drawn: int
+    feasible_drawn: int
+
+
+def draw_start(
+    n: int,
+    sampler: ViewpointSampler,
+    encoding: PoseEncoding,
+    constraints: Constraints,
+    rng: np.random.Generator,
+    max_draws: int = 8192,
+    known: np.ndarray | None = None,
+) -> Start:
+    """Return up to n feasible chromosomes: known poses (m, 4, 4) first, then draws, then the repair."""
+    tried = [np.empty((0, 6)) if known is None else encoding.parameters_of(known)]
+    bits, ok = snap(tried[0], encoding, constraints)
+    found, drawn, hits = [bits[ok]], 0, int(ok.sum())
+    given = hits
+    while hits < n and drawn < max_draws:
+        positions = sampler.sample(_BATCH, rng)
+        if not len(positions):
+            break
+        parameters = np.hstack([positions, encoding.draw_turns(len(positions), rng)])
+        bits, ok = snap(parameters, encoding, constraints)
+        drawn += len(bits)
+        hits += int(ok.sum())
+        found.append(bits[ok])
+        tried.append(parameters)
+        if len(positions) < _BATCH:
+            # viewpoints are so rare that more draws would take long
+            break
+    tried = np.concatenate(tried)
+    if hits < n and len(tried):
+        tried = _least_violating(tried, encoding, constraints)
+        repaired, tried = repair(n - hits, tried, encoding, constraints, rng)
+        found.append(repaired)
+    return Start(np.concatenate(found)[:n], tried, drawn, hits - given)
+
+
+def snap(parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints) -> tuple[np.ndarray, np.ndarray]:
+    """Encode parameters (m, 6); return the bits and whether the pose *they* stand for is feasible."""
+    bits = encoding.encode(parameters)
+    return bits, constraints.feasible(encoding.decode(bits))
+
+
+def repair(
+    n: int, tried: np.ndarray, encoding: PoseEncoding, constraints: Constraints, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Move the least violating parameters towards feasibility; return up to n feasible bits, and the last pool."""
+    pool, found = tried[:_POOL], []
+    for step in _STEPS:
+        children = neighbours(pool, _CHILDREN, step, encoding, rng)
+        bits, ok = snap(children, encoding, constraints)
+        found.append(bits[ok])
+        if sum(map(len, found)) >= n:
+            break
+        pool = _least_violating(np.concatenate([pool, children]), encoding, constraints)[:_POOL]
+    return np.concatenate(found)[:n], pool
+
+
+def neighbours(pool: np.ndarray, n: int, step: float, encoding: PoseEncoding, rng: np.random.Generator) -> np.ndarray:
+    """Return n normal steps (n, 6) around members of the pool, of `step` times the range; roll wraps around."""
+    span = encoding.high - encoding.low
+    children = pool[rng.integers(len(pool), size=n)] + rng.normal(size=(n, 6)) * span * step
+    children[:, 5] = (children[:, 5] + np.pi) % (2 * np.pi) - np.pi
+    return np.clip(children, encoding.low, encoding.high)
+
+
+def _least_violating(parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints) -> np.ndarray:
+    """Sort parameters (m, 6) by the violation of their poses."""
+    return parameters[np.argsort(constraints.violation(encoding.poses(parameters)), kind="stable")]

@@ -1,0 +1,189 @@
+"""Why a request is not met: which constraint, for which entity, by how much.
+
+What "cannot be met" is proven. What "was met by no pose tried" was searched for in vain.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from planner.exceptions import InfeasibleError
+from planner.request.constraints import Constraints
+from planner.request.space import Space, cells_of
+from planner.setting.first_poses import neighbours
+from planner.setting.pose_bits import PoseEncoding
+
+_UNITS = {"mm": "mm", "px": "px"}
+_ROUNDS = np.geomspace(0.2, 1e-4, 20)
+
+
+def check_observable(space: Space, names: Sequence[str]):
+    """Return the covering cells of the entities, or raise `InfeasibleError` naming who cannot be seen."""
+    cells = cells_of(space, list(names))
+    if len(cells):
+        return cells
+    hidden = [name for name in names if not len(cells_of(space, [name]))]
+    if hidden:
+        raise InfeasibleError(
+            f"visibility cannot be met: entity {hidden[0]!r} is observable from nowhere in the workspace.",
+            constraint="visibility",
+            entity=hidden[0],
+            margin=-1.0,
+        )
+    pair = _pair_never_seen_together(space, names)
+    who = f"entities {pair[0]!r} and {pair[1]!r}" if pair else f"the entities {', '.join(names)}"
+    raise InfeasibleError(
+        f"visibility cannot be met: {who} are observable together from nowhere in the workspace.",
+        constraint="visibility",
+        entity=pair[1] if pair else "",
+        margin=-1.0,
+    )
+
+
+def _pair_never_seen_together(space: Space, names: Sequence[str]) -> tuple[str, str] | None:
+    """Return two entities without a common viewpoint, or None if every two seem to have one.
+
+    Viewpoints drawn for one entity clear most pairs at little cost; a few of the others are looked into exactly.
+    """
+    if len(names) == 2:
+        return tuple(names)
+    seen = np.array([space.observable(cells_of(space, [name]).sample(1000, 0), names).any(axis=0) for name in names])
+    doubtful = [(names[i], names[j]) for i, j in np.argwhere(~(seen | seen.T)) if i < j]
+    return next((pair for pair in doubtful[:5] if not len(cells_of(space, list(pair)))), None)
+
+
+def check_resolvable(constraints: Constraints) -> None:
+    """Raise `InfeasibleError` for an entity too short to be resolved wherever the lens can focus.
+
+    The projection stretches by at most d / (z·cos θ) at depth z and angle θ to the axis, so no image is longer than
+    d·L_w / (D_min·cos θ) with θ at the sensor's corner.
+    """
+    camera = constraints.camera
+    nearest = camera.depth_of_field_mm[0]
+    gain = camera.image_distance_mm / (nearest * math.cos(camera.half_diagonal_rad))
+    lengths = np.linalg.norm(constraints.ends[:, 1] - constraints.ends[:, 0], axis=1)
+    worst = int(np.argmin(lengths))
+    margin = float(lengths[worst] * gain - constraints.min_length_mm)
+    if margin < 0:
+        raise InfeasibleError(
+            f"resolution_mm cannot be met for entity {constraints.names[worst]!r}: {lengths[worst]:.6g} mm long, its "
+            f"image is at most {lengths[worst] * gain:.4g} mm where the lens focuses (nearest {nearest:.4g} mm), "
+            f"and must be at least {constraints.min_length_mm:.4g} mm.",
+            constraint="resolution_mm",
+            entity=constraints.names[worst],
+            margin=margin,
+        )
+
+
+def check_extent(constraints: Constraints) -> None:
+    """Raise `InfeasibleError` for entities too far apart for one image.
+
+    All ends lie between D_min and D_max in the pyramid of the image, so no two are farther apart than two of its
+    corners.
+    """
+    camera = constraints.camera
+    nearest, farthest = camera.depth_of_field_mm
+    slope = math.tan(camera.half_diagonal_rad)
+    limit = max(2 * slope * farthest, math.hypot(slope * (nearest + farthest), farthest - nearest))
+    ends = constraints.ends.reshape(-1, 3)
+    apart = np.linalg.norm(ends[:, None] - ends, axis=-1)
+    first, second = np.unravel_index(np.argmax(apart), apart.shape)
+    if apart[first, second] > limit:
+        names = list(dict.fromkeys(constraints.names[i // 2] for i in (first, second)))
+        who = f"entities {names[0]!r} and {names[1]!r}: their" if len(names) > 1 else f"entity {names[0]!r}: its"
+        margin = (limit - apart[first, second]) * camera.image_distance_mm / farthest / min(camera.pixel_pitch_mm)
+        raise InfeasibleError(
+            f"field_of_view_px cannot be met for {who} ends are {apart[first, second]:.5g} mm apart, and where the "
+            f"lens focuses the image is at most {limit:.5g} mm across.",
+            constraint="field_of_view_px",
+            entity=names[-1],
+            margin=float(margin),
+        )
+
+
+def explain_positions(constraints: Constraints, cells, rng: np.random.Generator) -> InfeasibleError:
+    """Explain a request whose covering domains hold no viewpoint at a distance where the lens can focus."""
+    positions = np.concatenate([cells.sample(4096, rng), *(cell.vertices for cell in cells)])
+    distance = np.linalg.norm(positions[:, None, None] - constraints.ends, axis=-1)
+    camera = constraints.camera
+    nearest, farthest = camera.depth_of_field_mm[0], camera.depth_of_field_mm[1] / math.cos(camera.half_diagonal_rad)
+    slack = np.minimum(distance - nearest, farthest - distance).min(axis=-1)
+    best = int(np.argmax(slack.min(axis=1)))
+    worst = int(np.argmin(slack[best]))
+    return InfeasibleError(
+        f"focus_mm was met by no viewpoint tried for entity {constraints.names[worst]!r}: its ends must be "
+        f"{nearest:.5g} to {farthest:.5g} mm from the camera, and the best of {len(positions)} viewpoints that see "
+        f"what is to be inspected has {distance[best, worst].min():.5g} to {distance[best, worst].max():.5g} mm.",
+        constraint="focus_mm",
+        entity=constraints.names[worst],
+        margin=float(slack[best, worst]),
+    )
+
+
+def explain_infeasible(
+    constraints: Constraints, encoding: PoseEncoding, tried: np.ndarray, rng: np.random.Generator
+) -> InfeasibleError:
+    """Explain why none of the tried parameters (m, 6), the least violating first, could be made feasible.
+
+    A constraint that fails by itself in every pose, even after a search for its own best margin, is named first;
+    else the constraints conflict, and those the least violating pose breaks are named.
+    """
+    margins = constraints.margins(encoding.poses(tried))
+    for name in sorted(margins, key=lambda name: margins[name].min(axis=1).max() / constraints.scale(name)):
+        if margins[name].min(axis=1).max() >= 0:
+            break
+        margin, entity = _best_margin(name, constraints, encoding, tried, rng)
+        if margin < 0:
+            # of visibility the margin is only a sign
+            best = "" if name == "visibility" else f": the best margin found is {_quantity(name, margin)}"
+            return InfeasibleError(
+                f"{name} was met by no pose tried{_for(entity)}{best}.",
+                constraint=name,
+                entity=entity,
+                margin=margin,
+            )
+    return _conflict({name: margin[0] for name, margin in margins.items()}, constraints)
+
+
+def _best_margin(name, constraints, encoding, tried, rng) -> tuple[float, str]:
+    """Search poses for the largest margin of one constraint; return it and the entity that sets it."""
+    pool = tried[:32]
+    for step in _ROUNDS:
+        pool = np.concatenate([pool, neighbours(pool, 96, step, encoding, rng)])
+        margin = constraints.slacks(encoding.poses(pool), [name])[name].min(axis=-1)
+        best = np.argsort(-margin.min(axis=1), kind="stable")[:32]
+        pool, margin = pool[best], margin[best]
+    return _worst(margin[0], constraints)
+
+
+def _worst(margin: np.ndarray, constraints: Constraints) -> tuple[float, str]:
+    """Return the smallest of the margins (k,) or (1,), and the entity's name if they belong to entities."""
+    index = int(np.argmin(margin))
+    shared = len(margin) == 1 and len(constraints.names) > 1
+    return float(margin[index]), "" if shared else constraints.names[index]
+
+
+def _conflict(margins: dict[str, np.ndarray], constraints: Constraints) -> InfeasibleError:
+    """Explain by the pose that comes nearest: what it still misses."""
+    worst = {name: _worst(margin, constraints) for name, margin in margins.items()}
+    missed = sorted((m / constraints.scale(name), name) for name, (m, _) in worst.items() if m < 0)
+    parts = [f"{name} by {_quantity(name, -worst[name][0])}{_for(worst[name][1])}" for _, name in missed]
+    name = missed[0][1] if missed else ""
+    what = f"the nearest pose misses {', '.join(parts)}" if parts else "no pose was found that meets all of them"
+    return InfeasibleError(
+        f"constraints were met together by no pose tried for {', '.join(constraints.names)}: {what}.",
+        constraint=name,
+        entity=worst[name][1] if name else "",
+        margin=worst[name][0] if name else float("nan"),
+    )
+
+
+def _for(entity: str) -> str:
+    return f" for entity {entity!r}" if entity else ""
+
+
+def _quantity(name: str, value: float) -> str:
+    return f"{value:.4g} {_UNITS.get(name.rsplit('_', 1)[-1], '')}".rstrip()

@@ -1,0 +1,154 @@
+"""One sensor setting for one set of entities: the paper's genetic search, section 4."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from numbers import Integral
+
+import numpy as np
+
+from planner.camera.camera import Camera
+from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.exceptions import RequestError
+from planner.request.constraints import Constraints, Requirements
+from planner.request.defaults import pose_margin_px, position_margin_mm
+from planner.request.objective import Objective
+from planner.request.reach import Reach
+from planner.request.space import Space
+from planner.setting.infeasible import check_extent, check_observable, check_resolvable
+from planner.setting.pose_search import Search, search_pose
+from planner.setting.sensor_setting import SensorSetting
+
+
+def plan_setting(
+    space: Space,
+    names: Sequence[str],
+    camera: Camera,
+    pose_uncertainty: PoseUncertainty,
+    *,
+    accuracy: float = 0.98,
+    rng: int | np.random.Generator | None = 0,
+    stand_off_mm: float = 50.0,
+    min_length_px: float = 20.0,
+    field_margin_px: float | None = None,
+    field_of_view: str = "exact",
+    visibility_radius_mm: float | None = None,
+    reach: Reach | None = None,
+    objective: str = "sum",
+    model: str = "joint",
+    search: Search | None = None,
+    start=None,
+    callback: Callable | None = None,
+) -> SensorSetting:
+    """Find the pose from which a set of entities is inspected with the highest probability of success.
+
+    Guarantee: the setting satisfies every constraint, every individual of every population lay in the covering domains,
+    and the same arguments with the same integer `rng` give the same setting.
+
+    Parameters
+    ----------
+    space : VisibilityRegions or EntityAspectGraph
+        Where the entities are observable from.
+    names : sequence of str
+        The entities to inspect together.
+    camera : Camera
+        The camera.
+    pose_uncertainty : PoseUncertainty
+        How far the camera's real pose may be from the planned one.
+    accuracy : float
+        Required accuracy A in (0, 1): an error of the fraction 1 − A of the length is allowed.
+    rng : int, numpy.random.Generator or None
+        Seed or source of chance; None takes a fresh seed, reported in the setting.
+    stand_off_mm, min_length_px, field_of_view, reach
+        Constraints, see `Requirements`.
+    field_margin_px : float, optional
+        Strip along the sensor's sides to keep free. Default: three standard deviations of how far the pose uncertainty
+        moves the image of a point on the axis, so that no end leaves the image.
+    visibility_radius_mm : float, optional
+        Distance around the pose from which the entities must be observable too. Default: three standard deviations of
+        the position, so that no entity is hidden from a displaced camera.
+    objective : {"sum", "min"}
+        Maximise the sum of the probabilities (the paper) or the smallest.
+    model : str
+        Error model, see `errors.success_probability`.
+    search : Search, optional
+        How to search; `Search.paper()` is the paper's plain algorithm.
+    start : array (m, 4, 4), optional
+        Poses to begin with, cam2world. The setting found is never worse than the best feasible one of them.
+    callback : callable, optional
+        ``callback(ga.Generation)`` after every generation; a true return value stops the search.
+
+    Returns
+    -------
+    SensorSetting
+        The best setting found.
+
+    Raises
+    ------
+    RequestError
+        If an argument breaks its rule.
+    InfeasibleError
+        If no setting can be found that satisfies the constraints; it names constraint, entity and amount.
+    """
+    names, (rng, seed), search = check_names(space, names), _check_rng(rng), search or Search()
+    if field_margin_px is None:
+        field_margin_px = pose_margin_px(camera, pose_uncertainty)
+    if visibility_radius_mm is None:
+        visibility_radius_mm = position_margin_mm(pose_uncertainty)
+    requirements = Requirements(
+        min_length_px, field_margin_px, field_of_view, stand_off_mm, reach, visibility_radius_mm
+    )
+    constraints = Constraints(space, names, camera, requirements)
+    goal = Objective(constraints.ends, camera, pose_uncertainty, accuracy, objective, model)
+    check_resolvable(constraints)
+    check_extent(constraints)
+    cells = check_observable(space, names)
+    outcome = search_pose(cells, constraints, goal, search, rng, _check_poses(start), callback)
+    pose = outcome.cam2world[None]
+    return SensorSetting(
+        cam2world=outcome.cam2world,
+        entities=names,
+        probability=dict(zip(names, goal.probability(pose)[0].tolist(), strict=True)),
+        margins={name: float(margin.min()) for name, margin in constraints.margins(pose).items()},
+        fitness=outcome.fitness,
+        nfev=outcome.nfev,
+        generations=outcome.generations,
+        message=outcome.message,
+        seed=seed,
+        history=outcome.history,
+    )
+
+
+def check_names(space: Space, names: Sequence[str]) -> tuple[str, ...]:
+    """Return the names as a tuple, or raise `RequestError` if there are none, one is unknown or one comes twice."""
+    names = (names,) if isinstance(names, str) else tuple(str(name) for name in names)
+    if not names:
+        raise RequestError("names must hold at least one entity. Got none.")
+    for name in names:
+        if name not in space.entities:
+            raise RequestError(f"names must be entities ({', '.join(map(str, space.entity_names))}). Got {name!r}.")
+        if names.count(name) > 1:
+            raise RequestError(f"names must be different. Got {name!r} twice.")
+    return names
+
+
+def _check_rng(rng) -> tuple[np.random.Generator, int | None]:
+    if isinstance(rng, np.random.Generator):
+        return rng, None
+    if rng is None:
+        rng = int(np.random.SeedSequence().generate_state(1)[0])
+    if not isinstance(rng, Integral) or isinstance(rng, bool) or rng < 0:
+        raise RequestError(f"rng must be a non-negative integer, a numpy Generator or None. Got {rng!r}.")
+    return np.random.default_rng(int(rng)), int(rng)
+
+
+def _check_poses(start) -> np.ndarray:
+    """Return poses (m, 4, 4) to begin with, or raise `RequestError` if they are not rigid."""
+    poses = np.empty((0, 4, 4)) if start is None else np.asarray(start, dtype=np.float64)
+    poses = poses[None] if poses.shape == (4, 4) else poses
+    if poses.ndim != 3 or poses.shape[1:] != (4, 4):
+        raise RequestError(f"start must have the shape (m, 4, 4). Got {poses.shape}.")
+    rotations = poses[:, :3, :3]
+    if not np.allclose(rotations @ np.swapaxes(rotations, 1, 2), np.eye(3), atol=1e-6):
+        raise RequestError("start must hold rigid poses. Got a rotation that is not orthonormal.")
+    return poses

@@ -1,0 +1,89 @@
+"""The sensor setting: a pose, what is inspected from it, and how sure that is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from planner.records.json_file import number
+
+
+@dataclass(frozen=True, eq=False)
+class SensorSetting:
+    """A camera pose from which a set of entities is inspected.
+
+    Attributes
+    ----------
+    cam2world : array (4, 4)
+        Pose in OpenCV axes (x right, y down, z forward), mm, in the part's frame.
+    entities : tuple of str
+        Names of the inspected entities.
+    probability : dict of str to float
+        Per entity, the probability P that its measured length is within the accuracy.
+    margins : dict of str to float
+        Per constraint, the smallest margin over the entities; 0 or more is satisfied. The key ends with the unit.
+    fitness : float
+        What the search maximised: the sum (or the smallest) of the probabilities.
+    nfev : int
+        Poses evaluated by the search.
+    generations : int
+        Generations of the genetic algorithm.
+    message : str
+        Why the search stopped.
+    seed : int or None
+        Seed that repeats the run; None if a generator was passed in.
+    history : tuple of float
+        Best fitness after each generation.
+    """
+
+    cam2world: np.ndarray
+    entities: tuple[str, ...]
+    probability: dict[str, float]
+    margins: dict[str, float]
+    fitness: float
+    nfev: int
+    generations: int
+    message: str
+    seed: int | None = None
+    history: tuple[float, ...] = field(default=(), repr=False)
+
+    def __post_init__(self):
+        pose = np.array(self.cam2world, dtype=np.float64)
+        pose.setflags(write=False)
+        object.__setattr__(self, "cam2world", pose)
+
+    @property
+    def position(self) -> np.ndarray:
+        """Front nodal point (3,), mm."""
+        return self.cam2world[:3, 3]
+
+    def to_dict(self) -> dict:
+        """Return the fields as plain Python values, ready for JSON."""
+        return {
+            "cam2world": self.cam2world.tolist(),
+            "entities": list(self.entities),
+            "probability": dict(self.probability),
+            "margins": dict(self.margins),
+            "fitness": self.fitness,
+            "nfev": self.nfev,
+            "generations": self.generations,
+            "message": self.message,
+            "seed": self.seed,
+            "history": list(self.history),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping) -> SensorSetting:
+        """Build from the result of `to_dict`, also as files have it."""
+        margins = {name: number(value) for name, value in data["margins"].items()}
+        lists = {"entities": tuple(data["entities"]), "history": tuple(data.get("history", ()))}
+        return cls(**{**data, **lists, "margins": margins})
+
+    def __eq__(self, other) -> bool:
+        if not isinstance(other, SensorSetting):
+            return NotImplemented
+        return self.to_dict() == other.to_dict()
+
+    __hash__ = None

@@ -1,0 +1,116 @@
+"""A plan checked by simulation as a whole, and the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from planner.progress import Progress, report
+from planner.verify.simulate_setting import CONTRADICTED, UNSTATED, VERDICTS, SuccessRate, simulate_setting
+
+_CONFIDENCE = 0.99
+
+
+def promises_too_much(rate: SuccessRate) -> bool:
+    """Tell whether the predicted probability is above the whole interval by more than the model's tolerance."""
+    return rate.verdict == CONTRADICTED
+
+
+@dataclass(frozen=True)
+class SimulationResult:
+    """How often each setting measured each of its entities accurately.
+
+    Attributes
+    ----------
+    rates : tuple of dict of str to SuccessRate
+        Per setting, in the plan's order. The intervals hold all together with at least ``confidence`` (Bonferroni).
+    n : int
+        Displaced poses per setting.
+    seed : int or None
+        Repeats the simulation.
+    confidence : float
+        Probability that every interval contains the true probability of success.
+    """
+
+    rates: tuple[dict[str, SuccessRate], ...]
+    n: int
+    seed: int | None
+    confidence: float
+
+    @property
+    def broken(self) -> tuple[tuple[int, str], ...]:
+        """Setting index and entity wherever the prediction promises too much."""
+        return tuple(
+            (k, name) for k, rates in enumerate(self.rates) for name, rate in rates.items() if promises_too_much(rate)
+        )
+
+    @property
+    def verdicts(self) -> dict[str, int]:
+        """How many predictions were confirmed, how many conservative and so on; see `SuccessRate.verdict`."""
+        found = [rate.verdict for rates in self.rates for rate in rates.values()]
+        return {verdict: found.count(verdict) for verdict in VERDICTS}
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether every probability is stated and none contradicted; of a plan without settings, it is true."""
+        kinds = self.verdicts
+        return not kinds[CONTRADICTED] and not kinds[UNSTATED]
+
+    @property
+    def worst_difference(self) -> float:
+        """Largest absolute difference between a prediction and its frequency; 0 without settings."""
+        return max((abs(r.predicted - r.frequency) for rates in self.rates for r in rates.values()), default=0.0)
+
+    def to_dict(self) -> dict:
+        """Return the fields as plain Python values, ready for JSON."""
+        rates = [{name: asdict(rate) for name, rate in setting.items()} for setting in self.rates]
+        return {"rates": rates, "n": self.n, "seed": self.seed, "confidence": self.confidence}
+
+    @classmethod
+    def from_dict(cls, data: Mapping) -> SimulationResult:
+        """Build from the result of `to_dict`."""
+        rates = tuple({name: SuccessRate(**rate) for name, rate in setting.items()} for setting in data["rates"])
+        return cls(rates, data["n"], data["seed"], data["confidence"])
+
+
+def simulate_plan(plan, n: int = 10_000, rng=0, progress: Progress | None = None) -> SimulationResult:
+    """Measure every entity of every setting from n displaced poses.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+    n : int
+        Displaced poses per setting.
+    rng : int or numpy.random.Generator
+        With an integer, setting i uses the seed (rng, i), so that it does not depend on the other settings.
+    progress : callable, optional
+        ``progress(done, total, label)``.
+
+    Returns
+    -------
+    SimulationResult
+
+    Raises
+    ------
+    RequestError
+        If ``n`` or ``rng`` breaks its rule.
+    """
+    seed = rng if isinstance(rng, int) else None
+    intervals = max(1, sum(len(setting.entities) for setting in plan.settings))
+    rates = []
+    for k, setting in enumerate(plan.settings):
+        result = simulate_setting(
+            setting,
+            plan.entities,
+            plan.camera,
+            plan.pose_uncertainty,
+            accuracy=plan.accuracy,
+            n=n,
+            rng=rng if seed is None else np.random.default_rng([seed, k]),
+            confidence=1.0 - (1.0 - _CONFIDENCE) / intervals,
+        )
+        rates.append(result)
+        report(progress, k + 1, len(plan.settings), "simulation")
+    return SimulationResult(tuple(rates), n, seed, _CONFIDENCE)

@@ -1,0 +1,204 @@
+"""What a plan promises, checked by doing it: displaced poses, pixels, measured lengths.
+
+Nothing here uses the package `errors`: poses are displaced by exact rotations, points projected by the camera matrix,
+and image coordinates rounded to whole pixels. Agreement with the predicted probability is therefore evidence.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from scipy.stats import beta
+
+from planner.camera.camera import Camera
+from planner.camera.pose import world_to_cam
+from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.exceptions import RequestError
+
+_BATCH = 100_000
+# The probability takes the phases of the pixel grid as random; one planned pose has definite ones. Where rounding to
+# pixels matters, the two differ by about this much, either way.
+MODEL_TOLERANCE = 0.01
+
+# what a simulation can say of a stated probability
+CONFIRMED, CONSERVATIVE, TOLERATED = "confirmed", "conservative", "within the model's tolerance"
+CONTRADICTED, UNSTATED = "contradicted", "not stated"
+VERDICTS = (CONFIRMED, CONSERVATIVE, TOLERATED, CONTRADICTED, UNSTATED)
+
+
+@dataclass(frozen=True)
+class SuccessRate:
+    """How often an entity was measured accurately.
+
+    Attributes
+    ----------
+    successes, n : int
+        Accurate measurements among n displaced poses.
+    low, high : float
+        Clopper–Pearson confidence interval of the probability of success.
+    confidence : float
+        Its confidence level.
+    outside : int
+        Poses from which an end was outside the image; they count as failures unless the sensor's limits are ignored.
+    predicted : float
+        The probability the setting promises; nan if it promises none.
+    """
+
+    successes: int
+    n: int
+    low: float
+    high: float
+    confidence: float
+    outside: int
+    predicted: float = float("nan")
+
+    @property
+    def frequency(self) -> float:
+        """Fraction of accurate measurements."""
+        return self.successes / self.n
+
+    @property
+    def confirms(self) -> bool:
+        """Whether the predicted probability is inside the confidence interval."""
+        return self.low <= self.predicted <= self.high
+
+    @property
+    def verdict(self) -> str:
+        """What the simulation says of the prediction, one of `VERDICTS`.
+
+        "confirmed": it is inside the interval. "conservative": below it, so the entity is measured better than stated.
+        "within the model's tolerance": above the interval, by no more than `MODEL_TOLERANCE`. "contradicted": above it
+        by more. "not stated": there is none.
+        """
+        if math.isnan(self.predicted):
+            return UNSTATED
+        if self.confirms:
+            return CONFIRMED
+        if self.predicted < self.low:
+            return CONSERVATIVE
+        return TOLERATED if self.predicted <= self.high + MODEL_TOLERANCE else CONTRADICTED
+
+
+def simulate_setting(
+    setting,
+    entities: Mapping,
+    camera: Camera,
+    pose_uncertainty: PoseUncertainty,
+    *,
+    accuracy: float = 0.98,
+    n: int = 10_000,
+    rng: int | np.random.Generator = 0,
+    confidence: float = 0.99,
+    sensor_limits: bool = True,
+    random_phase: bool = False,
+) -> dict[str, SuccessRate]:
+    """Measure the entities of a setting from n displaced poses.
+
+    Parameters
+    ----------
+    setting : SensorSetting
+        The planned pose, its entities and their predicted probabilities.
+    entities : mapping
+        Name to `Entity`, or to its two ends (2, 3) in mm, for at least the setting's entities.
+    camera : Camera
+        The camera.
+    pose_uncertainty : PoseUncertainty
+        Where displacements are drawn from.
+    accuracy : float
+        Required accuracy A in (0, 1).
+    n : int
+        Displaced poses.
+    rng : int or numpy.random.Generator
+        Seed or source of chance.
+    confidence : float
+        Confidence level of the intervals, in (0, 1).
+    sensor_limits : bool
+        Whether a pose that pushes an end out of the image is a failure.
+    random_phase : bool
+        False: the sensor's one pixel grid. True: each end is rounded on a grid shifted at random, which is what the
+        paper's quantization error (eqs 1–3) means; on one grid, an image of 50.2 px is 50 or 51 px long and never 49,
+        so the success of short edges depends on the fraction of a pixel in their length.
+
+    Returns
+    -------
+    dict of str to SuccessRate
+        One per entity of the setting. An entity behind the displaced camera is a failure in any case.
+
+    Raises
+    ------
+    RequestError
+        If an argument breaks its rule.
+    """
+    for name, value in (("accuracy", accuracy), ("confidence", confidence)):
+        if not 0 < value < 1:
+            raise RequestError(f"{name} must be in (0, 1). Got {value!r}.")
+    if n < 1:
+        raise RequestError(f"n must be at least 1. Got {n!r}.")
+    ends = np.array([getattr(entities[name], "endpoints", entities[name]) for name in setting.entities], dtype=float)
+    rng = np.random.default_rng(rng)
+    nominal = _image_lengths(_project(ends, np.asarray(setting.cam2world)[None], camera), camera)[0]
+    successes = np.zeros(len(ends), dtype=int)
+    outside = np.zeros(len(ends), dtype=int)
+    for start in range(0, n, _BATCH):
+        poses = displaced_poses(setting.cam2world, pose_uncertainty, min(_BATCH, n - start), rng)
+        pixels = _project(ends, poses, camera)
+        phase = rng.uniform(-0.5, 0.5, pixels.shape) if random_phase else 0.0
+        error = _image_lengths(np.rint(pixels + phase) - phase, camera) - nominal
+        accurate = np.abs(error) <= (1 - accuracy) * nominal
+        lost = ~_in_image(pixels, camera)
+        successes += (accurate & ~lost if sensor_limits else accurate).sum(axis=0)
+        outside += lost.sum(axis=0)
+    return {
+        name: SuccessRate(
+            int(hits),
+            n,
+            *clopper_pearson(int(hits), n, confidence),
+            confidence,
+            int(lost),
+            float(setting.probability.get(name, np.nan)),
+        )
+        for name, hits, lost in zip(setting.entities, successes, outside, strict=True)
+    }
+
+
+def displaced_poses(
+    cam2world: np.ndarray, pose_uncertainty: PoseUncertainty, n: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Return n poses (n, 4, 4) drawn around a planned pose (4, 4); rotations are exact, not linearised."""
+    moves = rng.multivariate_normal(np.zeros(6), pose_uncertainty.covariance, size=n, method="eigh")
+    displacement = np.tile(np.eye(4), (n, 1, 1))
+    displacement[:, :3, 3] = moves[:, :3]
+    displacement[:, :3, :3] = Rotation.from_rotvec(moves[:, 3:]).as_matrix()
+    return np.asarray(cam2world, dtype=float) @ displacement
+
+
+def clopper_pearson(successes: int, n: int, confidence: float) -> tuple[float, float]:
+    """Return the exact confidence interval of a probability after so many successes in n trials."""
+    tail = (1 - confidence) / 2
+    low = beta.ppf(tail, successes, n - successes + 1) if successes else 0.0
+    high = beta.ppf(1 - tail, successes + 1, n - successes) if successes < n else 1.0
+    return float(low), float(high)
+
+
+def _project(ends: np.ndarray, poses: np.ndarray, camera: Camera) -> np.ndarray:
+    """Return the images (n, k, 2, 2) in px of ends (k, 2, 3); nan behind the camera."""
+    local = world_to_cam(ends, poses)
+    depth = np.where(local[..., 2:] > 0, local[..., 2:], np.nan)
+    homogeneous = (local / depth) @ camera.matrix.T
+    return homogeneous[..., :2]
+
+
+def _image_lengths(pixels: np.ndarray, camera: Camera) -> np.ndarray:
+    """Return the lengths (n, k) in mm on the sensor between image ends (n, k, 2, 2) in px."""
+    difference = (pixels[..., 1, :] - pixels[..., 0, :]) * camera.pixel_pitch_mm
+    return np.hypot(difference[..., 0], difference[..., 1])
+
+
+def _in_image(pixels: np.ndarray, camera: Camera) -> np.ndarray:
+    """Return whether both ends fall on a pixel; (n, k) bool."""
+    on_sensor = (pixels >= -0.5) & (pixels <= np.array(camera.resolution) - 0.5)
+    return on_sensor.all(axis=(-1, -2))

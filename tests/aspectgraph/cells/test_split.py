@@ -1,0 +1,85 @@
+"""The cell complex: it tiles its box, stays conforming, and does not care in which order planes come."""
+
+import numpy as np
+import pytest
+from cut_boxes import HALF, cut_box, random_planes
+
+from aspectgraph.cells.arrays import (
+    EDGE_LIST,
+    ENDS,
+    FACE_CHILD,
+    FACE_FIRST,
+    FACE_SIZE,
+    N_CELLS,
+    N_FACES,
+    SIDES,
+    with_room,
+)
+from aspectgraph.cells.measure import cell_centre, cell_sizes, interfaces
+from aspectgraph.cells.split import leaves
+
+
+@pytest.mark.parametrize("degenerate", [False, True])
+def test_cells_tile_the_box(degenerate):
+    cx = cut_box(random_planes(12, 3, degenerate))
+    assert cell_sizes(cx, leaves(cx))[:, 0].sum() == pytest.approx((2 * HALF) ** 3, rel=1e-9)
+
+
+def test_planes_in_general_position_make_the_number_of_cells_theory_gives():
+    """n planes of which all triples meet inside a ball cut it into 1 + n + C(n, 2) + C(n, 3) parts (Schlaefli)."""
+    rng = np.random.default_rng(0)
+    normals = rng.integers(-(2**18), 2**18, (6, 3))
+    planes = np.column_stack([normals, rng.integers(-4, 5, 6)])
+    assert len(leaves(cut_box(planes))) == 1 + 6 + 15 + 20
+
+
+@pytest.mark.parametrize("degenerate", [False, True])
+def test_every_cell_is_a_closed_polyhedron(degenerate):
+    cx = cut_box(random_planes(10, 5, degenerate))
+    for c in leaves(cx):
+        faces = [
+            f for f in range(cx.count[N_FACES]) if c in cx.face[f, SIDES : SIDES + 2] and cx.face[f, FACE_CHILD] < 0
+        ]
+        edges = {}
+        for f in faces:
+            for e in cx.lists[EDGE_LIST, cx.face[f, FACE_FIRST] : cx.face[f, FACE_FIRST] + cx.face[f, FACE_SIZE]]:
+                edges[int(e)] = edges.get(int(e), 0) + 1
+        corners = {int(v) for e in edges for v in cx.edge[e, ENDS : ENDS + 2]}
+        assert set(edges.values()) == {2}
+        assert len(corners) - len(edges) + len(faces) == 2
+
+
+def test_cells_lie_on_the_side_their_number_tells():
+    cx = cut_box(random_planes(8, 1))
+    sides, sizes = interfaces(cx)
+    assert len(sides)
+    assert (sizes[:, 0] > 0).all()
+    for positive, negative, h, _ in sides:
+        a, b, c, d = cx.planes[h].astype(float)
+        for cell, expected in ((positive, 1), (negative, -1)):
+            x, y, z = cell_centre(cx, cell)
+            assert np.sign(a * x + b * y + c * z - d) == expected
+
+
+@pytest.mark.parametrize("degenerate", [False, True])
+def test_order_of_planes_changes_nothing(degenerate):
+    planes = random_planes(9, 7, degenerate)
+    orders = [list(range(9)), list(range(9))[::-1], [4, 0, 7, 2, 8, 1, 3, 6, 5]]
+    complexes = [cut_box(planes[order]) for order in orders]
+    volumes = [np.sort(cell_sizes(cx, leaves(cx))[:, 0]) for cx in complexes]
+    assert volumes[1] == pytest.approx(volumes[0], rel=1e-9)
+    assert volumes[2] == pytest.approx(volumes[0], rel=1e-9)
+
+
+def test_room_grows_until_it_suffices():
+    planes = random_planes(12, 3)
+    asked = []
+
+    def build(n_cells):
+        asked.append(n_cells)
+        return cut_box(planes, n_cells)
+
+    assert with_room(build, n_cells=8).count[N_CELLS] == cut_box(planes).count[N_CELLS]
+    assert len(asked) > 1
+    with pytest.raises(MemoryError, match="more than 32 cells"):
+        with_room(build, n_cells=8, limit=32)

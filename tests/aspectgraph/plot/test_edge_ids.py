@@ -1,0 +1,149 @@
+"""Pictures name every edge that can be seen, and only those."""
+
+from __future__ import annotations
+
+import builtins
+
+import numpy as np
+import pytest
+from solids import cube, hollow_box, l_block, plate, two_pocket_block
+
+from aspectgraph import EntityError, MissingExtraError, OutputError, PictureError, edge_figure, write_edge_picture
+from aspectgraph.plot.edge_ids import VIEWS, draw_edges
+from aspectgraph.plot.hidden_lines import is_seen, render, view_axes
+
+figure = pytest.importorskip("matplotlib.figure")
+FigureCanvasAgg = pytest.importorskip("matplotlib.backends.backend_agg").FigureCanvasAgg
+
+
+def named(solid, direction, edge_ids=None):
+    ax = figure.Figure().subplots()
+    draw_edges(solid, edge_ids, direction, ax=ax)
+    return {int(text.get_text()) for text in ax.texts}
+
+
+def test_a_cube_shows_nine_edges_in_each_view_and_all_in_the_four():
+    views = [named(cube(), direction) for direction in VIEWS.values()]
+    assert [len(ids) for ids in views] == [9, 9, 9, 9]
+    assert set.union(*views) == set(range(12))
+
+
+def test_the_lower_edges_behind_the_part_are_hidden():
+    solid = cube()
+    ids = named(solid, (0.3, -0.2, 1))
+    for edge in solid.edges:
+        x, y, z = solid.edge_points(edge.id).T
+        if (z == 2).all():
+            assert edge.id in ids
+        elif (z == 0).all():
+            assert (edge.id in ids) == ((y == 0).all() or (x == 2).all())
+
+
+def test_the_edges_of_a_closed_void_are_never_named():
+    solid = hollow_box()
+    inner = {e.id for e in solid.edges if solid.face_shell[e.faces[0]] == 1}
+    assert len(inner) == 12
+    for direction in VIEWS.values():
+        assert not inner & named(solid, direction)
+
+
+def test_chosen_edges_only():
+    assert named(cube(), (1, 1, 1), [0, 1]) <= {0, 1}
+    with pytest.raises(EntityError, match=r"edge id must be in 0..11. Got 12"):
+        edge_figure(cube(), [12])
+
+
+def test_view_axes_are_a_right_handed_frame():
+    for direction in [*VIEWS.values(), (0, 0, 1), (0, 0, -2), (1, 0, 0)]:
+        axes = view_axes(direction)
+        assert axes @ axes.T == pytest.approx(np.eye(3))
+        assert np.linalg.det(axes) == pytest.approx(1.0)
+        assert axes[2] == pytest.approx(np.array(direction) / np.linalg.norm(direction))
+
+
+TWO_LAYERS = np.array([[(0, 0, 1), (4, 0, 1), (0, 4, 1)], [(0, 0, 2), (2, 0, 2), (0, 2, 2)]], dtype=float)
+
+
+def test_seen_and_hidden_points():
+    points = np.array([(0.5, 0.5, 1), (0.5, 0.5, 2), (1.5, 1.5, 1), (1.5, 1.5, 0), (5, 5, 0)], dtype=float)
+    assert is_seen(points, TWO_LAYERS).tolist() == [False, True, True, False, True]
+
+
+@pytest.mark.parametrize("order", [[0, 1], [1, 0]])
+def test_the_nearest_triangle_is_painted_on_top(order):
+    image, (left, right, bottom, top) = render(TWO_LAYERS[order], np.array([0.25, 0.75])[order])
+
+    def at(x, y):
+        h, w = image.shape
+        return image[int((y - bottom) / (top - bottom) * h), int((x - left) / (right - left) * w)]
+
+    assert (at(0.5, 0.5), at(1.5, 1.5), at(3.5, 3.5)) == (0.75, 0.25, 1.0)
+
+
+def test_png_and_html(tmp_path):
+    png = write_edge_picture(two_pocket_block(), tmp_path / "edges.png")
+    assert png.read_bytes().startswith(b"\x89PNG")
+    html = write_edge_picture(two_pocket_block(), tmp_path / "edges.html", [3, 5]).read_text(encoding="utf-8")
+    assert "edge 3<br>" in html.replace("\\u003c", "<").replace("\\u003e", ">")
+    assert 'src="http' not in html
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["edges.html", "edges.png"]
+
+
+@pytest.mark.parametrize("name", ["edges.gif", "edges.bmp", "edges", ".png", ""])
+def test_other_suffixes_are_refused(tmp_path, name):
+    with pytest.raises(PictureError, match=r"^path of a picture must end in \.png or \.html\. Got '.*'\.$"):
+        write_edge_picture(cube(), tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("suffix", ["png", "html"])
+@pytest.mark.parametrize(("folder", "reason"), [("nowhere", "No such file or directory"), ("file", "Not a directory")])
+def test_a_folder_is_not_made(tmp_path, folder, reason, suffix):
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match=rf"^path must be a file that can be written\. Got '.*\.{suffix}': {reason}"):
+        write_edge_picture(cube(), tmp_path / folder / f"edges.{suffix}")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("suffix", ["png", "html"])
+def test_a_picture_that_fails_leaves_the_old_one(tmp_path, suffix):
+    path = tmp_path / f"edges.{suffix}"
+    path.write_text("old")
+    with pytest.raises(EntityError):
+        write_edge_picture(cube(), path, [99])
+    assert path.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("solid", [cube(), two_pocket_block(), plate(4)], ids=["cube", "two pockets", "plate"])
+def test_no_label_covers_another(solid):
+    fig = figure.Figure(figsize=(9, 7), dpi=100)
+    FigureCanvasAgg(fig)
+    fig.subplots_adjust(left=0, right=1, bottom=0, top=1)
+    ax = draw_edges(solid, None, (0.6, -0.8, 0.7), ax=fig.subplots())
+    fig.canvas.draw()
+    boxes = [text.get_window_extent() for text in ax.texts]
+    assert len(boxes) > 6
+    for n, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[:n])
+
+
+def test_figure_has_one_line_for_each_candidate():
+    traces = edge_figure(l_block()).data
+    lines = [trace for trace in traces if trace.name.startswith("edge ")]
+    assert len(lines) == 18
+    assert {line.hovertemplate.split("<br>")[0] for line in lines} == {f"edge {i}" for i in range(18)}
+
+
+def test_without_matplotlib(tmp_path, monkeypatch):
+    real = builtins.__import__
+
+    def no_matplotlib(name, *args, **kwargs):
+        if name.split(".")[0] == "matplotlib":
+            raise ImportError("No module named 'matplotlib'")
+        return real(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", no_matplotlib)
+    with pytest.raises(MissingExtraError, match=r"pip install aspectgraph\[plot\]"):
+        write_edge_picture(cube(), tmp_path / "edges.png")
+    assert not (tmp_path / "edges.png").exists()

@@ -1,0 +1,214 @@
+"""Queries on regions and graphs: what each promises, and bad input."""
+
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import solids
+
+from aspectgraph import ContradictionError, EntityError, WorkspaceError, build_aspect_graph, compute_regions, graph_of
+from aspectgraph.graph.ray_confirmation import confirm
+from aspectgraph.visibility.visibility_regions import _COVERINGS_KEPT
+
+WORKSPACE = ((-60, -60, -60), (60, 60, 60))
+
+
+@pytest.fixture(scope="module")
+def slot():
+    return build_aspect_graph(solids.slotted_block(), solids.SLOT_ENTITIES, WORKSPACE)
+
+
+@pytest.fixture(scope="module")
+def viewpoints():
+    rng = np.random.default_rng(0)
+    return np.concatenate([rng.uniform(-60, 60, (2000, 3)), rng.uniform([-3, -3, -3], [13, 6, 9], (2000, 3))])
+
+
+def inside_slotted_block(points):
+    """Point in profile by hand: the block's columns of equal height."""
+    x, y, z = points.T
+    top = np.select([(x > 8) | (x < 2), (x > 4) & (x < 6)], [1.0, 2.0], 3.0)
+    return (x > 0) & (x < 10) & (y > 0) & (y < top) & (z > 0) & (z < 6)
+
+
+def test_domain_of_agrees_with_observable(slot, viewpoints):
+    nodes = slot.domain_of(viewpoints)
+    lists = np.array(
+        [[name in listed for name in slot.entity_names] for _, listed in slot.graph.nodes(data="observable")]
+    )
+    outside = nodes >= 0
+    assert (lists[nodes[outside]] == slot.observable(viewpoints[outside])).all()
+    assert (outside == ~inside_slotted_block(viewpoints)).all()
+
+
+def test_nothing_is_observable_from_inside_the_solid(slot, viewpoints):
+    inside = inside_slotted_block(viewpoints)
+    assert inside.sum() > 100
+    assert not slot.observable(viewpoints[inside]).any()
+
+
+def test_domain_of_is_minus_one_outside_the_workspace(slot):
+    assert slot.domain_of([[0, 0, 61], [0, 50, 0]]).tolist()[0] == -1
+
+
+def test_on_a_partition_surface_the_observing_side_counts(slot):
+    # e3 at (8, 1) lies between the floor y = 1 and the wall x = 8; e1 and e2 lie in the floor of the slot, y = 2
+    assert slot.observable([[20, 1, 3]], ["e3"]).all()
+    assert slot.observable([[8, 20, 3]], ["e3"]).all()
+    assert not slot.observable([[20, 1 - 1e-6, 3]], ["e3"]).any()
+
+
+def test_sample_stays_in_covering_domains_and_fills_them(slot):
+    points = slot.sample(["e2"], 4000, rng=1)
+    covering = slot.covering(["e2"])
+    nodes = slot.domain_of(points)
+    assert set(nodes) <= set(covering)
+    volumes = np.array([slot.graph.nodes[node]["volume"] for node in covering])
+    counts = np.array([(nodes == node).sum() for node in covering])
+    expected = 4000 * volumes / volumes.sum()
+    assert (np.abs(counts - expected) <= 5 * np.sqrt(expected) + 1).all()
+
+
+def test_sample_is_uniform_within_a_cell(slot):
+    """Mean and covariance of samples against the moments of the cell's tetrahedra, by a second decomposition."""
+    cells = slot.covering_cells(["e1", "e2"])
+    points = cells.sample(20000, rng=3)
+    grid = np.random.default_rng(5).uniform(*cells.bounds, size=(200000, 3))
+    expected = grid[cells.contains(grid)]
+    spread = expected.std(axis=0)
+    assert (np.abs(points.mean(axis=0) - expected.mean(axis=0)) < 0.05 * spread).all()
+    assert points.std(axis=0) == pytest.approx(spread, rel=0.05)
+
+
+def test_covering_cells_hold_exactly_the_covering_viewpoints(slot, viewpoints):
+    for names in (["e1"], ["e1", "e2"], ["e2", "e3"], ["e1", "e3"]):
+        cells = slot.covering_cells(names)
+        assert (cells.contains(viewpoints) == slot.observable(viewpoints, names).all(axis=1)).all()
+        covering = [slot.graph.nodes[node]["volume"] for node in slot.covering(names)]
+        assert cells.volume == pytest.approx(sum(covering), rel=1e-9)
+
+
+def test_coverings_do_not_pile_up():
+    """Every set of entities asked for has a covering of its own; only the last few stay."""
+    regions = compute_regions(solids.two_pocket_block(), solids.TWO_POCKET_ENTITIES, WORKSPACE)
+    names = regions.entity_names
+    sets = [[name for k, name in enumerate(names) if bits >> k & 1] for bits in range(1, 2 ** len(names))]
+    first = regions.covering_cells(sets[0])
+    assert regions.covering_cells(sets[0]) is first
+    for one in sets:
+        regions.covering_cells(one)
+    assert len(regions._covering) == _COVERINGS_KEPT < len(sets)
+    assert regions.covering_cells(sets[0]) is not first
+    assert regions.covering_cells(sets[0]).volume == first.volume
+
+
+def test_cells_are_polytopes_whose_half_spaces_hold_their_vertices(slot):
+    for node in slot.graph:
+        cells = slot.cells(node)
+        assert cells.volume == pytest.approx(slot.graph.nodes[node]["volume"])
+        for cell in list(cells)[:5]:
+            heights = cell.vertices @ cell.half_spaces[:, :3].T + cell.half_spaces[:, 3]
+            assert heights.max() <= 1e-9
+            assert (heights >= -1e-9).sum(axis=0).min() >= 3
+
+
+def test_viewpoints_of_nodes_have_their_clearance(slot):
+    for node, data in slot.graph.nodes(data=True):
+        around = np.random.default_rng(node).normal(size=(200, 3))
+        around *= 0.999 * data["clearance"] / np.linalg.norm(around, axis=1, keepdims=True)
+        assert set(slot.domain_of(data["viewpoint"] + around)) == {node}
+        assert data["confirmed"]
+        assert data["n_rays"] == 32 * 4
+
+
+def test_surfaces_pass_through_their_entity_and_separate_the_lists(slot):
+    for one, other, data in slot.graph.edges(data=True):
+        changed = set(slot.graph.nodes[one]["observable"]) ^ set(slot.graph.nodes[other]["observable"])
+        assert changed == {surface.entity for surface in data["surfaces"]}
+        for surface in data["surfaces"]:
+            ends = slot.entities[surface.entity].endpoints
+            heights = ends @ np.array(surface.plane[:3]) - surface.plane[3]
+            # type A and planes through the entity hold both ends, planes through an end hold one
+            assert np.abs(heights).min() < 1e-9
+            if surface.type == "A":
+                assert np.abs(heights).max() < 1e-9
+                assert set(surface.faces) & set(slot.solid.edges[slot.entities[surface.entity].edge_ids[0]].faces)
+
+
+def test_subset_needs_no_new_regions(slot):
+    direct = build_aspect_graph(
+        slot.solid, {name: solids.SLOT_ENTITIES[name] for name in ("e3", "e1")}, WORKSPACE
+    ).graph
+    assert graph_of(slot.regions, ["e3", "e1"]).graph.nodes == direct.nodes
+    assert graph_of(slot.regions, ["e3", "e1"]).graph.edges == direct.edges
+
+
+@pytest.mark.parametrize("make", [lambda: ProcessPoolExecutor(2), lambda: ThreadPoolExecutor(2)])
+def test_executor_changes_nothing(slot, make):
+    with make() as executor:
+        other = build_aspect_graph(slot.solid, solids.SLOT_ENTITIES, WORKSPACE, executor)
+    assert_same(other, slot)
+
+
+def test_dask_cluster_changes_nothing(slot):
+    distributed = pytest.importorskip("distributed")
+    with distributed.Client(n_workers=1, threads_per_worker=1, dashboard_address=":0") as client:
+        other = build_aspect_graph(slot.solid, solids.SLOT_ENTITIES, WORKSPACE, client.get_executor())
+    assert_same(other, slot)
+
+
+def assert_same(one, other):
+    """Everything the graphs hold agrees to the last bit."""
+    assert dict(one.graph.nodes(data=True)) == dict(other.graph.nodes(data=True))
+    assert list(one.graph.edges(data=True)) == list(other.graph.edges(data=True))
+
+
+def test_progress_counts_entities():
+    seen = []
+    compute_regions(solids.cube(), range(5), progress=lambda done, total, label: seen.append((done, total, label)))
+    assert seen == [(k + 1, 5, f"e{k}") for k in range(5)]
+
+
+def test_a_wrong_list_is_a_contradiction(slot):
+    observable = np.array([[True, True, False, True]])
+    with pytest.raises(ContradictionError, match=r"domain 0 must list .* Its list holds 'e4'"):
+        confirm(slot.solid, slot.entities, slot.regions._scene, slot.regions.grid, np.array([[5.0, 50, 3]]), observable)
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda eag: eag.observable([[0, 0, 100]]), WorkspaceError, r"points must lie in the workspace .* 100.0"),
+        (lambda eag: eag.observable([[0, np.nan, 0]]), WorkspaceError, "points must lie in the workspace .* nan"),
+        (lambda eag: eag.observable([[0, 0, 9]], ["e9"]), EntityError, "names must be names of entities.* Got 'e9'"),
+        (lambda eag: eag.covering(["x"]), EntityError, "Got 'x'"),
+        (lambda eag: eag.covering_cells([]), EntityError, "names must hold at least one entity"),
+        (lambda eag: eag.sample(["e1", "e3"], 5), EntityError, "observable together from somewhere. Got e1, e3"),
+    ],
+)
+def test_bad_queries(slot, call, error, message):
+    with pytest.raises(error, match=message):
+        call(slot)
+
+
+@pytest.mark.parametrize(
+    ("workspace", "message"),
+    [
+        (((0, 0, 0), (1, 1, 1), (2, 2, 2)), r"must have shape \(2, 3\).* Got shape \(3, 3\)"),
+        (((0, 0, 0), (np.inf, 1, 1)), "must be finite"),
+        (((5, 5, 5), (-5, -5, -5)), "lower corner first"),
+        (((-5, -5, 1), (50, 50, 50)), "must contain the part"),
+    ],
+)
+def test_bad_workspaces(workspace, message):
+    with pytest.raises(WorkspaceError, match=message):
+        compute_regions(solids.slotted_block(), solids.SLOT_ENTITIES, workspace)
+
+
+def test_disjoint_solids_hide_each_other():
+    edge = {"e": ((2, 0, 0), (2, 0, 2))}
+    seen = []
+    for solid in (solids.cube(2.0), solids.two_boxes(gap=1.0)):
+        nodes = build_aspect_graph(solid, edge, WORKSPACE).graph.nodes.values()
+        seen.append(sum(node["volume"] for node in nodes if node["observable"]))
+    assert 0.5 * seen[0] < seen[1] < 0.99 * seen[0]

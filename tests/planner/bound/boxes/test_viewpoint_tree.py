@@ -1,0 +1,121 @@
+"""What may be inspected from where: no box of viewpoints may lack what a pose in it inspects, all around or not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from box_requests import (
+    CAMERA,
+    SIZES,
+    UNCERTAINTY,
+    WORKSPACE,
+    box_around,
+    found_in,
+    random_poses,
+    request_for,
+    space_for,
+)
+from grid_box import EDGES, BoxCell, BoxSpace
+
+from planner.bound.boxes.cells import Cells
+from planner.bound.boxes.search import PROVEN
+from planner.bound.boxes.viewpoint_tree import heavy_members, viewpoints_for
+from planner.bound.boxes.windows import most_turn, rotation, swings
+from planner.bound.pose_space import PoseSpace
+from planner.columns.judge import Judge
+from planner.request.constraints import Requirements
+
+
+def around(size, radius):
+    """A request with visibility asked all around, and its space of poses."""
+    need = Requirements(visibility_radius_mm=radius)
+    judge = Judge(BoxSpace(size, WORKSPACE, EDGES), EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need)
+    return judge, space_for(judge, Cells([judge.space.covering_cells([name]) for name in EDGES]))
+
+
+@pytest.mark.parametrize("radius", [0.0, 4.0])
+@pytest.mark.parametrize("size", SIZES)
+def test_what_a_pose_inspects_is_in_every_box_of_viewpoints_around_it(size, radius):
+    judge, space = around(size, radius)
+    y = np.random.default_rng(4).uniform(0.1, 1.0, len(EDGES))
+    tree = viewpoints_for(space.nodal_points, space.entities, space.view, y, 0.5)
+    poses = random_poses(judge, 4000, seed=6)
+    inspects = judge(poses).inspects
+    sets = np.unpackbits(tree.sets.view(np.uint8), axis=1, bitorder="little")[:, : len(EDGES)].astype(bool)
+    some = np.flatnonzero(inspects.any(axis=1))
+    assert len(some) > 100
+    for k in some:
+        eye = poses[k, :3, 3]
+        holding = np.flatnonzero(((tree.boxes[:, 0] <= eye) & (eye <= tree.boxes[:, 1])).all(axis=1))
+        assert (tree.second[holding] == 0).any()
+        assert sets[holding][:, inspects[k]].all()
+    # and much is told apart
+    leaves = sets[tree.second == 0]
+    assert (leaves @ y <= 0.5).mean() > 0.02
+    assert len({row.tobytes() for row in leaves}) > 20
+
+
+def test_visible_all_around_decides_where_regions_only_touch():
+    """Two edges, one visible above a plane and one below it: on the plane both are, all around nowhere both."""
+    pair = EDGES[:2]
+    judge, _ = request_for(SIZES[0])
+    low, high = (np.asarray(corner, dtype=float) for corner in WORKSPACE)
+    middle = (low[2] + high[2]) / 2
+    regions = Cells([[BoxCell(np.array([*low[:2], middle]), high)], [BoxCell(low, np.array([*high[:2], middle]))]])
+    for radius, together in ((0.0, True), (2.0, False)):
+        need = Requirements(visibility_radius_mm=radius)
+        strict = Judge(judge.space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need)
+        space = PoseSpace(strict, np.arange(len(pair)), regions, np.zeros((2, 2), dtype=bool))
+        tree = viewpoints_for(space.nodal_points, space.entities, space.view, np.ones(2), 1.5, finest=4.0)
+        leaves = tree.sets[tree.second == 0, 0]
+        assert (leaves == 3).any() == together
+        assert {1, 2} <= set(leaves.tolist())
+
+
+@pytest.mark.parametrize("radius", [0.0, 4.0])
+def test_no_pose_visible_all_around_exceeds_what_is_proven(radius):
+    size = SIZES[0]
+    judge, space = around(size, radius)
+    rng = np.random.default_rng(8)
+    y = rng.uniform(0.1, 1.0, len(EDGES))
+    tight = 0
+    for _ in range(60):
+        part, poses = box_around(rng, space.view, size, 0.1)
+        best = float((judge(poses).inspects @ y).max())
+        if best > 0:
+            tight += 1
+            assert found_in(space, part, y, 0.999 * best, 3000)[0] != PROVEN
+    assert tight > 5
+
+
+def test_where_members_may_be_inspected_together_shrinks_to_what_weighs_enough():
+    """Of the nodal points of a box of poses, none at which enough is inspected is lost, nor what is inspected there."""
+    judge, space = around(SIZES[1], 1.0)
+    rng = np.random.default_rng(9)
+    y = rng.uniform(0.1, 1.0, len(EDGES))
+    tree = viewpoints_for(space.nodal_points, space.entities, space.view, y, 0.5)
+    members, lost, kept, shrunk = np.arange(len(EDGES)), 0, 0, 0
+    for _ in range(150):
+        (chart, box), poses = box_around(rng, space.view, SIZES[1], 0.3)
+        matrix, swing = np.empty((3, 3)), np.empty((3, 3))
+        n = rotation(chart, box[2], matrix)
+        t, nu = most_turn(box[2], box[3], n)
+        rest = swings(matrix, box[2], box[3], n, t, nu, space.view.middle, swing)
+        nodal = box[0] - space.view.middle * matrix[:, 2]
+        reach = box[1] + np.abs(swing).sum(axis=0) + rest
+        eye, live = np.array([nodal - reach, nodal + reach]), np.zeros(tree.sets.shape[1], np.uint64)
+        before = np.prod(eye[1] - eye[0])
+        limit = rng.uniform(0.3, 3.0)
+        request = members, y, members, limit
+        share = heavy_members(tree, (nodal, matrix, box[1], swing, rest), eye, request, live)
+        inspects = judge(poses).inspects
+        heavy = inspects @ y > limit
+        at = poses[heavy, :3, 3]
+        assert ((at >= eye[0] - 1e-9) & (at <= eye[1] + 1e-9)).all()
+        seen = np.unpackbits(live.view(np.uint8), bitorder="little")[: len(EDGES)].astype(bool)
+        assert seen[inspects[heavy].any(axis=0)].all()
+        assert 0.0 <= share <= 1.0 + 1e-9
+        lost += not live.any()
+        kept += heavy.any()
+        shrunk += np.prod(eye[1] - eye[0]) < 0.5 * before
+    assert min(lost, kept, shrunk) > 3

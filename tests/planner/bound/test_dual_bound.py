@@ -1,0 +1,158 @@
+"""The linear part of the lower bound on spaces of few poses, which an exact oracle searches."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from planner.bound.boxes.search import FOUND, PROVEN, SPENT, UNRESOLVED
+from planner.bound.dual_bound import LinearBound, limit_for, relieved
+from planner.bound.pose_space import Found
+from planner.cover.relaxation import fractional_cover
+from planner.cover.set_cover import min_cover
+from planner.ledger import Ledger
+from planner.records.packing import packed, unpacked
+
+
+class FewPoses:
+    """A space of known columns (c, e) in parts, each of which takes some boxes to search."""
+
+    def __init__(self, columns, n_parts, rng):
+        self.columns, self.parts = columns, list(range(n_parts))
+        self.part, self.cost = rng.integers(n_parts, size=len(columns)), rng.integers(20, 2000, n_parts)
+        self.asked = []
+        self.regrown = []
+
+    def grown_for(self):
+        return {"y": np.ones(1), "limit": 1.0, "finest": 0.5}
+
+    def regrow(self, grown_for):
+        self.regrown.append(grown_for)
+
+    def search(self, y, limit, max_nodes, tick=None, *, parts, most):
+        for k, nodes in zip(parts, np.broadcast_to(max_nodes, len(parts)), strict=True):
+            own = self.columns[self.part == k]
+            heavy = own[own @ y > limit]
+            self.asked.append((k, y.copy(), limit, len(heavy)))
+            outcome = SPENT if nodes < self.cost[k] else FOUND if len(heavy) else PROVEN
+            sets = heavy[:most] if outcome == FOUND else own[:0]
+            doubt = own.any(axis=0) if outcome == SPENT else np.zeros(len(y), dtype=bool)
+            yield Found(outcome, int(min(nodes, self.cost[k])), np.zeros((len(sets), 4, 4)), sets, doubt)
+
+
+def columns_of(rng, n=300, m=24):
+    return np.concatenate([rng.random((n, m)) < rng.uniform(0.1, 0.35), np.eye(m, dtype=bool)])
+
+
+def test_what_is_proven_is_true_and_mostly_all_that_weights_can_prove():
+    """Beginning with a tenth of the poses; the cover of all of them is known."""
+    proven = possible = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        columns = columns_of(rng)
+        relaxation, fewest = fractional_cover(columns)[0], len(min_cover(columns).chosen)
+        told = []
+
+        def improve(poses, told=told, columns=columns):
+            told.append(len(poses))
+            return columns[-24:]
+
+        space = FewPoses(columns, 16, rng)
+        linear = LinearBound(space, columns[-24:], improve)
+        bound = linear.raise_from(1, 24, max_nodes=1_000_000)
+        assert 1 <= bound <= fewest
+        assert sum(told) <= len(linear.found)
+        # the mean of duals, and what is to spare, stay a little below the relaxation
+        possible += int(np.ceil(0.93 * relaxation))
+        proven += bound
+    assert proven >= possible
+
+
+class Blurred(FewPoses):
+    """The same, with boxes too small to tell in one part, for limits below some value."""
+
+    def __init__(self, columns, n_parts, rng, sharp_from):
+        super().__init__(columns, n_parts, rng)
+        self.sharp_from = sharp_from
+
+    def search(self, y, limit, max_nodes, tick=None, *, parts, most):
+        for k, found in zip(parts, super().search(y, limit, max_nodes, parts=parts, most=most), strict=True):
+            blurred = k == 0 and found.outcome == PROVEN and limit < self.sharp_from
+            yield found._replace(outcome=UNRESOLVED) if blurred else found
+
+
+def test_where_boxes_are_too_small_to_tell_fewer_settings_are_proven():
+    """Not none: columns of two entities, of 24, need 12; the part that cannot tell can for 8."""
+    columns = np.repeat(np.eye(12, dtype=bool), 2, axis=1)
+    sharp = LinearBound(FewPoses(columns, 4, np.random.default_rng(0)), columns)
+    assert sharp.raise_from(1, 24, max_nodes=1_000_000) >= 10
+    blurred = LinearBound(Blurred(columns, 4, np.random.default_rng(0), 1.5), columns)
+    assert blurred.raise_from(1, 24, max_nodes=1_000_000) == 8
+
+
+def test_too_few_boxes_prove_nothing_wrong():
+    rng = np.random.default_rng(1)
+    columns = columns_of(rng)
+    fewest = len(min_cover(columns).chosen)
+    for boxes in (0, 100, 3000, 10_000, 30_000):
+        linear = LinearBound(FewPoses(columns, 16, np.random.default_rng(2)), columns[-24:])
+        assert 1 <= linear.raise_from(1, 24, max_nodes=boxes) <= fewest
+        assert linear.made <= boxes
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_proof_goes_on_from_any_part_where_it_stopped(seed):
+    """It searches no part again that was done, and ends the same; what it tells survives being written."""
+    columns = columns_of(np.random.default_rng(seed))
+    told = []
+
+    def raised(kept=None, keep=None):
+        space, improved = FewPoses(columns, 16, np.random.default_rng(7)), []
+
+        def improve(poses):
+            improved.append(len(poses))
+            return columns[-24:]
+
+        linear = LinearBound(space, columns[-24:], improve, Ledger(kept=kept, keep=keep))
+        return linear.raise_from(1, 24, max_nodes=100_000), linear.made, linear.found, space, improved
+
+    bound, made, found, space, improved = raised(keep=lambda entries: told.append(json.dumps(packed(entries))))
+    assert len(told) == len(space.asked) > 16
+    assert improved
+    for k in range(0, len(told), 5):
+        again = raised(kept=unpacked(json.loads(told[k])))
+        assert again[:2] == (bound, made)
+        assert np.array_equal(again[2], found)
+        assert len(again[3].asked) == len(told) - k - 1
+        # of poses found before it stopped, all that were not told yet are told now
+        assert again[4] == improved[len(improved) - len(again[4]) :]
+        assert again[3].regrown == [{"y": np.ones(1), "limit": 1.0, "finest": 0.5}]
+    # poses of an earlier sweep that were still to be told when it stopped come before those found since
+    kept = unpacked(json.loads(told[0]))
+    kept["linear"]["poses"] = np.zeros((2, 4, 4))
+    assert raised(kept)[4] == [improved[0] + 2, *improved[1:]]
+
+
+def test_relieved_weights_give_up_no_more_than_they_must():
+    y = np.array([0.5, 0.4, 0.3, 0.2, 0.1])
+    one = np.array([[True, True, True, False, False]])
+    after = relieved(y, one, 1.0)
+    assert (after <= y).all()
+    assert after.sum() == pytest.approx(y.sum() - (1.2 - 0.999))
+    # two sets that share an entity: what it gives up helps both, and both need as much
+    both = np.array([[True, True, False, False, True], [False, True, True, True, True]])
+    after = relieved(y, both, 0.8)
+    assert (both @ after).max() <= 0.8
+    assert after.sum() == pytest.approx(y.sum() - (1.0 - 0.7992))
+    assert relieved(y, one, 2.0).sum() == pytest.approx(y.sum())
+
+
+@pytest.mark.parametrize(("total", "target"), [(4.6, 5), (17.2, 17), (2.0, 2), (4.0, 6)])
+def test_a_limit_leaves_some_of_what_it_proves_to_spare(total, target):
+    limit = limit_for(np.full(10, total / 10), target)
+    assert limit * (target - 1) < total
+    assert limit > 0.985 * total / (target - 1)
+    # never the whole of what it is above 1
+    assert (limit > 1.0) == (total > target - 1)

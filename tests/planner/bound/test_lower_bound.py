@@ -1,0 +1,341 @@
+"""The lower bound: nothing that a pose inspects may be missing from its box, nor weigh more than the box's bound."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from box_requests import (
+    CAMERA,
+    SIZES,
+    UNCERTAINTY,
+    box_around,
+    found_in,
+    pose_of,
+    random_poses,
+    request_for,
+    space_for,
+)
+from grid_box import EDGES, BoxCell, BoxSpace
+from scipy.spatial.transform import Rotation
+
+from planner.bound.boxes.cells import Cells, entity_cells
+from planner.bound.boxes.search import FOUND, PROVEN
+from planner.bound.boxes.shifted_windows import may_exceed, weight_at
+from planner.bound.boxes.windows import extent, farthest, most_turn, rotation, seen_from
+from planner.bound.dual_bound import LinearBound, spread_weights
+from planner.bound.pose_space import view_of
+from planner.bound.pose_tree import PoseTree
+from planner.camera.camera import Camera
+from planner.camera.pose import world_to_cam
+from planner.columns.judge import Judge
+from planner.cover.set_cover import min_cover
+from planner.executors import Shared
+from planner.request.constraints import Requirements
+from planner.request.image_constraints import field_of_view_slacks, focus_slacks
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("small", [1.0, 0.3, 0.05])
+def test_no_pose_exceeds_what_the_search_proves_of_its_box(size, small):
+    judge, regions = request_for(size)
+    space = space_for(judge, regions)
+    rng = np.random.default_rng(3)
+    y = rng.uniform(0.1, 1.0, len(EDGES))
+    proven = tight = 0
+    for _ in range(120):
+        part, poses = box_around(rng, space.view, size, small)
+        best = float((judge(poses).inspects @ y).max())
+        # above the best of the poses tried, and below it
+        outcome = found_in(space, part, y, 1.02 * best + 1e-3, 3000)[0]
+        proven += outcome == PROVEN
+        if best > 0:
+            tight += 1
+            assert found_in(space, part, y, 0.999 * best, 3000)[0] != PROVEN
+    assert proven > 20
+    assert tight > 10
+
+
+def test_the_pose_found_inspects_what_is_said():
+    """By the judge's own constraints, with no stand-off, visibility at the position alone, and no probability asked."""
+    size = SIZES[1]
+    judge, regions = request_for(size)
+    lenient = Judge(
+        judge.space, EDGES, CAMERA, UNCERTAINTY, 0.98, 1e-6, Requirements(stand_off_mm=0.0, visibility_radius_mm=0.0)
+    )
+    space = space_for(judge, regions)
+    y = np.random.default_rng(5).uniform(0.1, 1.0, len(EDGES))
+    n_found = 0
+    for part in space.parts:
+        outcome, _, pose, inspected = found_in(space, part, y, 1.0, 2000)
+        if outcome == FOUND:
+            n_found += 1
+            assert y[inspected].sum() > 1.0
+            slacks = lenient.constraints.slacks(pose[None], only=["field_of_view_px", "focus_mm", "visibility"])
+            for slack in slacks.values():
+                assert slack[0, inspected].min() >= -1e-6
+    assert n_found > 10
+
+
+def test_every_pose_lies_in_a_part():
+    """Up to half a turn about the camera's axis, which leaves what it inspects as it is."""
+    judge, regions = request_for(SIZES[0])
+    space = space_for(judge, regions)
+    boxes = np.array([box for _, box in space.parts])
+    charts = np.array([chart for chart, _ in space.parts])
+    found = np.empty((3, 3))
+    for turned in Rotation.random(200, random_state=1):
+        best = np.inf
+        for half, chart in itertools.product((Rotation.identity(), Rotation.from_rotvec([0, 0, np.pi])), (0, 1)):
+            flip = Rotation.from_rotvec([np.pi * chart, 0, 0])
+            x, y, z, w = (flip * turned * half).as_quat()
+            v = np.array([x, y, z]) / w if w else np.full(3, np.inf)
+            if np.abs(v).max() <= 1.0:
+                rotation(chart, v, found)
+                assert (charts[np.all(np.abs(v - boxes[:, 2]) <= boxes[:, 3], axis=1)] == chart).any()
+                best = min(best, np.abs(found - (turned * half).as_matrix()).max())
+        assert best < 1e-9
+    low, high = (boxes[:, 0] - boxes[:, 1]).min(axis=0), (boxes[:, 0] + boxes[:, 1]).max(axis=0)
+    volume = np.prod(2 * boxes[:, 1], axis=1) * np.prod(boxes[:, 3], axis=1)
+    assert volume.sum() == pytest.approx(2 * np.prod(high - low))
+    # whatever has an edge in view looks at a point not farther from it than the corners of the view are
+    view, points = space.view, judge.ends.reshape(-1, 3)
+    corner = np.array(
+        [
+            [x * view.tan_x * z, y * view.tan_y * z, z - view.middle]
+            for x in (-1, 1)
+            for y in (-1, 1)
+            for z in (view.near, view.far)
+        ]
+    )
+    assert np.linalg.norm(corner, axis=1).max() <= view.radius + 1e-9
+    assert (low <= points.min(axis=0) - view.radius + 1e-9).all()
+    assert (high >= points.max(axis=0) + view.radius - 1e-9).all()
+
+
+@pytest.mark.parametrize("small", [0.5, 0.1, 0.0])
+def test_images_long_enough_are_not_deeper_than_said(small):
+    """Projected poses of random boxes: no end is deeper, and of a single pose's the limit is where eq 16 has it."""
+    judge, regions = request_for(SIZES[1])
+    view = space_for(judge, regions).view._replace(length_ratio=0.12)
+    rng = np.random.default_rng(7)
+    s, far, opened, room = np.empty((2, 3)), np.empty(2), np.empty(2), np.empty(3)
+    n_long = n_short = 0
+    for _ in range(300):
+        (chart, box), poses = box_around(rng, view, SIZES[1], small)
+        matrix = np.empty((3, 3))
+        n = rotation(chart, box[2], matrix)
+        t, _ = most_turn(box[2], box[3], n)
+        extent(matrix, box[1], t, room)
+        ends = box[0] + rng.choice([25.0, 150.0]) * rng.uniform(-1, 1, (2, 3))
+        seen_from(ends, box[0], matrix, s)
+        farthest(s, float(np.linalg.norm(ends[1] - ends[0])), t, room, view, far, opened)
+        at = world_to_cam(ends, poses)
+        image, depth = at[..., :2] / at[..., 2:], at[..., 2]
+        seen = (np.abs(image) <= [view.tan_x, view.tan_y]).all(axis=(1, 2))
+        seen &= ((depth >= view.near) & (depth <= view.far)).all(axis=1)
+        long = seen & (np.linalg.norm(image[:, 1] - image[:, 0], axis=1) >= view.length_ratio)
+        assert (depth[long] <= far + 1e-6).all()
+        n_long += long.any()
+        if small == 0.0 and seen.all() and not long.any():
+            n_short += 1
+            assert (depth > far * (1.0 - 1e-6)).any()
+    assert n_long > 20
+    assert small > 0.0 or n_short > 20
+
+
+def test_of_one_part_several_different_poses_are_found():
+    judge, regions = request_for(SIZES[1])
+    space = space_for(judge, regions)
+    y = np.random.default_rng(5).uniform(0.1, 1.0, len(EDGES))
+    several = list(space.search(y, 1.0, 2000, most=4))
+    assert 2 <= max(len(found.sets) for found in several) <= 4
+    for found in several:
+        assert (found.sets @ y > 1.0).all()
+        assert len({tuple(row) for row in found.sets.tolist()}) == len(found.sets)
+        assert (found.outcome == FOUND) == (len(found.poses) > 0)
+    some = [found.made for found in space.search(y, 1.0, 2000, parts=[7, 3], most=4)]
+    assert some == [several[7].made, several[3].made]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_for_a_fixed_rotation_the_limit_is_the_heaviest_pose(seed):
+    """By trying every pose at which some three of the constraints hold exactly; all edges are visible everywhere."""
+    size = (200.0, 130.0, 120.0)
+    judge, _ = request_for(size)
+    regions = Cells([[BoxCell(np.full(3, -1e4), np.full(3, 1e4))]] * len(EDGES))
+    rng = np.random.default_rng(seed)
+    y = rng.uniform(0.1, 1.0, len(EDGES))
+    space, turn = space_for(judge, regions), rng.uniform(-1, 1, 3)
+    view, look = space.view, np.array(size) / 2
+    pose = pose_of(view, seed % 2, look, turn)
+    s = (space.entities.ends - look) @ pose[:3, :3]
+    best = 0.0
+    for z in (s[..., 2] + view.middle - view.far).max(axis=1):
+        depth = s[..., 2] - z + view.middle
+        lefts = (s[..., 0] - view.tan_x * depth).max(axis=1)
+        lows = (s[..., 1] - view.tan_y * depth).max(axis=1)
+        for x, low in itertools.product(lefts, lows):
+            eye = pose.copy()
+            eye[:3, 3] = look + pose[:3, :3] @ ([x, low, z] - np.array([0, 0, view.middle]))
+            ends = world_to_cam(space.entities.ends, eye[None])
+            ok = (focus_slacks(CAMERA, ends).min(axis=-1) >= -1e-6)[0]
+            ok &= (field_of_view_slacks(CAMERA, ends, judge.requirements.field_margin_px).min(axis=-1) >= -1e-6)[0]
+            best = max(best, y[ok].sum())
+    assert best > 0.0
+    part = seed % 2, np.array([look, np.full(3, 400.0), turn, np.full(3, 1e-9)])
+    assert found_in(space, part, y, 1.001 * best)[0] == PROVEN
+    outcome, _, _, inspected = found_in(space, part, y, 0.98 * best)
+    assert outcome == FOUND
+    assert y[inspected].sum() == pytest.approx(best, rel=0.02)
+
+
+def test_windows_meet_where_a_fine_grid_says():
+    """Random windows: the heaviest point of a grid is never above what may meet, and the answer yes has a witness."""
+    judge, regions = request_for(SIZES[0])
+    view = space_for(judge, regions).view
+    rng = np.random.default_rng(1)
+    room = np.array([view.tan_x, view.tan_y, 0.2]) * view.middle
+    grid = np.stack(np.meshgrid(*[np.linspace(-r, r, 25) for r in room]), axis=-1).reshape(-1, 3)
+    n_yes = 0
+    for _ in range(60):
+        m = int(rng.integers(2, 12))
+        middle, half = rng.uniform(-1, 1, (m, 3)) * room, rng.uniform(0.2, 0.8, (m, 3)) * room
+        least = np.stack([middle - half, -middle - half], axis=-1).reshape(m, 6)
+        # the upper side of z comes before the lower one
+        least[:, 4:] = least[:, 5:3:-1]
+        y = np.sort(rng.uniform(0.1, 1.0, m))[::-1]
+        own, w = np.arange(m), np.empty(3)
+        best = max(weight_at(least, own, y, point, view) for point in grid[::7])
+        assert may_exceed(least, own, y, best - 1e-9, room, view, w)
+        if may_exceed(least, own, y, best + 0.05, room, view, w):
+            n_yes += 1
+            assert weight_at(least - room.max() / 256, own, y, w, view) > best + 0.05
+    assert 0 < n_yes < 60
+
+
+def test_of_entities_that_exclude_each_other_one_counts():
+    judge, regions = request_for(SIZES[0])
+    y = np.linspace(1.0, 0.5, len(EDGES))
+    every = space_for(judge, regions, ~np.eye(len(EDGES), dtype=bool))
+    none = space_for(judge, regions)
+    assert all(found.outcome == PROVEN for found in every.search(y, 1.0, 10_000))
+    assert not all(found.outcome == PROVEN for found in none.search(y, 1.0, 10_000))
+
+
+def test_spread_weights_are_a_dual_of_the_cover():
+    """A ring of six entities seen in neighbouring pairs: three columns, and one half each is the symmetric dual."""
+    ring = np.eye(6, dtype=bool) | np.roll(np.eye(6, dtype=bool), 1, axis=1)
+    y = spread_weights(ring)
+    assert (ring @ y).max() == pytest.approx(1.0)
+    assert 2.0 < y.sum() <= 3.0 + 1e-9
+    assert (y > 0).sum() > 3
+
+
+def test_weights_raise_the_bound_but_not_above_what_poses_reach():
+    """Twelve edges, of which a view takes in some: more than one setting is needed, and a cover is enough."""
+    judge, regions = request_for(SIZES[1])
+    columns = judge(random_poses(judge, 20_000, seed=2)).inspects
+    columns = columns[columns.any(axis=1)]
+    fewest = len(min_cover(columns).chosen)
+    linear = LinearBound(space_for(judge, regions), columns)
+    assert 2 <= linear.raise_from(1, 12, max_nodes=200_000) <= fewest
+    again = LinearBound(space_for(judge, regions), columns)
+    again.raise_from(1, 12, max_nodes=200_000)
+    assert again.made == linear.made
+    few = LinearBound(space_for(judge, regions), columns)
+    assert few.raise_from(1, 12, max_nodes=5000) <= fewest
+    assert 0 < few.made <= 5000
+
+
+def test_the_search_can_be_cancelled_within_a_part(monkeypatch):
+    monkeypatch.setattr("planner.bound.pose_space._TICK_S", 0.0)
+    judge, regions = request_for(SIZES[1])
+    calls = []
+
+    def tick():
+        calls.append(len(calls))
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        for _ in space_for(judge, regions).search(np.linspace(1.0, 0.5, len(EDGES)), 1.05, 10**9, tick):
+            pass
+    assert calls == [0, 1, 2]
+
+
+def test_a_pose_that_weighs_too_much_changes_the_weights():
+    """Told of single edges only, the bound starts from weights of one each, which no view that sees two allows."""
+    judge, regions = request_for(SIZES[1])
+    linear = LinearBound(space_for(judge, regions), np.eye(len(EDGES), dtype=bool))
+    bound = linear.raise_from(3, 12, max_nodes=300_000)
+    seen = judge(random_poses(judge, 20_000, seed=2)).inspects
+    assert len(linear.found) > 0
+    assert linear.found.sum(axis=1).min() > 1
+    assert 3 <= bound <= len(min_cover(seen[seen.any(axis=1)]).chosen)
+
+
+def test_depth_without_end_is_cut_at_the_size_of_the_workspace():
+    """Focused beyond the hyperfocal distance, 2319 mm: nothing is too far to be sharp."""
+    far_off = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 3000.0)
+    wide = [[-4000.0] * 3, [4100.0] * 3]
+    judge = Judge(BoxSpace(SIZES[1], wide, EDGES), EDGES, far_off, UNCERTAINTY, 0.98, 0.9)
+    view = view_of(judge)
+    assert np.isinf(far_off.depth_of_field_mm[1])
+    assert view.far == pytest.approx(8100.0 * np.sqrt(3))
+    assert view.near == far_off.depth_of_field_mm[0] < view.middle < view.far
+
+
+def test_cells_of_entities_one_by_one_are_those_of_all():
+    judge, regions = request_for(SIZES[1])
+    none = Cells([[]])
+    one_by_one = [entity_cells(Shared(judge), name) for name in EDGES]
+    for joined in (Cells.joined(one_by_one), Cells.joined([Cells.joined(one_by_one[:5]), *one_by_one[5:]])):
+        for mine, theirs in zip(joined.arrays, regions.arrays, strict=True):
+            assert np.array_equal(mine, theirs)
+    assert len(regions.boxes) > len(EDGES)
+    assert Cells.joined([none, one_by_one[0]]).entity_start.tolist() == [0, 0, len(one_by_one[0].boxes)]
+
+
+def leaves_of(tree, pose):
+    """Leaves with the position and direction of a pose; they differ by roll or by excluded entities."""
+    near = np.all(np.abs(pose[:3, 3] - tree.center) <= tree.half + 1e-9, axis=1)
+    axis = pose[:3, 2]
+    face = 2 * np.argmax(np.abs(axis)) + (axis[np.argmax(np.abs(axis))] < 0)
+    u, v = (axis[(face // 2 + i) % 3] / abs(axis[face // 2]) for i in (1, 2))
+    patch = tree.patch
+    near &= (tree.face == face) & (patch[:, 0] <= u) & (u <= patch[:, 1]) & (patch[:, 2] <= v) & (v <= patch[:, 3])
+    return np.flatnonzero(near)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_every_inspected_set_is_inside_the_leaf_of_its_pose(size):
+    """The larger box does not fit into the image or between the sharp planes: its edges exclude each other there."""
+    judge, regions = request_for(size)
+    tree = PoseTree(judge, np.arange(len(EDGES)), regions, np.zeros((12, 12), dtype=bool))
+    for _ in range(9):
+        tree.split(np.arange(len(tree.face)))
+    poses = random_poses(judge, 400, seed=2)
+    judged = judge(poses)
+    assert (judged.inspects.sum(axis=1) > 1).any()
+    for pose, inspected in zip(poses, judged.inspects, strict=True):
+        if inspected.any():
+            near = leaves_of(tree, pose)
+            assert (tree.sets[near] >= inspected).all(axis=1).any()
+
+
+def test_a_tree_of_viewpoints_grown_again_is_the_same_and_so_are_later_ones():
+    """How fine a tree is depends on those grown before it."""
+    judge, regions = request_for(SIZES[1])
+    even, odd = np.where(np.arange(len(EDGES)) % 2 == 0, [[1.0], [0.2]], [[0.2], [1.0]])
+    first = space_for(judge, regions)
+    first._viewpoints(even, 1.0)
+    again = space_for(judge, regions)
+    again.regrow(first.grown_for())
+    assert first.grown_for()["finest"] == again.grown_for()["finest"]
+    # for the same weights the tree is not grown anew, for others it is
+    for y, limit in ((even, 1.1), (odd, 0.9), (odd, 0.3)):
+        one, other = first._viewpoints(y, limit), again._viewpoints(y, limit)
+        assert all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+    assert space_for(judge, regions).grown_for() is None

@@ -1,0 +1,164 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from planner import PoseUncertainty, UncertaintyError, look_at
+from planner.camera.pose import aim, cam_to_paper, paper_displacement_jacobian, world_to_cam
+
+finite = st.floats(-500, 500, allow_nan=False)
+angle = st.floats(-3, 3)
+
+
+@given(st.tuples(finite, finite, finite), st.tuples(finite, finite, finite), angle, angle, angle)
+@settings(max_examples=60, deadline=None)
+def test_look_at_gives_rigid_poses_with_the_target_on_the_axis(position, target, pan, tilt, roll):
+    pose = look_at([position], target, [pan], [tilt], [roll])[0]
+    assert pose[:3, :3] @ pose[:3, :3].T == pytest.approx(np.eye(3), abs=1e-12)
+    assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
+    assert pose[:3, 3] == pytest.approx(position)
+    if np.linalg.norm(np.subtract(target, position)) > 1e-6:
+        seen = world_to_cam(target, look_at([position], target, roll=[roll])[0])
+        assert seen[:2] == pytest.approx([0, 0], abs=1e-9)
+        assert seen[2] == pytest.approx(np.linalg.norm(np.subtract(target, position)))
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_views_along_the_vertical_are_well_defined(side):
+    rotation = aim([[0.0, 0.0, 100.0 * side]], [0.0, 0.0, 0.0])[0]
+    assert rotation[:, 2] == pytest.approx([0, 0, -side])
+    assert np.linalg.det(rotation) == pytest.approx(1.0)
+
+
+def test_a_level_view_has_x_right_and_y_down():
+    rotation = aim([[0.0, -10.0, 0.0]], [0.0, 0.0, 0.0])[0]
+    assert rotation == pytest.approx(np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]))
+
+
+def test_pan_turns_the_view_right_tilt_up_and_roll_clockwise():
+    ahead = look_at([[0.0, -10.0, 0.0]], [0.0, 0.0, 0.0])[0]
+    for turn, axis, towards in [({"pan": 0.1}, 2, 0), ({"tilt": 0.1}, 2, 1), ({"roll": 0.1}, 0, 1)]:
+        turned = look_at([[0.0, -10.0, 0.0]], [0.0, 0.0, 0.0], **turn)[0]
+        in_old_frame = ahead[:3, :3].T @ turned[:3, axis]
+        expected = np.zeros(3)
+        expected[axis] = np.cos(0.1)
+        expected[towards] = np.sin(0.1) * (-1 if "tilt" in turn else 1)
+        assert in_old_frame == pytest.approx(expected)
+
+
+def test_world_to_cam_matches_opencv_for_many_poses():
+    cv2, rng = pytest.importorskip("cv2"), np.random.default_rng(3)
+    points = rng.normal(size=(5, 2, 3)) * 50
+    poses = look_at(rng.normal(size=(4, 3)) * 400, [0, 0, 0], *rng.uniform(-0.3, 0.3, (3, 4)))
+    local = world_to_cam(points, poses)
+    assert local.shape == (4, 5, 2, 3)
+    for pose, own in zip(poses, local, strict=True):
+        world2cam = np.linalg.inv(pose)
+        pixels, _ = cv2.projectPoints(points.reshape(-1, 3), world2cam[:3, :3], world2cam[:3, 3], np.eye(3), None)
+        assert (own[..., :2] / own[..., 2:]).reshape(-1, 2) == pytest.approx(pixels[:, 0], abs=1e-9)
+
+
+def test_paper_frame_projects_like_the_camera():
+    # eqs 4–5: u = f·C1/(f − C3), v = f·C2/(f − C3), with C2 upwards
+    f, point = 26.0, np.array([30.0, -12.0, 580.0])
+    c1, c2, c3 = cam_to_paper(point, f)
+    assert c3 < 0
+    assert f * c1 / (f - c3) == pytest.approx(f * point[0] / point[2])
+    assert f * c2 / (f - c3) == pytest.approx(-f * point[1] / point[2])
+
+
+@pytest.mark.parametrize("direction", range(6))
+@pytest.mark.parametrize("f", [8.0, 26.0])
+def test_jacobian_into_the_papers_displacement_against_displaced_cameras(direction, f):
+    """Move the camera exactly; the object must move in the paper's frame as C + φ×C + d says, to first order."""
+    points = np.random.default_rng(0).uniform([-60, -60, 500], [60, 60, 700], (20, 3))
+    size = 1e-6
+    move = np.zeros(6)
+    move[direction] = size
+    rotation, translation = Rotation.from_rotvec(move[3:]).as_matrix(), move[:3]
+    displaced = cam_to_paper((points - translation) @ rotation, f)
+    d, phi = np.split(paper_displacement_jacobian(f) @ move, 2)
+    c = cam_to_paper(points, f)
+    assert displaced == pytest.approx(c + np.cross(phi, c) + d, abs=1e-9)
+    assert np.abs(displaced - c).max() > 0.5 * size
+
+
+def test_paper_covariance_against_sampled_displacements():
+    rng = np.random.default_rng(1)
+    mixing = rng.normal(size=(6, 6)) * np.repeat([0.03, 1e-4], 3)[:, None]
+    uncertainty = PoseUncertainty(mixing @ mixing.T)
+    f, points = 26.0, rng.uniform([-60, -60, 500], [60, 60, 700], (3, 3))
+    moves = rng.multivariate_normal(np.zeros(6), uncertainty.covariance, 200_000, method="eigh")
+    shift = -np.cross(moves[:, None, 3:], points) - moves[:, None, :3]
+    expected = np.cov((shift * [1, -1, -1]).reshape(len(moves), -1).T)
+    c = cam_to_paper(points, f)
+    # C + φ×C + d: identity for d, and for φ the columns e_i × C
+    to_shift = np.vstack([np.hstack([np.eye(3), np.cross(np.eye(3), p).T]) for p in c])
+    predicted = to_shift @ uncertainty.paper_covariance(f) @ to_shift.T
+    assert predicted == pytest.approx(expected, abs=0.02 * np.abs(expected).max())
+
+
+def test_isotropic_has_the_given_standard_deviations():
+    uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+    assert uncertainty.sigmas == pytest.approx([0.05, 0.05, 0.05, 0.001, 0.001, 0.001])
+    assert PoseUncertainty.from_dict(uncertainty.to_dict()) == uncertainty
+    assert hash(PoseUncertainty.from_dict(uncertainty.to_dict())) == hash(uncertainty)
+
+
+def test_robot_hand_eye_against_displaced_flanges():
+    """Displace the flange about its own origin and read the camera's displacement off the product of poses."""
+    cam2flange = np.eye(4)
+    cam2flange[:3, :3] = Rotation.from_rotvec([0.3, -0.8, 0.4]).as_matrix()
+    cam2flange[:3, 3] = [40.0, -10.0, 90.0]
+    uncertainty = PoseUncertainty.robot_hand_eye(
+        robot_translation_mm=0.02,
+        robot_rotation_rad=1e-4,
+        hand_eye_translation_mm=0.0,
+        hand_eye_rotation_rad=0.0,
+        cam2flange=cam2flange,
+    )
+    rng = np.random.default_rng(2)
+    n = 100_000
+    flange = np.tile(np.eye(4), (n, 1, 1))
+    flange[:, :3, 3] = rng.normal(size=(n, 3)) * 0.02
+    flange[:, :3, :3] = Rotation.from_rotvec(rng.normal(size=(n, 3)) * 1e-4).as_matrix()
+    camera = np.linalg.inv(cam2flange) @ flange @ cam2flange
+    moves = np.hstack([camera[:, :3, 3], Rotation.from_matrix(camera[:, :3, :3]).as_rotvec()])
+    scale = np.outer(uncertainty.sigmas, uncertainty.sigmas)
+    assert np.cov(moves.T) / scale == pytest.approx(uncertainty.covariance / scale, abs=0.015)
+
+
+def test_hand_eye_uncertainty_adds():
+    robot = {"robot_translation_mm": 0.0, "robot_rotation_rad": 0.0, "cam2flange": np.eye(4)}
+    both = PoseUncertainty.robot_hand_eye(hand_eye_translation_mm=0.1, hand_eye_rotation_rad=0.002, **robot)
+    assert both == PoseUncertainty.isotropic(translation_mm=0.1, rotation_rad=0.002)
+
+
+@pytest.mark.parametrize(
+    ("covariance", "message"),
+    [
+        (np.eye(5), r"must have the shape \(6, 6\)\. Got \(5, 5\)"),
+        ("many", r"must be a \(6, 6\) array of numbers"),
+        (np.diag([1, 1, 1, np.nan, 0, 0]), r"must be finite\. Got nan"),
+        (np.diag([1, 1, 1, 0.1, 0.1, 0.1]) + np.eye(6, k=1) * 0.01, r"must be symmetric"),
+        (np.diag([1, 1, -1, 0.1, 0.1, 0.1]), r"non-negative variances\. Got -1"),
+        (np.diag([1.0] * 6) * 1e-4 + 2e-4 * (np.eye(6, k=3) + np.eye(6, k=-3)), r"positive semi-definite"),
+        (np.diag([1, 1, 1, 1.21, 0, 0]), r"at most 1 rad for phi_x .*Got 1\.1 rad"),
+        (np.diag([1, 150.0**2, 1, 0, 0, 0]), r"at most 100 mm for dy .*Got 150 mm"),
+    ],
+)
+def test_impossible_covariances_are_refused(covariance, message):
+    with pytest.raises(UncertaintyError, match=message):
+        PoseUncertainty(covariance)
+
+
+def test_negative_standard_deviations_are_refused():
+    with pytest.raises(UncertaintyError, match=r"rotation_rad must be finite and not negative\. Got -0\.1\."):
+        PoseUncertainty.isotropic(translation_mm=0.1, rotation_rad=-0.1)
+
+
+def test_covariance_is_read_only():
+    uncertainty = PoseUncertainty.isotropic(translation_mm=0.1, rotation_rad=0.1)
+    with pytest.raises(ValueError, match="read-only"):
+        uncertainty.covariance[0, 0] = 1.0

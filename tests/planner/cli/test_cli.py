@@ -1,0 +1,417 @@
+"""The command line end to end on a small block; every error is one line, and nothing half-written stays behind."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+from importlib import import_module
+
+import networkx as nx
+import pytest
+from plan_examples import plan
+
+from planner.cli import commands
+from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
+from planner.cli.main import main
+from planner.exceptions import OutputError
+from planner.output import plan_folder
+from planner.plan import read_plan
+from planner.resume import PlanningState
+
+BLOCK = """OFF
+8 6 12
+0 0 0
+80 0 0
+80 50 0
+0 50 0
+0 0 40
+80 0 40
+80 50 40
+0 50 40
+4 0 3 2 1
+4 4 5 6 7
+4 0 1 5 4
+4 2 3 7 6
+4 1 2 6 5
+4 0 4 7 3
+"""
+ENTITIES = """
+rim = [[0, 0, 40], [80, 0, 40]]
+"far rim" = [[0, 50, 40], [80, 50, 40]]
+bottom = [[0, 0, 0], [0, 50, 0]]
+"bottom right" = [[80, 0, 0], [80, 50, 0]]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "block.off").write_text(BLOCK)
+    (tmp_path / "edges.toml").write_text(ENTITIES)
+    return tmp_path
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    from planner.inspection import plan_inspection
+    from planner.request.effort import Effort
+
+    effort = Effort(viewpoints=20, pricing_rounds=5, refutations=1, bound_nodes=3000)
+    monkeypatch.setattr(commands, "plan_inspection", lambda *a, **k: plan_inspection(*a, **{"effort": effort, **k}))
+
+
+PLAN = ["plan", "block.off", "--entities", "edges.toml", "--camera", "basler-acA2440-20gm-8mm", "--out", "out"]
+
+
+def failure(capsys, arguments, code=BAD_INPUT):
+    assert main(arguments) == code
+    out, err = capsys.readouterr()
+    lines = err.splitlines()
+    assert "Traceback" not in err
+    assert out == ""
+    assert lines[-1].startswith("aspectgraph")
+    return lines
+
+
+def test_info_lists_the_edges(folder, capsys):
+    assert main(["info", "block.off"]) == DONE
+    out = capsys.readouterr().out
+    assert "6 faces, 12 edges, 12 sharp straight edges, 80.00 x 50.00 x 40.00 mm" in out
+    assert "80.000" in out
+
+
+def test_info_draws(folder, capsys):
+    assert main(["info", "block.off", "--picture", "edges.html"]) == DONE
+    assert capsys.readouterr().out.splitlines()[-1] == "edges.html"
+    assert (folder / "edges.html").stat().st_size > 1e6
+
+
+def test_graph_is_written(folder, capsys):
+    assert main(["graph", "block.off", "--entities", "edges.toml", "--graphml", "g.graphml"]) == DONE
+    captured = capsys.readouterr()
+    assert "viewing domains" in captured.out
+    assert "visible regions: 4/4" in captured.err
+    graph = nx.read_graphml(folder / "g.graphml")
+    assert len(graph) > 3
+
+
+def test_plan_leaves_all_its_files_and_repeats(folder, quick, capsys):
+    assert main([*PLAN, "--simulate", "500"]) == DONE
+    captured = capsys.readouterr()
+    assert "4 of 4 entities inspected from 2 settings. Proven minimal" in captured.out
+    assert "lower bound" in captured.err
+    written = {str(p.relative_to(folder / "out")) for p in (folder / "out").rglob("*") if p.is_file()}
+    assert written == {
+        "plan.json", "graph.graphml", "report.html", "poses_opencv.json", "poses_open3d.json", "poses_ros.yaml",
+        "transforms.json", "colmap/cameras.txt", "colmap/images.txt", "colmap/points3D.txt",
+    }  # fmt: skip
+    for name in written:
+        assert os.path.join("out", name) in captured.out
+    first = (folder / "out" / "plan.json").read_bytes()
+    assert main([*PLAN, "--simulate", "500"]) == DONE
+    assert (folder / "out" / "plan.json").read_bytes() == first
+
+    capsys.readouterr()
+    assert main(["simulate", "out/plan.json", "--poses", "2000"]) == DONE
+    out = capsys.readouterr().out
+    assert "far rim" in out
+    assert "confirms the plan" in out
+
+
+def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):
+    assert main([*PLAN, "--simulate", "100"]) == DONE
+    expected = (folder / "out" / "plan.json").read_bytes()
+    capsys.readouterr()
+
+    def interrupt(*arguments, **options):
+        raise KeyboardInterrupt
+
+    arguments = [*PLAN[:-1], "other", "--simulate", "100"]
+    with monkeypatch.context() as patch:
+        patch.setattr("planner.inspection.travel_order", interrupt)
+        lines = failure(capsys, arguments, INCOMPLETE)
+    assert lines[-1] == "aspectgraph: interrupted; 'plan' continues from where it was with --resume"
+    assert os.listdir(folder / "other") == [commands.STATE_FILE]
+    with monkeypatch.context() as patch:
+        patch.setattr("planner.inspection.realise", interrupt)
+        patch.setattr("planner.inspection.lower_bound", interrupt)
+        assert main([*arguments, "--resume"]) == DONE
+    assert (folder / "other" / "plan.json").read_bytes() == expected
+    assert commands.STATE_FILE not in os.listdir(folder / "other")
+
+
+def test_a_request_to_terminate_keeps_the_state_too(folder, quick, capsys, monkeypatch):
+    monkeypatch.setattr("planner.inspection.travel_order", lambda poses: os.kill(os.getpid(), signal.SIGTERM))
+    before = signal.getsignal(signal.SIGTERM)
+    assert failure(capsys, PLAN, INCOMPLETE)[-1].endswith(
+        "interrupted; 'plan' continues from where it was with --resume"
+    )
+    assert os.listdir(folder / "out") == [commands.STATE_FILE]
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
+@pytest.mark.parametrize("work", ["planner.cli.commands.compute_regions", "planner.inspection.judged_poses"])
+def test_resuming_is_not_offered_where_there_is_no_state(folder, quick, capsys, monkeypatch, work):
+    def interrupt(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(work, interrupt)
+    assert failure(capsys, [*PLAN, "--jobs", "1"], INCOMPLETE)[-1] == "aspectgraph: interrupted"
+    assert not (folder / "out").exists()
+
+
+def test_a_plan_that_cannot_be_written_is_kept_and_resumed_without_planning(folder, quick, capsys, monkeypatch):
+    plan = [*PLAN, "--simulate", "100"]
+    assert main(plan) == DONE
+    first = {path: path.read_bytes() for path in (folder / "out").rglob("*") if path.is_file()}
+    capsys.readouterr()
+
+    def full(*arguments, **options):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("planner.output.plan_folder.write_poses", full)
+        lines = failure(capsys, [*plan, "--seed", "1"])
+    state = folder / "out" / commands.STATE_FILE
+    assert lines[-1].endswith(
+        f"--out must be a folder that can be written. Got {folder / 'out'}: No space left on device. "
+        f"The plan is kept in {state}: the same command with --resume writes it without planning again."
+    )
+    assert {path: path.read_bytes() for path in first} == first
+    with monkeypatch.context() as patch:
+        patch.setattr("planner.inspection.judged_poses", full)
+        patch.setattr("planner.inspection.realise", full)
+        assert main([*plan, "--seed", "1", "--resume"]) == DONE
+    assert read_plan(folder / "out" / "plan.json").seed == 1
+    assert not state.exists()
+
+
+def test_a_plan_that_can_be_kept_nowhere_in_its_folder_is_elsewhere(folder, quick, capsys, monkeypatch):
+    saves = []
+
+    def full(path, text):
+        saves.append(path)
+        if len(saves) > 1:
+            raise OutputError("disk full")
+
+    def unwritable(*arguments, **options):
+        raise OutputError("disk full")
+
+    (folder / "tmp").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(folder / "tmp"))
+    monkeypatch.setattr("planner.resume.write_text", full)
+    monkeypatch.setattr(commands, "write_outputs", unwritable)
+    last = failure(capsys, [*PLAN, "--simulate", "100"])[-1]
+    place = next((folder / "tmp").glob("aspectgraph-*/plan.json"))
+    assert last == f"aspectgraph: disk full The plan is in {place} instead."
+    assert read_plan(place).simulation.confirmed
+
+
+def test_the_state_stays_until_everything_is_written(folder, quick, monkeypatch):
+    def broken(*arguments, **options):
+        raise RuntimeError("bug")
+
+    for name in (
+        "planner.output.plan_folder.report_html",
+        "planner.output.plan_folder.write_graphml",
+        "planner.verify.simulate_plan.simulate_setting",
+    ):
+        with monkeypatch.context() as patch:
+            module, _, function = name.rpartition(".")
+            patch.setattr(import_module(module), function, broken)
+            with pytest.raises(RuntimeError):
+                main([*PLAN, "--simulate", "100", "--resume"])
+        assert os.listdir(folder / "out") == [commands.STATE_FILE]
+
+
+def test_an_older_graph_does_not_stay_beside_a_new_plan(folder, quick, monkeypatch):
+    assert main([*PLAN, "--simulate", "100"]) == DONE
+    (folder / "out" / "photo.png").write_text("mine")
+    monkeypatch.setattr("planner.output.plan_folder._MOST_GRAPH_ENTITIES", 3)
+    assert main([*PLAN, "--simulate", "100", "--seed", "1"]) == DONE
+    names = os.listdir(folder / "out")
+    assert "graph.graphml" not in names
+    assert {"plan.json", "report.html", "photo.png"} < set(names)
+
+
+def test_incomplete_plan_is_written_and_told(folder, quick, capsys):
+    # farther from the part than the lens can focus
+    assert main([*PLAN, "--simulate", "100", "--stand-off", "450"]) == INCOMPLETE
+    out = capsys.readouterr().out
+    assert "not inspected: rim: no feasible view: constraints were met together by no pose tried for rim" in out
+    assert set(read_plan(folder / "out" / "plan.json").uninspectable) == {"rim", "far rim", "bottom", "bottom right"}
+    assert main(["simulate", "out/plan.json"]) == INCOMPLETE
+
+
+BAD = {
+    "no command": ([], "required: COMMAND"),
+    "unknown command": (["fly"], "invalid choice: 'fly'"),
+    "unknown option": (["info", "block.off", "--colour"], "unrecognized arguments: --colour"),
+    "missing option": (["plan", "block.off", "--all", "--out", "out"], "required: --camera"),
+    "two kinds of entities": (["plan", "block.off", "--all", "--entities", "1", "--out", "o"], "not allowed with"),
+    "not a number": ([*PLAN, "--accuracy", "high"], "invalid float value: 'high'"),
+    "accuracy": ([*PLAN, "--accuracy", "1.2"], "accuracy must be in (0, 1). Got 1.2."),
+    "probability": ([*PLAN, "--probability", "0"], "probability must be in (0, 1). Got 0.0."),
+    "seed": ([*PLAN, "--seed", "-1"], "--seed must be at least 0. Got -1."),
+    "sigma": ([*PLAN, "--sigma-rad", "3"], "at most 1 rad"),
+    "no part": (["info", "nothing.step"], "nothing.step"),
+    "wrong format": (["info", "edges.toml"], "edges.toml"),
+    "no camera": ([*PLAN[:4], "--camera", "basler-acA2440-20gm-9mm", "--out", "o"], "nearest: basler-acA2440-20gm-"),
+    "no camera file": (
+        [*PLAN[:4], "--camera", "nothing.toml", "--out", "o"],
+        "nothing.toml: camera file cannot be read",
+    ),
+    "unknown edge": (["graph", "block.off", "--entities", "99", "--graphml", "g.graphml"], "99"),
+    "no folder": (
+        ["graph", "block.off", "--entities", "1", "--graphml", "no/g.graphml"],
+        "no/g.graphml must be in a folder",
+    ),
+    "folder for a file": (["graph", "block.off", "--entities", "1", "--graphml", "."], "must be a file"),
+    "picture is a folder": (
+        ["info", "block.off", "--picture", "."],
+        "must be a file that can be written. Got a folder",
+    ),
+    "folder is a file": ([*PLAN[:-1], "block.off"], "--out must be a folder"),
+    "no plan": (["simulate", "plan.json"], "plan.json: plan file must be readable"),
+    "workspace": ([*PLAN, "--workspace", "1", "1", "1", "0", "0", "0"], "workspace"),
+    "picture": (["info", "block.off", "--picture", "edges.bmp"], "picture must end in .png or .html"),
+    "no folder for the picture": (["info", "block.off", "--picture", "no/edges.html"], "Got 'no/edges.html': No such"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_line_and_leaves_nothing(folder, capsys, case):
+    arguments, message = BAD[case]
+    if "--entities" in arguments and "--camera" not in arguments and "plan" in arguments:
+        arguments = [*arguments, "--camera", "x"]
+    before = sorted(os.listdir(folder))
+    lines = failure(capsys, arguments)
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert sorted(os.listdir(folder)) == before
+
+
+def test_malformed_files_are_named(folder, capsys):
+    (folder / "edges.toml").write_text("rim = [[0, 0\n")
+    assert "edges.toml" in failure(capsys, PLAN)[-1]
+    (folder / "block.off").write_text(BLOCK.replace("4 0 4 7 3\n", ""))
+    assert "block.off: " in failure(capsys, ["info", "block.off"])[-1]
+    (folder / "plan.json").write_text("{}")
+    assert "format must be" in failure(capsys, ["simulate", "plan.json"])[-1]
+    (folder / "camera.toml").write_text("focal_length_mm = 8\n")
+    (folder / "edges.toml").write_text(ENTITIES)
+    lines = failure(capsys, [*PLAN[:4], "--camera", "camera.toml", "--out", "out"])
+    assert "pixel_pitch_mm must be given" in lines[-1]
+    assert not (folder / "out").exists()
+
+
+def test_state_of_another_request_is_refused(folder, quick, capsys):
+    (folder / "out").mkdir()
+    other = PlanningState({"part": "another"}, folder / "out" / commands.STATE_FILE)
+    other.put(["rim"], "hidden")
+    other.save()
+    lines = failure(capsys, [*PLAN, "--resume"])
+    assert "must belong to the same part" in lines[-1]
+
+
+def test_boxes_too_near_each_other_are_refused_before_planning(folder, capsys):
+    """Two copies of the block a nanometre apart would be one to the grid."""
+    counts, *rows = [line for line in BLOCK.splitlines() if line and line != "OFF"]
+    n_vertices, n_faces = map(int, counts.split()[:2])
+    vertices, faces = rows[:n_vertices], rows[n_vertices : n_vertices + n_faces]
+    corners = [list(map(float, row.split())) for row in vertices]
+    shift = max(x for x, _, _ in corners) - min(x for x, _, _ in corners) + 1e-6
+    moved = [f"{x + shift!r} {y!r} {z!r}" for x, y, z in corners]
+    others = [[int(word) for word in row.split()] for row in faces]
+    shifted = [" ".join(map(str, [row[0], *(v + n_vertices for v in row[1 : row[0] + 1])])) for row in others]
+    lines = ["OFF", f"{2 * n_vertices} {2 * n_faces} 0", *vertices, *moved, *faces, *shifted]
+    (folder / "pair.off").write_text("\n".join(lines) + "\n")
+    told = failure(capsys, ["graph", "pair.off", "--entities", "0", "--graphml", "g.graphml"])
+    assert len([line for line in told if line.startswith("aspectgraph: ")]) == 1
+    assert "Got 1e-06 mm between" in told[-1]
+    assert "merge the solids" in told[-1]
+    assert not (folder / "g.graphml").exists()
+
+
+def test_interrupted_simulation_does_not_speak_of_resuming(folder, capsys, monkeypatch):
+    def interrupt(path):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(commands, "read_plan", interrupt)
+    assert failure(capsys, ["simulate", "plan.json"], INCOMPLETE) == ["aspectgraph: interrupted"]
+
+
+def test_skipped_graph_is_told_on_the_terminal_and_in_the_report(folder, quick, capsys, monkeypatch):
+    monkeypatch.setattr(plan_folder, "_MOST_GRAPH_ENTITIES", 3)
+    assert main([*PLAN, "--simulate", "100"]) == DONE
+    sentence = "graph.graphml was skipped: the joint graph of 4 entities takes too long to build and to draw"
+    assert sentence in capsys.readouterr().out
+    assert sentence in (folder / "out" / "report.html").read_text()
+    assert not (folder / "out" / "graph.graphml").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"probability": 2}, "plan.json: probability must be in (0, 1). Got 2."),
+        ({"lower_bound": 99}, "plan.json: lower_bound must be 1 to 2, the number of settings. Got 99."),
+        ({"lower_bound": "x"}, 'plan.json: lower_bound must be a non-negative integer. Got "x".'),
+        ({"entities": {}}, "plan.json: entities must map at least one name to two end points."),
+    ],
+)
+def test_plan_whose_promises_make_no_sense_is_not_confirmed(folder, capsys, change, message):
+    plan().write(folder / "plan.json")
+    data = json.loads((folder / "plan.json").read_text())
+    (folder / "plan.json").write_text(json.dumps({**data, **change}))
+    assert message in failure(capsys, ["simulate", "plan.json"])[-1]
+
+
+def test_a_state_that_cannot_be_resumed_is_refused_before_any_work(folder, capsys):
+    (folder / "out").mkdir()
+    (folder / "out" / commands.STATE_FILE).write_text(
+        json.dumps({"format": "aspectgraph planning state", "version": 1})
+    )
+    lines = failure(capsys, [*PLAN, "--resume"])
+    assert len(lines) == 1
+    assert "must be a planning state of version 2. Got version 1" in lines[0]
+
+
+def test_help_explains_and_is_quick():
+    script = (
+        "import sys\nfrom planner.cli.main import main\n"
+        "try: main(['--help'])\nexcept SystemExit as end: code = end.code\n"
+    )
+    script += "print(sorted({'open3d', 'plotly', 'numba', 'OCP'} & set(sys.modules)))\nsys.exit(code)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert "exit codes: 0 done, 1 plan incomplete, 2 bad input" in done.stdout
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_solids_of_a_step_file_can_be_chosen(folder, capsys):
+    pytest.importorskip("OCP")
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
+    from OCP.gp import gp_Pnt
+    from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
+
+    writer = STEPControl_Writer()
+    for size, x in ((2.0, 0.0), (2.0, 1.0), (3.0, 9.0)):
+        box = BRepPrimAPI_MakeBox(gp_Pnt(x, x, x), size, size, size).Shape()
+        writer.Transfer(box, STEPControl_StepModelType.STEPControl_AsIs)
+    writer.Write("part.step")
+    capsys.readouterr()
+    assert "solids=[...] (on the command line --solids ...)" in failure(capsys, ["info", "part.step"])[0]
+    assert main(["info", "part.step", "--solids", "0,2"]) == DONE
+    assert "part: 2 shells, 12 faces" in capsys.readouterr().out
+    assert main(["graph", "part.step", "--solids", "2", "--all", "--graphml", "g.graphml"]) == DONE
+    assert len(nx.read_graphml("g.graphml")) > 1
+    capsys.readouterr()
+    for arguments, rule in (
+        (["part.step", "--solids", "7"], "must name some of 0..2 of part.step. Got [7]"),
+        (["part.step", "--solids", "1,x"], "argument --solids: must be whole numbers"),
+        (["part.step", "--solids", "0", "--gap-mm", "-1"], "gap_mm must be positive"),
+        (["block.off", "--solids", "0"], "solids applies to STEP files"),
+    ):
+        assert rule in failure(capsys, ["info", *arguments])[0]

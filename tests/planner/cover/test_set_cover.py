@@ -1,0 +1,94 @@
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from planner.cover.relaxation import fractional_cover
+from planner.cover.set_cover import distinct_rows, greedy_cover, is_cover, maximal_columns, min_cover
+from planner.exceptions import CoverError
+
+# the textbook case where greedy takes three sets and two suffice
+GREEDY_TRAP = np.array([[1, 1, 1, 1, 0, 0], [1, 1, 0, 0, 1, 0], [0, 0, 1, 1, 0, 1]], dtype=bool)
+# a triangle: every two entities share a column, so 1.5 columns fractionally, 2 in truth
+TRIANGLE = np.array([[1, 1, 0], [0, 1, 1], [1, 0, 1]], dtype=bool)
+
+
+def smallest_by_trying(membership):
+    for size in range(membership.shape[1] + 1):
+        for chosen in combinations(range(len(membership)), size):
+            if is_cover(membership, chosen):
+                return size
+    raise AssertionError
+
+
+def test_greedy_takes_one_more_than_the_minimum():
+    cover = min_cover(GREEDY_TRAP)
+    assert cover.chosen == (1, 2)
+    assert cover.lower_bound == 2
+    assert cover.optimal
+    assert len(greedy_cover(GREEDY_TRAP)) == 3
+
+
+def test_integer_optimum_exceeds_the_fractional_one():
+    value, weights = fractional_cover(TRIANGLE)
+    assert value == pytest.approx(1.5)
+    assert weights == pytest.approx([0.5, 0.5, 0.5])
+    assert len(min_cover(TRIANGLE).chosen) == 2
+
+
+def test_no_entities_need_no_columns():
+    cover = min_cover(np.zeros((3, 0), dtype=bool))
+    assert cover.chosen == ()
+    assert cover.optimal
+
+
+def test_preference_decides_between_covers_of_equal_size_only():
+    membership = np.array([[1, 1, 0], [1, 1, 0], [0, 0, 1], [1, 0, 0], [0, 1, 0]], dtype=bool)
+    assert min_cover(membership, [0.2, 0.9, 0.0, 1.0, 1.0]).chosen == (1, 2)
+
+
+@settings(max_examples=40, deadline=None)
+@given(arrays(bool, st.tuples(st.integers(1, 7), st.integers(1, 6))), st.randoms(use_true_random=False))
+def test_minimum_equals_exhaustive_search(membership, random):
+    membership[random.randrange(len(membership)), ~membership.any(axis=0)] = True
+    cover = min_cover(membership, [random.random() for _ in membership])
+    assert is_cover(membership, cover.chosen)
+    assert len(cover.chosen) == cover.lower_bound == smallest_by_trying(membership)
+    assert fractional_cover(membership)[0] <= cover.lower_bound + 1e-9
+
+
+@settings(max_examples=40, deadline=None)
+@given(arrays(bool, st.tuples(st.integers(1, 8), st.integers(1, 5))))
+def test_maximal_columns_are_exactly_the_undominated_ones(membership):
+    kept = maximal_columns(membership)
+    sets = [frozenset(np.flatnonzero(row)) for row in membership]
+    maximal = {s for s in sets if s and not any(s < other for other in sets)}
+    assert [sets[i] for i in kept] == list(dict.fromkeys(sets[i] for i in kept))
+    assert {sets[i] for i in kept} == maximal
+
+
+def test_entity_in_no_column_is_named():
+    with pytest.raises(CoverError, match=r"Entities \[2\] are in none"):
+        min_cover(np.array([[1, 1, 0]], dtype=bool))
+
+
+def test_wrong_shape_is_refused():
+    with pytest.raises(CoverError, match=r"shape \(columns, entities\). Got \(3,\)"):
+        min_cover([True, False, True])
+
+
+def test_checker_rejects_what_misses_an_entity():
+    assert is_cover(GREEDY_TRAP, (1, 2))
+    assert not is_cover(GREEDY_TRAP, (0, 1))
+
+
+@settings(max_examples=40, deadline=None)
+@given(arrays(bool, st.tuples(st.integers(0, 12), st.sampled_from([1, 5, 8, 64, 65, 130])), elements=st.booleans()))
+def test_distinct_rows_are_those_of_numpy(membership):
+    first, kind = distinct_rows(membership)
+    assert np.array_equal(membership[first][kind], membership)
+    assert len(first) == len({row.tobytes() for row in membership})
+    assert all((membership[:i] != membership[i]).any(axis=1).all() for i in first)

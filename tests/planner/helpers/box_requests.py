@@ -1,0 +1,69 @@
+"""Requests to inspect boxes, random poses and boxes of poses about them, and the search of one."""
+
+from __future__ import annotations
+
+import weakref
+
+import numpy as np
+from grid_box import EDGES, BoxSpace
+
+from planner import Camera, PoseUncertainty
+from planner.bound.boxes.cells import Cells
+from planner.bound.boxes.search import search
+from planner.bound.boxes.viewpoint_tree import viewpoints_for
+from planner.bound.boxes.windows import rotation
+from planner.bound.pose_space import PoseSpace
+from planner.columns.judge import Judge
+
+CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
+UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+WORKSPACE = [[-900.0] * 3, [1100.0] * 3]
+# grown once: what they hold does not depend on weights and limits
+TREES = weakref.WeakKeyDictionary()
+SIZES = [(120.0, 80.0, 60.0), (400.0, 260.0, 240.0)]
+
+
+def random_poses(judge, n, seed=0):
+    from planner.columns.candidates import entity_poses
+
+    poses = np.concatenate([entity_poses(judge, name, 10, seed) for name in judge.names])
+    return poses[np.random.default_rng(seed).permutation(len(poses))[:n]]
+
+
+def request_for(size):
+    judge = Judge(BoxSpace(size, WORKSPACE, EDGES), EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9)
+    return judge, Cells([judge.space.covering_cells([name]) for name in EDGES])
+
+
+def space_for(judge, regions, conflict=None):
+    conflict = np.zeros((len(EDGES), len(EDGES)), dtype=bool) if conflict is None else conflict
+    return PoseSpace(judge, np.arange(len(EDGES)), regions, conflict)
+
+
+def found_in(space, part, y, limit, max_nodes=100_000):
+    """Search one part of the space: outcome, boxes looked at, pose, what it inspects."""
+    pose, inspected = np.empty((4, 4)), np.zeros(len(y), dtype=bool)
+    chart, box = part
+    order = np.argsort(-y, kind="stable")
+    if space not in TREES:
+        TREES[space] = viewpoints_for(space.nodal_points, space.entities, space.view, y, limit)
+    request = space.entities, space.view, space.conflict, TREES[space], y, limit, max_nodes, np.zeros(1, dtype=bool)
+    return *search(box, chart, order, *request, pose, inspected), pose, inspected
+
+
+def pose_of(view, chart, look, turn):
+    """The pose (4, 4) that looks at a point with the rotation of a chart and a vector."""
+    pose = np.eye(4)
+    rotation(chart, turn, pose[:3, :3])
+    pose[:3, 3] = look - view.middle * pose[:3, 2]
+    return pose
+
+
+def box_around(rng, view, size, small):
+    """A random box (4, 3) of poses near a part with a corner in the origin, and poses in it."""
+    chart = int(rng.integers(2))
+    look, turn = rng.uniform(-0.2, 1.2, 3) * size, rng.uniform(-1, 1, 3)
+    box = np.array([look, np.full(3, 60.0 * small), turn, np.full(3, 0.2 * small)])
+    at = rng.uniform(-1, 1, (400, 2, 3))
+    inside = [pose_of(view, chart, look + box[1] * d[0], turn + box[3] * d[1]) for d in at]
+    return (chart, box), np.array(inside)

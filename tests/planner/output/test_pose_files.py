@@ -1,0 +1,117 @@
+"""Every format is read back by its own rules (or its own library) and must put one known point on the same pixel."""
+
+import json
+import re
+
+import cv2
+import numpy as np
+import open3d
+import pytest
+from plan_examples import CAMERA, plan
+
+from planner.output.pose_files import image_name, inverse, write_poses
+
+POINT = np.array([37.0, 12.0, 55.0])
+
+
+def pixel(cam2world):
+    """Project by the definition: pixel coordinates with (0, 0) at the centre of the first pixel."""
+    x, y, z = cam2world[:3, :3].T @ (POINT - cam2world[:3, 3])
+    d = CAMERA.image_distance_mm
+    return [1223.5 + d * x / z / 0.00345, 1023.5 + d * y / z / 0.0035]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("poses")
+    write_poses(plan(), path)
+    return path
+
+
+@pytest.fixture(params=[0, 1], scope="module")
+def k(request):
+    return request.param
+
+
+@pytest.fixture
+def expected(k):
+    return pytest.approx(pixel(plan().settings[k].cam2world), abs=1e-6)
+
+
+def test_point_is_inside_the_image(k):
+    u, v = pixel(plan().settings[k].cam2world)
+    assert 0 < u < 2447
+    assert 0 < v < 2047
+    assert abs(u - 1223.5) + abs(v - 1023.5) > 50
+
+
+def test_opencv(folder, k, expected):
+    data = json.loads((folder / "poses_opencv.json").read_text())
+    found = data["settings"][k]
+    for rotation in (np.array(found["rvec"]), cv2.Rodrigues(np.array(found["R"]))[0]):
+        uv, _ = cv2.projectPoints(POINT[None], rotation, np.array(found["t"]), np.array(data["K"]), None)
+        assert uv.ravel() == expected
+    assert found["entities"] == list(plan().settings[k].entities)
+
+
+def test_colmap(folder, k, expected):
+    cameras = (folder / "colmap/cameras.txt").read_text().splitlines()[1].split()
+    assert cameras[:4] == ["1", "PINHOLE", "2448", "2048"]
+    fx, fy, cx, cy = map(float, cameras[4:])
+    lines = [line for line in (folder / "colmap/images.txt").read_text().splitlines() if not line.startswith("#")]
+    fields = lines[2 * k].split()
+    assert lines[2 * k + 1] == ""
+    assert fields[0] == str(k + 1)
+    assert fields[9] == image_name(k)
+    w, qx, qy, qz, tx, ty, tz = map(float, fields[1:8])
+    # rotation by a unit quaternion: v + 2w (q x v) + 2 q x (q x v)
+    q = np.array([qx, qy, qz])
+    x, y, z = POINT + 2 * w * np.cross(q, POINT) + 2 * np.cross(q, np.cross(q, POINT)) + [tx, ty, tz]
+    assert [fx * x / z + cx - 0.5, fy * y / z + cy - 0.5] == expected
+
+
+def test_open3d(folder, k, expected):
+    trajectory = open3d.io.read_pinhole_camera_trajectory(str(folder / "poses_open3d.json"))
+    parameters = trajectory.parameters[k]
+    assert parameters.intrinsic.width == 2448
+    local = parameters.extrinsic @ [*POINT, 1.0]
+    u, v, w = parameters.intrinsic.intrinsic_matrix @ local[:3]
+    assert [u / w, v / w] == expected
+
+
+def test_ros(folder, k, expected):
+    number = r"(-?\d+\.\d+)"
+    text = (folder / "poses_ros.yaml").read_text()
+    positions = re.findall(rf"- position: {{x: {number}, y: {number}, z: {number}}}", text)
+    quaternions = re.findall(rf"  orientation: {{x: {number}, y: {number}, z: {number}, w: {number}}}", text)
+    assert len(positions) == len(quaternions) == 2
+    x, y, z, w = map(float, quaternions[k])
+    q = np.array([-x, -y, -z])
+    offset = POINT - 1000.0 * np.array(positions[k], dtype=float)
+    local = offset + 2 * w * np.cross(q, offset) + 2 * np.cross(q, np.cross(q, offset))
+    u, v, w = CAMERA.matrix @ local
+    assert [u / w, v / w] == expected
+
+
+def test_nerfstudio(folder, k, expected):
+    data = json.loads((folder / "transforms.json").read_text())
+    assert data["camera_model"] == "OPENCV"
+    frame = data["frames"][k]
+    # OpenGL camera: looks along -z with y up, pixel corners at whole numbers
+    x, y, z, _ = np.linalg.inv(frame["transform_matrix"]) @ [*POINT, 1.0]
+    assert z < 0
+    u, v = data["fl_x"] * x / -z + data["cx"], data["fl_y"] * -y / -z + data["cy"]
+    assert [u - 0.5, v - 0.5] == expected
+    assert frame["file_path"].endswith(image_name(k))
+
+
+def test_plan_without_settings_is_still_well_formed(tmp_path):
+    empty = plan(settings=(), lower_bound=0, uninspectable=dict.fromkeys(plan().entities, "unobservable"))
+    assert len(write_poses(empty, tmp_path)) == 7
+    assert "poses: []" in (tmp_path / "poses_ros.yaml").read_text()
+    assert json.loads((tmp_path / "transforms.json").read_text())["frames"] == []
+
+
+def test_inverse_undoes_a_pose():
+    pose = plan().settings[0].cam2world
+    assert inverse(pose) @ pose == pytest.approx(np.eye(4), abs=1e-12)

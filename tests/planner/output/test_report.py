@@ -1,0 +1,190 @@
+import re
+import struct
+import zlib
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from grid_box import EDGES, BoxSpace
+from plan_examples import CAMERA, plan, setting
+
+from planner import look_at
+from planner.output.figure import color_of, plan_figure
+from planner.output.predicted_image import PictureMaker, png_grey
+from planner.output.report import report_html
+from planner.output.wording import margin_texts, verdict
+
+SIZE = (80.0, 50.0, 60.0)
+SPACE = BoxSpace(SIZE, [[-900.0] * 3, [900.0] * 3], EDGES)
+
+
+def box_plan(**changes):
+    entities = {name: SPACE.entities[name].endpoints for name in ("+z-y", "+z+x", "-z+y")}
+    settings = (
+        setting((40.0, -180.0, 620.0), ["+z-y", "+z+x"]),
+        setting((250.0, 40.0, 600.0), ["+z+x"], probability=0.99),
+    )
+    return plan(
+        entities=entities, settings=settings, uninspectable={"-z+y": "unobservable: <hidden> & gone"}, **changes
+    )
+
+
+class Structure(HTMLParser):
+    """Checks that tags nest, and gathers what refers to something else."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.references, self.counts = [], [], {}
+
+    def handle_starttag(self, tag, attributes):
+        self.counts[tag] = self.counts.get(tag, 0) + 1
+        self.references += [v for k, v in attributes if k in ("src", "href", "action", "data") and v]
+        if tag not in ("meta", "link", "br", "img"):
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attributes):
+        self.handle_starttag(tag, attributes)
+        self.open.pop()
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def page():
+    return report_html(box_plan().simulated(500), SPACE)
+
+
+def test_page_is_well_formed_and_needs_nothing_from_outside(page):
+    structure = Structure()
+    structure.feed(page)
+    assert structure.open == []
+    assert structure.references
+    assert all(ref.startswith(("#", "data:")) for ref in structure.references)
+    assert structure.counts["svg"] == 4
+    assert "url(http" not in page
+
+
+def test_page_says_what_matters(page):
+    text = re.sub(r"<script.*?</script>", "", page, flags=re.S)
+    assert "2 of 3 edges are measured from 2 camera poses." in text
+    assert "Every plan that inspects these 2 edges under this request has at least 1 camera pose." in text
+    assert "unobservable: &lt;hidden&gt; &amp; gone" in text
+    assert '<span class="good">confirmed</span>' in text
+    assert "0.9500" in text
+    for name in ("+z-y", "+z+x"):
+        assert f">{name}</text>" in text
+
+
+def test_page_is_the_same_for_the_same_plan(page):
+    assert report_html(box_plan().simulated(500), SPACE) == page
+
+
+def test_part_name_cannot_smuggle_markup():
+    page = report_html(box_plan(part="<script>alert(1)</script>"), SPACE)
+    assert "<script>alert(1)" not in page
+
+
+def test_report_without_settings_or_simulation():
+    nothing = plan(
+        entities={"-z+y": SPACE.entities["-z+y"].endpoints},
+        settings=(),
+        uninspectable={"-z+y": "unobservable"},
+        lower_bound=0,
+    )
+    page = report_html(nothing, SPACE)
+    assert "0 of 1 edge inspected: the plan has no camera poses." in page
+    assert "there is nothing to prove" in page
+    assert "proven minimum" not in page
+    assert ">nan<" not in page
+
+
+def test_plotly_is_inlined_once(page):
+    assert page.count("plotly.js v") == 1
+
+
+def lines_from(position, target=(40.0, 25.0, 30.0)):
+    pose = look_at([position], target)[0]
+    return PictureMaker(SPACE.solid, CAMERA).edge_lines(pose), pose
+
+
+def total_length(lines):
+    return sum(np.linalg.norm(b - a) for a, b in lines)
+
+
+def test_straight_on_one_sees_the_outline_of_one_face():
+    lines, _ = lines_from((40.0, 25.0, 660.0))
+    d = CAMERA.image_distance_mm
+    # the top at depth 600; nothing of the box behind it shows
+    expected = 2 * 80 * d / 600 / 0.00345 + 2 * 50 * d / 600 / 0.0035
+    assert total_length(lines) == pytest.approx(expected, rel=1e-3)
+
+
+def test_from_a_corner_nine_edges_show_and_three_are_hidden():
+    lines, pose = lines_from((400.0, 350.0, 400.0))
+    drawn = 0
+    for name in EDGES:
+        middle = SPACE.entities[name].endpoints.mean(axis=0)
+        x, y, z = pose[:3, :3].T @ (middle - pose[:3, 3])
+        uv = CAMERA.matrix @ [x / z, y / z, 1.0]
+        drawn += any(_distance(uv[:2], a, b) < 1.0 for a, b in lines)
+        assert any(_distance(uv[:2], a, b) < 1.0 for a, b in lines) == SPACE.observable(pose[None, :3, 3], [name])[0, 0]
+    assert drawn == 9
+
+
+def _distance(p, a, b):
+    t = np.clip(np.dot(p - a, b - a) / np.dot(b - a, b - a), 0, 1)
+    return np.linalg.norm(a + t * (b - a) - p)
+
+
+def test_lines_are_cut_off_at_the_image_and_at_the_camera():
+    lines, _ = lines_from((40.0, 25.0, 75.0))
+    assert lines == []
+    lines, _ = lines_from((-20.0, 25.0, 90.0), target=(80.0, 25.0, 60.0))
+    pixels = np.array(lines)
+    assert len(pixels)
+    assert pixels.min() >= -0.5
+    assert pixels[..., 0].max() <= 2447.5 + 1e-6
+
+
+def test_shading_is_white_where_there_is_no_part():
+    pose = look_at([(40.0, 25.0, 660.0)], (40.0, 25.0, 30.0))[0]
+    image = PictureMaker(SPACE.solid, CAMERA).shaded(pose)
+    assert image[0, 0] == 250
+    assert image[image.shape[0] // 2, image.shape[1] // 2] < 240
+
+
+def test_png_is_what_was_encoded():
+    image = np.random.default_rng(0).integers(0, 256, (5, 7)).astype(np.uint8)
+    data = png_grey(image)
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    assert struct.unpack(">II", data[16:24]) == (7, 5)
+    start = data.index(b"IDAT")
+    size = struct.unpack(">I", data[start - 4 : start])[0]
+    rows = np.frombuffer(zlib.decompress(data[start + 4 : start + 4 + size]), np.uint8).reshape(5, 8)
+    assert np.all(rows[:, 0] == 1)
+    assert np.array_equal(np.cumsum(rows[:, 1:], axis=1, dtype=np.uint8), image)
+
+
+def test_figure_holds_part_settings_and_domains():
+    figure = plan_figure(box_plan(), SPACE.solid, SPACE)
+    names = [trace.name for trace in figure.data]
+    for expected in ("part", "setting 1", "camera 2", "not inspected", "order of travel", "domains of setting 2"):
+        assert expected in names
+    domains = next(trace for trace in figure.data if trace.name == "domains of setting 1")
+    assert domains.visible == "legendonly"
+    assert domains.color == color_of(0)
+    assert len(domains.i) > 0
+
+
+def test_margins_are_told_with_their_units():
+    margins = {"resolution_mm": 0.25, "field_of_view_px": 12.0, "visibility": 1.0, "reach": -1.0}
+    assert margin_texts(margins) == ["resolution +0.25 mm", "field of view +12 px", "visibility met", "reach missed"]
+
+
+def test_verdict_names_bound_and_simulation():
+    assert verdict(box_plan()) == (
+        "2 of 3 entities inspected from 2 settings. Proven lower bound: 1. Every plan that inspects these 2 entities "
+        "under this request has at least 1 setting. Not simulated."
+    )
+    assert "Proven minimal" in verdict(box_plan(lower_bound=2))

@@ -1,0 +1,222 @@
+"""What is said of a plan is true: complete or not, empty, one entity or many, simulated or not, whatever came out."""
+
+import itertools
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+
+import networkx as nx
+import pytest
+from grid_box import EDGES, BoxSpace
+from plan_examples import ENTITIES, plan, setting
+
+from planner import SimulationResult, SuccessRate
+from planner.bound.lower_bound import _proof
+from planner.output.report import report_html
+from planner.output.terminal_tables import print_graph, print_plan, print_simulation
+from planner.output.wording import bound_sentence, graph_sentence, simulation_sentence, verdict
+from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, TOLERATED, UNSTATED, VERDICTS
+
+# successes of 1000, low, high and prediction
+RATES = {
+    CONFIRMED: (950, 0.93, 0.965, 0.95),
+    CONSERVATIVE: (998, 0.99, 0.9995, 0.93),
+    TOLERATED: (940, 0.925, 0.955, 0.96),
+    CONTRADICTED: (850, 0.83, 0.87, 0.95),
+    UNSTATED: (850, 0.83, 0.87, float("nan")),
+}
+SPACE = BoxSpace((80.0, 50.0, 60.0), [[-900.0] * 3, [900.0] * 3], EDGES)
+
+
+def rate(kind):
+    successes, low, high, predicted = RATES[kind]
+    return SuccessRate(successes, 1000, low, high, 0.995, 0, predicted)
+
+
+def result(*settings):
+    """Make a result of settings, each given by the verdicts on its entities."""
+    return SimulationResult(
+        tuple({f"e{k}": rate(kind) for k, kind in enumerate(kinds)} for kinds in settings), 1000, 0, 0.99
+    )
+
+
+@pytest.mark.parametrize("kind", VERDICTS)
+def test_a_rate_gets_the_word_that_fits(kind):
+    assert rate(kind).verdict == kind
+    assert rate(kind).confirms == (kind == CONFIRMED)
+    one = result([kind])
+    assert one.confirmed == (kind in (CONFIRMED, CONSERVATIVE, TOLERATED))
+    assert one.broken == (((0, "e0"),) if kind == CONTRADICTED else ())
+
+
+def test_the_ends_of_the_interval_confirm_and_the_tolerance_has_an_end():
+    ends = [SuccessRate(900, 1000, 0.88, 0.92, 0.99, 0, p).verdict for p in (0.88, 0.92, 0.9200001, 0.9299, 0.9301)]
+    assert ends == [CONFIRMED, CONFIRMED, TOLERATED, TOLERATED, CONTRADICTED]
+
+
+POSES = "A simulation of 1000 displaced poses per setting "
+SAID = [
+    ([], "Nothing was simulated: the plan has no settings."),
+    ([[CONFIRMED]], f"{POSES}confirms the plan: the one stated probability confirmed."),
+    ([[CONFIRMED] * 2, [CONFIRMED]], f"{POSES}confirms the plan: 3 of 3 stated probabilities confirmed."),
+    (
+        [[CONFIRMED] * 29, [CONSERVATIVE] * 4],
+        f"{POSES}supports the plan: 29 of 33 stated probabilities confirmed, 4 conservative (measured up to 0.068 "
+        f"better).",
+    ),
+    (
+        [[CONSERVATIVE]],
+        f"{POSES}supports the plan: 0 of 1 stated probability confirmed, 1 conservative (measured up to 0.068 better).",
+    ),
+    (
+        [[CONFIRMED, TOLERATED]],
+        f"{POSES}does not contradict the plan: 1 of 2 stated probabilities confirmed, 1 above the interval by no more "
+        f"than the model's tolerance of 0.01.",
+    ),
+    (
+        [[CONFIRMED], [CONTRADICTED]],
+        f"{POSES}contradicts the plan: 1 of 2 stated probabilities confirmed, 1 contradicted (measured up to 0.1 "
+        "worse).",
+    ),
+    ([[UNSTATED]], f"{POSES}cannot judge the plan: 0 of 1 stated probability confirmed, 1 missing."),
+]
+
+
+@pytest.mark.parametrize(("kinds", "sentence"), SAID)
+def test_simulation_is_told_with_every_kind_counted(kinds, sentence):
+    assert simulation_sentence(result(*kinds)) == sentence
+
+
+@pytest.mark.parametrize("kinds", list(itertools.product(VERDICTS, repeat=3)))
+def test_only_what_is_all_confirmed_confirms(kinds):
+    text = simulation_sentence(result(kinds[:2], kinds[2:]))
+    assert ("confirms the plan" in text) == (set(kinds) == {CONFIRMED})
+    assert ("supports the plan" in text) == (CONSERVATIVE in kinds and set(kinds) <= {CONFIRMED, CONSERVATIVE})
+    assert (" contradicts the plan" in text) == (CONTRADICTED in kinds)
+    assert f"{kinds.count(CONFIRMED)} of 3 stated probabilities confirmed" in text
+    for kind, words in (
+        (CONSERVATIVE, "conservative"),
+        (TOLERATED, "above the interval"),
+        (CONTRADICTED, "contradicted"),
+    ):
+        assert (f"{kinds.count(kind)} {words}" in text) == (kind in kinds)
+
+
+def plans():
+    """Yield plans of all sizes: settings, entities inspected and not, bounds, with and without simulation."""
+    names = list(ENTITIES)
+    for n, inspected, left, bound, kind in itertools.product((0, 1, 2), (1, 2), (0, 1), (1, 2), (None, *VERDICTS[:4])):
+        if bound > n and (n or bound > 1):
+            continue
+        seen, unseen = (names[:inspected], names[inspected : inspected + left]) if n else ([], names[:inspected])
+        made = plan(
+            settings=[setting((40.0, -180.0, 620.0), seen) for _ in range(n)],
+            lower_bound=bound if n else 0,
+            uninspectable=dict.fromkeys(unseen, "unobservable"),
+            entities={name: ENTITIES[name] for name in (*seen, *unseen)},
+        )
+        rates = tuple({name: rate(kind or CONFIRMED) for name in seen} for _ in range(n))
+        yield replace(made, simulation=SimulationResult(rates, 1000, 0, 0.99) if kind else None)
+
+
+def test_verdict_is_true_of_every_plan():
+    for made in plans():
+        text, n, inspected = verdict(made), len(made.settings), len(made.inspected)
+        assert text.startswith(f"{inspected} of {len(made.entities)} entit")
+        assert ("Proven minimal" in text) == (n > 0 and made.lower_bound == n)
+        assert ("Proven lower bound" in text) == (made.lower_bound < n)
+        assert ("all 2 entities" in text or "the entity" in text) == (made.complete and n > 0)
+        assert ("Not simulated." in text) == (n > 0 and made.simulation is None)
+        assert not re.search(
+            r"\b1 (entities|settings|poses|probabilities)|\b[02-9] (entity|setting|probability)\b", text
+        )
+        assert "nan" not in text
+
+
+@pytest.mark.parametrize(
+    ("left", "bound", "sentence"),
+    [
+        (0, 2, "Proven minimal: no plan that inspects all 2 entities under this request has fewer settings."),
+        (1, 2, "Proven minimal: no plan that inspects these 2 entities under this request has fewer settings."),
+        (
+            0,
+            1,
+            "Proven lower bound: 1. Every plan that inspects all 2 entities under this request has at least 1 setting.",
+        ),
+    ],
+)
+def test_bound_says_for_what_it_is_proven(left, bound, sentence):
+    names = list(ENTITIES)[: 2 + left]
+    made = plan(
+        settings=[setting((40.0, -180.0, 620.0), names[:2])] * 2,
+        lower_bound=bound,
+        uninspectable=dict.fromkeys(names[2:], "unobservable"),
+        entities={name: ENTITIES[name] for name in names},
+    )
+    assert bound_sentence(made) == sentence
+
+
+def box_plan(names, kind, left=()):
+    """Make a plan of one setting for edges of the box, whose rates are all of a kind."""
+    made = plan(
+        settings=[setting((40.0, -180.0, 620.0), names)] if names else [],
+        lower_bound=int(bool(names)),
+        uninspectable=dict.fromkeys(left, "unobservable"),
+        entities={name: SPACE.entities[name].endpoints for name in (*names, *left)},
+    )
+    if kind is None:
+        return made
+    rates = ({name: rate(kind) for name in names},) if names else ()
+    return replace(made, simulation=SimulationResult(rates, 1000, 0, 0.99))
+
+
+@pytest.mark.parametrize("kind", [None, *VERDICTS[:4]])
+@pytest.mark.parametrize(("names", "left"), [(["+z-y"], ["-z+y"]), (["+z-y", "+z+x"], []), ([], ["-z+y"])])
+def test_report_and_terminal_say_the_same(capsys, names, left, kind):
+    made = box_plan(names, kind, left)
+    page = re.sub(r"<script.*?</script>", "", report_html(made, SPACE, notes=["A note."]), flags=re.S)
+    print_plan(made)
+    printed = " ".join(capsys.readouterr().out.split())
+    assert verdict(made) in printed
+    assert "<p>A note.</p>" in page
+    assert ("proven minimum" in page) == bool(names)
+    if names and kind:
+        assert simulation_sentence(made.simulation).replace("'", "&#x27;") in page
+        assert page.count(f">{kind}</span>".replace("'", "&#x27;")) == len(names)
+        assert f"<b>{len(names) if kind == CONFIRMED else 0} / {len(names)}</b>" in page
+        print_simulation(made, made.simulation)
+        printed = " ".join(capsys.readouterr().out.split())
+        assert ("confirms the plan" in printed) == (kind == CONFIRMED)
+        assert printed.count(kind) >= len(names)
+        assert printed.endswith("All intervals hold together with 99 % confidence.")
+    if not names:
+        assert "0 of 1 edge inspected: the plan has no camera poses." in page
+        assert "Simulation." not in page
+
+
+def test_proof_counts_in_good_english():
+    assert "1 box of camera poses was checked" in _proof(1, 0)
+    assert "and no pairs of edges were found" in _proof(1, 0)
+    assert "20 boxes of camera poses were checked" in _proof(20, 1)
+    assert "and 1 pair of edges was found" in _proof(20, 1)
+
+
+def test_a_skipped_graph_is_told_with_what_to_do():
+    text = graph_sentence(60, 24)
+    assert "joint graph of 60 entities" in text
+    assert "the limit is 24" in text
+    assert "aspectgraph graph PART --entities IDS --graphml FILE" in text
+
+
+def test_a_lens_that_focuses_up_to_infinity_is_told_without_a_number():
+    made = box_plan(["+z-y"], None)
+    far = replace(made, camera=replace(made.camera, focus_distance_mm=1e5))
+    assert "100000 mm; sharp from " in report_html(far, SPACE)
+    assert not re.search(r"sharp from [^<]*inf", report_html(far, SPACE))
+
+
+def test_a_graph_of_one_domain_and_one_entity_is_told_in_the_singular(capsys):
+    graph = nx.Graph()
+    graph.add_node(0, observable=("rim",), volume=1.0)
+    print_graph(SimpleNamespace(graph=graph, entity_names=("rim",)))
+    assert "1 viewing domain, 0 adjacencies, 1 distinct list of 1 entity" in capsys.readouterr().out

@@ -1,0 +1,275 @@
+import math
+
+import cv2
+import numpy as np
+import pytest
+from known_box import BoxSpace
+
+from planner import (
+    BoxRegion,
+    Camera,
+    MeshRegion,
+    PoseUncertainty,
+    RequestError,
+    SphereRegion,
+    look_at,
+    plan_setting,
+)
+from planner.camera.pose import world_to_cam
+from planner.request.constraints import (
+    Constraints,
+    Requirements,
+    clearance_slacks,
+    enclosing_sphere,
+    visibility_slacks,
+    workspace_slacks,
+)
+from planner.request.image_constraints import cone_slacks, field_of_view_slacks, focus_slacks, resolution_slacks
+from planner.request.reach import SignedDistance, reach_margin
+
+CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 600.0, largest_blur_mm=0.02)
+
+
+@pytest.fixture
+def poses():
+    rng = np.random.default_rng(5)
+    return look_at(rng.normal(size=(40, 3)) * 400, rng.normal(size=(40, 3)) * 30, *rng.uniform(-0.3, 0.3, (3, 40)))
+
+
+@pytest.fixture
+def ends():
+    return np.random.default_rng(6).normal(size=(7, 2, 3)) * 40
+
+
+def opencv_pixels(points, pose, camera):
+    """Project with OpenCV, from the inverse pose: a road of its own to the pixels."""
+    world2cam = np.linalg.inv(pose)
+    rotation, _ = cv2.Rodrigues(world2cam[:3, :3])
+    pixels, _ = cv2.projectPoints(points.reshape(-1, 3), rotation, world2cam[:3, 3], camera.matrix, None)
+    return pixels.reshape(*points.shape[:-1], 2)
+
+
+def depths(points, pose):
+    return (points - pose[:3, 3]) @ pose[:3, 2]
+
+
+def in_front(points, pose):
+    return (depths(points, pose) > 0).all(axis=-1)
+
+
+def test_resolution_is_the_image_length_of_opencv(poses, ends):
+    slacks = resolution_slacks(CAMERA, world_to_cam(ends, poses), min_length_mm=0.2)
+    assert slacks.shape == (40, 7, 1)
+    checked = 0
+    for pose, own in zip(poses, slacks[..., 0], strict=True):
+        step = np.diff(opencv_pixels(ends, pose, CAMERA) * CAMERA.pixel_pitch_mm, axis=1)[:, 0]
+        visible = in_front(ends, pose)
+        assert own[visible] == pytest.approx(np.linalg.norm(step, axis=1)[visible] - 0.2, abs=1e-9)
+        assert np.all(own[~visible] == -0.2)
+        checked += visible.sum()
+    assert checked > 200
+
+
+def test_resolution_is_equation_16_in_world_vectors(poses, ends):
+    slacks = resolution_slacks(CAMERA, world_to_cam(ends, poses), min_length_mm=0.0)[..., 0]
+    d = CAMERA.image_distance_mm
+    for pose, own in zip(poses, slacks, strict=True):
+        r_v, v = pose[:3, 3], pose[:3, 2]
+        for (r_1, r_2), value in zip(ends, own, strict=True):
+            if min((r_1 - r_v) @ v, (r_2 - r_v) @ v) <= 0:
+                continue
+            length = np.linalg.norm(r_2 - r_1)
+            u = (r_2 - r_1) / length
+            crossed = np.linalg.norm(np.cross(np.cross(r_1 - r_v, u), v))
+            assert value == pytest.approx(d * length * crossed / (((r_1 - r_v) @ v) * ((r_2 - r_v) @ v)))
+
+
+def test_focus_changes_sign_where_the_blur_circle_is_too_large(poses, ends):
+    """The blur circle by the lens equation, evaluated on the fixed sensor: the sign must agree for every end."""
+    near = look_at(poses[:, :3, 3] * (600 / np.linalg.norm(poses[:, :3, 3], axis=1, keepdims=True)), [0, 0, 0])
+    slacks = focus_slacks(CAMERA, world_to_cam(ends, near))
+    depth = np.array([depths(ends, pose) for pose in near])
+    image = CAMERA.focal_length_mm * depth / (depth - CAMERA.focal_length_mm)
+    blur = CAMERA.aperture_mm * np.abs(CAMERA.image_distance_mm - image) / image
+    sharp = (blur <= CAMERA.largest_blur_mm).all(axis=-1)
+    assert 20 < sharp.sum() < sharp.size - 20
+    assert np.array_equal(slacks.min(axis=-1) >= 0, sharp)
+
+
+def test_focus_is_a_distance_along_the_axis():
+    nearest, farthest = CAMERA.depth_of_field_mm
+    ends_cam = np.array([[[[0, 0, nearest + 1.0], [50, -40, farthest - 2.5]]]])
+    assert focus_slacks(CAMERA, ends_cam)[0, 0] == pytest.approx(
+        [1, farthest - 2.5 - nearest, farthest - nearest - 1, 2.5]
+    )
+
+
+def test_a_lens_in_focus_to_infinity_has_no_far_limit():
+    camera = Camera(25.0, (0.01, 0.01), (640, 480), 16.0, 20_000.0)
+    ends_cam = np.array([[[[0, 0, 19_000.0], [0, 0, 1e9]]]])
+    assert focus_slacks(camera, ends_cam).min() >= 0
+
+
+def test_field_of_view_is_the_distance_from_the_sides_in_opencvs_image(poses, ends):
+    slacks = field_of_view_slacks(CAMERA, world_to_cam(ends, poses), margin_px=5.0).min(axis=-1)
+    width, height = CAMERA.resolution
+    seen = 0
+    for pose, own in zip(poses, slacks, strict=True):
+        u, v = np.moveaxis(opencv_pixels(ends, pose, CAMERA), -1, 0)
+        expected = np.min([u + 0.5, width - 0.5 - u, v + 0.5, height - 0.5 - v], axis=(0, 2)) - 5.0
+        visible = in_front(ends, pose)
+        assert own[visible] == pytest.approx(expected[visible], abs=1e-6)
+        assert np.all(own[~visible] < -1000)
+        seen += (own >= 0).sum()
+    assert seen > 10
+
+
+def test_the_cone_holds_exactly_the_spheres_whose_tangents_stay_within_half_the_angle():
+    """Independent: from the apex, a sphere spans asin(R/distance) about its centre's direction."""
+    rng = np.random.default_rng(8)
+    centers = rng.normal(size=(500, 3)) * [60, 60, 1] + [0, 0, 500]
+    half = math.atan(min(CAMERA.sensor_size_mm) / 2 / CAMERA.image_distance_mm)
+    distance = np.linalg.norm(centers, axis=1)
+    off_axis = np.arccos(centers[:, 2] / distance)
+    expected = off_axis + np.arcsin(25.0 / distance) <= half
+    assert 50 < expected.sum() < 400
+    assert np.array_equal(cone_slacks(CAMERA, centers, 25.0)[:, 0, 0] >= 0, expected)
+
+
+def test_the_cone_is_equations_19_and_20_in_world_vectors(poses):
+    r_s, radius = np.array([5.0, -8.0, 3.0]), 30.0
+    own = cone_slacks(CAMERA, world_to_cam(r_s, poses), radius)[:, 0, 0]
+    alpha = 2 * math.atan(min(CAMERA.sensor_size_mm) / (2 * CAMERA.image_distance_mm))
+    for pose, value in zip(poses, own, strict=True):
+        r_v, v = pose[:3, 3], pose[:3, 2]
+        r_k = r_s - radius / math.sin(alpha / 2) * v
+        assert value == pytest.approx((r_k - r_v) @ v - np.linalg.norm(r_k - r_v) * math.cos(alpha / 2))
+
+
+def test_the_cone_is_conservative(poses, ends):
+    """Whatever the cone accepts has every end inside the exact image."""
+    center, radius = enclosing_sphere(ends[:1].reshape(-1, 3))
+    far = look_at(poses[:, :3, 3] * 3, center + np.random.default_rng(1).normal(size=(40, 3)) * 100)
+    accepted = cone_slacks(CAMERA, world_to_cam(center, far), radius)[:, 0, 0] >= 0
+    assert 5 < accepted.sum() < 40
+    assert field_of_view_slacks(CAMERA, world_to_cam(ends[:1], far), 0.0)[accepted].min() >= 0
+
+
+def test_enclosing_sphere_holds_all_points_and_is_small():
+    rng = np.random.default_rng(9)
+    directions = rng.normal(size=(200, 3))
+    points = 10 * directions / np.linalg.norm(directions, axis=1, keepdims=True) + [100, 0, 0]
+    center, radius = enclosing_sphere(points)
+    assert np.linalg.norm(points - center, axis=1).max() <= radius
+    assert radius == pytest.approx(10, rel=0.01)
+    assert enclosing_sphere(np.array([[0.0, 0, 0], [6.0, 0, 0]])) == (pytest.approx([3, 0, 0]), 3.0)
+
+
+def box_distance(points, low, high):
+    """Signed distance to a box, by the textbook formula."""
+    beyond = np.maximum(low - points, points - high)
+    return np.linalg.norm(np.maximum(beyond, 0), axis=1) + np.minimum(beyond.max(axis=1), 0)
+
+
+def triangle_distances(points, triangles):
+    """Distance of points to a triangle soup by brute force: project on each plane, else on each side."""
+    best = np.full(len(points), np.inf)
+    for a, b, c in triangles:
+        normal = np.cross(b - a, c - a)
+        foot = points - ((points - a) @ normal / (normal @ normal))[:, None] * normal
+        inside = np.ones(len(points), dtype=bool)
+        for p, q in ((a, b), (b, c), (c, a)):
+            inside &= (np.cross(q - p, foot - p) @ normal) >= 0
+            t = np.clip((points - p) @ (q - p) / ((q - p) @ (q - p)), 0, 1)
+            best = np.minimum(best, np.linalg.norm(points - p - t[:, None] * (q - p), axis=1))
+        best = np.where(inside, np.minimum(best, np.linalg.norm(points - foot, axis=1)), best)
+    return best
+
+
+@pytest.mark.parametrize("origin", [0.0, 20_000.0])
+def test_clearance_against_brute_force_near_and_far_from_the_origin(origin):
+    space = BoxSpace()
+    vertices = space.solid.vertices + origin
+    points = np.random.default_rng(2).uniform(-20, 80, (400, 3)) + origin
+    signed = clearance_slacks(SignedDistance(vertices, space.solid.triangles), points, 7.0)[:, 0, 0] + 7.0
+    assert signed == pytest.approx(box_distance(points, vertices[0], vertices[-1]), abs=2e-4)
+    assert np.abs(signed) == pytest.approx(triangle_distances(points, vertices[space.solid.triangles]), abs=2e-4)
+    assert (signed < 0).sum() > 3
+
+
+def test_workspace_margin_is_the_nearest_wall():
+    slacks = workspace_slacks(((-10, -20, -30), (10, 20, 30)), np.array([[0, 0, 0], [9, 0, 0], [0, 23, 0.0]]))
+    assert slacks.min(axis=-1)[:, 0] == pytest.approx([10, 1, -3])
+
+
+def test_visibility_follows_the_space_and_ends_at_the_workspace():
+    space = BoxSpace()
+    points = np.array([[10, -50, -50], [10, 20, 15], [10, 20, 500], [0, 0, 5000.0]])
+    slacks = visibility_slacks(space, points, ["x00", "z11"])
+    assert slacks[..., 0].tolist() == [[1, -1], [-1, -1], [-1, -1], [-1, -1]]
+
+
+def test_reach_of_box_sphere_mesh_and_callable():
+    points = np.array([[0, 0, 0], [30, 20, 15], [30, 20, 40], [200.0, 0, 0]])
+    box = BoxSpace().solid
+    low, high = box.bounds
+    for region in (BoxRegion(low, high), MeshRegion(box.vertices, box.triangles)):
+        assert reach_margin(region, points)[:3] == pytest.approx([0, 15, -10], abs=1e-4)
+    assert reach_margin(SphereRegion((0, 0, 0), 100.0), points)[[0, 3]] == pytest.approx([100, -100])
+    assert reach_margin(lambda p: p[:, 0] < 100, points).tolist() == [1, 1, 1, -1]
+
+
+def test_a_reach_of_the_wrong_shape_is_refused():
+    with pytest.raises(RequestError, match=r"one value per position, shape \(2,\)\. Got \(\)\."):
+        reach_margin(lambda p: True, np.zeros((2, 3)))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Requirements(stand_off_mm=-1), r"stand_off_mm must be finite and not negative\. Got -1\."),
+        (lambda: Requirements(min_length_px=math.nan), r"min_length_px must be finite"),
+        (lambda: Requirements(field_of_view="round"), r"field_of_view must be 'exact' or 'cone'\. Got 'round'\."),
+        (lambda: Requirements(reach=3), r"reach must have a margin method or be callable\. Got 3\."),
+        (lambda: SphereRegion((0, 0, 0), 0.0), r"radius_mm must be positive\. Got 0\.0\."),
+        (lambda: BoxRegion((0, 0, 0), (1, -1, 1)), r"low must be below high"),
+    ],
+)
+def test_bad_requirements_are_refused(make, message):
+    with pytest.raises(RequestError, match=message):
+        make()
+
+
+@pytest.mark.parametrize("shape", ["exact", "cone"])
+def test_feasible_is_every_margin_at_least_zero(shape):
+    space = BoxSpace()
+    needs = Requirements(field_of_view=shape, reach=BoxRegion((-700,) * 3, (700,) * 3))
+    constraints = Constraints(space, ["x00", "z00"], CAMERA, needs)
+    rng = np.random.default_rng(4)
+    directions = rng.normal(size=(3000, 3))
+    directions *= (rng.uniform(500, 800, 3000) / np.linalg.norm(directions, axis=1))[:, None]
+    many = look_at(directions, [20, 10, 10])
+    margins = constraints.margins(many)
+    by_hand = np.all([margin.min(axis=1) >= 0 for margin in margins.values()], axis=0)
+    assert 20 < by_hand.sum() < 2900
+    assert np.array_equal(constraints.feasible(many), by_hand)
+    assert np.array_equal(constraints.violation(many) == 0, by_hand)
+    assert set(margins) == set(constraints.constraint_names)
+    assert margins["focus_mm"].shape == (3000, 2)
+    assert margins["clearance_mm"].shape == (3000, 1)
+
+
+def test_visibility_must_hold_around_the_pose():
+    """Half a millimetre in front of the plane y = 0 the edge x00 is observable, but not from 1 mm around there."""
+    space, beside = BoxSpace(), np.array([[30.0, -0.5, 100.0]])
+    for radius_mm, expected in ((0.0, 1.0), (0.4, 1.0), (1.0, -1.0)):
+        assert visibility_slacks(space, beside, ["x00"], radius_mm)[0, 0, 0] == expected
+
+
+def test_a_displaced_camera_still_sees_everything():
+    """Of poses displaced by the uncertainty that was planned for, all but a few see all entities."""
+    space, sigma = BoxSpace(), 2.0
+    uncertainty = PoseUncertainty.isotropic(translation_mm=sigma, rotation_rad=0.01)
+    setting = plan_setting(space, ["x00", "z00"], CAMERA, uncertainty)
+    displaced = setting.position + np.random.default_rng(0).normal(scale=sigma, size=(20_000, 3))
+    assert space.observable(displaced, ["x00", "z00"]).all(axis=1).mean() > 0.99

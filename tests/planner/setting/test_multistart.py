@@ -1,0 +1,189 @@
+"""Refinement from many starts: the choice of starts on hand-made data, and what refinement promises."""
+
+import numpy as np
+import pytest
+from known_box import BoxSpace
+
+from planner import Camera, PoseUncertainty, Search, look_at
+from planner.request.constraints import Constraints, Requirements
+from planner.request.objective import Objective
+from planner.setting.multistart import Ascent, best_apart, best_around, spread, turned_views
+from planner.setting.pose_bits import PoseEncoding
+from planner.setting.refine import approach, refine
+from planner.setting.viewpoint_sampling import ViewpointSampler
+
+CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 300.0, largest_blur_mm=0.03)
+PAPER = PoseUncertainty(np.diag([0.03] * 3 + [0.003] * 3))
+NAMES = ["x00", "z00"]
+NO_WALLS = np.empty((0, 4))
+
+
+def request(names=NAMES, camera=CAMERA, **requirements):
+    space = BoxSpace()
+    constraints = Constraints(space, names, camera, Requirements(**requirements))
+    objective = Objective(constraints.ends, camera, PAPER, 0.98)
+    sampler = ViewpointSampler(space.covering_cells(names), constraints.ends, camera)
+    encoding = PoseEncoding(sampler.bounds, constraints.sphere_center, camera.half_diagonal_rad)
+    return constraints, objective, sampler, encoding
+
+
+def feasible_poses(n, constraints, sampler, encoding, rng):
+    poses = np.empty((0, 4, 4))
+    while len(poses) < n:
+        positions = sampler.sample(200, rng)
+        drawn = encoding.poses(np.hstack([positions, encoding.draw_turns(len(positions), rng)]))
+        poses = np.concatenate([poses, drawn[constraints.feasible(drawn)]])
+    return poses[:n]
+
+
+def test_positions_are_chosen_farthest_first():
+    """On the line 0 1 2 10 14 from the first: 14, then 10 (4 from 14, 10 from 0) and not 2, then 2."""
+    positions = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [10, 0, 0], [14, 0, 0]])
+    centers, group = spread(positions, 3)
+    assert centers == [0, 4, 3]
+    assert group.tolist() == [0, 0, 0, 2, 1]
+    assert spread(positions, 4)[0] == [0, 4, 3, 2]
+    assert spread(positions[[0, 0, 0]], 3)[0] == [0]
+
+
+def test_the_best_of_each_group_is_taken():
+    poses = np.tile(np.eye(4), (5, 1, 1))
+    poses[:, 0, 3] = [0, 1, 2, 10, 14]
+    chosen = best_around(poses, np.array([0.5, 0.6, 0.4, 0.1, 0.2]), 3)
+    # from the best, at 1: 14 is farthest, then 10
+    assert chosen[:, 0, 3].tolist() == [1, 14, 10]
+    assert len(best_around(poses, np.zeros(5), 0)) == 0
+
+
+def test_neighbours_of_a_better_chromosome_are_passed_over():
+    encoding = PoseEncoding([[0, 0, 0], [100, 100, 100]], [0, 0, 0], 0.5)
+    middle = [50.0, 50, 50, 0, 0, 0]
+    parameters = np.array([middle] * 4)
+    parameters[1, 0], parameters[2, 0], parameters[3, 3] = 58.0, 65.0, 0.2
+    bits = encoding.encode(parameters)
+    chosen = best_apart(bits, np.array([0.9, 0.8, 0.7, 0.6]), encoding, 3)
+    assert encoding.parameters(chosen)[:, 0] == pytest.approx([50, 65, 50], abs=0.01)
+    assert np.array_equal(best_apart(bits, np.array([0.1, 0.8, 0.7, 0.6]), encoding, 1), bits[[1]])
+
+
+def test_turned_views_lie_in_the_covering_domains_and_see_past_the_entities():
+    constraints, _, sampler, encoding = request()
+    poses = turned_views(12, sampler, encoding, np.random.default_rng(0))
+    assert poses.shape == (12, 4, 4)
+    assert (constraints.slacks(poses, ["visibility"])["visibility"] > 0).all()
+    turns = np.abs(encoding.parameters_of(poses)[:, 3:5])
+    assert turns.max() <= CAMERA.half_diagonal_rad / 2 + 1e-9
+    assert turns.min(axis=0).max() > 0
+    assert turned_views(0, sampler, encoding, np.random.default_rng(0)).shape == (0, 4, 4)
+
+
+def test_refinement_is_never_worse_and_ends_feasible():
+    constraints, objective, sampler, encoding = request()
+    gains = []
+    for pose in feasible_poses(12, constraints, sampler, encoding, np.random.default_rng(1)):
+        better, fitness, nfev = refine(pose, sampler.cell_of(pose[:3, 3]), objective, constraints)
+        assert constraints.feasible(better[None])[0]
+        assert fitness == pytest.approx(objective.fitness(better[None])[0], abs=1e-12)
+        gains.append(fitness - objective.fitness(pose[None])[0])
+        assert nfev > 0
+    assert min(gains) >= 0
+    assert np.median(gains) > 0.001
+
+
+def test_an_infeasible_pose_is_led_to_a_feasible_one():
+    """Too near to be in focus, by 40 mm: the way leads back."""
+    constraints, objective, *_ = request()
+    target = constraints.sphere_center
+    away = np.array([-1.0, -1.0, -1.0]) / np.sqrt(3)
+    near = look_at([target + 230.0 * away], target)[0]
+    assert constraints.margins(near[None])["focus_mm"].min() < -20
+    pose, fitness, _ = refine(near, NO_WALLS, objective, constraints)
+    assert constraints.feasible(pose[None])[0]
+    assert fitness == pytest.approx(objective.fitness(pose[None])[0])
+    _, merit, _ = approach(near, NO_WALLS, objective, constraints, 20)
+    assert merit == pytest.approx(fitness, abs=0.02)
+
+
+def test_where_nothing_is_feasible_refinement_says_so():
+    constraints, objective, *_ = request(min_length_px=2000)
+    pose = look_at([[-200.0, -200.0, -200.0]], constraints.sphere_center)[0]
+    same, fitness, _ = refine(pose, NO_WALLS, objective, constraints)
+    assert fitness == -np.inf
+    assert np.array_equal(same, pose)
+    end, merit, _ = approach(pose, NO_WALLS, objective, constraints, 8)
+    assert merit < objective.fitness(end[None])[0] - 0.1
+
+
+class Nearness:
+    """A stand-in objective: the nearer to the part's middle, the better."""
+
+    highest, ends = 1.0, None
+
+    def fitness(self, poses):
+        return 1.0 - np.linalg.norm(poses[:, :3, 3] - [30.0, 20.0, 15.0], axis=1) / 1000
+
+
+def test_a_clearance_left_out_at_first_is_kept_all_the_same():
+    """With a deep lens, and from far away, the stand-off only matters at the end of the way."""
+    deep = Camera(6.0, (0.01, 0.013), (2000, 1600), 16.0, 100.0, largest_blur_mm=0.03)
+    (free, *_), (held, *_) = request(camera=deep, stand_off_mm=0.0), request(camera=deep, stand_off_mm=73.0)
+    away = np.array([[-1.0, -1.0, -1.0], [-1.0, -0.5, -1.0]])
+    poses = look_at(free.sphere_center + 190.0 * away / np.linalg.norm(away, axis=1)[:, None], free.sphere_center)
+    assert held.margins(poses)["clearance_mm"].min() > 73
+    ends = np.array([[refine(p, NO_WALLS, Nearness(), c)[0] for c in (free, held)] for p in poses])
+    assert held.margins(ends[:, 0])["clearance_mm"].max() < 0
+    assert held.feasible(ends[:, 1]).all()
+    assert held.margins(ends[:, 1])["clearance_mm"].max() < 1
+
+
+def test_known_poses_are_considered_and_the_best_is_kept():
+    constraints, objective, sampler, encoding = request()
+    poses = feasible_poses(5, constraints, sampler, encoding, np.random.default_rng(3))
+    fitness = objective.fitness(poses)
+    ascent = Ascent(sampler, encoding, objective, constraints, 2.0, poses[0], fitness[0])
+    ascent.consider(poses[1:])
+    assert ascent.fitness == fitness.max()
+    assert np.array_equal(ascent.cam2world, poses[fitness.argmax()])
+    ascent.climb(poses[:2])
+    ascent.mirror()
+    assert ascent.fitness > fitness.max()
+    assert ascent.fitness == pytest.approx(objective.fitness(ascent.cam2world[None])[0])
+    assert constraints.feasible(ascent.cam2world[None])[0]
+    # nothing is done where nothing better is asked for
+    enough = Ascent(sampler, encoding, objective, constraints, 0.0, poses[0], fitness[0])
+    enough.climb(poses)
+    enough.mirror()
+    assert (enough.nfev, enough.fitness) == (0, fitness[0])
+
+
+class Valley:
+    """A stand-in objective with an optimum on either side of the straight view, the one with positive tilt better."""
+
+    highest, ends = 1.0, None
+
+    def __init__(self, encoding):
+        self.encoding = encoding
+
+    def fitness(self, poses):
+        tilt = self.encoding.parameters_of(poses)[:, 4]
+        return 0.5 + 20 * tilt**2 - 600 * tilt**4 + 0.2 * tilt
+
+
+def test_the_other_side_of_the_straight_view_is_tried():
+    """The optima of 20 t² − 600 t⁴ + 0.2 t are near t = ±√(1/60) = ±0.129; from −0.1, refinement ends at −0.127."""
+    constraints, _, sampler, encoding = request(names=["x00"])
+    valley = Valley(encoding)
+    parameters = np.hstack([sampler.sample(200, np.random.default_rng(4)), np.tile([0.0, -0.1, 0.0], (200, 1))])
+    poses = encoding.poses(parameters)
+    pose = poses[constraints.feasible(poses)][0]
+    ascent = Ascent(sampler, encoding, valley, constraints, 1.0, pose, valley.fitness(pose[None])[0])
+    ascent.climb(pose[None])
+    assert encoding.parameters_of(ascent.cam2world[None])[0, 4] == pytest.approx(-0.127, abs=0.02)
+    ascent.mirror()
+    assert encoding.parameters_of(ascent.cam2world[None])[0, 4] > 0
+
+
+def test_the_plain_searches_refine_nothing():
+    assert not Search.genetic().refines
+    assert not Search.paper().refines
+    assert Search(refine_starts=0, spread_starts=0).refines

@@ -1,0 +1,368 @@
+import pickle
+
+import numpy as np
+import pytest
+from known_box import BoxSpace
+from pocket_block import entities, two_pocket_block
+
+from aspectgraph import compute_regions
+from planner import (
+    BoxRegion,
+    Camera,
+    InfeasibleError,
+    PoseUncertainty,
+    RequestError,
+    Search,
+    SensorSetting,
+    SphereRegion,
+    plan_setting,
+)
+from planner.request.constraints import Constraints, Requirements
+from planner.request.objective import Objective
+from planner.setting.first_poses import draw_start
+from planner.setting.pose_bits import PoseEncoding
+from planner.setting.viewpoint_sampling import ViewpointSampler, WorkspaceSampler
+
+REAL = Camera.named("basler-acA2440-20gm-25mm")
+PAPER_CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 300.0, largest_blur_mm=0.03)
+PAPER = PoseUncertainty(np.diag([0.03] * 3 + [0.003] * 3))
+LOOSE = PoseUncertainty.isotropic(translation_mm=2.0, rotation_rad=0.02)
+
+
+@pytest.fixture(scope="module")
+def block():
+    return compute_regions(two_pocket_block(), entities(), workspace=[[-600] * 3, [660] * 3])
+
+
+@pytest.fixture(scope="module")
+def box():
+    return BoxSpace()
+
+
+def check(setting, space, camera, uncertainty, accuracy, requirements):
+    """Recompute what a setting claims."""
+    constraints = Constraints(space, setting.entities, camera, requirements)
+    pose = setting.cam2world[None]
+    assert constraints.feasible(pose).all()
+    assert space.covering_cells(setting.entities).contains(pose[:, :3, 3]).all()
+    for name, margin in constraints.margins(pose).items():
+        assert setting.margins[name] == pytest.approx(margin.min(), abs=1e-9)
+        assert margin.min() >= 0
+    probability = Objective(constraints.ends, camera, uncertainty, accuracy).probability(pose)[0]
+    assert list(setting.probability.values()) == pytest.approx(probability)
+    assert tuple(setting.probability) == setting.entities
+
+
+SETS = [["e1", "e2"], ["e1", "e2", "e3"], ["e1", "e2", "e4", "e5"], ["e1", "e2", "e3", "e4", "e5", "e6"]]
+
+
+@pytest.mark.parametrize("names", SETS)
+def test_settings_of_table_ii_are_feasible_and_probable(block, names):
+    setting = plan_setting(block, names, PAPER_CAMERA, PAPER, field_margin_px=0)
+    check(setting, block, PAPER_CAMERA, PAPER, 0.98, Requirements())
+    assert setting.fitness == pytest.approx(sum(setting.probability.values()))
+    assert min(setting.probability.values()) > 0.8
+
+
+@pytest.mark.parametrize("names", [["x00"], ["x00", "z00", "y00"], ["x00", "x11"]])
+@pytest.mark.parametrize("view", ["exact", "cone"])
+def test_settings_on_the_box(box, names, view):
+    needs = Requirements(min_length_px=50, field_margin_px=20, field_of_view=view, stand_off_mm=200)
+    setting = plan_setting(
+        box,
+        names,
+        REAL,
+        LOOSE,
+        min_length_px=50,
+        field_margin_px=20,
+        field_of_view=view,
+        stand_off_mm=200,
+        accuracy=0.99,
+    )
+    assert setting.entities == tuple(names)
+    check(setting, box, REAL, LOOSE, 0.99, needs)
+
+
+def test_the_search_beats_random_poses_and_repeats_over_seeds(box):
+    """Ten times as many feasible random poses must not be better, and four seeds agree within 0.1 %."""
+    names = ["x00", "z00", "y00"]
+    found = [plan_setting(box, names, PAPER_CAMERA, PAPER, field_margin_px=0, rng=seed) for seed in range(4)]
+    values = np.array([setting.fitness for setting in found])
+    assert np.ptp(values) < 1e-3 * values.max()
+    constraints = Constraints(box, names, PAPER_CAMERA, Requirements())
+    sampler = ViewpointSampler(box.covering_cells(names), constraints.ends, PAPER_CAMERA)
+    turn = PAPER_CAMERA.half_diagonal_rad
+    encoding = PoseEncoding(sampler.bounds, constraints.sphere_center, turn)
+    start = draw_start(12_000, sampler, encoding, constraints, np.random.default_rng(1), max_draws=40_000)
+    assert len(start.bits) > 4000
+    random = Objective(constraints.ends, PAPER_CAMERA, PAPER, 0.98).fitness(encoding.decode(start.bits))
+    assert values.min() >= random.max()
+
+
+def test_min_objective_raises_the_weakest_entity(box):
+    names = ["x11", "y11", "z11", "x01", "y10"]
+    options = {"accuracy": 0.99, "field_margin_px": 10}
+    total, weakest = (plan_setting(box, names, REAL, LOOSE, objective=kind, **options) for kind in ("sum", "min"))
+    assert weakest.fitness == pytest.approx(min(weakest.probability.values()))
+    assert weakest.fitness > min(total.probability.values())
+    assert sum(weakest.probability.values()) < total.fitness
+
+
+def test_refinement_never_loses_and_the_papers_plain_search_is_reachable(box):
+    names = ["x00", "z00"]
+    plain = plan_setting(box, names, PAPER_CAMERA, PAPER, field_margin_px=0, search=Search.paper(max_generations=40))
+    check(plain, box, PAPER_CAMERA, PAPER, 0.98, Requirements())
+    assert plain.fitness == max(plain.history)
+    unrefined, refined = (
+        plan_setting(box, names, PAPER_CAMERA, PAPER, field_margin_px=0, search=search)
+        for search in (Search.genetic(), Search())
+    )
+    assert refined.history == unrefined.history
+    assert refined.fitness > unrefined.fitness
+    assert refined.nfev > unrefined.nfev
+
+
+def test_same_seed_same_setting_and_the_seed_is_reported(box):
+    first, second = (plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0, rng=7) for _ in range(2))
+    assert first == second
+    assert first.seed == 7
+    fresh = plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0, rng=None)
+    assert fresh == plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0, rng=fresh.seed)
+    assert plan_setting(box, ["x00"], REAL, PAPER, field_margin_px=0, rng=np.random.default_rng(7)).seed is None
+
+
+def test_the_callback_sees_every_generation_and_can_stop(box):
+    seen = []
+
+    def stop_after_two(generation):
+        seen.append(generation.nit)
+        return generation.nit == 2
+
+    setting = plan_setting(box, ["x00", "z00"], PAPER_CAMERA, PAPER, field_margin_px=0, callback=stop_after_two)
+    assert seen == [0, 1, 2]
+    assert setting.generations == 2
+
+
+def test_no_individual_is_ever_outside_the_covering_domains(box):
+    """Every individual the search evaluates, in every generation, sees all entities."""
+    names = ["x00", "y00"]
+    constraints = Constraints(box, names, PAPER_CAMERA, Requirements())
+    sampler = ViewpointSampler(box.covering_cells(names), constraints.ends, PAPER_CAMERA)
+    encoding = PoseEncoding(sampler.bounds, constraints.sphere_center, PAPER_CAMERA.half_diagonal_rad)
+    inside = []
+
+    def look(generation):
+        inside.append(box.observable(encoding.decode(generation.population)[:, :3, 3], names).all())
+
+    plan_setting(box, names, PAPER_CAMERA, PAPER, field_margin_px=0, callback=look)
+    assert len(inside) > 5
+    assert all(inside)
+
+
+def test_reach_is_respected(box):
+    region = SphereRegion((0.0, -600.0, 0.0), 300.0)
+    setting = plan_setting(box, ["x00"], REAL, LOOSE, reach=region, field_margin_px=0)
+    assert np.linalg.norm(setting.position - [0, -600, 0]) <= 300
+    assert setting.margins["reach"] == pytest.approx(300 - np.linalg.norm(setting.position - [0, -600, 0]))
+    behind = plan_setting(box, ["x00"], REAL, LOOSE, reach=lambda p: p[:, 0] < -100, field_margin_px=0)
+    assert behind.position[0] < -100
+    assert behind.margins["reach"] == 1
+
+
+def test_default_field_margin_keeps_the_ends_in_the_image(box):
+    uncertainty = PoseUncertainty.isotropic(translation_mm=0.1, rotation_rad=0.01)
+    setting = plan_setting(box, ["x00"], REAL, uncertainty)
+    # 0.01 rad moves the image by d·0.01 on the sensor; the translation adds d·0.1/600
+    shift_px = REAL.image_distance_mm * np.hypot(0.01, 0.1 / 600) / 0.00345
+    corner = setting.cam2world
+    local = (box.entities["x00"].endpoints - corner[:3, 3]) @ corner[:3, :3]
+    pixels = (local / local[:, 2:]) @ REAL.matrix.T
+    sides = np.concatenate([pixels[:, :2] + 0.5, np.array(REAL.resolution) - 0.5 - pixels[:, :2]])
+    assert sides.min() >= 3 * shift_px * (1 - 1e-9)
+
+
+def test_settings_survive_dictionaries_and_processes(box):
+    setting = plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0)
+    assert SensorSetting.from_dict(setting.to_dict()) == setting
+    assert pickle.loads(pickle.dumps(setting)) == setting
+    error = InfeasibleError("no", constraint="focus_mm", entity="e1", margin=-2.0)
+    copy = pickle.loads(pickle.dumps(error))
+    assert (str(copy), copy.constraint, copy.entity, copy.margin) == ("no", "focus_mm", "e1", -2.0)
+
+
+INFEASIBLE = [
+    (
+        ["x00"],
+        {"min_length_px": 3000},
+        "resolution_mm",
+        r"'x00': 60 mm long, its image is at most 2\.7.* at least 10\.35",
+    ),
+    (["x00"], {"stand_off_mm": 800}, "clearance_mm", r"nearest pose misses clearance_mm by 1\d\d.* mm"),
+    (["x00"], {"reach": SphereRegion((0, 0, 0), 400)}, "reach", r"(misses reach|reach was met by no pose tried)"),
+    (["x00"], {"reach": lambda p: p[:, 0] > 1e6}, "reach", r"reach was met by no pose tried.* -1"),
+    (
+        ["x00"],
+        {"field_margin_px": 1100},
+        "field_of_view_px",
+        r"field_of_view_px was met by no pose tried for entity 'x00': the best margin found is -7[6-9].* px",
+    ),
+]
+
+
+@pytest.mark.parametrize(("names", "options", "constraint", "message"), INFEASIBLE)
+def test_infeasible_requests_name_constraint_entity_and_amount(box, names, options, constraint, message):
+    with pytest.raises(InfeasibleError, match=message) as caught:
+        plan_setting(box, names, REAL, LOOSE, **{"field_margin_px": 0, **options})
+    assert caught.value.constraint == constraint
+    assert caught.value.margin < 0
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_camera_that_cannot_focus_in_the_workspace():
+    with pytest.raises(InfeasibleError, match=r"focus_mm .*'x00'.*585\.14 to 629\.19 mm.* has 5\d\d") as caught:
+        plan_setting(BoxSpace(reach=300.0), ["x00"], REAL, LOOSE)
+    # the farthest viewpoint that sees x00 is the workspace's corner over or under it
+    distance = min(np.linalg.norm(np.subtract([x, 0, 0], [-300, 300, -300])) for x in (0, 60))
+    assert caught.value.margin == pytest.approx(distance - REAL.depth_of_field_mm[0], rel=0.01)
+
+
+class JealousSpace(BoxSpace):
+    """A box on which y11 hides wherever x00 is seen, and z10 always."""
+
+    def observable(self, points, names=None):
+        names = self.entity_names if names is None else names
+        x00 = super().observable(points, ["x00"])[:, 0]
+        hidden = np.column_stack([x00 if n == "y11" else np.full(len(x00), n == "z10") for n in names])
+        return super().observable(points, names) & ~hidden
+
+
+@pytest.mark.parametrize(
+    ("space", "names", "entity", "who"),
+    [
+        (JealousSpace(), ["x00", "z10"], "z10", "entity 'z10' is observable from nowhere"),
+        (JealousSpace(), ["x00", "y11"], "y11", "entities 'x00' and 'y11' are observable together from nowhere"),
+        (JealousSpace(), ["y11", "x01", "x00"], "x00", "entities 'y11' and 'x00' are observable together from nowhere"),
+        # around a box every two of four parallel edges share a viewpoint, but not all four
+        (BoxSpace(), ["x00", "x01", "x10", "x11"], "", "the entities x00, x01, x10, x11 are observable together"),
+    ],
+)
+def test_entities_that_cannot_be_seen_together(space, names, entity, who):
+    with pytest.raises(InfeasibleError, match=who) as caught:
+        plan_setting(space, names, REAL, LOOSE)
+    assert (caught.value.constraint, caught.value.entity) == ("visibility", entity)
+
+
+@pytest.mark.parametrize(
+    ("names", "options", "message"),
+    [
+        ([], {}, r"names must hold at least one entity\. Got none\."),
+        (["x00", "nose"], {}, r"names must be entities .*Got 'nose'\."),
+        (["x00", "x00"], {}, r"names must be different\. Got 'x00' twice\."),
+        (["x00"], {"accuracy": 1.2}, r"accuracy must be in \(0, 1\)\. Got 1\.2\."),
+        (["x00"], {"rng": -1}, r"rng must be a non-negative integer.*Got -1\."),
+        (["x00"], {"stand_off_mm": -5}, r"stand_off_mm must be finite and not negative\. Got -5\."),
+        (["x00"], {"objective": "max"}, r"objective must be 'sum' or 'min'\. Got 'max'\."),
+        (["x00"], {"reach": 5}, r"reach must have a margin method or be callable\. Got 5\."),
+    ],
+)
+def test_bad_requests_are_refused(box, names, options, message):
+    with pytest.raises(RequestError, match=message) as caught:
+        plan_setting(box, names, REAL, LOOSE, **options)
+    assert isinstance(caught.value, ValueError)
+
+
+def test_box_region_is_accepted(box):
+    region = BoxRegion((-700, -700, -700), (700, -100, 700))
+    setting = plan_setting(box, ["x00"], REAL, LOOSE, reach=region, field_margin_px=0)
+    assert setting.position[1] <= -100
+
+
+def test_entities_too_far_apart_for_one_image():
+    """By hand: D_max times the sensor's diagonal over d is the widest the sharp image can be."""
+    with pytest.raises(
+        InfeasibleError, match=r"'x00' and 'x11'.* 411\.98 mm apart.* at most 259\.\d+ mm across"
+    ) as caught:
+        plan_setting(BoxSpace(size=(350.0, 200.0, 85.0)), ["x00", "x11"], REAL, LOOSE)
+    assert caught.value.constraint == "field_of_view_px"
+    diagonal = np.hypot(2448, 2048) * 0.00345
+    assert REAL.depth_of_field_mm[1] * diagonal / REAL.image_distance_mm == pytest.approx(259.9, abs=0.1)
+    fits = plan_setting(BoxSpace(size=(120.0, 80.0, 30.0)), ["x00", "x01"], REAL, PoseUncertainty(np.zeros((6, 6))))
+    assert fits.margins["field_of_view_px"] >= 0
+
+
+def test_restricted_sampling_finds_feasible_poses_more_often(box):
+    """The benefit over draws from the whole workspace: feasible fraction of the first population's draws."""
+    names = ["x00", "z00"]
+    constraints = Constraints(box, names, PAPER_CAMERA, Requirements())
+    cells, turn = box.covering_cells(names), PAPER_CAMERA.half_diagonal_rad
+    fractions = []
+    for sampler in (
+        ViewpointSampler(cells, constraints.ends, PAPER_CAMERA),
+        WorkspaceSampler(cells, constraints.ends, PAPER_CAMERA, box.workspace),
+    ):
+        encoding = PoseEncoding(sampler.bounds, constraints.sphere_center, turn)
+        start = draw_start(10_000, sampler, encoding, constraints, np.random.default_rng(0), max_draws=8192)
+        fractions.append(start.feasible_drawn / start.drawn)
+    assert fractions[0] > 30 * fractions[1]
+
+
+def test_unrestricted_search_still_ends_feasible(box):
+    setting = plan_setting(
+        box, ["x00", "z00"], PAPER_CAMERA, PAPER, field_margin_px=0, search=Search(sampling="workspace", population=30)
+    )
+    assert setting.entities == ("x00", "z00")
+    check(setting, box, PAPER_CAMERA, PAPER, 0.98, Requirements())
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"sampling": "sphere"}, r"sampling must be 'covering' or 'workspace'\. Got 'sphere'\."),
+        ({"refine_starts": -1}, r"refine_starts must be an integer of at least 0\. Got -1\."),
+        ({"max_draws": 0.5}, r"max_draws must be an integer of at least 1\. Got 0\.5\."),
+    ],
+)
+def test_bad_search_options_are_refused(options, message):
+    with pytest.raises(RequestError, match=message):
+        Search(**options)
+
+
+def test_known_poses_are_never_lost(box):
+    """Two generations from a good pose are at least as good as that pose, with refinement and without."""
+    names = ["x00", "z00", "y00"]
+    good = plan_setting(box, names, PAPER_CAMERA, PAPER, field_margin_px=0, rng=1)
+    few = {"population": 4, "max_generations": 2}
+    for short in (Search.genetic(**few), Search(**few)):
+        options = {"field_margin_px": 0, "search": short, "rng": 5}
+        with_it = plan_setting(box, names, PAPER_CAMERA, PAPER, start=good.cam2world, **options)
+        assert with_it.fitness >= good.fitness * (1 - 1e-12)
+        check(with_it, box, PAPER_CAMERA, PAPER, 0.98, Requirements())
+    options["search"] = Search.genetic(**few)
+    assert plan_setting(box, names, PAPER_CAMERA, PAPER, **options).fitness < good.fitness
+
+
+def test_a_known_pose_that_no_bits_can_express(box):
+    """Reachable: a thousandth of a millimetre around one position. Only the known pose is feasible."""
+    good = plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0)
+
+    def needle(positions):
+        return np.linalg.norm(positions - good.position, axis=1) < 1e-3
+
+    with pytest.raises(InfeasibleError, match="reach was met by no pose tried"):
+        plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0, reach=needle)
+    kept = plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0, reach=needle, start=[good.cam2world])
+    assert np.linalg.norm(kept.position - good.position) < 1e-3
+    assert kept.generations == 0
+    assert kept.fitness >= good.fitness * (1 - 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("start", "message"),
+    [
+        (np.eye(3), r"start must have the shape \(m, 4, 4\)\. Got \(3, 3\)\."),
+        (2 * np.eye(4), r"start must hold rigid poses"),
+    ],
+)
+def test_impossible_known_poses_are_refused(box, start, message):
+    with pytest.raises(RequestError, match=message):
+        plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, start=start)

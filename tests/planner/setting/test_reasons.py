@@ -1,0 +1,57 @@
+"""Reasons why an entity is not inspected: what they say is so, and no more than is known."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from plan_examples import CAMERA, setting
+
+from planner.columns.realise_column import meaning, reason_for
+from planner.exceptions import InfeasibleError
+from planner.setting.infeasible import check_extent
+
+
+@pytest.mark.parametrize(
+    ("best", "reason"),
+    [
+        (0.5, "probability too low: the best pose found reaches P = 0.5000, below the required 0.9."),
+        (0.89996, "probability too low: the best pose found reaches P = 0.89996, below the required 0.9."),
+        (0.95, "no feasible view: the best pose found reaches P = 0.9500, but breaks a constraint when judged anew."),
+    ],
+)
+def test_reason_does_not_contradict_itself(best, reason):
+    assert reason_for(setting((0.0, 0.0, 600.0), ["rim"], probability=best), 0.9) == reason
+
+
+def test_reason_of_a_run_without_a_setting_is_its_own():
+    assert reason_for("unobservable: no viewpoint", 0.9) == "unobservable: no viewpoint"
+
+
+@pytest.mark.parametrize(
+    ("ends", "who"),
+    [
+        ({"rim": ((0, 0, 0), (9000, 0, 0))}, "entity 'rim': its ends are 9000 mm apart"),
+        (
+            {"rim": ((0, 0, 0), (9, 0, 0)), "slot": ((9000, 0, 0), (8999, 0, 0))},
+            "entities 'rim' and 'slot': their ends are 9000 mm apart",
+        ),
+    ],
+)
+def test_too_far_apart_names_one_entity_once(ends, who):
+    constraints = SimpleNamespace(camera=CAMERA, names=tuple(ends), ends=np.array(list(ends.values()), dtype=float))
+    with pytest.raises(InfeasibleError, match=f"^field_of_view_px cannot be met for {who}"):
+        check_extent(constraints)
+
+
+@pytest.mark.parametrize(
+    ("message", "constraint", "words"),
+    [
+        ("visibility cannot be met: entity 'a' is observable from nowhere.", "visibility", "unobservable"),
+        ("visibility was met by no pose tried for entity 'a'.", "visibility", "in view from no pose tried"),
+        ("constraints were met together by no pose tried for a: nothing.", "focus_mm", "no feasible view"),
+        ("field_of_view_mm was met by no pose tried.", "field_of_view_mm", "larger than the field of view"),
+        ("clearance_mm was met by no pose tried.", "clearance_mm", "in view only too near the part"),
+    ],
+)
+def test_words_before_a_reason_claim_no_more_than_it_says(message, constraint, words):
+    assert meaning(InfeasibleError(message, constraint=constraint)) == words
