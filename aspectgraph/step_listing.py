@@ -62,8 +62,8 @@ def list_solids(entities: dict[int, Entity]) -> list[ListedSolid]:
     Raises
     ------
     ReadError
-        A closed shell belongs to no solid, a solid to no representation, or a placement to no part; or the length unit is
-        not one of length.
+        A closed shell belongs to no solid, a solid to no representation, or a placement to no part; or the length unit
+        is not one of length.
     """
     holders = _holders(entities)
     listed = [_listed(entities, number, context) for number, context in holders.items()]
