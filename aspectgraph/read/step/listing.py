@@ -20,6 +20,7 @@ SOLID_KINDS = frozenset(
 )  # fmt: skip
 """The types that are solids, those the kernel cannot build among them."""
 
+_OCCURRENCES = {"NEXT_ASSEMBLY_USAGE_OCCURRENCE", "SPECIFIED_HIGHER_USAGE_OCCURRENCE"}
 _SHELL_KINDS = {"CLOSED_SHELL", "OPEN_SHELL", "ORIENTED_CLOSED_SHELL", "ORIENTED_OPEN_SHELL"}
 _PREFIX_MM = {
     "": 1e3, "KILO": 1e6, "HECTO": 1e5, "DECA": 1e4, "DECI": 1e2, "CENTI": 1e1, "MILLI": 1.0, "MICRO": 1e-3,
@@ -61,7 +62,8 @@ def list_solids(entities: dict[int, Entity]) -> list[ListedSolid]:
     Raises
     ------
     ReadError
-        A closed shell belongs to no solid, or the length unit is not one of length.
+        A closed shell belongs to no solid, a solid to no representation, or a placement to no part; or the length unit
+        is not one of length.
     """
     holders = _holders(entities)
     listed = [_listed(entities, number, context) for number, context in holders.items()]
@@ -69,23 +71,48 @@ def list_solids(entities: dict[int, Entity]) -> list[ListedSolid]:
     loose = _closed_shells(entities) - used - _shells_of_surfaces(entities)
     if loose:
         raise ReadError(f"the closed shells of a STEP file must belong to solids. Got #{min(loose)}, which does not.")
+    _check_placements(entities)
     return listed
 
 
-def _holders(entities: dict[int, Entity]) -> dict[int, int | None]:
+def _check_placements(entities: dict[int, Entity]) -> None:
+    """Check that every placement in an assembly is that of a part, or the kernel would leave it out or unmoved."""
+    placements = [entity for entity in entities.values() if entity.kind == "CONTEXT_DEPENDENT_SHAPE_REPRESENTATION"]
+    parts = [entity for entity in entities.values() if entity.kind in _OCCURRENCES]
+    if not placements and not parts:
+        return
+    used = {ref for placement in placements for ref in placement.references}
+    moves = {n for n, entity in entities.items() if "REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION" in entity.kinds}
+    placed = [
+        [entities[part].kind for shape in placement.references[1:2] for part in _known(entities, shape)]
+        for placement in placements
+    ]
+    wrong = [kinds for kinds in placed if not _OCCURRENCES.intersection(kinds)]
+    if wrong or moves - used:
+        raise ReadError(
+            "every placement in the assembly of a STEP file must be that of a part. "
+            f"Got {len(wrong) + len(moves - used)} that are not."
+        )
+
+
+def _known(entities: dict[int, Entity], number: int) -> list[int]:
+    """Return what an entity refers to and the file holds."""
+    return [ref for ref in entities[number].references if ref in entities] if number in entities else []
+
+
+def _holders(entities: dict[int, Entity]) -> dict[int, int]:
     """Return the number of every solid, and of the context of the representation that lists it."""
     solids = {number for number, entity in entities.items() if entity.kind in SOLID_KINDS or _is_complex_solid(entity)}
-    holders: dict[int, int | None] = {}
+    holders: dict[int, int] = {}
     for entity in entities.values():
-        if "REPRESENTATION" in entity.text.upper() and any(k.endswith("REPRESENTATION") for k in entity.kinds):
+        if "REPRESENTATION" in entity.text.upper() and any("REPRESENTATION" in kind for kind in entity.kinds):
             references = entity.references
-            for number in references[:-1]:
-                if number in solids:
-                    holders.setdefault(number, references[-1])
-    # solids that are part of another one, such as that of a replica, are listed by it
-    rest = solids - set(holders)
-    inner = set().union(*(reachable(entities, number) for number in holders)) if rest else set()
-    holders.update(dict.fromkeys(sorted(rest - inner)))
+            holders.update({n: references[-1] for n in references[:-1] if n in solids and n not in holders})
+    # a solid may be part of another one, as that of a replica is
+    inner = set().union(*(reachable(entities, number) for number in holders)) if solids - set(holders) else set()
+    lost = solids - set(holders) - inner
+    if lost:
+        raise ReadError(f"the solids of a STEP file must be items of a representation. Got #{min(lost)}, which is not.")
     return holders
 
 

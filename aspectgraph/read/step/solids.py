@@ -153,7 +153,7 @@ def _check_assembly(reader, handles: list, name: str) -> None:
     """Check that every part of an assembly was placed."""
     process = reader.WS().TransferReader().TransientProcess()
     placed = {process.Mapped(i) for i in range(1, process.NbMapped() + 1) if process.MapItem(i).HasResult()}
-    lost = [h for h in handles if h.DynamicType().Name().endswith("UsageOccurrence") and h not in placed]
+    lost = [h for h in handles if h.DynamicType().Name().endswith("NextAssemblyUsageOccurrence") and h not in placed]
     if lost:
         raise ReadError(f"every part of an assembly must be placed. Got {len(lost)} lost parts in {name}.")
 

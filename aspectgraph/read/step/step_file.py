@@ -150,7 +150,6 @@ def _select(damage: list[str], wanted: Sequence[int] | None, name: str) -> list[
             whole = [k for k in range(n) if not damage[k]]
             ask = _HOW_TO_CHOOSE.format(whole, ",".join(map(str, whole)))
             hint = f" Ask for the whole ones with {ask}." if whole else ""
-            raise ReadError(
-                f"the geometry of a STEP file must be whole. Got {name} with {damage[i]} in solid {i} of {n}.{hint}"
-            )
+            which = f" (solid {i} of 0..{n - 1})" if n > 1 else ""
+            raise ReadError(f"the geometry of a STEP file must be whole. Got {name} with {damage[i]}{which}.{hint}")
     return chosen
