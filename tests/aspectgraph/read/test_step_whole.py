@@ -10,9 +10,9 @@ import pytest
 from part_mutants import damaged_numbers
 
 from aspectgraph import AspectGraphError, ReadError, read_solid
-from aspectgraph.step_fit import check_fit
-from aspectgraph.step_listing import list_solids
-from aspectgraph.step_text import parse_entities
+from aspectgraph.read.step.fit import check_fit
+from aspectgraph.read.step.listing import list_solids
+from aspectgraph.read.step.text import parse_entities
 
 pytest.importorskip("OCP")
 from OCP.BRep import BRep_Builder
@@ -22,7 +22,7 @@ from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Compound
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 def box(x, size):
