@@ -54,12 +54,14 @@ def share_planes(
     """Number the planes of all regions jointly, in some order; planes that agree at their defining points are one.
 
     Where snapping displaced vertices, planes parallel at those points to within the resolution become exactly parallel;
-    otherwise they would meet far away.
+    otherwise they would meet far away. The planes of a single region stay as they were cast, so that its cells are
+    exactly where its entity is observable.
     """
     room = len(box) + len(scene.planes) + sum(len(region.tree.planes) for region in regions)
     planes = np.empty((room, 4), np.int64)
     known: dict[tuple[int, ...], int] = {}
     n = 0
+    displaced = scene.resolution > 0 and len(regions) > 1
     for plane in [*box, *scene.planes]:
         planes[n] = plane
         known.setdefault(_key(plane), n)
@@ -70,7 +72,7 @@ def share_planes(
         number = np.empty(len(region.tree.planes), np.int32)
         for k, (plane, origin) in enumerate(zip(region.tree.planes, region.origin, strict=True)):
             match = known.get(_key(plane), -1)
-            if match < 0 and scene.resolution > 0 and origin[0] != FACE:
+            if match < 0 and displaced and origin[0] != FACE:
                 trio = origin[1:].astype(np.int64)
                 match = len(box) + find_plane(planes[len(box) : n], n - len(box), scene.points, trio, scene.resolution)
                 if match < len(box):

@@ -278,7 +278,7 @@ class LinearBound:
         """Make the weights smaller where sets found exceed the limit; compute them anew if that is too much."""
         self.found = np.concatenate([self.found, sets])
         lighter = relieved(at.y, sets, at.limit)
-        if lighter.sum() > at.limit * (at.target - 1):
+        if lighter.sum() > at.limit * (at.target - 1) + _SLACK:
             # what is proven for larger weights is proven for these
             at.y = lighter
             return

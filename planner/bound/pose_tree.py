@@ -161,14 +161,15 @@ def _patch_frames(face: np.ndarray, patch: np.ndarray, roll: np.ndarray):
     u, v = (patch[:, 0] + patch[:, 1]) / 2, (patch[:, 2] + patch[:, 3]) / 2
     axis = _directions(face, u, v)
     corners = [_directions(face, patch[:, i], patch[:, j]) for i in (0, 1) for j in (2, 3)]
-    cosine = np.min([np.einsum("ni,ni->n", axis, corner) for corner in corners], axis=0)
+    # from the chord, as the arc cosine of a number near 1 is inexact
+    chord = np.max([np.linalg.norm(corner - axis, axis=1) for corner in corners], axis=0)
     along = np.zeros_like(axis)
     along[np.arange(len(face)), (face // 2 + 1) % 3] = 1.0
     x = along - np.einsum("ni,ni->n", along, axis)[:, None] * axis
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     y = np.cross(axis, x)
     c, s = np.cos(roll)[:, None], np.sin(roll)[:, None]
-    return axis, np.arccos(np.clip(cosine, -1.0, 1.0)), np.stack([c * x + s * y, c * y - s * x, axis], axis=-1)
+    return axis, 2.0 * np.arcsin(chord / 2.0), np.stack([c * x + s * y, c * y - s * x, axis], axis=-1)
 
 
 def _directions(face: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -225,8 +226,11 @@ def _nearest_depth(ray, radius, axis, spread, frame, turned, near, far, reach, c
         return -1.0
     swing = math.asin(radius / distance) if distance > radius else math.pi
     length = max(distance, _EPS)
-    cosine = (ray[0] * axis[0] + ray[1] * axis[1] + ray[2] * axis[2]) / length
-    angle = math.acos(min(1.0, max(-1.0, cosine)))
+    # not the arc cosine, which near 0 is wrong by 1e-8
+    x, y = ray[1] * axis[2] - ray[2] * axis[1], ray[2] * axis[0] - ray[0] * axis[2]
+    z = ray[0] * axis[1] - ray[1] * axis[0]
+    along = ray[0] * axis[0] + ray[1] * axis[1] + ray[2] * axis[2]
+    angle = math.atan2(math.sqrt(x * x + y * y + z * z), along)
     if angle > cone + swing + spread + _EPS:
         return -1.0
     nearest = distance * math.cos(min(angle + spread, math.pi)) - radius
@@ -241,7 +245,7 @@ def _nearest_depth(ray, radius, axis, spread, frame, turned, near, far, reach, c
             across = abs(ray[0] * frame[0, i] + ray[1] * frame[1, i] + ray[2] * frame[2, i]) / length
             if (tangents[i] * ahead - across) / math.sqrt(1.0 + tangents[i] ** 2) < lowest:
                 return -1.0
-    return max(nearest, near)
+    return max(nearest - _EPS, near)
 
 
 @nb.njit(cache=True)

@@ -23,6 +23,8 @@ import numpy as np
 from planner.bound.boxes.windows import farthest, form, most_turn, seen_from
 
 _EPS = 1e-9
+# of rounding a few products and sums
+_RELATIVE = 1e-12
 
 
 @nb.njit(cache=True, nogil=True)
@@ -117,7 +119,10 @@ def _of_length(ends, s, eye, turn, view, matrix, rows, rhs):
     length = math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
     most = math.sqrt(x0 * x0 + x1 * x1 + x2 * x2) + radius * length
     axial = abs(x0 * matrix[0, 2] + x1 * matrix[1, 2] + x2 * matrix[2, 2]) - radius * length - min(2.0 * t, 2.0) * most
-    area = math.sqrt(most * most - max(axial, 0.0) ** 2)
+    # both are wrong by less than this; where they are nearly equal, that tells in what is left of their squares
+    wide = _EPS * length + _RELATIVE * most
+    most, axial = most + wide, max(axial - wide, 0.0)
+    area = math.sqrt((most - axial) * (most + axial))
     deep = min(view.far - view.near, length)
     both = math.sqrt(4.0 * area / view.length_ratio * (1.0 + _EPS) + deep * deep)
     if both >= 2.0 * view.far:

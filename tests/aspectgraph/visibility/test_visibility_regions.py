@@ -1,12 +1,21 @@
 """Queries on regions and graphs: what each promises, and bad input."""
 
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
 import solids
 
-from aspectgraph import ContradictionError, EntityError, WorkspaceError, build_aspect_graph, compute_regions, graph_of
+from aspectgraph import (
+    ContradictionError,
+    EntityError,
+    WorkspaceError,
+    build_aspect_graph,
+    compute_regions,
+    graph_of,
+    read_solid,
+)
 from aspectgraph.graph.ray_confirmation import confirm
 from aspectgraph.visibility.visibility_regions import _COVERINGS_KEPT
 
@@ -212,3 +221,24 @@ def test_disjoint_solids_hide_each_other():
         nodes = build_aspect_graph(solid, edge, WORKSPACE).graph.nodes.values()
         seen.append(sum(node["volume"] for node in nodes if node["observable"]))
     assert 0.5 * seen[0] < seen[1] < 0.99 * seen[0]
+
+
+def test_cells_of_one_entity_are_where_it_is_observable_on_a_displaced_part():
+    pytest.importorskip("OCP")
+    solid = read_solid(Path(__file__).parents[3] / "examples" / "nist_ctc_01_ap242.stp")
+    low, high = workspace = solid.bounds + np.array([[-1500.0], [1500.0]])
+    space = compute_regions(solid, [1093], workspace)
+    names, rng = space.entity_names, np.random.default_rng(0)
+    cells = space.covering_cells(names)
+    # next to a wall that is parallel to another one only up to how vertices are displaced, then next to all walls
+    viewpoints = [np.array([[50.09937933485045, 28.924702377390805, 4.303609978555029]])]
+    for cell in cells:
+        inside = rng.dirichlet(np.ones(len(cell.vertices)), 5) @ cell.vertices
+        for wall in np.asarray(cell.half_spaces):
+            normal = wall[:3] / np.linalg.norm(wall[:3])
+            foot = inside - np.outer((inside @ wall[:3] + wall[3]) / np.linalg.norm(wall[:3]), normal)
+            viewpoints += [foot - 1e-5 * normal, foot + 1e-5 * normal]
+    viewpoints = np.concatenate(viewpoints)
+    viewpoints = viewpoints[((low < viewpoints) & (viewpoints < high)).all(axis=1)]
+    assert (cells.contains(viewpoints) == space.observable(viewpoints, names)[:, 0]).all()
+    assert space.observable(viewpoints[:1], names).all()

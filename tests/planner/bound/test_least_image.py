@@ -1,6 +1,7 @@
 """The least image length is a proof: no pose, however certain, may reach the probability with a shorter image."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from errors import SegmentQuantization, success_probability
 from planner import Camera, PoseUncertainty
 from planner.bound.least_image import _SAFETY, least_image_mm, quantization_quantile
 from planner.columns.judge import Judge
+from planner.request.constraints import Requirements
 
 CAMERA = Camera(8.0, (0.00345, 0.005), (2448, 2048), 8.0, 400.0)
 
@@ -49,9 +51,9 @@ def test_no_shorter_image_reaches_the_probability(accuracy):
 
 
 def least_quantile(pitch, probability):
-    """From the exact law of eq 3, every tenth of a degree: above the least of all directions by 0.18 % at most."""
-    law = SegmentQuantization(np.radians(np.linspace(0.0, 90.0, 901)), pitch)
-    low, high = np.zeros(901), np.full(901, sum(pitch))
+    """From the exact law of eq 3, between the directions that the code looks at."""
+    law = SegmentQuantization(np.radians(np.linspace(0.0, 90.0, 4501)), pitch)
+    low, high = np.zeros(4501), np.full(4501, sum(pitch))
     for _ in range(45):
         h = (low + high) / 2
         enough = 2.0 * law.cdf(h) - 1.0 >= probability
@@ -59,12 +61,30 @@ def least_quantile(pitch, probability):
     return high.min()
 
 
-@pytest.mark.parametrize("ratio", [1.0, 1.45, 3.0, 10.0])
-def test_the_safety_covers_the_steps(ratio):
-    """What the steps in direction and integral do wrong, and an error of 1e-5 in the probability, stay below 1 %."""
+@pytest.mark.parametrize("ratio", [1.0, 1.45, 3.0, 10.0, 1000.0])
+def test_no_direction_has_a_smaller_quantile(ratio):
     pitch = (0.01, 0.01 * ratio)
-    for probability in (0.3, 0.35, 0.5, 0.7, 0.9, 0.95, 0.99, 0.999, 1.0 - 1e-6):
-        safe = _SAFETY * quantization_quantile(pitch, probability)
-        along = 1.0 - math.sqrt(1.0 - probability)
-        by_probability = 1e-5 / (2.0 * math.sqrt(1.0 - probability) * along)
-        assert safe <= least_quantile(pitch, probability) * (1.0 - 0.0018 - by_probability)
+    for probability in (1e-4, 0.01, 0.05, 0.3, 0.35, 0.5, 0.7, 0.9, 0.95, 0.99, 0.999, 1.0 - 1e-6):
+        exact, found = least_quantile(pitch, probability), quantization_quantile(pitch, probability)
+        assert exact * (1.0 - 0.0018) <= found <= exact / (1.0 + 0.0017)
+
+
+def test_an_error_of_the_probability_asks_for_no_longer_image():
+    for probability in (1e-5, 0.3, 0.9, 1.0 - 1e-6):
+        judge = SimpleNamespace(
+            accuracy=0.98, threshold=probability, camera=CAMERA, constraints=SimpleNamespace(min_length_mm=0.0)
+        )
+        half_width = 0.5 * (math.log(2.0 - 0.98) - math.log(0.98))
+        asked = quantization_quantile(CAMERA.pixel_pitch_mm, probability - 5e-5)
+        assert least_image_mm(judge) <= _SAFETY * asked / half_width
+
+
+def test_no_image_shorter_than_the_least_reaches_a_small_probability():
+    camera = Camera(8.0, (0.002, 0.02), (4000, 400), 8.0, 400.0)
+    tiny = PoseUncertainty.isotropic(translation_mm=1e-6, rotation_rad=1e-8)
+    space = BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], EDGES)
+    judge = Judge(space, EDGES, camera, tiny, 0.9995, 0.02, Requirements(min_length_px=1.0))
+    depth = 300.0
+    half = 0.99 * least_image_mm(judge) / 2 * depth / camera.image_distance_mm
+    shorter = np.array([[[[-half, 0.0, depth], [half, 0.0, depth]]]])
+    assert judge._objective.probability_of(shorter).max() < 0.02

@@ -5,21 +5,14 @@ See docs/mathematics/lower-bound.md, section 9.
 
 from __future__ import annotations
 
-import math
-from pathlib import Path
-
 import numpy as np
 import pytest
 from grid_box import BoxCell, BoxCells, BoxSpace
 
-from aspectgraph import compute_regions, read_solid
 from planner import Camera, PoseUncertainty
-from planner.bound.least_image import least_image_mm
 from planner.bound.lower_bound import lower_bound
-from planner.bound.pose_tree import _nearest_depth
 from planner.camera.pose import look_at
 from planner.columns.judge import Judge
-from planner.request.constraints import Requirements
 
 PAIR = ("+z+y", "+z-y")
 WORKSPACE = np.array([[-900.0] * 3, [1100.0] * 3])
@@ -49,34 +42,3 @@ def test_a_viewpoint_in_a_slab_of_half_a_micrometre_serves_both_edges():
     if not judge(pose).inspects.all():
         pytest.fail("the pose must inspect both edges", pytrace=False)
     assert lower_bound(judge, np.arange(2), 2, np.eye(2, dtype=bool), max_nodes=100_000)[0] == 1
-
-
-@pytest.mark.xfail(strict=True, raises=AssertionError, reason="9.2: 1 % is too little for small p and oblong pixels")
-def test_no_image_shorter_than_the_least_reaches_a_small_probability():
-    camera = Camera(8.0, (0.002, 0.02), (4000, 400), 8.0, 400.0)
-    space = BoxSpace((120.0, 80.0, 60.0), WORKSPACE, PAIR)
-    judge = Judge(space, PAIR, camera, CERTAIN, 0.9995, 0.02, Requirements(min_length_px=1.0))
-    depth = 300.0
-    half = 0.99 * least_image_mm(judge) / 2 * depth / camera.image_distance_mm
-    shorter = np.array([[[[-half, 0.0, depth], [half, 0.0, depth]]]])
-    assert judge._objective.probability_of(shorter).max() < 0.02
-
-
-@pytest.mark.xfail(strict=True, raises=AssertionError, reason="9.6: the arc cosine of a number near 1 is wrong by 1e-8")
-def test_the_least_depth_of_a_node_is_not_overstated():
-    aside, ahead, spread = 2e-6, 400.0, 0.5
-    ray, axis, tangents = np.array([aside, 0.0, ahead]), np.array([0.0, 0.0, 1.0]), np.array([2.0, 2.0])
-    found = _nearest_depth(ray, 0.0, axis, spread, np.eye(3), 0.0, 10.0, 1e4, 1e5, 1.2, tangents)
-    assert found <= math.hypot(aside, ahead) * math.cos(math.atan2(aside, ahead) + spread) + 1e-9
-
-
-@pytest.mark.xfail(strict=True, raises=AssertionError, reason="9.3: planes shared in the overlay are not those cast")
-def test_what_is_observable_lies_in_a_cell():
-    pytest.importorskip("OCP")
-    solid = read_solid(Path(__file__).parents[3] / "examples" / "nist_ctc_01_ap242.stp")
-    space = compute_regions(solid, [1093], solid.bounds + np.array([[-1500.0], [1500.0]]))
-    viewpoint = [[50.09937933485045, 28.924702377390805, 4.303609978555029]]
-    names = space.entity_names
-    if not space.observable(viewpoint, names).all():
-        pytest.fail("the edge must be observable", pytrace=False)
-    assert space.covering_cells(names).contains(viewpoint).all()

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -11,10 +13,11 @@ from grid_box import EDGES
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
-from planner.bound.boxes.linear_sides import find_apart, linear_sides
+from planner.bound.boxes.linear_sides import _of_length, find_apart, linear_sides
 from planner.bound.boxes.linear_windows import NO, UNDECIDED, YES, may_meet
 from planner.bound.boxes.search import PROVEN
 from planner.bound.boxes.stack import agree, new_work, planted
+from planner.bound.boxes.view import View
 from planner.bound.boxes.windows import extent, most_turn, rotation, swings
 from planner.camera.pose import world_to_cam
 
@@ -149,3 +152,22 @@ def test_the_answer_is_that_of_linear_programs(grouped):
             assert (rows @ x <= rhs + 1e-12)[np.concatenate([[True], meets])[owner + 1]].all()
     assert min(answers.count(NO), answers.count(YES)) > 10
     assert answers.count(UNDECIDED) < 16
+
+
+def test_edges_nearly_in_a_plane_across_the_axis_are_not_said_to_have_shorter_images():
+    """There |X| and X.a are nearly equal; the area they leave is compared with that of exact fractions."""
+    view = View(near=300.0, far=300.001, middle=300.0005, tan_x=0.5, tan_y=0.4, radius=1.0, length_ratio=1e-5)
+    rng, still = np.random.default_rng(0), (np.zeros(3), np.zeros(3), 1.0, 0.0, 0.0)
+    rows, rhs, n_kept = np.zeros((1, 6)), np.zeros(1), 0
+    for _ in range(500):
+        ends, eye = rng.uniform(-300.0, 300.0, (2, 3)), rng.uniform(-300.0, 300.0, 3)
+        ends[1, 2], eye[2] = ends[0, 2] + 1e-6 * rng.normal(size=2)
+        kept = _of_length(ends, np.zeros((2, 3)), np.array([eye, eye]), still, view, np.eye(3), rows, rhs)
+        if kept:
+            n_kept += 1
+            first, second, nodal = ([Fraction(float(x)) for x in point] for point in (*ends, eye))
+            e, o = ([b - a for a, b in zip(first, point, strict=True)] for point in (second, nodal))
+            area = math.hypot(float(o[1] * e[2] - o[2] * e[1]), float(o[2] * e[0] - o[0] * e[2]))
+            both = math.sqrt(4.0 * area / view.length_ratio + (view.far - view.near) ** 2)
+            assert rhs[0] >= both / 2.0 - view.middle
+    assert n_kept > 400
