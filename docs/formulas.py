@@ -13,8 +13,9 @@ import unicodedata
 from latex2mathml.converter import convert
 from mkdocs.exceptions import PluginError
 
-# what pymdownx.arithmatex makes of $...$ and $$...$$
-_FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
+# what pymdownx.arithmatex makes of $...$ and $$...$$,
+# and what follows it on the same line
+_FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>([.,;:)]*)', re.DOTALL)
 _TAG = re.compile(r"\\tag\{([^}]*)\}")
 
 # bars travel as private characters, so that the opening one is told from the closing one
@@ -40,8 +41,12 @@ def mathml(latex: str, display: str = "inline") -> str:
     Raises
     ------
     ValueError
-        If a command in it is not known.
+        If a command in it is not known, or it is two formulas without an empty line between them.
     """
+    if "$" in latex:
+        raise ValueError(
+            f"formula {latex!r} has a dollar sign: formulas on lines of their own need an empty line between"
+        )
     text = " ".join(latex.split())
     for command, character in _BARS.items():
         text = text.replace(command, f"{character} ")
@@ -93,7 +98,8 @@ def translated(content: str) -> str:
         tag, latex = match[1], html.unescape(match[2])
         number = "".join(f'<span class="number">({name})</span>' for name in _TAG.findall(latex))
         formula = mathml(_TAG.sub("", latex), "block" if tag == "div" else "inline")
-        return f'<{tag} class="formula">{formula}{number}</{tag}>'
+        # a full stop or comma stays with its formula
+        return f'<{tag} class="formula">{formula}{number}{match[3]}</{tag}>'
 
     return _CODE.sub(_breakable, _FORMULA.sub(one, content))
 

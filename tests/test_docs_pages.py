@@ -39,11 +39,12 @@ def test_what_browsers_would_set_wrong_is_put_right(latex, part):
 
 
 def test_a_formula_is_replaced_with_its_number_beside_it():
-    page = r'<p>a</p><div class="arithmatex">\[x &lt; 1, \tag{L9}\]</div><span class="arithmatex">\(y\)</span>'
+    page = r'<p>a</p><div class="arithmatex">\[x &lt; 1, \tag{L9}\]</div><span class="arithmatex">\(y\)</span>, z'
     found = FORMULAS.translated(page)
     assert found.startswith('<p>a</p><div class="formula"><math')
     assert found.count("</math>") == 2
     assert '</math><span class="number">(L9)</span></div>' in found
+    assert found.endswith("</math>,</span> z")
     assert "arithmatex" not in found
     assert "tag" not in found
 
@@ -52,6 +53,11 @@ def test_a_command_that_is_not_known_fails_with_page_and_formula():
     page = SimpleNamespace(file=SimpleNamespace(src_path="some.md"))
     with pytest.raises(PluginError, match=r"some\.md: formula .* has an unknown command \\nosuch"):
         FORMULAS.on_page_content(r'<span class="arithmatex">\(\nosuch x\)</span>', page=page)
+
+
+def test_two_formulas_without_an_empty_line_between_are_refused():
+    with pytest.raises(ValueError, match="empty line between"):
+        FORMULAS.translated(r'<div class="arithmatex">\[x $$ $$ y\]</div>')
 
 
 def test_long_names_may_be_broken_and_code_blocks_stay():
