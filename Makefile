@@ -1,4 +1,4 @@
-.PHONY: demo test lint setup-demo setup-test clean
+.PHONY: demo test lint docs setup-demo setup-test setup-docs clean
 VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO_OUT ?= demo-output
@@ -9,6 +9,9 @@ setup-demo:
 setup-test:
 	@VENV=$(VENV) .ci/setup test
 
+setup-docs:
+	@VENV=$(VENV) .ci/setup docs
+
 demo: setup-demo
 	$(BIN)/aspectgraph plan examples/nist_ctc_01_ap242.stp --entities examples/nist_ctc_01_entities.toml \
 	    --camera examples/camera.toml --accuracy 0.99 --probability 0.9 --out $(DEMO_OUT)
@@ -18,10 +21,14 @@ lint: setup-test
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 
+docs: setup-docs
+	$(BIN)/mkdocs build --strict --quiet
+
 test: lint
+	$(BIN)/mkdocs build --strict --quiet
 	$(BIN)/python -m pytest
 	$(BIN)/python -m pytest --nbmake notebooks
 
 clean:
-	rm -rf $(DEMO_OUT) build *.egg-info
+	rm -rf $(DEMO_OUT) build site *.egg-info
 	find aspectgraph errors ga planner -name '*.nb[ic]' -delete

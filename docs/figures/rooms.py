@@ -1,0 +1,159 @@
+"""Draw the rooms of the packages: floors from the import contracts, arrows from the imports.
+
+Run from anywhere; writes ``rooms.svg`` beside this file, the same bytes for the same code. A new room needs a place in
+`PLACES`; the tests say so, and that the picture is no longer that of the code.
+"""
+
+from __future__ import annotations
+
+import ast
+from html import escape
+from pathlib import Path
+
+import networkx as nx
+
+try:
+    import tomllib
+except ModuleNotFoundError:  # Python 3.10
+    import tomli as tomllib
+
+ROOT = Path(__file__).parents[2]
+
+COLUMN, FLOOR, BOX, MARGIN, HEAD = 162, 62, (148, 38), 24, 34
+COLOURS = {"planner": "#dcebf7", "aspectgraph": "#e2f0dc", "errors": "#fbead2", "ga": "#eee6f4"}
+
+# of each room: its place from left to right, in columns, and what it does
+PLACES = {
+    "planner": {
+        "cli": (2.75, "options, commands, exit codes"),
+        "inspection": (1.5, "the whole plan, step by step"),
+        "output": (4, "report, pose files, words"),
+        "resume": (4, "go on where it stopped"),
+        "plan": (4, "the plan and its file"),
+        "travel": (2.75, "order of the poses"),
+        "bound": (1.5, "no plan can do with fewer"),
+        "columns": (1.5, "what poses inspect"),
+        "cover": (0, "few columns for all entities"),
+        "setting": (2, "one pose for one set"),
+        "verify": (3.8, "promises, simulated"),
+        "request": (2.7, "constraints and probability"),
+        "camera": (3.25, "camera, pose, uncertainty"),
+        "executors": (0, "work in processes"),
+        "ledger": (1, "what is already computed"),
+        "records": (2, "strict JSON files"),
+        "progress": (3.8, "how far it is"),
+        "files": (5, "files written whole"),
+        "exceptions": (2.5, "what is refused; for every room"),
+    },
+    "aspectgraph": {
+        "plot": (2, "pictures"),
+        "graph": (2, "the aspect graph, its files"),
+        "domains": (1.5, "cells merged to domains"),
+        "visibility": (1.5, "from where edges are seen"),
+        "cells": (1, "convex cells, cut exactly"),
+        "exact": (1, "grid and exact signs"),
+        "entities": (2, "what can be measured"),
+        "read": (0, "part files"),
+        "solid": (1, "a surface that is checked"),
+        "files": (2.92, "files written whole"),
+        "exceptions": (1.45, "what is refused; for every room"),
+    },
+}
+LEAVES = {"errors": "error of a measured length", "ga": "a genetic algorithm"}
+
+
+def floors(package: str) -> list[list[str]]:
+    """Return the rooms of a package from the top floor to the ground, as its import contract states them."""
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
+    layers = next(one["layers"] for one in contracts if one.get("containers") == [package])
+    return [[room.strip() for room in layer.split("|")] for layer in layers]
+
+
+def arrows(package: str) -> list[tuple[str, str]]:
+    """Return which rooms import which, without those that follow from others and those to the exceptions."""
+    graph = nx.DiGraph()
+    for path in sorted((ROOT / package).rglob("*.py")):
+        room = path.relative_to(ROOT / package).with_suffix("").parts[0]
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            names = (node.module or "").split(".") if isinstance(node, ast.ImportFrom) else []
+            if len(names) > 1 and names[0] == package and room not in ("__init__", names[1]):
+                graph.add_edge(room, names[1])
+    return sorted(edge for edge in nx.transitive_reduction(graph).edges if edge[1] != "exceptions")
+
+
+def box(x: float, y: float, name: str, what: str, colour: str, folder: bool, width: float = BOX[0]) -> str:
+    """Return a room: a box with a name and what it does; a single file has a dashed border."""
+    dash = "" if folder else ' stroke-dasharray="4 3"'
+    return (
+        f'<rect x="{x - width / 2:g}" y="{y - BOX[1] / 2:g}" width="{width:g}" height="{BOX[1]}" rx="4" '
+        f'fill="{colour}" stroke="#444"{dash}/>\n'
+        f'<text x="{x:g}" y="{y - 3:g}" class="name">{escape(name)}</text>\n'
+        f'<text x="{x:g}" y="{y + 12:g}" class="what">{escape(what)}</text>'
+    )
+
+
+def arrow(start: tuple[float, float], end: tuple[float, float]) -> str:
+    """Return an arrow from the lower side of one box to the upper side of another."""
+    (x0, y0), (x1, y1) = start, end
+    half = BOX[1] / 2
+    return f'<line x1="{x0:g}" y1="{y0 + half:g}" x2="{x1:g}" y2="{y1 - half - 2:g}" class="arrow"/>'
+
+
+def house(package: str, left: float, top: float, columns: float) -> tuple[list[str], float]:
+    """Return the parts of the picture of one package, and where it ends below."""
+    levels = floors(package)
+    where = {
+        room: (left + (PLACES[package][room][0] + 0.5) * COLUMN, top + HEAD + (k + 0.5) * FLOOR)
+        for k, level in enumerate(levels)
+        for room in level
+    }
+    width, height = columns * COLUMN, HEAD + len(levels) * FLOOR
+    parts = [frame(package, left, top, width, height)]
+    parts += [arrow(where[upper], where[lower]) for upper, lower in arrows(package)]
+    for room, (x, y) in where.items():
+        folder = (ROOT / package / room).is_dir()
+        wide = width - 2 * MARGIN if room == "exceptions" else BOX[0]
+        parts.append(box(x, y, room, PLACES[package][room][1], COLOURS[package], folder, wide))
+    return parts, top + height
+
+
+def frame(package: str, left: float, top: float, width: float, height: float) -> str:
+    """Return the outline of a package with its name."""
+    return (
+        f'<rect x="{left:g}" y="{top:g}" width="{width:g}" height="{height:g}" rx="6" fill="#fcfcfc" stroke="#999"/>\n'
+        f'<text x="{left + 12:g}" y="{top + 22:g}" class="package">{package}</text>'
+    )
+
+
+def draw() -> str:
+    """Return the picture as SVG."""
+    upper, end = house("planner", MARGIN, MARGIN, 6)
+    top = end + FLOOR
+    lower, bottom = house("aspectgraph", MARGIN, top, 3.9)
+    parts, middles = [*upper, *lower], [MARGIN + 1.95 * COLUMN]
+    for k, (name, what) in enumerate(LEAVES.items()):
+        left, wide = MARGIN + (4.02 + 1.02 * k) * COLUMN, 0.96 * COLUMN
+        middles.append(left + wide / 2)
+        parts.append(frame(name, left, top, wide, HEAD + FLOOR))
+        parts.append(box(middles[-1], top + HEAD + FLOOR / 2, "one room", what, COLOURS[name], True, wide - 16))
+    parts += [f'<line x1="{x:g}" y1="{end:g}" x2="{x:g}" y2="{top - 4:g}" class="arrow strong"/>' for x in middles]
+    width, height = 6 * COLUMN + 2 * MARGIN, bottom + MARGIN
+    return "\n".join([HEADER.format(width=f"{width:g}", height=f"{height:g}"), *parts, "</svg>\n"])
+
+
+HEADER = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}">
+<style>
+text {{ font-family: "Helvetica Neue", Arial, "Liberation Sans", sans-serif; fill: #222; text-anchor: middle; }}
+.package {{ font-size: 16px; font-weight: bold; text-anchor: start; }}
+.name {{ font-size: 13px; font-weight: bold; }}
+.what {{ font-size: 10px; }}
+.arrow {{ stroke: #555; stroke-width: 1.1; marker-end: url(#tip); }}
+.strong {{ stroke-width: 2.2; }}
+</style>
+<marker id="tip" markerUnits="userSpaceOnUse" markerWidth="9" markerHeight="8" refX="8" refY="4" orient="auto">
+<path d="M0 0 L9 4 L0 8 z" fill="#555"/></marker>
+<rect width="{width}" height="{height}" fill="white"/>"""
+
+
+if __name__ == "__main__":
+    Path(__file__).with_suffix(".svg").write_text(draw(), "utf-8", newline="\n")

@@ -1,0 +1,77 @@
+"""The documents as pages for a browser: their formulas, and the picture that is drawn from the code."""
+
+import importlib.util
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from mkdocs.exceptions import PluginError
+
+ROOT = Path(__file__).parents[1]
+
+
+def load(path):
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+FORMULAS = load(ROOT / "docs/formulas.py")
+ROOMS = load(ROOT / "docs/figures/rooms.py")
+
+
+@pytest.mark.parametrize(
+    ("latex", "part"),
+    [
+        (r"\lvert x", '<mo stretchy="false" form="prefix" lspace="0" rspace="0">|</mo>'),
+        (r"x\rvert", '<mo stretchy="false" form="postfix" lspace="0" rspace="0">|</mo>'),
+        (r"x\bigr\rvert", 'form="postfix" lspace="0" rspace="0">|</mo>'),
+        (r"\mathbf m", "𝐦"),
+        (r"R^{\mathsf T}", "𝖳"),
+        (r"\mathcal A\mathcal B", '𝒜</mi><mi mathvariant="normal">ℬ'),
+        (r"2\tan\kappa", '<mo form="prefix" lspace="0.17em" rspace="0.17em">tan</mo>'),
+        (r"\ln(x)", '<mo form="prefix" lspace="0.17em" rspace="0">ln</mo>'),
+    ],
+)
+def test_what_browsers_would_set_wrong_is_put_right(latex, part):
+    assert part in FORMULAS.mathml(latex)
+
+
+def test_a_formula_is_replaced_with_its_number_beside_it():
+    page = r'<p>a</p><div class="arithmatex">\[x &lt; 1, \tag{L9}\]</div><span class="arithmatex">\(y\)</span>, z'
+    found = FORMULAS.translated(page)
+    assert found.startswith('<p>a</p><div class="formula"><math')
+    assert found.count("</math>") == 2
+    assert '</math><span class="number">(L9)</span></div>' in found
+    assert found.endswith("</math>,</span> z")
+    assert "arithmatex" not in found
+    assert "tag" not in found
+
+
+def test_a_command_that_is_not_known_fails_with_page_and_formula():
+    page = SimpleNamespace(file=SimpleNamespace(src_path="some.md"))
+    with pytest.raises(PluginError, match=r"some\.md: formula .* has an unknown command \\nosuch"):
+        FORMULAS.on_page_content(r'<span class="arithmatex">\(\nosuch x\)</span>', page=page)
+
+
+def test_two_formulas_without_an_empty_line_between_are_refused():
+    with pytest.raises(ValueError, match="empty line between"):
+        FORMULAS.translated(r'<div class="arithmatex">\[x $$ $$ y\]</div>')
+
+
+def test_long_names_may_be_broken_and_code_blocks_stay():
+    assert FORMULAS.translated("<code>a.b_c</code>") == "<code>a.<wbr>b_<wbr>c</code>"
+    assert FORMULAS.translated("<pre><code>a.b</code></pre>") == "<pre><code>a.b</code></pre>"
+
+
+def test_the_picture_of_the_rooms_is_that_of_the_code():
+    """If this fails, run docs/figures/rooms.py, after giving a new room a place there."""
+    assert ROOMS.draw() == (ROOT / "docs/figures/rooms.svg").read_text("utf-8")
+
+
+@pytest.mark.parametrize("package", ROOMS.PLACES)
+def test_every_arrow_in_the_picture_leads_downward(package):
+    floor = {room: k for k, level in enumerate(ROOMS.floors(package)) for room in level}
+    assert floor.keys() == ROOMS.PLACES[package].keys()
+    assert all(floor[upper] < floor[lower] for upper, lower in ROOMS.arrows(package))
