@@ -62,7 +62,7 @@ def test_there_are_documents_and_references():
 
 @pytest.mark.parametrize(("name", "path"), found(CODE), ids=lambda value: str(getattr(value, "name", value)))
 def test_code_that_is_named_exists(name, path):
-    resolve(name)
+    assert resolve(name) is not None
 
 
 @pytest.mark.parametrize(("test", "path"), found(TEST), ids=lambda value: str(getattr(value, "name", value)))
