@@ -13,8 +13,7 @@ import unicodedata
 from latex2mathml.converter import convert
 from mkdocs.exceptions import PluginError
 
-# what pymdownx.arithmatex makes of $...$ and $$...$$,
-# and what follows it on the same line
+# what pymdownx.arithmatex makes of $...$ and $$...$$, with the punctuation after it
 _FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>([.,;:)]*)', re.DOTALL)
 _TAG = re.compile(r"\\tag\{([^}]*)\}")
 
@@ -24,7 +23,10 @@ _BAR = re.compile("<m[io]([^>]*)>([\ue000\ue001])</m[io]>")
 
 # of `mathvariant` browsers know "normal" only; the characters exist in Unicode
 _VARIANT = re.compile(r'<mi mathvariant="(bold|sans-serif|script|double-struck)">([A-Za-z])</mi>')
-_FUNCTION = re.compile(r'<mi>(arc(?:sin|cos|tan)|sin|cos|tan|ln|exp|det)</mi>(?=(<mo stretchy="false">&#x00028;)?)')
+# names of more than one letter, such as cos and max; other text is mtext
+_FUNCTION = re.compile(r'<m[io]( movablelimits="true")?>([A-Za-z]{2,})</m[io]>(?=(<mo stretchy="false">&#x00028;)?)')
+# things that are taken for operations: the empty set, an angle
+_THING = re.compile("<mo>(&#x0(?:2205|2220);)</mo>")
 
 _CODE = re.compile(r"(?<!<pre>)<code>([^<\n]+)</code>")
 
@@ -59,7 +61,9 @@ def mathml(latex: str, display: str = "inline") -> str:
         raise ValueError(f"formula {latex!r} has an unknown command {unknown[0]}")
     for pattern, mended in ((_BAR, _bar), (_VARIANT, _letter), (_FUNCTION, _function)):
         found = pattern.sub(mended, found)
-    return found
+    found = _THING.sub(r"<mi>\1</mi>", found)
+    # no space before the first
+    return found.replace('<mrow><mo form="prefix" lspace="0.17em"', '<mrow><mo form="prefix" lspace="0"')
 
 
 def _bar(match: re.Match) -> str:
@@ -82,8 +86,8 @@ def _letter(match: re.Match) -> str:
 
 def _function(match: re.Match) -> str:
     """Return the name of a function with space around it, none before a bracket."""
-    after = "0" if match[2] else "0.17em"
-    return f'<mo form="prefix" lspace="0.17em" rspace="{after}">{match[1]}</mo>'
+    limits, name, bracket = match.groups(default="")
+    return f'<mo{limits} form="prefix" lspace="0.17em" rspace="{"0" if bracket else "0.17em"}">{name}</mo>'
 
 
 def _breakable(match: re.Match) -> str:

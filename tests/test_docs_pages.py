@@ -31,7 +31,10 @@ ROOMS = load(ROOT / "docs/figures/rooms.py")
         (r"R^{\mathsf T}", "𝖳"),
         (r"\mathcal A\mathcal B", '𝒜</mi><mi mathvariant="normal">ℬ'),
         (r"2\tan\kappa", '<mo form="prefix" lspace="0.17em" rspace="0.17em">tan</mo>'),
-        (r"\ln(x)", '<mo form="prefix" lspace="0.17em" rspace="0">ln</mo>'),
+        (r"v\in\operatorname{int}S", '<mo form="prefix" lspace="0.17em" rspace="0.17em">int</mo>'),
+        (r"\cos\kappa", '<mo form="prefix" lspace="0" rspace="0.17em">cos</mo>'),
+        (r"A=\emptyset", "<mi>&#x02205;</mi>"),
+        (r"\ln(x)", '<mo form="prefix" lspace="0" rspace="0">ln</mo>'),
     ],
 )
 def test_what_browsers_would_set_wrong_is_put_right(latex, part):
