@@ -87,8 +87,10 @@ def displacement_terms(points: ArrayLike, *, focal_length_mm: float) -> Displace
 
     Parameters
     ----------
-    points, focal_length_mm
-        As `project`.
+    points : array-like, shape (..., 3)
+        Points in the paper's camera frame, in mm.
+    focal_length_mm : float
+        Distance from the image plane to the lens centre, in mm.
 
     Returns
     -------
@@ -116,15 +118,19 @@ def point_displacement(
 
     Parameters
     ----------
-    points, focal_length_mm
-        As `project`.
+    points : array-like, shape (..., 3)
+        Points in the paper's camera frame, in mm.
+    focal_length_mm : float
+        Distance from the image plane to the lens centre, in mm.
     pose_covariance : array-like, shape (..., 6, 6)
         Covariance of (dx, dy, dz, phi_x, phi_y, phi_z) in mm and rad.
 
     Returns
     -------
-    along_u, along_v : NormalRatio
-        With the points' leading shape; values in mm.
+    along_u : NormalRatio
+        Law of the displacement along u in mm, with the points' leading shape.
+    along_v : NormalRatio
+        The same along v.
 
     Raises
     ------

@@ -39,8 +39,10 @@ def length_expansion(
 
     Parameters
     ----------
-    endpoints, focal_length_mm
-        As `image_segment`.
+    endpoints : array-like, shape (..., 2, 3)
+        Edge ends in the paper's camera frame, in mm.
+    focal_length_mm : float
+        Distance from the image plane to the lens centre, in mm.
 
     Returns
     -------

@@ -26,13 +26,21 @@ class SuccessModel:
 
     Parameters
     ----------
-    focal_length_mm, pixel_pitch_mm, pose_covariance, accuracy, model
-        As `success_probability`; one covariance (6, 6) for all edges.
+    focal_length_mm : float
+        Distance from the image plane to the lens centre, in mm.
+    pixel_pitch_mm : array-like, shape (2,)
+        Pixel pitch (r_x, r_y) in mm.
+    pose_covariance : array-like, shape (6, 6)
+        Covariance of (dx, dy, dz, phi_x, phi_y, phi_z) in mm and rad; one for all edges, see `success_probability`.
+    accuracy : float
+        A in (0, 1): the length may be off by the fraction 1 - A of it.
+    model : {"joint", "independent", "montecarlo"}
+        How the probability is found; see `success_probability`.
 
     Raises
     ------
     InvalidParameterError
-        As `success_probability`.
+        As `success_probability`; a covariance of another shape raises its kind `InvalidShapeError`.
     """
 
     def __init__(self, *, focal_length_mm: float, pixel_pitch_mm, pose_covariance, accuracy: float, model="joint"):
@@ -48,7 +56,18 @@ class SuccessModel:
         self._root = covariance_root(self.covariance)[None]
 
     def __call__(self, endpoints: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return P (...) of edges whose ends (..., 2, 3), mm, are in the paper's camera frame."""
+        """Return the probability that each edge is measured to the required accuracy.
+
+        Parameters
+        ----------
+        endpoints : array, shape (..., 2, 3)
+            Edge ends in the paper's camera frame, in mm.
+
+        Returns
+        -------
+        array, shape (...)
+            Probabilities in [0, 1]; 0 for an edge without an image.
+        """
         flat = np.asarray(endpoints, dtype=np.float64).reshape(-1, 2, 3)
         solve = self._joint if self.model == "joint" else self._of_imaged
         return solve(flat).reshape(endpoints.shape[:-2])

@@ -34,7 +34,7 @@ _CHUNK = 1 << 16
 QUANTIZATIONS = ("uniform", "grid", "none")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class MonteCarloEstimate:
     """Success frequencies with exact (Clopper-Pearson) confidence intervals.
 
@@ -53,6 +53,12 @@ class MonteCarloEstimate:
     upper: NDArray[np.float64]
     samples: int
     confidence: float
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        shape = np.shape(self.probability)
+        found = f"shape {shape}" if shape else f"{self.probability:.4f} in [{self.lower:.4f}, {self.upper:.4f}]"
+        return f"<MonteCarloEstimate: {found}, confidence {self.confidence:g}, {self.samples} samples>"
 
 
 def simulate_success(
@@ -73,8 +79,14 @@ def simulate_success(
     ----------
     endpoints : array-like, shape (..., 2, 3)
         Edge ends in the paper's camera frame, in mm.
-    focal_length_mm, pixel_pitch_mm, pose_covariance, accuracy
-        As `success_probability`.
+    focal_length_mm : float
+        Distance from the image plane to the lens centre, in mm.
+    pixel_pitch_mm : array-like, shape (2,)
+        Pixel pitch (r_x, r_y) in mm.
+    pose_covariance : array-like, shape (6, 6) or (..., 6, 6)
+        Covariance of (dx, dy, dz, phi_x, phi_y, phi_z) in mm and rad; see `success_probability`.
+    accuracy : float
+        A in (0, 1): the length may be off by the fraction 1 - A of it.
     samples : int
         Number of displaced poses.
     rng : int or numpy.random.Generator
@@ -117,7 +129,29 @@ def simulate_success(
 def binomial_interval(
     hits: ArrayLike, samples: int, confidence: float = 0.95
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the Clopper-Pearson interval of a success probability after `hits` successes in `samples` trials."""
+    """Return the Clopper-Pearson interval of a success probability.
+
+    Parameters
+    ----------
+    hits : array-like
+        Numbers of successes, any shape, each in [0, samples].
+    samples : int
+        Number of trials, at least 1.
+    confidence : float
+        Coverage of the interval, in (0, 1).
+
+    Returns
+    -------
+    lower : array
+        Lower ends, in the shape of `hits`; 0 without successes.
+    upper : array
+        Upper ends; 1 without failures.
+
+    References
+    ----------
+    C. J. Clopper and E. S. Pearson, "The use of confidence or fiducial limits illustrated in the case of the binomial",
+    Biometrika 26, 1934.
+    """
     hits = np.asarray(hits, dtype=np.float64)
     tail = 0.5 * (1.0 - confidence)
     lower = np.where(hits > 0, betaincinv(np.maximum(hits, 1), samples - hits + 1, tail), 0.0)

@@ -91,6 +91,11 @@ def coverage_image(
         Covered fractions in [0, 1]; the row index grows with v.
     origin : tuple of int
         Indices (i, j) of the pixel in column 0, row 0.
+
+    Raises
+    ------
+    InvalidParameterError
+        If a value is not finite, or a pitch is not positive.
     """
     segment, pitch = check_finite(segment, "segment"), check_pixel_pitch(pixel_pitch_mm)
     low = np.floor(segment.min(axis=0) / pitch).astype(int) - margin_px

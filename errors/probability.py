@@ -63,8 +63,10 @@ def success_probability(
     model : {"joint", "independent", "montecarlo"}
         "joint": both ends moved by one displaced pose, second order (see `errors.joint`). "independent": the paper's
         eqs 10-15, which take the ends' displacements as independent. "montecarlo": exact rotation, random poses.
-    samples, rng
-        Number of draws and seed (or generator) of model "montecarlo"; see `simulate_success` for its interval.
+    samples : int
+        Number of draws of model "montecarlo"; see `simulate_success` for its interval.
+    rng : int or numpy.random.Generator
+        Seed or source of chance of model "montecarlo".
 
     Returns
     -------

@@ -39,17 +39,52 @@ class AxisQuantization:
         object.__setattr__(self, "pitch_mm", check_positive(self.pitch_mm, "pitch_mm"))
 
     def pdf(self, error: ArrayLike) -> NDArray[np.float64]:
-        """Return the density (1/r)(1 - |error|/r), per mm."""
+        """Return the density (1/r)(1 - |error|/r).
+
+        Parameters
+        ----------
+        error : array-like
+            Errors in mm, any shape.
+
+        Returns
+        -------
+        array
+            Densities per mm, in the shape of `error`; 0 beyond r.
+        """
         z = np.abs(np.asarray(error, dtype=np.float64)) / self.pitch_mm
         return np.maximum(1.0 - z, 0.0) / self.pitch_mm
 
     def cdf(self, error: ArrayLike) -> NDArray[np.float64]:
-        """Return the probability of an error up to the given one, in mm."""
+        """Return the probability of an error up to the given one.
+
+        Parameters
+        ----------
+        error : array-like
+            Errors in mm, any shape.
+
+        Returns
+        -------
+        array
+            Probabilities in [0, 1], in the shape of `error`.
+        """
         z = np.clip(np.asarray(error, dtype=np.float64) / self.pitch_mm, -1.0, 1.0)
         return 0.5 * (1.0 + z * (2.0 - np.abs(z)))
 
     def sample(self, n: int, rng: int | np.random.Generator = 0) -> NDArray[np.float64]:
-        """Draw `n` errors in mm as differences of two uniform ones."""
+        """Draw errors as differences of two uniform ones.
+
+        Parameters
+        ----------
+        n : int
+            How many to draw.
+        rng : int or numpy.random.Generator
+            Seed or source of chance.
+
+        Returns
+        -------
+        array, shape (n,)
+            Errors in mm.
+        """
         ends = np.random.default_rng(rng).uniform(-0.5, 0.5, (2, n))
         return self.pitch_mm * (ends[1] - ends[0])
 
@@ -94,13 +129,35 @@ class SegmentQuantization:
         return np.sqrt((wx**2 + wy**2) / 6.0)
 
     def pdf(self, error: ArrayLike) -> NDArray[np.float64]:
-        """Return the density per mm: piecewise cubic."""
+        """Return the density, which is piecewise cubic.
+
+        Parameters
+        ----------
+        error : array-like
+            Errors in mm, any shape that broadcasts against `angle_rad`.
+
+        Returns
+        -------
+        array
+            Densities per mm, in the broadcast shape.
+        """
         error, a, b = self._broadcast(error)
         parts = _smooth_ramp(error + a, b) - 2.0 * _smooth_ramp(error, b) + _smooth_ramp(error - a, b)
         return np.where(np.abs(error) < a + b, np.maximum(parts, 0.0) / a**2, 0.0)
 
     def cdf(self, error: ArrayLike) -> NDArray[np.float64]:
-        """Return the probability of an error up to the given one: piecewise quartic."""
+        """Return the probability of an error up to the given one: piecewise quartic.
+
+        Parameters
+        ----------
+        error : array-like
+            Errors in mm, any shape that broadcasts against `angle_rad`.
+
+        Returns
+        -------
+        array
+            Probabilities in [0, 1], in the broadcast shape.
+        """
         error, a, b = self._broadcast(error)
         # The lower half only, so that no large equal terms are subtracted; the law is symmetric.
         low = -np.abs(error)
@@ -109,14 +166,38 @@ class SegmentQuantization:
         return np.where(error > 0.0, 1.0 - half, half)
 
     def sample(self, n: int, rng: int | np.random.Generator = 0) -> NDArray[np.float64]:
-        """Draw errors in mm, shape (n, *angle shape), from the four uniform end-point errors."""
+        """Draw errors from the four uniform end-point errors.
+
+        Parameters
+        ----------
+        n : int
+            How many to draw.
+        rng : int or numpy.random.Generator
+            Seed or source of chance.
+
+        Returns
+        -------
+        array, shape (n, ...)
+            Errors in mm; the other axes are those of `angle_rad`.
+        """
         ends = np.random.default_rng(rng).uniform(-0.5, 0.5, (2, 2, n, *np.shape(self.angle_rad)))
         difference = ends[1] - ends[0]
         rx, ry = self.pixel_pitch_mm
         return rx * np.cos(self.angle_rad) * difference[0] + ry * np.sin(self.angle_rad) * difference[1]
 
     def characteristic(self, t: ArrayLike) -> NDArray[np.float64]:
-        """Return E exp(it error), real because the law is symmetric; t per mm."""
+        """Return E exp(it error), real because the law is symmetric.
+
+        Parameters
+        ----------
+        t : array-like
+            Arguments per mm, any shape that broadcasts against `angle_rad`.
+
+        Returns
+        -------
+        array
+            Values of the characteristic function, in the broadcast shape.
+        """
         wx, wy = self.widths_mm
         t = np.asarray(t, dtype=np.float64) / (2.0 * np.pi)
         return np.sinc(t * wx) ** 2 * np.sinc(t * wy) ** 2

@@ -85,7 +85,18 @@ class NormalRatio:
         return np.sqrt(np.maximum(self.var_n - 2.0 * w * self.cov + w * w * self.var_d, 0.0))
 
     def pdf(self, w: ArrayLike) -> NDArray[np.float64]:
-        """Return the density at w; infinite at 0 and zero elsewhere where var_n is 0."""
+        """Return the density at w; infinite at 0 and zero elsewhere where var_n is 0.
+
+        Parameters
+        ----------
+        w : array-like
+            Ratios, any shape that broadcasts against the parameters.
+
+        Returns
+        -------
+        array
+            Densities f(w) of the module's notation, in the broadcast shape.
+        """
         w = np.asarray(w, dtype=np.float64)
         s, root = self._spread(w), self._root_det
         slope = self.mean_d * (self.var_n - w * self.cov)
@@ -99,7 +110,18 @@ class NormalRatio:
         return np.where(self.var_n > 0.0, density, point_mass)
 
     def cdf(self, w: ArrayLike) -> NDArray[np.float64]:
-        """Return the probability of a ratio up to w."""
+        """Return the probability of a ratio up to w.
+
+        Parameters
+        ----------
+        w : array-like
+            Ratios, any shape that broadcasts against the parameters.
+
+        Returns
+        -------
+        array
+            Probabilities F(w) of the module's notation, in the broadcast shape.
+        """
         w = np.asarray(w, dtype=np.float64)
         root = self._root_det
         step = np.where(w >= 0.0, 1.0, 0.0)
@@ -110,14 +132,41 @@ class NormalRatio:
         return np.where(self.var_n > 0.0, below, step)
 
     def sample(self, n: int, rng: int | np.random.Generator = 0) -> NDArray[np.float64]:
-        """Draw ratios, shape (n, *parameter shape)."""
+        """Draw ratios.
+
+        Parameters
+        ----------
+        n : int
+            How many to draw.
+        rng : int or numpy.random.Generator
+            Seed or source of chance.
+
+        Returns
+        -------
+        array, shape (n, ...)
+            Ratios; the other axes are those of the parameters.
+        """
         z = np.random.default_rng(rng).standard_normal((2, n, *self.var_n.shape))
         slope, rest = self._regression()
         d = np.sqrt(self.var_d) * z[0]
         return (slope * d + np.sqrt(rest) * z[1]) / (self.mean_d + d)
 
     def characteristic(self, t: ArrayLike) -> NDArray[np.complex128]:
-        """Return E exp(it N/D) by Gauss-Hermite quadrature over D, given which N is normal; needs mu > 8 s.d. of D."""
+        """Return E exp(it N/D), the characteristic function.
+
+        It is found by Gauss-Hermite quadrature over D, given which N is normal; that needs a mean of D beyond eight of its
+        standard deviations.
+
+        Parameters
+        ----------
+        t : array-like
+            Arguments, any shape that broadcasts against the parameters.
+
+        Returns
+        -------
+        array of complex
+            Values of the characteristic function, in the broadcast shape.
+        """
         t = np.asarray(t, dtype=np.float64)[..., None]
         mean, variance = self._given_denominator()
         return (np.exp(1j * t * mean - 0.5 * t * t * variance) * _WEIGHT).sum(axis=-1)

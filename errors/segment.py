@@ -28,7 +28,18 @@ class _FourierLaw:
     """A law known by `characteristic(t)` and `std`: density and distribution by inversion."""
 
     def pdf(self, error: ArrayLike) -> NDArray[np.float64]:
-        """Return the density at an error in mm, per mm."""
+        """Return the density at an error.
+
+        Parameters
+        ----------
+        error : array-like
+            Errors in mm, any shape that broadcasts against the law's.
+
+        Returns
+        -------
+        array
+            Densities per mm, in the broadcast shape; infinite at 0 where the law has no spread.
+        """
         error, std = np.asarray(error, dtype=np.float64), self.std
         step = _step(std)
         total = 0.0
@@ -38,7 +49,18 @@ class _FourierLaw:
         return np.where((std == 0.0) & (error == 0.0), np.inf, density)
 
     def cdf(self, error: ArrayLike) -> NDArray[np.float64]:
-        """Return the probability of an error up to the given one, in mm."""
+        """Return the probability of an error up to the given one.
+
+        Parameters
+        ----------
+        error : array-like
+            Errors in mm, any shape that broadcasts against the law's.
+
+        Returns
+        -------
+        array
+            Probabilities in [0, 1], in the broadcast shape.
+        """
         error, std = np.asarray(error, dtype=np.float64), self.std
         step = _step(std)
         total = 0.0
@@ -73,8 +95,10 @@ class AxisDisplacement(_FourierLaw):
         Edge ends in the paper's camera frame, in mm.
     axis : {"u", "v"}
         Image axis: eq 12 for u, eq 13 for v.
-    focal_length_mm, pose_covariance
-        As `success_probability`.
+    focal_length_mm : float
+        Distance from the image plane to the lens centre, in mm.
+    pose_covariance : array-like, shape (6, 6) or (..., 6, 6)
+        Covariance of (dx, dy, dz, phi_x, phi_y, phi_z) in mm and rad; see `success_probability`.
 
     Raises
     ------
@@ -94,11 +118,35 @@ class AxisDisplacement(_FourierLaw):
         return np.sqrt(self._ends[0].std ** 2 + self._ends[1].std ** 2)
 
     def characteristic(self, t: ArrayLike) -> NDArray[np.complex128]:
-        """Return E exp(it error); t per mm, broadcasting against the edges."""
+        """Return E exp(it error), the characteristic function.
+
+        Parameters
+        ----------
+        t : array-like
+            Arguments per mm, any shape that broadcasts against the law's.
+
+        Returns
+        -------
+        array of complex
+            Values of the characteristic function, in the broadcast shape.
+        """
         return self._ends[1].characteristic(t) * np.conj(self._ends[0].characteristic(t))
 
     def sample(self, n: int, rng: int | np.random.Generator = 0) -> NDArray[np.float64]:
-        """Draw errors in mm, shape (n, ...)."""
+        """Draw errors.
+
+        Parameters
+        ----------
+        n : int
+            How many to draw.
+        rng : int or numpy.random.Generator
+            Seed or source of chance.
+
+        Returns
+        -------
+        array, shape (n, ...)
+            Errors in mm; the other axes are those of the edges.
+        """
         rng = np.random.default_rng(rng)
         return self._ends[1].sample(n, rng) - self._ends[0].sample(n, rng)
 
@@ -110,8 +158,10 @@ class SegmentDisplacement(_FourierLaw):
     ----------
     endpoints : array-like, shape (..., 2, 3)
         Edge ends in the paper's camera frame, in mm.
-    focal_length_mm, pose_covariance
-        As `success_probability`.
+    focal_length_mm : float
+        Distance from the image plane to the lens centre, in mm.
+    pose_covariance : array-like, shape (6, 6) or (..., 6, 6)
+        Covariance of (dx, dy, dz, phi_x, phi_y, phi_z) in mm and rad; see `success_probability`.
 
     Raises
     ------
@@ -131,11 +181,35 @@ class SegmentDisplacement(_FourierLaw):
         return np.hypot(self._cosine * self._u.std, self._sine * self._v.std)
 
     def characteristic(self, t: ArrayLike) -> NDArray[np.complex128]:
-        """Return E exp(it error); t per mm, broadcasting against the edges."""
+        """Return E exp(it error), the characteristic function.
+
+        Parameters
+        ----------
+        t : array-like
+            Arguments per mm, any shape that broadcasts against the law's.
+
+        Returns
+        -------
+        array of complex
+            Values of the characteristic function, in the broadcast shape.
+        """
         return self._u.characteristic(t * self._cosine) * self._v.characteristic(t * self._sine)
 
     def sample(self, n: int, rng: int | np.random.Generator = 0) -> NDArray[np.float64]:
-        """Draw errors in mm, shape (n, ...)."""
+        """Draw errors.
+
+        Parameters
+        ----------
+        n : int
+            How many to draw.
+        rng : int or numpy.random.Generator
+            Seed or source of chance.
+
+        Returns
+        -------
+        array, shape (n, ...)
+            Errors in mm; the other axes are those of the edges.
+        """
         rng = np.random.default_rng(rng)
         return self._cosine * self._u.sample(n, rng) + self._sine * self._v.sample(n, rng)
 
@@ -147,8 +221,12 @@ class SegmentError(_FourierLaw):
     ----------
     endpoints : array-like, shape (..., 2, 3)
         Edge ends in the paper's camera frame, in mm.
-    focal_length_mm, pixel_pitch_mm, pose_covariance
-        As `success_probability`.
+    focal_length_mm : float
+        Distance from the image plane to the lens centre, in mm.
+    pixel_pitch_mm : array-like, shape (2,)
+        Pixel pitch (r_x, r_y) in mm.
+    pose_covariance : array-like, shape (6, 6) or (..., 6, 6)
+        Covariance of (dx, dy, dz, phi_x, phi_y, phi_z) in mm and rad; see `success_probability`.
 
     Raises
     ------
@@ -176,11 +254,35 @@ class SegmentError(_FourierLaw):
         return np.hypot(self.displacement.std, self.quantization.std)
 
     def characteristic(self, t: ArrayLike) -> NDArray[np.complex128]:
-        """Return E exp(it error); t per mm, broadcasting against the edges."""
+        """Return E exp(it error), the characteristic function.
+
+        Parameters
+        ----------
+        t : array-like
+            Arguments per mm, any shape that broadcasts against the law's.
+
+        Returns
+        -------
+        array of complex
+            Values of the characteristic function, in the broadcast shape.
+        """
         return self.displacement.characteristic(t) * self.quantization.characteristic(t)
 
     def sample(self, n: int, rng: int | np.random.Generator = 0) -> NDArray[np.float64]:
-        """Draw errors in mm, shape (n, ...)."""
+        """Draw errors.
+
+        Parameters
+        ----------
+        n : int
+            How many to draw.
+        rng : int or numpy.random.Generator
+            Seed or source of chance.
+
+        Returns
+        -------
+        array, shape (n, ...)
+            Errors in mm; the other axes are those of the edges.
+        """
         rng = np.random.default_rng(rng)
         return self.displacement.sample(n, rng) + self.quantization.sample(n, rng)
 

@@ -47,12 +47,24 @@ def simulate_measurement(
     ----------
     endpoints : array-like, shape (2, 3)
         Edge ends in the paper's camera frame, in mm.
-    focal_length_mm, pixel_pitch_mm, pose_covariance, accuracy
-        As `success_probability`; one covariance (6, 6).
-    samples, rng, confidence
-        As `simulate_success`.
-    detector, band_px
+    focal_length_mm : float
+        Distance from the image plane to the lens centre, in mm.
+    pixel_pitch_mm : array-like, shape (2,)
+        Pixel pitch (r_x, r_y) in mm.
+    pose_covariance : array-like, shape (6, 6)
+        Covariance of (dx, dy, dz, phi_x, phi_y, phi_z) in mm and rad; see `success_probability`.
+    accuracy : float
+        A in (0, 1): the length may be off by the fraction 1 - A of it.
+    samples : int
+        Number of displaced poses.
+    rng : int or numpy.random.Generator
+        Seed or generator; the same seed gives the same numbers.
+    confidence : float
+        Coverage of the confidence interval, in (0, 1).
+    detector : {"axes", "area"}
         How ends are found in the image; see `errors.pixels`.
+    band_px : float
+        Width of the edge's image in the larger pitch, for "area".
 
     Returns
     -------
@@ -62,6 +74,8 @@ def simulate_measurement(
 
     Raises
     ------
+    InvalidShapeError
+        If there is more than one edge or one covariance.
     InvalidParameterError
         As `success_probability` and `measure_lengths`.
     """

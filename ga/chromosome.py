@@ -31,6 +31,11 @@ def gray_from_binary(bits: np.ndarray) -> np.ndarray:
     -------
     (..., M) bool
         The same numbers in reflected Gray code: each bit xor the one before it.
+
+    Raises
+    ------
+    ParameterError
+        When `bits` holds anything but 0 and 1, or is a single number.
     """
     bits = check_bits("bits", bits)
     gray = bits.copy()
@@ -50,6 +55,11 @@ def binary_from_gray(bits: np.ndarray) -> np.ndarray:
     -------
     (..., M) bool
         The same numbers in plain binary: the running xor of the bits.
+
+    Raises
+    ------
+    ParameterError
+        When `bits` holds anything but 0 and 1, or is a single number.
     """
     return np.logical_xor.accumulate(check_bits("bits", bits), axis=-1)
 
@@ -96,19 +106,67 @@ class Chromosome:
         return 2**self.bits_per_gene - 1
 
     def genes(self, bits: np.ndarray) -> np.ndarray:
-        """Split bits of shape (..., n_bits) into genes: (..., n_genes, bits_per_gene) bool."""
+        """Split bits into genes.
+
+        Parameters
+        ----------
+        bits : (..., n_bits) bool
+            Chromosomes.
+
+        Returns
+        -------
+        (..., n_genes, bits_per_gene) bool
+            The bits of each gene.
+
+        Raises
+        ------
+        ParameterError
+            When bits have the wrong length, or are not 0 and 1.
+        """
         bits = check_bits("bits", bits, self.n_bits)
         return bits.reshape(*bits.shape[:-1], self.n_genes, self.bits_per_gene)
 
     def integers(self, bits: np.ndarray) -> np.ndarray:
-        """Read each gene of bits (..., n_bits) as an integer: (..., n_genes) int64."""
+        """Read each gene as an integer.
+
+        Parameters
+        ----------
+        bits : (..., n_bits) bool
+            Chromosomes.
+
+        Returns
+        -------
+        (..., n_genes) int64
+            In [0, 2**bits_per_gene - 1].
+
+        Raises
+        ------
+        ParameterError
+            When bits have the wrong length, or are not 0 and 1.
+        """
         genes = self.genes(bits)
         if self.gray:
             genes = binary_from_gray(genes)
         return genes @ self._weights
 
     def fractions(self, bits: np.ndarray) -> np.ndarray:
-        """Read each gene of bits (..., n_bits) as a fraction in [0, 1], ends included: (..., n_genes) float64."""
+        """Read each gene as a fraction of its range.
+
+        Parameters
+        ----------
+        bits : (..., n_bits) bool
+            Chromosomes.
+
+        Returns
+        -------
+        (..., n_genes) float64
+            In [0, 1], ends included.
+
+        Raises
+        ------
+        ParameterError
+            When bits have the wrong length, or are not 0 and 1.
+        """
         return self.integers(bits) / self.largest
 
     def decode(self, bits: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -137,7 +195,23 @@ class Chromosome:
         return (1.0 - fractions) * low + fractions * high
 
     def bits_from_integers(self, integers: np.ndarray) -> np.ndarray:
-        """Write integers (..., n_genes) in [0, 2**bits_per_gene - 1] as bits: (..., n_bits) bool."""
+        """Write integers as genes.
+
+        Parameters
+        ----------
+        integers : (..., n_genes) int
+            In [0, 2**bits_per_gene - 1].
+
+        Returns
+        -------
+        (..., n_bits) bool
+            Chromosomes.
+
+        Raises
+        ------
+        ParameterError
+            When the number of genes is wrong, or a value is no integer or out of range.
+        """
         integers = np.asarray(integers)
         self._check_genes("integers", integers)
         outside = (integers < 0) | (integers > self.largest)
@@ -150,7 +224,23 @@ class Chromosome:
         return genes.reshape(*integers.shape[:-1], self.n_bits)
 
     def encode(self, fractions: np.ndarray) -> np.ndarray:
-        """Write fractions (..., n_genes) in [0, 1] as the bits (..., n_bits) of the nearest representable values."""
+        """Write fractions as genes, each as the nearest representable value.
+
+        Parameters
+        ----------
+        fractions : (..., n_genes) float64
+            In [0, 1].
+
+        Returns
+        -------
+        (..., n_bits) bool
+            Chromosomes.
+
+        Raises
+        ------
+        ParameterError
+            When the number of genes is wrong, or a value is outside [0, 1].
+        """
         fractions = np.asarray(fractions, dtype=np.float64)
         self._check_genes("fractions", fractions)
         inside = (fractions >= 0.0) & (fractions <= 1.0)

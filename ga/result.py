@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Generation:
     """State shown to the callback, once for the initial population (nit = 0) and once after every generation.
 
@@ -32,8 +32,12 @@ class Generation:
     fun: float
     nfev: int
 
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        return f"<Generation {self.nit}: best fitness {self.fun:.6g}, {self.nfev} evaluations>"
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class History:
     """One entry per generation, the initial population first; every array has shape (nit + 1,).
 
@@ -59,13 +63,17 @@ class History:
     eliminated: np.ndarray
     kept: np.ndarray
 
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        return f"<History: {len(self.best) - 1} generations, best fitness {self.best.max():.6g}>"
+
     @property
     def best_so_far(self) -> np.ndarray:
         """Best fitness of the run up to each generation, shape (nit + 1,)."""
         return np.maximum.accumulate(self.best)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class GAResult:
     """Outcome of `ga.maximize`.
 
@@ -106,3 +114,8 @@ class GAResult:
     population: np.ndarray
     fitness: np.ndarray
     seed: int | None
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        effort = f"{self.nit} generations, {self.nfev} evaluations"
+        return f"<GAResult: best fitness {self.fun:.6g} after {effort}, {self.reason}>"

@@ -14,7 +14,7 @@ from aspectgraph.cells.point_location import holds, tree_of
 from aspectgraph.exact.grid import Grid, turned
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Cell:
     """A convex polytope.
 
@@ -32,6 +32,10 @@ class Cell:
     vertices: np.ndarray
     volume: float
 
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        return f"<Cell: {len(self.half_spaces)} half-spaces, {len(self.vertices)} vertices, {self.volume:.4g} mm³>"
+
 
 class CellSet:
     """A union of convex cells of one partition of the workspace.
@@ -43,6 +47,7 @@ class CellSet:
     cells : array_like of int
         The cells of the set.
     grid : Grid
+        The integer grid the partition lies on.
 
     Attributes
     ----------
@@ -57,6 +62,10 @@ class CellSet:
         self._measured = measured(cx, grid)
         self._sizes = cell_sizes(self._measured, self._cells)
         self.volumes = self._sizes[:, 0] * grid.step_mm**3
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        return f"<CellSet: {len(self)} cells, {self.volume:.4g} mm³>"
 
     def __len__(self) -> int:
         return len(self._cells)
@@ -95,13 +104,36 @@ class CellSet:
         return spans(self._cx, self._cells, grid.frame.T * grid.steps_mm) + turned(grid.frame.T, grid.origin_mm)
 
     def contains(self, points) -> np.ndarray:
-        """Whether the closed set holds each of (n, 3) points in mm, exactly; (n,) bool."""
+        """Whether the closed set holds points, exactly.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, 3)
+            Points in mm. They are rounded to 2**-20 of a grid step; the answer is exact from there.
+
+        Returns
+        -------
+        ndarray of bool, shape (n,)
+            True on the boundary too.
+        """
         flag = np.zeros(int(self._cx.count[N_CELLS]), bool)
         flag[self._cells] = True
         return holds(tree_of(self._cx), flag, self._grid.to_points(np.asarray(points, float).reshape(-1, 3)))
 
     def sample(self, n: int, rng=0) -> np.ndarray:
-        """Draw n points uniformly from the union, in mm, shape (n, 3).
+        """Draw points uniformly from the union.
+
+        Parameters
+        ----------
+        n : int
+            How many points.
+        rng : int or numpy.random.Generator
+            Seed or source of chance.
+
+        Returns
+        -------
+        ndarray of float64, shape (n, 3)
+            Points in mm.
 
         Raises
         ------

@@ -32,7 +32,7 @@ from aspectgraph.domains.thin_ends import find_tails
 from aspectgraph.domains.width import CellWidths, Ruler
 
 
-@dataclass
+@dataclass(repr=False)
 class Domain:
     """One viewing domain.
 
@@ -55,6 +55,10 @@ class Domain:
     volume: float
     viewpoint: np.ndarray
     clearance: float
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        return f"<Domain: {len(self.cells)} cells, {self.volume:.4g} cubic steps, clearance {self.clearance:.4g} steps>"
 
 
 @dataclass

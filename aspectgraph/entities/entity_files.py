@@ -30,6 +30,11 @@ def read_entities(text_or_path: str | Path, solid: Solid, tolerance_mm: float | 
     tolerance_mm : float, optional
         See `resolve_entities`.
 
+    Returns
+    -------
+    dict of str to Entity
+        By name, in the order given.
+
     Raises
     ------
     EntityError

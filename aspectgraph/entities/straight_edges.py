@@ -29,10 +29,11 @@ class Entity:
     Attributes
     ----------
     name : str
+        Name of the entity.
     endpoints : ndarray, shape (2, 3), read-only
-        In mm.
+        Its two ends in mm.
     edge_ids : tuple of int
-        Ordered from ``endpoints[0]`` to ``endpoints[1]``.
+        Ids of its edges in the solid, ordered from ``endpoints[0]`` to ``endpoints[1]``.
     """
 
     name: str

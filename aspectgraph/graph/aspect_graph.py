@@ -34,6 +34,13 @@ class EntityAspectGraph:
 
     Made by `build_aspect_graph`.
 
+    Parameters
+    ----------
+    cx : Complex
+        The convex cells that the workspace is cut into.
+    domains : Domains
+        Which of these cells form which node.
+
     Attributes
     ----------
     graph : networkx.Graph
@@ -52,6 +59,11 @@ class EntityAspectGraph:
         self._cx = cx
         self._domains = domains
         self._tree = tree_of(cx)
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        size = f"{len(self.graph)} domains, {self.graph.number_of_edges()} adjacencies"
+        return f"<EntityAspectGraph of {self.solid.name!r}: {len(self.entities)} entities, {size}>"
 
     @property
     def solid(self) -> Solid:
@@ -74,11 +86,47 @@ class EntityAspectGraph:
         return self.regions.entity_names
 
     def observable(self, points, names: Sequence[str] | None = None) -> np.ndarray:
-        """Whether entities are observable from viewpoints, (n, k) bool; see `VisibilityRegions.observable`."""
+        """Whether entities are observable from viewpoints; see `VisibilityRegions.observable`.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, 3)
+            Viewpoints in mm, inside the workspace.
+        names : sequence of str, optional
+            Entities asked for. Default: all.
+
+        Returns
+        -------
+        ndarray of bool, shape (n, k)
+            One column per name; False inside the solid.
+
+        Raises
+        ------
+        WorkspaceError
+            If a point lies outside the workspace.
+        EntityError
+            If a name is unknown.
+        """
         return self.regions.observable(points, names)
 
     def covering_cells(self, names: Sequence[str]) -> CellSet:
-        """Viewpoints from which all named entities are observable; see `VisibilityRegions.covering_cells`."""
+        """Viewpoints from which all named entities are observable; see `VisibilityRegions.covering_cells`.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Names of entities, at least one.
+
+        Returns
+        -------
+        CellSet
+            Empty if they are observable together from nowhere.
+
+        Raises
+        ------
+        EntityError
+            If a name is unknown, or none is given.
+        """
         return self.regions.covering_cells(names)
 
     def domain_of(self, points) -> np.ndarray:
@@ -102,21 +150,62 @@ class EntityAspectGraph:
         return result
 
     def covering(self, names: Sequence[str]) -> list[int]:
-        """Nodes whose list contains all the names."""
-        wanted = set(self.regions.check_names(names))
-        return [node for node, listed in self.graph.nodes(data="observable") if wanted <= set(listed)]
+        """Nodes whose list contains all the names.
 
-    def cells(self, node: int) -> CellSet:
-        """Convex cells of one viewing domain."""
-        return CellSet(self._cx, self._domains.domains[node].cells, self.regions.grid)
+        Parameters
+        ----------
+        names : sequence of str
+            Names of entities; of none, every node contains all.
 
-    def sample(self, names: Sequence[str], n: int, rng=0) -> np.ndarray:
-        """Draw n viewpoints in mm uniformly from all domains that cover the names, shape (n, 3).
+        Returns
+        -------
+        list of int
+            Node numbers, ascending.
 
         Raises
         ------
         EntityError
-            If no domain covers them.
+            If a name is unknown.
+        """
+        wanted = set(self.regions.check_names(names))
+        return [node for node, listed in self.graph.nodes(data="observable") if wanted <= set(listed)]
+
+    def cells(self, node: int) -> CellSet:
+        """Convex cells of one viewing domain.
+
+        Parameters
+        ----------
+        node : int
+            Number of the node.
+
+        Returns
+        -------
+        CellSet
+            The cells that the domain consists of.
+        """
+        return CellSet(self._cx, self._domains.domains[node].cells, self.regions.grid)
+
+    def sample(self, names: Sequence[str], n: int, rng=0) -> np.ndarray:
+        """Draw viewpoints uniformly from all domains that cover the names.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Names of entities.
+        n : int
+            How many viewpoints.
+        rng : int or numpy.random.Generator
+            Seed or source of chance.
+
+        Returns
+        -------
+        ndarray of float64, shape (n, 3)
+            Viewpoints in mm.
+
+        Raises
+        ------
+        EntityError
+            If a name is unknown, or no domain covers them.
         """
         nodes = self.covering(names)
         if not nodes:
@@ -139,13 +228,15 @@ def build_aspect_graph(
     Parameters
     ----------
     solid : Solid
+        The part.
     entities : mapping of str to edge id or pair of points
         What shall be dimensioned.
     workspace : array_like, shape (2, 3), optional
         Corners of the viewpoint space in mm. Default: the part's box with ten diagonals of room.
     executor : concurrent.futures.Executor, optional
         Computes the entities' regions in parallel.
-    progress : callable(done, total, label), optional
+    progress : callable, optional
+        ``progress(done, total, label)`` after each of the entities; the label is the name of the entity.
     min_width_mm : float, optional
         Thinner domains are slivers, and contacts must be wider by half (see `domains`); away from the part in
         proportion to the distance, because snapping turns planes. Default: 10⁻⁴ of the largest distance between two
@@ -170,7 +261,31 @@ def build_aspect_graph(
 def graph_of(
     regions: VisibilityRegions, names: Sequence[str] | None = None, *, min_width_mm: float | None = None
 ) -> EntityAspectGraph:
-    """Build the graph of some entities (default: all) from regions already computed; see `build_aspect_graph`."""
+    """Build the graph of some entities from regions already computed; see `build_aspect_graph`.
+
+    Parameters
+    ----------
+    regions : VisibilityRegions
+        From `compute_regions`.
+    names : sequence of str, optional
+        Names of the entities. Default: all.
+    min_width_mm : float, optional
+        As in `build_aspect_graph`.
+
+    Returns
+    -------
+    EntityAspectGraph
+        With the guarantee of `build_aspect_graph`.
+
+    Raises
+    ------
+    EntityError
+        If a name is unknown.
+    WidthError
+        If `min_width_mm` is out of range.
+    ContradictionError
+        If ray casting and exact arbitration refute a domain's list.
+    """
     chosen = regions.subset(regions.entity_names if names is None else names)
     grid, scene = chosen.grid, chosen._scene
     min_width_mm = _check_min_width(min_width_mm, chosen)

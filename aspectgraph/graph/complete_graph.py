@@ -50,9 +50,11 @@ def complete_aspect_graph(solid: Solid, workspace=None, progress: Progress | Non
     Parameters
     ----------
     solid : Solid
+        The part.
     workspace : array_like, shape (2, 3), optional
         Corners of the viewpoint space in mm. Default: the part's box with ten diagonals of room.
-    progress : callable(done, total, label), optional
+    progress : callable, optional
+        ``progress(done, total, label)`` after each of the cells of the arrangement; the label is "cells".
 
     Returns
     -------

@@ -75,7 +75,25 @@ def write_edge_picture(solid: Solid, path: str | Path, edge_ids: Iterable[int] |
 
 
 def edge_figure(solid: Solid, edge_ids: Iterable[int] | None = None) -> Figure:
-    """Return an interactive 3-D picture; pointing at an edge shows its id, length, angle and ends."""
+    """Return an interactive 3-D picture; pointing at an edge shows its id, length, angle and ends.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    edge_ids : iterable of int, optional
+        The edges to name. Default: all of ``solid.straight_edges()``.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+        The part, the named edges and their ids.
+
+    Raises
+    ------
+    EntityError
+        There is no such edge.
+    """
     import plotly.graph_objects as go
 
     ids = _checked_ids(solid, edge_ids)

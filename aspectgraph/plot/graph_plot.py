@@ -26,18 +26,20 @@ _DASHES, _DOTS = (0, (1.6, 1.0)), (0, (2.2, 1.4))
 _MANY = 30
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class GraphDrawing:
     """What `plot_graph` has drawn.
 
     Attributes
     ----------
     ax : Axes
+        Where it was drawn.
     nodes : PathCollection
         Circles, in node order.
     edges : LineCollection
         Lines, in edge order.
     labels : dict of node to Text
+        Texts below, above or beside the circles; a node without text is missing.
     positions : dict of node to ndarray, shape (2,)
         In data coordinates.
     """
@@ -47,6 +49,10 @@ class GraphDrawing:
     edges: LineCollection
     labels: dict[Hashable, Text]
     positions: dict[Hashable, np.ndarray]
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        return f"<GraphDrawing: {len(self.positions)} nodes, {len(self.edges.get_segments())} edges>"
 
 
 def plot_graph(
@@ -79,6 +85,7 @@ def plot_graph(
     Returns
     -------
     GraphDrawing
+        What was drawn, to change colours or texts afterwards.
 
     Raises
     ------

@@ -24,13 +24,14 @@ _NUDGE = 1e-7
 _FONT_POINTS = (9.5, 8.0, 6.5)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SectionDrawing:
     """What `plot_section` has drawn.
 
     Attributes
     ----------
     ax : Axes
+        Where it was drawn.
     domains : dict of node to shapely geometry
         Cross-section of each domain inside the window, in mm; nodes outside it are missing.
     solid : shapely geometry
@@ -44,6 +45,10 @@ class SectionDrawing:
     solid: shapely.Geometry
     surfaces: dict[str, LineCollection]
 
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        return f"<SectionDrawing: {len(self.domains)} domains in the window>"
+
 
 def plot_section(
     eag: EntityAspectGraph, ax: Axes | None = None, *, axis: str = "z", at: float | None = None, box=None
@@ -53,6 +58,7 @@ def plot_section(
     Parameters
     ----------
     eag : EntityAspectGraph
+        The graph whose domains are drawn.
     ax : Axes, optional
         Where to draw. Default: axes in a new pyplot figure.
     axis : str
@@ -65,6 +71,7 @@ def plot_section(
     Returns
     -------
     SectionDrawing
+        What was drawn, and its geometry in mm.
 
     Raises
     ------

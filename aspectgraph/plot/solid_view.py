@@ -39,6 +39,7 @@ def plot_solid(part, entities: Mapping[str, Entity] | None = None) -> Figure:
     Returns
     -------
     plotly.graph_objects.Figure
+        The part and the entities.
     """
     solid = getattr(part, "solid", part)
     if entities is None:
@@ -58,6 +59,7 @@ def plot_domains(
     Parameters
     ----------
     eag : EntityAspectGraph
+        The graph whose domains are drawn.
     nodes : iterable of int, optional
         The domains. Default: all in the legend, those with the longest lists shown.
     box : array_like, shape (2, 3), optional
@@ -68,6 +70,7 @@ def plot_domains(
     Returns
     -------
     plotly.graph_objects.Figure
+        The part, the entities and the domains.
 
     Raises
     ------

@@ -54,6 +54,7 @@ class Solid:
     vertices : ndarray of float64, shape (n, 3), read-only
         Coordinates in mm.
     faces : tuple of Face
+        In the order given.
     edges : tuple of Edge
         ``edges[i].id == i``, in order of first appearance in the loops, so ids are stable for the same input.
     normals : ndarray, shape (f, 3), read-only
@@ -64,7 +65,10 @@ class Solid:
         The shell (connected piece of surface) of each face.
     volume : float
         In mm³.
-    name, notes : str, tuple of str
+    name : str
+        Name of the part.
+    notes : tuple of str
+        What a reader repaired or chose.
 
     Raises
     ------
@@ -142,11 +146,33 @@ class Solid:
         return int(self.face_shell.max()) + 1
 
     def edge_points(self, edge_id: int) -> np.ndarray:
-        """Return the two end points of an edge in mm, shape (2, 3)."""
+        """Return the two end points of an edge.
+
+        Parameters
+        ----------
+        edge_id : int
+            Its id, that is its place in `edges`.
+
+        Returns
+        -------
+        ndarray of float64, shape (2, 3)
+            In mm, in the order of ``Edge.vertices``.
+        """
         return self.vertices[list(self.edges[edge_id].vertices)]
 
     def edge_length_mm(self, edge_id: int) -> float:
-        """Return the length of an edge in mm."""
+        """Return the length of an edge.
+
+        Parameters
+        ----------
+        edge_id : int
+            Its id, that is its place in `edges`.
+
+        Returns
+        -------
+        float
+            In mm.
+        """
         start, end = self.edge_points(edge_id)
         return float(np.linalg.norm(end - start))
 
@@ -158,7 +184,12 @@ class Solid:
         min_dihedral_deg : float
             Smallest turn of the normal across the edge, either way, in degrees.
         min_length_mm : float
-            Smallest length.
+            Smallest length in mm.
+
+        Returns
+        -------
+        tuple of Edge
+            In the order of their ids.
         """
         return tuple(
             edge

@@ -43,7 +43,13 @@ class Face:
         return (self.outer, *self.holes)
 
     def directed_edges(self) -> Iterator[tuple[int, int]]:
-        """Yield the directed edges (i, j) of all loops in order."""
+        """Go through the directed edges of all loops in order.
+
+        Yields
+        ------
+        tuple of int
+            Vertex indices (i, j) of one edge; the outer loop comes first.
+        """
         for loop in self.loops:
             yield from zip(loop, (*loop[1:], loop[0]), strict=True)
 

@@ -31,13 +31,21 @@ class VisibilityRegions:
 
     Made by `compute_regions`.
 
+    Parameters
+    ----------
+    scene : Scene
+        The solid on its grid.
+    regions : mapping of str to Region
+        The region of each entity, on the same grid.
+
     Attributes
     ----------
     solid : Solid
+        The part.
     workspace : ndarray, shape (2, 3)
         Lowest and highest corner of the viewpoint space in mm.
     entities : dict of str to Entity
-        In the order given.
+        By name, in the order given.
     grid : Grid
         Integer grid of all geometry; ``grid.snapping_mm`` is the largest displacement of a vertex.
     """
@@ -52,6 +60,11 @@ class VisibilityRegions:
         self._scene = scene
         self._regions: dict[str, Region] = dict(regions)
         self._covering: dict[tuple[str, ...], CellSet] = {}
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        snapped = f"vertices snapped by at most {self.grid.snapping_mm:.3g} mm"
+        return f"<VisibilityRegions of {self.solid.name!r}: {len(self.entities)} entities, {snapped}>"
 
     @property
     def entity_names(self) -> tuple[str, ...]:
@@ -92,6 +105,16 @@ class VisibilityRegions:
     def covering_cells(self, names: Sequence[str]) -> CellSet:
         """Viewpoints from which all named entities are observable, as convex cells.
 
+        Parameters
+        ----------
+        names : sequence of str
+            Names of entities, at least one.
+
+        Returns
+        -------
+        CellSet
+            Empty if they are observable together from nowhere.
+
         Raises
         ------
         EntityError
@@ -119,7 +142,23 @@ class VisibilityRegions:
         return kept
 
     def subset(self, names: Sequence[str]) -> VisibilityRegions:
-        """The same regions for some of the entities."""
+        """The same regions for some of the entities.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Names of the entities to keep, in the order wanted.
+
+        Returns
+        -------
+        VisibilityRegions
+            On the same grid and in the same workspace.
+
+        Raises
+        ------
+        EntityError
+            If a name is unknown.
+        """
         names = self.check_names(names)
         return VisibilityRegions(
             self.solid,
@@ -131,7 +170,23 @@ class VisibilityRegions:
         )
 
     def check_names(self, names: Sequence[str]) -> tuple[str, ...]:
-        """Return the names as a tuple if all are known, else raise EntityError."""
+        """Check that all names are known.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Names of entities.
+
+        Returns
+        -------
+        tuple of str
+            The same names in the same order.
+
+        Raises
+        ------
+        EntityError
+            If a name is unknown.
+        """
         for name in names:
             if name not in self.entities:
                 raise EntityError(f"names must be names of entities, {', '.join(self.entities)}. Got {name!r}.")
@@ -180,13 +235,20 @@ def compute_regions(
     Parameters
     ----------
     solid : Solid
+        The part.
     entities : mapping of str to edge id or pair of points, or sequence of edge ids
         See `resolve_entities`; resolved entities are taken as they are.
     workspace : array_like, shape (2, 3), optional
         Corners of the viewpoint space in mm. Default: the part's box with ten diagonals of room.
     executor : concurrent.futures.Executor, optional
         Computes entities in parallel; the result does not depend on it.
-    progress : callable(done, total, label), optional
+    progress : callable, optional
+        ``progress(done, total, label)`` after each of the entities; the label is the name of the entity.
+
+    Returns
+    -------
+    VisibilityRegions
+        In the order of the entities. The same arguments give the same regions, with or without an executor.
 
     Raises
     ------
