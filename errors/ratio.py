@@ -154,8 +154,8 @@ class NormalRatio:
     def characteristic(self, t: ArrayLike) -> NDArray[np.complex128]:
         """Return E exp(it N/D), the characteristic function.
 
-        It is found by Gauss-Hermite quadrature over D, given which N is normal; that needs a mean of D beyond eight of its
-        standard deviations.
+        It is found by Gauss-Hermite quadrature over D, given which N is normal; that needs a mean of D beyond eight
+        of its standard deviations.
 
         Parameters
         ----------
