@@ -20,6 +20,11 @@ class RequestError(PlannerError, ValueError):
 class InfeasibleError(PlannerError, RuntimeError):
     """No sensor setting can meet the constraints.
 
+    Parameters
+    ----------
+    message : str
+        What to tell the user.
+
     Attributes
     ----------
     constraint : str

@@ -79,7 +79,9 @@ def plan_inspection(
     entities : mapping
         Name to edge id or to two end points.
     camera : Camera
+        The camera.
     pose_uncertainty : PoseUncertainty
+        How far its real pose may be from the planned one.
     accuracy : float
         Required accuracy A in (0, 1).
     probability : float
@@ -88,8 +90,15 @@ def plan_inspection(
         Seed; a generator is asked for one.
     workspace : array_like (2, 3), optional
         Opposite corners of the box the camera may be in, mm. Default: as far around the part as the lens focuses.
-    stand_off_mm, min_length_px, field_margin_px, visibility_radius_mm, reach
+    stand_off_mm, min_length_px : float
         Constraints, see `plan_setting`.
+    field_margin_px : float, optional
+        Strip along the sensor's sides to keep free. Default: four standard deviations of how far the pose uncertainty
+        moves an image point, in the corner where that is farthest, at most a quarter of the smaller side.
+    visibility_radius_mm : float, optional
+        As in `plan_setting`.
+    reach : Region or callable, optional
+        As in `plan_setting`.
     space : VisibilityRegions or EntityAspectGraph, optional
         Visibility computed before, for these entities and this workspace.
     effort : Effort, optional
@@ -106,6 +115,7 @@ def plan_inspection(
     Returns
     -------
     InspectionPlan
+        Settings, bound and what cannot be inspected.
 
     Raises
     ------

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,7 +24,7 @@ VERSION = 1
 _UNITS = {"length": "mm", "angle": "rad", "pose": "camera to world, OpenCV axes (x right, y down, z forward)"}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class InspectionPlan:
     """Sensor settings from which every entity that can be inspected is inspected.
 
@@ -45,7 +45,9 @@ class InspectionPlan:
     entities : mapping of str to array (2, 3)
         End points of every entity that was asked for, mm, in the part's frame.
     camera : Camera
+        The camera.
     pose_uncertainty : PoseUncertainty
+        How far its real pose may be from the planned one.
     accuracy : float
         Required accuracy A: an entity's measured image length may be off by (1 - A) of it.
     probability : float
@@ -72,7 +74,7 @@ class InspectionPlan:
     part: str = ""
     seed: int = 0
     bound_proof: str = ""
-    simulation: object | None = field(default=None, repr=False)
+    simulation: object | None = None
 
     def __post_init__(self):
         entities = {name: _read_only(points, (2, 3)) for name, points in self.entities.items()}
@@ -91,6 +93,14 @@ class InspectionPlan:
             if (name in inspected) == (name in self.uninspectable):
                 where = "both" if name in inspected else "neither"
                 raise PlanFileError(f"entity {name!r} must be in a setting or uninspectable. Got {where}.")
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        settings = f"{len(self.settings)} settings (at least {self.lower_bound} needed)"
+        inspected = self.inspected
+        worst = f", smallest probability {min(inspected.values()):.4f}" if inspected else ""
+        shares = f"{len(inspected)} of {len(self.entities)} entities inspected"
+        return f"<InspectionPlan of {self.part!r}: {settings}, {shares}{worst}>"
 
     @property
     def complete(self) -> bool:
@@ -133,11 +143,32 @@ class InspectionPlan:
         return simulate_plan(self, n, rng=rng, progress=progress)
 
     def simulated(self, n: int = 10_000, rng=0, progress=None) -> InspectionPlan:
-        """Return the same plan with the result of `simulate` attached."""
+        """Return the same plan with the result of `simulate` attached.
+
+        Parameters
+        ----------
+        n : int
+            Displaced poses per setting.
+        rng : int or numpy.random.Generator
+            Seed.
+        progress : callable, optional
+            ``progress(done, total, label)``.
+
+        Returns
+        -------
+        InspectionPlan
+            A new plan; this one is not changed.
+        """
         return replace(self, simulation=self.simulate(n, rng, progress))
 
     def to_dict(self) -> dict:
-        """Return the plan as plain Python values that JSON can hold without loss."""
+        """Return the plan as plain Python values that JSON can hold without loss.
+
+        Returns
+        -------
+        dict
+            What `write` writes, with format, version and units. A number that is not finite is a float here.
+        """
         return {
             "format": FORMAT,
             "version": VERSION,
@@ -162,6 +193,16 @@ class InspectionPlan:
     def from_dict(cls, data: Mapping) -> InspectionPlan:
         """Build from the result of `to_dict`.
 
+        Parameters
+        ----------
+        data : mapping of str to value
+            The fields.
+
+        Returns
+        -------
+        InspectionPlan
+            Equal to the one written.
+
         Raises
         ------
         PlanFileError
@@ -172,6 +213,11 @@ class InspectionPlan:
 
     def write(self, path) -> None:
         """Write the plan as JSON; the file appears whole or not at all.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            The file; an existing one is replaced.
 
         Raises
         ------
@@ -203,6 +249,16 @@ _PLAIN_FIELDS = (
 
 def read_plan(path) -> InspectionPlan:
     """Read a plan written by `InspectionPlan.write`.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The JSON file.
+
+    Returns
+    -------
+    InspectionPlan
+        Equal to the plan written.
 
     Raises
     ------

@@ -51,8 +51,10 @@ def travel_order(cam2worlds, radian_mm: float = RADIAN_MM) -> tuple[int, ...]:
 
     Parameters
     ----------
-    cam2worlds, radian_mm
-        As `pose_distances`.
+    cam2worlds : array_like, shape (n, 4, 4)
+        Poses, mm.
+    radian_mm : float
+        Travel in mm that a turn of one radian is worth.
 
     Returns
     -------

@@ -124,19 +124,40 @@ class Camera:
         return np.array([[d / pitch_x, 0.0, (width - 1) / 2], [0.0, d / pitch_y, (height - 1) / 2], [0.0, 0.0, 1.0]])
 
     def focused_at(self, distance_mm: float) -> Camera:
-        """Return the same camera and lens, focused at another distance."""
+        """Return the same camera and lens, focused at another distance.
+
+        Parameters
+        ----------
+        distance_mm : float
+            New distance from the front nodal point to the plane in sharp focus, mm.
+
+        Returns
+        -------
+        Camera
+            A new camera; this one is not changed.
+
+        Raises
+        ------
+        CameraError
+            If the distance does not exceed the focal length.
+        """
         return replace(self, focus_distance_mm=distance_mm)
 
     @classmethod
     def named(cls, name: str, **changes) -> Camera:
-        """Return a camera of the catalogue.
+        """Make a camera of the catalogue.
 
         Parameters
         ----------
         name : str
             One of `camera_names()`; upper and lower case are the same.
-        **changes
+        **changes : float, tuple or str
             Fields to replace, such as ``focus_distance_mm`` or ``f_number``: choices, not data-sheet facts.
+
+        Returns
+        -------
+        Camera
+            Its name is that of the catalogue, unless replaced.
 
         Raises
         ------
@@ -167,6 +188,16 @@ class Camera:
     def from_toml(cls, path: str | PathLike) -> Camera:
         """Read a camera from a TOML file whose top level holds the fields of this class.
 
+        Parameters
+        ----------
+        path : str or os.PathLike
+            The file.
+
+        Returns
+        -------
+        Camera
+            Named after the file if the file gives no name.
+
         Raises
         ------
         CameraError
@@ -181,12 +212,34 @@ class Camera:
             raise CameraError(f"{path}:{_line_of(field, text)}: {error}") from None
 
     def to_dict(self) -> dict:
-        """Return the fields as plain Python values, ready for JSON or TOML."""
+        """Return the fields as plain Python values, ready for JSON or TOML.
+
+        Returns
+        -------
+        dict
+            Field names and values; pairs are tuples.
+        """
         return asdict(self)
 
     @classmethod
     def from_dict(cls, data: Mapping) -> Camera:
-        """Build a camera from the fields of `to_dict`; `CameraError` for a missing or unknown field."""
+        """Build a camera from the fields of `to_dict`.
+
+        Parameters
+        ----------
+        data : mapping of str to value
+            Fields of this class; those with a default may be missing.
+
+        Returns
+        -------
+        Camera
+            The camera.
+
+        Raises
+        ------
+        CameraError
+            If a field is missing, unknown or wrong.
+        """
         known = [field.name for field in fields(cls)]
         for key in data:
             if key not in known:

@@ -12,7 +12,13 @@ except ModuleNotFoundError:  # Python 3.10
 
 
 def camera_names() -> tuple[str, ...]:
-    """Return the names of the catalogue, sorted."""
+    """Return the names of the catalogue, sorted.
+
+    Returns
+    -------
+    tuple of str
+        Names for `Camera.named`, each of a body and a lens.
+    """
     return tuple(sorted(catalogued()))
 
 

@@ -86,6 +86,12 @@ def look_at(positions, target, pan=0.0, tilt=0.0, roll=0.0) -> np.ndarray:
         World point on the optical axis before turning, mm.
     pan, tilt, roll : array (n,) or float
         Rotations in rad, applied in this order about the camera's own y, x and z axes.
+
+    Returns
+    -------
+    array (n, 4, 4)
+        Poses cam2world in OpenCV axes (x right, y down, z forward), mm. Before turning, the camera's x axis is level,
+        unless it looks along the world's z axis; then it follows world x.
     """
     positions = np.atleast_2d(np.asarray(positions, dtype=np.float64))
     n = len(positions)

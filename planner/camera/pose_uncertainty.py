@@ -41,7 +41,25 @@ class PoseUncertainty:
 
     @classmethod
     def isotropic(cls, *, translation_mm: float, rotation_rad: float) -> PoseUncertainty:
-        """Return independent, equal standard deviations along and about the three axes."""
+        """Make an uncertainty that is independent and equal along and about the three axes.
+
+        Parameters
+        ----------
+        translation_mm : float
+            Standard deviation along each axis, mm.
+        rotation_rad : float
+            Standard deviation about each axis, rad.
+
+        Returns
+        -------
+        PoseUncertainty
+            With a diagonal covariance.
+
+        Raises
+        ------
+        UncertaintyError
+            If one is negative, not finite or so large that its unit must be wrong.
+        """
         sigmas = np.repeat([translation_mm, rotation_rad], 3).astype(float)
         for name, value in (("translation_mm", translation_mm), ("rotation_rad", rotation_rad)):
             if not (np.isfinite(value) and value >= 0):
@@ -69,6 +87,16 @@ class PoseUncertainty:
         cam2flange : array (4, 4)
             The calibrated pose of the camera in the flange's frame. Its lever arm turns flange rotations into
             translations of the camera, correlated with the rotation.
+
+        Returns
+        -------
+        PoseUncertainty
+            Of the camera, about its nodal point.
+
+        Raises
+        ------
+        UncertaintyError
+            If `cam2flange` has another shape, or a standard deviation breaks the rule of `isotropic`.
         """
         cam2flange = np.asarray(cam2flange, dtype=float)
         if cam2flange.shape != (4, 4):
@@ -87,18 +115,51 @@ class PoseUncertainty:
         return np.sqrt(np.diag(self.covariance))
 
     def paper_covariance(self, image_distance_mm: float) -> np.ndarray:
-        """Return the covariance (6, 6) of the object's displacement (d, φ) in the paper's frame, eqs 6–9."""
+        """Return the covariance of the object's displacement (d, φ) in the paper's frame, eqs 6–9.
+
+        Parameters
+        ----------
+        image_distance_mm : float
+            Distance from the image plane to the lens centre, mm; `Camera.image_distance_mm`.
+
+        Returns
+        -------
+        array, shape (6, 6)
+            Over (dx, dy, dz, phi_x, phi_y, phi_z) in mm and rad, as `errors.success_probability` takes it.
+        """
         jacobian = paper_displacement_jacobian(image_distance_mm)
         covariance = jacobian @ self.covariance @ jacobian.T
         return (covariance + covariance.T) / 2
 
     def to_dict(self) -> dict:
-        """Return the covariance as nested lists, ready for JSON."""
+        """Return the covariance as nested lists, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Under the key ``covariance``, six lists of six floats.
+        """
         return {"covariance": self.covariance.tolist()}
 
     @classmethod
     def from_dict(cls, data: Mapping) -> PoseUncertainty:
-        """Build from the result of `to_dict`."""
+        """Build from the result of `to_dict`.
+
+        Parameters
+        ----------
+        data : mapping of str to value
+            With the key ``covariance``.
+
+        Returns
+        -------
+        PoseUncertainty
+            Equal to the one written.
+
+        Raises
+        ------
+        UncertaintyError
+            If the covariance is missing or breaks a rule.
+        """
         if "covariance" not in data:
             raise UncertaintyError(f"covariance must be given. Got {', '.join(map(str, data)) or 'nothing'}.")
         return cls(data["covariance"])

@@ -27,8 +27,6 @@ class Cover:
         Indices of the chosen columns, ascending.
     lower_bound : int
         No cover by these columns has fewer.
-    optimal : bool
-        ``len(chosen) == lower_bound``.
     """
 
     chosen: tuple[int, ...]
@@ -66,6 +64,7 @@ def min_cover(
     Returns
     -------
     Cover
+        The chosen columns and the proven bound.
 
     Raises
     ------
@@ -133,7 +132,20 @@ def cover_within(membership, size: int, *, node_limit: int) -> tuple[np.ndarray 
 
 
 def is_cover(membership, chosen) -> bool:
-    """Tell whether the chosen columns contain every entity (independent of how they were found)."""
+    """Tell whether the chosen columns contain every entity, however they were found.
+
+    Parameters
+    ----------
+    membership : array_like of bool, shape (c, e)
+        ``membership[c, e]``: column c contains entity e.
+    chosen : iterable of int
+        Indices of the chosen columns.
+
+    Returns
+    -------
+    bool
+        Whether every entity is in a chosen column.
+    """
     membership = np.asarray(membership, dtype=bool)
     seen: set[int] = set()
     for column in chosen:

@@ -42,7 +42,8 @@ def write_poses(plan, folder) -> list[Path]:
     Parameters
     ----------
     plan : InspectionPlan
-    folder : path
+        Its settings' poses and its camera are written.
+    folder : str or os.PathLike
         An existing folder.
 
     Returns

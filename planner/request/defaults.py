@@ -13,7 +13,21 @@ from planner.exceptions import RequestError
 
 
 def default_workspace(solid, camera: Camera) -> np.ndarray:
-    """Return the box (2, 3) around a part from whose walls the lens can just focus on it, mm."""
+    """Return the box around a part from whose walls the lens can just focus on it.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    camera : Camera
+        Its depth of field and field of view say how far away the part can be sharp.
+
+    Returns
+    -------
+    array, shape (2, 3)
+        Lowest and highest corner, mm: the part's box and room on every side. The room is the far limit of the depth of
+        field in the image's corners, at most ten focus distances, at least the part's diagonal.
+    """
     size = float(np.linalg.norm(solid.bounds[1] - solid.bounds[0]))
     distance = min(camera.depth_of_field_mm[1] / np.cos(camera.half_diagonal_rad), 10 * camera.focus_distance_mm)
     return solid.bounds + np.array([[-1.0], [1.0]]) * max(distance, size)

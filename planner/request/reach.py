@@ -60,7 +60,20 @@ class SignedDistance:
 
 @dataclass(frozen=True)
 class BoxRegion:
-    """An axis-parallel box between the corners `low` and `high` (3,), mm."""
+    """An axis-parallel box.
+
+    Parameters
+    ----------
+    low : tuple of float
+        Lowest corner (3,), mm.
+    high : tuple of float
+        Highest corner (3,), mm.
+
+    Raises
+    ------
+    RequestError
+        If `low` is not below `high` in every coordinate.
+    """
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
@@ -70,13 +83,37 @@ class BoxRegion:
             raise RequestError(f"low must be below high in every coordinate. Got {self.low!r} and {self.high!r}.")
 
     def margin(self, positions: np.ndarray) -> np.ndarray:
-        """Return the distance (n,) to the nearest face, mm; outside, minus the largest overshoot along an axis."""
+        """Return the distance to the nearest face, positive inside.
+
+        Parameters
+        ----------
+        positions : array, shape (n, 3)
+            Positions, mm.
+
+        Returns
+        -------
+        array, shape (n,)
+            Distances, mm; outside, minus the largest overshoot along an axis.
+        """
         return np.minimum(positions - np.asarray(self.low), np.asarray(self.high) - positions).min(axis=-1)
 
 
 @dataclass(frozen=True)
 class SphereRegion:
-    """A ball, such as the dexterous reach about a robot's shoulder; `center` (3,) and `radius_mm` in mm."""
+    """A ball, such as the dexterous reach about a robot's shoulder.
+
+    Parameters
+    ----------
+    center : tuple of float
+        Its centre (3,), mm.
+    radius_mm : float
+        Its radius, mm.
+
+    Raises
+    ------
+    RequestError
+        If the radius is not positive.
+    """
 
     center: tuple[float, float, float]
     radius_mm: float
@@ -86,12 +123,31 @@ class SphereRegion:
             raise RequestError(f"radius_mm must be positive. Got {self.radius_mm!r}.")
 
     def margin(self, positions: np.ndarray) -> np.ndarray:
-        """Return the distance (n,) to the sphere, mm, positive inside."""
+        """Return the distance to the sphere, positive inside.
+
+        Parameters
+        ----------
+        positions : array, shape (n, 3)
+            Positions, mm.
+
+        Returns
+        -------
+        array, shape (n,)
+            Distances, mm; negative outside.
+        """
         return self.radius_mm - np.linalg.norm(positions - np.asarray(self.center), axis=-1)
 
 
 class MeshRegion:
-    """The inside of a closed triangle mesh: `vertices` (v, 3) in mm, `triangles` (t, 3) outward counter-clockwise."""
+    """The inside of a closed triangle mesh.
+
+    Parameters
+    ----------
+    vertices : array_like, shape (v, 3)
+        Corners, mm.
+    triangles : array_like of int, shape (t, 3)
+        Vertex indices, counter-clockwise seen from outside.
+    """
 
     def __init__(self, vertices, triangles):
         self.vertices = np.asarray(vertices, dtype=np.float64)
@@ -99,7 +155,18 @@ class MeshRegion:
         self._distance: SignedDistance | None = None
 
     def margin(self, positions: np.ndarray) -> np.ndarray:
-        """Return the distance (n,) to the surface, mm, positive inside."""
+        """Return the distance to the surface, positive inside.
+
+        Parameters
+        ----------
+        positions : array, shape (n, 3)
+            Positions, mm.
+
+        Returns
+        -------
+        array, shape (n,)
+            Distances, mm; negative outside.
+        """
         if self._distance is None:
             self._distance = SignedDistance(self.vertices, self.triangles)
         return -self._distance(positions)

@@ -59,17 +59,24 @@ def plan_setting(
         Required accuracy A in (0, 1): an error of the fraction 1 − A of the length is allowed.
     rng : int, numpy.random.Generator or None
         Seed or source of chance; None takes a fresh seed, reported in the setting.
-    stand_off_mm, min_length_px, field_of_view, reach
-        Constraints, see `Requirements`.
+    stand_off_mm : float
+        Smallest distance between the front nodal point and the part, mm.
+    min_length_px : float
+        Shortest image of an entity, in pixels of the larger pitch (L_min of eq 16).
     field_margin_px : float, optional
         Strip along the sensor's sides to keep free. Default: three standard deviations of how far the pose uncertainty
         moves the image of a point on the axis, so that no end leaves the image.
+    field_of_view : {"exact", "cone"}
+        Both ends inside the rectangular sensor, or the paper's conservative cone.
     visibility_radius_mm : float, optional
         Distance around the pose from which the entities must be observable too. Default: three standard deviations of
         the position, so that no entity is hidden from a displaced camera.
+    reach : Region or callable, optional
+        Where the front nodal point may be: a `BoxRegion`, `SphereRegion`, `MeshRegion` or anything else with a method
+        ``margin``, or ``callable(positions) -> bool`` of shape (n,). Default: anywhere.
     objective : {"sum", "min"}
         Maximise the sum of the probabilities (the paper) or the smallest.
-    model : str
+    model : {"joint", "independent", "montecarlo"}
         Error model, see `errors.success_probability`.
     search : Search, optional
         How to search; `Search.paper()` is the paper's plain algorithm.

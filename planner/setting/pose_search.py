@@ -29,10 +29,30 @@ class Search:
 
     Parameters
     ----------
-    population, crossover, mutation, elitism, selection, scaling, attempts
-        Passed to `ga.maximize`, which describes them.
-    epsilon, patience, max_stall, max_generations, max_nfev
-        When to stop; also passed on.
+    population : int
+        Individuals in every generation (N).
+    crossover : float
+        Probability P_c that a couple is crossed.
+    mutation : float
+        Probability P_m that a bit flips.
+    elitism : int
+        How many of the best pass unchanged to the next generation.
+    selection : {"roulette", "sus"}
+        How parents are drawn.
+    scaling : {"proportional", "window", "rank"}
+        Slots of the wheel.
+    attempts : int
+        Offspring drawn for a place at most.
+    epsilon : float
+        Converged when the total fitness changes by less than this in `patience` generations running.
+    patience : int
+        Generations for `epsilon`.
+    max_stall : int, optional
+        Also stop when the best fitness has not improved in so many generations.
+    max_generations : int
+        Cap on generations.
+    max_nfev : int, optional
+        Cap on the individuals that the genetic algorithm evaluates.
     gene_bits : int
         Bits per gene (M).
     gray_code : bool
@@ -88,12 +108,44 @@ class Search:
 
     @classmethod
     def genetic(cls, **changes) -> Search:
-        """Return the default genetic algorithm alone, without refinement."""
+        """Choose the default genetic algorithm alone, without refinement.
+
+        Parameters
+        ----------
+        **changes : int, float, bool or str
+            Fields to set otherwise.
+
+        Returns
+        -------
+        Search
+            With no starts of any kind to refine from, unless changed.
+
+        Raises
+        ------
+        RequestError
+            If a field breaks its rule.
+        """
         return cls(**{**dict.fromkeys(_STARTS, 0), **changes})
 
     @classmethod
     def paper(cls, **changes) -> Search:
-        """Return the paper's plain algorithm: raw fitness, plain binary, no elitism, no refinement, no early end."""
+        """Choose the paper's plain algorithm: raw fitness, plain binary, no elitism, no refinement, no early end.
+
+        Parameters
+        ----------
+        **changes : int, float, bool or str
+            Fields to set otherwise.
+
+        Returns
+        -------
+        Search
+            The paper's choices, unless changed.
+
+        Raises
+        ------
+        RequestError
+            If a field breaks its rule.
+        """
         plain = {
             "elitism": 0,
             "scaling": "proportional",
@@ -111,7 +163,13 @@ class Search:
         return any(getattr(self, name) for name in _STARTS)
 
     def ga_options(self) -> dict:
-        """Return the keyword arguments of `ga.maximize`."""
+        """Return the keyword arguments of `ga.maximize`.
+
+        Returns
+        -------
+        dict
+            Those of the fields that `ga.maximize` takes.
+        """
         own = ("gene_bits", "gray_code", "max_draws", "stop_at_perfect", "sampling", *_STARTS)
         return {name: value for name, value in self.__dict__.items() if name not in own}
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from planner.records.json_file import number
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SensorSetting:
     """A camera pose from which a set of entities is inspected.
 
@@ -47,12 +47,18 @@ class SensorSetting:
     generations: int
     message: str
     seed: int | None = None
-    history: tuple[float, ...] = field(default=(), repr=False)
+    history: tuple[float, ...] = ()
 
     def __post_init__(self):
         pose = np.array(self.cam2world, dtype=np.float64)
         pose.setflags(write=False)
         object.__setattr__(self, "cam2world", pose)
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        place = ", ".join(f"{c:.1f}" for c in self.position)
+        worst = f", smallest probability {min(self.probability.values()):.4f}" if self.probability else ""
+        return f"<SensorSetting: {len(self.entities)} entities from ({place}) mm{worst}>"
 
     @property
     def position(self) -> np.ndarray:
@@ -60,7 +66,13 @@ class SensorSetting:
         return self.cam2world[:3, 3]
 
     def to_dict(self) -> dict:
-        """Return the fields as plain Python values, ready for JSON."""
+        """Return the fields as plain Python values, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Field names and values; the pose as nested lists.
+        """
         return {
             "cam2world": self.cam2world.tolist(),
             "entities": list(self.entities),
@@ -76,7 +88,18 @@ class SensorSetting:
 
     @classmethod
     def from_dict(cls, data: Mapping) -> SensorSetting:
-        """Build from the result of `to_dict`, also as files have it."""
+        """Build from the result of `to_dict`, also as files have it.
+
+        Parameters
+        ----------
+        data : mapping of str to value
+            The fields; ``history`` may be missing, and so may ``seed``.
+
+        Returns
+        -------
+        SensorSetting
+            Equal to the one written.
+        """
         margins = {name: number(value) for name, value in data["margins"].items()}
         lists = {"entities": tuple(data["entities"]), "history": tuple(data.get("history", ()))}
         return cls(**{**data, **lists, "margins": margins})

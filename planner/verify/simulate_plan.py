@@ -18,7 +18,7 @@ def promises_too_much(rate: SuccessRate) -> bool:
     return rate.verdict == CONTRADICTED
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SimulationResult:
     """How often each setting measured each of its entities accurately.
 
@@ -38,6 +38,11 @@ class SimulationResult:
     n: int
     seed: int | None
     confidence: float
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        found = ", ".join(f"{count} {verdict}" for verdict, count in self.verdicts.items() if count)
+        return f"<SimulationResult: {len(self.rates)} settings, {self.n} poses each: {found or 'nothing to check'}>"
 
     @property
     def broken(self) -> tuple[tuple[int, str], ...]:
@@ -64,13 +69,30 @@ class SimulationResult:
         return max((abs(r.predicted - r.frequency) for rates in self.rates for r in rates.values()), default=0.0)
 
     def to_dict(self) -> dict:
-        """Return the fields as plain Python values, ready for JSON."""
+        """Return the fields as plain Python values, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Field names and values; each rate is a dict of its own fields.
+        """
         rates = [{name: asdict(rate) for name, rate in setting.items()} for setting in self.rates]
         return {"rates": rates, "n": self.n, "seed": self.seed, "confidence": self.confidence}
 
     @classmethod
     def from_dict(cls, data: Mapping) -> SimulationResult:
-        """Build from the result of `to_dict`."""
+        """Build from the result of `to_dict`.
+
+        Parameters
+        ----------
+        data : mapping of str to value
+            The fields.
+
+        Returns
+        -------
+        SimulationResult
+            Equal to the one written.
+        """
         rates = tuple({name: SuccessRate(**rate) for name, rate in setting.items()} for setting in data["rates"])
         return cls(rates, data["n"], data["seed"], data["confidence"])
 
@@ -81,6 +103,7 @@ def simulate_plan(plan, n: int = 10_000, rng=0, progress: Progress | None = None
     Parameters
     ----------
     plan : InspectionPlan
+        The plan to check.
     n : int
         Displaced poses per setting.
     rng : int or numpy.random.Generator
@@ -91,6 +114,7 @@ def simulate_plan(plan, n: int = 10_000, rng=0, progress: Progress | None = None
     Returns
     -------
     SimulationResult
+        Per setting and entity the success frequency and its confidence interval.
 
     Raises
     ------
