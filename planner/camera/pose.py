@@ -18,6 +18,8 @@ import numba as nb
 import numpy as np
 
 _CAM_TO_PAPER = np.diag([1.0, -1.0, -1.0])
+# squares of smaller numbers lose digits
+_TINY = 1e-150
 # sine of the angle to the world's z axis below which a view is taken as vertical, for the choice of the level axis
 _VERTICAL = 1e-9
 
@@ -190,6 +192,11 @@ def _cross(a, b, out):
 @nb.njit(cache=True, error_model="numpy")
 def _normalise(vector):
     """Scale a vector to length 1; False if it has none."""
+    largest = max(abs(vector[0]), abs(vector[1]), abs(vector[2]))
+    if 0.0 < largest < _TINY:
+        # its squares would lose digits, or all of them
+        for k in range(3):
+            vector[k] /= largest
     length = math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
     if length > 0.0:
         for k in range(3):
