@@ -86,6 +86,19 @@ def success_probability(
     InvalidParameterError
         If accuracy is outside (0, 1), a length is not positive, a value is not finite or the model is unknown. All of
         the above inherit from it.
+
+    Examples
+    --------
+    An edge of 50 mm, 600 mm in front of the lens, and one half as long:
+
+    >>> import numpy as np
+    >>> from errors import success_probability
+    >>> edges = [[[-25, 0, -575], [25, 0, -575]], [[-12.5, 0, -575], [12.5, 0, -575]]]
+    >>> covariance = np.diag([0.05**2] * 3 + [0.001**2] * 3)
+    >>> request = {"focal_length_mm": 25.0, "pixel_pitch_mm": (0.01, 0.01), "pose_covariance": covariance}
+    >>> p = success_probability(edges, accuracy=0.995, **request)
+    >>> p.round(2).tolist()
+    [1.0, 0.77]
     """
     if model not in MODELS:
         raise InvalidParameterError(f"model must be one of {MODELS}. Got {model!r}.")

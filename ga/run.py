@@ -118,6 +118,7 @@ def maximize(
 
     Examples
     --------
+    >>> from ga import maximize
     >>> result = maximize(lambda bits: bits.sum(axis=1), 20, mutation=0.02, elitism=1, max_stall=50)
     >>> result.fun
     20.0

@@ -125,6 +125,19 @@ def plan_inspection(
         If the state file belongs to another request, or another version of the program.
     OutputError
         If the state file cannot be written.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> from planner import Camera, Effort, PoseUncertainty, plan_inspection
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> rims = {"e1": [[60, 20, 10], [60, 40, 10]], "e4": [[20, 60, 10], [40, 60, 10]]}
+    >>> camera = Camera.named("basler-acA2440-20gm-8mm")
+    >>> uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+    >>> effort = Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000)
+    >>> plan = plan_inspection(block, rims, camera, uncertainty, accuracy=0.95, effort=effort)
+    >>> plan.complete, len(plan.settings), plan.lower_bound
+    (True, 1, 1)
     """
     check_fraction("accuracy", accuracy)
     check_fraction("probability", probability)

@@ -1,26 +1,107 @@
-"""What a notebook shows first of a result: one true line."""
+"""What a notebook shows of a result: one short line with numbers that are true."""
 
-from pathlib import Path
+import copy
+import pickle
+from itertools import product
 
-from aspectgraph import build_aspect_graph, read_entities, read_solid
+import numpy as np
+import pytest
+
+from aspectgraph import Solid, build_aspect_graph, plot_graph, plot_section
+from errors import simulate_success
 from ga import maximize
+from planner import Camera, Effort, PoseUncertainty, plan_inspection, plan_setting
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
-
-
-def test_results_of_the_geometry_say_what_they_are():
-    solid = read_solid(EXAMPLES / "slotted_block.off")
-    eag = build_aspect_graph(solid, read_entities(EXAMPLES / "slotted_block_entities.toml", solid))
-    size = f"{len(eag.graph)} domains, {eag.graph.number_of_edges()} adjacencies"
-    assert repr(eag) == f"<EntityAspectGraph of 'slotted_block': 4 entities, {size}>"
-    cells = eag.covering_cells(["e1"])
-    assert repr(cells).startswith(f"<CellSet: {len(cells)} cells, ")
-    for shown in (eag.regions, cells, next(iter(cells))):
-        assert "\n" not in repr(shown)
-        assert repr(shown).startswith(f"<{type(shown).__name__}")
+FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+BOX = Solid(list(product((0, 40), (0, 30), (0, 20))), FACES, name="box")
+CAMERA = Camera.named("basler-acA2440-20gm-8mm")
+UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+EFFORT = Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000)
 
 
-def test_a_result_of_the_genetic_algorithm_fits_in_a_line():
-    result = maximize(lambda bits: bits.sum(axis=1).astype(float), 12, rng=0)
-    assert len(repr(result)) < 200
-    assert "\n" not in repr(result)
+@pytest.fixture(scope="module")
+def eag():
+    return build_aspect_graph(BOX, {"top": 1, "side": 2}, [[-400, -400, -400], [440, 430, 420]])
+
+
+@pytest.fixture(scope="module")
+def plan(eag):
+    return plan_inspection(BOX, {"top": 1, "side": 2}, CAMERA, UNCERTAINTY, accuracy=0.95, space=eag, effort=EFFORT)
+
+
+def ones(bits):
+    return bits.sum(axis=1)
+
+
+def test_graph_and_regions(eag):
+    assert repr(eag) == "<EntityAspectGraph of 'box': 2 entities, 4 domains, 5 adjacencies>"
+    assert (len(eag.graph), eag.graph.number_of_edges()) == (4, 5)
+    assert repr(eag.regions) == "<VisibilityRegions of 'box': 2 entities, vertices snapped by at most 0 mm>"
+    assert eag.regions.grid.snapping_mm == 0
+
+
+def test_cells_and_domains(eag):
+    cells = eag.covering_cells(["top", "side"])
+    assert repr(cells) == f"<CellSet: {len(cells)} cells, {cells.volume:.4g} mm³>"
+    assert repr(cells[0]) == f"<Cell: 6 half-spaces, {cells[0].volume:.4g} mm³>"
+    domain = eag._domains.domains[0]
+    assert repr(domain).startswith(f"<Domain: {len(eag.cells(0))} cells, ")
+
+
+def test_drawings(eag):
+    pytest.importorskip("matplotlib").use("agg")
+    assert repr(plot_graph(eag)) == "<GraphDrawing: 4 nodes, 5 edges>"
+    assert repr(plot_section(eag)) == "<SectionDrawing: 3 domains in the window>"
+
+
+def test_run_of_the_genetic_algorithm():
+    shown = []
+    result = maximize(ones, 8, population=10, max_generations=3, epsilon=0, callback=lambda g: shown.append(repr(g)))
+    best, nfev = result.fun, result.nfev
+    assert repr(result) == f"<GAResult: best fitness {best:g} after 3 generations, {nfev} evaluations, max_generations>"
+    assert repr(result.history) == f"<History: 3 generations, best fitness {best:g}>"
+    assert shown[0].startswith("<Generation 0: best fitness ")
+    assert shown[0].endswith(", 10 evaluations>")
+    assert len(shown) == 4
+
+
+def test_estimate():
+    request = {"focal_length_mm": 25.0, "pixel_pitch_mm": (0.01, 0.01), "pose_covariance": np.eye(6) * 1e-12}
+    edge = [[-25, 0, -575], [25, 0, -575]]
+    one = simulate_success(edge, accuracy=0.9, samples=100, **request)
+    assert repr(one) == "<MonteCarloEstimate: 1.0000 in [0.9638, 1.0000], confidence 0.95, 100 samples>"
+    many = simulate_success([edge, edge], accuracy=0.9, samples=100, **request)
+    assert repr(many) == "<MonteCarloEstimate: shape (2,), confidence 0.95, 100 samples>"
+
+
+def test_setting(eag):
+    setting = plan_setting(eag, ["top", "side"], CAMERA, UNCERTAINTY, accuracy=0.95)
+    x, y, z = setting.position
+    place, worst = f"({x:.1f}, {y:.1f}, {z:.1f}) mm", min(setting.probability.values())
+    assert repr(setting) == f"<SensorSetting: 2 entities from {place}, smallest probability {worst:.4f}>"
+
+
+def test_plan_and_simulation(plan):
+    worst = min(plan.inspected.values())
+    found = "1 settings (at least 1 needed), 2 of 2 entities inspected"
+    assert repr(plan) == f"<InspectionPlan of 'box': {found}, smallest probability {worst:.4f}>"
+    simulation = plan.simulate(1000)
+    assert repr(simulation) == "<SimulationResult: 1 settings, 1000 poses each: 2 confirmed>"
+
+
+def test_plan_without_settings(plan):
+    nothing = type(plan)(
+        settings=(),
+        lower_bound=0,
+        uninspectable={"top": "no view", "side": "no view"},
+        **{name: getattr(plan, name) for name in ("entities", "camera", "pose_uncertainty", "accuracy", "workspace")},
+        probability=0.9,
+    )
+    assert repr(nothing) == "<InspectionPlan of '': 0 settings (at least 0 needed), 0 of 2 entities inspected>"
+    assert repr(nothing.simulate(10)) == "<SimulationResult: 0 settings, 10 poses each: nothing to check>"
+
+
+def test_equality_and_pickling_are_as_before(plan):
+    for result in (plan, plan.settings[0], plan.simulate(100)):
+        assert pickle.loads(pickle.dumps(result)) == copy.copy(result) == result
+        assert "\n" not in repr(result)

@@ -23,7 +23,7 @@ class Cell:
     half_spaces : ndarray, shape (k, 4)
         Rows (a, b, c, d) with unit normals: a·x + b·y + c·z + d <= 0 inside, in mm.
     vertices : ndarray, shape (v, 3)
-        Corners in mm.
+        Corners in mm, and the points of its boundary where edges of other cells of the partition end.
     volume : float
         In mm³.
     """
@@ -34,7 +34,7 @@ class Cell:
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        return f"<Cell: {len(self.half_spaces)} half-spaces, {len(self.vertices)} vertices, {self.volume:.4g} mm³>"
+        return f"<Cell: {len(self.half_spaces)} half-spaces, {self.volume:.4g} mm³>"
 
 
 class CellSet:

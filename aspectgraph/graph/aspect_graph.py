@@ -254,6 +254,18 @@ def build_aspect_graph(
         For bad input.
     ContradictionError
         If ray casting and exact arbitration refute a domain's list.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid, build_aspect_graph
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> eag = build_aspect_graph(box, {"top": 1, "side": 2})
+    >>> eag
+    <EntityAspectGraph of 'box': 2 entities, 4 domains, 5 adjacencies>
+    >>> eag.graph.nodes[0]["observable"]
+    ('top', 'side')
     """
     return graph_of(compute_regions(solid, entities, workspace, executor, progress), min_width_mm=min_width_mm)
 

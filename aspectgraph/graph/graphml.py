@@ -73,6 +73,23 @@ def write_graphml(graph, path) -> None:
         An attribute cannot be written without loss; nothing is written then.
     OutputError
         The file cannot be written.
+
+    Examples
+    --------
+    Any graph with integer nodes and attributes of the kinds that aspect graphs have:
+
+    >>> import tempfile
+    >>> import networkx as nx
+    >>> from aspectgraph import read_graphml, write_graphml
+    >>> graph = nx.Graph(part="box", entities=("top", "side"))
+    >>> graph.add_node(0, observable=("top", "side"), volume=8.5)
+    >>> graph.add_node(1, observable=(), volume=20.0)
+    >>> graph.add_edge(0, 1, area=3.25)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_graphml(graph, f"{folder}/box.graphml")
+    ...     again = read_graphml(f"{folder}/box.graphml")
+    >>> again.nodes[0]
+    {'observable': ('top', 'side'), 'volume': 8.5}
     """
     path = Path(path)
     graph = graph if isinstance(graph, nx.Graph) else graph.graph
@@ -103,6 +120,18 @@ def read_graphml(path) -> nx.Graph:
         The file is not GraphML, or is not the GraphML of an aspect graph.
     FileNotFoundError
         There is no such file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import networkx as nx
+    >>> from aspectgraph import read_graphml, write_graphml
+    >>> graph = nx.path_graph(3)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_graphml(graph, f"{folder}/path.graphml")
+    ...     again = read_graphml(f"{folder}/path.graphml")
+    >>> nx.utils.graphs_equal(again, graph)
+    True
     """
     path = Path(path)
     try:

@@ -65,6 +65,15 @@ def read_solid(
         The file is not what its name says, is damaged, or a parameter does not apply to it.
     SolidError
         The surface is open, not manifold, intersects itself, or solids touch.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> solid = read_solid("examples/two_pocket_block.off")
+    >>> solid
+    <Solid 'two_pocket_block': 24 vertices, 36 edges, 16 faces>
+    >>> len(solid.straight_edges(min_length_mm=20))
+    28
     """
     path = Path(path)
     if not path.is_file():

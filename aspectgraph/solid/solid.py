@@ -74,6 +74,21 @@ class Solid:
     ------
     SolidError
         Or one of its kinds, if a rule in the module's description is broken.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> corners = list(product((0, 40), (0, 30), (0, 20)))
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(corners, faces, name="box")
+
+    >>> box
+    <Solid 'box': 8 vertices, 12 edges, 6 faces>
+    >>> round(box.volume)
+    24000
+    >>> box.edges[1].vertices, box.edge_length_mm(1)
+    ((1, 3), 30.0)
     """
 
     def __init__(

@@ -256,6 +256,15 @@ def compute_regions(
         If an entity is not a sharp straight edge.
     WorkspaceError
         If the workspace is not a box around the part.
+
+    Examples
+    --------
+    >>> from aspectgraph import compute_regions, read_solid
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> rim = {"e1": [[60, 20, 10], [60, 40, 10]], "e4": [[20, 60, 10], [40, 60, 10]]}
+    >>> regions = compute_regions(block, rim)
+    >>> regions.observable([[200, 30, 20], [200, 200, 20], [30, 30, -50]]).tolist()
+    [[True, False], [True, True], [False, False]]
     """
     resolved = _resolved(solid, entities)
     box_mm = check_workspace(workspace, solid)

@@ -163,6 +163,13 @@ class Camera:
         ------
         CameraError
             If the name is unknown (the message offers the nearest names), or the lens cannot be set so.
+
+        Examples
+        --------
+        >>> from planner import Camera
+        >>> camera = Camera.named("basler-acA2440-20gm-8mm", focus_distance_mm=400)
+        >>> camera.focal_length_mm, camera.focus_distance_mm, camera.resolution
+        (8.0, 400.0, (2448, 2048))
         """
         known = {key.lower(): key for key in catalogued()}
         key = known.get(str(name).lower())

@@ -96,6 +96,18 @@ def plan_setting(
         If an argument breaks its rule.
     InfeasibleError
         If no setting can be found that satisfies the constraints; it names constraint, entity and amount.
+
+    Examples
+    --------
+    >>> from aspectgraph import compute_regions, read_solid
+    >>> from planner import Camera, PoseUncertainty, plan_setting
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> regions = compute_regions(block, {"e1": [[60, 20, 10], [60, 40, 10]], "e2": [[60, 20, 10], [60, 20, 30]]})
+    >>> camera = Camera.named("basler-acA2440-20gm-8mm")
+    >>> uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+    >>> setting = plan_setting(regions, ["e1", "e2"], camera, uncertainty, accuracy=0.95)
+    >>> min(setting.probability.values()) > 0.99, min(setting.margins.values()) >= 0
+    (True, True)
     """
     names, (rng, seed), search = check_names(space, names), _check_rng(rng), search or Search()
     if field_margin_px is None:

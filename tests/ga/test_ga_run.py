@@ -243,4 +243,4 @@ def test_a_single_bit():
 
 def test_the_example_of_the_docstring():
     outcome = doctest.testmod(importlib.import_module("ga.run"))
-    assert (outcome.attempted, outcome.failed) == (2, 0)
+    assert (outcome.attempted, outcome.failed) == (3, 0)
