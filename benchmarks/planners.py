@@ -37,6 +37,7 @@ from planner.cover.set_cover import greedy_cover, min_cover
 from planner.inspection import plan_inspection
 from planner.request.constraints import Constraints, Requirements
 from planner.request.defaults import position_margin_mm
+from planner.request.request import Request
 from planner.setting.pose_bits import PoseEncoding
 from planner.setting.viewpoint_sampling import ViewpointSampler
 
@@ -253,7 +254,9 @@ def compare(setup: str, seeds: int):
     need = Requirements(
         field_margin_px=chosen.field_margin_px, visibility_radius_mm=position_margin_mm(chosen.pose_uncertainty)
     )
-    judge = Judge(space, space.entity_names, chosen.camera(), chosen.pose_uncertainty, chosen.accuracy, THRESHOLD, need)
+    judge = Judge(
+        Request(space, space.entity_names, chosen.camera(), chosen.pose_uncertainty, chosen.accuracy, THRESHOLD, need)
+    )
     print(f"\n{chosen.part}: {len(judge.names)} entities, P >= {THRESHOLD} for an accuracy of {chosen.accuracy}")
     print(f"  {'':<36}{'seed':>5}{'settings':>10}{'left out':>10}{'worst P':>9}{'poses':>9}{'seconds':>9}")
     synthesise(judge, [0], np.random.default_rng(0))

@@ -19,9 +19,11 @@ import hashlib
 import json
 import time
 import warnings
+from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from planner.columns.outcome import Outcome
 from planner.exceptions import OutputError, PlanFileError
 from planner.files import write_text
 from planner.plan import InspectionPlan
@@ -76,17 +78,19 @@ class PlanningState:
     def __len__(self) -> int:
         return len(self._outcomes)
 
-    def get(self, names) -> SensorSetting | str | None:
-        """Return the setting found for a set of entities, the reason why there is none, or None if not tried yet."""
+    def get(self, names: Iterable[str]) -> Outcome | None:
+        """Return what came of a run for a set of entities, or None if not tried yet."""
         outcome = self._outcomes.get(_key(names))
         if outcome is None:
             return None
-        return SensorSetting.from_dict(outcome["setting"]) if "setting" in outcome else outcome["reason"]
+        if "setting" in outcome:
+            return Outcome(SensorSetting.from_dict(outcome["setting"]))
+        return Outcome(reason=outcome["reason"])
 
-    def put(self, names, outcome: SensorSetting | str) -> None:
+    def put(self, names: Iterable[str], outcome: Outcome) -> None:
         """Remember an outcome; save if it is time to."""
-        entry = {"reason": outcome} if isinstance(outcome, str) else {"setting": outcome.to_dict()}
-        self._outcomes[_key(names)] = entry
+        found = outcome.setting
+        self._outcomes[_key(names)] = {"reason": outcome.reason} if found is None else {"setting": found.to_dict()}
         self._save_in_time()
 
     def last(self) -> dict | None:
@@ -208,7 +212,7 @@ def _digest(data: dict) -> str:
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
 
-def _key(names) -> str:
+def _key(names: Iterable[str]) -> str:
     return json.dumps(sorted(names))
 
 

@@ -5,18 +5,19 @@ What a pose inspects was judged by every constraint and by the required probabil
 
 from planner.columns.candidates import Pools, column_seed, judged_poses, price_poses
 from planner.columns.judge import Judge
+from planner.columns.outcome import Outcome
 from planner.columns.pool import ColumnPool
-from planner.columns.realise_column import best_supported, realise, reason_for, without_contradicted
+from planner.columns.realise_column import best_supported, realise, without_contradicted
 
 __all__ = [
     "ColumnPool",
     "Judge",
+    "Outcome",
     "Pools",
     "best_supported",
     "column_seed",
     "judged_poses",
     "price_poses",
     "realise",
-    "reason_for",
     "without_contradicted",
 ]

@@ -12,13 +12,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
-from planner.camera.pose_uncertainty import PoseUncertainty
-from planner.request.constraints import Constraints, Requirements, visibility_slacks
-from planner.request.objective import Objective
-from planner.request.space import Space
-from planner.setting.sensor_setting import SensorSetting
+from planner.request.constraints import visibility_slacks
+from planner.request.request import Request
 
 _BATCH = 2048
 # how far a margin may miss for an entity still to count as nearly inspected
@@ -62,48 +58,29 @@ class Judge:
 
     Parameters
     ----------
-    space : VisibilityRegions or EntityAspectGraph
-        Tells which entities are observable from a position.
-    names : sequence of str
-        Entities (k), the columns of every result.
-    camera : Camera
-    pose_uncertainty : PoseUncertainty
-    accuracy, probability : float
-        Required accuracy, and required probability of it.
-    requirements : Requirements, optional
+    request : Request
+        What is asked; its entities (k) are the columns of every result.
     """
 
-    def __init__(
-        self,
-        space: Space,
-        names,
-        camera: Camera,
-        pose_uncertainty: PoseUncertainty,
-        accuracy: float,
-        probability: float,
-        requirements: Requirements | None = None,
-    ):
-        self.space, self.names, self.camera = space, tuple(names), camera
-        self.accuracy, self.threshold = accuracy, probability
-        self.requirements = requirements or Requirements()
-        self.constraints = Constraints(space, self.names, camera, self.requirements)
-        self.ends = self.constraints.ends
-        self._objective = Objective(self.ends, camera, pose_uncertainty, accuracy)
-        nearest, farthest = camera.depth_of_field_mm
+    def __init__(self, request: Request):
+        self.request = request
+        self.space, self.names, self.camera = request.space, request.names, request.camera
+        self.accuracy, self.threshold = request.accuracy, request.probability
+        self.requirements, self.constraints, self.ends = request.requirements, request.constraints, request.ends
+        nearest, farthest = self.camera.depth_of_field_mm
         depth = min(farthest, 10 * nearest) - nearest
         self._tolerance = {
             "resolution_mm": _NEAR_LENGTH * self.constraints.min_length_mm,
             "focus_mm": _NEAR_FOCUS * depth,
-            "field_of_view_px": _NEAR_FIELD * max(camera.resolution),
+            "field_of_view_px": _NEAR_FIELD * max(self.camera.resolution),
         }
 
-    def __getstate__(self) -> dict:
-        """Leave the constraints behind: their scene cannot cross a process boundary and is rebuilt."""
-        return {name: value for name, value in self.__dict__.items() if name != "constraints"}
+    def __getstate__(self) -> dict[str, Request]:
+        """Keep the request only: the rest is made from it again."""
+        return {"request": self.request}
 
-    def __setstate__(self, state: dict) -> None:
-        self.__dict__.update(state)
-        self.constraints = Constraints(self.space, self.names, self.camera, self.requirements)
+    def __setstate__(self, state: dict[str, Request]) -> None:
+        self.__init__(state["request"])  # type: ignore[misc]
 
     def __call__(self, cam2world: np.ndarray, prices: np.ndarray | None = None) -> Judgement:
         """Judge poses (n, 4, 4).
@@ -121,7 +98,7 @@ class Judge:
             return Judgement(empty.astype(bool), empty.astype(bool), empty, empty)
         return Judgement.joined(parts)
 
-    def _judge(self, cam2world, prices) -> Judgement:
+    def _judge(self, cam2world: np.ndarray, prices: np.ndarray | None) -> Judgement:
         missed = self._missed(cam2world)
         nearly = missed <= 1.0
         if prices is not None:
@@ -134,7 +111,7 @@ class Judge:
         inspects = (missed == 0.0) & nearly & (probability >= self.threshold)
         return Judgement(inspects, nearly, probability, np.exp(-missed))
 
-    def _missed(self, cam2world) -> np.ndarray:
+    def _missed(self, cam2world: np.ndarray) -> np.ndarray:
         """Return how far the worst constraint of each entity is missed, in units of its tolerance; (n, k), 0 is met."""
         missed = np.zeros((len(cam2world), len(self.names)))
         for name in self.constraints.constraint_names:
@@ -152,7 +129,7 @@ class Judge:
             )
         return missed
 
-    def _hide(self, cam2world, missed: np.ndarray) -> None:
+    def _hide(self, cam2world: np.ndarray, missed: np.ndarray) -> None:
         """Ask for visibility, the costly constraint, only where the others leave hope."""
         positions = cam2world[:, :3, 3]
         for k, name in enumerate(self.names):
@@ -161,7 +138,7 @@ class Judge:
                 hidden = visibility_slacks(self.space, positions[rows], [name])[:, 0, 0] < 0
                 missed[rows[hidden], k] = np.inf
 
-    def _hide_around(self, cam2world, nearly: np.ndarray, probability: np.ndarray) -> None:
+    def _hide_around(self, cam2world: np.ndarray, nearly: np.ndarray, probability: np.ndarray) -> None:
         """Ask for visibility all around the positions, which costs most, only of what would otherwise be inspected."""
         positions, radius = cam2world[:, :3, 3], self.requirements.visibility_radius_mm
         for k, name in enumerate(self.names if radius > 0 else ()):
@@ -171,26 +148,5 @@ class Judge:
                 nearly[rows[hidden], k] = False
                 probability[rows[hidden], k] = 0.0
 
-    def _probability(self, cam2world, wanted: np.ndarray) -> np.ndarray:
-        return self._objective.probability_of(world_to_cam(self.ends, cam2world)[wanted])
-
-    def setting(
-        self, cam2world: np.ndarray, names, message: str, seed: int | None = None, nfev: int = 1
-    ) -> SensorSetting:
-        """Describe a pose (4, 4) as a setting that inspects some of the entities."""
-        idx = [self.names.index(name) for name in names]
-        pose = np.asarray(cam2world)[None]
-        probability = self._probability(pose, np.isin(np.arange(len(self.names)), idx)[None])
-        by_idx = dict(zip(sorted(idx), probability.tolist(), strict=True))
-        own = Constraints(self.space, names, self.camera, self.requirements)
-        return SensorSetting(
-            cam2world=cam2world,
-            entities=tuple(names),
-            probability={name: by_idx[i] for name, i in zip(names, idx, strict=True)},
-            margins={name: float(margin.min()) for name, margin in own.margins(pose).items()},
-            fitness=float(sum(by_idx.values())),
-            nfev=nfev,
-            generations=0,
-            message=message,
-            seed=seed,
-        )
+    def _probability(self, cam2world: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+        return self.request.objective.probability_of(world_to_cam(self.ends, cam2world)[wanted])

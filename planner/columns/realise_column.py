@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.columns.judge import Judge
+from planner.columns.outcome import Outcome
 from planner.columns.perturb import perturbed
 from planner.exceptions import InfeasibleError
 from planner.executors import Shared
-from planner.setting.plan_setting import plan_setting
+from planner.setting.plan_setting import best_setting
+from planner.setting.pose_setting import setting_at
 from planner.setting.sensor_setting import SensorSetting
 from planner.verify.simulate_setting import MODEL_TOLERANCE, simulate_setting
 
@@ -38,14 +39,13 @@ _MEANING = {
 }
 
 
-def realise(shared: Shared, pose_uncertainty: PoseUncertainty, names, seed: int, start=None) -> SensorSetting | str:
+def realise(shared: Shared, names: Sequence[str], seed: int, start: np.ndarray | None = None) -> Outcome:
     """Look for a setting that inspects a set of entities: first by the sum of probabilities, then by the smallest.
 
     Parameters
     ----------
     shared : Shared of Judge
-        The request.
-    pose_uncertainty : PoseUncertainty
+        Holds the request.
     names : tuple of str
         The column.
     seed : int
@@ -55,36 +55,21 @@ def realise(shared: Shared, pose_uncertainty: PoseUncertainty, names, seed: int,
 
     Returns
     -------
-    SensorSetting or str
+    Outcome
         The setting (it may miss the threshold for some entities), or the reason why there is none.
     """
     judge: Judge = shared.value
-    need = judge.requirements
-    found = None
+    request, found = judge.request.of(names), None
     for objective in ("sum", "min"):
         try:
-            setting = plan_setting(
-                judge.space,
-                names,
-                judge.camera,
-                pose_uncertainty,
-                accuracy=judge.accuracy,
-                rng=seed,
-                stand_off_mm=need.stand_off_mm,
-                min_length_px=need.min_length_px,
-                field_margin_px=need.field_margin_px,
-                visibility_radius_mm=need.visibility_radius_mm,
-                reach=need.reach,
-                objective=objective,
-                start=start,
-            )
+            setting = best_setting(request, seed, objective=objective, start=start)
         except InfeasibleError as error:
-            return f"{meaning(error)}: {error}"
+            return Outcome(reason=f"{meaning(error)}: {error}")
         if found is None or min(setting.probability.values()) > min(found.probability.values()):
             found = setting
-        if min(found.probability.values()) >= judge.threshold or len(names) == 1:
+        if min(found.probability.values()) >= request.probability or len(names) == 1:
             break
-    return found
+    return Outcome(found)
 
 
 def meaning(error: InfeasibleError) -> str:
@@ -97,7 +82,7 @@ def meaning(error: InfeasibleError) -> str:
     return _MEANING[error.constraint]
 
 
-def best_supported(judge: Judge, pose_uncertainty: PoseUncertainty, options, seed: int) -> SensorSetting:
+def best_supported(judge: Judge, options: Sequence[SensorSetting], seed: int) -> SensorSetting:
     """Return the first setting that simulation does not contradict, or a pose near the first that it supports.
 
     The probability takes the phases of the pixel grid as random; where the tolerance is less than two pixels one pose
@@ -106,7 +91,6 @@ def best_supported(judge: Judge, pose_uncertainty: PoseUncertainty, options, see
     Parameters
     ----------
     judge : Judge
-    pose_uncertainty : PoseUncertainty
     options : sequence of SensorSetting
         For the same entities, the best first.
     seed : int
@@ -115,7 +99,7 @@ def best_supported(judge: Judge, pose_uncertainty: PoseUncertainty, options, see
     rng = np.random.default_rng([seed, _TRIAL_POSES])
     found, least = options[0], np.inf
     for setting in itertools.chain(options, _near(judge, options[0], rng)):
-        too_much = max(_excess(judge, pose_uncertainty, setting, rng).values())
+        too_much = max(_excess(judge, setting, rng).values())
         if too_much < least:
             found, least = setting, too_much
         if least <= _SUPPORTED:
@@ -123,57 +107,46 @@ def best_supported(judge: Judge, pose_uncertainty: PoseUncertainty, options, see
     return found
 
 
-def without_contradicted(judge: Judge, pose_uncertainty: PoseUncertainty, settings, seed: int) -> list[SensorSetting]:
+def without_contradicted(judge: Judge, settings: Iterable[SensorSetting], seed: int) -> list[SensorSetting]:
     """Take from settings the entities that simulation contradicts there and supports in another one.
 
     Parameters
     ----------
     judge : Judge
-    pose_uncertainty : PoseUncertainty
     settings : sequence of SensorSetting
     seed : int
         Of the poses displaced.
     """
-    rng = np.random.default_rng([seed, _TRIAL_POSES])
-    excess = [_excess(judge, pose_uncertainty, setting, rng) for setting in settings]
+    settings, rng = list(settings), np.random.default_rng([seed, _TRIAL_POSES])
+    excess = [_excess(judge, setting, rng) for setting in settings]
     supported = [{name for name, too_much in rates.items() if too_much <= _SUPPORTED} for rates in excess]
     result = []
     for k, setting in enumerate(settings):
         elsewhere = set().union(*supported[:k], *supported[k + 1 :])
         kept = tuple(name for name in setting.entities if name in supported[k] or name not in elsewhere)
         if len(kept) < len(setting.entities):
-            fewer = judge.setting(setting.cam2world, kept, setting.message, seed=setting.seed, nfev=setting.nfev)
+            fewer = setting_at(
+                judge.request, setting.cam2world, kept, setting.message, seed=setting.seed, nfev=setting.nfev
+            )
             setting = replace(fewer, generations=setting.generations)
         result.append(setting)
     return result
 
 
-def _excess(judge: Judge, pose_uncertainty: PoseUncertainty, setting: SensorSetting, rng) -> dict[str, float]:
+def _excess(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> dict[str, float]:
     """Simulate a setting; return by how much it promises too much for each entity."""
     ends = dict(zip(judge.names, judge.ends, strict=True))
     rates = simulate_setting(
-        setting, ends, judge.camera, pose_uncertainty, accuracy=judge.accuracy, n=_TRIAL_POSES, rng=rng
+        setting, ends, judge.camera, judge.request.pose_uncertainty, accuracy=judge.accuracy, n=_TRIAL_POSES, rng=rng
     )
     return {name: rate.predicted - rate.frequency for name, rate in rates.items()}
 
 
-def _near(judge: Judge, setting: SensorSetting, rng) -> Iterator[SensorSetting]:
+def _near(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> Iterator[SensorSetting]:
     """Yield settings near one that inspect the same entities."""
     poses = perturbed(np.repeat(setting.cam2world[None], _NEIGHBOURS, axis=0), judge.camera.focus_distance_mm, rng)
     poses = poses[judge(poses).inspects[:, np.isin(judge.names, setting.entities)].all(axis=1)]
     for pose in poses[:_MOST_TRIALS]:
-        yield judge.setting(pose, setting.entities, "pose near the best, supported by simulation", seed=setting.seed)
-
-
-def reason_for(outcome: SensorSetting | str, threshold: float) -> str:
-    """Say why an entity is not inspected, given the outcome of its own run."""
-    if isinstance(outcome, str):
-        return outcome
-    best = max(outcome.probability.values())
-    if best >= threshold:
-        return (
-            f"no feasible view: the best pose found reaches P = {best:.4f}, but breaks a constraint when judged anew."
+        yield setting_at(
+            judge.request, pose, setting.entities, "pose near the best, supported by simulation", seed=setting.seed
         )
-    # so many digits that it is seen to be below
-    digits = next((n for n in range(4, 16) if round(best, n) < threshold), 16)
-    return f"probability too low: the best pose found reaches P = {best:.{digits}f}, below the required {threshold:g}."

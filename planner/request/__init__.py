@@ -16,6 +16,7 @@ from planner.request.defaults import (
 from planner.request.effort import Effort
 from planner.request.objective import Objective
 from planner.request.reach import BoxRegion, MeshRegion, Reach, SphereRegion, reach_name
+from planner.request.request import Request
 from planner.request.space import Space, cells_of
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "MeshRegion",
     "Objective",
     "Reach",
+    "Request",
     "Requirements",
     "Space",
     "SphereRegion",

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from numbers import Integral
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
-from planner.request.constraints import Constraints, Requirements
-from planner.request.defaults import pose_margin_px, position_margin_mm
-from planner.request.objective import Objective
-from planner.request.reach import Reach
+from planner.options import chosen, with_keywords_of
+from planner.request.request import Request
 from planner.request.space import Space
 from planner.setting.infeasible import check_extent, check_observable, check_resolvable
 from planner.setting.pose_search import Search, search_pose
 from planner.setting.sensor_setting import SensorSetting
+from planner.setting.setting_options import SettingKeywords, SettingOptions
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 
+@with_keywords_of(SettingOptions)
 def plan_setting(
     space: Space,
     names: Sequence[str],
@@ -28,17 +33,7 @@ def plan_setting(
     *,
     accuracy: float = 0.98,
     rng: int | np.random.Generator | None = 0,
-    stand_off_mm: float = 50.0,
-    min_length_px: float = 20.0,
-    field_margin_px: float | None = None,
-    field_of_view: str = "exact",
-    visibility_radius_mm: float | None = None,
-    reach: Reach | None = None,
-    objective: str = "sum",
-    model: str = "joint",
-    search: Search | None = None,
-    start=None,
-    callback: Callable | None = None,
+    **options: Unpack[SettingKeywords],
 ) -> SensorSetting:
     """Find the pose from which a set of entities is inspected with the highest probability of success.
 
@@ -59,6 +54,14 @@ def plan_setting(
         Required accuracy A in (0, 1): an error of the fraction 1 − A of the length is allowed.
     rng : int, numpy.random.Generator or None
         Seed or source of chance; None takes a fresh seed, reported in the setting.
+
+    Returns
+    -------
+    SensorSetting
+        The best setting found.
+
+    Other Parameters
+    ----------------
     stand_off_mm : float
         Smallest distance between the front nodal point and the part, mm.
     min_length_px : float
@@ -85,11 +88,6 @@ def plan_setting(
     callback : callable, optional
         ``callback(ga.Generation)`` after every generation; a true return value stops the search.
 
-    Returns
-    -------
-    SensorSetting
-        The best setting found.
-
     Raises
     ------
     RequestError
@@ -109,25 +107,64 @@ def plan_setting(
     >>> min(setting.probability.values()) > 0.99, min(setting.margins.values()) >= 0
     (True, True)
     """
-    names, (rng, seed), search = check_names(space, names), _check_rng(rng), search or Search()
-    if field_margin_px is None:
-        field_margin_px = pose_margin_px(camera, pose_uncertainty)
-    if visibility_radius_mm is None:
-        visibility_radius_mm = position_margin_mm(pose_uncertainty)
-    requirements = Requirements(
-        min_length_px, field_margin_px, field_of_view, stand_off_mm, reach, visibility_radius_mm
+    wanted = chosen(SettingOptions, plan_setting, options)
+    need = wanted.requirements(camera, pose_uncertainty)
+    request = Request(space, check_names(space, names), camera, pose_uncertainty, accuracy, requirements=need)
+    return best_setting(
+        request,
+        rng,
+        objective=wanted.objective,
+        model=wanted.model,
+        search=wanted.search,
+        start=wanted.start,
+        callback=wanted.callback,
     )
-    constraints = Constraints(space, names, camera, requirements)
-    goal = Objective(constraints.ends, camera, pose_uncertainty, accuracy, objective, model)
+
+
+def best_setting(
+    request: Request,
+    rng: int | np.random.Generator | None,
+    *,
+    objective: str = "sum",
+    model: str = "joint",
+    search: Search | None = None,
+    start: ArrayLike | None = None,
+    callback: Callable[..., Any] | None = None,
+) -> SensorSetting:
+    """Find the best pose for all entities of a request: `plan_setting` for those who have the request.
+
+    Parameters
+    ----------
+    request : Request
+        What is asked.
+    rng : int, numpy.random.Generator or None
+        Seed or source of chance.
+    objective, model, search, start, callback
+        As in `plan_setting`.
+
+    Returns
+    -------
+    SensorSetting
+        The best setting found.
+
+    Raises
+    ------
+    RequestError
+        If an option breaks its rule.
+    InfeasibleError
+        If no setting can be found that satisfies the constraints.
+    """
+    generator, seed = _check_rng(rng)
+    constraints, goal = request.constraints, request.objective_of(objective, model)
     check_resolvable(constraints)
     check_extent(constraints)
-    cells = check_observable(space, names)
-    outcome = search_pose(cells, constraints, goal, search, rng, _check_poses(start), callback)
+    cells = check_observable(request.space, request.names)
+    outcome = search_pose(cells, constraints, goal, search or Search(), generator, _check_poses(start), callback)
     pose = outcome.cam2world[None]
     return SensorSetting(
         cam2world=outcome.cam2world,
-        entities=names,
-        probability=dict(zip(names, goal.probability(pose)[0].tolist(), strict=True)),
+        entities=request.names,
+        probability=dict(zip(request.names, goal.probability(pose)[0].tolist(), strict=True)),
         margins={name: float(margin.min()) for name, margin in constraints.margins(pose).items()},
         fitness=outcome.fitness,
         nfev=outcome.nfev,
@@ -151,7 +188,7 @@ def check_names(space: Space, names: Sequence[str]) -> tuple[str, ...]:
     return names
 
 
-def _check_rng(rng) -> tuple[np.random.Generator, int | None]:
+def _check_rng(rng: object) -> tuple[np.random.Generator, int | None]:
     if isinstance(rng, np.random.Generator):
         return rng, None
     if rng is None:
@@ -161,7 +198,7 @@ def _check_rng(rng) -> tuple[np.random.Generator, int | None]:
     return np.random.default_rng(int(rng)), int(rng)
 
 
-def _check_poses(start) -> np.ndarray:
+def _check_poses(start: ArrayLike | None) -> np.ndarray:
     """Return poses (m, 4, 4) to begin with, or raise `RequestError` if they are not rigid."""
     poses = np.empty((0, 4, 4)) if start is None else np.asarray(start, dtype=np.float64)
     poses = poses[None] if poses.shape == (4, 4) else poses

@@ -19,6 +19,7 @@ from planner.bound.excluded_pairs import find_conflicts
 from planner.bound.lower_bound import lower_bound
 from planner.columns.candidates import price_poses
 from planner.columns.judge import Judge
+from planner.columns.outcome import Outcome
 from planner.columns.perturb import perturbed
 from planner.columns.pool import ColumnPool
 from planner.columns.realise_column import best_supported, without_contradicted
@@ -26,7 +27,9 @@ from planner.exceptions import PlanFileError, RequestError
 from planner.inspection import plan_inspection
 from planner.request.defaults import default_workspace
 from planner.request.effort import Effort
+from planner.request.request import Request
 from planner.resume import PlanningState
+from planner.setting.pose_setting import setting_at
 from planner.verify.simulate_plan import promises_too_much
 from planner.verify.simulate_setting import simulate_setting
 
@@ -115,7 +118,7 @@ def test_a_resumed_plan_takes_in_the_poses_that_the_proof_came_across(space, tmp
     def stop(_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("planner.inspection.lower_bound", proof)
+    monkeypatch.setattr("planner.steps.prove_bound.lower_bound", proof)
     plan = plan_box(space, rng=3)
     with monkeypatch.context() as patch:
         patch.setattr("planner.inspection.travel_order", stop)
@@ -145,8 +148,8 @@ def test_a_proof_that_goes_on_improves_the_columns_as_it_would_have(space, tmp_p
         price_poses(shared, pools, seed, *arguments, **options)
 
     seeds = []
-    monkeypatch.setattr("planner.inspection.lower_bound", proof)
-    monkeypatch.setattr("planner.inspection.price_poses", price)
+    monkeypatch.setattr("planner.steps.prove_bound.lower_bound", proof)
+    monkeypatch.setattr("planner.steps.prove_bound.price_poses", price)
     with pytest.raises(KeyboardInterrupt):
         plan_box(space, rng=3, state=state)
     stops += [False, False]
@@ -176,7 +179,7 @@ def test_least_effort_still_covers_everything(space):
 
 
 def test_state_of_another_request_is_refused(space, tmp_path):
-    PlanningState({"seed": 1}, tmp_path / "state.json").put(["a"], "no view")
+    PlanningState({"seed": 1}, tmp_path / "state.json").put(["a"], Outcome(reason="no view"))
     with pytest.raises(PlanFileError, match="must belong to the same part, entities, camera"):
         plan_box(space, state=tmp_path / "state.json")
 
@@ -279,7 +282,7 @@ def test_default_workspace_lets_the_lens_focus_on_every_side(space):
 
 @pytest.fixture(scope="module")
 def judge(space):
-    return Judge(space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9)
+    return Judge(Request(space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9))
 
 
 def test_judge_agrees_with_constraints_one_entity_at_a_time(space, judge):
@@ -341,7 +344,7 @@ def test_conflicts_are_real(judge):
     assert not find_conflicts(judge, idx, np.zeros((0, 12), dtype=bool), regions).any()
     # opposite vertical edges of a long box: 900 mm apart, more than the frustum holds (670 mm)
     long = BoxSpace((900.0, 80.0, 60.0), WORKSPACE, ["-y+x", "-y-x", "+y+x"])
-    far = Judge(long, long.entity_names, CAMERA, UNCERTAINTY, 0.98, 0.9)
+    far = Judge(Request(long, long.entity_names, CAMERA, UNCERTAINTY, 0.98, 0.9))
     cells = Cells([long.covering_cells([name]) for name in long.entity_names])
     found = find_conflicts(far, np.arange(3), np.zeros((0, 3), dtype=bool), cells)
     assert found.tolist() == [[False, True, False], [True, False, True], [False, True, False]]
@@ -350,7 +353,7 @@ def test_conflicts_are_real(judge):
 def test_edges_of_opposite_faces_exclude_each_other_in_a_narrow_workspace():
     """With walls flush with the front, +z-y is seen from above only and -z+y from below or behind only."""
     flush = BoxSpace((120.0, 80.0, 60.0), [[-900.0, 0.0, -900.0], [1000.0, 80.0, 900.0]], ["+z-y", "-z+y", "+z+y"])
-    judge = Judge(flush, flush.entity_names, CAMERA, UNCERTAINTY, 0.98, 0.9)
+    judge = Judge(Request(flush, flush.entity_names, CAMERA, UNCERTAINTY, 0.98, 0.9))
     cells = Cells([flush.covering_cells([name]) for name in flush.entity_names])
     found = find_conflicts(judge, np.arange(3), np.zeros((0, 3), dtype=bool), cells)
     assert found.tolist() == [[False, True, False], [True, False, True], [False, True, False]]
@@ -359,10 +362,10 @@ def test_edges_of_opposite_faces_exclude_each_other_in_a_narrow_workspace():
 def test_what_simulation_contradicts_is_left_to_the_setting_where_it_is_supported(judge, monkeypatch):
     """Of three entities in two settings: one contradicted in the first only, one in both, one in neither."""
     pose = random_poses(judge, 1)[0]
-    settings = [judge.setting(pose, EDGES[:3], str(k), seed=k) for k in range(2)]
+    settings = [setting_at(judge.request, pose, EDGES[:3], str(k), seed=k) for k in range(2)]
     excess = {"0": dict(zip(EDGES, [0.02, 0.02, 0.0], strict=False)), "1": dict(zip(EDGES, [0, 0.02, 0], strict=False))}
-    monkeypatch.setattr("planner.columns.realise_column._excess", lambda _, __, setting, ___: excess[setting.message])
-    first, second = without_contradicted(judge, UNCERTAINTY, settings, 0)
+    monkeypatch.setattr("planner.columns.realise_column._excess", lambda _, setting, __: excess[setting.message])
+    first, second = without_contradicted(judge, settings, 0)
     assert first.entities == tuple(first.probability) == tuple(EDGES[1:3])
     assert first.fitness == pytest.approx(sum(first.probability.values()))
     assert (first.seed, first.message) == (0, "0")
@@ -372,16 +375,16 @@ def test_what_simulation_contradicts_is_left_to_the_setting_where_it_is_supporte
 def test_a_pose_that_simulation_contradicts_is_replaced_by_one_near_it():
     """Tolerances of about a pixel: some poses succeed far less often than the model says, others do not."""
     space = BoxSpace((13.0, 11.0, 12.0), WORKSPACE, EDGES)
-    judge = Judge(space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9)
+    judge = Judge(Request(space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9))
     poses = random_poses(judge, 4000)
     inspects = judge(poses).inspects
     assert inspects.any()
     contradicted = 0
     for pose, row in zip(poses[inspects.any(axis=1)][:30], inspects[inspects.any(axis=1)][:30], strict=True):
-        setting = judge.setting(pose, tuple(np.array(EDGES)[row]), "given", seed=0)
+        setting = setting_at(judge.request, pose, tuple(np.array(EDGES)[row]), "given", seed=0)
         if promised_too_much(setting, judge):
             contradicted += 1
-            better = best_supported(judge, UNCERTAINTY, [setting], seed=1)
+            better = best_supported(judge, [setting], seed=1)
             assert better.entities == setting.entities
             assert judge(better.cam2world[None]).inspects[0, row].all()
             assert not promised_too_much(better, judge)

@@ -13,6 +13,7 @@ from grid_box import EDGES, BoxSpace
 from plan_examples import plan as plan_by_hand
 
 from planner import BoxRegion, Camera, MeshRegion, PoseUncertainty, SphereRegion, resume
+from planner.columns.outcome import Outcome
 from planner.exceptions import OutputError, PlanFileError
 from planner.inspection import plan_inspection
 from planner.records.packing import packed, unpacked
@@ -109,11 +110,11 @@ def test_candidate_poses_are_not_drawn_again(space, whole, tmp_path, monkeypatch
 
     path = tmp_path / "state.json"
     with monkeypatch.context() as patch:
-        patch.setattr("planner.inspection.price_poses", stop)
+        patch.setattr("planner.steps.find_columns.price_poses", stop)
         with pytest.raises(Stop):
             plan_box(space, path)
     assert json.loads(path.read_text())["checkpoint"]["step"] == "candidate poses"
-    monkeypatch.setattr("planner.inspection.judged_poses", stop)
+    monkeypatch.setattr("planner.steps.find_columns.judged_poses", stop)
     assert exact(plan_box(space, path)) == exact(whole[0])
 
 
@@ -185,7 +186,7 @@ def test_state_of_another_version_of_the_program_is_refused(tmp_path, monkeypatc
     path = tmp_path / "state.json"
     monkeypatch.setattr(resume, "version", lambda name: "0.0.1")
     first = PlanningState({}, path)
-    first.put(["a"], "no view")
+    first.put(["a"], Outcome(reason="no view"))
     first.save()
     monkeypatch.setattr(resume, "version", lambda name: "0.0.2")
     with pytest.raises(PlanFileError, match=r"version of the program\. Got another request's"):

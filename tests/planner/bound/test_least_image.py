@@ -12,6 +12,7 @@ from planner import Camera, PoseUncertainty
 from planner.bound.least_image import _SAFETY, least_image_mm, quantization_quantile
 from planner.columns.judge import Judge
 from planner.request.constraints import Requirements
+from planner.request.request import Request
 
 CAMERA = Camera(8.0, (0.00345, 0.005), (2448, 2048), 8.0, 400.0)
 
@@ -27,7 +28,7 @@ def test_quantile_along_one_axis_is_that_of_the_triangular_law(probability):
 def test_no_shorter_image_reaches_the_probability(accuracy):
     space = BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], EDGES)
     tiny = PoseUncertainty.isotropic(translation_mm=1e-6, rotation_rad=1e-8)
-    judge = Judge(space, space.entity_names, CAMERA, tiny, accuracy, 0.9)
+    judge = Judge(Request(space, space.entity_names, CAMERA, tiny, accuracy, 0.9))
     needed = least_image_mm(judge)
     assert needed >= judge.constraints.min_length_mm
     rng = np.random.default_rng(1)
@@ -83,8 +84,8 @@ def test_no_image_shorter_than_the_least_reaches_a_small_probability():
     camera = Camera(8.0, (0.002, 0.02), (4000, 400), 8.0, 400.0)
     tiny = PoseUncertainty.isotropic(translation_mm=1e-6, rotation_rad=1e-8)
     space = BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], EDGES)
-    judge = Judge(space, EDGES, camera, tiny, 0.9995, 0.02, Requirements(min_length_px=1.0))
+    judge = Judge(Request(space, EDGES, camera, tiny, 0.9995, 0.02, Requirements(min_length_px=1.0)))
     depth = 300.0
     half = 0.99 * least_image_mm(judge) / 2 * depth / camera.image_distance_mm
     shorter = np.array([[[[-half, 0.0, depth], [half, 0.0, depth]]]])
-    assert judge._objective.probability_of(shorter).max() < 0.02
+    assert judge.request.objective.probability_of(shorter).max() < 0.02

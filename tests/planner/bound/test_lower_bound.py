@@ -34,6 +34,7 @@ from planner.cover.set_cover import min_cover
 from planner.executors import Shared
 from planner.request.constraints import Requirements
 from planner.request.image_constraints import field_of_view_slacks, focus_slacks
+from planner.request.request import Request
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -62,7 +63,15 @@ def test_the_pose_found_inspects_what_is_said():
     size = SIZES[1]
     judge, regions = request_for(size)
     lenient = Judge(
-        judge.space, EDGES, CAMERA, UNCERTAINTY, 0.98, 1e-6, Requirements(stand_off_mm=0.0, visibility_radius_mm=0.0)
+        Request(
+            judge.space,
+            EDGES,
+            CAMERA,
+            UNCERTAINTY,
+            0.98,
+            1e-6,
+            Requirements(stand_off_mm=0.0, visibility_radius_mm=0.0),
+        )
     )
     space = space_for(judge, regions)
     y = np.random.default_rng(5).uniform(0.1, 1.0, len(EDGES))
@@ -280,7 +289,7 @@ def test_depth_without_end_is_cut_at_the_size_of_the_workspace():
     """Focused beyond the hyperfocal distance, 2319 mm: nothing is too far to be sharp."""
     far_off = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 3000.0)
     wide = [[-4000.0] * 3, [4100.0] * 3]
-    judge = Judge(BoxSpace(SIZES[1], wide, EDGES), EDGES, far_off, UNCERTAINTY, 0.98, 0.9)
+    judge = Judge(Request(BoxSpace(SIZES[1], wide, EDGES), EDGES, far_off, UNCERTAINTY, 0.98, 0.9))
     view = view_of(judge)
     assert np.isinf(far_off.depth_of_field_mm[1])
     assert view.far == pytest.approx(8100.0 * np.sqrt(3))

@@ -13,6 +13,7 @@ from planner import Camera, PoseUncertainty
 from planner.bound.lower_bound import lower_bound
 from planner.camera.pose import look_at
 from planner.columns.judge import Judge
+from planner.request.request import Request
 
 PAIR = ("+z+y", "+z-y")
 WORKSPACE = np.array([[-900.0] * 3, [1100.0] * 3])
@@ -37,7 +38,7 @@ class Slab(BoxSpace):
 @pytest.mark.xfail(strict=True, raises=AssertionError, reason="9.1: viewpoints within 1 um of a wall are discarded")
 def test_a_viewpoint_in_a_slab_of_half_a_micrometre_serves_both_edges():
     camera = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
-    judge = Judge(Slab((120.0, 80.0, 60.0), WORKSPACE, PAIR), PAIR, camera, CERTAIN, 0.98, 0.9)
+    judge = Judge(Request(Slab((120.0, 80.0, 60.0), WORKSPACE, PAIR), PAIR, camera, CERTAIN, 0.98, 0.9))
     pose = look_at([[60.0, 40.0, 460.00025]], [60.0, 40.0, 60.0])
     if not judge(pose).inspects.all():
         pytest.fail("the pose must inspect both edges", pytrace=False)

@@ -15,6 +15,7 @@ from plan_examples import plan
 from planner.cli import commands
 from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 from planner.cli.main import main
+from planner.columns.outcome import Outcome
 from planner.exceptions import OutputError
 from planner.output import plan_folder
 from planner.plan import read_plan
@@ -135,8 +136,8 @@ def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):
     assert lines[-1] == "aspectgraph: interrupted; 'plan' continues from where it was with --resume"
     assert os.listdir(folder / "other") == [commands.STATE_FILE]
     with monkeypatch.context() as patch:
-        patch.setattr("planner.inspection.realise", interrupt)
-        patch.setattr("planner.inspection.lower_bound", interrupt)
+        patch.setattr("planner.steps.run.realise", interrupt)
+        patch.setattr("planner.steps.prove_bound.lower_bound", interrupt)
         assert main([*arguments, "--resume"]) == DONE
     assert (folder / "other" / "plan.json").read_bytes() == expected
     assert commands.STATE_FILE not in os.listdir(folder / "other")
@@ -152,7 +153,7 @@ def test_a_request_to_terminate_keeps_the_state_too(folder, quick, capsys, monke
     assert signal.getsignal(signal.SIGTERM) == before
 
 
-@pytest.mark.parametrize("work", ["planner.cli.commands.compute_regions", "planner.inspection.judged_poses"])
+@pytest.mark.parametrize("work", ["planner.cli.commands.compute_regions", "planner.steps.find_columns.judged_poses"])
 def test_resuming_is_not_offered_where_there_is_no_state(folder, quick, capsys, monkeypatch, work):
     def interrupt(*arguments, **options):
         raise KeyboardInterrupt
@@ -181,8 +182,8 @@ def test_a_plan_that_cannot_be_written_is_kept_and_resumed_without_planning(fold
     )
     assert {path: path.read_bytes() for path in first} == first
     with monkeypatch.context() as patch:
-        patch.setattr("planner.inspection.judged_poses", full)
-        patch.setattr("planner.inspection.realise", full)
+        patch.setattr("planner.steps.find_columns.judged_poses", full)
+        patch.setattr("planner.steps.run.realise", full)
         assert main([*plan, "--seed", "1", "--resume"]) == DONE
     assert read_plan(folder / "out" / "plan.json").seed == 1
     assert not state.exists()
@@ -310,7 +311,7 @@ def test_malformed_files_are_named(folder, capsys):
 def test_state_of_another_request_is_refused(folder, quick, capsys):
     (folder / "out").mkdir()
     other = PlanningState({"part": "another"}, folder / "out" / commands.STATE_FILE)
-    other.put(["rim"], "hidden")
+    other.put(["rim"], Outcome(reason="hidden"))
     other.save()
     lines = failure(capsys, [*PLAN, "--resume"])
     assert "must belong to the same part" in lines[-1]

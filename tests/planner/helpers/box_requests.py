@@ -14,6 +14,7 @@ from planner.bound.boxes.viewpoint_tree import viewpoints_for
 from planner.bound.boxes.windows import rotation
 from planner.bound.pose_space import PoseSpace
 from planner.columns.judge import Judge
+from planner.request.request import Request
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
@@ -31,7 +32,7 @@ def random_poses(judge, n, seed=0):
 
 
 def request_for(size):
-    judge = Judge(BoxSpace(size, WORKSPACE, EDGES), EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9)
+    judge = Judge(Request(BoxSpace(size, WORKSPACE, EDGES), EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9))
     return judge, Cells([judge.space.covering_cells([name]) for name in EDGES])
 
 

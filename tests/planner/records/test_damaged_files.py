@@ -9,6 +9,7 @@ from file_mutants import damaged_json, damaged_toml
 from plan_examples import ENTITIES, plan, setting
 
 from planner import Camera, look_at
+from planner.columns.outcome import Outcome
 from planner.exceptions import CameraError, PlanFileError
 from planner.plan import read_plan
 from planner.records.json_file import encoded
@@ -78,14 +79,14 @@ def test_damaged_state_is_refused_and_left_alone_or_makes_sense(tmp_path):
             continue
         # other spaces or another order of the fields, but nothing else
         assert json.loads(content) == good
-        assert state.get(["bottom"]) == "unobservable: no viewpoint sees it."
+        assert state.get(["bottom"]) == Outcome(reason="unobservable: no viewpoint sees it.")
     assert refused > 0.6 * MUTANTS
 
 
 def written_state(path):
     state = PlanningState(REQUEST, path)
-    state.put(["bottom"], "unobservable: no viewpoint sees it.")
-    state.put(["top front", "top right"], setting((40.0, -180.0, 620.0), ["top front", "top right"]))
+    state.put(["bottom"], Outcome(reason="unobservable: no viewpoint sees it."))
+    state.put(["top front", "top right"], Outcome(setting((40.0, -180.0, 620.0), ["top front", "top right"])))
     poses = look_at([[0.0, 1.0, 200.0], [3.0, 4.0, 500.0]], (0.0, 0.0, 0.0), roll=0.3)
     pools = {"realised": {"poses": poses}, "near": {"poses": poses[:1]}}
     state.keep(
@@ -114,6 +115,6 @@ def test_damaged_camera_is_refused_or_exists(tmp_path):
 def test_state_is_strict_json_and_keeps_margins_that_are_not_finite(tmp_path):
     path = written_state(tmp_path / "state.json")
     json.loads(path.read_text(), parse_constant=pytest.fail)
-    found = PlanningState(REQUEST, path).get(["top right", "top front"])
+    found = PlanningState(REQUEST, path).get(["top right", "top front"]).setting
     assert found == setting((40.0, -180.0, 620.0), ["top front", "top right"])
     assert found.margins["reach"] == float("inf")

@@ -7,6 +7,7 @@ import jsonschema
 import pytest
 from plan_examples import plan
 
+from planner.columns.outcome import Outcome
 from planner.exceptions import PlanFileError
 from planner.plan import InspectionPlan, read_plan
 from planner.records.json_file import encoded, read_json
@@ -215,7 +216,7 @@ def test_a_state_that_was_changed_inside_is_refused(tmp_path):
     """What fits every rule may still not be what was written."""
     path = tmp_path / "state.json"
     state = PlanningState({}, path)
-    state.put(["a"], "hidden by e7")
+    state.put(["a"], Outcome(reason="hidden by e7"))
     state.save()
     path.write_text(path.read_text().replace("hidden by e7", "hidden by e8"))
     with pytest.raises(PlanFileError, match="digest must be that of the other fields"):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from plan_examples import CAMERA, setting
 
-from planner.columns.realise_column import meaning, reason_for
+from planner.columns.outcome import Outcome
+from planner.columns.realise_column import meaning
 from planner.exceptions import InfeasibleError
 from planner.setting.infeasible import check_extent
 
@@ -20,11 +21,11 @@ from planner.setting.infeasible import check_extent
     ],
 )
 def test_reason_does_not_contradict_itself(best, reason):
-    assert reason_for(setting((0.0, 0.0, 600.0), ["rim"], probability=best), 0.9) == reason
+    assert Outcome(setting((0.0, 0.0, 600.0), ["rim"], probability=best)).reason_at(0.9) == reason
 
 
 def test_reason_of_a_run_without_a_setting_is_its_own():
-    assert reason_for("unobservable: no viewpoint", 0.9) == "unobservable: no viewpoint"
+    assert Outcome(reason="unobservable: no viewpoint").reason_at(0.9) == "unobservable: no viewpoint"
 
 
 @pytest.mark.parametrize(

@@ -24,12 +24,13 @@ from planner.bound.boxes.windows import most_turn, rotation, swings
 from planner.bound.pose_space import PoseSpace
 from planner.columns.judge import Judge
 from planner.request.constraints import Requirements
+from planner.request.request import Request
 
 
 def around(size, radius):
     """A request with visibility asked all around, and its space of poses."""
     need = Requirements(visibility_radius_mm=radius)
-    judge = Judge(BoxSpace(size, WORKSPACE, EDGES), EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need)
+    judge = Judge(Request(BoxSpace(size, WORKSPACE, EDGES), EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need))
     return judge, space_for(judge, Cells([judge.space.covering_cells([name]) for name in EDGES]))
 
 
@@ -64,7 +65,7 @@ def test_visible_all_around_decides_where_regions_only_touch():
     regions = Cells([[BoxCell(np.array([*low[:2], middle]), high)], [BoxCell(low, np.array([*high[:2], middle]))]])
     for radius, together in ((0.0, True), (2.0, False)):
         need = Requirements(visibility_radius_mm=radius)
-        strict = Judge(judge.space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need)
+        strict = Judge(Request(judge.space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need))
         space = PoseSpace(strict, np.arange(len(pair)), regions, np.zeros((2, 2), dtype=bool))
         tree = viewpoints_for(space.nodal_points, space.entities, space.view, np.ones(2), 1.5, finest=4.0)
         leaves = tree.sets[tree.second == 0, 0]

@@ -1,0 +1,63 @@
+"""The keywords of `plan_inspection`: defaults, types, and the requirements made of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Any, TypedDict
+
+from numpy.typing import ArrayLike
+
+from planner.camera.camera import Camera
+from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.request.constraints import Requirements
+from planner.request.defaults import corner_margin_px, position_margin_mm
+from planner.request.effort import Effort
+from planner.request.reach import Reach
+from planner.request.space import Space
+
+
+@dataclass(frozen=True)
+class InspectionOptions:
+    """Options of `plan_inspection`, which describes them."""
+
+    workspace: ArrayLike | None = None
+    stand_off_mm: float = 50.0
+    min_length_px: float = 20.0
+    field_margin_px: float | None = None
+    visibility_radius_mm: float | None = None
+    reach: Reach | None = None
+    space: Space | None = None
+    effort: Effort | None = None
+    state: str | os.PathLike[str] | None = None
+    executor: Executor | None = None
+    progress: Callable[..., Any] | None = None
+
+    def requirements(self, camera: Camera, pose_uncertainty: PoseUncertainty) -> Requirements:
+        """Return the limits; where nothing is said, those that suit the pose uncertainty."""
+        margin, radius = self.field_margin_px, self.visibility_radius_mm
+        return Requirements(
+            min_length_px=self.min_length_px,
+            field_margin_px=corner_margin_px(camera, pose_uncertainty) if margin is None else margin,
+            stand_off_mm=self.stand_off_mm,
+            reach=self.reach,
+            visibility_radius_mm=position_margin_mm(pose_uncertainty) if radius is None else radius,
+        )
+
+
+class InspectionKeywords(TypedDict, total=False):
+    """The same for type checkers."""
+
+    workspace: ArrayLike | None
+    stand_off_mm: float
+    min_length_px: float
+    field_margin_px: float | None
+    visibility_radius_mm: float | None
+    reach: Reach | None
+    space: Space | None
+    effort: Effort | None
+    state: str | os.PathLike[str] | None
+    executor: Executor | None
+    progress: Callable[..., Any] | None

@@ -1,0 +1,90 @@
+"""The request: what is asked, in one frozen value that travels from the public call to the bound."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.camera.camera import Camera
+from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.request.constraints import Constraints, Requirements
+from planner.request.defaults import check_fraction
+from planner.request.objective import Objective
+from planner.request.space import Space
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """What is asked: which entities are to be measured, by which camera, how accurately and how surely.
+
+    Parameters
+    ----------
+    space : VisibilityRegions or EntityAspectGraph
+        Tells from where which entities are observable.
+    names : sequence of str
+        What is wanted (k entities); the columns of every result are in this order.
+    camera : Camera
+        The camera.
+    pose_uncertainty : PoseUncertainty
+        How far its real pose may be from the planned one.
+    accuracy : float
+        Required accuracy A in (0, 1).
+    probability : float
+        Required probability of it, in (0, 1); the search for a single setting does not use it.
+    requirements : Requirements
+        What is asked of a setting beside that.
+
+    Raises
+    ------
+    RequestError
+        If the accuracy or the probability breaks its rule.
+    """
+
+    space: Space
+    names: tuple[str, ...]
+    camera: Camera
+    pose_uncertainty: PoseUncertainty
+    accuracy: float = 0.98
+    probability: float = 0.9
+    requirements: Requirements = field(default_factory=Requirements)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "names", tuple(self.names))
+        for name in ("accuracy", "probability"):
+            object.__setattr__(self, name, check_fraction(name, getattr(self, name)))
+
+    def __getstate__(self) -> dict[str, object]:
+        """Leave what is computed behind: the constraints' scene cannot cross a process boundary."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}
+
+    @property
+    def accuracies(self) -> NDArray[np.float64]:
+        """Required accuracy of each item wanted, shape (k,): today the same for all."""
+        return np.full(len(self.names), self.accuracy)
+
+    @property
+    def ends(self) -> NDArray[np.float64]:
+        """Ends of the entities in the part's frame, shape (k, 2, 3), mm."""
+        return self.constraints.ends
+
+    @cached_property
+    def constraints(self) -> Constraints:
+        """The constraints of a setting that inspects all that is wanted."""
+        return Constraints(self.space, self.names, self.camera, self.requirements)
+
+    @cached_property
+    def objective(self) -> Objective:
+        """The success probabilities of all that is wanted, and their sum."""
+        return self.objective_of("sum", "joint")
+
+    def objective_of(self, kind: str, model: str) -> Objective:
+        """Return the objective of another kind or error model, see `Objective`."""
+        return Objective(self.ends, self.camera, self.pose_uncertainty, self.accuracy, kind, model)
+
+    def of(self, names: Sequence[str]) -> Request:
+        """Return the same request for some of the entities."""
+        return replace(self, names=tuple(names))

@@ -1,0 +1,60 @@
+"""A given pose as a sensor setting: what it inspects, how surely, and with what margins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from planner.camera.pose import world_to_cam
+from planner.request.request import Request
+from planner.setting.sensor_setting import SensorSetting
+
+
+def setting_at(
+    request: Request,
+    cam2world: np.ndarray,
+    names: Sequence[str],
+    message: str,
+    seed: int | None = None,
+    nfev: int = 1,
+) -> SensorSetting:
+    """Describe a pose as a setting that inspects some of the entities of a request.
+
+    Parameters
+    ----------
+    request : Request
+        What is asked.
+    cam2world : array (4, 4)
+        The pose.
+    names : sequence of str
+        The entities it is to inspect.
+    message : str
+        Where it comes from.
+    seed : int, optional
+        Seed of the work that found it.
+    nfev : int
+        Poses evaluated for it.
+
+    Returns
+    -------
+    SensorSetting
+        With the probabilities and margins of these entities; whether they suffice is not asked.
+    """
+    idx = [request.names.index(name) for name in names]
+    pose = np.asarray(cam2world)[None]
+    wanted = np.isin(np.arange(len(request.names)), idx)[None]
+    probability = request.objective.probability_of(world_to_cam(request.ends, pose)[wanted])
+    by_idx = dict(zip(sorted(idx), probability.tolist(), strict=True))
+    margins = request.of(names).constraints.margins(pose)
+    return SensorSetting(
+        cam2world=cam2world,
+        entities=tuple(names),
+        probability={name: by_idx[i] for name, i in zip(names, idx, strict=True)},
+        margins={name: float(margin.min()) for name, margin in margins.items()},
+        fitness=float(sum(by_idx.values())),
+        nfev=nfev,
+        generations=0,
+        message=message,
+        seed=seed,
+    )

@@ -1,0 +1,54 @@
+"""First step: the pools are filled from viewpoints of every entity, then improved where the cover would profit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from planner.columns.candidates import Pools, judged_poses, price_poses
+from planner.executors import in_order
+from planner.ledger import Ledger
+from planner.progress import report
+from planner.steps.run import Run
+
+_SAMPLED, _PRICED, _PROVEN = "candidate poses", "column generation", "lower bound"
+
+
+def find_columns(run: Run) -> None:
+    """Fill the pools, or go on from the checkpoint."""
+    last = run.memo.last()
+    if last is None:
+        _sample(run)
+        run.keep(_SAMPLED, {})
+    else:
+        run.pools, run.uninspectable = Pools.from_dict(last["pools"]), last["uninspectable"]
+    if last is None or last["step"] == _SAMPLED:
+        # before the columns are improved, so that others can join what is hard to inspect
+        run.uninspectable = _try_alone(run)
+    if last is None or last["step"] != _PROVEN:
+        _price(run, last)
+
+
+def _sample(run: Run) -> None:
+    """Fill the pools from viewpoints of every entity."""
+    arguments = [(run.shared, name, run.effort.viewpoints, run.seed) for name in run.names]
+    for k, (poses, judged) in enumerate(in_order(run.executor, judged_poses, arguments)):
+        run.pools.add(poses, judged)
+        report(run.progress, k + 1, len(run.names), _SAMPLED)
+
+
+def _try_alone(run: Run) -> dict[str, str]:
+    """Give entities that no pose inspects a run of their own; return the reasons of those that fail."""
+    missing = [name for i, name in enumerate(run.names) if not run.pool.membership[:, i].any()]
+    reasons = {}
+    for name, outcome in zip(missing, run.realise([(name,) for name in missing]), strict=True):
+        if name not in run.accept(outcome):
+            reasons[name] = outcome.reason_at(run.request.probability)
+    return reasons
+
+
+def _price(run: Run, last: dict[str, Any] | None) -> None:
+    """Improve the pools by column generation; ``last`` is the checkpoint this run began with."""
+    entries = last["entries"] if last is not None and last["step"] == _PRICED else None
+    ledger = Ledger(kept=entries, keep=lambda told: run.keep(_PRICED, {"entries": told}))
+    rounds = run.effort.pricing_rounds
+    price_poses(run.shared, run.pools, run.seed, rounds, run.executor, run.progress, ledger=ledger)

@@ -1,0 +1,131 @@
+"""One planning run: the request, the pools of columns, and what every step needs of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planner.columns.candidates import Pools, column_seed
+from planner.columns.judge import Judge
+from planner.columns.outcome import Outcome
+from planner.columns.pool import ColumnPool
+from planner.columns.realise_column import realise
+from planner.executors import Shared, in_order
+from planner.progress import report
+from planner.request.effort import Effort
+from planner.request.request import Request
+from planner.resume import PlanningState
+
+
+@dataclass(frozen=True)
+class CoverShares:
+    """Shares of `Effort.cover_nodes` for covers on the way to the last one.
+
+    Attributes
+    ----------
+    refuting : float
+        For each cover while optimistic columns are tried: there are many of them, and a cover that is not the best
+        costs no more than a run of the genetic algorithm.
+    """
+
+    refuting: float = 0.1
+
+
+SHARES = CoverShares()
+
+
+class Run:
+    """One planning run: the pools of columns that the steps fill.
+
+    Parameters
+    ----------
+    request : Request
+        What is asked.
+    seed : int
+        The plan's seed.
+    effort : Effort
+        How long to search.
+    memo : PlanningState
+        Outcomes and checkpoints.
+    executor : concurrent.futures.Executor, optional
+        Runs the per-entity and per-column work.
+    progress : callable, optional
+        ``progress(done, total, label)``.
+    """
+
+    def __init__(
+        self,
+        request: Request,
+        seed: int,
+        effort: Effort,
+        memo: PlanningState,
+        *,
+        executor: Executor | None = None,
+        progress: Callable[..., Any] | None = None,
+    ):
+        self.request, self.judge, self.names = request, Judge(request), request.names
+        self.shared = Shared(self.judge)
+        self.seed, self.effort, self.memo = seed, effort, memo
+        self.executor, self.progress = executor, progress
+        self.pools = Pools(ColumnPool(len(self.names)), ColumnPool(len(self.names)))
+        self.uninspectable: dict[str, str] = {}
+        self._begun = 0
+
+    @property
+    def pool(self) -> ColumnPool:
+        """Columns that poses inspect."""
+        return self.pools.realised
+
+    def keep(self, step: str, values: dict[str, Any]) -> None:
+        """Take a checkpoint: all that the steps from here on depend on."""
+        self.memo.keep(step, {"pools": self.pools.to_dict(), "uninspectable": dict(self.uninspectable), **values})
+
+    def kept(self, step: str) -> dict[str, Any] | None:
+        """Return the checkpoint if it was taken in this step."""
+        last = self.memo.last()
+        return last if last is not None and last["step"] == step else None
+
+    def nodes(self, share: float = 1.0) -> int:
+        """Return the nodes that a cover may take: a share of what the effort allows."""
+        return int(share * self.effort.cover_nodes)
+
+    def rng(self, purpose: str) -> np.random.Generator:
+        """Return the source of chance for a purpose, whatever was drawn before."""
+        return np.random.default_rng(column_seed(self.seed, [purpose]))
+
+    def names_of(self, column: np.ndarray) -> tuple[str, ...]:
+        """Return the names of the entities in a column (k,) of bool."""
+        return tuple(np.array(self.names)[column].tolist())
+
+    def accept(self, outcome: Outcome) -> tuple[str, ...]:
+        """Add what a run of the genetic algorithm achieved to the pool; return the entities it inspects."""
+        if outcome.setting is None:
+            return ()
+        pose = outcome.setting.cam2world[None]
+        judged = self.judge(pose)
+        self.pool.add(judged.inspects, pose, judged.probability)
+        return self.names_of(judged.inspects[0])
+
+    def realise(self, sets: Sequence[tuple[str, ...]]) -> list[Outcome]:
+        """Run the genetic algorithm for sets of entities not tried before; return all outcomes in order."""
+        todo = [names for names in dict.fromkeys(sets) if self.memo.get(names) is None]
+        done, self._begun = self._begun, self._begun + len(todo)
+        arguments = [(self.shared, names, column_seed(self.seed, names), self._start(names)) for names in todo]
+        for names, outcome in zip(todo, in_order(self.executor, realise, arguments), strict=True):
+            self.memo.put(names, outcome)
+            done += 1
+            report(self.progress, done, self._begun, "genetic algorithm")
+        outcomes = (self.memo.get(names) for names in sets)
+        return [outcome for outcome in outcomes if outcome is not None]
+
+    def _start(self, names: Sequence[str]) -> np.ndarray | None:
+        """Return the candidate pose (1, 4, 4) that inspects, or nearly inspects, a set of entities."""
+        for pool in self.pools:
+            best = pool.best_containing(np.isin(self.names, names))
+            if best is not None:
+                return pool.poses[best : best + 1]
+        return None
