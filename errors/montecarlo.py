@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypedDict
 
 import numba as nb
 import numpy as np
@@ -25,9 +26,14 @@ from errors.checks import (
     check_pixel_pitch,
     check_positive,
     check_probability,
+    chosen,
+    with_keywords_of,
 )
 from errors.covariance import covariance_root
 from errors.exceptions import InvalidParameterError
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 # Draws held in memory at a time.
 _CHUNK = 1 << 16
@@ -61,6 +67,22 @@ class MonteCarloEstimate:
         return f"<MonteCarloEstimate: {found}, confidence {self.confidence:g}, {self.samples} samples>"
 
 
+@dataclass(frozen=True)
+class SuccessOptions:
+    """Options of `simulate_success`, which describes them."""
+
+    confidence: float = 0.95
+    quantization: str = "uniform"
+
+
+class SuccessKeywords(TypedDict, total=False):
+    """The same for type checkers."""
+
+    confidence: float
+    quantization: str
+
+
+@with_keywords_of(SuccessOptions)
 def simulate_success(
     endpoints: ArrayLike,
     *,
@@ -70,8 +92,7 @@ def simulate_success(
     accuracy: float,
     samples: int = 100_000,
     rng: int | np.random.Generator = 0,
-    confidence: float = 0.95,
-    quantization: str = "uniform",
+    **options: Unpack[SuccessKeywords],
 ) -> MonteCarloEstimate:
     """Estimate P(|L' - L| <= (1 - A) L) by drawing displaced poses.
 
@@ -91,6 +112,14 @@ def simulate_success(
         Number of displaced poses.
     rng : int or numpy.random.Generator
         Seed or generator; the same seed gives the same numbers.
+
+    Returns
+    -------
+    MonteCarloEstimate
+        Success frequency per edge and its interval. A pose that puts an end point behind the lens is a failure.
+
+    Other Parameters
+    ----------------
     confidence : float
         Coverage of the confidence interval, in (0, 1).
     quantization : {"uniform", "grid", "none"}
@@ -98,23 +127,20 @@ def simulate_success(
         in +-r/2 and independent); "grid" rounds to the fixed grid through the image's origin, so that a length can
         only take the values the grid has; "none" leaves the projected points as they are.
 
-    Returns
-    -------
-    MonteCarloEstimate
-        Success frequency per edge and its interval. A pose that puts an end point behind the lens is a failure.
-
     Raises
     ------
     InvalidParameterError
         As `success_probability`, and for samples, confidence or quantization outside their range.
     """
+    how = chosen(SuccessOptions, simulate_success, options)
     f = check_positive(focal_length_mm, "focal_length_mm")
     endpoints = check_endpoints(endpoints, f)
     pitch = check_pixel_pitch(pixel_pitch_mm)
     covariance = check_covariance(pose_covariance)
     accuracy = check_probability(accuracy, "accuracy")
     samples = check_count(samples, "samples")
-    confidence = check_probability(confidence, "confidence")
+    confidence = check_probability(how.confidence, "confidence")
+    quantization = how.quantization
     if quantization not in QUANTIZATIONS:
         raise InvalidParameterError(f"quantization must be one of {QUANTIZATIONS}. Got {quantization!r}.")
     lead, root = check_leading_shapes(endpoints, covariance), covariance_root(covariance)

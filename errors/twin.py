@@ -8,6 +8,9 @@ both agree the model holds.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypedDict
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -17,6 +20,8 @@ from errors.checks import (
     check_endpoints,
     check_positive,
     check_probability,
+    chosen,
+    with_keywords_of,
 )
 from errors.covariance import covariance_root
 from errors.displacement import displace
@@ -25,9 +30,30 @@ from errors.montecarlo import MonteCarloEstimate, binomial_interval
 from errors.pixels import measure_lengths
 from errors.projection import image_segment, project
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
 _CHUNK = 1 << 14
 
 
+@dataclass(frozen=True)
+class MeasurementOptions:
+    """Options of `simulate_measurement`, which describes them."""
+
+    confidence: float = 0.95
+    detector: str = "axes"
+    band_px: float = 3.0
+
+
+class MeasurementKeywords(TypedDict, total=False):
+    """The same for type checkers."""
+
+    confidence: float
+    detector: str
+    band_px: float
+
+
+@with_keywords_of(MeasurementOptions)
 def simulate_measurement(
     endpoints: ArrayLike,
     *,
@@ -37,9 +63,7 @@ def simulate_measurement(
     accuracy: float,
     samples: int = 10_000,
     rng: int | np.random.Generator = 0,
-    confidence: float = 0.95,
-    detector: str = "axes",
-    band_px: float = 3.0,
+    **options: Unpack[MeasurementKeywords],
 ) -> MonteCarloEstimate:
     """Measure one edge in synthetic images from displaced poses and return how often the length is accurate.
 
@@ -59,18 +83,21 @@ def simulate_measurement(
         Number of displaced poses.
     rng : int or numpy.random.Generator
         Seed or generator; the same seed gives the same numbers.
-    confidence : float
-        Coverage of the confidence interval, in (0, 1).
-    detector : {"axes", "area"}
-        How ends are found in the image; see `errors.pixels`.
-    band_px : float
-        Width of the edge's image in the larger pitch, for "area".
 
     Returns
     -------
     MonteCarloEstimate
         Success frequency (a scalar) and its interval. An edge that is not found, or a pose that puts an end behind the
         lens, is a failure.
+
+    Other Parameters
+    ----------------
+    confidence : float
+        Coverage of the confidence interval, in (0, 1).
+    detector : {"axes", "area"}
+        How ends are found in the image; see `errors.pixels`.
+    band_px : float
+        Width of the edge's image in the larger pitch, for "area".
 
     Raises
     ------
@@ -79,6 +106,7 @@ def simulate_measurement(
     InvalidParameterError
         As `success_probability` and `measure_lengths`.
     """
+    how = chosen(MeasurementOptions, simulate_measurement, options)
     f = check_positive(focal_length_mm, "focal_length_mm")
     endpoints = check_endpoints(endpoints, f)
     covariance = check_covariance(pose_covariance)
@@ -86,7 +114,7 @@ def simulate_measurement(
         if array.shape != shape:
             raise InvalidShapeError(f"{name} must have shape {shape}. Got shape {array.shape}.")
     tolerance = 1.0 - check_probability(accuracy, "accuracy")
-    samples, confidence = check_count(samples, "samples"), check_probability(confidence, "confidence")
+    samples, confidence = check_count(samples, "samples"), check_probability(how.confidence, "confidence")
     length, rng = image_segment(endpoints, focal_length_mm=f)[0], np.random.default_rng(rng)
     hits = 0
     for start in range(0, samples, _CHUNK):
@@ -94,7 +122,7 @@ def simulate_measurement(
         ends = displace(endpoints, (normal @ covariance_root(covariance).T)[:, None, :])
         ends = ends[(ends[..., 2] < f).all(axis=1)]
         images = project(ends, focal_length_mm=f)
-        measured = measure_lengths(images, pixel_pitch_mm=pixel_pitch_mm, detector=detector, band_px=band_px)
+        measured = measure_lengths(images, pixel_pitch_mm=pixel_pitch_mm, detector=how.detector, band_px=how.band_px)
         hits += int((np.abs(measured - length) <= tolerance * length).sum())
     lower, upper = binomial_interval(hits, samples, confidence)
     return MonteCarloEstimate(np.float64(hits / samples), lower[()], upper[()], samples=samples, confidence=confidence)

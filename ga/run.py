@@ -1,18 +1,26 @@
 """The genetic algorithm itself: `maximize`."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ga import checks
 from ga.exceptions import ParameterError
 from ga.offspring import Breeding, next_generation
+from ga.operators import Keywords, Operators
+from ga.options import chosen, with_keywords_of
 from ga.population import Brood, Feasible, Fitness, Sampler, evaluate, initial_population
 from ga.record import Record, Stopping
-from ga.result import GAResult, Generation
-from ga.selection import SCALINGS, SELECTIONS
+from ga.result import GAResult
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 
+@with_keywords_of(Operators)
 def maximize(
     fitness: Fitness,
     n_bits: int,
@@ -21,21 +29,7 @@ def maximize(
     mutation: float = 0.1,
     feasible: Feasible | None = None,
     initial: np.ndarray | Sampler | None = None,
-    rng: int | np.random.Generator | None = 0,
-    callback: Callable[[Generation], object] | None = None,
-    *,
-    selection: str = "roulette",
-    scaling: str = "proportional",
-    elitism: int = 0,
-    duplicates: bool = True,
-    epsilon: float = 1e-3,
-    patience: int = 5,
-    max_stall: int | None = None,
-    target: float | None = None,
-    max_generations: int = 1000,
-    max_nfev: int | None = None,
-    attempts: int = 20,
-    initial_attempts: int = 100,
+    **options: Unpack[Keywords],
 ) -> GAResult:
     """Maximise a function of bits by the genetic algorithm of Yang and Ciarallo (2001, section 4).
 
@@ -67,6 +61,14 @@ def maximize(
         First individuals: (n, n_bits) of 0 and 1 with n <= population, all feasible, the rest being drawn; or a
         sampler ``initial(n, rng) -> (m, n_bits)``. Infeasible draws are discarded and redrawn. Default: even random
         bits.
+
+    Returns
+    -------
+    GAResult
+        Best bits and fitness, reason of the end, history, last population and seed.
+
+    Other Parameters
+    ----------------
     rng : int, numpy.random.Generator or None
         Seed, or source of chance; None takes a fresh seed, reported in the result.
     callback : callable, optional
@@ -101,11 +103,6 @@ def maximize(
     initial_attempts : int
         Times a whole initial population is drawn at most.
 
-    Returns
-    -------
-    GAResult
-        Best bits and fitness, reason of the end, history, last population and seed.
-
     Raises
     ------
     ParameterError
@@ -123,39 +120,23 @@ def maximize(
     >>> result.fun
     20.0
     """
+    how = chosen(Operators, maximize, options)
     for name, function, optional in (
         ("fitness", fitness, False),
         ("feasible", feasible, True),
-        ("callback", callback, True),
+        ("callback", how.callback, True),
     ):
         checks.check_callable(name, function, optional=optional)
     n_bits = checks.check_integer("n_bits", n_bits, 1)
     size = checks.check_integer("population", population, 2)
-    how = Breeding(
-        crossover=checks.check_probability("crossover", crossover),
-        mutation=checks.check_probability("mutation", mutation),
-        weigh=SCALINGS[checks.check_choice("scaling", scaling, SCALINGS)],
-        select=SELECTIONS[checks.check_choice("selection", selection, SELECTIONS)],
-        elitism=checks.check_integer("elitism", elitism, 0, size - 1),
-        duplicates=checks.check_flag("duplicates", duplicates),
-        attempts=checks.check_integer("attempts", attempts, 1),
-        feasible=feasible,
-    )
-    if not how.duplicates and n_bits < size.bit_length() and 2**n_bits < size:
+    breeding = how.breeding(size, crossover, mutation, feasible)
+    if not breeding.duplicates and n_bits < size.bit_length() and 2**n_bits < size:
         raise ParameterError(f"population must be at most 2**n_bits = {2**n_bits} without duplicates. Got {size}.")
-    stopping = Stopping(
-        epsilon=checks.check_nonnegative("epsilon", epsilon),
-        patience=checks.check_integer("patience", patience, 1),
-        max_stall=None if max_stall is None else checks.check_integer("max_stall", max_stall, 1),
-        target=None if target is None else checks.check_finite("target", target),
-        max_generations=checks.check_integer("max_generations", max_generations, 1),
-        max_nfev=None if max_nfev is None else checks.check_integer("max_nfev", max_nfev, size),
-        evaluations_ahead=size - how.elitism,
-    )
-    initial_attempts = checks.check_integer("initial_attempts", initial_attempts, 1)
-    generator, seed = checks.check_rng(rng)
-    first = initial_population(initial, (size, n_bits), feasible, initial_attempts, not how.duplicates, generator)
-    record, reason = _evolve(fitness, first, how, stopping, callback, generator)
+    stopping = how.stopping(size, breeding.elitism)
+    most_draws = checks.check_integer("initial_attempts", how.initial_attempts, 1)
+    generator, seed = checks.check_rng(how.rng)
+    first = initial_population(initial, (size, n_bits), feasible, most_draws, not breeding.duplicates, generator)
+    record, reason = _evolve(fitness, first, breeding, stopping, how.callback, generator)
     return stopping.result(record, reason, seed)
 
 

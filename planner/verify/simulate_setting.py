@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,6 +19,10 @@ from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
+from planner.options import chosen, with_keywords_of
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 _BATCH = 100_000
 # The probability takes the phases of the pixel grid as random; one planned pose has definite ones. Where rounding to
@@ -83,6 +88,24 @@ class SuccessRate:
         return TOLERATED if self.predicted <= self.high + MODEL_TOLERANCE else CONTRADICTED
 
 
+@dataclass(frozen=True)
+class SimulationOptions:
+    """Options of `simulate_setting`, which describes them."""
+
+    confidence: float = 0.99
+    sensor_limits: bool = True
+    random_phase: bool = False
+
+
+class SimulationKeywords(TypedDict, total=False):
+    """The same for type checkers."""
+
+    confidence: float
+    sensor_limits: bool
+    random_phase: bool
+
+
+@with_keywords_of(SimulationOptions)
 def simulate_setting(
     setting,
     entities: Mapping,
@@ -92,9 +115,7 @@ def simulate_setting(
     accuracy: float = 0.98,
     n: int = 10_000,
     rng: int | np.random.Generator = 0,
-    confidence: float = 0.99,
-    sensor_limits: bool = True,
-    random_phase: bool = False,
+    **options: Unpack[SimulationKeywords],
 ) -> dict[str, SuccessRate]:
     """Measure the entities of a setting from n displaced poses.
 
@@ -114,6 +135,14 @@ def simulate_setting(
         Displaced poses.
     rng : int or numpy.random.Generator
         Seed or source of chance.
+
+    Returns
+    -------
+    dict of str to SuccessRate
+        One per entity of the setting. An entity behind the displaced camera is a failure in any case.
+
+    Other Parameters
+    ----------------
     confidence : float
         Confidence level of the intervals, in (0, 1).
     sensor_limits : bool
@@ -123,17 +152,13 @@ def simulate_setting(
         paper's quantization error (eqs 1–3) means; on one grid, an image of 50.2 px is 50 or 51 px long and never 49,
         so the success of short edges depends on the fraction of a pixel in their length.
 
-    Returns
-    -------
-    dict of str to SuccessRate
-        One per entity of the setting. An entity behind the displaced camera is a failure in any case.
-
     Raises
     ------
     RequestError
         If an argument breaks its rule.
     """
-    for name, value in (("accuracy", accuracy), ("confidence", confidence)):
+    how = chosen(SimulationOptions, simulate_setting, options)
+    for name, value in (("accuracy", accuracy), ("confidence", how.confidence)):
         if not 0 < value < 1:
             raise RequestError(f"{name} must be in (0, 1). Got {value!r}.")
     if n < 1:
@@ -146,18 +171,18 @@ def simulate_setting(
     for start in range(0, n, _BATCH):
         poses = displaced_poses(setting.cam2world, pose_uncertainty, min(_BATCH, n - start), rng)
         pixels = _project(ends, poses, camera)
-        phase = rng.uniform(-0.5, 0.5, pixels.shape) if random_phase else 0.0
+        phase = rng.uniform(-0.5, 0.5, pixels.shape) if how.random_phase else 0.0
         error = _image_lengths(np.rint(pixels + phase) - phase, camera) - nominal
         accurate = np.abs(error) <= (1 - accuracy) * nominal
         lost = ~_in_image(pixels, camera)
-        successes += (accurate & ~lost if sensor_limits else accurate).sum(axis=0)
+        successes += (accurate & ~lost if how.sensor_limits else accurate).sum(axis=0)
         outside += lost.sum(axis=0)
     return {
         name: SuccessRate(
             int(hits),
             n,
-            *clopper_pearson(int(hits), n, confidence),
-            confidence,
+            *clopper_pearson(int(hits), n, how.confidence),
+            how.confidence,
             int(lost),
             float(setting.probability.get(name, np.nan)),
         )
