@@ -34,14 +34,18 @@ from aspectgraph.plot.section import SectionDrawing, plot_section
 from aspectgraph.plot.solid_view import plot_domains, plot_solid
 from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.part_file import read_solid
+from aspectgraph.solid.circles import Circle
+from aspectgraph.solid.rims import Arc, Rim
 from aspectgraph.solid.solid import Solid
 from aspectgraph.solid.topology import Edge, Face
 from aspectgraph.visibility.visibility_regions import VisibilityRegions, compute_regions
 
 __all__ = [
+    "Arc",
     "AspectGraphError",
     "Cell",
     "CellSet",
+    "Circle",
     "ContradictionError",
     "Edge",
     "Entity",
@@ -62,6 +66,7 @@ __all__ = [
     "ReadError",
     "ReadLimits",
     "ResolutionError",
+    "Rim",
     "SectionDrawing",
     "SelfIntersectionError",
     "Solid",

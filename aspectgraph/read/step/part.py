@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from aspectgraph.read.step.circles import pack_circles
 from aspectgraph.read.step.gaps import measure_gaps
 from aspectgraph.read.step.solids import Slot, diagonal_mm, load_solids
 from aspectgraph.read.step.stated_dimensions import list_dimensions
@@ -57,6 +58,7 @@ class StepPart:
             part = tessellate(shape, chord_mm, angle_rad, self.flat_mm)
             chords = np.array(sorted(part.curved_edges), dtype=np.int64).reshape(-1, 2)
             fields = (part.vertices, part.triangles, part.patch, part.curved_patch, chords)
+            fields += pack_circles(part.circular_edges or [])
             arrays.update({f"{k}_{i}": array for i, array in enumerate(fields)})
         return {"n": len(self.shapes)}, arrays
 
