@@ -1,6 +1,8 @@
 """Exact entity-based aspect graphs of polyhedral parts."""
 
 from aspectgraph.cells.cell_set import Cell, CellSet
+from aspectgraph.dimensions.read_dimensions import read_dimensions
+from aspectgraph.dimensions.records import ModelDimension
 from aspectgraph.entities.entity_files import read_entities
 from aspectgraph.entities.straight_edges import Entity, resolve_entities
 from aspectgraph.exceptions import (
@@ -55,6 +57,7 @@ __all__ = [
     "GraphDrawing",
     "GraphMLError",
     "MissingExtraError",
+    "ModelDimension",
     "NonManifoldError",
     "OpenSolidError",
     "OrientationError",
@@ -84,6 +87,7 @@ __all__ = [
     "plot_section",
     "plot_solid",
     "graph_of",
+    "read_dimensions",
     "read_entities",
     "read_graphml",
     "read_solid",

@@ -14,7 +14,7 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
 from OCP.collections import Sequence_TDF_Label
 from OCP.GeomAbs import GeomAbs_CurveType, GeomAbs_SurfaceType
-from OCP.gp import gp_Cylinder, gp_Pln
+from OCP.gp import gp_Circ, gp_Cylinder, gp_Lin, gp_Pln
 from OCP.IFSelect import IFSelect_ReturnStatus
 from OCP.Interface import Interface_Static
 from OCP.ShapeAnalysis import ShapeAnalysis_CanonicalRecognition
@@ -31,7 +31,7 @@ from aspectgraph.read.step.solids import quiet
 from aspectgraph.read.step.triangles import explore, xyz
 
 CANONICAL_MM = 1e-3
-"""A free-form face that leaves a plane or cylinder by less is one: it was written by a system that knows no other."""
+"""A free-form face or edge that leaves a plane, cylinder, line or circle by less is one: some writers know no other."""
 
 _ONLY_SHOWN = ("DimensionPresentation", "CommonLabel")
 
@@ -151,12 +151,13 @@ def _surface(face) -> dict[str, Any]:
 
 def _edge(edge) -> dict[str, Any]:
     curve = BRepAdaptor_Curve(edge)
-    if curve.GetType() == GeomAbs_CurveType.GeomAbs_Line:
+    recognised, line, circle = ShapeAnalysis_CanonicalRecognition(edge), gp_Lin(), gp_Circ()
+    if curve.GetType() == GeomAbs_CurveType.GeomAbs_Line or recognised.IsLine(CANONICAL_MM, line):
         ends = [curve.Value(curve.FirstParameter()), curve.Value(curve.LastParameter())]
         return {"kind": "line", "ends": [list(xyz(end)) for end in ends]}
     if curve.GetType() == GeomAbs_CurveType.GeomAbs_Circle:
         return _about("circle", curve.Circle())
-    return {"kind": "free form"}
+    return _about("circle", circle) if recognised.IsCircle(CANONICAL_MM, circle) else {"kind": "free form"}
 
 
 def _about(kind: str, conic) -> dict[str, Any]:
