@@ -207,7 +207,9 @@ def describe_shape(shape: dict[str, Any]) -> str:
         return f"edge from {describe_point(start)} to {describe_point(end)}"
     if kind in ("cylinder", "circle"):
         return f"{kind} of radius {shape['radius']:.6g} mm at {describe_point(np.array(shape['point']))}"
-    return f"{kind} at {describe_point(np.array(shape['point']))}" if kind == "point" else f"{kind} face"
+    if "point" in shape:
+        return f"{kind} at {describe_point(np.array(shape['point']))}"
+    return f"{kind} face or edge"
 
 
 def order_of(entity: EntityId) -> tuple[str, int]:

@@ -3,17 +3,18 @@
 * diameter, radius: a rim or arc of the cylinder.
 * distance: two parallel edges, one on each plane or line, across the direction of the dimension. They lie in one plane
   with that direction, or in two parallel ones.
-* centre_to_edge: a rim or arc and an edge in its plane. centre_distance: two rims or arcs in one plane. Out of one plane
-  the centre and the other entity would be farther apart than the dimension is.
+* centre_to_edge: a rim or arc, and an edge across its axis. centre_distance: two rims or arcs. Where the two lie in one
+  plane, their distance is the dimension; else it is their distance along the direction of the dimension.
 * angle: two edges across the line in which the planes meet.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from aspectgraph.dimensions.choice import Sight, arc_order
 from aspectgraph.dimensions.features import Attachments, Axis, Feature, FloatArray, Line, Plane, parallel, perpendicular
 from aspectgraph.dimensions.records import Way
 from aspectgraph.solid.rims import Arc
+
+_Pair: TypeAlias = tuple[Arc, Arc | int]
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,8 @@ class Measure:
         Why there are none, if there are none.
     direction : ndarray, shape (3,), or None
         Of a distance.
+    note : str
+        What to mind when the first entities are used.
     """
 
     kind: str
@@ -46,6 +51,7 @@ class Measure:
     ways: tuple[tuple[Way, ...], ...] = ()
     reason: str = ""
     direction: FloatArray | None = field(default=None, compare=False)
+    note: str = ""
 
 
 class Measurer:
@@ -164,9 +170,9 @@ class Measurer:
         offset = other.point - one.point
         across = offset - (offset @ one.along) * one.along
         value = float(np.linalg.norm(across))
-        pairs = [(a, b) for a, b in product(one.circles, other.circles) if self._level(a.centre - b.centre, one.along)]
-        reason = "" if pairs else "no two sharp circular edges around its axes lie in one plane"
-        return Measure("centre_distance", (value,), (self._best(pairs),), reason, across / value)
+        apart = {(a, b): self._apart(a.centre - b.centre, one.along) for a, b in product(one.circles, other.circles)}
+        reason = "" if apart else "no sharp circular edge is around one of its axes"
+        return self._with_circle("centre_distance", value, apart, reason, across / value)
 
     def _centre_to_edge(self, axis: Axis, other: Plane | Line) -> Measure:
         direction = other.normal if isinstance(other, Plane) else np.cross(axis.along, other.along)
@@ -175,28 +181,34 @@ class Measurer:
         if isinstance(other, Plane) and not perpendicular(axis.along, other.normal):
             return Measure("centre_to_edge", reason="the plane and the axis it is attached to are not parallel")
         value = abs(float((axis.point - other.point) @ direction))
-        pairs = [
-            (arc, edge)
+        apart = {
+            (arc, edge): self._apart(arc.centre - self.ends[edge][0], axis.along)
             for arc, edge in product(axis.circles, other.edges)
-            if perpendicular(self._along(edge), axis.along) and self._level(arc.centre - self.ends[edge][0], axis.along)
-        ]
-        reason = "" if pairs else "no sharp circular edge and sharp straight edge of it lie in one plane"
-        return Measure("centre_to_edge", (value,), (self._best(pairs),), reason, direction)
+            if perpendicular(self._along(edge), axis.along)
+        }
+        reason = "" if apart else "no sharp circular edge, or no sharp straight edge across its axis, bounds it"
+        return self._with_circle("centre_to_edge", value, apart, reason, direction)
 
-    def _level(self, offset: FloatArray, along: FloatArray) -> bool:
-        return abs(float(offset @ along)) <= self.match_mm
+    def _apart(self, offset: FloatArray, along: FloatArray) -> float:
+        """Return how far two entities are apart along an axis in mm, 0 if they lie in one plane across it."""
+        apart = abs(float(offset @ along))
+        return round(apart, 6) if apart > self.match_mm else 0.0
 
-    def _best(self, pairs: Sequence[tuple[Arc, Arc | int]]) -> tuple[Way, ...]:
-        """Return pairs of a circle and another entity as ids, best first."""
+    def _with_circle(
+        self, kind: str, value: float, apart: Mapping[_Pair, float], reason: str, direction: FloatArray
+    ) -> Measure:
+        """Return the measure by pairs of a circle and another entity, given how far they are apart along the axis."""
 
-        def key(pair: tuple[Arc, Arc | int]) -> tuple[object, ...]:
+        def key(pair: _Pair) -> tuple[object, ...]:
             arc, other = pair
             rest = arc_order(self.sight, other) if isinstance(other, Arc) else (-self.sight.length_mm(other), other)
-            return not self.sight.together(arc, other), *arc_order(self.sight, arc), *rest
+            return not self.sight.together(arc, other), apart[pair], *arc_order(self.sight, arc), *rest
 
-        ordered: Callable[[tuple[Arc, Arc | int]], tuple[object, ...]] = key
-        ranked = sorted(pairs, key=ordered)
-        return tuple((arc.id, other.id if isinstance(other, Arc) else other) for arc, other in ranked)
+        ranked = sorted(apart, key=cast("Callable[[_Pair], Any]", key))
+        offset = apart[ranked[0]] if ranked else 0.0
+        note = f"its entities lie {offset:.6g} mm apart along the axis; it is measured along its direction"
+        ways = tuple((arc.id, other.id if isinstance(other, Arc) else other) for arc, other in ranked)
+        return Measure(kind, (value,), (ways,), reason, direction, note if offset else "")
 
 
 def _across(one: Plane | Line, other: Plane | Line) -> FloatArray | None:

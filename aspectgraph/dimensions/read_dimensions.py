@@ -11,7 +11,7 @@ from aspectgraph.dimensions.choice import Sight
 from aspectgraph.dimensions.features import Attachments, Feature, describe_shape
 from aspectgraph.dimensions.measures import Measure, Measurer
 from aspectgraph.dimensions.records import ModelDimension, Way, unique_names
-from aspectgraph.dimensions.statements import Statement, read_statements
+from aspectgraph.dimensions.statements import DIGITS, Statement, deviations, read_statements
 from aspectgraph.exceptions import ReadError
 from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.part_file import STEP_SUFFIXES, plain_step_file
@@ -111,12 +111,12 @@ class _Reader:
         """Return a dimension, as yet without a name."""
         measure = self._measure(row)
         value = _nearest(measure.values, stated)
-        nominal, note = stated.nominal, stated.note
+        nominal, note = stated.nominal, _and(stated.note, measure.note)
         if nominal is None and value is not None:
-            nominal, note = value, _and(note, "the file states no nominal value; this is the geometry's")
+            nominal, note = round(value, DIGITS), _and(note, "the file states no nominal value; this is the geometry's")
         tolerance = stated.tolerance
         if stated.limits is not None and nominal is not None:
-            tolerance = (stated.limits[0] - nominal, stated.limits[1] - nominal)
+            tolerance = deviations(nominal, stated.limits)
         reason = stated.fault or self._disagreement(measure, stated) or measure.reason or None
         features = () if reason else tuple(ways[: MOST_ALTERNATIVES + 1] for ways in measure.ways)
         missing = sum(not ways for ways in features)
@@ -142,8 +142,10 @@ class _Reader:
         first, second = (self.attachments.features(side) for side in row["sides"])
         if kind in ("diameter", "radius"):
             return self.measurer.size(kind, first + second)
-        if kind not in ("distance", "angle"):
-            return Measure(kind, reason=f"a {kind.replace('_', ' ')} is not measured by edges, rims and arcs")
+        round_values = _round_values(kind, row["sides"])
+        if kind not in ("distance", "angle") or round_values:
+            what = "angle of a cone" if kind == "angle" else kind.replace("_", " ")
+            return Measure(kind, round_values, reason=f"no edges, rims and arcs measure a {what}")
         ends = _two_ends(first, second)
         if isinstance(ends, str):
             return Measure(kind, reason=ends)
@@ -181,12 +183,21 @@ def _kind(row: dict[str, Any]) -> str:
 def _two_ends(first: Sequence[Feature], second: Sequence[Feature]) -> tuple[Feature, Feature] | str:
     """Return the two features between which a dimension lies, or why there are not two."""
     if second:
-        if not first or len(first) > 1 or len(second) > 1:
-            return "one of its ends is attached to several features, or to none that has sharp edges or rims"
+        if len(first) != 1 or len(second) != 1:
+            return f"each of its ends needs one plane, edge or axis. Got {len(first)} and {len(second)}"
         return first[0], second[0]
     if len(first) != 2:
-        return f"it needs two features, and is attached to {len(first)} that are planes, edges or axes"
+        return f"it needs two ends, each a plane, edge or axis. Got {len(first)}"
     return first[0], first[1]
+
+
+def _round_values(kind: str, sides: Sequence[Sequence[dict[str, Any]]]) -> tuple[float, ...]:
+    """Return what the geometry has for the angle of cones, or the radius or diameter of spheres."""
+    shapes = [shape for side in sides for shape in side]
+    if kind == "angle":
+        return tuple(shape["angle_deg"] for shape in shapes if shape["kind"] == "cone")
+    factor = {"spherical_radius": 1.0, "spherical_diameter": 2.0}.get(kind, 0.0)
+    return tuple(factor * shape["radius"] for shape in shapes if shape["kind"] == "sphere" and factor)
 
 
 def _nearest(values: Sequence[float], stated: Statement) -> float | None:

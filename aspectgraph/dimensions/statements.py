@@ -13,6 +13,9 @@ from typing import Any
 _SAME = 1e-6
 """Relative difference of a value as the kernel and as the text state it, both converted to mm or degrees."""
 
+DIGITS = 9
+"""Values that are computed are rounded to as many decimal places: 35 minus 34.8 is 0.2."""
+
 
 @dataclass(frozen=True)
 class Statement:
@@ -71,8 +74,8 @@ def _pair(found: Sequence[dict[str, Any]], texts: Sequence[dict[str, Any]]) -> l
 def _fits(row: dict[str, Any], text: dict[str, Any]) -> bool:
     values = row["values"] or []
     stated = [*text["values"], *map(abs, text["bounds"] or ())]
-    if not values:
-        return not text["values"]
+    if not values or (len(values) > 1) != (len(stated) > 1):
+        return not values and not text["values"]
     return all(any(abs(abs(a) - b) <= _SAME * max(abs(b), 1.0) for b in stated) for a in values)
 
 
@@ -86,8 +89,21 @@ def _from_text(values: tuple[float, ...], bounds: Sequence[float] | None) -> Sta
         return Statement(limits=(min(values), max(values)))
     if len(values) == 3:
         lower, nominal, upper = sorted(values)
-        return Statement(nominal, (lower - nominal, upper - nominal))
+        return Statement(nominal, deviations(nominal, (lower, upper)))
     return Statement(values[0] if values else None)
+
+
+def deviations(nominal: float, limits: tuple[float, float]) -> tuple[float, float]:
+    """Return the lower and upper deviation of two limits from a nominal value, without the noise of subtraction.
+
+    Parameters
+    ----------
+    nominal : float
+        In mm or degrees.
+    limits : tuple of float
+        Lower and upper, in the same unit.
+    """
+    return round(limits[0] - nominal, DIGITS), round(limits[1] - nominal, DIGITS)
 
 
 def _from_kernel(row: dict[str, Any]) -> Statement:

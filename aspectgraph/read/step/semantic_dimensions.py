@@ -7,6 +7,7 @@ Imports OCP; import this module only in the kernel's process.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
 from OCP.collections import Sequence_TDF_Label
 from OCP.GeomAbs import GeomAbs_CurveType, GeomAbs_SurfaceType
-from OCP.gp import gp_Circ, gp_Cylinder, gp_Lin, gp_Pln
+from OCP.gp import gp_Circ, gp_Cone, gp_Cylinder, gp_Lin, gp_Pln, gp_Sphere
 from OCP.IFSelect import IFSelect_ReturnStatus
 from OCP.Interface import Interface_Static
 from OCP.ShapeAnalysis import ShapeAnalysis_CanonicalRecognition
@@ -119,9 +120,9 @@ def describe(shape) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``kind``: "plane" and "cylinder", "line" and "circle", "point", or another. Planes have ``point`` and ``axis``
-        (the normal); cylinders and circles ``point`` on the axis, ``axis`` and ``radius``; lines ``ends``. Faces have
-        ``edges``: the lines and circles around them, each described likewise.
+        ``kind``: "plane", "cylinder", "cone" and "sphere", "line" and "circle", "point", or "free form". Planes have
+        ``point`` and ``axis`` (the normal); the round ones ``point`` (on the axis), ``axis`` and ``radius``, cones
+        ``angle_deg`` between opposite sides instead; lines ``ends``. Faces have ``edges``, each described likewise.
     """
     if shape.ShapeType() == TopAbs_ShapeEnum.TopAbs_VERTEX:
         return {"kind": "point", "point": list(xyz(BRep_Tool.Pnt_s(TopoDS.Vertex(shape))))}
@@ -139,14 +140,19 @@ def _surface(face) -> dict[str, Any]:
         return _about("plane", surface.Plane())
     if kind == GeomAbs_SurfaceType.GeomAbs_Cylinder:
         return _about("cylinder", surface.Cylinder())
-    if kind in (GeomAbs_SurfaceType.GeomAbs_Cone, GeomAbs_SurfaceType.GeomAbs_Sphere):
-        return {"kind": kind.name.split("_")[-1].lower()}
+    if kind == GeomAbs_SurfaceType.GeomAbs_Cone:
+        return _about("cone", surface.Cone())
+    if kind == GeomAbs_SurfaceType.GeomAbs_Sphere:
+        return _about("sphere", surface.Sphere())
     recognised, plane, cylinder = ShapeAnalysis_CanonicalRecognition(face), gp_Pln(), gp_Cylinder()
+    cone, sphere = gp_Cone(), gp_Sphere()
     if recognised.IsPlane(CANONICAL_MM, plane):
         return _about("plane", plane)
     if recognised.IsCylinder(CANONICAL_MM, cylinder):
         return _about("cylinder", cylinder)
-    return {"kind": "free form"}
+    if recognised.IsCone(CANONICAL_MM, cone):
+        return _about("cone", cone)
+    return _about("sphere", sphere) if recognised.IsSphere(CANONICAL_MM, sphere) else {"kind": "free form"}
 
 
 def _edge(edge) -> dict[str, Any]:
@@ -160,6 +166,12 @@ def _edge(edge) -> dict[str, Any]:
     return _about("circle", circle) if recognised.IsCircle(CANONICAL_MM, circle) else {"kind": "free form"}
 
 
-def _about(kind: str, conic) -> dict[str, Any]:
-    row = {"kind": kind, "point": list(xyz(conic.Location())), "axis": list(xyz(conic.Axis().Direction()))}
-    return row if kind == "plane" else row | {"radius": conic.Radius()}
+def _about(kind: str, shape) -> dict[str, Any]:
+    row: dict[str, Any] = {"kind": kind, "point": list(xyz(shape.Location()))}
+    if kind != "sphere":
+        row["axis"] = list(xyz(shape.Axis().Direction()))
+    if kind == "cone":
+        row["angle_deg"] = 2.0 * math.degrees(abs(shape.SemiAngle()))
+    elif kind != "plane":
+        row["radius"] = shape.Radius()
+    return row

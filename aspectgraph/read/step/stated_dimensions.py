@@ -15,7 +15,9 @@ from aspectgraph.exceptions import ReadError
 from aspectgraph.read.step.listing import unit_mm
 from aspectgraph.read.step.text import Entity
 
-_SIZES = frozenset({"ANGULAR_SIZE", "DIMENSIONAL_SIZE", "DIMENSIONAL_SIZE_WITH_DATUM_FEATURE", "DIMENSIONAL_SIZE_WITH_PATH"})
+_SIZES = frozenset(
+    {"ANGULAR_SIZE", "DIMENSIONAL_SIZE", "DIMENSIONAL_SIZE_WITH_DATUM_FEATURE", "DIMENSIONAL_SIZE_WITH_PATH"}
+)
 _LOCATIONS = frozenset(
     {"ANGULAR_LOCATION", "DIMENSIONAL_LOCATION", "DIMENSIONAL_LOCATION_WITH_PATH", "DIRECTED_DIMENSIONAL_LOCATION"}
 )
