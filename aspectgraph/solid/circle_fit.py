@@ -14,14 +14,11 @@ A prism that really has eight or more sides is therefore offered as a rim; read 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from itertools import pairwise
 
 import numpy as np
 
-from aspectgraph.solid.circles import CircularEdge, fit_circle
-
-if TYPE_CHECKING:
-    from aspectgraph.solid.solid import Solid
+from aspectgraph.solid.circles import CircularEdge, Surface, fit_circle
 
 SHARP_MESH_DEG = 33.0
 """Gentler edges may lie inside a curved surface: twelve facets to a full turn, and some rounding."""
@@ -42,24 +39,24 @@ RELATIVE_RESIDUAL = 1e-3
 """Coordinates with four digits; the sagitta of sixty chords to the full turn."""
 
 
-def fitted_chains(solid: Solid) -> list[CircularEdge]:
+def fitted_chains(solid: Surface) -> list[CircularEdge]:
     """Return the circular chains of a solid with the circles fitted to them, by their lowest edge."""
     following = _continuations(solid)
     chains = [run for path in _paths(solid, following) for run in _circular_runs(solid, path)]
     found = [_chain(solid, run) for run in chains]
     edge_of = {frozenset(edge.vertices): edge.id for edge in solid.edges}
-    lowest = [min(edge_of[frozenset(p)] for p in zip(c.vertices, c.vertices[1:], strict=False)) for c in found]
+    lowest = [min(edge_of[frozenset(p)] for p in pairwise(c.vertices)) for c in found]
     return [found[i] for i in np.argsort(lowest, kind="stable").tolist()]
 
 
-def _chain(solid: Solid, run: list[int]) -> CircularEdge:
+def _chain(solid: Surface, run: list[int]) -> CircularEdge:
     circle = fit_circle(solid.vertices[run])
     assert circle is not None, "a circular run has a circle"
     # the turn is that of the chords, which the caller measures
     return CircularEdge(circle, tuple(run), 180.0)
 
 
-def _continuations(solid: Solid) -> dict[tuple[int, int], int]:
+def _continuations(solid: Surface) -> dict[tuple[int, int], int]:
     """Return for a chord walked from u to v, as (u, v), the vertex w that continues it, if any."""
     ends: dict[int, list[tuple[int, bool]]] = {}
     for edge in solid.edges:
@@ -83,7 +80,7 @@ def _continuations(solid: Solid) -> dict[tuple[int, int], int]:
     return following
 
 
-def _paths(solid: Solid, following: dict[tuple[int, int], int]) -> list[list[int]]:
+def _paths(solid: Surface, following: dict[tuple[int, int], int]) -> list[list[int]]:
     """Return the maximal paths of chords that continue each other, as vertices; closed ones end where they start."""
     done: set[frozenset[int]] = set()
     paths = []
@@ -100,12 +97,12 @@ def _paths(solid: Solid, following: dict[tuple[int, int], int]) -> list[list[int
             path.reverse()
             while (ahead := following.get((path[-2], path[-1]))) is not None and ahead not in path:
                 path.append(ahead)
-        done |= {frozenset(pair) for pair in zip(path, path[1:], strict=False)}
+        done |= {frozenset(pair) for pair in pairwise(path)}
         paths.append(path)
     return paths
 
 
-def _circular_runs(solid: Solid, path: list[int]) -> list[list[int]]:
+def _circular_runs(solid: Surface, path: list[int]) -> list[list[int]]:
     """Return the circular runs of a path: all of a closed one, or the longest that follow each other."""
     closed = path[0] == path[-1]
     if closed and _is_circular(solid, path):
@@ -125,14 +122,14 @@ def _circular_runs(solid: Solid, path: list[int]) -> list[list[int]]:
     return runs
 
 
-def _from_a_corner(solid: Solid, path: list[int]) -> list[int]:
+def _from_a_corner(solid: Surface, path: list[int]) -> list[int]:
     """Return a closed path turned so that it starts at the end of its longest chord, where no arc is cut in two."""
     lengths = np.linalg.norm(np.diff(solid.vertices[path], axis=0), axis=1)
     start = int(np.argmax(lengths)) + 1
     return path[start:-1] + path[: start + 1]
 
 
-def _is_circular(solid: Solid, run: list[int]) -> bool:
+def _is_circular(solid: Surface, run: list[int]) -> bool:
     points = solid.vertices[run]
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     if lengths.max() > UNEVEN * np.median(lengths):

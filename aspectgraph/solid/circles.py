@@ -6,12 +6,22 @@ linear fit, which is exact where the points lie on a circle.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from aspectgraph.solid.topology import Edge
+
 FloatArray = npt.NDArray[np.float64]
+
+
+class Surface(Protocol):
+    """What finding circular edges needs of a `Solid`: its vertices, edges and outward unit normals."""
+
+    vertices: FloatArray
+    edges: tuple[Edge, ...]
+    normals: FloatArray
 
 
 class Circle(NamedTuple):

@@ -13,15 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from itertools import pairwise
 
 import numpy as np
 
 from aspectgraph.solid.circle_fit import fitted_chains
-from aspectgraph.solid.circles import Circle, CircularEdge, FloatArray
-
-if TYPE_CHECKING:
-    from aspectgraph.solid.solid import Solid
+from aspectgraph.solid.circles import Circle, CircularEdge, FloatArray, Surface
 
 SHARP_DEG = 5.0
 """Default for the smallest turn of the normal across an edge that is seen, in degrees."""
@@ -110,7 +107,7 @@ def reference_direction(axis: FloatArray) -> FloatArray:
     return np.asarray(across / np.linalg.norm(across), dtype=np.float64)
 
 
-def find_arcs(solid: Solid, circular_edges: Sequence[CircularEdge] | None) -> tuple[Arc, ...]:
+def find_arcs(solid: Surface, circular_edges: Sequence[CircularEdge] | None) -> tuple[Arc, ...]:
     """Return all rims and arcs of a solid, numbered each, however blunt.
 
     Parameters
@@ -142,7 +139,7 @@ def _numbered(arc: Arc, number: str) -> Arc:
 def _unbroken(edge: CircularEdge, edge_of: dict[frozenset[int], int]) -> list[CircularEdge]:
     """Return the runs of an edge's chords that are edges of the solid; reading may have left some out."""
     runs: list[list[int]] = [[edge.vertices[0]]] if edge.vertices else []
-    for a, b in zip(edge.vertices, edge.vertices[1:], strict=False):
+    for a, b in pairwise(edge.vertices):
         if frozenset((a, b)) in edge_of:
             runs[-1].append(b)
         else:
@@ -186,11 +183,11 @@ def _same(one: Circle, other: Circle) -> bool:
     return max(apart, tilt, abs(one.radius_mm - other.radius_mm)) <= permitted
 
 
-def _arc(solid: Solid, chain: CircularEdge, edge_of: dict[frozenset[int], int], *, fitted: bool) -> Arc:
+def _arc(solid: Surface, chain: CircularEdge, edge_of: dict[frozenset[int], int], *, fitted: bool) -> Arc:
     """Return the rim or arc of a chain, not yet numbered."""
     vertices = chain.vertices
     closed = vertices[0] == vertices[-1]
-    edges = [edge_of[frozenset(pair)] for pair in zip(vertices, vertices[1:], strict=False)]
+    edges = [edge_of[frozenset(pair)] for pair in pairwise(vertices)]
     circle = chain.circle
     if _faces_away(solid, edges, circle.axis):
         circle = circle.flipped()
@@ -216,9 +213,10 @@ def _arc(solid: Solid, chain: CircularEdge, edge_of: dict[frozenset[int], int], 
     )
 
 
-def _faces_away(solid: Solid, edges: list[int], axis: FloatArray) -> bool:
+def _faces_away(solid: Surface, edges: list[int], axis: FloatArray) -> bool:
     """Whether the faces along the chords face against the axis; if neither way, whether its largest part is < 0."""
-    lengths = np.array([solid.edge_length_mm(e) for e in edges])
+    ends = solid.vertices[[solid.edges[e].vertices for e in edges]]
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     towards = solid.normals[[solid.edges[e].faces for e in edges]].sum(axis=1) @ axis
     mean = float(towards @ lengths / lengths.sum())
     if abs(mean) > 1e-6:
