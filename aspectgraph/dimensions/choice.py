@@ -1,8 +1,8 @@
 """Which of several entities, or pairs of them, to offer first.
 
 Order: those that some direction sees together, judged by their own faces alone; those in one plane; closed circles
-before open ones, the longer shorter edge; the lower ids. Nothing is left out: what hides an entity is the aspect graph's
-to say.
+before open ones, the longer shorter edge; the lower ids. Nothing is left out: what hides an entity is for the aspect
+graph to say.
 """
 
 from __future__ import annotations

@@ -96,10 +96,8 @@ class Measurer:
         one, other : Feature
             A plane, line or axis each.
         """
-        if isinstance(one, Axis) and isinstance(other, Axis):
-            return self._centre_distance(one, other)
         if isinstance(one, Axis):
-            return self._centre_to_edge(one, other)
+            return self._centre_distance(one, other) if isinstance(other, Axis) else self._centre_to_edge(one, other)
         if isinstance(other, Axis):
             return self._centre_to_edge(other, one)
         direction = _across(one, other)
@@ -131,9 +129,9 @@ class Measurer:
         turn = math.degrees(math.atan2(float(np.linalg.norm(np.cross(first, second))), float(first @ second)))
         fold = np.cross(first, second) / np.linalg.norm(np.cross(first, second))
         pairs = [(a, b) for a, b in product(one.edges, other.edges) if a != b and self._both_across(a, b, fold)]
-        ways = tuple(sorted(pairs, key=lambda pair: self._pair_order(*pair, fold)))
-        reason = "" if ways else "no two sharp straight edges across its fold bound what it is attached to"
-        return Measure("angle", (turn, 180.0 - turn), (ways,), reason)
+        pairs.sort(key=lambda pair: self._pair_order(pair[0], pair[1], fold))
+        reason = "" if pairs else "no two sharp straight edges across its fold bound what it is attached to"
+        return Measure("angle", (turn, 180.0 - turn), (tuple(pairs),), reason)
 
     def _sorted(self, circles: Sequence[Arc]) -> list[Arc]:
         return sorted(circles, key=lambda arc: arc_order(self.sight, arc))
@@ -170,7 +168,9 @@ class Measurer:
         offset = other.point - one.point
         across = offset - (offset @ one.along) * one.along
         value = float(np.linalg.norm(across))
-        apart = {(a, b): self._apart(a.centre - b.centre, one.along) for a, b in product(one.circles, other.circles)}
+        apart: dict[_Pair, float] = {
+            (a, b): self._apart(a.centre - b.centre, one.along) for a, b in product(one.circles, other.circles)
+        }
         reason = "" if apart else "no sharp circular edge is around one of its axes"
         return self._with_circle("centre_distance", value, apart, reason, across / value)
 
@@ -181,7 +181,7 @@ class Measurer:
         if isinstance(other, Plane) and not perpendicular(axis.along, other.normal):
             return Measure("centre_to_edge", reason="the plane and the axis it is attached to are not parallel")
         value = abs(float((axis.point - other.point) @ direction))
-        apart = {
+        apart: dict[_Pair, float] = {
             (arc, edge): self._apart(arc.centre - self.ends[edge][0], axis.along)
             for arc, edge in product(axis.circles, other.edges)
             if perpendicular(self._along(edge), axis.along)

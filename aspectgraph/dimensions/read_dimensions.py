@@ -145,8 +145,8 @@ class _Reader:
         round_values = _round_values(kind, row["sides"])
         if kind not in ("distance", "angle") or round_values:
             what = "angle of a cone" if kind == "angle" else kind.replace("_", " ")
-            return Measure(kind, round_values, reason=f"no edges, rims and arcs measure a {what}")
-        ends = _two_ends(first, second)
+            return Measure(kind, round_values, reason=f"no edges, rims and arcs measure the {what}")
+        ends = _two_ends(first, second, bool(row["sides"][1]))
         if isinstance(ends, str):
             return Measure(kind, reason=ends)
         return self.measurer.angle(*ends) if kind == "angle" else self.measurer.between(*ends)
@@ -180,9 +180,12 @@ def _kind(row: dict[str, Any]) -> str:
     return "distance"
 
 
-def _two_ends(first: Sequence[Feature], second: Sequence[Feature]) -> tuple[Feature, Feature] | str:
-    """Return the two features between which a dimension lies, or why there are not two."""
-    if second:
+def _two_ends(first: Sequence[Feature], second: Sequence[Feature], apart: bool) -> tuple[Feature, Feature] | str:
+    """Return the two features between which a dimension lies, or why there are not two.
+
+    `apart`: the file says which shapes are at which end.
+    """
+    if apart:
         if len(first) != 1 or len(second) != 1:
             return f"each of its ends needs one plane, edge or axis. Got {len(first)} and {len(second)}"
         return first[0], second[0]

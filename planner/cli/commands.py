@@ -1,7 +1,8 @@
-"""What the four commands do. Each takes the parsed options and returns the exit code."""
+"""What the commands do. Each takes the parsed options and returns the exit code."""
 
 from __future__ import annotations
 
+import json
 import os
 import warnings
 from concurrent.futures import ProcessPoolExecutor
@@ -12,8 +13,10 @@ import numpy as np
 
 from aspectgraph import (
     AspectGraphError,
+    ReadError,
     compute_regions,
     graph_of,
+    read_dimensions,
     read_entities,
     read_solid,
     write_edge_picture,
@@ -64,6 +67,20 @@ def graph(options) -> int:
     write_graphml(result, options.graphml)
     terminal_tables.print_graph(result)
     print(options.graphml)
+    return DONE
+
+
+def dimensions(options) -> int:
+    """Show the dimensions an AP242 file states, and the entities that measure them."""
+    found = read_dimensions(options.part, _read_part(options))
+    if not found:
+        raise ReadError(
+            f"the part must be a STEP file with semantic dimensions (AP242). Got {options.part}, which states none."
+        )
+    if options.json:
+        print(json.dumps([one.to_dict() for one in found], indent=1))
+    else:
+        terminal_tables.print_dimensions(found)
     return DONE
 
 

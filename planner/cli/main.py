@@ -22,6 +22,7 @@ _EXAMPLES = """\
 examples:
   aspectgraph info part.step
   aspectgraph info part.step --picture edges.html
+  aspectgraph dimensions part.stp
   aspectgraph graph part.step --entities 12,15,31 --graphml graph.graphml
   aspectgraph plan part.step --entities edges.toml --camera basler-acA2440-20gm-25mm --out plan
   aspectgraph simulate plan/plan.json
@@ -95,6 +96,7 @@ def build_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     _add_info(commands)
     _add_graph(commands)
+    _add_dimensions(commands)
     _add_plan(commands)
     _add_simulate(commands)
     return parser
@@ -115,6 +117,14 @@ def _add_graph(commands) -> None:
     _add_entities(graph)
     graph.add_argument("--graphml", metavar="FILE", required=True, help="GraphML for Gephi, yEd, Cytoscape, igraph")
     _add_workspace(graph)
+
+
+def _add_dimensions(commands) -> None:
+    dimensions = commands.add_parser(
+        "dimensions", help="dimensions an AP242 file states, and how to measure them", allow_abbrev=False
+    )
+    _add_part(dimensions)
+    dimensions.add_argument("--json", action="store_true", help="as a list of records, for other programs")
 
 
 def _add_plan(commands) -> None:

@@ -54,6 +54,28 @@ def print_graph(graph) -> None:
         console.print(f"and {len(ordered) - _MOST_ROWS} more in the GraphML file")
 
 
+def print_dimensions(dimensions) -> None:
+    """Print the dimensions a model states: values, and the entities that measure them or the reason why none do."""
+    console = _console()
+    able = [one for one in dimensions if one.entities is not None]
+    stated = sum(one.tolerance is not None for one in dimensions)
+    console.print(
+        f"{count(len(dimensions), 'dimension')}, {stated} with a tolerance, {len(able)} measurable by sharp edges and rims"
+    )
+    table = _table(
+        ("name", "left"), ("kind", "left"), ("nominal", "right"), ("tolerance", "right"), ("entities or reason", "left")
+    )
+    for one in dimensions:
+        nominal = "" if one.nominal is None else f"{one.nominal:.6g} {one.unit}"
+        tolerance = "" if one.tolerance is None else " ".join(f"{deviation:+.4g}" for deviation in one.tolerance)
+        how = one.reason if one.entities is None else ", ".join(map(str, one.entities))
+        table.add_row(one.name, one.kind.replace("_", " "), nominal, tolerance, how)
+    console.print(table)
+    for one in dimensions:
+        if one.note:
+            console.print(f"note: {one.name}: {one.note}")
+
+
 def print_plan(plan) -> None:
     """Print the plan: settings, probabilities, margins, and what cannot be inspected."""
     console = _console()

@@ -75,7 +75,7 @@ def read_semantic_dimensions(path: Path, name: str) -> list[dict[str, Any]]:
     return [row for row in found if row["type"] not in _ONLY_SHOWN]
 
 
-def _dimension(tool, label) -> dict[str, Any]:
+def _dimension(tool: Any, label: Any) -> dict[str, Any]:
     # FindAttribute leaves a null handle here; Set_s returns the attribute there is
     stated = XCAFDoc_Dimension.Set_s(label).GetObject()
     values, words, title = stated.GetValues(), stated.GetSemanticName(), stated.GetPresentationName()
@@ -92,15 +92,15 @@ def _dimension(tool, label) -> dict[str, Any]:
     }
 
 
-def _shapes(labels) -> list[dict[str, Any]]:
-    found = []
+def _shapes(labels: Any) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = []
     for k in range(1, labels.Length() + 1):
         shape = XCAFDoc_ShapeTool.GetShape_s(labels.Value(k))
         found += [describe(part) for part in _simple_parts(shape)]
     return found
 
 
-def _simple_parts(shape) -> list:
+def _simple_parts(shape: Any) -> list[Any]:
     """Return the faces, or failing these edges, or failing these vertices of a shape."""
     for kind in (TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_VERTEX):
         parts = explore(shape, kind)
@@ -109,7 +109,7 @@ def _simple_parts(shape) -> list:
     return []
 
 
-def describe(shape) -> dict[str, Any]:
+def describe(shape: Any) -> dict[str, Any]:
     """Return the geometry of a face, edge or vertex in JSON values: its kind, its numbers in mm, and its bounds.
 
     Parameters
@@ -133,7 +133,7 @@ def describe(shape) -> dict[str, Any]:
     return _surface(TopoDS.Face(shape)) | {"edges": edges}
 
 
-def _surface(face) -> dict[str, Any]:
+def _surface(face: Any) -> dict[str, Any]:
     surface = BRepAdaptor_Surface(face)
     kind = surface.GetType()
     if kind == GeomAbs_SurfaceType.GeomAbs_Plane:
@@ -155,7 +155,7 @@ def _surface(face) -> dict[str, Any]:
     return _about("sphere", sphere) if recognised.IsSphere(CANONICAL_MM, sphere) else {"kind": "free form"}
 
 
-def _edge(edge) -> dict[str, Any]:
+def _edge(edge: Any) -> dict[str, Any]:
     curve = BRepAdaptor_Curve(edge)
     recognised, line, circle = ShapeAnalysis_CanonicalRecognition(edge), gp_Lin(), gp_Circ()
     if curve.GetType() == GeomAbs_CurveType.GeomAbs_Line or recognised.IsLine(CANONICAL_MM, line):
@@ -166,7 +166,7 @@ def _edge(edge) -> dict[str, Any]:
     return _about("circle", circle) if recognised.IsCircle(CANONICAL_MM, circle) else {"kind": "free form"}
 
 
-def _about(kind: str, shape) -> dict[str, Any]:
+def _about(kind: str, shape: Any) -> dict[str, Any]:
     row: dict[str, Any] = {"kind": kind, "point": list(xyz(shape.Location()))}
     if kind != "sphere":
         row["axis"] = list(xyz(shape.Axis().Direction()))

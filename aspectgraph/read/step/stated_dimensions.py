@@ -1,7 +1,7 @@
 """The values and tolerances of dimensions as the text of a STEP file states them.
 
-The kernel loses the signs of tolerances, and takes limits in the wrong order for a range. So both are read from the text
-as well, which says what was meant.
+The kernel loses the signs of tolerances, and takes limits in the wrong order for a range. So both are read from the
+text as well, which says what was meant.
 
 Reference: ISO 10303-242, dimensional_characteristic_representation and plus_minus_tolerance.
 """
