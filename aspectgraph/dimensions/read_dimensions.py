@@ -227,5 +227,5 @@ def _in_words(sides: Sequence[Sequence[dict[str, Any]]]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(describe_shape(shape) for side in sides for shape in side))
 
 
-def _and(one: str, other: str) -> str:
-    return f"{one}; {other}" if one else other
+def _and(*notes: str) -> str:
+    return "; ".join(note for note in notes if note)

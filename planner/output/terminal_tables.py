@@ -57,11 +57,9 @@ def print_graph(graph) -> None:
 def print_dimensions(dimensions) -> None:
     """Print the dimensions a model states: values, and the entities that measure them or the reason why none do."""
     console = _console()
-    able = [one for one in dimensions if one.entities is not None]
+    able = sum(one.entities is not None for one in dimensions)
     stated = sum(one.tolerance is not None for one in dimensions)
-    console.print(
-        f"{count(len(dimensions), 'dimension')}, {stated} with a tolerance, {len(able)} measurable by sharp edges and rims"
-    )
+    console.print(f"{count(len(dimensions), 'dimension')}, {stated} with a tolerance, {able} measurable")
     table = _table(
         ("name", "left"), ("kind", "left"), ("nominal", "right"), ("tolerance", "right"), ("entities or reason", "left")
     )
