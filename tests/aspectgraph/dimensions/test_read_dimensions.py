@@ -14,14 +14,14 @@ from aspectgraph import PartFileNotFoundError, ReadError, read_dimensions, read_
 pytest.importorskip("OCP")
 
 CTC_01 = EXAMPLES / "nist_ctc_01_ap242.stp"
-# semantic dimensions, those with a tolerance, those measurable: a prototype that shares no code counted the same
+# semantic dimensions, those with a tolerance, those measurable; counted before, without this code
 COUNTS = {
     "nist_ctc_01_ap242.stp": (12, 8, 12),
     "nist_ctc_02_ap242.stp": (7, 7, 7),
     "nist_ctc_03_ap242.stp": (10, 8, 10),
     "nist_ctc_04_ap242.stp": (9, 7, 6),
     "nist_ctc_05_ap242.stp": (6, 2, 2),
-    # the prototype, which did not compare values, counted 41: these and the 8 below
+    # 41 have entities where they are attached; 8 of them state another value than these have
     "nist_d2mi_827-9999-904.stp": (54, 9, 33),
 }
 REFUSED_IN_D2MI = [f"Perpendicular Dimension ({n})" for n in (179, 217, 224, 225, 231, 243, 262, 263)]
@@ -134,6 +134,7 @@ def test_swapped_signs_and_refused_values_of_d2mi():
     # ± 0.005 inch on each
     assert all(one.tolerance == pytest.approx((-0.127, 0.127)) for one in swapped)
     assert swapped[0].nominal == pytest.approx(9.525)
+    assert sum(one.entities is not None for one in dimensions) + len(REFUSED_IN_D2MI) == 41
     reasons = {one.name: one.reason or "" for one in dimensions}
     assert all(reasons[name].startswith("the file states ") for name in REFUSED_IN_D2MI)
     assert reasons["Perpendicular Dimension (217)"] == (
