@@ -16,6 +16,8 @@ _SAME = 1e-6
 DIGITS = 9
 """Values that are computed are rounded to as many decimal places: 35 minus 34.8 is 0.2."""
 
+_UNSIGNED = "the text of the file could not be compared: its deviations are taken as one below and one above"
+
 
 @dataclass(frozen=True)
 class Statement:
@@ -114,5 +116,5 @@ def _from_kernel(row: dict[str, Any]) -> Statement:
             return Statement(fault=f"its limits are in the wrong order: {values[0]:.6g} above {values[1]:.6g}")
         return Statement(limits=(values[0], values[1]))
     if row["has_bounds"] and len(values) == 3:
-        return Statement(values[0], (-values[1], values[2]))
+        return Statement(values[0], (-values[1], values[2]), note=_UNSIGNED)
     return Statement(values[0] if values else None)

@@ -167,6 +167,20 @@ def test_bounds_keep_their_signs(ctc_01, tmp_path):
     assert last(path, ctc_01).tolerance == (0.05, 0.15)
 
 
+def test_values_in_another_unit_than_the_geometry(ctc_01, tmp_path):
+    """25 mm in inches, in a file in mm."""
+    path = changed(tmp_path, "LENGTH_MEASURE(25.),#4361", "LENGTH_MEASURE(0.984251968503937),#999901")
+    inch = (
+        "#999900=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(25.4),#4361);\n"
+        "#999901=(CONVERSION_BASED_UNIT('INCH',#999900)LENGTH_UNIT()NAMED_UNIT(#4363));\n"
+    )
+    path.write_text(path.read_text("latin-1").replace("#63=TOL", inch + "#63=TOL"), "latin-1")
+    one = last(path, ctc_01)
+    assert one.nominal == pytest.approx(25.0, abs=1e-9)
+    assert one.tolerance == (-0.15, 0.15)
+    assert one.entities == ("r2",)
+
+
 def test_a_value_that_disagrees_with_the_geometry_is_refused(ctc_01, tmp_path):
     path = changed(tmp_path, "LENGTH_MEASURE(25.)", "LENGTH_MEASURE(25.02)")
     one = last(path, ctc_01)
