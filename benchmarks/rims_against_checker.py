@@ -1,4 +1,4 @@
-"""Compare the engine's regions of rims with the exact referee of the tests, chord by chord, on many generated plates."""
+"""Compare the engine's regions of rims with the tests' exact referee, chord by chord, on many generated plates."""
 
 import argparse
 import sys
@@ -7,7 +7,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "aspectgraph" / "helpers"))
 
-from rim_pairs import compare_rims
+from rimmed_solids import compare_rims
 
 
 def main():

@@ -247,7 +247,7 @@ def build_aspect_graph(
     -------
     EntityAspectGraph
         Guarantee: every viewpoint outside the solid and off the partition surfaces lies in exactly one domain, whose
-        list names exactly the entities with unobstructed sight triangles (a rim: of all chords), save in merged slivers.
+        list names exactly the entities with free sight triangles (a rim: of all its chords), save in merged slivers.
 
     Raises
     ------

@@ -41,13 +41,14 @@ STATE_FILE = "planning-state.json"
 
 
 def info(options) -> int:
-    """Show what a part consists of and which edges can be entities."""
+    """Show what a part consists of and which edges, rims and arcs can be entities."""
     if options.picture:
         check_file_place(options.picture)
     solid = _read_part(options)
     edges = solid.straight_edges(min_length_mm=options.min_length)
     if options.picture:
-        write_edge_picture(solid, options.picture, [edge.id for edge in edges])
+        curves = [curve.id for curve in (*solid.rims(), *solid.arcs())]
+        write_edge_picture(solid, options.picture, [edge.id for edge in edges], curves)
     terminal_tables.print_part(solid, edges)
     if options.picture:
         print(options.picture)

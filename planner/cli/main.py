@@ -27,8 +27,9 @@ examples:
   aspectgraph plan part.step --entities edges.toml --camera basler-acA2440-20gm-25mm --out plan
   aspectgraph simulate plan/plan.json
 
-An entities file (TOML or JSON) maps names to edge ids or to two end points:
-  rim = 17
+An entities file (TOML or JSON) maps names to edge ids, to ids of rims and arcs, or to two end points:
+  top = 17
+  bore = "r3"
   slot = [[0, 0, 10], [25, 0, 10]]
 
 exit codes: 0 done, 1 plan incomplete, 2 bad input
@@ -103,7 +104,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def _add_info(commands) -> None:
-    info = commands.add_parser("info", help="faces and straight edges of a part, with ids", allow_abbrev=False)
+    info = commands.add_parser("info", help="edges, rims and arcs of a part, with ids", allow_abbrev=False)
     _add_part(info)
     info.add_argument(
         "--picture", metavar="FILE", help="draw the edges with their ids: .png, or .html to turn it around"

@@ -35,6 +35,10 @@ SMOOTH_DEG = 5.0
 Between planar faces the facets have the true angle, so the caller of ``straight_edges`` decides.
 """
 
+ROUND_SHARE = 1e-3
+"""A curve stored as no circle is one if it leaves it by no more than this share of its bow: the radius is known to
+about as much."""
+
 _N_SAMPLES = 7
 
 
@@ -233,7 +237,11 @@ def is_straight(edge, flat_mm: float) -> bool:
 
 
 def circle_of(edge, flat_mm: float) -> Circle | None:
-    """Return the circle of an edge, however it is stored, or None if it leaves every circle by more than `flat_mm`."""
+    """Return the circle of an edge, however it is stored, or None if it is none.
+
+    A curve stored as another kind leaves the circle by `flat_mm` and `ROUND_SHARE` of its bow at most: any short and
+    flat piece of a curve is near to some circle, whose radius means nothing.
+    """
     curve = BRepAdaptor_Curve(edge)
     if curve.GetType() == GeomAbs_CurveType.GeomAbs_Circle:
         true = curve.Circle()
@@ -243,7 +251,14 @@ def circle_of(edge, flat_mm: float) -> Circle | None:
         return None
     points = np.array([xyz(curve.Value(t)) for t in np.linspace(curve.FirstParameter(), curve.LastParameter(), 25)])
     fit = fit_circle(points)
-    return fit if fit is not None and float(fit.distances_mm(points).max()) <= flat_mm else None
+    if fit is None:
+        return None
+    chord = points[-1] - points[0]
+    offsets = points - points[0]
+    square = chord @ chord
+    along = np.outer(offsets @ chord / square, chord) if square > flat_mm**2 else 0.0
+    bow = float(np.linalg.norm(offsets - along, axis=1).max())
+    return fit if float(fit.distances_mm(points).max()) <= min(flat_mm, ROUND_SHARE * bow) else None
 
 
 def turn_deg(one: _Use, other: _Use) -> float:

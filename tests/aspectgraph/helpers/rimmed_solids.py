@@ -1,6 +1,8 @@
-"""Seeded plates with prismatic holes and bosses whose rims lie on circles exactly, all in integers.
+"""Seeded plates with prismatic holes and bosses, and viewpoint–rim pairs to compare the engine with the referee on.
 
-A circle through points with integer coordinates, such as 3² + 4² = 5², gives polygons of 8, 12 and 16 corners.
+A circle through points with integer coordinates, such as 3² + 4² = 5², gives polygons of 8, 12 and 16 corners: rims
+that lie on circles exactly, all in integers. For the comparison see `engine_pairs`; a rim is observable if all its
+chords are.
 """
 
 from __future__ import annotations
@@ -9,7 +11,19 @@ from math import atan2
 from typing import NamedTuple
 
 import numpy as np
+from engine_pairs import (
+    STEPS_PER_MM,
+    are_rounded,
+    partition_planes,
+    solid_of,
+    uniform_viewpoints,
+    viewpoints_near_partition_planes,
+    workspace_of,
+)
+from exact_checker import ExactChecker, dot
 from generated_solids import Part, rotation
+
+from aspectgraph.visibility.visibility_regions import compute_regions
 
 PITCH = 20
 """Distance of neighbouring features in mm."""
@@ -108,3 +122,56 @@ def rimmed_solid(seed: int) -> Rimmed:
         quaternion = [(1, 1, 0, 0), (2, 1, 0, 0), (1, 1, 1, 0), (1, 2, 0, 1)][rng.integers(4)]
         part = part.mapped(rotation(quaternion), f"{part.name}, turned")
     return Rimmed(part, builder.circles)
+
+
+class RimComparison(NamedTuple):
+    """Answers of both programs for one solid, (n, k) bool, and the pairs that differ and must not."""
+
+    name: str
+    engine: np.ndarray
+    referee: np.ndarray
+    disagreements: list[tuple[str, tuple, str]]
+
+
+def compare_rims(seed: int, n_points: int, n_rims: int) -> RimComparison:
+    """Ask both programs about one plate: viewpoints anywhere, near partition planes, and in front of the rims."""
+    part, _ = rimmed_solid(seed)
+    rng = np.random.default_rng([seed, 8])
+    solid, workspace = solid_of(part), workspace_of(part)
+    rims = solid.rims()
+    rims = [rims[i] for i in rng.permutation(len(rims))[:n_rims]]
+    chords = {rim.id: [solid.edges[e].vertices for e in rim.edge_ids] for rim in rims}
+    checker = ExactChecker(part.vertices, part.faces, STEPS_PER_MM)
+    near = viewpoints_near_partition_planes(
+        rng, part, [pair for pairs in chords.values() for pair in pairs], workspace, n_points // 3
+    )
+    front = _in_front(rng, rims, workspace, n_points // 3)
+    points = np.concatenate([uniform_viewpoints(rng, workspace, n_points // 3), near, front])
+    points = points[checker.generic(points)]
+    regions = compute_regions(solid, rims, workspace)
+    assert regions.grid.snapping_mm == 0.0
+    engine = regions.observable(points)
+    referee = np.column_stack([checker.observable(points, own).all(axis=1) for own in chords.values()])
+    rounded = are_rounded(regions.grid, points)
+    wrong = [
+        (part.name, tuple(points[i]), rims[k].id)
+        for i, k in np.argwhere(engine != referee)
+        if not (rounded[i] and _is_on_a_plane(checker, chords[rims[k].id], points[i]))
+    ]
+    return RimComparison(part.name, engine, referee, wrong)
+
+
+def _in_front(rng: np.random.Generator, rims, workspace, n: int) -> np.ndarray:
+    """Return points on the grid in the prisms over and under the rims."""
+    rows = []
+    for _ in range(n):
+        rim = rims[rng.integers(len(rims))]
+        aside = rng.normal(size=3) * 0.4 * rim.radius_mm
+        rows.append(rim.centre + aside + rng.normal() * 3.0 * rim.radius_mm * rim.axis)
+    points = np.rint(np.array(rows) * STEPS_PER_MM) / STEPS_PER_MM
+    return points[((points >= workspace[0]) & (points <= workspace[1])).all(axis=1)]
+
+
+def _is_on_a_plane(checker: ExactChecker, pairs, viewpoint) -> bool:
+    point = [int(c) for c in viewpoint * checker.steps_per_mm]
+    return any(dot(n, point) == offset for pair in pairs for n, offset in partition_planes(checker, *pair))
