@@ -1,6 +1,8 @@
 """Exact entity-based aspect graphs of polyhedral parts."""
 
 from aspectgraph.cells.cell_set import Cell, CellSet
+from aspectgraph.dimensions.read_dimensions import read_dimensions
+from aspectgraph.dimensions.records import ModelDimension
 from aspectgraph.entities.entity_files import read_entities
 from aspectgraph.entities.straight_edges import Entity, resolve_entities
 from aspectgraph.exceptions import (
@@ -34,14 +36,18 @@ from aspectgraph.plot.section import SectionDrawing, plot_section
 from aspectgraph.plot.solid_view import plot_domains, plot_solid
 from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.part_file import read_solid
+from aspectgraph.solid.circles import Circle
+from aspectgraph.solid.rims import Arc, Rim
 from aspectgraph.solid.solid import Solid
 from aspectgraph.solid.topology import Edge, Face
 from aspectgraph.visibility.visibility_regions import VisibilityRegions, compute_regions
 
 __all__ = [
+    "Arc",
     "AspectGraphError",
     "Cell",
     "CellSet",
+    "Circle",
     "ContradictionError",
     "Edge",
     "Entity",
@@ -51,6 +57,7 @@ __all__ = [
     "GraphDrawing",
     "GraphMLError",
     "MissingExtraError",
+    "ModelDimension",
     "NonManifoldError",
     "OpenSolidError",
     "OrientationError",
@@ -62,6 +69,7 @@ __all__ = [
     "ReadError",
     "ReadLimits",
     "ResolutionError",
+    "Rim",
     "SectionDrawing",
     "SelfIntersectionError",
     "Solid",
@@ -79,6 +87,7 @@ __all__ = [
     "plot_section",
     "plot_solid",
     "graph_of",
+    "read_dimensions",
     "read_entities",
     "read_graphml",
     "read_solid",

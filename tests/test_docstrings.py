@@ -29,6 +29,7 @@ CHECKS = {"GL08", "SS01", "PR01", "PR02", "PR03", "PR04", "PR07", "RT01", "RT03"
 
 EXAMPLES = (
     aspectgraph.read_solid,
+    aspectgraph.read_dimensions,
     aspectgraph.Solid,
     aspectgraph.build_aspect_graph,
     aspectgraph.compute_regions,

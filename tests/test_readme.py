@@ -34,7 +34,7 @@ def clone(tmp_path, monkeypatch):
 def test_all_that_is_shown_is_tested_here():
     """The fenced and the indented code are all there is, and of known kinds."""
     assert README.count("```") == 2 * len(SNIPPETS) > 0
-    assert [words(command)[1] for command in OWN] == ["info", "graph", "plan", "simulate"]
+    assert [words(command)[1] for command in OWN] == ["info", "dimensions", "graph", "plan", "simulate"]
     rest = [words(command) for command in COMMANDS if command not in OWN]
     assert rest == [["make", "demo"], ["make", "test"], ["pip", "install", ".[step]"]]
 
@@ -44,6 +44,7 @@ def test_commands_run_as_printed(clone, capsys):
         assert main(words(command)[1:]) == 0, command
     out = capsys.readouterr().out
     assert "116 sharp straight edges" in out
+    assert "12 dimensions, 8 with a tolerance, 12 measurable" in out
     assert "3 of 3 entities inspected" in out
     assert "confirms the plan" in out
     assert (clone / "edges.html").stat().st_size > 1e6

@@ -23,8 +23,9 @@ def read_entities(text_or_path: str | Path, solid: Solid, tolerance_mm: float | 
     Parameters
     ----------
     text_or_path : str or Path
-        ``"all"`` for every straight sharp edge; edge ids such as ``"17, 18"`` or ``"e17 e18"``; or the path of a .toml
-        or .json file with ``name = id`` or ``name = [[x, y, z], [x, y, z]]``, at top level or in a table ``entities``.
+        ``"all"`` for every straight sharp edge; ids such as ``"17, 18"``, ``"e17 e18"`` or, of rims and arcs,
+        ``"r3, a0"``; or the path of a .toml or .json file with ``name = id``, ``name = "r3"`` or
+        ``name = [[x, y, z], [x, y, z]]``, at top level or in a table ``entities``.
     solid : Solid
         The part.
     tolerance_mm : float, optional
@@ -38,7 +39,7 @@ def read_entities(text_or_path: str | Path, solid: Solid, tolerance_mm: float | 
     Raises
     ------
     EntityError
-        The text is none of these, or an entity is not a sharp straight edge.
+        The text is none of these, or an entity is not a sharp straight edge, rim or arc.
     """
     text = str(text_or_path).strip()
     if text.lower() == "all":
@@ -46,13 +47,13 @@ def read_entities(text_or_path: str | Path, solid: Solid, tolerance_mm: float | 
     if Path(text).suffix.lower() in (".toml", ".json"):
         return resolve_entities(solid, _read_file(Path(text)), tolerance_mm)
     words = [word for word in re.split(r"[\s,;]+", text) if word]
-    bad = [word for word in words if not re.fullmatch(r"e?\d+", word)]
+    bad = [word for word in words if not re.fullmatch(r"[era]?\d+", word)]
     if bad or not words:
         raise EntityError(
-            "entities must be 'all', edge ids such as 17,18, or the path of a .toml or .json file. "
+            "entities must be 'all', ids such as 17,18 or r3,a0, or the path of a .toml or .json file. "
             f"Got {bad[0] if bad else text!r}."
         )
-    return resolve_entities(solid, [int(word.lstrip("e")) for word in words], tolerance_mm)
+    return resolve_entities(solid, [word if word[0] in "ra" else int(word.lstrip("e")) for word in words], tolerance_mm)
 
 
 def _read_file(path: Path):

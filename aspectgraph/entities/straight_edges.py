@@ -1,15 +1,18 @@
-"""Straight edges as entities of interest: named, and picked by id or by end points."""
+"""Entities of interest: straight edges, named and picked by id or by end points, and rims and arcs, picked by id."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from aspectgraph.entities.curves import curve_ends, curve_points, find_curve, is_curve_id
 from aspectgraph.exceptions import EntityError
+from aspectgraph.solid.circles import Circle
 from aspectgraph.solid.places import describe_point
+from aspectgraph.solid.rims import Arc, Rim
 from aspectgraph.solid.solid import Solid
 from aspectgraph.solid.topology import Edge
 
@@ -24,45 +27,63 @@ RELATIVE_TOLERANCE = 1e-4
 
 @dataclass(frozen=True)
 class Entity:
-    """A named edge, or chain of collinear edges, to be measured.
+    """A named edge, chain of collinear edges, rim or arc, to be measured.
 
     Attributes
     ----------
     name : str
         Name of the entity.
     endpoints : ndarray, shape (2, 3), read-only
-        Its two ends in mm.
+        Its two ends in mm; of a rim, which has none, two opposite vertices of it.
     edge_ids : tuple of int
-        Ids of its edges in the solid, ordered from ``endpoints[0]`` to ``endpoints[1]``.
+        Ids of its edges in the solid, ordered from ``endpoints[0]`` to ``endpoints[1]``; of a rim or arc all its
+        chords, counter-clockwise about the circle's axis.
+    kind : str
+        ``"edge"`` (also for a chain), ``"rim"`` or ``"arc"``.
+    circle : Circle or None
+        The circle of a rim or arc.
+    points : ndarray, shape (m, 3), read-only
+        The ends of a rim's or arc's chords in order, in mm; of an edge its two ends. A rim's first one does not come
+        again at the end.
     """
 
     name: str
     endpoints: np.ndarray = field(compare=False)
     edge_ids: tuple[int, ...]
+    kind: str = "edge"
+    circle: Circle | None = field(default=None, compare=False)
+    points: np.ndarray = field(default=None, compare=False)  # type: ignore[assignment]  # that of the ends
 
     def __post_init__(self):
-        endpoints = np.array(self.endpoints, dtype=np.float64)
-        endpoints.flags.writeable = False
-        object.__setattr__(self, "endpoints", endpoints)
+        for name, value in (("endpoints", self.endpoints), ("points", self.points)):
+            array = np.array(self.endpoints if value is None else value, dtype=np.float64)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    @property
+    def outline(self) -> np.ndarray:
+        """The polyline of its edges in mm, shape (k, 3); that of a rim ends where it starts."""
+        return np.vstack([self.points, self.points[:1]]) if self.kind == "rim" else self.points
 
     @property
     def length_mm(self) -> float:
-        """Distance of the end points in mm."""
+        """Distance of the end points in mm; of an arc that is its chord, of a rim about its diameter."""
         return float(np.linalg.norm(self.endpoints[1] - self.endpoints[0]))
 
 
 def resolve_entities(
-    solid: Solid, mapping: Mapping | Iterable[int], tolerance_mm: float | None = None, min_dihedral_deg: float = 5.0
+    solid: Solid, mapping: Mapping | Iterable, tolerance_mm: float | None = None, min_dihedral_deg: float = 5.0
 ) -> dict[str, Entity]:
-    """Find the edges that names, ids or end points stand for.
+    """Find the edges, rims and arcs that names, ids or end points stand for.
 
     Parameters
     ----------
     solid : Solid
         The part.
-    mapping : mapping or iterable of int
-        ``{name: edge id}`` or ``{name: (p, q)}`` with end points in mm, which may span a chain of collinear edges;
-        an `Entity` of this solid is taken as it is. Plain edge ids are named ``"e<id>"``.
+    mapping : mapping or iterable
+        ``{name: edge id}``, ``{name: "r3"}`` with the id of a rim or arc, or ``{name: (p, q)}`` with end points in mm,
+        which may span a chain of collinear edges; an `Edge`, `Rim`, `Arc` or `Entity` of this solid may stand for an
+        id. Items without names, ids or such objects, are named ``"e<id>"``, ``"r<n>"`` and ``"a<n>"``.
     tolerance_mm : float, optional
         Largest distance of a given end point from the vertex it stands for. Default: 10⁻⁴ of the bounding box diagonal.
     min_dihedral_deg : float
@@ -76,7 +97,7 @@ def resolve_entities(
     Raises
     ------
     EntityError
-        There is no such edge, or it is curved, smooth, without length or named twice.
+        There is no such edge, rim or arc, or it is an edge of a curve, smooth, without length or named twice.
     """
     if not isinstance(mapping, Mapping):
         mapping = {_id_name(item): item for item in _distinct(mapping)}
@@ -91,8 +112,8 @@ def resolve_entities(
     for name, target in mapping.items():
         if not isinstance(name, str) or not name.strip():
             raise EntityError(f"an entity's name must be text. Got {name!r}.")
-        entity = _resolve(solid, name, target, tolerance_mm)
-        for edge_id in entity.edge_ids:
+        entity = _resolve(solid, name, target, tolerance_mm, min_dihedral_deg)
+        for edge_id in entity.edge_ids if entity.kind == "edge" else ():
             _check_edge(solid.edges[edge_id], name, min_dihedral_deg)
         key = frozenset(entity.edge_ids)
         if key in named:
@@ -103,6 +124,12 @@ def resolve_entities(
 
 
 def _id_name(item) -> str:
+    if isinstance(item, Edge):
+        return f"e{item.id}"
+    if isinstance(item, Arc):
+        return item.id
+    if is_curve_id(item):
+        return str(item)
     if isinstance(item, bool) or not isinstance(item, int | np.integer):
         raise EntityError(f"edge ids must be integers. Got {item!r}.")
     return f"e{item}"
@@ -116,11 +143,17 @@ def _distinct(items: Iterable) -> list:
     return items
 
 
-def _resolve(solid: Solid, name: str, target, tolerance_mm: float) -> Entity:
+def _resolve(solid: Solid, name: str, target, tolerance_mm: float, min_dihedral_deg: float) -> Entity:
     if isinstance(target, Entity):
         if not target.edge_ids or not all(0 <= i < len(solid.edges) for i in target.edge_ids):
             raise EntityError(f"edge ids must be in 0..{len(solid.edges) - 1}. Got {target.edge_ids} for {name!r}.")
-        return Entity(name, target.endpoints, target.edge_ids)
+        return replace(target, name=name)
+    if isinstance(target, Arc) or is_curve_id(target):
+        return _curve_entity(solid, name, find_curve(solid, target, name, min_dihedral_deg))
+    if isinstance(target, Edge):
+        if not (0 <= target.id < len(solid.edges) and solid.edges[target.id] == target):
+            raise EntityError(f"an edge must be one of the solid's. Got another solid's edge {target.id} for {name!r}.")
+        target = target.id
     if isinstance(target, int | np.integer) and not isinstance(target, bool):
         if not 0 <= target < len(solid.edges):
             raise EntityError(f"an edge id must be in 0..{len(solid.edges) - 1}. Got {target} for {name!r}.")
@@ -128,7 +161,9 @@ def _resolve(solid: Solid, name: str, target, tolerance_mm: float) -> Entity:
     try:
         ends = np.array(target, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise EntityError(f"an entity must be an edge id or two end points. Got {target!r} for {name!r}.") from error
+        raise EntityError(
+            f"an entity must be an edge id, the id of a rim or arc, or two end points. Got {target!r} for {name!r}."
+        ) from error
     if ends.shape != (2, 3) or not np.isfinite(ends).all():
         raise EntityError(f"an entity must be an edge id or two finite end points. Got {target!r} for {name!r}.")
     if np.linalg.norm(ends[1] - ends[0]) <= tolerance_mm:
@@ -136,6 +171,12 @@ def _resolve(solid: Solid, name: str, target, tolerance_mm: float) -> Entity:
             f"an entity must have a length. Got two end points at {describe_point(ends[0])} for {name!r}."
         )
     return _find_chain(solid, name, ends, tolerance_mm)
+
+
+def _curve_entity(solid: Solid, name: str, curve: Arc) -> Entity:
+    points = curve_points(solid, curve)
+    kind = "rim" if isinstance(curve, Rim) else "arc"
+    return Entity(name, curve_ends(points, curve), curve.edge_ids, kind, curve.circle, points)
 
 
 def _check_edge(edge: Edge, name: str, min_dihedral_deg: float) -> None:

@@ -18,6 +18,7 @@ from aspectgraph.domains.find_domains import Domain, Domains, find_domains
 from aspectgraph.domains.width import Ruler, largest_extent
 from aspectgraph.entities.straight_edges import Entity
 from aspectgraph.exceptions import EntityError, WidthError
+from aspectgraph.graph.curve_attributes import curve_attributes
 from aspectgraph.graph.partition_surfaces import Provenance
 from aspectgraph.graph.ray_confirmation import confirm
 from aspectgraph.solid.solid import Solid
@@ -229,8 +230,8 @@ def build_aspect_graph(
     ----------
     solid : Solid
         The part.
-    entities : mapping of str to edge id or pair of points
-        What shall be dimensioned.
+    entities : mapping of str to edge id, id of a rim or arc, or pair of points
+        What shall be dimensioned; see `resolve_entities`.
     workspace : array_like, shape (2, 3), optional
         Corners of the viewpoint space in mm. Default: the part's box with ten diagonals of room.
     executor : concurrent.futures.Executor, optional
@@ -246,7 +247,7 @@ def build_aspect_graph(
     -------
     EntityAspectGraph
         Guarantee: every viewpoint outside the solid and off the partition surfaces lies in exactly one domain, whose
-        list names exactly the entities with an unobstructed sight triangle from there, save in merged slivers.
+        list names exactly the entities with free sight triangles (a rim: of all its chords), save in merged slivers.
 
     Raises
     ------
@@ -346,6 +347,7 @@ def _networkx(
         grid_mm=float(grid.step_mm),
         snapping_mm=float(grid.snapping_mm),
         n_slivers=int(domains.n_slivers),
+        **curve_attributes(regions.entities.values()),
     )
     members = [_listed(domain) for domain in domains.domains]
     for node, domain in enumerate(domains.domains):

@@ -4,7 +4,7 @@ GraphML knows booleans, integers, floats and text only, and readers differ in wh
 
 * every node has the same attributes, and every edge; a number is finite; a text holds no control characters;
 * a vector ``viewpoint`` is three floats ``viewpoint_x``, ``viewpoint_y``, ``viewpoint_z``;
-* lists of names, end points and partition surfaces are JSON texts;
+* lists of names, end points, circles and partition surfaces are JSON texts;
 * a node also gets ``label`` (its list, or ``None``) and an edge ``label`` (the types of its surfaces) for the programs
   that draw graphs. Both are dropped when the file is read back.
 
@@ -353,9 +353,10 @@ CODECS = {
     **dict.fromkeys(("volume", "clearance", "area", "grid_mm", "snapping_mm", "min_width_mm"), FLOAT),
     **dict.fromkeys(("n_cells", "n_rays", "n_arbitrated", "n_slivers"), INT),
     **dict.fromkeys(("unbounded", "confirmed"), BOOL),
-    **dict.fromkeys(("observable", "entities"), NAMES),
+    **dict.fromkeys(("observable", "entities", "kinds"), NAMES),
     "part": TEXT,
     "endpoints": POINTS,
+    "circles": POINTS,
     "surfaces": SURFACES,
 }
 """The attributes of an aspect graph; any other must be a bool, int, float or text already."""

@@ -29,7 +29,8 @@ class PartitionSurface:
         Name of the entity.
     vertices, edges, faces : tuple of int
         What spans the plane, by numbers of the solid: a face (type A; type B if the plane is also that of a face), an
-        edge and an end of the entity, or a vertex and the entity's edges.
+        edge and an end of the entity, or a vertex and the entity's edges. For a rim or arc, the face is next to one of
+        its chords, the end and the edge are those of one.
     plane : tuple of float
         (a, b, c, d) with unit normal, a·x + b·y + c·z = d in mm.
     """
@@ -100,11 +101,16 @@ class Provenance:
                 edges = () if edge is None else (edge,)
                 vertices = vertices if edges else tuple(numbers)
             elif kind == VERTEX_AND_ENTITY:
-                vertices, edges = (numbers[0],), entity.edge_ids
+                vertices, edges = (numbers[0],), self._spanning(entity, numbers[1:])
             else:
                 faces = (numbers[0],)
         in_mm = tuple(self._in_mm[plane].tolist())
         return PartitionSurface("A" if next_to else "B", entity.name, vertices, edges, faces, in_mm)
+
+    def _spanning(self, entity: Entity, ends: list[int]) -> tuple[int, ...]:
+        """The edges of an entity between two of its vertices: all of an edge or chain, one chord of a rim or arc."""
+        chord = self._edge_of_pair.get(frozenset(ends))
+        return entity.edge_ids if entity.kind == "edge" or chord is None else (chord,)
 
     @staticmethod
     def _same_plane(plane: np.ndarray, other: np.ndarray) -> bool:

@@ -63,9 +63,8 @@ class SightLines:
             o3d.core.Tensor(solid.triangles.astype(np.uint32)),
         )
         along = (np.arange(rays_per_entity) + 0.5) / rays_per_entity
-        ends = np.array([entity.endpoints for entity in entities])
         # shape (k, rays, 3)
-        self._targets = ends[:, None, 0] + along[None, :, None] * (ends[:, 1] - ends[:, 0])[:, None] - self._centre
+        self._targets = np.array([_spread(entity, along) for entity in entities]) - self._centre
 
     def arrive(self, viewpoints: np.ndarray) -> np.ndarray:
         """Whether every ray from (n, 3) viewpoints in mm to each of k entities arrives, as (n, k) bool."""
@@ -80,6 +79,16 @@ class SightLines:
             hits = self._scene.cast_rays(o3d.core.Tensor(bundle))["t_hit"].numpy()
             result[start : start + rows] = (hits >= _ARRIVED).all(axis=-1)
         return result
+
+
+def _spread(entity: Entity, along: np.ndarray) -> np.ndarray:
+    """Points of an entity at shares of its length, shape (n, 3)."""
+    if entity.kind == "edge":
+        start, end = entity.endpoints
+        return start + along[:, None] * (end - start)
+    line = entity.outline
+    run = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    return np.column_stack([np.interp(along * run[-1], run, line[:, axis]) for axis in range(3)])
 
 
 @nb.njit(cache=True)

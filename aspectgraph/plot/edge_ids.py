@@ -1,10 +1,11 @@
-"""Pictures of a part with the ids of its straight edges: a PNG of four views, or an HTML page to turn about."""
+"""Pictures of a part with the ids of its edges, rims and arcs: a PNG of four views, or an HTML page to turn about."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from aspectgraph.files import replacing
 from aspectgraph.plot.hidden_lines import is_seen, render, view_axes
 from aspectgraph.plot.style import is_feature
 from aspectgraph.plot.traces import line_trace, part_traces, scene_figure, xyz
+from aspectgraph.solid.rims import Arc, Rim
 from aspectgraph.solid.solid import Solid
 
 if TYPE_CHECKING:
@@ -34,8 +36,22 @@ _FONT_PT = 8.0
 _AROUND = np.array([(r * np.cos(a), r * np.sin(a)) for r in range(2, 16) for a in np.arange(0, 2 * np.pi, np.pi / 12)])
 
 
-def write_edge_picture(solid: Solid, path: str | Path, edge_ids: Iterable[int] | None = None) -> Path:
-    """Draw a part with the ids of its edges; the file appears whole or not at all.
+class _Item(NamedTuple):
+    """What is named in a picture: its id, its polyline (k, 3), its edges, and what is said of it."""
+
+    id: str
+    line: np.ndarray
+    edge_ids: tuple[int, ...]
+    text: str
+
+
+def write_edge_picture(
+    solid: Solid,
+    path: str | Path,
+    edge_ids: Iterable[int] | None = None,
+    curve_ids: Iterable[str] | None = None,
+) -> Path:
+    """Draw a part with the ids of its edges, rims and arcs; the file appears whole or not at all.
 
     Parameters
     ----------
@@ -45,6 +61,9 @@ def write_edge_picture(solid: Solid, path: str | Path, edge_ids: Iterable[int] |
         Ends in .png (needs matplotlib) or .html (opens offline).
     edge_ids : iterable of int, optional
         The edges to name. Default: all of ``solid.straight_edges()``.
+    curve_ids : iterable of str, optional
+        The rims and arcs to name. Default: all of ``solid.rims()`` and ``solid.arcs()``, but none if `edge_ids` are
+        chosen.
 
     Returns
     -------
@@ -56,7 +75,7 @@ def write_edge_picture(solid: Solid, path: str | Path, edge_ids: Iterable[int] |
     PictureError
         The path ends otherwise.
     EntityError
-        There is no such edge.
+        There is no such edge, rim or arc.
     MissingExtraError
         matplotlib is not installed.
     OutputError
@@ -68,14 +87,16 @@ def write_edge_picture(solid: Solid, path: str | Path, edge_ids: Iterable[int] |
         raise PictureError(f"path of a picture must end in .png or .html. Got {str(path)!r}.")
     with replacing(path) as beside:
         if suffix == ".html":
-            edge_figure(solid, edge_ids).write_html(beside, include_plotlyjs=True)
+            edge_figure(solid, edge_ids, curve_ids).write_html(beside, include_plotlyjs=True)
         else:
-            _write_png(solid, beside, edge_ids)
+            _write_png(solid, beside, edge_ids, curve_ids)
     return path
 
 
-def edge_figure(solid: Solid, edge_ids: Iterable[int] | None = None) -> Figure:
+def edge_figure(solid: Solid, edge_ids: Iterable[int] | None = None, curve_ids: Iterable[str] | None = None) -> Figure:
     """Return an interactive 3-D picture; pointing at an edge shows its id, length, angle and ends.
+
+    Pointing at a rim or arc shows its id, diameter or radius, centre and axis.
 
     Parameters
     ----------
@@ -83,6 +104,9 @@ def edge_figure(solid: Solid, edge_ids: Iterable[int] | None = None) -> Figure:
         The part.
     edge_ids : iterable of int, optional
         The edges to name. Default: all of ``solid.straight_edges()``.
+    curve_ids : iterable of str, optional
+        The rims and arcs to name. Default: all of ``solid.rims()`` and ``solid.arcs()``, but none if `edge_ids` are
+        chosen.
 
     Returns
     -------
@@ -92,32 +116,78 @@ def edge_figure(solid: Solid, edge_ids: Iterable[int] | None = None) -> Figure:
     Raises
     ------
     EntityError
-        There is no such edge.
+        There is no such edge, rim or arc.
     """
     import plotly.graph_objects as go
 
-    ids = _checked_ids(solid, edge_ids)
-    lines = [_line(solid, edge_id, n) for n, edge_id in enumerate(ids)]
+    items = _items(solid, edge_ids, curve_ids)
+    lines = [_line(item, n) for n, item in enumerate(items)]
     labels = go.Scatter3d(
-        **xyz([solid.edge_points(edge_id).mean(axis=0) for edge_id in ids]),
+        **xyz([_middle(item) for item in items]),
         mode="text",
-        text=[str(edge_id) for edge_id in ids],
+        text=[item.id for item in items],
         hoverinfo="skip",
         name="ids",
     )
-    title = f"{solid.name}: {len(ids)} straight edges"
-    figure = scene_figure([*part_traces(solid), *lines, labels], next(iter(VIEWS.values())), title=title)
+    figure = scene_figure([*part_traces(solid), *lines, labels], next(iter(VIEWS.values())), title=_title(solid, items))
     return figure.update_layout(showlegend=False)
 
 
-def _line(solid: Solid, edge_id: int, n: int) -> Scatter3d:
-    points = np.linspace(*solid.edge_points(edge_id), 9)
-    ends = " to ".join("(" + ", ".join(f"{c:.6g}" for c in p) + ")" for p in points[[0, -1]])
+def _title(solid: Solid, items: list[_Item]) -> str:
+    n_rims, n_arcs = (sum(item.id.startswith(letter) for item in items) for letter in "ra")
+    curves = f", {n_rims} rims, {n_arcs} arcs" if n_rims + n_arcs else ""
+    return f"{solid.name}: {len(items) - n_rims - n_arcs} straight edges{curves}"
+
+
+def _line(item: _Item, n: int) -> Scatter3d:
+    points = np.linspace(*item.line, 9) if len(item.line) == 2 else item.line
+    name = f"edge {item.id}" if item.id.isdecimal() else item.id
+    text = item.text + "<extra></extra>"
+    return line_trace([points], color=_PALETTE[n % len(_PALETTE)], width=6, name=name, hovertemplate=text)
+
+
+def _middle(item: _Item) -> np.ndarray:
+    """Return where the label of a line goes: the middle of an edge, a vertex in the middle of a chain of chords."""
+    return item.line.mean(axis=0) if len(item.line) == 2 else item.line[len(item.line) // 2]
+
+
+def _items(solid: Solid, edge_ids: Iterable[int] | None, curve_ids: Iterable[str] | None) -> list[_Item]:
+    """Return what shall be named, edges first."""
+    curves = {curve.id: curve for curve in (*solid.rims(), *solid.arcs())}
+    if curve_ids is None:
+        curve_ids = list(curves) if edge_ids is None else []
+    chosen = list(curve_ids)
+    bad = [name for name in chosen if name not in curves]
+    if bad:
+        raise EntityError(
+            f"a curve id must be that of a rim or arc, {', '.join(curves) or 'none here'}. Got {bad[0]!r}."
+        )
+    edges = [_edge_item(solid, edge_id) for edge_id in _checked_ids(solid, edge_ids)]
+    return edges + [_curve_item(solid, curves[name]) for name in chosen]
+
+
+def _edge_item(solid: Solid, edge_id: int) -> _Item:
+    line = solid.edge_points(edge_id)
     text = (
         f"edge {edge_id}<br>length {solid.edge_length_mm(edge_id):.6g} mm<br>"
-        f"angle {solid.edges[edge_id].dihedral_deg:.4g}°<br>{ends}<extra></extra>"
+        f"angle {solid.edges[edge_id].dihedral_deg:.4g}°<br>{_point(line[0])} to {_point(line[1])}"
     )
-    return line_trace([points], color=_PALETTE[n % len(_PALETTE)], width=6, name=f"edge {edge_id}", hovertemplate=text)
+    return _Item(str(edge_id), line, (edge_id,), text)
+
+
+def _curve_item(solid: Solid, curve: Arc) -> _Item:
+    closed = isinstance(curve, Rim)
+    line = solid.vertices[list(curve.vertices + curve.vertices[:1] if closed else curve.vertices)]
+    size = f"diameter {2 * curve.radius_mm:.6g}" if closed else f"radius {curve.radius_mm:.6g}"
+    text = (
+        f"{'rim' if closed else 'arc'} {curve.id}<br>{size} mm<br>centre {_point(curve.centre)}<br>"
+        f"axis {_point(curve.axis)}"
+    )
+    return _Item(curve.id, line, curve.edge_ids, text)
+
+
+def _point(point: np.ndarray) -> str:
+    return "(" + ", ".join(f"{c:.6g}" for c in point) + ")"
 
 
 def _checked_ids(solid: Solid, edge_ids: Iterable[int] | None) -> list[int]:
@@ -130,7 +200,7 @@ def _checked_ids(solid: Solid, edge_ids: Iterable[int] | None) -> list[int]:
     return ids
 
 
-def _write_png(solid: Solid, path: Path, edge_ids: Iterable[int] | None) -> None:
+def _write_png(solid: Solid, path: Path, edge_ids: Iterable[int] | None, curve_ids: Iterable[str] | None) -> None:
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
@@ -138,19 +208,27 @@ def _write_png(solid: Solid, path: Path, edge_ids: Iterable[int] | None) -> None
         raise MissingExtraError(
             f"PNG pictures need the package matplotlib. Got {error}; install it with: pip install aspectgraph[plot]"
         ) from error
-    ids = _checked_ids(solid, edge_ids)
+    items = _items(solid, edge_ids, curve_ids)
     figure = Figure(figsize=(22, 17), dpi=100)
     FigureCanvasAgg(figure)
     figure.subplots_adjust(left=0.01, right=0.99, bottom=0.01, top=0.94, wspace=0.02, hspace=0.05)
     for ax, (title, direction) in zip(figure.subplots(2, 2).ravel(), VIEWS.items(), strict=True):
-        draw_edges(solid, ids, direction, ax=ax)
+        _draw_items(solid, items, direction, ax)
         ax.set_title(title)
-    figure.suptitle(f"{solid.name}: straight edges and their ids", fontsize=16)
+    curves = "" if all(item.id.isdecimal() for item in items) else ", rims, arcs"
+    figure.suptitle(f"{solid.name}: straight edges{curves} and their ids", fontsize=16)
     figure.savefig(path, format="png", dpi="figure")
 
 
-def draw_edges(solid: Solid, edge_ids: Iterable[int] | None, direction, *, ax: Axes) -> Axes:
-    """Draw one parallel view with the ids of the edges seen in it.
+def draw_edges(
+    solid: Solid,
+    edge_ids: Iterable[int] | None,
+    direction,
+    *,
+    ax: Axes,
+    curve_ids: Iterable[str] | None = None,
+) -> Axes:
+    """Draw one parallel view with the ids of the edges, rims and arcs seen in it.
 
     Parameters
     ----------
@@ -162,15 +240,20 @@ def draw_edges(solid: Solid, edge_ids: Iterable[int] | None, direction, *, ax: A
         From the part towards the viewer.
     ax : matplotlib Axes
         Where to draw.
+    curve_ids : iterable of str, optional
+        The rims and arcs to name. Default: as for `edge_figure`.
 
     Returns
     -------
     Axes
         `ax`.
     """
+    return _draw_items(solid, _items(solid, edge_ids, curve_ids), direction, ax)
+
+
+def _draw_items(solid: Solid, items: list[_Item], direction, ax: Axes) -> Axes:
     from matplotlib.collections import LineCollection
 
-    ids = _checked_ids(solid, edge_ids)
     axes = view_axes(direction)
     points = solid.vertices @ axes.T
     front = solid.normals[solid.triangle_face] @ axes[2]
@@ -178,22 +261,29 @@ def draw_edges(solid: Solid, edge_ids: Iterable[int] | None, direction, *, ax: A
     corners = points[solid.triangles[towards]]
     image, extent = render(corners, 0.62 + 0.33 * front[towards])
     ax.imshow(image, cmap="gray", vmin=0.0, vmax=1.0, extent=extent, origin="lower", interpolation="nearest")
-    _draw_outlines(solid, points, corners, set(ids), ax)
+    _draw_outlines(solid, points, corners, {e for item in items for e in item.edge_ids}, ax)
     spots = []
-    for n, edge_id in enumerate(ids):
-        run = points[list(solid.edges[edge_id].vertices)]
-        samples = run[0] + _SAMPLES[:, None] * (run[1] - run[0])
+    for n, item in enumerate(items):
+        samples = _sampled(item.line @ axes.T)
         seen = is_seen(samples, corners)
         pieces = _seen_pieces(samples, seen)
         if pieces:
             colour = _PALETTE[n % len(_PALETTE)]
             ax.add_collection(LineCollection(pieces, colors=colour, linewidths=2.0))
-            spots.append((edge_id, colour, samples[seen][:, :2]))
+            spots.append((item.id, colour, samples[seen][:, :2]))
     ax.set_aspect("equal")
     ax.autoscale_view()
     ax.set_axis_off()
     _place_labels(spots, ax)
     return ax
+
+
+def _sampled(run: np.ndarray) -> np.ndarray:
+    """Return points along a polyline (k, 3): of an edge a little inside its ends, of a chain four to a chord."""
+    if len(run) == 2:
+        return run[0] + _SAMPLES[:, None] * (run[1] - run[0])
+    share = np.arange(4)[:, None] / 4.0
+    return np.vstack([*(a + share * (b - a) for a, b in pairwise(run)), run[-1]])
 
 
 def _seen_pieces(samples: np.ndarray, seen: np.ndarray) -> list[np.ndarray]:
@@ -213,7 +303,7 @@ def _draw_outlines(solid: Solid, points: np.ndarray, corners: np.ndarray, named:
         ax.add_collection(LineCollection(runs[seen][:, :, :2], colors="dimgrey", linewidths=0.6))
 
 
-def _place_labels(spots: list[tuple[int, str, np.ndarray]], ax: Axes) -> None:
+def _place_labels(spots: list[tuple[str, str, np.ndarray]], ax: Axes) -> None:
     """Write each id where it covers no other: on its edge, else beside it with a line to the edge's middle.
 
     The shortest edges come first, for they have the fewest places.
@@ -224,7 +314,7 @@ def _place_labels(spots: list[tuple[int, str, np.ndarray]], ax: Axes) -> None:
     box = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
     taken = np.empty((0, 4))
     for edge_id, colour, samples in sorted(spots, key=lambda spot: float(np.ptp(spot[2], axis=0).max())):
-        room = unit_per_pt * _FONT_PT * np.array([0.65 * len(str(edge_id)) + 0.35, 1.35])
+        room = unit_per_pt * _FONT_PT * np.array([0.65 * len(edge_id) + 0.35, 1.35])
         middle = samples[len(samples) // 2]
         on_edge = samples[np.argsort(np.abs(np.arange(len(samples)) - len(samples) // 2), kind="stable")]
         places = np.vstack([on_edge, middle + unit_per_pt * _FONT_PT * _AROUND])
@@ -235,4 +325,4 @@ def _place_labels(spots: list[tuple[int, str, np.ndarray]], ax: Axes) -> None:
         taken = np.vstack([taken, [x, y, *room]])
         if k >= len(on_edge):
             ax.plot(*zip(middle, (x, y), strict=True), color=colour, linewidth=0.6)
-        ax.text(x, y, str(edge_id), color=colour, fontsize=_FONT_PT, ha="center", va="center", bbox=box)
+        ax.text(x, y, edge_id, color=colour, fontsize=_FONT_PT, ha="center", va="center", bbox=box)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -193,8 +194,7 @@ def _draw_entities(eag: EntityAspectGraph, axis: int, at: float, window: np.ndar
 
     halo = [withStroke(linewidth=2.5, foreground="white")]
     u, v = section_axes(axis)
-    for name, entity in eag.entities.items():
-        a, b = entity.endpoints
+    for name, a, b in ((name, *ends) for name, e in eag.entities.items() for ends in pairwise(e.outline)):
         if (a[axis] - at) * (b[axis] - at) > 0 or a[axis] == b[axis]:
             continue
         x, y = (a + (at - a[axis]) / (b[axis] - a[axis]) * (b - a))[[u, v]]

@@ -102,13 +102,16 @@ def entity_traces(solid: Solid, entities: Mapping[str, Entity]) -> list:
 
     if not entities:
         return []
-    points = [np.linspace(*entity.endpoints, 9) for entity in entities.values()]
-    hover = [text for entity in entities.values() for text in [_entity_text(entity)] * 10]
+    points = [_polyline(entity) for entity in entities.values()]
+    texts = [_entity_text(entity) for entity in entities.values()]
+    hover = [text for text, row in zip(texts, points, strict=True) for text in [text] * (len(row) + 1)]
     style = {"color": _ENTITY, "width": 9, "name": "entities", "legendgroup": "entities"}
     lines = line_trace(points, hovertext=hover, hoverinfo="text", **style)
     away = 0.03 * float(np.linalg.norm(np.ptp(solid.bounds, axis=0)))
     outwards = [_normals(solid, entity).sum(axis=0) for entity in entities.values()]
-    places = [row[4] + away * n / max(np.linalg.norm(n), 1e-9) for row, n in zip(points, outwards, strict=True)]
+    places = [
+        row[len(row) // 2] + away * n / max(np.linalg.norm(n), 1e-9) for row, n in zip(points, outwards, strict=True)
+    ]
     names = go.Scatter3d(
         **xyz(np.array(places)),
         mode="text",
@@ -123,9 +126,15 @@ def entity_traces(solid: Solid, entities: Mapping[str, Entity]) -> list:
     return [lines, names]
 
 
+def _polyline(entity: Entity) -> np.ndarray:
+    """Return the line to draw: nine points of an edge, the chords of a rim or arc."""
+    return np.linspace(*entity.endpoints, 9) if entity.kind == "edge" else entity.outline
+
+
 def _normals(solid: Solid, entity: Entity) -> np.ndarray:
-    """Return the normals of the two faces at an entity, shape (2, 3)."""
-    return solid.normals[list(solid.edges[entity.edge_ids[0]].faces)]
+    """Return the normals of the two faces at an entity (of a rim or arc, at its middle chord), shape (2, 3)."""
+    edge_id = entity.edge_ids[0 if entity.kind == "edge" else len(entity.edge_ids) // 2]
+    return solid.normals[list(solid.edges[edge_id].faces)]
 
 
 def best_view(solid: Solid, entities: Mapping[str, Entity]) -> tuple[float, float, float]:
@@ -140,6 +149,10 @@ def best_view(solid: Solid, entities: Mapping[str, Entity]) -> tuple[float, floa
 
 
 def _entity_text(entity: Entity) -> str:
+    if entity.circle is not None:
+        circle = entity.circle
+        size = f"diameter {2 * circle.radius_mm:.6g}" if entity.kind == "rim" else f"radius {circle.radius_mm:.6g}"
+        return f"<b>{entity.name}</b><br>{size} mm<br>centre {point_text(circle.centre)} mm"
     ends = " to ".join(point_text(end) for end in entity.endpoints)
     return f"<b>{entity.name}</b><br>{np.linalg.norm(np.ptp(entity.endpoints, axis=0)):.6g} mm<br>{ends} mm"
 

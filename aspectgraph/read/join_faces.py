@@ -14,6 +14,7 @@ from aspectgraph.read.coplanar import find_twins, group_coplanar
 from aspectgraph.read.loops import drop_idle_vertices, trace_loops
 from aspectgraph.read.tessellation import Tessellation
 from aspectgraph.solid.checks import default_planarity_mm
+from aspectgraph.solid.circles import CircularEdge
 from aspectgraph.solid.solid import Solid
 from aspectgraph.solid.topology import Face, check_fans, pair_edges
 from aspectgraph.solid.triangulate import newell_area_vector
@@ -42,8 +43,17 @@ def assemble(
         The triangles do not bound a valid solid.
     """
     tolerance = default_planarity_mm(tessellation.vertices) if planarity_mm is None else planarity_mm
-    vertices, faces, curved_edges = join_facets(tessellation, tolerance)
-    return Solid(vertices, faces, curved_edges=curved_edges, name=name, planarity_mm=2 * tolerance, notes=notes)
+    vertices, faces, curved_edges, new = _joined(tessellation, tolerance)
+    circular = tessellation.circular_edges
+    return Solid(
+        vertices,
+        faces,
+        curved_edges=curved_edges,
+        name=name,
+        planarity_mm=2 * tolerance,
+        notes=notes,
+        circular_edges=None if circular is None else [_with_vertices(edge, new) for edge in circular],
+    )
 
 
 def join_facets(tessellation: Tessellation, tolerance_mm: float) -> tuple[np.ndarray, list[Face], set[tuple[int, int]]]:
@@ -61,6 +71,11 @@ def join_facets(tessellation: Tessellation, tolerance_mm: float) -> tuple[np.nda
     SolidError
         The triangles do not bound a closed, oriented, manifold surface.
     """
+    return _joined(tessellation, tolerance_mm)[:3]
+
+
+def _joined(tessellation: Tessellation, tolerance_mm: float):
+    """Do what `join_facets` does; return also the new index of every vertex in use."""
     vertices, triangles = tessellation.vertices, tessellation.triangles
     corners = [Face(tuple(row)) for row in triangles.tolist()]
     pair_edges(vertices, corners)
@@ -75,7 +90,12 @@ def join_facets(tessellation: Tessellation, tolerance_mm: float) -> tuple[np.nda
     curved = tessellation.curved_patch[tessellation.patch[_first_member(group)]]
     faces = [_as_face(vertices, cycles, bool(flag)) for cycles, flag in zip(loops, curved, strict=True)]
     used, faces, curved_edges = _renumber(faces, curved_edges)
-    return vertices[used], faces, curved_edges
+    return vertices[used], faces, curved_edges, {old: new for new, old in enumerate(used)}
+
+
+def _with_vertices(edge: CircularEdge, new: dict[int, int]) -> CircularEdge:
+    """Return a circular edge in new vertex indices, without the vertices that are not used any more."""
+    return edge._replace(vertices=tuple(new[v] for v in edge.vertices if v in new))
 
 
 def _first_member(group: np.ndarray) -> np.ndarray:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import gzip
 import tempfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from aspectgraph.exceptions import PartFileNotFoundError, ReadError
@@ -121,14 +122,46 @@ def _check_units(units: str | None, path: Path) -> None:
 
 
 def _read_step(path: Path, content: bytes, packed: bool, options: dict) -> Solid:
+    with _plain(path, content, packed) as plain:
+        return read_step(plain, **options)
+
+
+@contextmanager
+def plain_step_file(path: Path, limits: ReadLimits) -> Iterator[Path]:
+    """Provide a STEP file that is not compressed; for use in a ``with`` block.
+
+    Parameters
+    ----------
+    path : Path
+        A .step or .stp file; it may be compressed as .gz.
+    limits : ReadLimits
+        Of its size.
+
+    Raises
+    ------
+    PartFileNotFoundError
+        There is no such file.
+    ReadError
+        It cannot be read, is too large, or does not begin like a STEP file.
+    """
+    if not path.is_file():
+        raise PartFileNotFoundError(f"path must name an existing part file. Got {str(path)!r}.")
+    packed = path.suffix.lower() == ".gz"
+    with _plain(path, _content(path, packed, limits), packed) as plain:
+        yield plain
+
+
+@contextmanager
+def _plain(path: Path, content: bytes, packed: bool) -> Iterator[Path]:
     if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"ISO-10303-21"):
         raise ReadError(f"a STEP file must begin with ISO-10303-21. Got {path.name} without it.")
     if not packed:
-        return read_step(path, **options)
+        yield path
+        return
     with tempfile.TemporaryDirectory() as folder:
         unpacked = Path(folder) / Path(path.stem).name
         unpacked.write_bytes(content)
-        return read_step(unpacked, **options)
+        yield unpacked
 
 
 def _content(path: Path, packed: bool, limits: ReadLimits) -> bytes:

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from aspectgraph.solid.circles import CircularEdge
+
 
 @dataclass
 class Tessellation:
@@ -23,6 +25,8 @@ class Tessellation:
         Which of them are curved; triangles of two curved ones, or of a curved and a planar one, are never joined.
     curved_edges : set of (int, int)
         Vertex pairs, lower index first, of chords of curved or smooth edges.
+    circular_edges : list of CircularEdge or None
+        The circular edges of the CAD model; None where they are not known.
     """
 
     vertices: np.ndarray
@@ -30,3 +34,4 @@ class Tessellation:
     patch: np.ndarray
     curved_patch: np.ndarray
     curved_edges: set[tuple[int, int]] = field(default_factory=set)
+    circular_edges: list[CircularEdge] | None = None

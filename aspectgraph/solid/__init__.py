@@ -6,7 +6,9 @@ What breaks a rule is refused with its place.
 """
 
 from aspectgraph.solid.checks import check_vertices, default_planarity_mm, face_area_vectors
+from aspectgraph.solid.circles import Circle, CircularEdge, fit_circle
 from aspectgraph.solid.places import describe_point
+from aspectgraph.solid.rims import SHARP_DEG, Arc, Rim
 from aspectgraph.solid.self_contact import segment_distance, side_distances
 from aspectgraph.solid.shells import face_outwards
 from aspectgraph.solid.solid import Solid
@@ -22,8 +24,13 @@ from aspectgraph.solid.topology import (
 from aspectgraph.solid.triangulate import newell_area_vector, triangulate_face
 
 __all__ = [
+    "SHARP_DEG",
+    "Arc",
+    "Circle",
+    "CircularEdge",
     "Edge",
     "Face",
+    "Rim",
     "Solid",
     "check_fans",
     "check_vertices",
@@ -32,6 +39,7 @@ __all__ = [
     "describe_point",
     "face_area_vectors",
     "face_outwards",
+    "fit_circle",
     "label_shells",
     "newell_area_vector",
     "pair_edges",

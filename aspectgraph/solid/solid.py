@@ -25,6 +25,8 @@ from aspectgraph.solid.checks import (
     default_planarity_mm,
     face_area_vectors,
 )
+from aspectgraph.solid.circles import CircularEdge
+from aspectgraph.solid.rims import SHARP_DEG, Arc, Rim, find_arcs
 from aspectgraph.solid.self_contact import check_contacts
 from aspectgraph.solid.shells import check_shells
 from aspectgraph.solid.topology import Edge, Face, as_face, check_fans, label_shells, pair_edges, signed_dihedrals_deg
@@ -48,6 +50,8 @@ class Solid:
         Largest distance of a face's vertex from its plane. Default: 10⁻⁶ of the bounding box diagonal.
     notes : iterable of str
         What a reader repaired or chose on the way here.
+    circular_edges : iterable of CircularEdge, optional
+        The circular edges of the CAD model; see `rims`. Default: not known.
 
     Attributes
     ----------
@@ -69,6 +73,8 @@ class Solid:
         Name of the part.
     notes : tuple of str
         What a reader repaired or chose.
+    circular_edges : tuple of CircularEdge or None
+        The circular edges of the CAD model; None where they are not known, as in a mesh.
 
     Raises
     ------
@@ -100,9 +106,11 @@ class Solid:
         name: str = "",
         planarity_mm: float | None = None,
         notes: Iterable[str] = (),
+        circular_edges: Iterable[CircularEdge] | None = None,
     ):
         self.name = name
         self.notes = tuple(notes)
+        self.circular_edges = None if circular_edges is None else tuple(circular_edges)
         self.vertices = check_vertices(vertices)
         self.faces = tuple(as_face(face) for face in faces)
         check_indices(self.vertices, self.faces)
@@ -213,6 +221,43 @@ class Solid:
             and abs(edge.dihedral_deg) >= min_dihedral_deg
             and self.edge_length_mm(edge.id) >= min_length_mm
         )
+
+    def rims(self, min_dihedral_deg: float = SHARP_DEG) -> tuple[Rim, ...]:
+        """Return the closed circular edges that can be entities.
+
+        Their circles are those of the CAD model. Where that is not known, circles are fitted to chains of eight or more
+        chords that turn evenly (see `circle_fit`).
+
+        Parameters
+        ----------
+        min_dihedral_deg : float
+            Smallest turn of the normal across each chord, either way, in degrees.
+
+        Returns
+        -------
+        tuple of Rim
+            In the order of their ids, which do not depend on `min_dihedral_deg`.
+        """
+        return tuple(a for a in self._arcs if isinstance(a, Rim) and a.dihedral_deg >= min_dihedral_deg)
+
+    def arcs(self, min_dihedral_deg: float = SHARP_DEG) -> tuple[Arc, ...]:
+        """Return the open circular edges that can be entities; see `rims`.
+
+        Parameters
+        ----------
+        min_dihedral_deg : float
+            Smallest turn of the normal across each chord, either way, in degrees.
+
+        Returns
+        -------
+        tuple of Arc
+            In the order of their ids, which do not depend on `min_dihedral_deg`.
+        """
+        return tuple(a for a in self._arcs if not isinstance(a, Rim) and a.dihedral_deg >= min_dihedral_deg)
+
+    @cached_property
+    def _arcs(self) -> tuple[Arc, ...]:
+        return find_arcs(self, self.circular_edges)
 
     def __repr__(self) -> str:
         """Return a one-line summary."""

@@ -22,14 +22,15 @@ re-entrant one.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numba as nb
 import numpy as np
 
 from aspectgraph.exact.planes import find_plane, height, plane_through, side_of
 from aspectgraph.solid.solid import Solid
-from aspectgraph.visibility.scene import Scene, entity_ends
+from aspectgraph.visibility.scene import Scene, chords, entity_ends
+from aspectgraph.visibility.united_sets import Blockers, united
 
 if TYPE_CHECKING:
     from aspectgraph.entities.straight_edges import Entity
@@ -39,30 +40,18 @@ if TYPE_CHECKING:
 FACE, EDGE_AND_END, VERTEX_AND_ENTITY = range(3)
 
 
-class Blockers(NamedTuple):
-    """Convex sets {side · (plane) > 0 for all their planes}, largest first.
-
-    Attributes
-    ----------
-    first : ndarray of int32, shape (n + 1,)
-        Where each set's planes start.
-    plane, side : ndarray, shape (m,)
-        Plane number and the side (1 or -1) the set lies on.
-    planes : ndarray of int64, shape (p, 4)
-        The planes: those of the faces, then those cast for this entity.
-    origin : ndarray of int32, shape (p, 4)
-        How each plane came about: kind and three vertex or face numbers.
-    """
-
-    first: np.ndarray
-    plane: np.ndarray
-    side: np.ndarray
-    planes: np.ndarray
-    origin: np.ndarray
-
-
 def blockers(scene: Scene, solid: Solid, entity: Entity) -> Blockers:
-    """All blocked sets of one entity: the faces next to it first, then every other piece in its way."""
+    """All blocked sets of one entity: the faces next to it first, then every other piece in its way.
+
+    Those of a rim or arc are the blocked sets of all its chords, for a viewpoint that misses a part of one misses a
+    part of the whole.
+    """
+    parts = [_chord_blockers(scene, solid, chord) for chord in chords(entity)]
+    return parts[0] if len(parts) == 1 else united(parts)
+
+
+def _chord_blockers(scene: Scene, solid: Solid, entity: Entity) -> Blockers:
+    """All blocked sets of one straight entity."""
     a, b = entity_ends(scene, solid, entity)
     wedge_first, wedge_plane, wedge_side = _wedge(scene, solid, entity)
     n_face_planes = len(scene.planes)

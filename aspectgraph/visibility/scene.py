@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -44,12 +45,30 @@ class Scene(NamedTuple):
 
 def own_order(scene: Scene, solid: Solid, entities: Iterable[Entity]) -> list[int]:
     """Positions of entities in an order that depends on their places on the part alone."""
-    ends = [scene.points[list(entity_ends(scene, solid, entity))].ravel().tolist() for entity in entities]
+    ends = [_places(scene, solid, entity) for entity in entities]
     return sorted(range(len(ends)), key=ends.__getitem__)
 
 
+def _places(scene: Scene, solid: Solid, entity: Entity) -> list[int]:
+    """Coordinates on the grid of an edge's ends, or of all chords' ends, in an order of their own."""
+    if entity.kind == "edge":
+        ends = list(entity_ends(scene, solid, entity))
+    else:
+        used = {v for edge_id in entity.edge_ids for v in solid.edges[edge_id].vertices}
+        ends = sorted(used, key=lambda v: scene.points[v].tolist())
+    return [int(x) for x in scene.points[ends].ravel()]
+
+
+def chords(entity: Entity) -> list[Entity]:
+    """Return the straight pieces that must be seen, each by itself: an edge is one, a rim or arc all its chords."""
+    if entity.kind == "edge":
+        return [entity]
+    ends = list(pairwise(entity.outline))
+    return [Entity(entity.name, np.array(pair), (e,)) for pair, e in zip(ends, entity.edge_ids, strict=True)]
+
+
 def entity_ends(scene: Scene, solid: Solid, entity: Entity) -> tuple[int, int]:
-    """Vertex numbers of an entity's two ends, sorted by their places on the grid."""
+    """Vertex numbers of a straight entity's two ends, sorted by their places on the grid."""
     ends: set[int] = set()
     for edge_id in entity.edge_ids:
         ends ^= set(solid.edges[edge_id].vertices)

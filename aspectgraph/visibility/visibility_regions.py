@@ -236,7 +236,7 @@ def compute_regions(
     ----------
     solid : Solid
         The part.
-    entities : mapping of str to edge id or pair of points, or sequence of edge ids
+    entities : mapping of str to edge id, id of a rim or arc, or pair of points, or sequence of ids
         See `resolve_entities`; resolved entities are taken as they are.
     workspace : array_like, shape (2, 3), optional
         Corners of the viewpoint space in mm. Default: the part's box with ten diagonals of room.
@@ -253,7 +253,7 @@ def compute_regions(
     Raises
     ------
     EntityError
-        If an entity is not a sharp straight edge.
+        If an entity is not a sharp straight edge, rim or arc.
     WorkspaceError
         If the workspace is not a box around the part.
 

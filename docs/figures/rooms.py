@@ -51,6 +51,7 @@ PLACES = {
         "domains": (1.5, "cells merged to domains"),
         "visibility": (1.5, "from where edges are seen"),
         "cells": (1, "convex cells, cut exactly"),
+        "dimensions": (2, "what the model asks for"),
         "exact": (1, "grid and exact signs"),
         "entities": (2, "what can be measured"),
         "read": (0, "part files"),

@@ -1,7 +1,8 @@
-"""What the four commands do. Each takes the parsed options and returns the exit code."""
+"""What the commands do. Each takes the parsed options and returns the exit code."""
 
 from __future__ import annotations
 
+import json
 import os
 import warnings
 from concurrent.futures import ProcessPoolExecutor
@@ -12,8 +13,10 @@ import numpy as np
 
 from aspectgraph import (
     AspectGraphError,
+    ReadError,
     compute_regions,
     graph_of,
+    read_dimensions,
     read_entities,
     read_solid,
     write_edge_picture,
@@ -38,13 +41,14 @@ STATE_FILE = "planning-state.json"
 
 
 def info(options) -> int:
-    """Show what a part consists of and which edges can be entities."""
+    """Show what a part consists of and which edges, rims and arcs can be entities."""
     if options.picture:
         check_file_place(options.picture)
     solid = _read_part(options)
     edges = solid.straight_edges(min_length_mm=options.min_length)
     if options.picture:
-        write_edge_picture(solid, options.picture, [edge.id for edge in edges])
+        curves = [curve.id for curve in (*solid.rims(), *solid.arcs())]
+        write_edge_picture(solid, options.picture, [edge.id for edge in edges], curves)
     terminal_tables.print_part(solid, edges)
     if options.picture:
         print(options.picture)
@@ -64,6 +68,20 @@ def graph(options) -> int:
     write_graphml(result, options.graphml)
     terminal_tables.print_graph(result)
     print(options.graphml)
+    return DONE
+
+
+def dimensions(options) -> int:
+    """Show the dimensions an AP242 file states, and the entities that measure them."""
+    found = read_dimensions(options.part, _read_part(options))
+    if not found:
+        raise ReadError(
+            f"the part must be a STEP file with semantic dimensions (AP242). Got {options.part}, which states none."
+        )
+    if options.json:
+        print(json.dumps([one.to_dict() for one in found], indent=1))
+    else:
+        terminal_tables.print_dimensions(found)
     return DONE
 
 

@@ -22,12 +22,14 @@ _EXAMPLES = """\
 examples:
   aspectgraph info part.step
   aspectgraph info part.step --picture edges.html
+  aspectgraph dimensions part.stp
   aspectgraph graph part.step --entities 12,15,31 --graphml graph.graphml
   aspectgraph plan part.step --entities edges.toml --camera basler-acA2440-20gm-25mm --out plan
   aspectgraph simulate plan/plan.json
 
-An entities file (TOML or JSON) maps names to edge ids or to two end points:
-  rim = 17
+An entities file (TOML or JSON) maps names to edge ids, to ids of rims and arcs, or to two end points:
+  top = 17
+  bore = "r3"
   slot = [[0, 0, 10], [25, 0, 10]]
 
 exit codes: 0 done, 1 plan incomplete, 2 bad input
@@ -95,13 +97,14 @@ def build_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     _add_info(commands)
     _add_graph(commands)
+    _add_dimensions(commands)
     _add_plan(commands)
     _add_simulate(commands)
     return parser
 
 
 def _add_info(commands) -> None:
-    info = commands.add_parser("info", help="faces and straight edges of a part, with ids", allow_abbrev=False)
+    info = commands.add_parser("info", help="edges, rims and arcs of a part, with ids", allow_abbrev=False)
     _add_part(info)
     info.add_argument(
         "--picture", metavar="FILE", help="draw the edges with their ids: .png, or .html to turn it around"
@@ -115,6 +118,14 @@ def _add_graph(commands) -> None:
     _add_entities(graph)
     graph.add_argument("--graphml", metavar="FILE", required=True, help="GraphML for Gephi, yEd, Cytoscape, igraph")
     _add_workspace(graph)
+
+
+def _add_dimensions(commands) -> None:
+    dimensions = commands.add_parser(
+        "dimensions", help="dimensions an AP242 file states, and how to measure them", allow_abbrev=False
+    )
+    _add_part(dimensions)
+    dimensions.add_argument("--json", action="store_true", help="as a list of records, for other programs")
 
 
 def _add_plan(commands) -> None:

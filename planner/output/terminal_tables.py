@@ -16,7 +16,7 @@ _MOST_ROWS = 60
 
 
 def print_part(solid, edges) -> None:
-    """Print what a part consists of and its straight edges."""
+    """Print what a part consists of, its straight edges, its rims and its arcs."""
     console = _console()
     size = np.ptp(solid.bounds, axis=0)
     console.print(
@@ -33,6 +33,30 @@ def print_part(solid, edges) -> None:
         length = f"{np.linalg.norm(end - start):.3f}"
         table.add_row(str(edge.id), _vector(start), _vector(end), length, f"{edge.dihedral_deg:+.1f}")
     console.print(table)
+    _print_curves(console, "rim", solid.rims())
+    _print_curves(console, "arc", solid.arcs())
+
+
+def _print_curves(console: Console, kind: str, curves) -> None:
+    """Print the rims or arcs of a part, if it has any."""
+    if not curves:
+        return
+    console.print(f"{count(len(curves), kind)}, {count(sum(len(c.edge_ids) for c in curves), 'chord')}")
+    table = _table(
+        ("id", "right"),
+        ("diameter" if kind == "rim" else "radius", "right"),
+        ("centre (mm)", "right"),
+        ("axis", "right"),
+        ("chords", "right"),
+        ("off by (mm)", "right"),
+    )
+    for curve in curves:
+        size = 2 * curve.radius_mm if kind == "rim" else curve.radius_mm
+        row = (f"{size:.3f}", _vector(curve.centre), _vector(curve.axis), str(len(curve.edge_ids)))
+        table.add_row(curve.id, *row, f"{curve.chord_mm:.3f}")
+    console.print(table)
+    if curves[0].fitted:
+        console.print(f"note: circles of these {kind}s are fitted to chords, of which the mesh has no other record")
 
 
 def print_graph(graph) -> None:
@@ -52,6 +76,26 @@ def print_graph(graph) -> None:
     console.print(table)
     if len(ordered) > _MOST_ROWS:
         console.print(f"and {len(ordered) - _MOST_ROWS} more in the GraphML file")
+
+
+def print_dimensions(dimensions) -> None:
+    """Print the dimensions a model states: values, and the entities that measure them or the reason why none do."""
+    console = _console()
+    able = sum(one.entities is not None for one in dimensions)
+    stated = sum(one.tolerance is not None for one in dimensions)
+    console.print(f"{count(len(dimensions), 'dimension')}, {stated} with a tolerance, {able} measurable")
+    table = _table(
+        ("name", "left"), ("kind", "left"), ("nominal", "right"), ("tolerance", "right"), ("entities or reason", "left")
+    )
+    for one in dimensions:
+        nominal = "" if one.nominal is None else f"{one.nominal:.6g} {one.unit}"
+        tolerance = "" if one.tolerance is None else " ".join(f"{deviation:+.4g}" for deviation in one.tolerance)
+        how = one.reason if one.entities is None else ", ".join(map(str, one.entities))
+        table.add_row(one.name, one.kind.replace("_", " "), nominal, tolerance, how)
+    console.print(table)
+    for one in dimensions:
+        if one.note:
+            console.print(f"note: {one.name}: {one.note}")
 
 
 def print_plan(plan) -> None:

@@ -157,7 +157,7 @@ def _shells_of_surfaces(entities: dict[int, Entity]) -> set[int]:
 def _units(entities: dict[int, Entity], context: int | None) -> tuple[float, float | None]:
     """Return millimetres per unit, 1 if the file states none, and the uncertainty in mm."""
     stated = [ref for ref in entities[context].references if ref in entities] if context in entities else []
-    lengths = [_unit_mm(entities, ref) for ref in stated if "LENGTH_UNIT" in entities[ref].kinds]
+    lengths = [unit_mm(entities, ref) for ref in stated if "LENGTH_UNIT" in entities[ref].kinds]
     uncertainties = [_uncertainty_mm(entities, ref) for ref in stated if "UNCERTAINTY" in entities[ref].kind]
     known = [x for x in uncertainties if x is not None]
     return lengths[0] if lengths else 1.0, max(known, default=None)
@@ -166,11 +166,11 @@ def _units(entities: dict[int, Entity], context: int | None) -> tuple[float, flo
 def _uncertainty_mm(entities: dict[int, Entity], number: int) -> float | None:
     entity = entities[number]
     units = [ref for ref in entity.references if ref in entities and "LENGTH_UNIT" in entities[ref].kinds]
-    value = entity.numbers[0] * _unit_mm(entities, units[0]) if units and entity.numbers else -1.0
+    value = entity.numbers[0] * unit_mm(entities, units[0]) if units and entity.numbers else -1.0
     return value if value > 0 and math.isfinite(value) else None
 
 
-def _unit_mm(entities: dict[int, Entity], number: int, depth: int = 0) -> float:
+def unit_mm(entities: dict[int, Entity], number: int, depth: int = 0) -> float:
     """Return the millimetres in a unit of length."""
     entity = entities[number]
     si = _SI_METRE.search(entity.text)
@@ -178,7 +178,7 @@ def _unit_mm(entities: dict[int, Entity], number: int, depth: int = 0) -> float:
         return _PREFIX_MM[(si[1] or "").upper()]
     for measure in (entities[ref] for ref in entity.references if ref in entities):
         if "MEASURE_WITH_UNIT" in measure.kind and measure.numbers and depth < 4:
-            factors = [_unit_mm(entities, ref, depth + 1) for ref in measure.references if ref in entities]
+            factors = [unit_mm(entities, ref, depth + 1) for ref in measure.references if ref in entities]
             if factors and measure.numbers[0] > 0:
                 return measure.numbers[0] * factors[0]
     raise ReadError(

@@ -5,12 +5,16 @@ Imports OCP; import this module only in that process.
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
+from aspectgraph.read.step.circles import pack_circles
 from aspectgraph.read.step.gaps import measure_gaps
 from aspectgraph.read.step.solids import Slot, diagonal_mm, load_solids
+from aspectgraph.read.step.stated_dimensions import list_dimensions
+from aspectgraph.read.step.text import parse_entities
 from aspectgraph.read.step.triangles import tessellate
 
 
@@ -24,7 +28,9 @@ class StepPart:
 
     def answer(self, do: str, **options) -> tuple[dict, dict]:
         """Return the answer to a request: JSON values and arrays."""
-        return {"load": self.load, "select": self.select, "tessellate": self.tessellate}[do](**options)
+        return {"load": self.load, "select": self.select, "tessellate": self.tessellate, "dimensions": self.dimensions}[
+            do
+        ](**options)
 
     def load(self, path: str, name: str) -> tuple[dict, dict]:
         """Load the file; tell what is wrong with which solid."""
@@ -52,5 +58,14 @@ class StepPart:
             part = tessellate(shape, chord_mm, angle_rad, self.flat_mm)
             chords = np.array(sorted(part.curved_edges), dtype=np.int64).reshape(-1, 2)
             fields = (part.vertices, part.triangles, part.patch, part.curved_patch, chords)
+            fields += pack_circles(part.circular_edges or [])
             arrays.update({f"{k}_{i}": array for i, array in enumerate(fields)})
         return {"n": len(self.shapes)}, arrays
+
+    def dimensions(self, path: str, name: str) -> tuple[dict, dict]:
+        """Read the semantic dimensions, as the kernel finds them and as the text states them."""
+        # few files are asked for them, and the import takes time
+        from aspectgraph.read.step.semantic_dimensions import read_semantic_dimensions
+
+        stated = list_dimensions(parse_entities(Path(path).read_bytes()))
+        return {"found": read_semantic_dimensions(Path(path), name), "stated": [asdict(one) for one in stated]}, {}

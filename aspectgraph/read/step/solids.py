@@ -88,7 +88,7 @@ def load_solids(path: Path, name: str) -> Inventory:
     entities = parse_entities(Path(path).read_bytes())
     listed = {solid.number: solid for solid in list_solids(entities)}
     reader = STEPControl_Reader()
-    with _quiet():
+    with quiet():
         Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
         if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
             raise ReadError(f"a .step or .stp file must be a STEP file. Got {name}, which OCCT cannot read.")
@@ -224,7 +224,7 @@ def _left_out(shape) -> list[str]:
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
+def quiet() -> Iterator[None]:
     """Keep OCCT from printing; what it would say is checked and raised instead."""
     messenger = Message.DefaultMessenger_s()
     printers = [messenger.Printers().Value(k) for k in range(1, messenger.Printers().Length() + 1)]

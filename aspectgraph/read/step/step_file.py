@@ -11,6 +11,7 @@ import numpy as np
 from aspectgraph.exceptions import NonManifoldError, ReadError, SelfIntersectionError, SolidError
 from aspectgraph.read.join_faces import assemble
 from aspectgraph.read.limits import ReadLimits
+from aspectgraph.read.step.circles import unpack_circles
 from aspectgraph.read.step.client import StepKernel
 from aspectgraph.read.step.fit import RELATIVE_CHORD, check_fit
 from aspectgraph.read.tessellation import Tessellation
@@ -100,8 +101,9 @@ def _tessellate(kernel: StepKernel, chord_mm: float, angle_deg: float) -> list[T
     answer, arrays = kernel.ask("tessellate", chord_mm=chord_mm, angle_rad=math.radians(angle_deg))
     parts = []
     for k in range(answer["n"]):
-        vertices, triangles, patch, curved_patch, chords = (arrays[f"{k}_{i}"] for i in range(5))
-        parts.append(Tessellation(vertices, triangles, patch, curved_patch, set(map(tuple, chords.tolist()))))
+        vertices, triangles, patch, curved_patch, chords, *circles = (arrays[f"{k}_{i}"] for i in range(8))
+        curved_edges = set(map(tuple, chords.tolist()))
+        parts.append(Tessellation(vertices, triangles, patch, curved_patch, curved_edges, unpack_circles(*circles)))
     return parts
 
 
@@ -127,12 +129,18 @@ def _concatenate(parts: list[Tessellation]) -> Tessellation:
     first_vertex = np.cumsum([0] + [len(part.vertices) for part in parts]).tolist()
     first_patch = np.cumsum([0] + [len(part.curved_patch) for part in parts]).tolist()
     curved = {(a + v, b + v) for part, v in zip(parts, first_vertex, strict=False) for a, b in part.curved_edges}
+    circular = [
+        edge._replace(vertices=tuple(a + v for a in edge.vertices))
+        for part, v in zip(parts, first_vertex, strict=False)
+        for edge in part.circular_edges or ()
+    ]
     return Tessellation(
         np.concatenate([part.vertices for part in parts]),
         np.concatenate([part.triangles + v for part, v in zip(parts, first_vertex, strict=False)]),
         np.concatenate([part.patch + p for part, p in zip(parts, first_patch, strict=False)]),
         np.concatenate([part.curved_patch for part in parts]),
         curved,
+        circular,
     )
 
 

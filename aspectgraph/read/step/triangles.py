@@ -26,6 +26,7 @@ from OCP.TopoDS import TopoDS
 
 from aspectgraph.exceptions import NonManifoldError, OpenSolidError, ReadError
 from aspectgraph.read.tessellation import Tessellation
+from aspectgraph.solid.circles import Circle, CircularEdge, fit_circle
 from aspectgraph.solid.places import describe_point
 
 SMOOTH_DEG = 5.0
@@ -33,6 +34,10 @@ SMOOTH_DEG = 5.0
 
 Between planar faces the facets have the true angle, so the caller of ``straight_edges`` decides.
 """
+
+ROUND_SHARE = 1e-3
+"""A curve stored as no circle is one if it leaves it by no more than this share of its bow: the radius is known to
+about as much."""
 
 _N_SAMPLES = 7
 
@@ -103,7 +108,9 @@ class _Collector:
         whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
         curved_patch = np.array([not is_planar(face, self.flat_mm) for face in self.faces])
         curved_edges = self._curved_edges(root, curved_patch)
-        return Tessellation(np.array(self.points), triangles[whole], patch[whole], curved_patch, curved_edges)
+        return Tessellation(
+            np.array(self.points), triangles[whole], patch[whole], curved_patch, curved_edges, self._circles(root)
+        )
 
     def _id(self, key: tuple, point: np.ndarray) -> int:
         if key not in self.ids:
@@ -169,6 +176,16 @@ class _Collector:
             chords.update((min(a, b), max(a, b)) for a, b in pairwise(chain))
         return chords
 
+    def _circles(self, root: np.ndarray) -> list[CircularEdge]:
+        """Return the circular edges, in the order in which the model holds them."""
+        found = []
+        for _, uses in sorted(self.uses.items()):
+            circle = circle_of(uses[0].edge, self.flat_mm)
+            if circle is not None:
+                chain = root[list(uses[0].nodes)].tolist()
+                found.append(CircularEdge(circle, tuple(chain), turn_deg(*uses)))
+        return found
+
 
 def _check_uses(uses: list[_Use], points: list[np.ndarray]) -> None:
     """Check that an edge has two faces that cut it into the same pieces."""
@@ -217,6 +234,31 @@ def is_straight(edge, flat_mm: float) -> bool:
     if length <= flat_mm:
         return False
     return bool(np.linalg.norm(np.cross(points - points[0], along / length), axis=1).max() <= flat_mm)
+
+
+def circle_of(edge, flat_mm: float) -> Circle | None:
+    """Return the circle of an edge, however it is stored, or None if it is none.
+
+    A curve stored as another kind leaves the circle by `flat_mm` and `ROUND_SHARE` of its bow at most: any short and
+    flat piece of a curve is near to some circle, whose radius means nothing.
+    """
+    curve = BRepAdaptor_Curve(edge)
+    if curve.GetType() == GeomAbs_CurveType.GeomAbs_Circle:
+        true = curve.Circle()
+        axis = np.array(xyz(true.Axis().Direction()))
+        return Circle(np.array(xyz(true.Location())), axis / np.linalg.norm(axis), true.Radius())
+    if curve.GetType() == GeomAbs_CurveType.GeomAbs_Line or is_straight(edge, flat_mm):
+        return None
+    points = np.array([xyz(curve.Value(t)) for t in np.linspace(curve.FirstParameter(), curve.LastParameter(), 25)])
+    fit = fit_circle(points)
+    if fit is None:
+        return None
+    chord = points[-1] - points[0]
+    offsets = points - points[0]
+    square = chord @ chord
+    along = np.outer(offsets @ chord / square, chord) if square > flat_mm**2 else 0.0
+    bow = float(np.linalg.norm(offsets - along, axis=1).max())
+    return fit if float(fit.distances_mm(points).max()) <= min(flat_mm, ROUND_SHARE * bow) else None
 
 
 def turn_deg(one: _Use, other: _Use) -> float:

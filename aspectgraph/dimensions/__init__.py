@@ -1,0 +1,13 @@
+"""Dimensions that a CAD model states: values, tolerances, and the entities of the solid that measure them.
+
+Every stated value is compared with the geometry it is attached to. What disagrees, or cannot be measured by sharp
+edges, rims and arcs in one image, says why.
+"""
+
+from aspectgraph.dimensions.read_dimensions import read_dimensions
+from aspectgraph.dimensions.records import ModelDimension
+
+__all__ = [
+    "ModelDimension",
+    "read_dimensions",
+]

@@ -1,0 +1,217 @@
+"""What dimensions are attached to: planes, lines and axes of the CAD model, with the entities of the solid on them.
+
+A plane is seen by the straight sharp edges around its faces, a line by the edges on it, the axis of a cylinder or of a
+circle by the rims and arcs around it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from aspectgraph.dimensions.records import EntityId
+from aspectgraph.solid.places import describe_point
+from aspectgraph.solid.rims import Arc
+from aspectgraph.solid.solid import Solid
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+
+RELATIVE_MATCH = 1e-5
+"""An edge lies on a line of the CAD model if it leaves it by less, as a fraction of the bounding box diagonal.
+
+Vertices of real parts lie on the ends of their edges to 2·10⁻⁵ mm (see `fit`); the solid welds them within a tenth of
+this.
+"""
+
+RELATIVE_CIRCLE = 1e-4
+"""The same for circles, as a fraction of the radius: writers round the two halves of a circle separately."""
+
+PARALLEL = 1e-4
+"""Directions that differ by less, in radians, are parallel: 0.01 mm over a length of 100 mm."""
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A plane: a point in mm, its unit normal, and the ids of the edges around the faces in it."""
+
+    point: FloatArray
+    normal: FloatArray
+    edges: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Line:
+    """A straight edge: a point in mm, its unit direction, and the ids of its edges."""
+
+    point: FloatArray
+    along: FloatArray
+    edges: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Coaxial cylinders and circles of one radius: a point in mm, its unit direction, and the circles to be seen.
+
+    The radius is None where several were put together.
+    """
+
+    point: FloatArray
+    along: FloatArray
+    radius_mm: float | None
+    circles: tuple[Arc, ...]
+
+
+Feature: TypeAlias = Plane | Line | Axis
+
+
+class Attachments:
+    """Finds the features of attached shapes in a solid.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part, read from the same file.
+    """
+
+    def __init__(self, solid: Solid):
+        self.edges = solid.straight_edges()
+        self.ends = np.array([solid.edge_points(edge.id) for edge in self.edges]).reshape(-1, 2, 3)
+        self.circles: tuple[Arc, ...] = (*solid.rims(), *solid.arcs())
+        lowest, highest = solid.bounds
+        self.match_mm = RELATIVE_MATCH * float(np.linalg.norm(highest - lowest))
+
+    def features(self, shapes: Sequence[dict[str, Any]]) -> list[Feature]:
+        """Return the features of shapes, each once, in their order; shapes that are none of them are left out.
+
+        Parameters
+        ----------
+        shapes : sequence of dict
+            See `semantic_dimensions.describe`.
+
+        Returns
+        -------
+        list of Plane, Line or Axis
+            Faces in one plane are one feature, coaxial cylinders and circles of one radius are one.
+        """
+        found: list[Feature] = []
+        for shape in shapes:
+            feature = self._feature(shape)
+            same = next((k for k, old in enumerate(found) if feature is not None and self._same(old, feature)), None)
+            if feature is not None and same is None:
+                found.append(feature)
+            elif feature is not None and same is not None:
+                found[same] = _joined(found[same], feature)
+        return found
+
+    def _feature(self, shape: dict[str, Any]) -> Feature | None:
+        if shape["kind"] == "plane":
+            edges = {i for edge in shape["edges"] if edge["kind"] == "line" for i in self._edges_on(edge["ends"])}
+            return Plane(np.array(shape["point"]), np.array(shape["axis"]), tuple(sorted(edges)))
+        if shape["kind"] == "line":
+            start, end = np.array(shape["ends"])
+            return Line(start, (end - start) / np.linalg.norm(end - start), tuple(self._edges_on(shape["ends"])))
+        circles = [edge for edge in (shape, *shape.get("edges", ())) if edge["kind"] == "circle"]
+        if shape["kind"] in ("circle", "cylinder"):
+            around = Axis(np.array(shape["point"]), np.array(shape["axis"]), shape["radius"], ())
+        else:
+            return self._axis_of_revolved(circles)
+        circles = [circle for circle in circles if self._same(around, self._bare(circle))]
+        return Axis(around.point, around.along, around.radius_mm, self._circles_on(circles))
+
+    def _axis_of_revolved(self, circles: list[dict[str, Any]]) -> Axis | None:
+        """Return the axis of a cone or free-form face, if all circles around it that are not seams share one."""
+        axes = [self._bare(circle) for circle in circles]
+        if not axes or not all(self.coaxial(axes[0], axis) for axis in axes):
+            return None
+        return Axis(axes[0].point, axes[0].along, None, self._circles_on(circles))
+
+    def _bare(self, circle: dict[str, Any]) -> Axis:
+        return Axis(np.array(circle["point"]), np.array(circle["axis"]), circle["radius"], ())
+
+    def coaxial(self, one: Axis, other: Axis) -> bool:
+        """Return whether two axes are the same line."""
+        beside = np.cross(other.point - one.point, one.along)
+        return parallel(one.along, other.along) and float(np.linalg.norm(beside)) <= self._circle_mm(one, other)
+
+    def _circle_mm(self, *axes: Axis) -> float:
+        return max(self.match_mm, *(RELATIVE_CIRCLE * (axis.radius_mm or 0.0) for axis in axes))
+
+    def _same(self, one: Feature, other: Feature) -> bool:
+        if isinstance(one, Plane) and isinstance(other, Plane):
+            away = abs(float((other.point - one.point) @ one.normal))
+            return parallel(one.normal, other.normal) and away <= self.match_mm
+        if isinstance(one, Line) and isinstance(other, Line):
+            beside = float(np.linalg.norm(np.cross(other.point - one.point, one.along)))
+            return parallel(one.along, other.along) and beside <= self.match_mm
+        if isinstance(one, Axis) and isinstance(other, Axis):
+            if one.radius_mm is None or other.radius_mm is None:
+                return one.radius_mm is other.radius_mm and self.coaxial(one, other)
+            alike = abs(one.radius_mm - other.radius_mm) <= self._circle_mm(one, other)
+            return alike and self.coaxial(one, other)
+        return False
+
+    def _edges_on(self, ends: Sequence[Sequence[float]]) -> list[int]:
+        """Return the ids of the sharp straight edges on a segment."""
+        start, end = np.array(ends)
+        length = float(np.linalg.norm(end - start))
+        along = (end - start) / length
+        offset = self.ends - start
+        place = offset @ along
+        beside = np.linalg.norm(offset - place[..., None] * along, axis=2)
+        inside = (place >= -self.match_mm) & (place <= length + self.match_mm) & (beside <= self.match_mm)
+        return [self.edges[k].id for k in np.flatnonzero(inside.all(axis=1)).tolist()]
+
+    def _circles_on(self, circles: list[dict[str, Any]]) -> tuple[Arc, ...]:
+        """Return the rims and arcs of the solid that lie on some circles of the CAD model."""
+        return tuple(arc for arc in self.circles if any(self._lies_on(arc, self._bare(circle)) for circle in circles))
+
+    def _lies_on(self, arc: Arc, circle: Axis) -> bool:
+        allowed = self._circle_mm(circle)
+        near = float(np.linalg.norm(arc.centre - circle.point)) <= allowed
+        return near and abs(arc.radius_mm - (circle.radius_mm or 0.0)) <= allowed and parallel(arc.axis, circle.along)
+
+
+def parallel(one: FloatArray, other: FloatArray) -> bool:
+    """Return whether two unit vectors are parallel, either way."""
+    return float(np.linalg.norm(np.cross(one, other))) <= PARALLEL
+
+
+def perpendicular(one: FloatArray, other: FloatArray) -> bool:
+    """Return whether two unit vectors are perpendicular."""
+    return abs(float(one @ other)) <= PARALLEL
+
+
+def _joined(one: Feature, other: Feature) -> Feature:
+    """Return a feature with the entities of another that is the same."""
+    if isinstance(one, Axis) and isinstance(other, Axis):
+        more = tuple(arc for arc in other.circles if arc not in one.circles)
+        return Axis(one.point, one.along, one.radius_mm, one.circles + more)
+    if isinstance(one, Plane) and isinstance(other, Plane):
+        return Plane(one.point, one.normal, tuple(sorted({*one.edges, *other.edges})))
+    assert isinstance(one, Line), "only features of one type are joined"
+    assert isinstance(other, Line), "only features of one type are joined"
+    return Line(one.point, one.along, tuple(sorted({*one.edges, *other.edges})))
+
+
+def describe_shape(shape: dict[str, Any]) -> str:
+    """Return an attached shape in words: kind, size and place."""
+    kind = shape["kind"]
+    if kind == "plane":
+        return f"plane through {describe_point(np.array(shape['point']))}"
+    if kind == "line":
+        start, end = np.array(shape["ends"])
+        return f"edge from {describe_point(start)} to {describe_point(end)}"
+    if kind in ("cylinder", "circle"):
+        return f"{kind} of radius {shape['radius']:.6g} mm at {describe_point(np.array(shape['point']))}"
+    if "point" in shape:
+        return f"{kind} at {describe_point(np.array(shape['point']))}"
+    return f"{kind} face or edge"
+
+
+def order_of(entity: EntityId) -> tuple[str, int]:
+    """Return a key that sorts ids: edges by number, then arcs and rims by theirs."""
+    return ("", entity) if isinstance(entity, int) else (entity[0], int(entity[1:]))

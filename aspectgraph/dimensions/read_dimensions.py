@@ -1,0 +1,231 @@
+"""`read_dimensions`: the dimensions a STEP file states, and the entities of the solid that measure them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from aspectgraph.dimensions.choice import Sight
+from aspectgraph.dimensions.features import Attachments, Feature, describe_shape
+from aspectgraph.dimensions.measures import Measure, Measurer
+from aspectgraph.dimensions.records import ModelDimension, Way, unique_names
+from aspectgraph.dimensions.statements import DIGITS, Statement, deviations, read_statements
+from aspectgraph.exceptions import ReadError
+from aspectgraph.read.limits import ReadLimits
+from aspectgraph.read.part_file import STEP_SUFFIXES, plain_step_file
+from aspectgraph.read.step.client import StepKernel
+from aspectgraph.solid.solid import Solid
+
+AGREEMENT_MM = 0.013
+"""A stated length and the geometry agree within half of a thousandth of an inch, to which drawings round."""
+
+AGREEMENT_DEG = 0.05
+"""The same for angles: half of a tenth of a degree."""
+
+MOST_ALTERNATIVES = 8
+"""Pairs of edges are many; the best ones are enough."""
+
+
+def read_dimensions(
+    path: str | Path,
+    solid: Solid,
+    *,
+    agreement_mm: float = AGREEMENT_MM,
+    agreement_deg: float = AGREEMENT_DEG,
+    limits: ReadLimits | None = None,
+) -> tuple[ModelDimension, ...]:
+    """Read the semantic dimensions of a STEP file (AP242), and find by which entities each can be measured.
+
+    Parameters
+    ----------
+    path : str or Path
+        A .step or .stp file; it may be compressed as .gz.
+    solid : Solid
+        The part, read from the same file with `read_solid`.
+    agreement_mm, agreement_deg : float
+        Largest difference between a stated value and that of the geometry it is attached to. A dimension that differs
+        by more is not measurable, and its reason names both values. Default: half of the last digit on a drawing, 0.013
+        mm (a thousandth of an inch) and 0.05 degrees.
+    limits : ReadLimits, optional
+        What reading the file may cost. Default: ``ReadLimits()``.
+
+    Returns
+    -------
+    tuple of ModelDimension
+        In the order of the file; empty if it states none, as files of AP203 and AP214 do. Objects that only draw a
+        dimension or label something are no dimensions.
+
+    Raises
+    ------
+    PartFileNotFoundError
+        There is no such file.
+    ReadError
+        The file is no STEP file, is damaged or exceeds a limit, or a parameter is out of range.
+    MissingExtraError
+        The package cadquery-ocp-novtk is not installed.
+
+    Notes
+    -----
+    Dimensions are attached to the geometry of parts before they are placed in an assembly. In an assembly, those of
+    parts that were moved are not found in the solid.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_dimensions, read_solid
+    >>> part = "examples/nist_ctc_01_ap242.stp"
+    >>> dimensions = read_dimensions(part, read_solid(part))
+    >>> dimensions[3].name, dimensions[3].kind, dimensions[3].nominal, dimensions[3].tolerance
+    ('Linear Size.1', 'diameter', 35.0, (-0.2, 0.0))
+    >>> len(dimensions), sum(one.entities is not None for one in dimensions)
+    (12, 12)
+    """
+    for label, value in (("agreement_mm", agreement_mm), ("agreement_deg", agreement_deg)):
+        if not 0 < value < float("inf"):
+            raise ReadError(f"{label} must be positive and finite. Got {value}.")
+    if not Path(path).name.lower().removesuffix(".gz").endswith(STEP_SUFFIXES):
+        raise ReadError(f"dimensions are read from {' and '.join(STEP_SUFFIXES)} files. Got {Path(path).name!r}.")
+    limits = limits or ReadLimits()
+    with plain_step_file(Path(path), limits) as plain, StepKernel(Path(path).name, limits) as kernel:
+        answer, _ = kernel.ask("dimensions", path=str(plain.absolute()), name=Path(path).name)
+    rows = answer["found"]
+    if not rows:
+        return ()
+    reader = _Reader(solid, agreement_mm, agreement_deg)
+    statements = read_statements(rows, answer["stated"])
+    found = [reader.dimension(row, statement) for row, statement in zip(rows, statements, strict=True)]
+    titles = [row["name"] or f"{one.kind} {k}" for k, (row, one) in enumerate(zip(rows, found, strict=True), start=1)]
+    return tuple(replace(one, name=name) for one, name in zip(found, unique_names(titles), strict=True))
+
+
+class _Reader:
+    """Turns what a file states into dimensions of one solid."""
+
+    def __init__(self, solid: Solid, agreement_mm: float, agreement_deg: float):
+        self.attachments = Attachments(solid)
+        self.measurer = Measurer(self.attachments, Sight(solid))
+        self.agreement_mm, self.agreement_deg = agreement_mm, agreement_deg
+
+    def dimension(self, row: dict[str, Any], stated: Statement) -> ModelDimension:
+        """Return a dimension, as yet without a name."""
+        measure = self._measure(row)
+        value = _nearest(measure.values, stated)
+        nominal, note = stated.nominal, _and(stated.note, measure.note)
+        if nominal is None and value is not None:
+            nominal, note = round(value, DIGITS), _and(note, "the file states no nominal value; this is the geometry's")
+        tolerance = stated.tolerance
+        if stated.limits is not None and nominal is not None:
+            tolerance = deviations(nominal, stated.limits)
+        reason = stated.fault or self._disagreement(measure, stated) or measure.reason or None
+        features = () if reason else tuple(ways[: MOST_ALTERNATIVES + 1] for ways in measure.ways)
+        missing = sum(not ways for ways in features)
+        if missing:
+            note = _and(note, f"{missing} of its {len(features)} features cannot be measured")
+        return ModelDimension(
+            name="",
+            kind=measure.kind,
+            nominal=nominal,
+            tolerance=tolerance,
+            entities=next((ways[0] for ways in features if ways), None),
+            reason=reason,
+            alternatives=_others(features),
+            features=features,
+            geometry=value,
+            direction=_direction(measure),
+            attached=_in_words(row["sides"]),
+            note=note,
+        )
+
+    def _measure(self, row: dict[str, Any]) -> Measure:
+        kind = _kind(row)
+        first, second = (self.attachments.features(side) for side in row["sides"])
+        if kind in ("diameter", "radius"):
+            return self.measurer.size(kind, first + second)
+        round_values = _round_values(kind, row["sides"])
+        if kind not in ("distance", "angle") or round_values:
+            what = "angle of a cone" if kind == "angle" else kind.replace("_", " ")
+            return Measure(kind, round_values, reason=f"no edges, rims and arcs measure the {what}")
+        ends = _two_ends(first, second, bool(row["sides"][1]))
+        if isinstance(ends, str):
+            return Measure(kind, reason=ends)
+        return self.measurer.angle(*ends) if kind == "angle" else self.measurer.between(*ends)
+
+    def _disagreement(self, measure: Measure, stated: Statement) -> str | None:
+        """Return how the stated value differs from the geometry of a feature, or None if it does not."""
+        unit, allowed = ("degrees", self.agreement_deg) if measure.kind == "angle" else ("mm", self.agreement_mm)
+        wanted = (stated.nominal, stated.nominal) if stated.nominal is not None else stated.limits
+        if wanted is None:
+            return None
+        values = measure.values
+        if measure.kind == "angle" and values:
+            values = (min(values, key=lambda value: abs(value - wanted[0])),)
+        wrong = [value for value in values if not wanted[0] - allowed <= value <= wanted[1] + allowed]
+        if not wrong:
+            return None
+        text = f"{wanted[0]:.6g}" if stated.nominal is not None else f"{wanted[0]:.6g} to {wanted[1]:.6g}"
+        return f"the file states {text} {unit}, the geometry it is attached to has {wrong[0]:.6g} {unit}"
+
+
+def _kind(row: dict[str, Any]) -> str:
+    """Return the kind of a dimension by its words in the file, which are there where the kernel's type is not."""
+    words, kernel_type = row["words"].lower(), row["type"]
+    if "spherical" in words:
+        return "spherical_diameter" if "diameter" in words else "spherical_radius"
+    if "curve" in words or "arc" in words.split() or "Path" in kernel_type:
+        return "curve_length"
+    for kind in ("angle", "diameter", "radius"):
+        if kind in words or (kind == "angle" and "Angular" in kernel_type):
+            return kind
+    return "distance"
+
+
+def _two_ends(first: Sequence[Feature], second: Sequence[Feature], apart: bool) -> tuple[Feature, Feature] | str:
+    """Return the two features between which a dimension lies, or why there are not two.
+
+    `apart`: the file says which shapes are at which end.
+    """
+    if apart:
+        if len(first) != 1 or len(second) != 1:
+            return f"each of its ends needs one plane, edge or axis. Got {len(first)} and {len(second)}"
+        return first[0], second[0]
+    if len(first) != 2:
+        return f"it needs two ends, each a plane, edge or axis. Got {len(first)}"
+    return first[0], first[1]
+
+
+def _round_values(kind: str, sides: Sequence[Sequence[dict[str, Any]]]) -> tuple[float, ...]:
+    """Return what the geometry has for the angle of cones, or the radius or diameter of spheres."""
+    shapes = [shape for side in sides for shape in side]
+    if kind == "angle":
+        return tuple(shape["angle_deg"] for shape in shapes if shape["kind"] == "cone")
+    factor = {"spherical_radius": 1.0, "spherical_diameter": 2.0}.get(kind, 0.0)
+    return tuple(factor * shape["radius"] for shape in shapes if shape["kind"] == "sphere" and factor)
+
+
+def _nearest(values: Sequence[float], stated: Statement) -> float | None:
+    """Return the value of the geometry nearest to what is stated; the first if nothing is."""
+    if not values or stated.nominal is None:
+        return values[0] if values else None
+    nominal = stated.nominal
+    return min(values, key=lambda value: abs(value - nominal))
+
+
+def _others(features: Sequence[Sequence[Way]]) -> tuple[Way, ...]:
+    """Return all ways but the first."""
+    return tuple(way for ways in features for way in ways)[1:]
+
+
+def _direction(measure: Measure) -> tuple[float, float, float] | None:
+    if measure.direction is None:
+        return None
+    x, y, z = (float(c) + 0.0 for c in measure.direction)
+    return x, y, z
+
+
+def _in_words(sides: Sequence[Sequence[dict[str, Any]]]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(describe_shape(shape) for side in sides for shape in side))
+
+
+def _and(*notes: str) -> str:
+    return "; ".join(note for note in notes if note)

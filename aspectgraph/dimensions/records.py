@@ -1,0 +1,104 @@
+"""A dimension of the CAD model, as the caller gets it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, TypeAlias
+
+EntityId: TypeAlias = int | str
+"""Id of a straight edge (``17``), rim (``"r3"``) or arc (``"a0"``) of the solid."""
+
+Way: TypeAlias = tuple[EntityId, ...]
+"""Entities that measure a dimension together, in one image."""
+
+
+@dataclass(frozen=True)
+class ModelDimension:
+    """A dimension that a CAD model states, and how it can be measured.
+
+    Attributes
+    ----------
+    name : str
+        What the model calls it, made unique; else its kind and number.
+    kind : str
+        ``"diameter"``, ``"radius"``, ``"distance"``, ``"centre_distance"``, ``"centre_to_edge"`` or ``"angle"``; or one
+        that is never measurable here, such as ``"spherical_radius"``.
+    nominal : float or None
+        In mm, of angles in degrees. None if neither the model states a value nor its geometry has one.
+    tolerance : tuple of float or None
+        Lower and upper deviation permitted from the nominal value, in the same unit. None if the model states none.
+    entities : tuple or None
+        Ids of the entities of the solid by which it can be measured in one image; None if it cannot be.
+    reason : str or None
+        Why it cannot be measured; None if it can be.
+    alternatives : tuple of tuple
+        Other entities for the same, best first.
+    features : tuple of tuple of tuple
+        For each feature to which the dimension applies (each hole of a pattern) all entities that can measure it, best
+        first; empty for a feature that cannot be measured. ``entities`` are the first of the first that can be.
+    geometry : float or None
+        The value that the geometry of the model has, in the same unit.
+    direction : tuple of float or None
+        Unit vector along which a distance is measured.
+    attached : tuple of str
+        What the model attaches it to.
+    note : str
+        What was taken from elsewhere or repaired; empty if nothing.
+    """
+
+    name: str
+    kind: str
+    nominal: float | None
+    tolerance: tuple[float, float] | None
+    entities: Way | None
+    reason: str | None
+    alternatives: tuple[Way, ...] = ()
+    features: tuple[tuple[Way, ...], ...] = ()
+    geometry: float | None = None
+    direction: tuple[float, float, float] | None = None
+    attached: tuple[str, ...] = ()
+    note: str = ""
+
+    @property
+    def unit(self) -> str:
+        """Unit of its values: ``"mm"`` or ``"deg"``."""
+        return "deg" if self.kind == "angle" else "mm"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it in JSON values: every attribute under its name, tuples as lists, and ``unit``.
+
+        Returns
+        -------
+        dict
+            Its keys in the order of the attributes; ``unit`` comes last.
+        """
+        return {**_plain(asdict(self)), "unit": self.unit}
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        value = "no value" if self.nominal is None else f"{self.nominal:.6g} {self.unit}"
+        how = f"not measurable: {self.reason}" if self.entities is None else f"by {list(self.entities)}"
+        return f"<ModelDimension {self.name!r}: {self.kind} {value}, {how}>"
+
+
+def _plain(value: Any) -> Any:
+    """Return a value with lists for tuples, at any depth."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def unique_names(names: Sequence[str]) -> list[str]:
+    """Return names with ``" #2"``, ``" #3"``, … behind each that occurred before.
+
+    Parameters
+    ----------
+    names : sequence of str
+        In their order, which is kept.
+    """
+    unique: list[str] = []
+    for name in names:
+        candidates = (name if k == 1 else f"{name} #{k}" for k in range(1, len(names) + 1))
+        unique.append(next(one for one in candidates if one not in unique))
+    return unique

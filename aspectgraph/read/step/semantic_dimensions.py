@@ -1,0 +1,177 @@
+"""The semantic dimensions of a STEP file (AP242) with the shapes they are attached to, as the kernel finds them.
+
+Objects that only draw a dimension, or label something, are left out: they say nothing a program could check.
+
+Imports OCP; import this module only in the kernel's process.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
+from OCP.collections import Sequence_TDF_Label
+from OCP.GeomAbs import GeomAbs_CurveType, GeomAbs_SurfaceType
+from OCP.gp import gp_Circ, gp_Cone, gp_Cylinder, gp_Lin, gp_Pln, gp_Sphere
+from OCP.IFSelect import IFSelect_ReturnStatus
+from OCP.Interface import Interface_Static
+from OCP.ShapeAnalysis import ShapeAnalysis_CanonicalRecognition
+from OCP.STEPCAFControl import STEPCAFControl_Reader
+from OCP.TCollection import TCollection_ExtendedString
+from OCP.TDocStd import TDocStd_Document
+from OCP.TopAbs import TopAbs_ShapeEnum
+from OCP.TopoDS import TopoDS
+from OCP.XCAFApp import XCAFApp_Application
+from OCP.XCAFDoc import XCAFDoc_Dimension, XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
+
+from aspectgraph.exceptions import ReadError
+from aspectgraph.read.step.solids import quiet
+from aspectgraph.read.step.triangles import explore, xyz
+
+CANONICAL_MM = 1e-3
+"""A free-form face or edge that leaves a plane, cylinder, line or circle by less is one: some writers know no other."""
+
+_ONLY_SHOWN = ("DimensionPresentation", "CommonLabel")
+
+
+def read_semantic_dimensions(path: Path, name: str) -> list[dict[str, Any]]:
+    """Return the semantic dimensions of a STEP file, in its order.
+
+    Parameters
+    ----------
+    path : Path
+        An uncompressed STEP file.
+    name : str
+        What to call it in messages.
+
+    Returns
+    -------
+    list of dict
+        ``type`` (of OCCT), ``words`` (of the file), ``name`` (of its drawing, or empty), ``values`` in mm or degrees or
+        None, ``is_range``, ``has_bounds``, and ``sides``: two lists of shapes, see `describe`.
+
+    Raises
+    ------
+    ReadError
+        The kernel cannot read the file.
+    """
+    document = TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
+    XCAFApp_Application.GetApplication_s().InitDocument(document)
+    reader = STEPCAFControl_Reader()
+    reader.SetGDTMode(True)
+    reader.SetColorMode(False)
+    with quiet():
+        Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
+        read = reader.ReadFile(str(path)) == IFSelect_ReturnStatus.IFSelect_RetDone
+        if not (read and reader.Transfer(document)):
+            raise ReadError(f"a .step or .stp file must be a STEP file. Got {name}, which OCCT cannot read.")
+    tool = XCAFDoc_DocumentTool.DimTolTool_s(document.Main())
+    labels = Sequence_TDF_Label()
+    tool.GetDimensionLabels(labels)
+    found = [_dimension(tool, labels.Value(k)) for k in range(1, labels.Length() + 1)]
+    return [row for row in found if row["type"] not in _ONLY_SHOWN]
+
+
+def _dimension(tool: Any, label: Any) -> dict[str, Any]:
+    # FindAttribute leaves a null handle here; Set_s returns the attribute there is
+    stated = XCAFDoc_Dimension.Set_s(label).GetObject()
+    values, words, title = stated.GetValues(), stated.GetSemanticName(), stated.GetPresentationName()
+    first, second = Sequence_TDF_Label(), Sequence_TDF_Label()
+    tool.GetRefShapeLabel_s(label, first, second)
+    return {
+        "type": stated.GetType().name.split("DimensionType_")[-1],
+        "words": words.ToCString() if words is not None else "",
+        "name": title.ToCString() if title is not None else "",
+        "values": None if values is None else [values.Value(k) for k in range(values.Lower(), values.Upper() + 1)],
+        "is_range": stated.IsDimWithRange(),
+        "has_bounds": stated.IsDimWithPlusMinusTolerance(),
+        "sides": [_shapes(side) for side in (first, second)],
+    }
+
+
+def _shapes(labels: Any) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = []
+    for k in range(1, labels.Length() + 1):
+        shape = XCAFDoc_ShapeTool.GetShape_s(labels.Value(k))
+        found += [describe(part) for part in _simple_parts(shape)]
+    return found
+
+
+def _simple_parts(shape: Any) -> list[Any]:
+    """Return the faces, or failing these edges, or failing these vertices of a shape."""
+    for kind in (TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_VERTEX):
+        parts = explore(shape, kind)
+        if parts:
+            return parts
+    return []
+
+
+def describe(shape: Any) -> dict[str, Any]:
+    """Return the geometry of a face, edge or vertex in JSON values: its kind, its numbers in mm, and its bounds.
+
+    Parameters
+    ----------
+    shape : TopoDS_Shape
+        A face, edge or vertex.
+
+    Returns
+    -------
+    dict
+        ``kind``: "plane", "cylinder", "cone" and "sphere", "line" and "circle", "point", or "free form". Planes have
+        ``point`` and ``axis`` (the normal); the round ones ``point`` (on the axis), ``axis`` and ``radius``, cones
+        ``angle_deg`` between opposite sides instead; lines ``ends``. Faces have ``edges``, each described likewise.
+    """
+    if shape.ShapeType() == TopAbs_ShapeEnum.TopAbs_VERTEX:
+        return {"kind": "point", "point": list(xyz(BRep_Tool.Pnt_s(TopoDS.Vertex(shape))))}
+    if shape.ShapeType() == TopAbs_ShapeEnum.TopAbs_EDGE:
+        return _edge(TopoDS.Edge(shape))
+    around = explore(shape, TopAbs_ShapeEnum.TopAbs_EDGE)
+    edges = [_edge(edge) for edge in map(TopoDS.Edge, around) if not BRep_Tool.Degenerated_s(edge)]
+    return _surface(TopoDS.Face(shape)) | {"edges": edges}
+
+
+def _surface(face: Any) -> dict[str, Any]:
+    surface = BRepAdaptor_Surface(face)
+    kind = surface.GetType()
+    if kind == GeomAbs_SurfaceType.GeomAbs_Plane:
+        return _about("plane", surface.Plane())
+    if kind == GeomAbs_SurfaceType.GeomAbs_Cylinder:
+        return _about("cylinder", surface.Cylinder())
+    if kind == GeomAbs_SurfaceType.GeomAbs_Cone:
+        return _about("cone", surface.Cone())
+    if kind == GeomAbs_SurfaceType.GeomAbs_Sphere:
+        return _about("sphere", surface.Sphere())
+    recognised, plane, cylinder = ShapeAnalysis_CanonicalRecognition(face), gp_Pln(), gp_Cylinder()
+    cone, sphere = gp_Cone(), gp_Sphere()
+    if recognised.IsPlane(CANONICAL_MM, plane):
+        return _about("plane", plane)
+    if recognised.IsCylinder(CANONICAL_MM, cylinder):
+        return _about("cylinder", cylinder)
+    if recognised.IsCone(CANONICAL_MM, cone):
+        return _about("cone", cone)
+    return _about("sphere", sphere) if recognised.IsSphere(CANONICAL_MM, sphere) else {"kind": "free form"}
+
+
+def _edge(edge: Any) -> dict[str, Any]:
+    curve = BRepAdaptor_Curve(edge)
+    recognised, line, circle = ShapeAnalysis_CanonicalRecognition(edge), gp_Lin(), gp_Circ()
+    if curve.GetType() == GeomAbs_CurveType.GeomAbs_Line or recognised.IsLine(CANONICAL_MM, line):
+        ends = [curve.Value(curve.FirstParameter()), curve.Value(curve.LastParameter())]
+        return {"kind": "line", "ends": [list(xyz(end)) for end in ends]}
+    if curve.GetType() == GeomAbs_CurveType.GeomAbs_Circle:
+        return _about("circle", curve.Circle())
+    return _about("circle", circle) if recognised.IsCircle(CANONICAL_MM, circle) else {"kind": "free form"}
+
+
+def _about(kind: str, shape: Any) -> dict[str, Any]:
+    row: dict[str, Any] = {"kind": kind, "point": list(xyz(shape.Location()))}
+    if kind != "sphere":
+        row["axis"] = list(xyz(shape.Axis().Direction()))
+    if kind == "cone":
+        row["angle_deg"] = 2.0 * math.degrees(abs(shape.SemiAngle()))
+    elif kind != "plane":
+        row["radius"] = shape.Radius()
+    return row
