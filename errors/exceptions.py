@@ -23,3 +23,7 @@ class BehindLensError(InvalidParameterError):
 
 class DegenerateSegmentError(InvalidParameterError):
     """The image of an edge is a single point, so it has neither length nor angle."""
+
+
+class MeasurandError(InvalidParameterError):
+    """A dimension of an unknown kind, or one that its entities do not define."""

@@ -106,7 +106,7 @@ def _joint_loop(endpoints, f, rx, ry, root, log_low, log_high, out):
         _whiten(g, h, s, b, m, work)
         b_norm2 = _tridiagonalise(b, m, alpha, beta2, work)
         low, high = length * log_low, length * log_high
-        out[i] = _interval_probability(alpha, beta2, b_norm2, abs(e1) * rx, abs(e2) * ry, low, high)
+        out[i] = _interval_probability(alpha, beta2, b_norm2, (abs(e1) * rx, abs(e2) * ry, 0.0), low, high)
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -207,21 +207,25 @@ def _square_root(re, im, near_re, near_im):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _tails(alpha, beta2, b_norm2, width_x, width_y):
+def _tails(alpha, beta2, b_norm2, noise):
     """Return the mean of x and how far from it x may lie, but for a probability of about 1e-6."""
-    mean, quadratic = 0.0, 0.0
+    (width_x, width_y, normal), mean, quadratic = noise, 0.0, 0.0
     for k in range(6):
         mean += 0.5 * alpha[k]
         quadratic += 0.5 * alpha[k] * alpha[k] + beta2[k]
-    variance = quadratic + b_norm2 + (width_x * width_x + width_y * width_y) / 6.0
+    variance = quadratic + b_norm2 + (width_x * width_x + width_y * width_y) / 6.0 + normal
     # A quadratic form of one normal has a much heavier tail than a normal of the same variance.
     return mean, (7.0 + 9.0 * quadratic / variance) * math.sqrt(variance)
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _interval_probability(alpha, beta2, b_norm2, width_x, width_y, low, high):
-    """Return P(low <= x <= high) for x = quadratic form in normals + two triangular variables of the given widths."""
-    mean, reach = _tails(alpha, beta2, b_norm2, width_x, width_y)
+def _interval_probability(alpha, beta2, b_norm2, noise, low, high):
+    """Return P(low <= x <= high) for x = quadratic form in normals + noise.
+
+    The noise is two triangular variables of given widths, and a normal one of given variance.
+    """
+    mean, reach = _tails(alpha, beta2, b_norm2, noise)
+    width_x, width_y, normal = noise
     if mean - low > reach and high - mean > reach:
         return 1.0
     if low - mean > reach or mean - high > reach:
@@ -237,7 +241,7 @@ def _interval_probability(alpha, beta2, b_norm2, width_x, width_y, low, high):
         root_re, root_im = _square_root(det_re, det_im, root_re, root_im)
         size2 = root_re * root_re + root_im * root_im
         decay = 0.5 * t * t * b_norm2
-        modulus = math.exp(-decay * inv_re)
+        modulus = math.exp(-decay * inv_re - 0.5 * t * t * normal)
         ax, ay = 0.5 * t * width_x, 0.5 * t * width_y
         if modulus < _TAIL * (k + 0.5) * math.sqrt(size2) * max(1.0, ax * ax) * max(1.0, ay * ay):
             break
@@ -249,3 +253,47 @@ def _interval_probability(alpha, beta2, b_norm2, width_x, width_y, low, high):
         real = (root_re * math.cos(angle) + root_im * math.sin(angle)) / size2
         total += modulus * math.sin(t * half) * real / (k + 0.5)
     return min(1.0, max(0.0, 2.0 / math.pi * total))
+
+
+def quadratic_probability(
+    gradient: NDArray[np.float64],
+    hessian: NDArray[np.float64],
+    root: NDArray[np.float64],
+    noise: NDArray[np.float64],
+    limits: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return P(low <= g.delta + 1/2 delta'H delta + noise <= high).
+
+    Parameters
+    ----------
+    gradient, hessian : array (n, 6), (n, 6, 6)
+        Of the error in the displacement.
+    root : array (6, 6)
+        S with S S' the covariance of the displacement.
+    noise : array (n, 3)
+        Widths of two triangular variables, and variance of a normal one.
+    limits : array (n, 2)
+        Low and high.
+
+    Returns
+    -------
+    array (n,)
+        Probabilities in [0, 1].
+    """
+    out = np.empty(len(gradient))
+    _quadratic_loop(gradient, hessian, np.ascontiguousarray(root), noise, limits, out)
+    return out
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _quadratic_loop(gradient, hessian, root, noise, limits, out):
+    b, alpha, beta2 = np.empty(6), np.empty(6), np.zeros(6)
+    m, work = np.empty((6, 6)), np.empty((3, 6))
+    for i in range(len(gradient)):
+        _whiten(gradient[i], hessian[i], root, b, m, work)
+        b_norm2 = _tridiagonalise(b, m, alpha, beta2, work)
+        if b_norm2 == 0.0 and not noise[i].any() and not alpha.any():
+            out[i] = 1.0 if limits[i, 0] <= 0.0 <= limits[i, 1] else 0.0
+            continue
+        parts = noise[i, 0], noise[i, 1], noise[i, 2]
+        out[i] = _interval_probability(alpha, beta2, b_norm2, parts, limits[i, 0], limits[i, 1])

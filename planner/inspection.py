@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -28,11 +28,14 @@ from planner.inspection_options import InspectionKeywords, InspectionOptions
 from planner.options import chosen, with_keywords_of
 from planner.plan import InspectionPlan
 from planner.progress import labelled
+from planner.request.constraints import Requirements
 from planner.request.defaults import check_fraction, check_seed, default_workspace
 from planner.request.effort import Effort
+from planner.request.measured import planned_dimensions
 from planner.request.reach import reach_name
 from planner.request.request import Request
 from planner.request.space import Space
+from planner.request.target_space import TargetSpace
 from planner.resume import PlanningState
 from planner.setting.sensor_setting import SensorSetting
 from planner.steps.find_columns import find_columns
@@ -41,6 +44,7 @@ from planner.steps.refute import refute
 from planner.steps.run import Run
 from planner.steps.settle import settle
 from planner.travel import travel_order
+from planner.wanted.dimension import Dimension
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -71,7 +75,7 @@ def plan_inspection(
     solid : Solid
         The part.
     entities : mapping
-        Name to edge id or to two end points.
+        Name to edge id or to two end points, whose length is measured; or to a `Dimension`.
     camera : Camera
         The camera.
     pose_uncertainty : PoseUncertainty
@@ -105,6 +109,8 @@ def plan_inspection(
         Visibility computed before, for these entities and this workspace.
     effort : Effort, optional
         How long to search.
+    localisation : Localisation, optional
+        How well points are found in the image. Default: on whole pixels, as in the paper.
     state : path, optional
         File to resume from, if it exists, and to keep results in while planning. It stays when the plan is done, and
         the same call then returns the plan at once: delete it when the plan is written. If it can no longer be saved,
@@ -142,10 +148,9 @@ def plan_inspection(
     seed = check_seed(rng)
     if not entities:
         raise RequestError("entities must hold at least one entity. Got none.")
-    need, space = how.requirements(camera, pose_uncertainty), how.space
-    if space is None:
-        space = _visible(solid, entities, camera, how)
-    request = Request(space, space.entity_names, camera, pose_uncertainty, accuracy, probability, need)
+    need = how.requirements(camera, pose_uncertainty)
+    asked = _Asked(camera, pose_uncertainty, accuracy, probability, need)
+    request = _request(solid, entities, asked, how)
     effort = how.effort or Effort()
     memo = PlanningState(_basis(request, seed, effort), how.state)
     if memo.plan is None:
@@ -155,6 +160,35 @@ def plan_inspection(
             memo.save()
     assert memo.plan is not None
     return memo.plan
+
+
+class _Asked(NamedTuple):
+    """What of a request does not depend on the part."""
+
+    camera: Camera
+    pose_uncertainty: PoseUncertainty
+    accuracy: float
+    probability: float
+    requirements: Requirements
+
+
+def _request(solid: Solid, wanted: Mapping[str, Any], asked: _Asked, how: InspectionOptions) -> Request:
+    """Return the request for edges, or for edges and dimensions."""
+    localisation = how.localisation
+    rounded = localisation is None or localisation.model == "rounding"
+    if rounded and not any(isinstance(item, Dimension) for item in wanted.values()):
+        space = how.space or _visible(solid, wanted, asked.camera, how)
+        return Request(space, space.entity_names, *asked)
+    from planner.wanted.resolve import resolve_wanted
+
+    entities, targets = resolve_wanted(solid, wanted, asked.accuracy, as_lengths=not rounded)
+    space = how.space or _visible(solid, entities, asked.camera, how)
+    missing = [name for name in entities if name not in space.entities]
+    if missing:
+        raise RequestError(f"space must hold all entities that are wanted. Got no {missing[0]!r}.")
+    needs = {target.name: target.entities for target in targets}
+    ends = {target.name: target.ends for target in targets}
+    return Request(TargetSpace(space, needs, ends), tuple(needs), *asked, targets, localisation)
 
 
 def _visible(solid: Solid, entities: Mapping[str, Any], camera: Camera, how: InspectionOptions) -> Space:
@@ -186,7 +220,14 @@ def _basis(request: Request, seed: int, effort: Effort) -> dict[str, Any]:
         "reach": reach_name(need.reach),
         "seed": seed,
         "effort": asdict(effort),
+        **_dimensions(request),
     }
+
+
+def _dimensions(request: Request) -> dict[str, Any]:
+    """Return what a plan depends on besides, if it measures dimensions."""
+    found = planned_dimensions(request)
+    return {"dimensions": {name: one.to_dict() for name, one in found.items()}} if found else {}
 
 
 def _plan(run: Run) -> InspectionPlan:
@@ -217,4 +258,5 @@ def _assembled(run: Run, settings: list[SensorSetting], bound: int, proof: str) 
         workspace=np.asarray(request.space.workspace, dtype=float),
         part=request.space.solid.name,
         seed=run.seed,
+        dimensions=planned_dimensions(request),
     )

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import Any, TypedDict
+from typing import TYPE_CHECKING, Any, TypedDict
 
 from numpy.typing import ArrayLike
 
@@ -17,6 +17,9 @@ from planner.request.defaults import corner_margin_px, position_margin_mm
 from planner.request.effort import Effort
 from planner.request.reach import Reach
 from planner.request.space import Space
+
+if TYPE_CHECKING:
+    from errors.measurands import Localisation
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,7 @@ class InspectionOptions:
     reach: Reach | None = None
     space: Space | None = None
     effort: Effort | None = None
+    localisation: Localisation | None = None
     state: str | os.PathLike[str] | None = None
     executor: Executor | None = None
     progress: Callable[..., Any] | None = None
@@ -58,6 +62,7 @@ class InspectionKeywords(TypedDict, total=False):
     reach: Reach | None
     space: Space | None
     effort: Effort | None
+    localisation: Localisation | None
     state: str | os.PathLike[str] | None
     executor: Executor | None
     progress: Callable[..., Any] | None

@@ -6,7 +6,8 @@ import json
 import math
 from collections.abc import Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,11 +17,16 @@ from planner.exceptions import PlanFileError, PlannerError
 from planner.files import write_text
 from planner.records.json_file import encoded, read_json
 from planner.records.plan_check import check_plan
-from planner.records.schema import check_schema, shown
+from planner.records.schema import check_schema, field_name, shown
 from planner.setting.sensor_setting import SensorSetting
+
+if TYPE_CHECKING:
+    from planner.wanted.planned import PlannedDimension
 
 FORMAT = "aspectgraph inspection plan"
 VERSION = 1
+# of plans that hold dimensions
+WITH_DIMENSIONS = 2
 _UNITS = {"length": "mm", "angle": "rad", "pose": "camera to world, OpenCV axes (x right, y down, z forward)"}
 
 
@@ -58,6 +64,9 @@ class InspectionPlan:
         Name of the part.
     seed : int
         Repeats the plan.
+    dimensions : mapping of str to PlannedDimension
+        What is measured of those entities that are dimensions; of the others, their length. The points in ``entities``
+        are two points of a dimension.
     simulation : SimulationResult or None
         What drawing displaced poses gave, once `simulated` was called.
     """
@@ -75,12 +84,14 @@ class InspectionPlan:
     seed: int = 0
     bound_proof: str = ""
     simulation: object | None = None
+    dimensions: Mapping[str, PlannedDimension] = field(default_factory=dict)
 
     def __post_init__(self):
         entities = {name: _read_only(points, (2, 3)) for name, points in self.entities.items()}
         object.__setattr__(self, "settings", tuple(self.settings))
         object.__setattr__(self, "entities", entities)
         object.__setattr__(self, "uninspectable", dict(self.uninspectable))
+        object.__setattr__(self, "dimensions", dict(self.dimensions))
         object.__setattr__(self, "workspace", _read_only(self.workspace, (2, 3)))
         self._check_names()
 
@@ -169,9 +180,10 @@ class InspectionPlan:
         dict
             What `write` writes, with format, version and units. A number that is not finite is a float here.
         """
+        dimensions = {name: one.to_dict() for name, one in self.dimensions.items()}
         return {
             "format": FORMAT,
-            "version": VERSION,
+            "version": WITH_DIMENSIONS if dimensions else VERSION,
             "units": dict(_UNITS),
             "part": self.part,
             "accuracy": self.accuracy,
@@ -184,6 +196,7 @@ class InspectionPlan:
             "camera": self.camera.to_dict(),
             "pose_uncertainty": self.pose_uncertainty.to_dict(),
             "entities": {name: points.tolist() for name, points in self.entities.items()},
+            **({"dimensions": dimensions} if dimensions else {}),
             "uninspectable": dict(self.uninspectable),
             "settings": [setting.to_dict() for setting in self.settings],
             "simulation": None if self.simulation is None else self.simulation.to_dict(),
@@ -287,8 +300,21 @@ def _from_json(cls, data) -> InspectionPlan:
         camera=camera,
         pose_uncertainty=pose_uncertainty,
         simulation=_simulation_from(data.get("simulation")),
+        dimensions=_dimensions_from(data.get("dimensions", {})),
         **{name: data[name] for name in _PLAIN_FIELDS},
     )
+
+
+def _dimensions_from(data: Mapping) -> dict[str, PlannedDimension]:
+    if not data:
+        return {}
+    from planner.wanted.planned import PlannedDimension
+
+    found = {}
+    for name, fields in data.items():
+        with _inside(field_name("dimensions", name)):
+            found[name] = PlannedDimension.from_dict(fields)
+    return found
 
 
 @contextmanager
@@ -304,8 +330,8 @@ def _check_format(data) -> None:
     if not isinstance(data, Mapping) or data.get("format") != FORMAT:
         found = data.get("format") if isinstance(data, Mapping) else type(data).__name__
         raise PlanFileError(f"format must be {FORMAT!r}. Got {repr(found)[:60]}.")
-    if data.get("version") != VERSION:
-        raise PlanFileError(f"version must be {VERSION}. Got {shown(data.get('version'))}.")
+    if data.get("version") not in (VERSION, WITH_DIMENSIONS) or isinstance(data.get("version"), bool):
+        raise PlanFileError(f"version must be {VERSION} or {WITH_DIMENSIONS}. Got {shown(data.get('version'))}.")
 
 
 def _simulation_from(data):

@@ -22,6 +22,8 @@ from errors import SegmentQuantization
 _STEP = math.pi / 1800
 _DIRECTIONS = np.arange(901) * _STEP
 _BISECTIONS = 60
+# excludes no image at all, and is no zero to divide by
+_NO_LENGTH_MM = 1e-9
 # more than is needed: the steps in direction and the error of the probability are allowed for one by one
 _SAFETY = 0.99
 # of the probability that a judge computes, 5e-5, and of the law here
@@ -29,7 +31,12 @@ _PROBABILITY_ERROR = 6e-5
 
 
 def least_image_mm(judge) -> float:
-    """Return the length on the sensor, mm, below which no image of an entity can satisfy a request (a `Judge`)."""
+    """Return the length on the sensor, mm, below which no image of an entity can satisfy a request (a `Judge`).
+
+    Of dimensions nothing is claimed: how short an image of two of their points may be, follows from no constraint.
+    """
+    if judge.request.dimensions:
+        return _NO_LENGTH_MM
     half_width = 0.5 * (math.log(2.0 - judge.accuracy) - math.log(judge.accuracy))
     quantile = quantization_quantile(judge.camera.pixel_pitch_mm, judge.threshold - _PROBABILITY_ERROR)
     return max(judge.constraints.min_length_mm, _SAFETY * quantile / half_width)

@@ -12,7 +12,6 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from planner.camera.pose import world_to_cam
 from planner.request.constraints import visibility_slacks
 from planner.request.request import Request
 
@@ -105,7 +104,7 @@ class Judge:
             nearly &= (nearly @ prices > 1.0 + 1e-6)[:, None]
         probability = np.zeros(nearly.shape)
         if nearly.any():
-            probability[nearly] = self._probability(cam2world, nearly)
+            probability[nearly] = self.request.objective.probability_where(cam2world, nearly)
         nearly &= probability >= self.threshold - _NEAR_PROBABILITY
         self._hide_around(cam2world, nearly, probability)
         inspects = (missed == 0.0) & nearly & (probability >= self.threshold)
@@ -147,6 +146,3 @@ class Judge:
                 hidden = visibility_slacks(self.space, positions[rows], [name], radius)[:, 0, 0] < 0
                 nearly[rows[hidden], k] = False
                 probability[rows[hidden], k] = 0.0
-
-    def _probability(self, cam2world: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-        return self.request.objective.probability_of(world_to_cam(self.ends, cam2world)[wanted])

@@ -13,6 +13,7 @@ from planner.columns.outcome import Outcome
 from planner.columns.perturb import perturbed
 from planner.exceptions import InfeasibleError
 from planner.executors import Shared
+from planner.request.measured import measured_items
 from planner.setting.plan_setting import best_setting
 from planner.setting.pose_setting import setting_at
 from planner.setting.sensor_setting import SensorSetting
@@ -135,9 +136,14 @@ def without_contradicted(judge: Judge, settings: Iterable[SensorSetting], seed: 
 
 def _excess(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> dict[str, float]:
     """Simulate a setting; return by how much it promises too much for each entity."""
-    ends = dict(zip(judge.names, judge.ends, strict=True))
     rates = simulate_setting(
-        setting, ends, judge.camera, judge.request.pose_uncertainty, accuracy=judge.accuracy, n=_TRIAL_POSES, rng=rng
+        setting,
+        measured_items(judge.request),
+        judge.camera,
+        judge.request.pose_uncertainty,
+        accuracy=judge.accuracy,
+        n=_TRIAL_POSES,
+        rng=rng,
     )
     return {name: rate.predicted - rate.frequency for name, rate in rates.items()}
 

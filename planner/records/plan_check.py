@@ -17,6 +17,7 @@ from planner.records.schema import field_name, shown
 _RIGID = 1e-6
 # a number computed twice may differ in its last digits
 _SAME = 1e-6
+_WITH_DIMENSIONS = 2
 
 
 def check_plan(data: Mapping) -> None:
@@ -28,6 +29,7 @@ def check_plan(data: Mapping) -> None:
         Names the first wrong field by its path, the rule and the value.
     """
     _check_geometry(data)
+    _check_dimensions(data)
     for k, setting in enumerate(data["settings"]):
         check_setting(setting, "settings", k)
         _check_promises(setting, data, k)
@@ -89,6 +91,17 @@ def _check_geometry(data: Mapping) -> None:
     for name, (start, end) in data["entities"].items():
         if start == end:
             _refuse(field_name("entities", name), "must have two different ends", [start, end])
+
+
+def _check_dimensions(data: Mapping) -> None:
+    """Check that dimensions are entities of the plan, and that its version says whether there are any."""
+    found = data.get("dimensions", {})
+    if bool(found) != (data["version"] == _WITH_DIMENSIONS):
+        rule = "must be 2 in a plan that holds dimensions, and 1 in another"
+        _refuse("version", rule, data["version"])
+    for name in found:
+        if name not in data["entities"]:
+            _refuse(field_name("dimensions", name), "must be one of the plan's entities", name)
 
 
 def _check_promises(setting: Mapping, data: Mapping, k: int) -> None:

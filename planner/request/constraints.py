@@ -23,6 +23,7 @@ from planner.exceptions import RequestError
 from planner.request.image_constraints import FIELD_OF_VIEW, FOCUS, RESOLUTION, Lens, cone_slacks, image_slacks
 from planner.request.reach import Reach, SignedDistance, check_reach, reach_margin
 from planner.request.space import Space
+from planner.wanted.targets import Target, edge_target
 
 # the axes, and the diagonals of a cube: around a position, an entity must be visible in these directions
 _DIAGONALS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / math.sqrt(3)
@@ -146,12 +147,37 @@ class Constraints:
         The camera.
     requirements : Requirements
         What is asked.
+    targets : sequence of Target, optional
+        What of them must be in the picture, in the order of the names. Default: both ends of edges.
+
+    Attributes
+    ----------
+    ends : array (k, 2, 3)
+        Two points of each item, mm.
+    segments : array (s, 2, 3)
+        Pairs of points that must be in the picture and in focus, mm; ``owner`` (s,) tells of which item.
+    resolved : array of bool (s,)
+        Which of their images must be long enough.
     """
 
-    def __init__(self, space: Space, names: Sequence[str], camera: Camera, requirements: Requirements):
+    def __init__(
+        self,
+        space: Space,
+        names: Sequence[str],
+        camera: Camera,
+        requirements: Requirements,
+        targets: Sequence[Target] | None = None,
+    ):
         self.space, self.names, self.camera, self.requirements = space, tuple(names), camera, requirements
-        self.ends = np.array([space.entities[name].endpoints for name in self.names], dtype=np.float64)
-        self.sphere_center, self.sphere_radius = enclosing_sphere(self.ends.reshape(-1, 3))
+        if targets is None:
+            targets = [edge_target(name, space.entities[name].endpoints) for name in self.names]
+        self.ends = np.array([target.ends for target in targets], dtype=np.float64)
+        self.segments = np.concatenate([target.segments for target in targets])
+        self.resolved = np.concatenate([target.resolved for target in targets])
+        sizes = [len(target.segments) for target in targets]
+        self.owner = np.repeat(np.arange(len(targets)), sizes)
+        self._first = np.cumsum([0, *sizes[:-1]])
+        self.sphere_center, self.sphere_radius = enclosing_sphere(self.segments.reshape(-1, 3))
         self.min_length_mm = requirements.min_length_px * max(camera.pixel_pitch_mm)
         self._lens = Lens.of(camera, self.min_length_mm, requirements.field_margin_px)
         self._exact_field = requirements.field_of_view == "exact"
@@ -189,11 +215,20 @@ class Constraints:
         """Return the slacks (n, k or 1, s) of poses (n, 4, 4) per constraint."""
         names = self.constraint_names if only is None else only
         if any(name in self._columns for name in names):
-            image = image_slacks(self._lens, world_to_cam(self.ends, cam2world))
+            image = self._image_slacks(cam2world)
         return {
             name: image[..., self._columns[name]] if name in self._columns else self._checks[name](cam2world)
             for name in names
         }
+
+    def _image_slacks(self, cam2world: np.ndarray) -> np.ndarray:
+        """Return the slacks of the image (n, k, c), of each item the smallest over its segments."""
+        image = image_slacks(self._lens, world_to_cam(self.segments, cam2world))
+        if not self.resolved.all():
+            image[:, ~self.resolved, RESOLUTION] = np.inf
+        if len(self.segments) == len(self.names):
+            return image
+        return np.asarray(np.minimum.reduceat(image, self._first, axis=1))
 
     def margins(self, cam2world: np.ndarray) -> dict[str, np.ndarray]:
         """Return the margin of poses (n, 4, 4) per constraint and entity: (n, k), or (n, 1) where entities share it."""
@@ -201,7 +236,7 @@ class Constraints:
 
     def feasible(self, cam2world: np.ndarray) -> np.ndarray:
         """Return which of the poses (n, 4, 4) satisfy every constraint; (n,) bool."""
-        image = image_slacks(self._lens, world_to_cam(self.ends, cam2world))
+        image = self._image_slacks(cam2world)
         if not self._exact_field:
             image = image[..., : FIELD_OF_VIEW.start]
         mask = image.min(axis=(1, 2)) >= 0

@@ -75,6 +75,10 @@ class Objective:
         """Return P (...) of entities whose ends in the camera frame are given, (..., 2, 3) in mm, OpenCV axes."""
         return self._probability(cam_to_paper(ends_cam, self._image_distance))
 
+    def probability_where(self, cam2world: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+        """Return P of poses (n, 4, 4) for those entities that are wanted (n, k), one after the other, row by row."""
+        return self.probability_of(world_to_cam(self.ends, cam2world)[wanted])
+
     @property
     def highest(self) -> float:
         """The fitness when every probability is 1."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,11 @@ from planner.request.constraints import Constraints, Requirements
 from planner.request.defaults import check_fraction
 from planner.request.objective import Objective
 from planner.request.space import Space
+from planner.request.target_objective import TargetObjective, dimension_model
+from planner.wanted.targets import Target
+
+if TYPE_CHECKING:
+    from errors.measurands import Localisation
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +43,10 @@ class Request:
         Required probability of it, in (0, 1); the search for a single setting does not use it.
     requirements : Requirements
         What is asked of a setting beside that.
+    targets : tuple of Target, optional
+        What of the items must be in the picture and what is measured of them, in their order. Default: lengths of edges.
+    localisation : Localisation, optional
+        How well points are found in the image. Default: the paper's, both ends of an edge on whole pixels.
 
     Raises
     ------
@@ -51,6 +61,8 @@ class Request:
     accuracy: float = 0.98
     probability: float = 0.9
     requirements: Requirements = field(default_factory=Requirements)
+    targets: tuple[Target, ...] | None = None
+    localisation: Localisation | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(self.names))
@@ -74,17 +86,29 @@ class Request:
     @cached_property
     def constraints(self) -> Constraints:
         """The constraints of a setting that inspects all that is wanted."""
-        return Constraints(self.space, self.names, self.camera, self.requirements)
+        return Constraints(self.space, self.names, self.camera, self.requirements, self.targets)
 
     @cached_property
-    def objective(self) -> Objective:
+    def objective(self) -> Objective | TargetObjective:
         """The success probabilities of all that is wanted, and their sum."""
         return self.objective_of("sum", "joint")
 
-    def objective_of(self, kind: str, model: str) -> Objective:
+    def objective_of(self, kind: str, model: str) -> Objective | TargetObjective:
         """Return the objective of another kind or error model, see `Objective`."""
-        return Objective(self.ends, self.camera, self.pose_uncertainty, self.accuracy, kind, model)
+        edges = Objective(self.ends, self.camera, self.pose_uncertainty, self.accuracy, kind, model)
+        if not self.dimensions:
+            return edges
+        given = self.camera, self.pose_uncertainty, self.localisation
+        return TargetObjective(edges, {i: dimension_model(item, *given) for i, item in self.dimensions.items()})
 
     def of(self, names: Sequence[str]) -> Request:
         """Return the same request for some of the entities."""
-        return replace(self, names=tuple(names))
+        if self.targets is None:
+            return replace(self, names=tuple(names))
+        by_name = dict(zip(self.names, self.targets, strict=True))
+        return replace(self, names=tuple(names), targets=tuple(by_name[name] for name in names))
+
+    @property
+    def dimensions(self) -> dict[int, Target]:
+        """The items that are dimensions, by their column."""
+        return {i: target for i, target in enumerate(self.targets or ()) if target.measurand is not None}

@@ -64,16 +64,18 @@ def check_resolvable(constraints: Constraints) -> None:
     camera = constraints.camera
     nearest = camera.depth_of_field_mm[0]
     gain = camera.image_distance_mm / (nearest * math.cos(camera.half_diagonal_rad))
-    lengths = np.linalg.norm(constraints.ends[:, 1] - constraints.ends[:, 0], axis=1)
+    segments = constraints.segments
+    lengths = np.where(constraints.resolved, np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1), np.inf)
     worst = int(np.argmin(lengths))
+    name = constraints.names[constraints.owner[worst]]
     margin = float(lengths[worst] * gain - constraints.min_length_mm)
     if margin < 0:
         raise InfeasibleError(
-            f"resolution_mm cannot be met for entity {constraints.names[worst]!r}: {lengths[worst]:.6g} mm long, its "
+            f"resolution_mm cannot be met for entity {name!r}: {lengths[worst]:.6g} mm long, its "
             f"image is at most {lengths[worst] * gain:.4g} mm where the lens focuses (nearest {nearest:.4g} mm), "
             f"and must be at least {constraints.min_length_mm:.4g} mm.",
             constraint="resolution_mm",
-            entity=constraints.names[worst],
+            entity=name,
             margin=margin,
         )
 
@@ -88,11 +90,11 @@ def check_extent(constraints: Constraints) -> None:
     nearest, farthest = camera.depth_of_field_mm
     slope = math.tan(camera.half_diagonal_rad)
     limit = max(2 * slope * farthest, math.hypot(slope * (nearest + farthest), farthest - nearest))
-    ends = constraints.ends.reshape(-1, 3)
+    ends = constraints.segments.reshape(-1, 3)
     apart = np.linalg.norm(ends[:, None] - ends, axis=-1)
     first, second = np.unravel_index(np.argmax(apart), apart.shape)
     if apart[first, second] > limit:
-        names = list(dict.fromkeys(constraints.names[i // 2] for i in (first, second)))
+        names = list(dict.fromkeys(constraints.names[constraints.owner[i // 2]] for i in (first, second)))
         who = f"entities {names[0]!r} and {names[1]!r}: their" if len(names) > 1 else f"entity {names[0]!r}: its"
         margin = (limit - apart[first, second]) * camera.image_distance_mm / farthest / min(camera.pixel_pitch_mm)
         raise InfeasibleError(

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from planner.camera.pose import world_to_cam
 from planner.request.request import Request
 from planner.setting.sensor_setting import SensorSetting
 
@@ -44,7 +43,7 @@ def setting_at(
     idx = [request.names.index(name) for name in names]
     pose = np.asarray(cam2world)[None]
     wanted = np.isin(np.arange(len(request.names)), idx)[None]
-    probability = request.objective.probability_of(world_to_cam(request.ends, pose)[wanted])
+    probability = request.objective.probability_where(pose, wanted)
     by_idx = dict(zip(sorted(idx), probability.tolist(), strict=True))
     margins = request.of(names).constraints.margins(pose)
     return SensorSetting(

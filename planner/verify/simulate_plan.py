@@ -127,7 +127,7 @@ def simulate_plan(plan, n: int = 10_000, rng=0, progress: Progress | None = None
     for k, setting in enumerate(plan.settings):
         result = simulate_setting(
             setting,
-            plan.entities,
+            {**plan.entities, **plan.dimensions},
             plan.camera,
             plan.pose_uncertainty,
             accuracy=plan.accuracy,

@@ -20,11 +20,15 @@ from planner.camera.pose import world_to_cam
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.options import chosen, with_keywords_of
+from planner.verify.measure_dimension import measured_errors
+from planner.wanted.planned import PlannedDimension
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
 _BATCH = 100_000
+# of dimensions, which have more points
+_FEWER = 10_000
 # The probability takes the phases of the pixel grid as random; one planned pose has definite ones. Where rounding to
 # pixels matters, the two differ by about this much, either way.
 MODEL_TOLERANCE = 0.01
@@ -163,8 +167,45 @@ def simulate_setting(
             raise RequestError(f"{name} must be in (0, 1). Got {value!r}.")
     if n < 1:
         raise RequestError(f"n must be at least 1. Got {n!r}.")
-    ends = np.array([getattr(entities[name], "endpoints", entities[name]) for name in setting.entities], dtype=float)
     rng = np.random.default_rng(rng)
+    dimensions = {name: entities[name] for name in setting.entities if isinstance(entities[name], PlannedDimension)}
+    edges = [name for name in setting.entities if name not in dimensions]
+    counts = _edge_successes(
+        setting, {name: entities[name] for name in edges}, camera, pose_uncertainty, accuracy, n, rng, how
+    )
+    for name, dimension in dimensions.items():
+        counts[name] = _dimension_successes(setting, dimension, camera, pose_uncertainty, n, rng, how)
+    return {
+        name: SuccessRate(
+            counts[name][0],
+            n,
+            *clopper_pearson(counts[name][0], n, how.confidence),
+            how.confidence,
+            counts[name][1],
+            float(setting.probability.get(name, np.nan)),
+        )
+        for name in setting.entities
+    }
+
+
+def _dimension_successes(setting, dimension, camera, pose_uncertainty, n: int, rng, how) -> tuple[int, int]:
+    """Measure a dimension from n displaced poses; return how often that is accurate, and how often not all in view."""
+    hits = lost = 0
+    planned = np.asarray(setting.cam2world, dtype=float)
+    for start in range(0, n, _FEWER):
+        poses = displaced_poses(planned, pose_uncertainty, min(_FEWER, n - start), rng)
+        error, outside = measured_errors(dimension, planned, poses, camera, rng)
+        accurate = np.abs(error) <= dimension.permitted_error
+        hits += int((accurate & ~outside if how.sensor_limits else accurate).sum())
+        lost += int(outside.sum())
+    return hits, lost
+
+
+def _edge_successes(setting, entities: Mapping, camera, pose_uncertainty, accuracy, n: int, rng, how) -> dict:
+    """The same for lengths of edges, all from the same poses."""
+    if not entities:
+        return {}
+    ends = np.array([getattr(ends, "endpoints", ends) for ends in entities.values()], dtype=float)
     nominal = _image_lengths(_project(ends, np.asarray(setting.cam2world)[None], camera), camera)[0]
     successes = np.zeros(len(ends), dtype=int)
     outside = np.zeros(len(ends), dtype=int)
@@ -177,17 +218,7 @@ def simulate_setting(
         lost = ~_in_image(pixels, camera)
         successes += (accurate & ~lost if how.sensor_limits else accurate).sum(axis=0)
         outside += lost.sum(axis=0)
-    return {
-        name: SuccessRate(
-            int(hits),
-            n,
-            *clopper_pearson(int(hits), n, how.confidence),
-            how.confidence,
-            int(lost),
-            float(setting.probability.get(name, np.nan)),
-        )
-        for name, hits, lost in zip(setting.entities, successes, outside, strict=True)
-    }
+    return {name: (int(hits), int(lost)) for name, hits, lost in zip(entities, successes, outside, strict=True)}
 
 
 def displaced_poses(

@@ -1,0 +1,31 @@
+"""Dimensions measured in one image: lengths, distances, angles, diameters, and how sure they are.
+
+Lines and circles in the part's frame, a planned pose and its uncertainty go in; the probability of a small error, the
+uncertainty and its budget come out. What is found in the image is carried back with the planned pose to planes of the
+part, where lines and circles are fitted; a displaced pose moves all of it together.
+"""
+
+from errors.exceptions import MeasurandError
+from errors.measurands import kinds as _kinds  # noqa: F401  registers them
+from errors.measurands.conformity import acceptance_limits, uncertainty_ratio
+from errors.measurands.geometry import Circle, Geometry, Line
+from errors.measurands.localisation import Localisation
+from errors.measurands.measurand import Measurand
+from errors.measurands.model import MeasurandModel, Prediction
+from errors.measurands.registry import kind, kinds, measurand
+
+__all__ = [
+    "Circle",
+    "Geometry",
+    "Line",
+    "Localisation",
+    "Measurand",
+    "MeasurandError",
+    "MeasurandModel",
+    "Prediction",
+    "acceptance_limits",
+    "kind",
+    "kinds",
+    "measurand",
+    "uncertainty_ratio",
+]

@@ -1,0 +1,83 @@
+"""Length of an edge by the length of its image: the paper's measurement."""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from errors.checks import MIN_IMAGE_LENGTH_MM
+from errors.measurands.expansion import add_product, add_square, plane_row, point_row
+from errors.measurands.fitted import Frame
+from errors.measurands.geometry import Line
+from errors.measurands.localisation import Localisation
+from errors.measurands.measurand import Expansion, Image, Measurand, lines_of
+from errors.measurands.registry import kind
+
+
+@kind("length")
+class Length(Measurand):
+    """Length of an edge, mm: the nominal length times the length of its image over that at the nominal pose.
+
+    Both ends must be found; nothing is carried back. The error is expanded as a logarithm, see `errors.joint`.
+    """
+
+    takes = (Line,)
+    in_image = True
+
+    def describe(self) -> tuple[float, tuple[Frame, ...], NDArray[np.float64], NDArray[np.float64]]:
+        (line,) = lines_of(self.geometry)
+        side = np.cross(line.direction, np.eye(3)[int(np.argmin(np.abs(line.direction)))])
+        frame = Frame(line.middle, line.direction, side / np.linalg.norm(side))
+        return line.length, (frame,), np.zeros(2), np.zeros((2, 2))
+
+    def image_value(self, images: NDArray[np.float64], planned: NDArray[np.float64]) -> NDArray[np.float64]:
+        length = np.linalg.norm(images[:, 1] - images[:, 0], axis=1)
+        return np.asarray(self.nominal * (length / np.linalg.norm(planned[1] - planned[0]) - 1))
+
+    def expansion(self, poses: NDArray[np.float64], image: Image, localisation: Localisation) -> Expansion:
+        (line,), n = lines_of(self.geometry), len(poses)
+        gradient, hessian, tangent = np.zeros((n, 6)), np.zeros((n, 6, 6)), np.zeros((n, 3))
+        ends = np.array([line.p, line.q]) @ np.swapaxes(poses[:, :3, :3], 1, 2) + poses[:, None, :3, 3]
+        _expand_lengths(np.ascontiguousarray(ends), image.distance_mm, gradient, hessian, tangent)
+        length, steps = tangent[:, 0], np.abs(tangent[:, 1:]) * image.pitch_mm
+        if localisation.model == "rounding":
+            variance, widths = np.zeros(n), steps
+        else:
+            sigma = max(localisation.sigma_px, localisation.floor_px)
+            variance, widths = 2 * sigma**2 * (steps**2).sum(axis=1), np.zeros((n, 2))
+        seen = length > MIN_IMAGE_LENGTH_MM
+        return Expansion(seen, gradient, hessian, variance, widths, length / self.nominal, logarithmic=True)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _expand_lengths(ends, distance, gradient, hessian, tangent):
+    n, e, side, w, s = np.array([0.0, 0.0, 1.0]), np.zeros(3), np.zeros(3), np.empty(3), np.empty(6)
+    row, turn = np.empty(6), np.empty(6)
+    for i in range(len(ends)):
+        first, last = ends[i, 0], ends[i, 1]
+        if not (first[2] > 0.0 and last[2] > 0.0):
+            continue
+        du = distance * (last[0] / last[2] - first[0] / first[2])
+        dv = distance * (last[1] / last[2] - first[1] / first[2])
+        length = math.sqrt(du * du + dv * dv)
+        tangent[i, 0] = length
+        if not length > MIN_IMAGE_LENGTH_MM:
+            continue
+        tangent[i, 1], tangent[i, 2] = du / length, dv / length
+        e[0], e[1], side[0], side[1] = du / length, dv / length, -dv / length, du / length
+        g, h = gradient[i], hessian[i]
+        turn[:] = 0.0
+        for k in range(2):
+            p = ends[i, k]
+            scale = (2 * k - 1) * distance / p[2]
+            plane_row(n, p[2], p, s)
+            point_row(side, n, p[2], p, w, row)
+            turn += scale * row
+            point_row(e, n, p[2], p, w, row)
+            g += scale * row
+            add_square(h, w, p, s, row, scale)
+        add_product(h, turn, turn, 0.5 / length)
+        add_product(h, g, g, -0.5 / length)

@@ -1,0 +1,129 @@
+"""A value over lines and circles: what a kind of dimension has to say, and what follows from it."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errors.measurands.fitted import FittedEntities, Frame
+from errors.measurands.geometry import Circle, Geometry, Line
+from errors.measurands.localisation import Localisation
+
+
+class Image(NamedTuple):
+    """What of the camera a measurement depends on.
+
+    Attributes
+    ----------
+    distance_mm : float
+        From the lens to the image plane.
+    pitch_mm : tuple of float
+        Pixel pitch (r_x, r_y).
+    """
+
+    distance_mm: float
+    pitch_mm: tuple[float, float]
+
+
+class Expansion(NamedTuple):
+    """A measured value's error at n poses: x = g.delta + 1/2 delta'H delta + noise, monotonic in the error.
+
+    Attributes
+    ----------
+    seen : array of bool (n,)
+        Where there is an image.
+    gradient, hessian : array (n, 6), (n, 6, 6)
+        By the displacement (dx, dy, dz, phi_x, phi_y, phi_z) of the camera in its own frame, mm and rad.
+    variance : array (n,)
+        Of the normal part of the noise.
+    widths : array (n, 2)
+        Of the two triangular parts, see `errors.joint`.
+    scale : array (n,)
+        Unit of x per unit of the value.
+    logarithmic : bool
+        x is scale times nominal times ln(1 + error / nominal) instead of scale times error.
+    """
+
+    seen: NDArray[np.bool_]
+    gradient: NDArray[np.float64]
+    hessian: NDArray[np.float64]
+    variance: NDArray[np.float64]
+    widths: NDArray[np.float64]
+    scale: NDArray[np.float64]
+    logarithmic: bool = False
+
+
+class Measurand:
+    """A value that is computed from lines and circles which are fitted in planes of the part.
+
+    A kind is a class with ``takes``, and with `describe`, which says in which plane each entity is fitted, what the
+    value is, and its derivatives by what is fitted. Nothing else depends on the kind.
+
+    Parameters
+    ----------
+    geometry : tuple of Line or Circle
+        The entities in the part's frame.
+    direction : array (3,), optional
+        Direction of a distance.
+
+    Attributes
+    ----------
+    nominal : float
+        Nominal value, mm or degrees; positive.
+    frames : tuple of Frame
+        Plane of each entity.
+    """
+
+    kind: ClassVar[str] = ""
+    unit: ClassVar[str] = "mm"
+    takes: ClassVar[tuple[type, ...]] = ()
+    in_image: ClassVar[bool] = False
+    """Whether the value is taken from images of the ends as they are, by `image_value`, and nothing is carried back."""
+
+    def __init__(self, geometry: tuple[Geometry, ...], direction: Any = None):
+        self.geometry = geometry
+        self.direction = None if direction is None else np.asarray(direction, dtype=np.float64)
+        self.nominal, self.frames, gradient, hessian = self.describe()
+        self._fitted = FittedEntities(self.geometry, self.frames, gradient, hessian)
+
+    def describe(self) -> tuple[float, tuple[Frame, ...], NDArray[np.float64], NDArray[np.float64]]:
+        """Return nominal value, frame of each entity, and the value's gradient and Hessian by what is fitted.
+
+        What is fitted is offset and slope of a line (across its frame's y, over x), and centre and radius of a circle
+        (in its frame's x and y), entity after entity.
+        """
+        raise NotImplementedError
+
+    def value(self, fitted: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Return the values (n,) of fitted lines (n, 2) and circles (n, 3), as deviations from the nominal ones.
+
+        This is what a measuring program computes, and what the derivatives are of.
+        """
+        raise NotImplementedError
+
+    def image_value(self, images: NDArray[np.float64], planned: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return deviations (n,) by images of the ends (n, 2, 2) and those that were planned (2, 2), mm on the sensor."""
+        raise NotImplementedError
+
+    def expansion(self, poses: NDArray[np.float64], image: Image, localisation: Localisation) -> Expansion:
+        """Return the error of the value at poses world to camera (n, 4, 4)."""
+        seen, gradient, hessian, variance = self._fitted.expand(poses, image.distance_mm, image.pitch_mm, localisation)
+        return Expansion(seen, gradient, hessian, variance, np.zeros((len(poses), 2)), np.ones(len(poses)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"geometry": self.geometry, "direction": self.direction}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        type(self).__init__(self, state["geometry"], state["direction"])
+
+
+def lines_of(geometry: tuple[Geometry, ...]) -> list[Line]:
+    """Return the lines among entities."""
+    return [one for one in geometry if isinstance(one, Line)]
+
+
+def circles_of(geometry: tuple[Geometry, ...]) -> list[Circle]:
+    """Return the circles among entities."""
+    return [one for one in geometry if isinstance(one, Circle)]

@@ -1,0 +1,191 @@
+"""How sure a value is measured from a pose: probability of a small error, uncertainty, budget."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from errors.checks import check_covariance, check_pixel_pitch, check_positive
+from errors.covariance import covariance_root
+from errors.exceptions import InvalidParameterError, InvalidShapeError
+from errors.joint import quadratic_probability
+from errors.measurands.conformity import COVERAGE
+from errors.measurands.fitted import is_short
+from errors.measurands.localisation import Localisation
+from errors.measurands.measurand import Expansion, Image, Measurand
+
+# what a normal variable is within one and two standard deviations of its mean with
+_ONE, _TWO = math.erf(1 / math.sqrt(2)), math.erf(2 / math.sqrt(2))
+_BISECTIONS = 60
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """How sure a value is measured from one pose.
+
+    Attributes
+    ----------
+    nominal : float
+        Nominal value, mm (angles: degrees), as everything here.
+    permitted_error : float
+        Largest error that counts as accurate.
+    probability : float
+        P(error at most that); 0 without an image.
+    standard_uncertainty : float
+        Standard deviation of the error; of a short arc half the width of the interval that holds 68.27 %.
+    expanded_uncertainty : float
+        U: twice that; of a short arc half the width of the interval that holds 95.45 %.
+    bias : float
+        Mean error, of second order in the displacement.
+    budget : dict of str to float
+        Variance by "translation", "rotation" and "localisation"; what translation and rotation do together is shared
+        equally. Of a value that is not from a short arc, they sum to the square of the standard uncertainty.
+    """
+
+    nominal: float
+    permitted_error: float
+    probability: float
+    standard_uncertainty: float
+    expanded_uncertainty: float
+    bias: float
+    budget: dict[str, float]
+
+
+class MeasurandModel:
+    """The joint second-order model of a value: error = g.delta + 1/2 delta'H delta + localisation.
+
+    Parameters
+    ----------
+    measurand : Measurand
+        The value.
+    image_distance_mm : float
+        From the lens to the image plane, mm.
+    pixel_pitch_mm : array_like (2,)
+        Pixel pitch (r_x, r_y), mm.
+    pose_covariance : array_like (6, 6)
+        Of (dx, dy, dz, phi_x, phi_y, phi_z), mm and rad: translation and rotation vector of the real camera in the
+        frame of the planned one (x right, y down, z along the optical axis), about the lens.
+    localisation : Localisation
+        How well points are found.
+    permitted_error : float
+        Largest error that counts as accurate, in the unit of the value.
+
+    Raises
+    ------
+    InvalidParameterError
+        If a number breaks its rule.
+    """
+
+    def __init__(
+        self,
+        measurand: Measurand,
+        *,
+        image_distance_mm: float,
+        pixel_pitch_mm: ArrayLike,
+        pose_covariance: ArrayLike,
+        localisation: Localisation,
+        permitted_error: float,
+    ):
+        self.measurand, self.localisation = measurand, localisation
+        pitch = check_pixel_pitch(pixel_pitch_mm)
+        self.image = Image(check_positive(image_distance_mm, "image_distance_mm"), (float(pitch[0]), float(pitch[1])))
+        self.covariance = check_covariance(pose_covariance)
+        if self.covariance.shape != (6, 6):
+            raise InvalidShapeError(f"pose_covariance must have shape (6, 6). Got shape {self.covariance.shape}.")
+        self.permitted_error = check_positive(permitted_error, "permitted_error")
+        if self.permitted_error >= measurand.nominal:
+            raise InvalidParameterError(
+                f"permitted_error must be smaller than the nominal value {measurand.nominal:.6g}. "
+                f"Got {permitted_error!r}."
+            )
+        self._root = covariance_root(self.covariance)
+
+    def probability(self, world_to_camera: ArrayLike) -> NDArray[np.float64]:
+        """Return the probability that the error is at most the permitted one.
+
+        Parameters
+        ----------
+        world_to_camera : array_like (n, 4, 4)
+            Planned poses.
+
+        Returns
+        -------
+        array (n,)
+            Probabilities in [0, 1]; 0 where an entity is not wholly in front of the camera or its plane is seen
+            edge-on.
+        """
+        expansion = self._expansion(world_to_camera)
+        return self._within(expansion, np.full(len(expansion.seen), self.permitted_error))
+
+    def describe(self, world_to_camera: ArrayLike) -> Prediction:
+        """Return how sure the value is measured from one pose.
+
+        Parameters
+        ----------
+        world_to_camera : array_like (4, 4)
+            Planned pose.
+
+        Returns
+        -------
+        Prediction
+            Probability, uncertainty and budget; infinite uncertainty without an image.
+        """
+        expansion = self._expansion(np.asarray(world_to_camera)[None])
+        if not expansion.seen[0]:
+            nothing = dict.fromkeys(("translation", "rotation", "localisation"), math.inf)
+            return Prediction(self.measurand.nominal, self.permitted_error, 0.0, math.inf, math.inf, math.nan, nothing)
+        probability = float(self._within(expansion, np.array([self.permitted_error]))[0])
+        budget, bias = self._budget(expansion)
+        u = math.sqrt(math.fsum(budget.values()))
+        expanded = COVERAGE * u
+        if any(map(is_short, self.measurand.geometry)):
+            u, expanded = self._quantile(expansion, _ONE), self._quantile(expansion, _TWO)
+        return Prediction(self.measurand.nominal, self.permitted_error, probability, u, expanded, bias, budget)
+
+    def _expansion(self, world_to_camera: ArrayLike) -> Expansion:
+        poses = np.asarray(world_to_camera, dtype=np.float64)
+        if poses.ndim != 3 or poses.shape[1:] != (4, 4):
+            raise InvalidShapeError(f"world_to_camera must have shape (n, 4, 4). Got {poses.shape}.")
+        return self.measurand.expansion(poses, self.image, self.localisation)
+
+    def _within(self, expansion: Expansion, error: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return P(|error| <= given) (n,)."""
+        seen = expansion.seen
+        result = np.zeros(len(seen))
+        if not seen.any():
+            return result
+        limits = np.stack([-error, error], axis=1)[seen]
+        if expansion.logarithmic:
+            limits = self.measurand.nominal * np.log1p(np.maximum(limits / self.measurand.nominal, -1 + 1e-12))
+        limits = limits * expansion.scale[seen, None]
+        noise = np.concatenate([expansion.widths, expansion.variance[:, None]], axis=1)[seen]
+        result[seen] = quadratic_probability(
+            expansion.gradient[seen], expansion.hessian[seen], self._root, noise, limits
+        )
+        return result
+
+    def _budget(self, expansion: Expansion) -> tuple[dict[str, float], float]:
+        """Return variance by source, and the mean error, of the first pose."""
+        scale = expansion.scale[0]
+        g, h = expansion.gradient[0] / scale, expansion.hessian[0] / scale
+        turned = h @ self.covariance
+        share = g * (self.covariance @ g) + 0.5 * np.diagonal(turned @ turned)
+        noise = (expansion.variance[0] + (expansion.widths[0] ** 2).sum() / 6) / scale**2
+        budget = {
+            "translation": float(share[:3].sum()),
+            "rotation": float(share[3:].sum()),
+            "localisation": float(noise),
+        }
+        return budget, float(0.5 * np.trace(turned))
+
+    def _quantile(self, expansion: Expansion, probability: float) -> float:
+        """Return the error that is not exceeded with a probability."""
+        low, high = 0.0, self.measurand.nominal
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            enough = self._within(expansion, np.array([middle]))[0] >= probability
+            low, high = (low, middle) if enough else (middle, high)
+        return high

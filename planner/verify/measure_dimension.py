@@ -1,0 +1,145 @@
+"""Dimensions measured as a program on the robot would: points found, carried back with the planned pose, fitted.
+
+It shares the definition of a dimension with the prediction (its planes and its value by what is fitted), and no
+computation: exact displaced poses, the camera's matrix, least squares by iteration.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errors.measurands import Circle, Geometry, Localisation
+from planner.camera.camera import Camera
+from planner.camera.pose import world_to_cam
+from planner.wanted.planned import PlannedDimension, sample_points
+
+_ROUNDS = 30
+_STILL = 1e-10
+
+
+def measured_errors(
+    dimension: PlannedDimension,
+    planned: NDArray[np.float64],
+    poses: NDArray[np.float64],
+    camera: Camera,
+    rng: np.random.Generator,
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Measure a dimension from displaced poses.
+
+    Parameters
+    ----------
+    dimension : PlannedDimension
+        What is measured.
+    planned : array (4, 4)
+        The pose it is carried back with.
+    poses : array (n, 4, 4)
+        Where the camera is.
+    camera : Camera
+        The camera.
+    rng : numpy.random.Generator
+        For errors of localisation.
+
+    Returns
+    -------
+    error : array (n,)
+        Measured value minus what is measured at the planned pose, mm (angles: degrees); nan without an image.
+    outside : array of bool (n,)
+        Whether a point of the entities is outside the image.
+    """
+    value, outside = dimension.measurand, np.zeros(len(poses), dtype=bool)
+    fits = []
+    for one, frame in zip(dimension.geometry, value.frames, strict=True):
+        points = _points(one, dimension, planned, camera)
+        pixels = _pixels(points, poses, camera)
+        outside |= ~_on_sensor(pixels, camera)
+        found = _localised(pixels, dimension.localisation, rng)
+        if value.in_image:
+            pitch = np.array(camera.pixel_pitch_mm)
+            return value.image_value(found * pitch, _pixels(points, planned[None], camera)[0] * pitch), outside
+        flat = _carried_back(found, planned, camera, np.array([frame.origin, frame.x, frame.y]))
+        fits.append(_circles(flat, one.radius_mm) if isinstance(one, Circle) else _lines(flat))
+    return value.value(fits), outside
+
+
+def _points(
+    one: Geometry, dimension: PlannedDimension, planned: NDArray[np.float64], camera: Camera
+) -> NDArray[np.float64]:
+    """Return the points (m, 3) that are looked for on an entity."""
+    if dimension.measurand.in_image:
+        return np.array([one.p, one.q])  # type: ignore[union-attr]
+    how = dimension.localisation
+    if how.model != "fit":
+        return sample_points(one, how.points)
+    outline = _pixels(sample_points(one, 200), planned[None], camera)[0]
+    along = float(np.linalg.norm(np.diff(outline, axis=0), axis=1).sum())
+    independent = max(3, round(along / how.correlation_px))
+    if how.floor_px > 0:
+        independent = min(independent, max(3, round((how.sigma_px / how.floor_px) ** 2)))
+    return sample_points(one, independent)
+
+
+def _pixels(points: NDArray[np.float64], poses: NDArray[np.float64], camera: Camera) -> NDArray[np.float64]:
+    """Return images (n, m, 2) in px of points (m, 3) from poses (n, 4, 4); nan behind the camera."""
+    local = world_to_cam(points, poses)
+    depth = np.where(local[..., 2:] > 0, local[..., 2:], np.nan)
+    return np.asarray(((local / depth) @ camera.matrix.T)[..., :2])
+
+
+def _on_sensor(pixels: NDArray[np.float64], camera: Camera) -> NDArray[np.bool_]:
+    inside = (pixels >= -0.5) & (pixels <= np.array(camera.resolution) - 0.5)
+    return np.asarray(inside.all(axis=(1, 2)))
+
+
+def _localised(pixels: NDArray[np.float64], how: Localisation, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return where points are found instead of where they are."""
+    if how.model == "rounding":
+        return np.rint(pixels)
+    return np.asarray(pixels + rng.normal(0.0, how.sigma_px, pixels.shape))
+
+
+def _carried_back(
+    pixels: NDArray[np.float64], planned: NDArray[np.float64], camera: Camera, frame: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return coordinates (n, m, 2) in a plane (3, 3: origin, x, y) where rays from the planned pose meet it."""
+    ones = np.ones((*pixels.shape[:2], 1))
+    rays = np.concatenate([pixels, ones], axis=2) @ np.linalg.inv(camera.matrix).T @ planned[:3, :3].T
+    normal = np.cross(frame[1], frame[2])
+    depth = ((frame[0] - planned[:3, 3]) @ normal) / (rays @ normal)
+    local = planned[:3, 3] + depth[..., None] * rays - frame[0]
+    return np.asarray(local @ frame[1:].T)
+
+
+def _lines(flat: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Fit lines to points (n, m, 2) by squares of distances; return offset at x = 0 and slope (n, 2)."""
+    middle = flat.mean(axis=1)
+    off = flat - middle[:, None]
+    spread = np.einsum("nmi,nmj->nij", off, off)
+    # direction of the larger spread, which is that of x but for a small turn
+    turn = 0.5 * np.arctan2(2 * spread[:, 0, 1], spread[:, 0, 0] - spread[:, 1, 1])
+    slope = np.tan(turn)
+    return np.stack([middle[:, 1] - slope * middle[:, 0], slope], axis=1)
+
+
+def _circles(flat: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+    """Fit circles to points (n, m, 2) by squares of distances (Gauss–Newton); return centre and radius (n, 3)."""
+    middle = flat.mean(axis=1)
+    # algebraic fit first: it needs no start
+    off = flat - middle[:, None]
+    rows = np.concatenate([2 * off, np.ones((*off.shape[:2], 1))], axis=2)
+    right = (off**2).sum(axis=2)
+    normal = np.einsum("nmi,nmj->nij", rows, rows)
+    solved = np.linalg.solve(normal, np.einsum("nmi,nm->ni", rows, right)[..., None])[..., 0]
+    size = np.sqrt(np.maximum(solved[:, 2] + (solved[:, :2] ** 2).sum(axis=1), 1e-12 * radius**2))
+    found = np.concatenate([middle + solved[:, :2], size[:, None]], axis=1)
+    for _ in range(_ROUNDS):
+        away = flat - found[:, None, :2]
+        distance = np.maximum(np.linalg.norm(away, axis=2), 1e-9 * radius)
+        slopes = np.concatenate([away / distance[..., None], np.ones((*distance.shape, 1))], axis=2)
+        residual = distance - found[:, 2:]
+        normal = np.einsum("nmi,nmj->nij", slopes, slopes)
+        step = np.linalg.solve(normal, np.einsum("nmi,nm->ni", slopes, residual)[..., None])[..., 0]
+        found = found + step
+        if np.abs(step).max() <= _STILL * radius:
+            break
+    return found

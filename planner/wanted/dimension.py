@@ -1,0 +1,212 @@
+"""What a drawing asks for: a named quantity over one or more entities, with how wrong its measurement may be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from planner.exceptions import RequestError
+
+QUARTER = 0.25
+"""Share of a tolerance's half width that a measurement error may take: the usual 4 : 1 test uncertainty ratio."""
+
+Target = Any
+"""What stands for an entity: an id (17, "r3", "a0"), an `Edge`, `Rim` or `Entity`, or two end points in mm."""
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A quantity to be measured in one image, and the error its measurement may have.
+
+    At most one of ``tolerance``, ``max_error`` and ``accuracy`` is given; without any, the accuracy of the call holds.
+
+    Parameters
+    ----------
+    kind : str
+        "length", "distance", "angle", "diameter", "radius", "centre_distance" or "centre_to_edge", or another kind
+        that is registered with `errors.measurands`.
+    entities : tuple
+        What must be seen: ids (``17``, ``"r3"``, ``"a0"``), `Edge`, `Rim` or `Entity` objects, or two end points in mm.
+    tolerance : (float, float), optional
+        Lower and upper deviation from the nominal value that the drawing allows, mm (angles: degrees).
+    max_error : float, optional
+        Largest permitted error of the measurement, mm (angles: degrees).
+    accuracy : float, optional
+        A in (0, 1): an error of the fraction 1 − A of the nominal value is permitted, as in the paper.
+    share : float
+        The part of the tolerance's half width that is permitted as error.
+    direction : (float, float, float), optional
+        Direction of a distance in the part's frame. Default: across the two lines.
+
+    Raises
+    ------
+    RequestError
+        If a value breaks its rule.
+
+    Examples
+    --------
+    >>> from planner import Dimension
+    >>> Dimension.diameter("r3", tolerance_mm=(-0.05, 0.05)).permitted_error(12.0)
+    0.0125
+    """
+
+    kind: str
+    entities: tuple[Target, ...]
+    tolerance: tuple[float, float] | None = None
+    max_error: float | None = None
+    accuracy: float | None = None
+    share: float = QUARTER
+    direction: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "entities", tuple(self.entities))
+        given = [name for name in ("tolerance", "max_error", "accuracy") if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise RequestError(
+                f"a dimension must have one of tolerance, max_error and accuracy. Got {', '.join(given)}."
+            )
+        if self.tolerance is not None:
+            object.__setattr__(self, "tolerance", _checked_tolerance(self.tolerance))
+        if self.max_error is not None and not (_is_number(self.max_error) and self.max_error > 0):
+            raise RequestError(f"max_error must be a positive number. Got {self.max_error!r}.")
+        if self.accuracy is not None and not (_is_number(self.accuracy) and 0 < self.accuracy < 1):
+            raise RequestError(f"accuracy must be in (0, 1). Got {self.accuracy!r}.")
+        if not (_is_number(self.share) and 0 < self.share <= 1):
+            raise RequestError(f"share must be in (0, 1]. Got {self.share!r}.")
+        if self.direction is not None:
+            object.__setattr__(self, "direction", _checked_direction(self.direction))
+
+    @classmethod
+    def length(cls, edge: Target, **asked: Any) -> Dimension:
+        """Return the length of an edge, as in the paper; ``asked`` as in `diameter`."""
+        return cls("length", (edge,), **_in_mm(asked))
+
+    @classmethod
+    def distance(cls, first: Target, second: Target, **asked: Any) -> Dimension:
+        """Return the distance of two parallel edges; ``asked`` as in `diameter`, and ``direction``."""
+        return cls("distance", (first, second), **_in_mm(asked))
+
+    @classmethod
+    def angle(cls, first: Target, second: Target, **asked: Any) -> Dimension:
+        """Return the angle of two edges; ``tolerance_deg`` and ``max_error_deg``, else as in `diameter`."""
+        return cls("angle", (first, second), **_renamed(asked, "deg"))
+
+    @classmethod
+    def diameter(cls, rim: Target, **asked: Any) -> Dimension:
+        """Return the diameter of a rim or arc.
+
+        Parameters
+        ----------
+        rim : str, Rim, Arc or Entity
+            The rim or arc.
+        **asked
+            ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; and ``share``, see `Dimension`.
+
+        Returns
+        -------
+        Dimension
+            What is to be measured.
+
+        Raises
+        ------
+        RequestError
+            If a value breaks its rule.
+        """
+        return cls("diameter", (rim,), **_in_mm(asked))
+
+    @classmethod
+    def radius(cls, rim: Target, **asked: Any) -> Dimension:
+        """Return the radius of a rim or arc; ``asked`` as in `diameter`."""
+        return cls("radius", (rim,), **_in_mm(asked))
+
+    @classmethod
+    def centre_distance(cls, first: Target, second: Target, **asked: Any) -> Dimension:
+        """Return the distance of the centres of two rims or arcs; ``asked`` as in `diameter`."""
+        return cls("centre_distance", (first, second), **_in_mm(asked))
+
+    @classmethod
+    def centre_to_edge(cls, rim: Target, edge: Target, **asked: Any) -> Dimension:
+        """Return the distance from a rim's centre to the line of an edge; ``asked`` as in `diameter`."""
+        return cls("centre_to_edge", (rim, edge), **_in_mm(asked))
+
+    def with_accuracy(self, accuracy: float) -> Dimension:
+        """Return the dimension with an accuracy, where it has no requirement of its own."""
+        if self.tolerance is not None or self.max_error is not None or self.accuracy is not None:
+            return self
+        return replace(self, accuracy=accuracy)
+
+    def permitted_error(self, nominal: float, accuracy: float | None = None) -> float:
+        """Return the largest permitted error of the measurement, in the unit of the nominal value.
+
+        Parameters
+        ----------
+        nominal : float
+            Nominal value, mm (angles: degrees), positive.
+        accuracy : float, optional
+            Accuracy where the dimension has no requirement of its own.
+
+        Returns
+        -------
+        float
+            Half the tolerance's width times the share; or the error given; or (1 − A) times the nominal value.
+
+        Raises
+        ------
+        RequestError
+            If there is no requirement, or the permitted error is not smaller than the nominal value.
+        """
+        own = self.with_accuracy(accuracy) if accuracy is not None else self
+        if own.tolerance is not None:
+            error = own.share * (own.tolerance[1] - own.tolerance[0]) / 2
+        elif own.max_error is not None:
+            error = float(own.max_error)
+        elif own.accuracy is not None:
+            return (1 - own.accuracy) * nominal
+        else:
+            raise RequestError(f"a {self.kind} needs a tolerance, max_error or accuracy. Got none.")
+        if error >= nominal:
+            raise RequestError(
+                f"the permitted error of a {self.kind} must be smaller than its nominal value {nominal:.6g}. "
+                f"Got {error:.6g}."
+            )
+        return error
+
+
+def _in_mm(asked: dict[str, Any]) -> dict[str, Any]:
+    return _renamed(asked, "mm")
+
+
+def _renamed(asked: dict[str, Any], unit: str) -> dict[str, Any]:
+    """Take the unit off the names of what is asked; refuse names and units that are not known."""
+    names = {f"tolerance_{unit}": "tolerance", f"max_error_{unit}": "max_error"}
+    names |= {name: name for name in ("accuracy", "share", "direction")}
+    unknown = [name for name in asked if name not in names]
+    if unknown:
+        raise RequestError(f"what is asked of a dimension must be one of {', '.join(names)}. Got {unknown[0]!r}.")
+    return {names[name]: value for name, value in asked.items()}
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _checked_tolerance(given: Sequence[float]) -> tuple[float, float]:
+    try:
+        lower, upper = (float(value) for value in given)
+    except (TypeError, ValueError) as error:
+        raise RequestError(f"tolerance must be two numbers, lower and upper deviation. Got {given!r}.") from error
+    if not (math.isfinite(lower) and math.isfinite(upper)):
+        raise RequestError(f"tolerance must be finite. Got {given!r}.")
+    if lower >= upper:
+        raise RequestError(f"tolerance must have its lower deviation below its upper one. Got [{lower:g}, {upper:g}].")
+    return lower, upper
+
+
+def _checked_direction(given: Sequence[float]) -> tuple[float, float, float]:
+    values = tuple(float(value) for value in given)
+    size = math.hypot(*values)
+    if len(values) != 3 or not (math.isfinite(size) and size > 0):
+        raise RequestError(f"direction must be three numbers, not all of them 0. Got {given!r}.")
+    return values[0] / size, values[1] / size, values[2] / size

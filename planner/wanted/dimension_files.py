@@ -1,0 +1,112 @@
+"""Dimensions and entities as a file of the command line holds them."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from planner.exceptions import RequestError
+from planner.wanted.dimension import Dimension
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+_OPTIONS = ("tolerance", "max_error", "accuracy", "share", "direction", "unit")
+# in the unit of the values, mm or degrees
+_UNITS = {"mm": 1.0, "um": 1e-3, "in": 25.4, "deg": 1.0, "rad": 57.29577951308232}
+_ANGLES = ("deg", "rad")
+
+
+def read_wanted(path: str | Path, kinds: tuple[str, ...]) -> dict[str, Any]:
+    """Read what is to be inspected from a .toml or .json file.
+
+    Each name stands for an edge (``rim = 17`` or two end points: its length at the call's accuracy), or for a table
+    with a kind and its entities, and what is asked: ``bore = { diameter = "r3", tolerance = [-0.05, 0.05] }``,
+    ``step = { distance = [17, 18], max_error = 0.02 }``, ``rim = { edge = 17, max_error = 0.05 }``. Values are mm
+    (angles: degrees), or of the ``unit`` given.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; names stand at top level or in a table ``dimensions``.
+    kinds : tuple of str
+        Kinds of dimensions that are known.
+
+    Returns
+    -------
+    dict of str to Dimension or edge
+        By name, in the file's order.
+
+    Raises
+    ------
+    RequestError
+        If the file cannot be read, or what it says breaks a rule.
+    """
+    content = _content(Path(path))
+    content = content.get("dimensions", content)
+    if not isinstance(content, dict) or not content:
+        raise RequestError(f"a file of dimensions must hold one name at least. Got none in {Path(path).name}.")
+    return {name: _wanted(name, value, kinds) for name, value in content.items()}
+
+
+def _content(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        raise RequestError(f"dimensions must be 'all' or name an existing file. Got {str(path)!r}.")
+    try:
+        text = path.read_text(encoding="utf-8")
+        content = json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
+    except (json.JSONDecodeError, tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
+        raise RequestError(f"a file of dimensions must be valid TOML or JSON. Got {path.name}: {error}.") from error
+    if not isinstance(content, dict):
+        raise RequestError(f"a file of dimensions must hold names. Got {path.name} with {type(content).__name__}.")
+    return content
+
+
+def _wanted(name: str, value: Any, kinds: tuple[str, ...]) -> Any:
+    if not isinstance(value, Mapping):
+        return value
+    kind = [key for key in value if key in kinds or key == "edge"]
+    unknown = [key for key in value if key not in (*kinds, "edge", *_OPTIONS)]
+    if unknown:
+        raise RequestError(
+            f"dimension {name!r} must be made of a kind (edge, {', '.join(kinds)}) and {', '.join(_OPTIONS)}. "
+            f"Got {unknown[0]!r}."
+        )
+    if len(kind) != 1:
+        raise RequestError(f"dimension {name!r} must have one kind. Got {', '.join(kind) or 'none'}.")
+    try:
+        return _dimension("length" if kind[0] == "edge" else kind[0], value[kind[0]], value)
+    except RequestError as error:
+        raise RequestError(f"dimension {name!r}: {error}") from error
+
+
+def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
+    unit = value.get("unit", "deg" if kind == "angle" else "mm")
+    known = [name for name in _UNITS if (name in _ANGLES) == (kind == "angle")]
+    if unit not in known:
+        raise RequestError(f"unit must be one of {', '.join(known)}. Got {unit!r}.")
+    options = {key: value[key] for key in _OPTIONS if key in value and key != "unit"}
+    factor = _UNITS[unit]
+    if isinstance(options.get("tolerance"), list):
+        options["tolerance"] = tuple(_scaled(deviation, factor) for deviation in options["tolerance"])
+    if "max_error" in options:
+        options["max_error"] = _scaled(options["max_error"], factor)
+    several = isinstance(entities, list) and not _is_end_points(entities)
+    return Dimension(kind, tuple(entities) if several else (entities,), **options)
+
+
+def _scaled(value: Any, factor: float) -> Any:
+    return value * factor if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+def _is_end_points(value: list[Any]) -> bool:
+    """Whether a list is two points of three numbers rather than two entities."""
+    return len(value) == 2 and all(
+        isinstance(point, list) and len(point) == 3 and all(isinstance(x, int | float) for x in point)
+        for point in value
+    )

@@ -1,0 +1,188 @@
+"""Dimensions resolved on the part: which entities, which points, which value, which permitted error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errors.measurands import Circle, Line, MeasurandError, measurand
+from planner.exceptions import RequestError
+from planner.wanted.dimension import Dimension
+from planner.wanted.targets import Target, edge_target
+
+if TYPE_CHECKING:
+    from aspectgraph import Entity, Solid
+    from aspectgraph.solid.rims import Arc
+
+_DIAMETERS = 8
+"""Diameters of a circle that must be in the picture; a polygon of twice as many corners is drawn around the circle."""
+
+
+def resolve_wanted(
+    solid: Solid, wanted: Mapping[str, Any], accuracy: float, as_lengths: bool = False
+) -> tuple[dict[str, Entity], tuple[Target, ...]]:
+    """Find the entities of what is to be inspected, and what is asked of them.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    wanted : mapping
+        Name to `Dimension`, or to an edge: an id, an `Edge`, an `Entity` or two end points.
+    accuracy : float
+        Accuracy where a dimension has no requirement of its own.
+    as_lengths : bool
+        Whether edges are dimensions, too: their lengths; the paper's model rounds their ends to pixels.
+
+    Returns
+    -------
+    entities : dict of str to Entity
+        Every entity once: an edge under its item's name, the others under their ids.
+    targets : tuple of Target
+        The items, in order.
+
+    Raises
+    ------
+    RequestError
+        If a dimension cannot be measured as asked; it names it.
+    EntityError
+        If an entity is not one of the part's.
+    """
+    from aspectgraph import resolve_entities
+
+    plain = {name: item for name, item in wanted.items() if not isinstance(item, Dimension)}
+    entities: dict[str, Entity] = resolve_entities(solid, plain) if plain else {}
+    known = {frozenset(entity.edge_ids): name for name, entity in entities.items()}
+    targets = []
+    for name, item in wanted.items():
+        if isinstance(item, Dimension):
+            parts = [_entity_of(solid, name, given, known, entities) for given in item.entities]
+            targets.append(_dimension_target(solid, name, item, parts, accuracy))
+        else:
+            target = _edge(entities[name])
+            length = Dimension("length", (name,), accuracy=accuracy)
+            targets.append(_dimension_target(solid, name, length, [entities[name]], accuracy) if as_lengths else target)
+    return entities, tuple(targets)
+
+
+def _entity_of(
+    solid: Solid, name: str, given: Any, known: dict[frozenset[int], str], entities: dict[str, Entity]
+) -> Entity:
+    """Return what an item of a dimension stands for; an entity that others need, too, is the same one."""
+    from aspectgraph import EntityError, resolve_entities
+
+    try:
+        found = resolve_entities(solid, {_label(given): given})
+    except EntityError as error:
+        raise RequestError(f"dimension {name!r}: {error}") from error
+    label, entity = next(iter(found.items()))
+    key = frozenset(entity.edge_ids)
+    if key not in known:
+        # an item may have the name that an id would give
+        label = next(text for text in _labels(label) if text not in entities)
+        known[key], entities[label] = label, next(iter(resolve_entities(solid, {label: given}).values()))
+    return entities[known[key]]
+
+
+def _labels(label: str) -> Iterator[str]:
+    yield label
+    yield from (f"{label} ({number})" for number in range(2, 10_000))
+
+
+def _label(given: Any) -> str:
+    """Return a name for an entity that has none: its id."""
+    own = getattr(given, "id", getattr(given, "name", given))
+    if isinstance(own, bool):
+        raise RequestError(f"an entity must be an id, an edge, a rim or two end points. Got {given!r}.")
+    if isinstance(own, int | np.integer):
+        return f"e{own}"
+    return str(own) if isinstance(own, str) else "edge " + np.array2string(np.asarray(own), precision=6)
+
+
+def _edge(entity: Entity) -> Target:
+    if entity.kind != "edge":
+        raise RequestError(
+            f"entity {entity.name!r} is a {entity.kind}: name what is to be measured of it, such as "
+            f"Dimension.diameter({entity.name!r}). Got no dimension."
+        )
+    return edge_target(entity.name, entity.endpoints)
+
+
+def _dimension_target(solid: Solid, name: str, dimension: Dimension, parts: list[Entity], accuracy: float) -> Target:
+    curves = {arc.edge_ids: arc for arc in (*solid.rims(), *solid.arcs())}
+    geometry = [_geometry(entity, curves) for entity in parts]
+    try:
+        value = measurand(dimension.kind, geometry, direction=dimension.direction)
+        permitted = dimension.permitted_error(value.nominal, accuracy)
+    except (MeasurandError, RequestError) as error:
+        raise RequestError(f"dimension {name!r}: {error}") from error
+    for entity in parts:
+        _check_chords(name, entity, curves, permitted)
+    pieces = [_segments(one) for one in geometry]
+    return Target(
+        name,
+        tuple(dict.fromkeys(entity.name for entity in parts)),
+        np.concatenate([segments for segments, _ in pieces]),
+        np.concatenate([resolved for _, resolved in pieces]),
+        _farthest(np.concatenate([_own_points(one) for one in geometry])),
+        dimension,
+        value,
+        permitted,
+    )
+
+
+def _geometry(entity: Entity, curves: Mapping[tuple[int, ...], Arc]) -> Line | Circle:
+    """Return an entity as the error model takes it."""
+    if entity.kind == "edge":
+        return Line(*entity.endpoints)
+    arc = curves[entity.edge_ids]
+    if entity.kind == "rim":
+        return Circle(arc.centre, arc.axis, arc.radius_mm)
+    return Circle(arc.centre, arc.axis, arc.radius_mm, entity.points[0] - arc.centre, arc.end_rad - arc.start_rad)
+
+
+def _check_chords(name: str, entity: Entity, curves: Mapping[tuple[int, ...], Arc], permitted: float) -> None:
+    """Refuse a circle that is known only by too few chords for what is asked of it."""
+    arc = curves.get(entity.edge_ids)
+    if arc is None or not arc.fitted or arc.chord_mm <= permitted:
+        return
+    n, span = len(arc.edge_ids), arc.end_rad - arc.start_rad
+    needed = math.ceil(span / (2 * math.acos(max(0.0, 1 - permitted / arc.radius_mm))))
+    raise RequestError(
+        f"dimension {name!r}: {entity.kind} {arc.id} must have {needed} chords at least, as a mesh does not tell the "
+        f"true circle and {permitted:.4g} mm of error are permitted. Got {n}, {arc.chord_mm:.4g} mm off the circle."
+    )
+
+
+def _segments(one: Line | Circle) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return pairs of points (s, 2, 3) that hold an entity in the picture, and which must be long enough; (s,)."""
+    if isinstance(one, Line):
+        return np.array([[one.p, one.q]]), np.ones(1, bool)
+    if one.is_closed:
+        points = one.points(np.arange(2 * _DIAMETERS) * (math.pi / _DIAMETERS))
+        outer = one.centre + (points - one.centre) / math.cos(math.pi / (2 * _DIAMETERS))
+        return np.stack([outer[:_DIAMETERS], outer[_DIAMETERS:]], axis=1), np.ones(_DIAMETERS, bool)
+    # the ends, and corners of a polygon around the arc in pairs, of which only the ends tell how long the image is
+    step = one.span_rad / (2 * _DIAMETERS)
+    middles = one.points((np.arange(2 * _DIAMETERS) + 0.5) * step)
+    outer = one.centre + (middles - one.centre) / math.cos(step / 2)
+    pairs = np.concatenate([one.points(np.array([0.0, one.span_rad]))[None], outer.reshape(-1, 2, 3)])
+    return pairs, np.arange(len(pairs)) == 0
+
+
+def _own_points(one: Line | Circle) -> NDArray[np.float64]:
+    """Return points that lie on an entity itself; (m, 3)."""
+    if isinstance(one, Line):
+        return np.array([one.p, one.q])
+    span = 2 * math.pi if one.is_closed else one.span_rad
+    return one.points(np.linspace(0.0, span, 2 * _DIAMETERS + 1))
+
+
+def _farthest(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the two points (2, 3) of several that are farthest apart."""
+    apart = np.linalg.norm(points[:, None] - points, axis=-1)
+    return points[list(np.unravel_index(np.argmax(apart), apart.shape))]
