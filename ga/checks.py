@@ -3,30 +3,39 @@
 import math
 from collections.abc import Callable, Collection
 from numbers import Integral, Real
+from typing import Any
 
 import numpy as np
 
 from ga.exceptions import FitnessError, ParameterError
 
 
-def check_integer(name: str, value: object, low: int, high: int | None = None) -> int:
+def check_integer(name: str, value: Any, low: int, high: int | None = None) -> int:
     """Return `value` as an int in [low, high] (no upper limit if `high` is None)."""
     rule = f"an integer of at least {low}" if high is None else f"an integer in [{low}, {high}]"
-    if not isinstance(value, Integral) or isinstance(value, bool) or value < low or (high is not None and value > high):
+    number: Any = value
+    if (
+        not isinstance(value, Integral)
+        or isinstance(value, bool)
+        or number < low
+        or (high is not None and number > high)
+    ):
         raise ParameterError(f"{name} must be {rule}. Got {value!r}.")
     return int(value)
 
 
-def check_probability(name: str, value: object) -> float:
+def check_probability(name: str, value: Any) -> float:
     """Return `value` as a float in [0, 1]."""
-    if not isinstance(value, Real) or isinstance(value, bool) or not 0.0 <= value <= 1.0:
+    number: Any = value
+    if not isinstance(value, Real) or isinstance(value, bool) or not 0.0 <= number <= 1.0:
         raise ParameterError(f"{name} must be in [0, 1]. Got {value!r}.")
     return float(value)
 
 
-def check_nonnegative(name: str, value: object) -> float:
+def check_nonnegative(name: str, value: Any) -> float:
     """Return `value` as a finite float that is not negative."""
-    if not isinstance(value, Real) or isinstance(value, bool) or not (math.isfinite(value) and value >= 0.0):
+    number: Any = value
+    if not isinstance(value, Real) or isinstance(value, bool) or not (math.isfinite(number) and number >= 0.0):
         raise ParameterError(f"{name} must be finite and not negative. Got {value!r}.")
     return float(value)
 
@@ -59,7 +68,7 @@ def check_callable(name: str, value: object, *, optional: bool = False) -> None:
         raise ParameterError(f"{name} must be callable{' or None' if optional else ''}. Got {value!r}.")
 
 
-def check_rng(rng: object) -> tuple[np.random.Generator, int | None]:
+def check_rng(rng: Any) -> tuple[np.random.Generator, int | None]:
     """Return a generator and the seed that repeats it.
 
     An integer is its own seed. None draws a fresh seed, which is returned so that the run can be repeated. A
@@ -68,8 +77,9 @@ def check_rng(rng: object) -> tuple[np.random.Generator, int | None]:
     if isinstance(rng, np.random.Generator):
         return rng, None
     if rng is None:
-        seed = int(np.random.SeedSequence().entropy)
-    elif isinstance(rng, Integral) and not isinstance(rng, bool) and rng >= 0:
+        entropy: Any = np.random.SeedSequence().entropy
+        seed = int(entropy)
+    elif isinstance(rng, Integral) and not isinstance(rng, bool) and int(rng) >= 0:
         seed = int(rng)
     else:
         raise ParameterError(f"rng must be a non-negative integer, a numpy Generator or None. Got {rng!r}.")
@@ -121,7 +131,7 @@ def check_population(name: str, bits: object, n_bits: int) -> np.ndarray:
     return array
 
 
-def call_fitness(fitness: Callable, bits: np.ndarray) -> np.ndarray:
+def call_fitness(fitness: Callable[..., object], bits: np.ndarray) -> np.ndarray:
     """Call the caller's `fitness` on rows of `bits`; return its values as float64, shape (N,), all finite."""
     values = as_array(fitness(bits))
     if values.dtype.kind not in "biuf" or values.shape != (len(bits),):
@@ -136,7 +146,7 @@ def call_fitness(fitness: Callable, bits: np.ndarray) -> np.ndarray:
     return values
 
 
-def call_feasible(feasible: Callable, bits: np.ndarray) -> np.ndarray:
+def call_feasible(feasible: Callable[..., object], bits: np.ndarray) -> np.ndarray:
     """Call the caller's `feasible` on rows of `bits`; return its booleans, shape (N,)."""
     mask = as_array(feasible(bits))
     if mask.dtype != bool or mask.shape != (len(bits),):

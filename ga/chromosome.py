@@ -90,7 +90,7 @@ class Chromosome:
     bits_per_gene: int
     gray: bool = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_integer("n_genes", self.n_genes, 1)
         check_integer("bits_per_gene", self.bits_per_gene, 1, MAX_BITS_PER_GENE)
         check_flag("gray", self.gray)
@@ -103,7 +103,7 @@ class Chromosome:
     @property
     def largest(self) -> int:
         """Largest integer a gene can hold."""
-        return 2**self.bits_per_gene - 1
+        return int(2**self.bits_per_gene) - 1
 
     def genes(self, bits: np.ndarray) -> np.ndarray:
         """Split bits into genes.
@@ -147,7 +147,8 @@ class Chromosome:
         genes = self.genes(bits)
         if self.gray:
             genes = binary_from_gray(genes)
-        return genes @ self._weights
+        result: np.ndarray = genes @ self._weights
+        return result
 
     def fractions(self, bits: np.ndarray) -> np.ndarray:
         """Read each gene as a fraction of its range.
@@ -192,7 +193,8 @@ class Chromosome:
         low, high = check_range(low, high, self.n_genes)
         fractions = self.fractions(bits)
         # This form returns both ends exactly, which low + t (high - low) need not.
-        return (1.0 - fractions) * low + fractions * high
+        result: np.ndarray = (1.0 - fractions) * low + fractions * high
+        return result
 
     def bits_from_integers(self, integers: np.ndarray) -> np.ndarray:
         """Write integers as genes.
@@ -221,7 +223,8 @@ class Chromosome:
         genes = (integers[..., None].astype(np.int64) & self._weights) != 0
         if self.gray:
             genes = gray_from_binary(genes)
-        return genes.reshape(*integers.shape[:-1], self.n_bits)
+        result: np.ndarray = genes.reshape(*integers.shape[:-1], self.n_bits)
+        return result
 
     def encode(self, fractions: np.ndarray) -> np.ndarray:
         """Write fractions as genes, each as the nearest representable value.

@@ -20,15 +20,17 @@ class Breeding:
 
     crossover: float
     mutation: float
-    weigh: Callable
-    select: Callable
+    weigh: Callable[..., np.ndarray]
+    select: Callable[..., np.ndarray]
     elitism: int
     duplicates: bool
     attempts: int
     feasible: Feasible | None
 
 
-def breed(population: np.ndarray, weights: np.ndarray, n: int, how: Breeding, rng: np.random.Generator):
+def breed(
+    population: np.ndarray, weights: np.ndarray, n: int, how: Breeding, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
     """Draw `n` offspring, feasible or not.
 
     Parameters
@@ -108,4 +110,5 @@ def _is_new(bits: np.ndarray, taken: np.ndarray, places: np.ndarray) -> np.ndarr
     """Which rows at `places` equal no taken row and no earlier row at `places`; shape (len(places),) bool."""
     n_taken = int(taken.sum())
     first = first_seen(np.concatenate([bits[taken], bits[places]]))[n_taken:]
-    return first == np.arange(n_taken, n_taken + places.size)
+    result: np.ndarray = first == np.arange(n_taken, n_taken + places.size)
+    return result

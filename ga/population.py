@@ -144,7 +144,8 @@ def initial_population(
 
 
 def _distinct(rows: np.ndarray) -> np.ndarray:
-    return rows[first_seen(rows) == np.arange(len(rows))]
+    result: np.ndarray = rows[first_seen(rows) == np.arange(len(rows))]
+    return result
 
 
 def _given_rows(initial: np.ndarray, size: int, n_bits: int, feasible: Feasible | None) -> np.ndarray:

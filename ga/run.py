@@ -14,7 +14,7 @@ from ga.operators import Keywords, Operators
 from ga.options import chosen, with_keywords_of
 from ga.population import Brood, Feasible, Fitness, Sampler, evaluate, initial_population
 from ga.record import Record, Stopping
-from ga.result import GAResult
+from ga.result import GAResult, Generation
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -145,7 +145,7 @@ def _evolve(
     first: Brood,
     how: Breeding,
     stopping: Stopping,
-    callback: Callable | None,
+    callback: Callable[[Generation], object] | None,
     rng: np.random.Generator,
 ) -> tuple[Record, str]:
     """Evaluate and breed until there is a reason to stop; return what happened and that reason."""
@@ -159,7 +159,7 @@ def _evolve(
         record.add(brood, *evaluate(fitness, brood.population, record.population, record.fitness))
 
 
-def _ask(callback: Callable | None, record: Record) -> str | None:
+def _ask(callback: Callable[[Generation], object] | None, record: Record) -> str | None:
     """Show the generation to the callback; "callback" if it wants to stop."""
     if callback is None:
         return None

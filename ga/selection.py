@@ -73,7 +73,8 @@ def spin(weights: np.ndarray, positions: np.ndarray) -> np.ndarray:
     edges = np.cumsum(weights)
     slots = np.searchsorted(edges, positions * edges[-1], side="right")
     # A position just below 1 may round up to the very end of the wheel.
-    return np.minimum(slots, np.flatnonzero(weights)[-1])
+    result: np.ndarray = np.minimum(slots, np.flatnonzero(weights)[-1])
+    return result
 
 
 def roulette(weights: np.ndarray, n: int, rng: np.random.Generator) -> np.ndarray:

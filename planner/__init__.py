@@ -24,9 +24,12 @@ if TYPE_CHECKING:
         UncertaintyError,
     )
     from planner.inspection import plan_inspection
+    from planner.output.figure import plan_figure
     from planner.output.pose_files import write_poses
+    from planner.output.predicted_image import predicted_image
     from planner.output.report import report_html
     from planner.plan import InspectionPlan, read_plan
+    from planner.request.constraints import Requirements
     from planner.request.defaults import default_workspace
     from planner.request.effort import Effort
     from planner.request.reach import BoxRegion, MeshRegion, SphereRegion
@@ -58,12 +61,15 @@ _NAMES = {
         "UncertaintyError",
     ),
     "planner.inspection": ("plan_inspection",),
+    "planner.output.figure": ("plan_figure",),
     "planner.output.pose_files": ("write_poses",),
+    "planner.output.predicted_image": ("predicted_image",),
     "planner.output.report": ("report_html",),
     "planner.plan": (
         "InspectionPlan",
         "read_plan",
     ),
+    "planner.request.constraints": ("Requirements",),
     "planner.request.defaults": ("default_workspace",),
     "planner.request.effort": ("Effort",),
     "planner.request.reach": (
@@ -101,6 +107,7 @@ __all__ = [
     "PlannerError",
     "PoseUncertainty",
     "RequestError",
+    "Requirements",
     "Search",
     "SensorSetting",
     "SimulationResult",
@@ -112,8 +119,10 @@ __all__ = [
     "is_cover",
     "look_at",
     "min_cover",
+    "plan_figure",
     "plan_inspection",
     "plan_setting",
+    "predicted_image",
     "read_plan",
     "report_html",
     "simulate_plan",

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import pickle
 from collections.abc import Callable, Iterable, Iterator
+from typing import Any
 
 # what other processes have sent, by digest; a process works on few requests at a time
 _received: dict[str, object] = {}
@@ -26,7 +27,7 @@ class Shared:
         Anything; it is pickled only if a task goes to another process.
     """
 
-    def __init__(self, value):
+    def __init__(self, value: Any):
         self.value = value
         self._packed: tuple[str, bytes] | None = None
 

@@ -234,7 +234,7 @@ def _plan(run: Run) -> InspectionPlan:
     """Do all steps."""
     find_columns(run)
     bound, proof = prove_bound(run)
-    inspected = run.pool.membership.any(axis=0)
+    inspected = np.asarray(run.pool.membership.any(axis=0))
     refute(run, inspected, bound)
     return _assembled(run, settle(run, inspected), bound, proof)
 

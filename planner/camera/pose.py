@@ -12,16 +12,9 @@ paper   the frame of Yang & Ciarallo (2001), eqs 4–9: C1 right, C2 up, C3 back
 
 from __future__ import annotations
 
-import math
-
-import numba as nb
 import numpy as np
 
 _CAM_TO_PAPER = np.diag([1.0, -1.0, -1.0])
-# squares of smaller numbers lose digits
-_TINY = 1e-150
-# sine of the angle to the world's z axis below which a view is taken as vertical, for the choice of the level axis
-_VERTICAL = 1e-9
 
 
 def cross_matrix(vector) -> np.ndarray:
@@ -95,13 +88,16 @@ def look_at(positions, target, pan=0.0, tilt=0.0, roll=0.0) -> np.ndarray:
         Poses cam2world in OpenCV axes (x right, y down, z forward), mm. Before turning, the camera's x axis is level,
         unless it looks along the world's z axis; then it follows world x.
     """
+    # compiled, and so imported when first needed
+    from planner.camera.pose_loops import look_along
+
     positions = np.atleast_2d(np.asarray(positions, dtype=np.float64))
     n = len(positions)
     target = np.broadcast_to(np.asarray(target, dtype=np.float64), (n, 3))
     turns = np.empty((3, n))
     turns[0], turns[1], turns[2] = pan, tilt, roll
     cam2world = np.zeros((n, 4, 4))
-    _look_at(positions, target, turns, cam2world)
+    look_along(positions, target, turns, cam2world)
     return cam2world
 
 
@@ -110,95 +106,8 @@ def moved(cam2world: np.ndarray, moves: np.ndarray, unit_mm: float) -> np.ndarra
 
     The first three entries are a translation in units of `unit_mm`, the others a rotation vector in rad.
     """
+    from planner.camera.pose_loops import move
+
     poses = np.zeros((len(moves), 4, 4))
-    _move(cam2world, moves, unit_mm, poses)
+    move(cam2world, moves, unit_mm, poses)
     return poses
-
-
-@nb.njit(cache=True, error_model="numpy")
-def _look_at(positions, target, turns, out):
-    right, down, forward = np.empty(3), np.empty(3), np.empty(3)
-    turn = np.empty((3, 3))
-    for i in range(len(positions)):
-        for k in range(3):
-            forward[k] = target[i, k] - positions[i, k]
-        if not _normalise(forward):
-            forward[0], forward[1], forward[2] = 0.0, 0.0, 1.0
-        # forward × z vanishes in a vertical view; world x, only nearly perpendicular then, is set upright below
-        size = math.hypot(forward[0], forward[1])
-        if size > _VERTICAL:
-            right[0], right[1], right[2] = forward[1] / size, -forward[0] / size, 0.0
-        else:
-            right[0], right[1], right[2] = 1.0, 0.0, 0.0
-        _cross(forward, right, down)
-        _normalise(down)
-        _cross(down, forward, right)
-        _pan_tilt_roll(turns[0, i], turns[1, i], turns[2, i], turn)
-        for row in range(3):
-            for column in range(3):
-                out[i, row, column] = (
-                    right[row] * turn[0, column] + down[row] * turn[1, column] + forward[row] * turn[2, column]
-                )
-            out[i, row, 3] = positions[i, row]
-        out[i, 3, 3] = 1.0
-
-
-@nb.njit(cache=True, error_model="numpy")
-def _pan_tilt_roll(pan, tilt, roll, out):
-    """Write the product of the rotations by pan about y, by tilt about x and by roll about z."""
-    cp, sp, ct, st = math.cos(pan), math.sin(pan), math.cos(tilt), math.sin(tilt)
-    cr, sr = math.cos(roll), math.sin(roll)
-    out[0, 0], out[0, 1], out[0, 2] = cp * cr + sp * st * sr, sp * st * cr - cp * sr, sp * ct
-    out[1, 0], out[1, 1], out[1, 2] = ct * sr, ct * cr, -st
-    out[2, 0], out[2, 1], out[2, 2] = cp * st * sr - sp * cr, sp * sr + cp * st * cr, cp * ct
-
-
-@nb.njit(cache=True, error_model="numpy")
-def _move(cam2world, moves, unit, out):
-    turn = np.empty((3, 3))
-    for i in range(len(moves)):
-        _rotation(moves[i, 3], moves[i, 4], moves[i, 5], turn)
-        for row in range(3):
-            step = 0.0
-            for k in range(3):
-                step += cam2world[row, k] * moves[i, k]
-                total = 0.0
-                for inner in range(3):
-                    total += cam2world[row, inner] * turn[inner, k]
-                out[i, row, k] = total
-            out[i, row, 3] = cam2world[row, 3] + unit * step
-        out[i, 3, 3] = 1.0
-
-
-@nb.njit(cache=True, error_model="numpy")
-def _rotation(x, y, z, out):
-    """Write the rotation by a vector (Rodrigues): cos a·I + sin a/a·[v]× + (1 − cos a)/a²·v v'."""
-    squared = x * x + y * y + z * z
-    angle = math.sqrt(squared)
-    half = math.sin(0.5 * angle)
-    along = math.sin(angle) / angle if angle > 0.0 else 1.0
-    outer = 2.0 * half * half / squared if squared > 0.0 else 0.5
-    cosine = 1.0 - 2.0 * half * half
-    out[0, 0], out[0, 1], out[0, 2] = cosine + outer * x * x, outer * x * y - along * z, outer * x * z + along * y
-    out[1, 0], out[1, 1], out[1, 2] = outer * x * y + along * z, cosine + outer * y * y, outer * y * z - along * x
-    out[2, 0], out[2, 1], out[2, 2] = outer * x * z - along * y, outer * y * z + along * x, cosine + outer * z * z
-
-
-@nb.njit(cache=True, error_model="numpy")
-def _cross(a, b, out):
-    out[0], out[1], out[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@nb.njit(cache=True, error_model="numpy")
-def _normalise(vector):
-    """Scale a vector to length 1; False if it has none."""
-    largest = max(abs(vector[0]), abs(vector[1]), abs(vector[2]))
-    if 0.0 < largest < _TINY:
-        # its squares would lose digits, or all of them
-        for k in range(3):
-            vector[k] /= largest
-    length = math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
-    if length > 0.0:
-        for k in range(3):
-            vector[k] /= length
-    return length > 0.0

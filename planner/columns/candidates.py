@@ -8,6 +8,7 @@ random perturbation of the best ones.
 from __future__ import annotations
 
 import hashlib
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -24,16 +25,46 @@ from planner.progress import report
 from planner.request.space import cells_of
 from planner.setting.viewpoint_sampling import ViewpointSampler
 
-_AXES_PER_VIEWPOINT = 6
-_PARENTS = 64
-_CHILDREN = 24
-_BATCH = 768
-# the relaxation is looked at every so many rounds; the search ends if so many looks gain no more than that share
-_ROUNDS_PER_CHECK = 10
-_CHECKS = 5
-_GAIN = 2e-3
-# exchanges for a cover that would end it
-_STEPS = 300
+
+@dataclass(frozen=True)
+class Pricing:
+    """How candidate poses are drawn and improved; numbers of poses unless said otherwise.
+
+    Attributes
+    ----------
+    axes_per_viewpoint : int
+        Directions of view for every viewpoint drawn; the first looks at the entity itself.
+    parents : int
+        Poses a round breeds from, about: a quarter are drawn from the pool, a quarter are its best by price, half
+        nearly inspect more than they do.
+    children : int
+        Perturbations of every parent.
+    batch : int
+        Poses judged at a time, whoever judges them, as the last digits depend on it.
+    rounds_per_check : int
+        The relaxation is looked at every so many rounds.
+    checks : int
+        The search ends if so many looks gain too little.
+    least_gain : float
+        That is too little, as a share of the relaxation's value.
+    exchanges : int
+        Steps of the search for a cover that would end it.
+    promising : float
+        A pose is bred for an entity only if it promises so much of it (1 is inspected).
+    """
+
+    axes_per_viewpoint: int = 6
+    parents: int = 64
+    children: int = 24
+    batch: int = 768
+    rounds_per_check: int = 10
+    checks: int = 5
+    least_gain: float = 2e-3
+    exchanges: int = 300
+    promising: float = 0.3
+
+
+PRICING = Pricing()
 
 
 def column_seed(seed: int, names) -> int:
@@ -66,7 +97,7 @@ def entity_poses(judge: Judge, name: str, n_viewpoints: int, seed: int) -> np.nd
     viewpoints = sampler.sample(n_viewpoints, rng)
     if not len(viewpoints):
         return np.zeros((0, 4, 4))
-    viewpoints = np.repeat(viewpoints, _AXES_PER_VIEWPOINT, axis=0)
+    viewpoints = np.repeat(viewpoints, PRICING.axes_per_viewpoint, axis=0)
     return look_at(viewpoints, _targets(judge, viewpoints, own, rng), roll=rng.uniform(-np.pi, np.pi, len(viewpoints)))
 
 
@@ -87,7 +118,7 @@ def _targets(judge: Judge, viewpoints: np.ndarray, own: int, rng) -> np.ndarray:
     near = np.flatnonzero(np.linalg.norm(middles - middles[own], axis=1) < width)
     other = rng.choice(near, len(viewpoints))
     share = rng.uniform(0.0, 1.0, (len(viewpoints), 1))
-    share[::_AXES_PER_VIEWPOINT] = 0.0
+    share[:: PRICING.axes_per_viewpoint] = 0.0
     return middles[own] + share * (middles[other] - middles[own])
 
 
@@ -151,7 +182,7 @@ def price_poses(
         Is told after each round how far this has got; what it holds already is where this goes on, with the pools as
         they were then.
     """
-    breed = pools.realised.poses[:0] if parents is None else parents[:_PARENTS]
+    breed = pools.realised.poses[:0] if parents is None else parents[: PRICING.parents]
     if parents is not None:
         pools.add(parents, shared.value(parents))
     rng = np.random.default_rng(column_seed(seed, ["pricing"]))
@@ -165,7 +196,7 @@ def price_poses(
         membership = pools.realised.membership[:, covered]
         if not covered.any() or membership.all(axis=1).any():
             break
-        if done % _ROUNDS_PER_CHECK == 0:
+        if done % PRICING.rounds_per_check == 0:
             values = [*values, fractional_cover(membership)[0]]
             if _is_settled(values, membership, rounds - done):
                 break
@@ -186,28 +217,28 @@ def _is_settled(values: list[float], membership: np.ndarray, left: int) -> bool:
     Too slowly means that, with the gain of late, it would not get to the next whole number in the rounds that are left,
     and a cover of as few columns as the value allows is there already.
     """
-    if len(values) <= _CHECKS:
+    if len(values) <= PRICING.checks:
         return False
-    gain = values[-1 - _CHECKS] - values[-1]
-    if gain <= _GAIN * values[-1]:
+    gain = values[-1 - PRICING.checks] - values[-1]
+    if gain <= PRICING.least_gain * values[-1]:
         return True
     fewest = int(np.ceil(values[-1] - 1e-6))
-    hopeless = values[-1] - gain * left / (_CHECKS * _ROUNDS_PER_CHECK) > fewest - 1
-    return hopeless and not exchange_columns(membership, fewest, steps=_STEPS).missing
+    hopeless = values[-1] - gain * left / (PRICING.checks * PRICING.rounds_per_check) > fewest - 1
+    return hopeless and not exchange_columns(membership, fewest, steps=PRICING.exchanges).missing
 
 
 def _improve(shared: Shared, pools: Pools, breed, prices: np.ndarray, rng, executor) -> np.ndarray:
     """Breed from the most promising poses; return the next parents."""
     pool, near = pools
-    at_random = pool.poses[rng.integers(len(pool), size=_PARENTS // 4)]
-    worthy = pool.poses[np.argsort(-(pool.membership @ prices), kind="stable")[: _PARENTS // 4]]
+    at_random = pool.poses[rng.integers(len(pool), size=PRICING.parents // 4)]
+    worthy = pool.poses[np.argsort(-(pool.membership @ prices), kind="stable")[: PRICING.parents // 4]]
     # what is nearly inspected and worth more than 1 would improve the cover if only the pose were put right
     hopeful = np.flatnonzero(near.membership @ prices > 1.0)
-    hopeful = near.poses[hopeful[rng.permutation(len(hopeful))[: _PARENTS // 2]]]
+    hopeful = near.poses[hopeful[rng.permutation(len(hopeful))[: PRICING.parents // 2]]]
     parents = np.concatenate([breed, at_random, worthy, hopeful])
-    children = perturbed(np.repeat(parents, _CHILDREN, axis=0), shared.value.camera.focus_distance_mm, rng)
+    children = perturbed(np.repeat(parents, PRICING.children, axis=0), shared.value.camera.focus_distance_mm, rng)
     # batches of one size, whoever judges them: the last digits must not depend on the executor
-    batches = [(shared, children[i : i + _BATCH], prices) for i in range(0, len(children), _BATCH)]
+    batches = [(shared, children[i : i + PRICING.batch], prices) for i in range(0, len(children), PRICING.batch)]
     judged = Judgement.joined(list(in_order(executor, _judged, batches)))
     pools.add(children, judged)
     return children[_champions(judged.promise, prices, rng)]
@@ -216,6 +247,6 @@ def _improve(shared: Shared, pools: Pools, breed, prices: np.ndarray, rng, execu
 def _champions(promise: np.ndarray, prices: np.ndarray, rng) -> np.ndarray:
     """Choose poses of much promised worth, each for another entity, so that the search stays spread over the part."""
     worth = promise @ prices
-    entities = rng.permutation(np.flatnonzero(prices > 0))[: _PARENTS // 2]
-    best = [int(np.argmax(np.where(promise[:, e] > 0.3, worth, -1.0))) for e in entities]
+    entities = rng.permutation(np.flatnonzero(prices > 0))[: PRICING.parents // 2]
+    best = [int(np.argmax(np.where(promise[:, e] > PRICING.promising, worth, -1.0))) for e in entities]
     return np.unique(best)

@@ -15,14 +15,37 @@ import numpy as np
 from planner.request.constraints import visibility_slacks
 from planner.request.request import Request
 
-_BATCH = 2048
-# how far a margin may miss for an entity still to count as nearly inspected
-_NEAR_FIELD = 0.06
-_NEAR_LENGTH = 0.1
-_NEAR_FOCUS = 0.1
-_NEAR_PROBABILITY = 0.05
-# missing a constraint by so many tolerances, an entity is not looked at further
-_HOPELESS = 6.0
+
+@dataclass(frozen=True)
+class Nearness:
+    """How far a margin may miss for an entity still to count as nearly inspected: its tolerance.
+
+    Attributes
+    ----------
+    field : float
+        Of the field of view, as a share of the sensor's larger side.
+    length : float
+        Of the image's length, as a share of the smallest allowed.
+    focus : float
+        Of the depth, as a share of the depth of field (of at most nine times its near limit, as it may be infinite).
+    probability : float
+        Of the probability.
+    hopeless : float
+        Missing a constraint by so many tolerances, an entity is not looked at further: visibility, which costs most,
+        is not asked for.
+    batch : int
+        Poses judged at a time; bounds the memory.
+    """
+
+    field: float = 0.06
+    length: float = 0.1
+    focus: float = 0.1
+    probability: float = 0.05
+    hopeless: float = 6.0
+    batch: int = 2048
+
+
+NEARNESS = Nearness()
 
 
 @dataclass(frozen=True)
@@ -69,9 +92,9 @@ class Judge:
         nearest, farthest = self.camera.depth_of_field_mm
         depth = min(farthest, 10 * nearest) - nearest
         self._tolerance = {
-            "resolution_mm": _NEAR_LENGTH * self.constraints.min_length_mm,
-            "focus_mm": _NEAR_FOCUS * depth,
-            "field_of_view_px": _NEAR_FIELD * max(self.camera.resolution),
+            "resolution_mm": NEARNESS.length * self.constraints.min_length_mm,
+            "focus_mm": NEARNESS.focus * depth,
+            "field_of_view_px": NEARNESS.field * max(self.camera.resolution),
         }
 
     def __getstate__(self) -> dict[str, Request]:
@@ -91,7 +114,9 @@ class Judge:
             Worth of the entities; probabilities are computed only for poses that nearly inspect a worth of more than 1,
             the others inspect nothing.
         """
-        parts = [self._judge(cam2world[i : i + _BATCH], prices) for i in range(0, len(cam2world), _BATCH)]
+        parts = [
+            self._judge(cam2world[i : i + NEARNESS.batch], prices) for i in range(0, len(cam2world), NEARNESS.batch)
+        ]
         if not parts:
             empty = np.zeros((0, len(self.names)))
             return Judgement(empty.astype(bool), empty.astype(bool), empty, empty)
@@ -105,7 +130,7 @@ class Judge:
         probability = np.zeros(nearly.shape)
         if nearly.any():
             probability[nearly] = self.request.objective.probability_where(cam2world, nearly)
-        nearly &= probability >= self.threshold - _NEAR_PROBABILITY
+        nearly &= probability >= self.threshold - NEARNESS.probability
         self._hide_around(cam2world, nearly, probability)
         inspects = (missed == 0.0) & nearly & (probability >= self.threshold)
         return Judgement(inspects, nearly, probability, np.exp(-missed))
@@ -114,7 +139,7 @@ class Judge:
         """Return how far the worst constraint of each entity is missed, in units of its tolerance; (n, k), 0 is met."""
         missed = np.zeros((len(cam2world), len(self.names)))
         for name in self.constraints.constraint_names:
-            left = np.flatnonzero((missed < _HOPELESS).any(axis=1))
+            left = np.flatnonzero((missed < NEARNESS.hopeless).any(axis=1))
             if not left.size:
                 break
             if name == "visibility":
@@ -132,7 +157,7 @@ class Judge:
         """Ask for visibility, the costly constraint, only where the others leave hope."""
         positions = cam2world[:, :3, 3]
         for k, name in enumerate(self.names):
-            rows = np.flatnonzero(missed[:, k] < _HOPELESS)
+            rows = np.flatnonzero(missed[:, k] < NEARNESS.hopeless)
             if rows.size:
                 hidden = visibility_slacks(self.space, positions[rows], [name])[:, 0, 0] < 0
                 missed[rows[hidden], k] = np.inf

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,13 +19,31 @@ from planner.setting.pose_setting import setting_at
 from planner.setting.sensor_setting import SensorSetting
 from planner.verify.simulate_setting import MODEL_TOLERANCE, simulate_setting
 
-# simulated to tell whether a pose is contradicted; poses tried near one that is
-_TRIAL_POSES = 4000
-_NEIGHBOURS = 2000
-_MOST_TRIALS = 100
-# a promise too high by so little is supported: stricter than what is asked of the plan, so that the plan's own
-# simulation, with other draws, agrees
-_SUPPORTED = 0.5 * MODEL_TOLERANCE
+
+@dataclass(frozen=True)
+class Support:
+    """When simulation supports a pose, and how hard another is looked for if it does not.
+
+    Attributes
+    ----------
+    trial_poses : int
+        Displaced poses simulated to tell whether a pose is contradicted.
+    neighbours : int
+        Poses drawn near one that is.
+    most_trials : int
+        Of those that inspect the same, so many are simulated at most.
+    too_high : float
+        A promise too high by no more than this is supported: stricter than what is asked of the plan, so that the
+        plan's own simulation, with other draws, agrees.
+    """
+
+    trial_poses: int = 4000
+    neighbours: int = 2000
+    most_trials: int = 100
+    too_high: float = 0.5 * MODEL_TOLERANCE
+
+
+SUPPORT = Support()
 
 # what a failing constraint means to the person who reads the plan
 _MEANING = {
@@ -97,13 +115,13 @@ def best_supported(judge: Judge, options: Sequence[SensorSetting], seed: int) ->
     seed : int
         Of the poses tried and displaced.
     """
-    rng = np.random.default_rng([seed, _TRIAL_POSES])
+    rng = np.random.default_rng([seed, SUPPORT.trial_poses])
     found, least = options[0], np.inf
     for setting in itertools.chain(options, _near(judge, options[0], rng)):
         too_much = max(_excess(judge, setting, rng).values())
         if too_much < least:
             found, least = setting, too_much
-        if least <= _SUPPORTED:
+        if least <= SUPPORT.too_high:
             break
     return found
 
@@ -118,9 +136,9 @@ def without_contradicted(judge: Judge, settings: Iterable[SensorSetting], seed: 
     seed : int
         Of the poses displaced.
     """
-    settings, rng = list(settings), np.random.default_rng([seed, _TRIAL_POSES])
+    settings, rng = list(settings), np.random.default_rng([seed, SUPPORT.trial_poses])
     excess = [_excess(judge, setting, rng) for setting in settings]
-    supported = [{name for name, too_much in rates.items() if too_much <= _SUPPORTED} for rates in excess]
+    supported = [{name for name, too_much in rates.items() if too_much <= SUPPORT.too_high} for rates in excess]
     result = []
     for k, setting in enumerate(settings):
         elsewhere = set().union(*supported[:k], *supported[k + 1 :])
@@ -142,7 +160,7 @@ def _excess(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> d
         judge.camera,
         judge.request.pose_uncertainty,
         accuracy=judge.accuracy,
-        n=_TRIAL_POSES,
+        n=SUPPORT.trial_poses,
         rng=rng,
     )
     return {name: rate.predicted - rate.frequency for name, rate in rates.items()}
@@ -150,9 +168,11 @@ def _excess(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> d
 
 def _near(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> Iterator[SensorSetting]:
     """Yield settings near one that inspect the same entities."""
-    poses = perturbed(np.repeat(setting.cam2world[None], _NEIGHBOURS, axis=0), judge.camera.focus_distance_mm, rng)
+    poses = perturbed(
+        np.repeat(setting.cam2world[None], SUPPORT.neighbours, axis=0), judge.camera.focus_distance_mm, rng
+    )
     poses = poses[judge(poses).inspects[:, np.isin(judge.names, setting.entities)].all(axis=1)]
-    for pose in poses[:_MOST_TRIALS]:
+    for pose in poses[: SUPPORT.most_trials]:
         yield setting_at(
             judge.request, pose, setting.entities, "pose near the best, supported by simulation", seed=setting.seed
         )

@@ -7,17 +7,35 @@ a cover of realised ones, by exchange; and a cover by realised and optimistic co
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from planner.cover.exchange_search import exchange_columns
 from planner.cover.relaxation import columns_of_covers, core_columns
 from planner.cover.set_cover import min_cover
 
-# share of what better poses can gain in the cover that is not worth the solver's time
-_QUALITY_SLACK = 0.3
-_STEPS = 1000
-# sets to be tried before the next exchange
-_AT_ONCE = 4
+
+@dataclass(frozen=True)
+class Covering:
+    """How long few columns are looked for.
+
+    Attributes
+    ----------
+    quality_slack : float
+        Share of what better poses can gain in the cover that is not worth the solver's time.
+    exchanges : int
+        Steps of the exchange search for a cover of one column less.
+    at_once : int
+        Sets to be tried before the next exchange: what is realised of them changes what others are worth.
+    """
+
+    quality_slack: float = 0.3
+    exchanges: int = 1000
+    at_once: int = 4
+
+
+COVERING = Covering()
 
 
 def few_columns(membership: np.ndarray, nodes: int, rng: np.random.Generator, quality=None) -> np.ndarray:
@@ -40,7 +58,7 @@ def few_columns(membership: np.ndarray, nodes: int, rng: np.random.Generator, qu
     core = core_columns(membership)
     chosen = _cover(membership, core, nodes, quality)
     while len(chosen) > 1:
-        found = exchange_columns(membership, len(chosen) - 1, steps=_STEPS, rng=rng)
+        found = exchange_columns(membership, len(chosen) - 1, steps=COVERING.exchanges, rng=rng)
         if found.missing:
             break
         again = _cover(membership, np.union1d(core, found.chosen), nodes, quality)
@@ -73,12 +91,12 @@ def sets_to_realise(
     while missing == 0:
         if enough == 1:
             return []
-        chosen, missing, wanted = exchange_columns(realised, enough - 1, steps=_STEPS, rng=rng)
+        chosen, missing, wanted = exchange_columns(realised, enough - 1, steps=COVERING.exchanges, rng=rng)
         enough = enough if missing else len(chosen)
     wanted = wanted[~_contain(wanted, refuted)]
     wanted = wanted[_contained(wanted, near)]
     if len(wanted):
-        return list(wanted[np.argsort(wanted.sum(axis=1), kind="stable")[:_AT_ONCE]])
+        return list(wanted[np.argsort(wanted.sum(axis=1), kind="stable")[: COVERING.at_once]])
     return _of_cover(realised, near, enough, nodes)
 
 
@@ -115,5 +133,5 @@ def _contained(sets: np.ndarray, columns: np.ndarray) -> np.ndarray:
 def _cover(membership: np.ndarray, core: np.ndarray, nodes: int, quality) -> np.ndarray:
     """Choose few of the core columns by integer programming."""
     quality = None if quality is None else quality[core]
-    options = {"time_limit_s": np.inf, "node_limit": nodes, "slack": _QUALITY_SLACK}
+    options = {"time_limit_s": np.inf, "node_limit": nodes, "slack": COVERING.quality_slack}
     return core[list(min_cover(membership[core], quality, **options).chosen)]

@@ -5,6 +5,7 @@ heaviest of those that the weights break, too, until they break none.
 """
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linprog
@@ -13,15 +14,39 @@ from scipy.sparse import csr_matrix
 from planner.cover.set_cover import check_membership
 from planner.executors import THREADS
 
-# bias and number of the duals that columns are left out by
-_FIXING_DUALS = 1.05, 4
-_CORE_SLACK = 0.1
-_CORE_OF_ENTITY = 5
-# columns at first, and so many more at a time
-_FIRST_COLUMNS, _MORE_COLUMNS = 300, 100
-_BROKEN = 1e-9
-# several duals are solved in so many shares
-_SHARES = 2
+
+@dataclass(frozen=True)
+class Relaxation:
+    """How the linear relaxation is solved, and which columns it leaves out.
+
+    Attributes
+    ----------
+    fixing_bias, fixing_duals : float, int
+        Bias and number of the duals that columns are left out by: their mean is nearer to the middle of all optimal
+        duals than any one of them.
+    core_slack : float
+        A column stays if its reduced cost is no more than this.
+    core_of_entity : int
+        So many of the heaviest columns of every entity stay in any case.
+    first_columns, more_columns : int
+        Columns in the first linear program, and of those it breaks so many more at a time: few are ever needed.
+    broken : float
+        A constraint of the dual that is broken by less is rounding.
+    shares : int
+        Several duals are solved in so many shares, one thread each.
+    """
+
+    fixing_bias: float = 1.05
+    fixing_duals: int = 4
+    core_slack: float = 0.1
+    core_of_entity: int = 5
+    first_columns: int = 300
+    more_columns: int = 100
+    broken: float = 1e-9
+    shares: int = 2
+
+
+RELAXATION = Relaxation()
 
 
 def fractional_cover(membership, bias=None, guess=None) -> tuple[float, np.ndarray]:
@@ -82,7 +107,9 @@ def mean_dual(membership, bias: float, n: int) -> np.ndarray:
     factors = 1.0 + (bias - 1.0) * np.random.default_rng(0).random((n, membership.shape[1]))
     with ThreadPoolExecutor(THREADS) as pool:
         # in a fixed number of shares, so that the result does not depend on the machine
-        weights = pool.map(lambda k: _duals(membership, factors[k::_SHARES]), range(min(n, _SHARES)))
+        weights = pool.map(
+            lambda k: _duals(membership, factors[k :: RELAXATION.shares]), range(min(n, RELAXATION.shares))
+        )
         weights = np.mean(np.concatenate(list(weights)), axis=0)
     return weights / max(1.0, float((membership @ weights).max(initial=0.0)))
 
@@ -107,7 +134,7 @@ def columns_of_covers(membership, size: int) -> np.ndarray:
     CoverError
         If some entity is in no column.
     """
-    weights = mean_dual(membership, *_FIXING_DUALS)
+    weights = mean_dual(membership, RELAXATION.fixing_bias, RELAXATION.fixing_duals)
     return np.flatnonzero(membership @ weights >= 1.0 - (size - float(weights.sum())) - 1e-6)
 
 
@@ -131,12 +158,12 @@ def core_columns(membership) -> np.ndarray:
         If some entity is in no column.
     """
     membership = check_membership(membership)
-    weight = membership @ mean_dual(membership, *_FIXING_DUALS)
-    kept = weight >= 1.0 - _CORE_SLACK
+    weight = membership @ mean_dual(membership, RELAXATION.fixing_bias, RELAXATION.fixing_duals)
+    kept = weight >= 1.0 - RELAXATION.core_slack
     # of an entity in none of them, the heaviest columns there are
     for entity in np.flatnonzero(~membership[kept].any(axis=0)):
         own = np.flatnonzero(membership[:, entity])
-        kept[own[np.argsort(-weight[own], kind="stable")[:_CORE_OF_ENTITY]]] = True
+        kept[own[np.argsort(-weight[own], kind="stable")[: RELAXATION.core_of_entity]]] = True
     return np.flatnonzero(kept)
 
 
@@ -150,7 +177,7 @@ def _first_columns(membership: np.ndarray, guess=None) -> np.ndarray:
     """Return which columns (c,) to start with: the heaviest by a guess or the largest, and one for every entity."""
     active = np.zeros(len(membership), dtype=bool)
     heavy = membership.sum(axis=1) if guess is None else membership @ np.asarray(guess, dtype=float)
-    active[np.argsort(-heavy, kind="stable")[:_FIRST_COLUMNS]] = True
+    active[np.argsort(-heavy, kind="stable")[: RELAXATION.first_columns]] = True
     active[np.argmax(membership, axis=0)] = True
     return active
 
@@ -166,7 +193,7 @@ def _dual(membership: np.ndarray, bias: np.ndarray, active: np.ndarray) -> np.nd
         )
         weights = np.clip(result.x, 0.0, None)
         weight = membership @ weights
-        broken = np.flatnonzero((weight > 1.0 + _BROKEN) & ~active)
+        broken = np.flatnonzero((weight > 1.0 + RELAXATION.broken) & ~active)
         if not broken.size:
             return weights
-        active[broken[np.argsort(-weight[broken], kind="stable")[:_MORE_COLUMNS]]] = True
+        active[broken[np.argsort(-weight[broken], kind="stable")[: RELAXATION.more_columns]]] = True

@@ -26,13 +26,16 @@ def plan_figure(plan, solid, space=None):
     Parameters
     ----------
     plan : InspectionPlan
+        What is drawn.
     solid : Solid
+        Its part.
     space : VisibilityRegions or EntityAspectGraph, optional
-        Gives the domains.
+        Gives the domains; without it none are drawn.
 
     Returns
     -------
     plotly.graph_objects.Figure
+        A notebook shows it; ``write_html`` saves it.
     """
     traces = part_traces(solid)
     for k, setting in enumerate(plan.settings):

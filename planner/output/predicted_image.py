@@ -9,19 +9,57 @@ from __future__ import annotations
 import base64
 import struct
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from aspectgraph.plot.style import is_feature
+from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
 
 _STEP_PX = 5.0
 _NEAREST_MM = 1.0
 # a ray that ends this fraction before the point has been stopped by something else
 _HIT_TOLERANCE = 4e-4
 _SHADED_WIDTH = 560
+
+
+def predicted_image(
+    solid: Solid,
+    camera: Camera,
+    cam2world: ArrayLike,
+    entities: Mapping[str, ArrayLike] | None = None,
+    color: str = "#0072b2",
+) -> str:
+    """Draw what a camera will see of a part: shaded faces, visible edges, and the entities in a colour.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    camera : Camera
+        The camera.
+    cam2world : array_like, shape (4, 4)
+        Its pose, OpenCV axes, mm.
+    entities : mapping of str to array_like (2, 3), optional
+        Ends of what is to be highlighted, mm, by name.
+    color : str
+        The highlights' colour, as SVG names it.
+
+    Returns
+    -------
+    str
+        An SVG element, in pixels of the sensor.
+    """
+    ends = {name: np.asarray(one, dtype=np.float64) for name, one in (entities or {}).items()}
+    return PictureMaker(solid, camera).image_svg(np.asarray(cam2world, dtype=np.float64), ends, color)
 
 
 class PictureMaker:

@@ -10,6 +10,7 @@ import numpy as np
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
+from planner.request.necessary import focus_reach_mm
 
 
 def default_workspace(solid, camera: Camera) -> np.ndarray:
@@ -29,7 +30,7 @@ def default_workspace(solid, camera: Camera) -> np.ndarray:
         field in the image's corners, at most ten focus distances, at least the part's diagonal.
     """
     size = float(np.linalg.norm(solid.bounds[1] - solid.bounds[0]))
-    distance = min(camera.depth_of_field_mm[1] / np.cos(camera.half_diagonal_rad), 10 * camera.focus_distance_mm)
+    distance = min(focus_reach_mm(camera)[1], 10 * camera.focus_distance_mm)
     return solid.bounds + np.array([[-1.0], [1.0]]) * max(distance, size)
 
 

@@ -24,22 +24,30 @@ class Space(Protocol):
         The entities by name, in order; ``entity_names`` are their names.
     """
 
-    solid: Solid
-    workspace: np.ndarray
-    entities: Mapping[str, Entity]
+    @property
+    def solid(self) -> Solid:
+        """The part."""
+
+    @property
+    def workspace(self) -> np.ndarray:
+        """Corners of the box the camera may be in, (2, 3), mm."""
+
+    @property
+    def entities(self) -> Mapping[str, Entity]:
+        """The entities by name."""
 
     @property
     def entity_names(self) -> tuple[str, ...]:
         """Names of the entities, in order."""
 
-    def observable(self, points, names: Sequence[str] | None = None) -> np.ndarray:
+    def observable(self, points: np.ndarray, names: Sequence[str] | None = None) -> np.ndarray:
         """Return which entities are observable from which viewpoints (n, 3); (n, k) bool."""
 
     def covering_cells(self, names: Sequence[str]) -> CellSet:
         """Return from where all named entities are observable, as convex cells."""
 
 
-def cells_of(space: Space, names):
+def cells_of(space: Space, names: Sequence[str]) -> CellSet:
     """Return the covering cells of entities (`CellSet`) without leaving them in the space's memory.
 
     A space remembers cells it was asked for. For a hundred entities those would be gigabytes, and no request here comes

@@ -16,10 +16,34 @@ from planner.request.constraints import Constraints
 from planner.setting.pose_bits import PoseEncoding
 from planner.setting.viewpoint_sampling import ViewpointSampler
 
-_BATCH = 512
-_POOL = 32
-_CHILDREN = 256
-_STEPS = np.geomspace(0.2, 1e-3, 24)
+
+@dataclass(frozen=True)
+class Repair:
+    """How feasible poses are drawn, and found near those that miss least if draws are in vain.
+
+    Attributes
+    ----------
+    batch : int
+        Viewpoints drawn at a time.
+    pool : int
+        Poses kept from one round of the repair to the next: the least violating.
+    children : int
+        Poses tried near them in a round.
+    first_step, last_step : float
+        Size of the changes in the first and the last round, as shares of the parameters' ranges.
+    rounds : int
+        Rounds; the steps shrink by a constant factor.
+    """
+
+    batch: int = 512
+    pool: int = 32
+    children: int = 256
+    first_step: float = 0.2
+    last_step: float = 1e-3
+    rounds: int = 24
+
+
+REPAIR = Repair()
 
 
 @dataclass
@@ -57,7 +81,7 @@ def draw_start(
     found, drawn, hits = [bits[ok]], 0, int(ok.sum())
     given = hits
     while hits < n and drawn < max_draws:
-        positions = sampler.sample(_BATCH, rng)
+        positions = sampler.sample(REPAIR.batch, rng)
         if not len(positions):
             break
         parameters = np.hstack([positions, encoding.draw_turns(len(positions), rng)])
@@ -66,7 +90,7 @@ def draw_start(
         hits += int(ok.sum())
         found.append(bits[ok])
         tried.append(parameters)
-        if len(positions) < _BATCH:
+        if len(positions) < REPAIR.batch:
             # viewpoints are so rare that more draws would take long
             break
     tried = np.concatenate(tried)
@@ -87,14 +111,14 @@ def repair(
     n: int, tried: np.ndarray, encoding: PoseEncoding, constraints: Constraints, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Move the least violating parameters towards feasibility; return up to n feasible bits, and the last pool."""
-    pool, found = tried[:_POOL], []
-    for step in _STEPS:
-        children = neighbours(pool, _CHILDREN, step, encoding, rng)
+    pool, found = tried[: REPAIR.pool], []
+    for step in np.geomspace(REPAIR.first_step, REPAIR.last_step, REPAIR.rounds):
+        children = neighbours(pool, REPAIR.children, step, encoding, rng)
         bits, ok = snap(children, encoding, constraints)
         found.append(bits[ok])
         if sum(map(len, found)) >= n:
             break
-        pool = _least_violating(np.concatenate([pool, children]), encoding, constraints)[:_POOL]
+        pool = _least_violating(np.concatenate([pool, children]), encoding, constraints)[: REPAIR.pool]
     return np.concatenate(found)[:n], pool
 
 

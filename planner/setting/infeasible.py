@@ -5,13 +5,13 @@ What "cannot be met" is proven. What "was met by no pose tried" was searched for
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from planner.exceptions import InfeasibleError
 from planner.request.constraints import Constraints
+from planner.request.necessary import focus_reach_mm, longest_image_mm, widest_view_mm
 from planner.request.space import Space, cells_of
 from planner.setting.first_poses import neighbours
 from planner.setting.pose_bits import PoseEncoding
@@ -58,21 +58,20 @@ def _pair_never_seen_together(space: Space, names: Sequence[str]) -> tuple[str, 
 def check_resolvable(constraints: Constraints) -> None:
     """Raise `InfeasibleError` for an entity too short to be resolved wherever the lens can focus.
 
-    The projection stretches by at most d / (z·cos θ) at depth z and angle θ to the axis, so no image is longer than
-    d·L_w / (D_min·cos θ) with θ at the sensor's corner.
+    See `planner.request.necessary.longest_image_mm`.
     """
     camera = constraints.camera
     nearest = camera.depth_of_field_mm[0]
-    gain = camera.image_distance_mm / (nearest * math.cos(camera.half_diagonal_rad))
     segments = constraints.segments
     lengths = np.where(constraints.resolved, np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1), np.inf)
     worst = int(np.argmin(lengths))
     name = constraints.names[constraints.owner[worst]]
-    margin = float(lengths[worst] * gain - constraints.min_length_mm)
+    longest = float(longest_image_mm(camera, lengths)[worst])
+    margin = longest - constraints.min_length_mm
     if margin < 0:
         raise InfeasibleError(
             f"resolution_mm cannot be met for entity {name!r}: {lengths[worst]:.6g} mm long, its "
-            f"image is at most {lengths[worst] * gain:.4g} mm where the lens focuses (nearest {nearest:.4g} mm), "
+            f"image is at most {longest:.4g} mm where the lens focuses (nearest {nearest:.4g} mm), "
             f"and must be at least {constraints.min_length_mm:.4g} mm.",
             constraint="resolution_mm",
             entity=name,
@@ -83,20 +82,21 @@ def check_resolvable(constraints: Constraints) -> None:
 def check_extent(constraints: Constraints) -> None:
     """Raise `InfeasibleError` for entities too far apart for one image.
 
-    All ends lie between D_min and D_max in the pyramid of the image, so no two are farther apart than two of its
-    corners.
+    See `planner.request.necessary.widest_view_mm`.
     """
-    camera = constraints.camera
-    nearest, farthest = camera.depth_of_field_mm
-    slope = math.tan(camera.half_diagonal_rad)
-    limit = max(2 * slope * farthest, math.hypot(slope * (nearest + farthest), farthest - nearest))
+    camera, limit = constraints.camera, widest_view_mm(constraints.camera)
     ends = constraints.segments.reshape(-1, 3)
     apart = np.linalg.norm(ends[:, None] - ends, axis=-1)
     first, second = np.unravel_index(np.argmax(apart), apart.shape)
     if apart[first, second] > limit:
         names = list(dict.fromkeys(constraints.names[constraints.owner[i // 2]] for i in (first, second)))
         who = f"entities {names[0]!r} and {names[1]!r}: their" if len(names) > 1 else f"entity {names[0]!r}: its"
-        margin = (limit - apart[first, second]) * camera.image_distance_mm / farthest / min(camera.pixel_pitch_mm)
+        margin = (
+            (limit - apart[first, second])
+            * camera.image_distance_mm
+            / camera.depth_of_field_mm[1]
+            / min(camera.pixel_pitch_mm)
+        )
         raise InfeasibleError(
             f"field_of_view_px cannot be met for {who} ends are {apart[first, second]:.5g} mm apart, and where the "
             f"lens focuses the image is at most {limit:.5g} mm across.",
@@ -110,8 +110,7 @@ def explain_positions(constraints: Constraints, cells, rng: np.random.Generator)
     """Explain a request whose covering domains hold no viewpoint at a distance where the lens can focus."""
     positions = np.concatenate([cells.sample(4096, rng), *(cell.vertices for cell in cells)])
     distance = np.linalg.norm(positions[:, None, None] - constraints.ends, axis=-1)
-    camera = constraints.camera
-    nearest, farthest = camera.depth_of_field_mm[0], camera.depth_of_field_mm[1] / math.cos(camera.half_diagonal_rad)
+    nearest, farthest = focus_reach_mm(constraints.camera)
     slack = np.minimum(distance - nearest, farthest - distance).min(axis=-1)
     best = int(np.argmax(slack.min(axis=1)))
     worst = int(np.argmin(slack[best]))

@@ -22,18 +22,44 @@ from planner.setting.pose_bits import PoseEncoding
 from planner.setting.refine import approach, refine
 from planner.setting.viewpoint_sampling import ViewpointSampler
 
-# of the distance, in rad, or of a parameter's range
-_APART = 0.1
-# positions drawn for each that is kept
-_POOL = 8
+
+@dataclass(frozen=True)
+class Starts:
+    """Which starts of the refinement are told apart, followed, and for how long.
+
+    Attributes
+    ----------
+    apart : float
+        Poses are apart by this share of the distance, or in rad, or of a parameter's range: nearer ones would be
+        refined to the same optimum.
+    pool : int
+        Positions drawn for each that is kept, so that those kept are spread.
+    followed : int
+        Ends that are refined at most.
+    promising : float
+        An end is followed if it reaches this share of the best one's merit.
+    steps, steps_mirrored : int
+        Steps from a start; a mirrored pose may have to go a long way.
+    onward_rounds : int
+        Refinements of one pose at most, the first in its cell.
+    onward_gain : float
+        One that gains no more than this share is the last.
+    """
+
+    apart: float = 0.1
+    pool: int = 8
+    followed: int = 3
+    promising: float = 0.98
+    steps: int = 8
+    steps_mirrored: int = 20
+    onward_rounds: int = 5
+    onward_gain: float = 1e-6
+
+
+STARTS = Starts()
+# turned views: shares of the encoded range of pan, tilt and roll
 _TURN = np.array([0.5, 0.5, 1.0])
-_FOLLOWED = 3
-_PROMISING = 0.98
-# a mirrored pose may have to go a long way
-_STEPS, _STEPS_MIRRORED = 8, 20
 _MIRRORINGS = ((-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))
-_ONWARD_ROUNDS = 5
-_ONWARD_GAIN = 1e-6
 _NO_WALLS = np.empty((0, 4))
 
 
@@ -87,11 +113,11 @@ class Ascent:
             for signs in _MIRRORINGS:
                 parameters = self.encoding.parameters_of(self.cam2world[None])
                 parameters[:, 3:5] *= signs
-                merit, pose = self._approach(self.encoding.poses(parameters)[0], _NO_WALLS, _STEPS_MIRRORED)
-                if merit > _PROMISING * self.fitness and self._is_apart(pose, [self.cam2world]):
+                merit, pose = self._approach(self.encoding.poses(parameters)[0], _NO_WALLS, STARTS.steps_mirrored)
+                if merit > STARTS.promising * self.fitness and self._is_apart(pose, [self.cam2world]):
                     self._follow(pose)
 
-    def _approach(self, pose: np.ndarray, walls: np.ndarray, steps: int = _STEPS) -> tuple[float, np.ndarray]:
+    def _approach(self, pose: np.ndarray, walls: np.ndarray, steps: int = STARTS.steps) -> tuple[float, np.ndarray]:
         pose, merit, nfev = approach(pose, walls, self.objective, self.constraints, steps)
         self.nfev += nfev
         return merit, pose
@@ -101,7 +127,7 @@ class Ascent:
         chosen: list[np.ndarray] = []
         ranked = sorted(ends, key=lambda end: -end[0])
         for merit, pose in ranked:
-            if merit < _PROMISING * ranked[0][0] or len(chosen) == _FOLLOWED:
+            if merit < STARTS.promising * ranked[0][0] or len(chosen) == STARTS.followed:
                 break
             if self._is_apart(pose, chosen):
                 chosen.append(pose)
@@ -109,23 +135,24 @@ class Ascent:
 
     def _is_apart(self, pose: np.ndarray, others: list) -> bool:
         """Whether position or direction of view, or both, differ by a tenth from those of all other poses."""
-        far = _APART * np.linalg.norm(pose[:3, 3] - self.constraints.sphere_center)
+        far = STARTS.apart * np.linalg.norm(pose[:3, 3] - self.constraints.sphere_center)
         return all(
-            np.linalg.norm(pose[:3, 3] - other[:3, 3]) > far or np.linalg.norm(pose[:3, 2] - other[:3, 2]) > _APART
+            np.linalg.norm(pose[:3, 3] - other[:3, 3]) > far
+            or np.linalg.norm(pose[:3, 2] - other[:3, 2]) > STARTS.apart
             for other in others
         )
 
     def _follow(self, pose: np.ndarray) -> None:
         """Refine a pose in its cell, and then again and again without walls while it gains."""
         fitness, walls = -np.inf, self.sampler.cell_of(pose[:3, 3])
-        for _ in range(_ONWARD_ROUNDS):
+        for _ in range(STARTS.onward_rounds):
             if self.fitness >= self.enough:
                 return
             last = fitness
             pose, fitness, nfev = refine(pose, _NO_WALLS if walls is None else walls, self.objective, self.constraints)
             self.nfev += nfev
             self._keep(pose, fitness)
-            if walls is None and fitness <= last * (1.0 + _ONWARD_GAIN):
+            if walls is None and fitness <= last * (1.0 + STARTS.onward_gain):
                 return
             walls = None
 
@@ -143,7 +170,7 @@ def best_apart(bits: np.ndarray, fitness: np.ndarray, encoding: PoseEncoding, n:
     places = encoding.parameters(bits) / np.where(encoding.high > encoding.low, encoding.high - encoding.low, 1.0)
     chosen: list[int] = []
     for i in range(len(bits)):
-        if len(chosen) < n and np.all(np.abs(places[chosen] - places[i]).max(axis=1, initial=0.0) > _APART):
+        if len(chosen) < n and np.all(np.abs(places[chosen] - places[i]).max(axis=1, initial=0.0) > STARTS.apart):
             chosen.append(i)
     return bits[chosen]
 
@@ -173,7 +200,7 @@ def turned_views(n: int, sampler: ViewpointSampler, encoding: PoseEncoding, rng:
 
     Positions are far apart; pan and tilt are at most half of what they may be, roll is anything.
     """
-    positions = sampler.sample(_POOL * n, rng)
+    positions = sampler.sample(STARTS.pool * n, rng)
     if n == 0 or not len(positions):
         return np.empty((0, 4, 4))
     positions = positions[spread(positions, n)[0]]

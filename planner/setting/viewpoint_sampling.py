@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from planner.camera.camera import Camera
+from planner.request.necessary import boxes_reach, focus_reach_mm
 
 _BATCH = 4096
 
@@ -41,8 +42,7 @@ class ViewpointSampler:
 
     def __init__(self, cells, ends: np.ndarray, camera: Camera):
         self.cells, self.points = cells, ends.reshape(-1, 3)
-        nearest, farthest = camera.depth_of_field_mm
-        self.near, self.far = nearest, farthest / np.cos(camera.half_diagonal_rad)
+        self.near, self.far = focus_reach_mm(camera)
         # a mean of the ends: no viewpoint is farther from it than from the farthest end
         self._center = self.points.mean(axis=0)
         spread = np.linalg.norm(self.points - self._center, axis=1).max()
@@ -58,7 +58,7 @@ class ViewpointSampler:
         corners = corners.reshape(-1, 2, 3)
         low = np.maximum(corners[:, 0], (self.points - self.far).max(axis=0))
         high = np.minimum(corners[:, 1], (self.points + self.far).min(axis=0))
-        self._kept = np.flatnonzero((low < high).all(axis=1) & _reaches(low, high, self.points, self.near, self.far))
+        self._kept = np.flatnonzero((low < high).all(axis=1) & boxes_reach(low, high, self.points, self.near, self.far))
         self._low, self._high = low[self._kept], high[self._kept]
         self.empty = not len(self._kept)
         self.bounds = None if self.empty else np.array([self._low.min(axis=0), self._high.max(axis=0)])
@@ -148,13 +148,3 @@ class WorkspaceSampler(ViewpointSampler):
 
     def _propose(self, n: int, rng: np.random.Generator) -> np.ndarray:
         return rng.uniform(self.bounds[0], self.bounds[1], (n, 3))
-
-
-def _reaches(low: np.ndarray, high: np.ndarray, points: np.ndarray, near: float, far: float) -> np.ndarray:
-    """Return which boxes (m, 3) can hold a viewpoint at a distance in [near, far] of each point; (m,) bool."""
-    reaches = np.ones(len(low), dtype=bool)
-    for point in points:
-        closest = np.linalg.norm(np.maximum(np.maximum(low - point, point - high), 0.0), axis=1)
-        remotest = np.linalg.norm(np.maximum(np.abs(low - point), np.abs(high - point)), axis=1)
-        reaches &= (closest <= far) & (remotest >= near)
-    return reaches
