@@ -157,6 +157,9 @@ def _separates(plane, points, loop, others, resolution):
         s = side_of(plane, points[v], resolution)
         positive |= s > 0
         negative |= s < 0
+    if not positive and not negative and resolution > 0.0:
+        # an end just in front of P and far from O: without this plane the set would be open to that side
+        return _separates(plane, points, loop, others, 0.0)
     if positive == negative:
         return 0
     side = 1 if positive else -1
