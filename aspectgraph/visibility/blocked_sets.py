@@ -158,13 +158,15 @@ def _apparent_size(points, pieces, chosen, a, b):
 def _separates(plane, points, loop, others, settle_thin, resolution):
     """Side of the plane on which the loop lies with `others` on the opposite side or on the plane; 0 if none."""
     positive = negative = False
-    for v in loop:
-        s = side_of(plane, points[v], resolution)
-        positive |= s > 0
-        negative |= s < 0
-    if settle_thin and resolution > 0.0 and not positive and not negative:
+    for tolerance in (resolution, 0.0):
+        for v in loop:
+            s = side_of(plane, points[v], tolerance)
+            positive |= s > 0
+            negative |= s < 0
+        if positive or negative or not settle_thin:
+            break
         # an end just in front of P and far from O: without this plane the set would be open to that side
-        return _separates(plane, points, loop, others, False, 0.0)
+        resolution = 0.0
     if positive == negative:
         return 0
     side = 1 if positive else -1
