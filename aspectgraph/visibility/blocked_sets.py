@@ -46,12 +46,17 @@ def blockers(scene: Scene, solid: Solid, entity: Entity) -> Blockers:
     Those of a rim or arc are the blocked sets of all its chords, for a viewpoint that misses a part of one misses a
     part of the whole.
     """
-    parts = [_chord_blockers(scene, solid, chord) for chord in chords(entity)]
+    parts = [_chord_blockers(scene, solid, chord, entity.kind != "edge") for chord in chords(entity)]
     return parts[0] if len(parts) == 1 else united(parts)
 
 
-def _chord_blockers(scene: Scene, solid: Solid, entity: Entity) -> Blockers:
-    """All blocked sets of one straight entity."""
+def _chord_blockers(scene: Scene, solid: Solid, entity: Entity, settle_thin: bool) -> Blockers:
+    """All blocked sets of one straight entity.
+
+    `settle_thin`: where an end is so little in front of a far piece that the plane through it and an edge of the piece
+    is the piece's own to within the resolution, take the exact sides. Chords, of which there are many at all angles,
+    meet this; an edge's sets stay as they always were, open to that side.
+    """
     a, b = entity_ends(scene, solid, entity)
     wedge_first, wedge_plane, wedge_side = _wedge(scene, solid, entity)
     n_face_planes = len(scene.planes)
@@ -75,8 +80,8 @@ def _chord_blockers(scene: Scene, solid: Solid, entity: Entity) -> Blockers:
         planes,
         n_face_planes,
         origin,
-        a,
-        b,
+        np.array([a, b]),
+        settle_thin,
         scene.resolution,
     )
     return Blockers(
@@ -150,13 +155,18 @@ def _apparent_size(points, pieces, chosen, a, b):
 
 
 @nb.njit(cache=True)
-def _separates(plane, points, loop, others, resolution):
+def _separates(plane, points, loop, others, settle_thin, resolution):
     """Side of the plane on which the loop lies with `others` on the opposite side or on the plane; 0 if none."""
     positive = negative = False
-    for v in loop:
-        s = side_of(plane, points[v], resolution)
-        positive |= s > 0
-        negative |= s < 0
+    for tolerance in (resolution, 0.0):
+        for v in loop:
+            s = side_of(plane, points[v], tolerance)
+            positive |= s > 0
+            negative |= s < 0
+        if positive or negative or not settle_thin:
+            break
+        # an end just in front of P and far from O: without this plane the set would be open to that side
+        resolution = 0.0
     if positive == negative:
         return 0
     side = 1 if positive else -1
@@ -178,14 +188,26 @@ def _side_of_loop(plane, points, loop):
 
 
 @nb.njit(cache=True)
-def _cast(points, pieces, order, piece_plane, piece_side, planes, n_planes, origin, a, b, resolution):
+def _side_of_set(plane, points, loop, others, settle_thin, resolution):
+    """Side of the plane on which the set lies: that of O, or where O lies in the plane, away from the other end."""
+    if settle_thin and resolution > 0.0 and len(others) == 1:
+        flat = True
+        for v in loop:
+            flat &= side_of(plane, points[v], resolution) == 0
+        if flat:
+            return -side_of(plane, points[others[0]], 0.0)
+    return _side_of_loop(plane, points, loop)
+
+
+@nb.njit(cache=True)
+def _cast(points, pieces, order, piece_plane, piece_side, planes, n_planes, origin, ends, settle_thin, resolution):
     """Blocked sets of the pieces in the given order; appends their planes to `planes` and `origin`."""
     n_face_planes = n_planes
     room = len(order) + 3 * len(pieces.vertices)
     first = np.zeros(len(order) + 1, np.int32)
     plane_list = np.empty(room, np.int32)
     side_list = np.empty(room, np.int8)
-    ends = np.array([a, b])
+    a, b = ends
     n = 0
     for row in range(len(order)):
         piece = order[row]
@@ -206,7 +228,7 @@ def _cast(points, pieces, order, piece_plane, piece_side, planes, n_planes, orig
                     trio = np.array([loop[i], a, b])
                     others = ends[:0]
                 plane = plane_through(points[trio[0]], points[trio[1]], points[trio[2]])
-                if not plane.any() or _separates(plane, points, loop, others, resolution) == 0:
+                if not plane.any() or _separates(plane, points, loop, others, settle_thin, resolution) == 0:
                     continue
                 known = find_plane(planes, n_planes, points, trio, resolution)
                 if known < 0:
@@ -219,7 +241,8 @@ def _cast(points, pieces, order, piece_plane, piece_side, planes, n_planes, orig
                 for k in range(start, n):
                     repeated |= plane_list[k] == known
                 if not repeated:
-                    plane_list[n], side_list[n] = known, _side_of_loop(planes[known], points, loop)
+                    plane_list[n] = known
+                    side_list[n] = _side_of_set(planes[known], points, loop, others, settle_thin, resolution)
                     n += 1
         first[row + 1] = n
     return first, plane_list[:n].copy(), side_list[:n].copy(), max(n_planes, n_face_planes)

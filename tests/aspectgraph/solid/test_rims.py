@@ -1,0 +1,151 @@
+"""Rims and arcs of solids: circles fitted to chords, and what is none."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+from rimmed_solids import lattice_circle, rimmed_solid
+from solids import box_with_pockets, cube, prism, prism_faces, ring
+
+from aspectgraph import Solid
+from aspectgraph.solid import Circle, CircularEdge, fit_circle
+
+SQUARE = [(-10, -10), (10, -10), (10, 10), (-10, 10)]
+
+
+def holed(n: int, radius: float = 4.0) -> Solid:
+    return prism(SQUARE, 5, [ring(radius, n, (1, 2), clockwise=True)])
+
+
+@pytest.mark.parametrize("n", [8, 12, 37, 120])
+def test_rims_of_a_hole_have_its_circle(n):
+    rims = holed(n).rims()
+    assert [rim.id for rim in rims] == ["r0", "r1"]
+    assert sorted(rim.centre[2].round(9) for rim in rims) == [0.0, 5.0]
+    for rim in rims:
+        assert rim.centre[:2] == pytest.approx([1, 2])
+        assert rim.radius_mm == pytest.approx(4.0)
+        assert rim.axis == pytest.approx([0, 0, 1 if rim.centre[2] > 1 else -1]), "out of the material"
+        assert len(rim.edge_ids) == len(rim.vertices) == n
+        assert rim.residual_mm < 1e-12
+        assert rim.chord_mm == pytest.approx(4.0 * (1 - np.cos(np.pi / n)))
+        assert rim.dihedral_deg == pytest.approx(90.0)
+        assert rim.fitted
+
+
+def test_chords_are_in_order_and_counter_clockwise():
+    solid = holed(12)
+    for rim in solid.rims():
+        line = [*rim.vertices, rim.vertices[0]]
+        for a, b, e in zip(line, line[1:], rim.edge_ids, strict=False):
+            assert set(solid.edges[e].vertices) == {a, b}
+            turn = np.cross(solid.vertices[a] - rim.centre, solid.vertices[b] - rim.centre) @ rim.axis
+            assert turn == pytest.approx(16 * np.sin(np.pi / 6))
+
+
+@pytest.mark.parametrize("n", [3, 4, 5, 6, 7])
+def test_a_polygon_of_few_sides_is_no_rim(n):
+    solid = holed(n)
+    assert solid.rims() == () == solid.arcs()
+
+
+def test_boxes_have_neither():
+    for solid in (cube(), box_with_pockets((6, 6, 4), [(2, 1, 3, 1, 3, 2)])):
+        assert solid.rims() == () == solid.arcs()
+
+
+def test_an_ellipse_is_no_rim():
+    profile = [(1.2 * x, y) for x, y in ring(4.0, 36, clockwise=True)]
+    assert prism(SQUARE, 5, [profile]).rims() == ()
+
+
+def test_the_flat_of_a_d_is_not_part_of_its_arc():
+    profile = [p for p in ring(4.0, 24) if p[0] < 3.0]
+    solid = prism(SQUARE, 5, [profile[::-1]])
+    arcs = solid.arcs()
+    # corners at 45° to 315° in steps of 15°
+    assert [len(arc.edge_ids) for arc in arcs] == [18, 18]
+    for arc in arcs:
+        assert arc.end_rad - arc.start_rad == pytest.approx(np.radians(270))
+        assert arc.radius_mm == pytest.approx(4.0)
+        across = np.cross(arc.axis, arc.reference)
+        angles = np.array([arc.start_rad, arc.end_rad])[:, None]
+        ends = arc.centre + 4.0 * (np.cos(angles) * arc.reference + np.sin(angles) * across)
+        assert ends == pytest.approx(solid.vertices[[arc.vertices[0], arc.vertices[-1]]])
+
+
+def test_a_slot_has_two_arcs_on_each_side():
+    right = [(3 + 2 * np.cos(a), 2 * np.sin(a)) for a in np.radians(np.arange(-90, 91, 15))]
+    left = [(-x, -y) for x, y in right]
+    arcs = prism(SQUARE, 5, [[*right, *left][::-1]]).arcs()
+    assert [len(arc.edge_ids) for arc in arcs] == [12] * 4
+    assert sorted(arc.centre[0].round(9) for arc in arcs) == [-3, -3, 3, 3]
+    assert [arc.end_rad - arc.start_rad for arc in arcs] == pytest.approx([np.pi] * 4)
+
+
+@pytest.mark.parametrize("seed", range(0, 24, 2))
+def test_generated_plates_have_the_rims_they_were_built_with(seed):
+    part, circles = rimmed_solid(seed)
+    rims = Solid(part.vertices, part.faces).rims()
+    found = {(*rim.centre.round(6).tolist(), round(rim.radius_mm**2, 6)) for rim in rims}
+    assert found == {(*map(float, centre), float(square)) for centre, square in circles}
+    assert len(rims) == len(circles)
+    assert max(rim.residual_mm for rim in rims) < 1e-9
+
+
+def test_moved_solids_and_pickles_have_the_same_rims():
+    solid = holed(12)
+    again = pickle.loads(pickle.dumps(solid))
+    assert again.rims() == solid.rims()
+    assert (again.rims()[0].centre == solid.rims()[0].centre).all()
+    with pytest.raises(ValueError, match="read-only"):
+        solid.rims()[0].centre[0] = 1.0
+
+
+def test_the_truth_of_the_cad_model_is_kept_beside_the_chords():
+    """Chords measured coarsely, the model's circle a little larger: it is the one reported, with what they are off."""
+    builder = prism_faces(SQUARE, 5, [ring(4.0, 12, clockwise=True)])
+    plain = builder.solid("plain")
+    top = next(rim for rim in plain.rims() if rim.centre[2] > 1)
+    circle = Circle(np.array([0.0, 0.0, 5.0]), np.array([0.0, 0.0, -1.0]), 4.01)
+    halves = [top.vertices[:7], (*top.vertices[6:], top.vertices[0])]
+    known = [CircularEdge(circle, half, 90.0) for half in halves]
+    solid = Solid(plain.vertices, plain.faces, circular_edges=known)
+    (rim,) = solid.rims()
+    assert (rim.radius_mm, rim.fitted, len(rim.edge_ids)) == (4.01, False, 12)
+    assert rim.residual_mm == pytest.approx(0.01)
+    assert rim.axis == pytest.approx([0, 0, 1])
+    assert solid.arcs() == ()
+    (arc,) = Solid(plain.vertices, plain.faces, circular_edges=known[:1]).arcs()
+    assert (len(arc.edge_ids), arc.id) == (6, "a0")
+
+
+def test_a_smooth_circular_edge_is_offered_only_on_demand_and_numbered_last():
+    plain = holed(12)
+    rims = plain.rims()
+    known = [
+        CircularEdge(rim.circle, (*rim.vertices, rim.vertices[0]), turn)
+        for rim, turn in zip(rims, (2, 90), strict=True)
+    ]
+    solid = Solid(plain.vertices, plain.faces, circular_edges=known)
+    assert [(rim.id, rim.edge_ids) for rim in solid.rims()] == [("r0", rims[1].edge_ids)]
+    assert [(rim.id, rim.edge_ids) for rim in solid.rims(min_dihedral_deg=1)] == [
+        ("r0", rims[1].edge_ids),
+        ("r1", rims[0].edge_ids),
+    ]
+
+
+def test_no_circles_in_the_model_means_none_are_fitted():
+    plain = holed(12)
+    assert Solid(plain.vertices, plain.faces, circular_edges=[]).rims() == ()
+
+
+def test_fit_is_exact_on_a_circle():
+    points = np.array([(x, y, 7) for x, y in lattice_circle(65)], dtype=float)
+    circle = fit_circle(points)
+    assert circle.centre == pytest.approx([0, 0, 7])
+    assert circle.radius_mm == pytest.approx(np.sqrt(65))
+    assert abs(circle.axis) == pytest.approx([0, 0, 1])
+    assert fit_circle(np.array([(0, 0, 0), (1, 1, 1), (3, 3, 3)], dtype=float)) is None
