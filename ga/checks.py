@@ -3,42 +3,51 @@
 import math
 from collections.abc import Callable, Collection
 from numbers import Integral, Real
+from typing import Any
 
 import numpy as np
 
 from ga.exceptions import FitnessError, ParameterError
 
 
-def check_integer(name: str, value: object, low: int, high: int | None = None) -> int:
+def _is_integer(value: Any) -> bool:
+    return isinstance(value, Integral) and not isinstance(value, bool)
+
+
+def _is_real(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def check_integer(name: str, value: Any, low: int, high: int | None = None) -> int:
     """Return `value` as an int in [low, high] (no upper limit if `high` is None)."""
     rule = f"an integer of at least {low}" if high is None else f"an integer in [{low}, {high}]"
-    if not isinstance(value, Integral) or isinstance(value, bool) or value < low or (high is not None and value > high):
+    if not _is_integer(value) or value < low or (high is not None and value > high):
         raise ParameterError(f"{name} must be {rule}. Got {value!r}.")
     return int(value)
 
 
-def check_probability(name: str, value: object) -> float:
+def check_probability(name: str, value: Any) -> float:
     """Return `value` as a float in [0, 1]."""
-    if not isinstance(value, Real) or isinstance(value, bool) or not 0.0 <= value <= 1.0:
+    if not _is_real(value) or not 0.0 <= value <= 1.0:
         raise ParameterError(f"{name} must be in [0, 1]. Got {value!r}.")
     return float(value)
 
 
-def check_nonnegative(name: str, value: object) -> float:
+def check_nonnegative(name: str, value: Any) -> float:
     """Return `value` as a finite float that is not negative."""
-    if not isinstance(value, Real) or isinstance(value, bool) or not (math.isfinite(value) and value >= 0.0):
+    if not _is_real(value) or not (math.isfinite(value) and value >= 0.0):
         raise ParameterError(f"{name} must be finite and not negative. Got {value!r}.")
     return float(value)
 
 
-def check_finite(name: str, value: object) -> float:
+def check_finite(name: str, value: Any) -> float:
     """Return `value` as a finite float."""
-    if not isinstance(value, Real) or isinstance(value, bool) or not math.isfinite(value):
+    if not _is_real(value) or not math.isfinite(value):
         raise ParameterError(f"{name} must be a finite number. Got {value!r}.")
     return float(value)
 
 
-def check_choice(name: str, value: object, choices: Collection[str]) -> str:
+def check_choice(name: str, value: Any, choices: Collection[str]) -> str:
     """Return `value` if it is one of `choices`."""
     if not isinstance(value, str) or value not in choices:
         names = ", ".join(repr(choice) for choice in choices)
@@ -46,20 +55,20 @@ def check_choice(name: str, value: object, choices: Collection[str]) -> str:
     return value
 
 
-def check_flag(name: str, value: object) -> bool:
+def check_flag(name: str, value: Any) -> bool:
     """Return `value` as a bool."""
     if not isinstance(value, (bool, np.bool_)):
         raise ParameterError(f"{name} must be True or False. Got {value!r}.")
     return bool(value)
 
 
-def check_callable(name: str, value: object, *, optional: bool = False) -> None:
+def check_callable(name: str, value: Any, *, optional: bool = False) -> None:
     """Raise unless `value` can be called (or is None where `optional`)."""
     if not callable(value) and not (optional and value is None):
         raise ParameterError(f"{name} must be callable{' or None' if optional else ''}. Got {value!r}.")
 
 
-def check_rng(rng: object) -> tuple[np.random.Generator, int | None]:
+def check_rng(rng: Any) -> tuple[np.random.Generator, int | None]:
     """Return a generator and the seed that repeats it.
 
     An integer is its own seed. None draws a fresh seed, which is returned so that the run can be repeated. A
@@ -68,15 +77,15 @@ def check_rng(rng: object) -> tuple[np.random.Generator, int | None]:
     if isinstance(rng, np.random.Generator):
         return rng, None
     if rng is None:
-        seed = int(np.random.SeedSequence().entropy)
-    elif isinstance(rng, Integral) and not isinstance(rng, bool) and rng >= 0:
+        seed = int(np.random.SeedSequence().entropy)  # type: ignore[arg-type]  # an int where none was given
+    elif _is_integer(rng) and rng >= 0:
         seed = int(rng)
     else:
         raise ParameterError(f"rng must be a non-negative integer, a numpy Generator or None. Got {rng!r}.")
     return np.random.default_rng(seed), seed
 
 
-def as_array(value: object) -> np.ndarray:
+def as_array(value: Any) -> np.ndarray:
     """Return `value` as an array; one of objects, which every check refuses, where rows have different lengths."""
     try:
         return np.asarray(value)
@@ -121,7 +130,7 @@ def check_population(name: str, bits: object, n_bits: int) -> np.ndarray:
     return array
 
 
-def call_fitness(fitness: Callable, bits: np.ndarray) -> np.ndarray:
+def call_fitness(fitness: Callable[..., Any], bits: np.ndarray) -> np.ndarray:
     """Call the caller's `fitness` on rows of `bits`; return its values as float64, shape (N,), all finite."""
     values = as_array(fitness(bits))
     if values.dtype.kind not in "biuf" or values.shape != (len(bits),):
@@ -136,7 +145,7 @@ def call_fitness(fitness: Callable, bits: np.ndarray) -> np.ndarray:
     return values
 
 
-def call_feasible(feasible: Callable, bits: np.ndarray) -> np.ndarray:
+def call_feasible(feasible: Callable[..., Any], bits: np.ndarray) -> np.ndarray:
     """Call the caller's `feasible` on rows of `bits`; return its booleans, shape (N,)."""
     mask = as_array(feasible(bits))
     if mask.dtype != bool or mask.shape != (len(bits),):

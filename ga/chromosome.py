@@ -90,7 +90,7 @@ class Chromosome:
     bits_per_gene: int
     gray: bool = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_integer("n_genes", self.n_genes, 1)
         check_integer("bits_per_gene", self.bits_per_gene, 1, MAX_BITS_PER_GENE)
         check_flag("gray", self.gray)

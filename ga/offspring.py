@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -20,15 +21,15 @@ class Breeding:
 
     crossover: float
     mutation: float
-    weigh: Callable
-    select: Callable
+    weigh: Callable[..., Any]
+    select: Callable[..., Any]
     elitism: int
     duplicates: bool
     attempts: int
     feasible: Feasible | None
 
 
-def breed(population: np.ndarray, weights: np.ndarray, n: int, how: Breeding, rng: np.random.Generator):
+def breed(population: np.ndarray, weights: np.ndarray, n: int, how: Breeding, rng: np.random.Generator) -> Any:
     """Draw `n` offspring, feasible or not.
 
     Parameters

@@ -1,6 +1,7 @@
 """The course of a run as it is written down, and the decision to stop that is read from it."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -20,8 +21,8 @@ MESSAGES = {
 class Record:
     """What is remembered of a run: numbers of every generation, the last population, the best of all."""
 
-    def __init__(self):
-        self._rows: list[tuple] = []
+    def __init__(self) -> None:
+        self._rows: list[tuple[Any, ...]] = []
         self.population = self.fitness = self.x = np.empty(0)
         self.fun = -np.inf
         self.nfev = 0

@@ -1,6 +1,7 @@
 """The genetic algorithm itself: `maximize`."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -164,7 +165,7 @@ def _evolve(
     first: Brood,
     how: Breeding,
     stopping: Stopping,
-    callback: Callable | None,
+    callback: Callable[..., Any] | None,
     rng: np.random.Generator,
 ) -> tuple[Record, str]:
     """Evaluate and breed until there is a reason to stop; return what happened and that reason."""
@@ -178,7 +179,7 @@ def _evolve(
         record.add(brood, *evaluate(fitness, brood.population, record.population, record.fitness))
 
 
-def _ask(callback: Callable | None, record: Record) -> str | None:
+def _ask(callback: Callable[..., Any] | None, record: Record) -> str | None:
     """Show the generation to the callback; "callback" if it wants to stop."""
     if callback is None:
         return None

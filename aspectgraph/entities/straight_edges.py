@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -12,11 +12,6 @@ from aspectgraph.exceptions import EntityError
 from aspectgraph.solid.places import describe_point
 from aspectgraph.solid.solid import Solid
 from aspectgraph.solid.topology import Edge
-
-if sys.version_info >= (3, 11):
-    pass
-else:
-    pass
 
 RELATIVE_TOLERANCE = 1e-4
 """Default distance within which given end points match vertices, as a fraction of the bounding box diagonal."""
@@ -40,7 +35,7 @@ class Entity:
     endpoints: np.ndarray = field(compare=False)
     edge_ids: tuple[int, ...]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         endpoints = np.array(self.endpoints, dtype=np.float64)
         endpoints.flags.writeable = False
         object.__setattr__(self, "endpoints", endpoints)
@@ -52,7 +47,10 @@ class Entity:
 
 
 def resolve_entities(
-    solid: Solid, mapping: Mapping | Iterable[int], tolerance_mm: float | None = None, min_dihedral_deg: float = 5.0
+    solid: Solid,
+    mapping: Mapping[str, Any] | Iterable[int],
+    tolerance_mm: float | None = None,
+    min_dihedral_deg: float = 5.0,
 ) -> dict[str, Entity]:
     """Find the edges that names, ids or end points stand for.
 
@@ -102,13 +100,13 @@ def resolve_entities(
     return entities
 
 
-def _id_name(item) -> str:
+def _id_name(item: Any) -> str:
     if isinstance(item, bool) or not isinstance(item, int | np.integer):
         raise EntityError(f"edge ids must be integers. Got {item!r}.")
     return f"e{item}"
 
 
-def _distinct(items: Iterable) -> list:
+def _distinct(items: Iterable[Any]) -> list[Any]:
     items = list(items)
     for i, item in enumerate(items):
         if any(item is other or item == other for other in items[:i] if np.isscalar(item) and np.isscalar(other)):
@@ -116,7 +114,7 @@ def _distinct(items: Iterable) -> list:
     return items
 
 
-def _resolve(solid: Solid, name: str, target, tolerance_mm: float) -> Entity:
+def _resolve(solid: Solid, name: str, target: Any, tolerance_mm: float) -> Entity:
     if isinstance(target, Entity):
         if not target.edge_ids or not all(0 <= i < len(solid.edges) for i in target.edge_ids):
             raise EntityError(f"edge ids must be in 0..{len(solid.edges) - 1}. Got {target.edge_ids} for {name!r}.")

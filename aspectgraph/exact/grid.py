@@ -229,10 +229,10 @@ def _steps(own: np.ndarray, extents: np.ndarray, noise: float) -> tuple[np.ndarr
     largest = float(extents.max())
     divisions = _common_denominator(own.ravel() / largest, noise / largest)
     if divisions:
-        steps = divisions << (GRID_BITS - (divisions - 1).bit_length())
-        return np.full(3, largest / steps), True
-    steps = np.full(3, largest / (1 << GRID_BITS))
-    finest = steps.copy()
+        n_steps = divisions << (GRID_BITS - (divisions - 1).bit_length())
+        return np.full(3, largest / n_steps), True
+    finest = np.full(3, largest / (1 << GRID_BITS))
+    steps = finest.copy()
     for axis, extent in enumerate(extents):
         divisions = _common_denominator(own[:, axis] / extent, noise / extent)
         if not divisions:

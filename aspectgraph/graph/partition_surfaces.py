@@ -64,7 +64,7 @@ class Provenance:
         entities: Sequence[Entity],
         regions: Sequence[Region],
         shared: SharedPlanes,
-    ):
+    ) -> None:
         self._solid, self._scene = solid, scene
         self._in_mm = grid.planes_to_mm(shared.planes)
         self._entities, self._regions, self._shared = entities, regions, shared

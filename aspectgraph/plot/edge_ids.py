@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from aspectgraph.exceptions import EntityError, MissingExtraError, PictureError
 from aspectgraph.files import replacing
@@ -111,7 +112,8 @@ def edge_figure(solid: Solid, edge_ids: Iterable[int] | None = None) -> Figure:
 
 
 def _line(solid: Solid, edge_id: int, n: int) -> Scatter3d:
-    points = np.linspace(*solid.edge_points(edge_id), 9)
+    first, last = solid.edge_points(edge_id)
+    points = np.linspace(first, last, 9)
     ends = " to ".join("(" + ", ".join(f"{c:.6g}" for c in p) + ")" for p in points[[0, -1]])
     text = (
         f"edge {edge_id}<br>length {solid.edge_length_mm(edge_id):.6g} mm<br>"
@@ -149,7 +151,7 @@ def _write_png(solid: Solid, path: Path, edge_ids: Iterable[int] | None) -> None
     figure.savefig(path, format="png", dpi="figure")
 
 
-def draw_edges(solid: Solid, edge_ids: Iterable[int] | None, direction, *, ax: Axes) -> Axes:
+def draw_edges(solid: Solid, edge_ids: Iterable[int] | None, direction: ArrayLike, *, ax: Axes) -> Axes:
     """Draw one parallel view with the ids of the edges seen in it.
 
     Parameters
@@ -219,7 +221,8 @@ def _place_labels(spots: list[tuple[int, str, np.ndarray]], ax: Axes) -> None:
     The shortest edges come first, for they have the fewest places.
     """
     low, high = np.array([ax.get_xlim(), ax.get_ylim()]).T
-    size_pt = 72.0 * ax.get_position().size * ax.figure.get_size_inches()
+    figure: Any = ax.figure
+    size_pt = 72.0 * np.array(ax.get_position().size) * figure.get_size_inches()
     unit_per_pt = float(((high - low) / size_pt).max())
     box = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
     taken = np.empty((0, 4))
@@ -229,7 +232,7 @@ def _place_labels(spots: list[tuple[int, str, np.ndarray]], ax: Axes) -> None:
         on_edge = samples[np.argsort(np.abs(np.arange(len(samples)) - len(samples) // 2), kind="stable")]
         places = np.vstack([on_edge, middle + unit_per_pt * _FONT_PT * _AROUND])
         gaps = np.abs(places[:, None] - taken[:, :2]) - (room + taken[:, 2:]) / 2
-        free = (gaps > 0).any(axis=2).all(axis=1)
+        free = np.all((gaps > 0).any(axis=2), axis=1)
         k = int(np.argmax(free))
         x, y = places[k]
         taken = np.vstack([taken, [x, y, *room]])

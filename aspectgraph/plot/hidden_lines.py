@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 _PIXELS = 800
 
@@ -50,7 +51,7 @@ def _weights(p: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.n
     return np.stack([_cross(b - p, c - p), _cross(c - p, a - p), _cross(a - p, b - p)]) / _cross(b - a, c - a)
 
 
-def view_axes(direction) -> np.ndarray:
+def view_axes(direction: ArrayLike) -> np.ndarray:
     """Return the picture's right, up and towards-the-viewer axes as rows, shape (3, 3); z points up if it can."""
     towards = np.asarray(direction, dtype=np.float64)
     towards = towards / np.linalg.norm(towards)

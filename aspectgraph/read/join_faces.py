@@ -101,7 +101,9 @@ def _as_face(vertices: np.ndarray, cycles: list[list[int]], curved: bool) -> Fac
     return Face(tuple(cycles[outer]), holes, curved)
 
 
-def _renumber(faces: list[Face], curved_edges: set[tuple[int, int]]):
+def _renumber(
+    faces: list[Face], curved_edges: set[tuple[int, int]]
+) -> tuple[list[int], list[Face], set[tuple[int, int]]]:
     """Drop unused vertices: return the old indices in use, and faces and edges in new indices."""
     used = sorted({v for face in faces for loop in face.loops for v in loop})
     new = {old: i for i, old in enumerate(used)}

@@ -7,6 +7,7 @@ What breaks a rule is refused with its place.
 
 from aspectgraph.solid.checks import check_vertices, default_planarity_mm, face_area_vectors
 from aspectgraph.solid.places import describe_point
+from aspectgraph.solid.ray_scene import RayScene
 from aspectgraph.solid.self_contact import segment_distance, side_distances
 from aspectgraph.solid.shells import face_outwards
 from aspectgraph.solid.solid import Solid
@@ -24,6 +25,7 @@ from aspectgraph.solid.triangulate import newell_area_vector, triangulate_face
 __all__ = [
     "Edge",
     "Face",
+    "RayScene",
     "Solid",
     "check_fans",
     "check_vertices",

@@ -101,7 +101,7 @@ def blockers(scene: Scene, solid: Solid, entity: Entity) -> Blockers:
 
 def _wedge(scene: Scene, solid: Solid, entity: Entity) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The blocked sets of the faces next to the entity, as first, plane, side."""
-    sets = set()
+    sets: set[tuple[tuple[int, int], ...]] = set()
     for edge_id in entity.edge_ids:
         edge = solid.edges[edge_id]
         behind = [(int(scene.plane_of_face[f]), -int(scene.side_of_face[f])) for f in edge.faces]

@@ -134,7 +134,9 @@ def overlay(
     )
 
 
-def _overlay(regions, shared: SharedPlanes, order: Sequence[int], covering_only: bool, n_cells: int) -> Complex:
+def _overlay(
+    regions: Sequence[Region], shared: SharedPlanes, order: Sequence[int], covering_only: bool, n_cells: int
+) -> Complex:
     cx = allocate(shared.planes, n_cells, n_words(len(regions)))
     add_box(cx, _BOX)
     limit = _SIMPLIFY_ABOVE
