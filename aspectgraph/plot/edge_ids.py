@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from aspectgraph.exceptions import EntityError, MissingExtraError, PictureError
 from aspectgraph.files import replacing
-from aspectgraph.plot.hidden_lines import is_seen, render, view_axes
+from aspectgraph.plot.hidden_lines import ParallelView, view_axes
 from aspectgraph.plot.style import is_feature
 from aspectgraph.plot.traces import line_trace, part_traces, scene_figure, xyz
 from aspectgraph.solid.solid import Solid
@@ -177,15 +177,15 @@ def draw_edges(solid: Solid, edge_ids: Iterable[int] | None, direction: ArrayLik
     points = solid.vertices @ axes.T
     front = solid.normals[solid.triangle_face] @ axes[2]
     towards = np.flatnonzero(front > 1e-9)
-    corners = points[solid.triangles[towards]]
-    image, extent = render(corners, 0.62 + 0.33 * front[towards])
+    view = ParallelView(points[solid.triangles[towards]])
+    image, extent = view.render(0.62 + 0.33 * front[towards])
     ax.imshow(image, cmap="gray", vmin=0.0, vmax=1.0, extent=extent, origin="lower", interpolation="nearest")
-    _draw_outlines(solid, points, corners, set(ids), ax)
+    _draw_outlines(solid, points, view, set(ids), ax)
     spots = []
     for n, edge_id in enumerate(ids):
         run = points[list(solid.edges[edge_id].vertices)]
         samples = run[0] + _SAMPLES[:, None] * (run[1] - run[0])
-        seen = is_seen(samples, corners)
+        seen = view.is_seen(samples)
         pieces = _seen_pieces(samples, seen)
         if pieces:
             colour = _PALETTE[n % len(_PALETTE)]
@@ -204,14 +204,14 @@ def _seen_pieces(samples: np.ndarray, seen: np.ndarray) -> list[np.ndarray]:
     return [samples[k : k + 2, :2] for k in np.flatnonzero(both)]
 
 
-def _draw_outlines(solid: Solid, points: np.ndarray, corners: np.ndarray, named: set[int], ax: Axes) -> None:
+def _draw_outlines(solid: Solid, points: np.ndarray, view: ParallelView, named: set[int], ax: Axes) -> None:
     """Draw the feature edges that are not named, where seen at their middle, in grey."""
     from matplotlib.collections import LineCollection
 
     rest = [e for e in solid.edges if e.id not in named and is_feature(solid, e)]
     if rest:
         runs = points[np.array([e.vertices for e in rest])]
-        seen = is_seen(runs.mean(axis=1), corners)
+        seen = view.is_seen(runs.mean(axis=1))
         ax.add_collection(LineCollection(runs[seen][:, :, :2], colors="dimgrey", linewidths=0.6))
 
 
