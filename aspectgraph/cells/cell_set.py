@@ -22,7 +22,8 @@ class Cell:
     Attributes
     ----------
     half_spaces : ndarray, shape (k, 4)
-        Rows (a, b, c, d) with unit normals: a·x + b·y + c·z + d <= 0 inside, in mm.
+        Rows (a, b, c, d) with unit normals: a·x + b·y + c·z + d <= 0 inside, in mm. `PartitionSurface.plane` and its
+        GraphML attribute have the opposite d.
     vertices : ndarray, shape (v, 3)
         Corners in mm, and the points of its boundary where edges of other cells of the partition end.
     volume : float

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -92,6 +92,20 @@ class Domains:
     n_slivers: int
 
 
+class _Borders(NamedTuple):
+    """Faces between pairs of cells: the cells (n, 2), areas, widths and distances of the farthest corner, in steps."""
+
+    pairs: np.ndarray
+    areas: np.ndarray
+    widths: np.ndarray
+    farthest: np.ndarray
+
+    def at(self, chosen: np.ndarray) -> _Borders:
+        """Return those with a chosen cell on a side."""
+        rows = chosen[self.pairs].any(axis=1)
+        return _Borders(*(column[rows] for column in self))
+
+
 def find_domains(cx: Complex, ruler: Ruler) -> Domains:
     """Merge equally labelled cells that touch.
 
@@ -119,7 +133,8 @@ def find_domains(cx: Complex, ruler: Ruler) -> Domains:
     of_cell, n_domains = _join(touching, label, free[~is_sliver[free]], tails)
     n_slivers = 0
     if is_sliver.any():
-        n_domains, n_slivers = _absorb(of_cell, n_domains, label, free, is_sliver, widths.volume, sides, sizes, ruler)
+        borders = _Borders(sides[:, :2], *sizes.T).at(is_sliver)
+        n_domains, n_slivers = _absorb(of_cell, n_domains, label, free, widths.volume, borders, ruler)
     members = _members(of_cell, free, n_domains)
     domains = [_domain(cells, labels, label, is_thin, widths, ruler) for cells in members]
     order = sorted(range(n_domains), key=lambda d: _order_key(domains[d]))
@@ -174,20 +189,16 @@ def _absorb(
     n_domains: int,
     label: np.ndarray,
     free: np.ndarray,
-    is_sliver: np.ndarray,
     volume: np.ndarray,
-    sides: np.ndarray,
-    sizes: np.ndarray,
+    borders: _Borders,
     ruler: Ruler,
 ) -> tuple[int, int]:
     """Give every sliver a domain, in place; return the number of domains and of slivers with another list than theirs.
 
     Slivers that border on no domain, as between displaced faces of the solid, stay without, unless there is no domain.
     """
-    rows = is_sliver[sides[:, :2]].any(axis=1)
-    pairs = sides[rows, :2]
-    areas, width, farthest = sizes[rows].T
-    alike = (label[pairs[:, 0]] == label[pairs[:, 1]]) & (width >= ruler.least_width(farthest))
+    pairs, areas = borders.pairs, borders.areas
+    alike = (label[pairs[:, 0]] == label[pairs[:, 1]]) & (borders.widths >= ruler.least_width(borders.farthest))
     _spread(of_cell, np.arange(len(of_cell)), pairs[alike], areas[alike])
     left = free[of_cell[free] < 0]
     sliver = _components(pairs[alike & (of_cell[pairs] < 0).all(axis=1)], len(of_cell))

@@ -269,9 +269,8 @@ def build_aspect_graph(
     >>> eag.graph.nodes[0]["observable"]
     ('top', 'side')
     """
-    return graph_of(
-        compute_regions(solid, entities, workspace, executor=executor, progress=progress), min_width_mm=min_width_mm
-    )
+    regions = compute_regions(solid, entities, workspace, executor=executor, progress=progress)
+    return graph_of(regions, min_width_mm=min_width_mm)
 
 
 def graph_of(
@@ -387,8 +386,7 @@ def _confirm(eag: EntityAspectGraph, scene: Scene) -> None:
     other point of its ball, which lies in one cell, is as good a witness.
     """
     graph, names = eag.graph, eag.entity_names
-    viewpoints = np.array([graph.nodes[node]["viewpoint"] for node in graph])
-    clearances = np.array([graph.nodes[node]["clearance"] for node in graph])
+    viewpoints, clearances = (np.array([graph.nodes[k][key] for k in graph]) for key in ("viewpoint", "clearance"))
     aside = np.random.default_rng(0).normal(size=viewpoints.shape)
     viewpoints = viewpoints + 0.25 * clearances[:, None] * aside / np.linalg.norm(aside, axis=1, keepdims=True)
     observable = np.array([[name in graph.nodes[node]["observable"] for name in names] for node in graph])

@@ -32,6 +32,7 @@ from aspectgraph.visibility.scene import Scene, make_scene
 from aspectgraph.visibility.visibility_regions import Progress, check_workspace
 
 _BOX = np.arange(6)
+# least width of a domain, in shares of the part's diameter
 _MIN_WIDTH_SHARE = 1e-4
 _SHARP_DEG = 1e-6
 

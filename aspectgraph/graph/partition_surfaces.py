@@ -31,7 +31,7 @@ class PartitionSurface:
         What spans the plane, by numbers of the solid: a face (type A; type B if the plane is also that of a face), an
         edge and an end of the entity, or a vertex and the entity's edges.
     plane : tuple of float
-        (a, b, c, d) with unit normal, a·x + b·y + c·z = d in mm.
+        (a, b, c, d) with unit normal, a·x + b·y + c·z = d in mm; `Cell.half_spaces` have the opposite d.
     """
 
     type: str

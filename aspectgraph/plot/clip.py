@@ -13,8 +13,11 @@ from aspectgraph.cells.cell_set import Cell
 from aspectgraph.exceptions import WorkspaceError
 from aspectgraph.solid.solid import Solid
 
+# heights over a plane and parts of a normal below this are rounding
 _ON = 1e-9
+# grid on which polygons are united, as a share of the size
 _SNAP = 1e-7
+# largest lack to 1 of the cosine between parallel normals
 _PARALLEL = 1e-10
 
 

@@ -51,6 +51,7 @@ FLAT_SHARE = 0.25
 SHARP_SHARE = 2.0
 """A curved surface ends where it turns by more than this many times what it turns inside."""
 
+# a turn that rounding of the vertices explains
 _FLAT_DEG = 1e-3
 
 

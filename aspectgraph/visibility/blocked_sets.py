@@ -86,8 +86,7 @@ def blockers(scene: Scene, solid: Solid, entity: Entity) -> Blockers:
         planes,
         n_face_planes,
         origin,
-        a,
-        b,
+        np.array([a, b]),
         scene.resolution,
     )
     return Blockers(
@@ -189,14 +188,13 @@ def _side_of_loop(plane, points, loop):
 
 
 @nb.njit(cache=True)
-def _cast(points, pieces, order, piece_plane, piece_side, planes, n_planes, origin, a, b, resolution):
+def _cast(points, pieces, order, piece_plane, piece_side, planes, n_planes, origin, ends, resolution):
     """Blocked sets of the pieces in the given order; appends their planes to `planes` and `origin`."""
     n_face_planes = n_planes
     room = len(order) + 3 * len(pieces.vertices)
     first = np.zeros(len(order) + 1, np.int32)
     plane_list = np.empty(room, np.int32)
     side_list = np.empty(room, np.int8)
-    ends = np.array([a, b])
     n = 0
     for row in range(len(order)):
         piece = order[row]
@@ -214,7 +212,7 @@ def _cast(points, pieces, order, piece_plane, piece_side, planes, n_planes, orig
                     trio = np.array([loop[i], following, ends[kind]])
                     others = ends[1 - kind : 2 - kind]
                 else:
-                    trio = np.array([loop[i], a, b])
+                    trio = np.array([loop[i], ends[0], ends[1]])
                     others = ends[:0]
                 plane = plane_through(points[trio[0]], points[trio[1]], points[trio[2]])
                 if not plane.any() or _separates(plane, points, loop, others, resolution) == 0:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from aspectgraph.entities.straight_edges import Entity
 
 _BOX = np.arange(6)
+# cells from which simplifying pays, and cells to reserve room for at first
 _SIMPLIFY_ABOVE = 4096
 _ROOM = 1 << 11
 

@@ -22,6 +22,7 @@ from aspectgraph.visibility.entity_region import Region
 from aspectgraph.visibility.scene import Scene
 
 _BOX = np.arange(6)
+# cells from which simplifying pays, and cells to reserve room for at first
 _SIMPLIFY_ABOVE = 1024
 _ROOM = 1 << 12
 
