@@ -20,6 +20,7 @@ lint: setup-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
+	$(BIN)/mypy
 
 docs: setup-docs
 	$(BIN)/mkdocs build --strict --quiet

@@ -9,7 +9,7 @@ from aspectgraph.exceptions import OutputError
 
 
 @contextmanager
-def replacing(path: str | os.PathLike) -> Iterator[Path]:
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Provide a path to write to; what is there moves to `path` when the block ends without an exception.
 
     Raises

@@ -48,7 +48,7 @@ class Renderer:
         self._scene.add_triangles(o3d.core.Tensor(vertices), o3d.core.Tensor(triangles))
 
     def patches(self, cam2world: np.ndarray, corners: np.ndarray, lamp: Lamp, rng) -> np.ndarray:
-        """Return patches (m, s, s) of grey values in [0, 1]; ``corners`` (m, 2) are the whole px of their first ones."""
+        """Return patches (m, s, s) of grey values in [0, 1]; ``corners`` (m, 2) are whole px of their first ones."""
         margin = int(np.ceil(3 * self.blur_px))
         size = 2 * _PATCH + 1 + 2 * margin
         fine = (np.arange(size * self.samples) + 0.5) / self.samples - 0.5 - margin

@@ -156,7 +156,7 @@ def _check_image_length(endpoints: NDArray[np.float64], focal_length_mm: float, 
 
 def has_image(endpoints: NDArray[np.float64], focal_length_mm: float) -> NDArray[np.bool_]:
     """Return which edges (n, 2, 3) lie in front of the lens and have an image with a length; (n,) bool."""
-    result = (endpoints[..., 2] < focal_length_mm).all(axis=1)
+    result: NDArray[np.bool_] = np.all(endpoints[..., 2] < focal_length_mm, axis=1)
     result[result] = _image_length(endpoints[result], focal_length_mm) > MIN_IMAGE_LENGTH_MM
     return result
 

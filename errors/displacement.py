@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errors.arrays import FloatArray
 from errors.checks import check_covariance, check_finite, check_points, check_positive
 from errors.exceptions import InvalidShapeError
 from errors.ratio import NormalRatio
@@ -149,5 +150,5 @@ def point_displacement(
     return laws[0], laws[1]
 
 
-def _bilinear(left, matrix, right):
+def _bilinear(left: FloatArray, matrix: FloatArray, right: FloatArray) -> FloatArray:
     return np.einsum("...i,...ij,...j->...", left, matrix, right)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from errors.checks import (
     check_covariance,
@@ -43,7 +43,15 @@ class SuccessModel:
         As `success_probability`; a covariance of another shape raises its kind `InvalidShapeError`.
     """
 
-    def __init__(self, *, focal_length_mm: float, pixel_pitch_mm, pose_covariance, accuracy: float, model="joint"):
+    def __init__(
+        self,
+        *,
+        focal_length_mm: float,
+        pixel_pitch_mm: ArrayLike,
+        pose_covariance: ArrayLike,
+        accuracy: float,
+        model: str = "joint",
+    ) -> None:
         if model not in MODELS:
             raise InvalidParameterError(f"model must be one of {MODELS}. Got {model!r}.")
         self.focal_length_mm = check_positive(focal_length_mm, "focal_length_mm")

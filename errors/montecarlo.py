@@ -148,8 +148,8 @@ def simulate_success(
     flat_root = root[None] if root.ndim == 2 else np.broadcast_to(root, (*lead, 6, 6)).reshape(-1, 6, 6)
     hits = _count(flat_ends, f, pitch, flat_root, 1.0 - accuracy, samples, np.random.default_rng(rng), quantization)
     lower, upper = binomial_interval(hits, samples, confidence)
-    shape = [array.reshape(lead) for array in (hits / samples, lower, upper)]
-    return MonteCarloEstimate(*shape, samples=samples, confidence=confidence)
+    probability, lower, upper = (array.reshape(lead) for array in (hits / samples, lower, upper))
+    return MonteCarloEstimate(probability, lower, upper, samples=samples, confidence=confidence)
 
 
 def binomial_interval(

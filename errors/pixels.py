@@ -19,6 +19,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errors.arrays import FloatArray
 from errors.checks import check_finite, check_pixel_pitch, check_positive
 from errors.exceptions import InvalidParameterError, InvalidShapeError
 
@@ -105,7 +106,7 @@ def coverage_image(
     return image, (int(low[0]), int(low[1]))
 
 
-def _whole_pixels(ends):
+def _whole_pixels(ends: FloatArray) -> FloatArray:
     """Count, per axis, the pixels more than half of which lies between the two ends; ends (..., 2, 2) in pixels."""
     low, high = ends.min(axis=-2), ends.max(axis=-2)
     # More than half covered means that the pixel's centre lies between the ends, unless both are within half a pixel.

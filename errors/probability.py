@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errors.arrays import FloatArray
 from errors.checks import (
     check_covariance,
     check_endpoints,
@@ -120,6 +123,7 @@ def success_probability(
         )
         return estimate.probability[()]
     out = np.empty(lead)
+    solve: Callable[..., FloatArray]
     if model == "joint":
         solve, spread = joint_probability, covariance_root(covariance)
     else:
@@ -129,7 +133,9 @@ def success_probability(
     return out[()]
 
 
-def _chunks(endpoints, spread, out, size):
+def _chunks(
+    endpoints: FloatArray, spread: FloatArray, out: FloatArray, size: int
+) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
     """Yield flat pieces (ends, covariance or its root, view of out); a single covariance is passed on unrepeated."""
     flat_out = out.reshape(-1)
     if spread.ndim == 2 and endpoints.shape[:-2] == out.shape:

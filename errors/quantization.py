@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errors.arrays import ArrayField, FloatArray
 from errors.checks import check_finite, check_pixel_pitch, check_positive
 
 
@@ -35,7 +36,7 @@ class AxisQuantization:
 
     pitch_mm: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "pitch_mm", check_positive(self.pitch_mm, "pitch_mm"))
 
     def pdf(self, error: ArrayLike) -> NDArray[np.float64]:
@@ -109,10 +110,10 @@ class SegmentQuantization:
         If a value is not finite or a pitch is not positive.
     """
 
-    angle_rad: ArrayLike
-    pixel_pitch_mm: ArrayLike
+    angle_rad: ArrayField
+    pixel_pitch_mm: ArrayField
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "angle_rad", check_finite(self.angle_rad, "angle_rad"))
         object.__setattr__(self, "pixel_pitch_mm", check_pixel_pitch(self.pixel_pitch_mm))
 
@@ -202,19 +203,21 @@ class SegmentQuantization:
         t = np.asarray(t, dtype=np.float64) / (2.0 * np.pi)
         return np.sinc(t * wx) ** 2 * np.sinc(t * wy) ** 2
 
-    def _broadcast(self, error):
+    def _broadcast(self, error: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         wx, wy = self.widths_mm
-        return np.broadcast_arrays(np.asarray(error, dtype=np.float64), np.maximum(wx, wy), np.minimum(wx, wy))
+        wide, narrow = np.maximum(wx, wy), np.minimum(wx, wy)
+        error, wide, narrow = np.broadcast_arrays(np.asarray(error, dtype=np.float64), wide, narrow)
+        return error, wide, narrow
 
 
-def _smooth_ramp(x, b):
+def _smooth_ramp(x: FloatArray, b: FloatArray) -> FloatArray:
     """Mean of max(x + bY, 0) for Y triangular on [-1, 1]; b may be 0."""
     z = np.divide(x, b, out=np.full(x.shape, 2.0), where=np.abs(x) < b)
     inside = ((z + 1.0) ** 3 - 2.0 * np.maximum(z, 0.0) ** 3) / 6.0
     return np.where(np.abs(x) < b, b * inside, np.maximum(x, 0.0))
 
 
-def _smooth_square(x, b):
+def _smooth_square(x: FloatArray, b: FloatArray) -> FloatArray:
     """Mean of max(x + bY, 0)^2 for Y triangular on [-1, 1]; b may be 0."""
     z = np.divide(x, b, out=np.full(x.shape, 2.0), where=np.abs(x) < b)
     inside = ((z + 1.0) ** 4 - 2.0 * np.maximum(z, 0.0) ** 4) / 12.0

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import erf, owens_t
 
+from errors.arrays import ArrayField, FloatArray
 from errors.checks import check_finite
 from errors.exceptions import CovarianceError, InvalidParameterError
 
@@ -56,12 +57,12 @@ class NormalRatio:
         If the mean of the denominator is not positive or a value is not finite.
     """
 
-    var_n: ArrayLike
-    var_d: ArrayLike
-    cov: ArrayLike
-    mean_d: ArrayLike
+    var_n: ArrayField
+    var_d: ArrayField
+    cov: ArrayField
+    mean_d: ArrayField
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         names = ("var_n", "var_d", "cov", "mean_d")
         arrays = np.broadcast_arrays(*[check_finite(getattr(self, name), name) for name in names])
         for name, array in zip(names, arrays, strict=True):
@@ -77,10 +78,10 @@ class NormalRatio:
             raise CovarianceError(f"cov must satisfy cov^2 <= var_n var_d. Got {worst}.")
 
     @property
-    def _root_det(self):
+    def _root_det(self) -> FloatArray:
         return np.sqrt(np.maximum(self.var_n * self.var_d - self.cov**2, 0.0))
 
-    def _spread(self, w):
+    def _spread(self, w: FloatArray) -> FloatArray:
         """Return s."""
         return np.sqrt(np.maximum(self.var_n - 2.0 * w * self.cov + w * w * self.var_d, 0.0))
 
@@ -177,20 +178,20 @@ class NormalRatio:
         mean, variance = self._given_denominator()
         return np.sqrt(((mean**2 + variance) * _WEIGHT).sum(axis=-1))
 
-    def _given_denominator(self):
+    def _given_denominator(self) -> tuple[FloatArray, FloatArray]:
         """Return mean and variance of N/D given D at each quadrature node."""
         slope, rest = self._regression()
         d = np.sqrt(self.var_d)[..., None] * _Z
         denominator = np.maximum(self.mean_d[..., None] + d, 0.1 * self.mean_d[..., None])
         return slope[..., None] * d / denominator, rest[..., None] / denominator**2
 
-    def _regression(self):
+    def _regression(self) -> tuple[FloatArray, FloatArray]:
         """Return slope and residual variance of N on D."""
         slope = np.divide(self.cov, self.var_d, out=np.zeros(self.cov.shape), where=self.var_d > 0.0)
         return slope, np.maximum(self.var_n - slope * self.cov, 0.0)
 
 
-def _divide(numerator, denominator):
+def _divide(numerator: ArrayLike, denominator: ArrayLike) -> FloatArray:
     """Divide with x/0 = +-inf by the sign of x; where 0/0 occurs, Owen's function is zero by its other argument."""
     numerator, denominator = np.broadcast_arrays(numerator, denominator)
     sign = np.where(numerator < 0.0, -np.inf, np.inf)

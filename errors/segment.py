@@ -9,9 +9,13 @@ Sums of independent variables multiply characteristic functions, so each law her
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errors.arrays import FloatArray
 from errors.checks import check_covariance, check_endpoints, check_positive
 from errors.displacement import point_displacement
 from errors.exceptions import InvalidParameterError
@@ -26,6 +30,15 @@ _TAIL = 1e-9
 
 class _FourierLaw:
     """A law known by `characteristic(t)` and `std`: density and distribution by inversion."""
+
+    @property
+    def std(self) -> NDArray[np.float64]:
+        """Standard deviation in mm."""
+        raise NotImplementedError
+
+    def characteristic(self, t: ArrayLike) -> NDArray[np.complex128]:
+        """Return E exp(it error)."""
+        raise NotImplementedError
 
     def pdf(self, error: ArrayLike) -> NDArray[np.float64]:
         """Return the density at an error.
@@ -69,7 +82,7 @@ class _FourierLaw:
         inside = np.clip(0.5 - total / np.pi, 0.0, 1.0)
         return np.where(np.abs(error) < _REACH * std, inside, np.where(error >= 0.0, 1.0, 0.0))
 
-    def _values(self, step):
+    def _values(self, step: FloatArray) -> Iterator[tuple[int, NDArray[np.complex128]]]:
         """Yield (k, characteristic function at (k + 1/2) step) until it has died away for every law of the batch."""
         small = 0
         for k in range(_MAX_NODES):
@@ -81,7 +94,7 @@ class _FourierLaw:
                 return
 
 
-def _step(std):
+def _step(std: FloatArray) -> FloatArray:
     """Return the spacing of the nodes; any will do for a law without spread, which is a point mass."""
     return np.pi / (_REACH * np.where(std > 0.0, std, 1.0))
 
@@ -106,7 +119,7 @@ class AxisDisplacement(_FourierLaw):
         As `success_probability`.
     """
 
-    def __init__(self, endpoints: ArrayLike, axis: str, *, focal_length_mm: float, pose_covariance: ArrayLike):
+    def __init__(self, endpoints: ArrayLike, axis: str, *, focal_length_mm: float, pose_covariance: ArrayLike) -> None:
         if axis not in ("u", "v"):
             raise InvalidParameterError(f"axis must be 'u' or 'v'. Got {axis!r}.")
         along_u, along_v = _end_laws(endpoints, focal_length_mm, pose_covariance)
@@ -169,8 +182,8 @@ class SegmentDisplacement(_FourierLaw):
         As `success_probability`.
     """
 
-    def __init__(self, endpoints: ArrayLike, *, focal_length_mm: float, pose_covariance: ArrayLike):
-        kwargs = {"focal_length_mm": focal_length_mm, "pose_covariance": pose_covariance}
+    def __init__(self, endpoints: ArrayLike, *, focal_length_mm: float, pose_covariance: ArrayLike) -> None:
+        kwargs: dict[str, Any] = {"focal_length_mm": focal_length_mm, "pose_covariance": pose_covariance}
         angle = image_segment(endpoints, focal_length_mm=focal_length_mm)[1]
         self._cosine, self._sine = np.cos(angle), np.sin(angle)
         self._u, self._v = AxisDisplacement(endpoints, "u", **kwargs), AxisDisplacement(endpoints, "v", **kwargs)
@@ -241,7 +254,7 @@ class SegmentError(_FourierLaw):
         focal_length_mm: float,
         pixel_pitch_mm: ArrayLike,
         pose_covariance: ArrayLike,
-    ):
+    ) -> None:
         angle = image_segment(endpoints, focal_length_mm=focal_length_mm)[1]
         self.quantization = SegmentQuantization(angle, pixel_pitch_mm)
         self.displacement = SegmentDisplacement(
@@ -305,11 +318,11 @@ def independent_probability(
     return law.cdf(tolerance) - law.cdf(-tolerance)
 
 
-def _end_laws(endpoints, focal_length_mm, pose_covariance):
+def _end_laws(endpoints: ArrayLike, focal_length_mm: float, pose_covariance: ArrayLike) -> Any:
     """Return ((first, second) along u, (first, second) along v)."""
     f = check_positive(focal_length_mm, "focal_length_mm")
     endpoints = check_endpoints(endpoints, f)
     covariance = check_covariance(pose_covariance)
-    kwargs = {"focal_length_mm": f, "pose_covariance": covariance}
+    kwargs: dict[str, Any] = {"focal_length_mm": f, "pose_covariance": covariance}
     ends = [point_displacement(endpoints[..., i, :], **kwargs) for i in (0, 1)]
     return tuple(zip(*ends, strict=True))

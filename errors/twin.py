@@ -125,4 +125,6 @@ def simulate_measurement(
         measured = measure_lengths(images, pixel_pitch_mm=pixel_pitch_mm, detector=how.detector, band_px=how.band_px)
         hits += int((np.abs(measured - length) <= tolerance * length).sum())
     lower, upper = binomial_interval(hits, samples, confidence)
-    return MonteCarloEstimate(np.float64(hits / samples), lower[()], upper[()], samples=samples, confidence=confidence)
+    return MonteCarloEstimate(
+        np.asarray(hits / samples)[()], lower[()], upper[()], samples=samples, confidence=confidence
+    )

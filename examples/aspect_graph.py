@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.patheffects import withStroke
 
 from aspectgraph import build_aspect_graph, plot_graph, plot_section, read_entities, read_solid
-from aspectgraph.plot.hidden_lines import is_seen, render, view_axes
+from aspectgraph.plot.hidden_lines import ParallelView, view_axes
 
 HERE = Path(__file__).parent
 DIRECTION = (0.9, 1.0, 0.75)
@@ -26,25 +26,25 @@ def draw_part(eag, ax):
     solid, axes = eag.solid, view_axes(DIRECTION)
     points = solid.vertices @ axes.T
     front = solid.normals[np.asarray(solid.triangle_face)] @ axes[2]
-    corners = points[np.asarray(solid.triangles)[front > 1e-9]]
+    view = ParallelView(points[np.asarray(solid.triangles)[front > 1e-9]])
     light = solid.normals[np.asarray(solid.triangle_face)][front > 1e-9] @ np.array([0.15, 0.35, 0.8])
-    image, extent = render(corners, 0.74 + 0.2 * light)
+    image, extent = view.render(0.74 + 0.2 * light)
     ax.imshow(image, cmap="gray", vmin=0.25, vmax=1.0, extent=extent, origin="lower", interpolation="bilinear")
     for edge in solid.edges:
-        draw_seen(solid.edge_points(edge.id) @ axes.T, corners, ax, color=INK, linewidth=1.0)
+        draw_seen(solid.edge_points(edge.id) @ axes.T, view, ax, color=INK, linewidth=1.0)
     for name, entity in eag.entities.items():
         ends = entity.endpoints @ axes.T
-        draw_seen(ends, corners, ax, color=ACCENT, linewidth=3.5, solid_capstyle="round")
+        draw_seen(ends, view, ax, color=ACCENT, linewidth=3.5, solid_capstyle="round")
         halo = [withStroke(linewidth=3, foreground="white")]
         place = ends.mean(axis=0)[:2] + OFFSETS[name]
         ax.text(*place, name, color=INK, fontsize=11, weight="bold", ha="center", va="center", path_effects=halo)
     ax.set_axis_off()
 
 
-def draw_seen(ends, corners, ax, **style):
+def draw_seen(ends, view, ax, **style):
     """Draw the parts of an edge that no face hides."""
     samples = ends[0] + np.linspace(0.002, 0.998, 200)[:, None] * (ends[1] - ends[0])
-    visible = np.where(is_seen(samples, corners)[:, None], samples[:, :2], np.nan)
+    visible = np.where(view.is_seen(samples)[:, None], samples[:, :2], np.nan)
     ax.plot(*visible.T, **style)
 
 

@@ -40,14 +40,14 @@ def check_nonnegative(name: str, value: Any) -> float:
     return float(value)
 
 
-def check_finite(name: str, value: object) -> float:
+def check_finite(name: str, value: Any) -> float:
     """Return `value` as a finite float."""
     if not isinstance(value, Real) or isinstance(value, bool) or not math.isfinite(value):
         raise ParameterError(f"{name} must be a finite number. Got {value!r}.")
     return float(value)
 
 
-def check_choice(name: str, value: object, choices: Collection[str]) -> str:
+def check_choice(name: str, value: Any, choices: Collection[str]) -> str:
     """Return `value` if it is one of `choices`."""
     if not isinstance(value, str) or value not in choices:
         names = ", ".join(repr(choice) for choice in choices)
@@ -55,14 +55,14 @@ def check_choice(name: str, value: object, choices: Collection[str]) -> str:
     return value
 
 
-def check_flag(name: str, value: object) -> bool:
+def check_flag(name: str, value: Any) -> bool:
     """Return `value` as a bool."""
     if not isinstance(value, (bool, np.bool_)):
         raise ParameterError(f"{name} must be True or False. Got {value!r}.")
     return bool(value)
 
 
-def check_callable(name: str, value: object, *, optional: bool = False) -> None:
+def check_callable(name: str, value: Any, *, optional: bool = False) -> None:
     """Raise unless `value` can be called (or is None where `optional`)."""
     if not callable(value) and not (optional and value is None):
         raise ParameterError(f"{name} must be callable{' or None' if optional else ''}. Got {value!r}.")
@@ -86,7 +86,7 @@ def check_rng(rng: Any) -> tuple[np.random.Generator, int | None]:
     return np.random.default_rng(seed), seed
 
 
-def as_array(value: object) -> np.ndarray:
+def as_array(value: Any) -> np.ndarray:
     """Return `value` as an array; one of objects, which every check refuses, where rows have different lengths."""
     try:
         return np.asarray(value)

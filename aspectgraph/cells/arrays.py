@@ -3,6 +3,7 @@
 What the complex is and promises stands in `split`, which cuts it.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numba as nb
@@ -55,7 +56,7 @@ class Complex(NamedTuple):
     cell: np.ndarray
     label: np.ndarray
     lists: np.ndarray
-    count: np.ndarray
+    count: np.ndarray  # type: ignore[assignment]  # hides tuple.count, which nobody asks
 
 
 def allocate(planes: np.ndarray, n_cells: int, n_words: int = 1) -> Complex:
@@ -78,7 +79,7 @@ def allocate(planes: np.ndarray, n_cells: int, n_words: int = 1) -> Complex:
     )
 
 
-def with_room(build, n_cells=1024, limit=1 << 24):
+def with_room(build: Callable[[int], Complex], n_cells: int = 1024, limit: int = 1 << 24) -> Complex:
     """Call `build(n_cells)` with doubled room until it fits.
 
     Raises

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from aspectgraph.cells.arrays import N_CELLS, Complex
 from aspectgraph.cells.measure import cell_sizes, cell_triangles, half_spaces, measured, spans
@@ -21,7 +22,8 @@ class Cell:
     Attributes
     ----------
     half_spaces : ndarray, shape (k, 4)
-        Rows (a, b, c, d) with unit normals: a·x + b·y + c·z + d <= 0 inside, in mm.
+        Rows (a, b, c, d) with unit normals: a·x + b·y + c·z + d <= 0 inside, in mm. `PartitionSurface.plane` and its
+        GraphML attribute have the opposite d.
     vertices : ndarray, shape (v, 3)
         Corners in mm, and the points of its boundary where edges of other cells of the partition end.
     volume : float
@@ -55,7 +57,7 @@ class CellSet:
         Volume of each cell in mm³.
     """
 
-    def __init__(self, cx: Complex, cells: np.ndarray, grid: Grid):
+    def __init__(self, cx: Complex, cells: np.ndarray, grid: Grid) -> None:
         self._cx = cx
         self._cells = np.asarray(cells, np.int64)
         self._grid = grid
@@ -103,7 +105,7 @@ class CellSet:
         grid = self._grid
         return spans(self._cx, self._cells, grid.frame.T * grid.steps_mm) + turned(grid.frame.T, grid.origin_mm)
 
-    def contains(self, points) -> np.ndarray:
+    def contains(self, points: ArrayLike) -> np.ndarray:
         """Whether the closed set holds points, exactly.
 
         Parameters
@@ -120,7 +122,7 @@ class CellSet:
         flag[self._cells] = True
         return holds(tree_of(self._cx), flag, self._grid.to_points(np.asarray(points, float).reshape(-1, 3)))
 
-    def sample(self, n: int, rng=0) -> np.ndarray:
+    def sample(self, n: int, rng: int | np.random.Generator = 0) -> np.ndarray:
         """Draw points uniformly from the union.
 
         Parameters

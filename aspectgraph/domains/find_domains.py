@@ -18,7 +18,9 @@ and its volume goes to the neighbour it shares most boundary with.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -90,6 +92,20 @@ class Domains:
     n_slivers: int
 
 
+class _Borders(NamedTuple):
+    """Faces between pairs of cells: the cells (n, 2), areas, widths and distances of the farthest corner, in steps."""
+
+    pairs: np.ndarray
+    areas: np.ndarray
+    widths: np.ndarray
+    farthest: np.ndarray
+
+    def at(self, chosen: np.ndarray) -> _Borders:
+        """Return those with a chosen cell on a side."""
+        rows = chosen[self.pairs].any(axis=1)
+        return _Borders(*(column[rows] for column in self))
+
+
 def find_domains(cx: Complex, ruler: Ruler) -> Domains:
     """Merge equally labelled cells that touch.
 
@@ -117,7 +133,8 @@ def find_domains(cx: Complex, ruler: Ruler) -> Domains:
     of_cell, n_domains = _join(touching, label, free[~is_sliver[free]], tails)
     n_slivers = 0
     if is_sliver.any():
-        n_domains, n_slivers = _absorb(of_cell, n_domains, label, free, is_sliver, widths.volume, sides, sizes, ruler)
+        borders = _Borders(sides[:, :2], *sizes.T).at(is_sliver)
+        n_domains, n_slivers = _absorb(of_cell, n_domains, label, free, widths.volume, borders, ruler)
     members = _members(of_cell, free, n_domains)
     domains = [_domain(cells, labels, label, is_thin, widths, ruler) for cells in members]
     order = sorted(range(n_domains), key=lambda d: _order_key(domains[d]))
@@ -152,7 +169,7 @@ def _join(touching: Touching, label: np.ndarray, counted: np.ndarray, tails: np.
     return of_cell, len(names)
 
 
-def _by_pair(ends: np.ndarray, rows: np.ndarray):
+def _by_pair(ends: np.ndarray, rows: np.ndarray) -> Iterator[tuple[tuple[int, int], np.ndarray]]:
     """Yield each pair of different ends, lower first, and those of the rows that have it."""
     pairs = np.sort(ends[rows], axis=1)
     outer = pairs[:, 0] != pairs[:, 1]
@@ -167,14 +184,21 @@ def _components(links: np.ndarray, n: int) -> np.ndarray:
     return connected_components(coo_array((np.ones(len(links)), links.T), shape=(n, n)), directed=False)[1]
 
 
-def _absorb(of_cell, n_domains, label, free, is_sliver, volume, sides, sizes, ruler) -> tuple[int, int]:
+def _absorb(
+    of_cell: np.ndarray,
+    n_domains: int,
+    label: np.ndarray,
+    free: np.ndarray,
+    volume: np.ndarray,
+    borders: _Borders,
+    ruler: Ruler,
+) -> tuple[int, int]:
     """Give every sliver a domain, in place; return the number of domains and of slivers with another list than theirs.
 
     Slivers that border on no domain, as between displaced faces of the solid, stay without, unless there is no domain.
     """
-    rows = is_sliver[sides[:, :2]].any(axis=1)
-    pairs, areas, width, farthest = sides[rows, :2], *sizes[rows].T
-    alike = (label[pairs[:, 0]] == label[pairs[:, 1]]) & (width >= ruler.least_width(farthest))
+    pairs, areas = borders.pairs, borders.areas
+    alike = (label[pairs[:, 0]] == label[pairs[:, 1]]) & (borders.widths >= ruler.least_width(borders.farthest))
     _spread(of_cell, np.arange(len(of_cell)), pairs[alike], areas[alike])
     left = free[of_cell[free] < 0]
     sliver = _components(pairs[alike & (of_cell[pairs] < 0).all(axis=1)], len(of_cell))
@@ -205,13 +229,15 @@ def _spread(of_cell: np.ndarray, unit: np.ndarray, pairs: np.ndarray, areas: np.
         of_cell[open_cells] = chosen[unit[open_cells]]
 
 
-def _members(of_cell, free, n_domains) -> list[np.ndarray]:
+def _members(of_cell: np.ndarray, free: np.ndarray, n_domains: int) -> list[np.ndarray]:
     placed = free[of_cell[free] >= 0]
     order = placed[np.argsort(of_cell[placed], kind="stable")]
     return np.split(order, np.searchsorted(of_cell[order], np.arange(1, n_domains)))
 
 
-def _domain(cells, labels, label, is_thin, widths: CellWidths, ruler: Ruler) -> Domain:
+def _domain(
+    cells: np.ndarray, labels: np.ndarray, label: np.ndarray, is_thin: np.ndarray, widths: CellWidths, ruler: Ruler
+) -> Domain:
     wide = cells[~is_thin[cells]]
     own = wide if len(wide) else cells
     centre, radius = widths.largest_ball(own, ruler)
@@ -219,7 +245,7 @@ def _domain(cells, labels, label, is_thin, widths: CellWidths, ruler: Ruler) -> 
     return Domain(words, cells, float(widths.volume[cells].sum()), centre, radius)
 
 
-def _order_key(domain: Domain) -> tuple:
+def _order_key(domain: Domain) -> tuple[Any, ...]:
     """Longest lists first, then by entity, then by place: the same for the same part."""
     bits = sum(word << (64 * k) for k, word in enumerate(domain.label))
     members = [k for k in range(bits.bit_length()) if bits >> k & 1]

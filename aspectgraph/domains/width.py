@@ -5,7 +5,7 @@ All sizes are doubles in grid steps. Nothing here decides what is observable.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -32,7 +32,7 @@ class Ruler(NamedTuple):
     min_width: float
     reach: float
 
-    def least_width(self, distance):
+    def least_width(self, distance: np.ndarray) -> np.ndarray:
         """Least width at a distance, or an array of distances, from the part's centre (the grid's zero), in steps."""
         return self.min_width * np.maximum(1.0, distance / self.reach)
 
@@ -60,7 +60,7 @@ class _Programme(NamedTuple):
     scale: float
     slope: float
 
-    def maximise(self, radius: float, m: float):
+    def maximise(self, radius: float, m: float) -> Any:
         """Solve for the largest sum of the radius and m, times their weights."""
         return linprog([0, 0, 0, -radius, -m], self.coefficients, self.limits, bounds=self.bounds, method="highs")
 
@@ -79,7 +79,7 @@ def _programme(rows: np.ndarray, ruler: Ruler, normal: np.ndarray | None = None)
     ]
     level = np.zeros(2) if normal is None else np.array([-1.0, 1.0]) * rows[0, 3]
     limits = np.concatenate([-rows[first:, 3], level, np.zeros(6)]) / scale
-    bounds = [(None, None)] * 3 + [(0, None), (ruler.reach / scale, None)]
+    bounds: list[tuple[float | None, float | None]] = [(None, None)] * 3 + [(0, None), (ruler.reach / scale, None)]
     return _Programme(np.concatenate(columns), limits, bounds, scale, 0.5 * ruler.min_width / ruler.reach)
 
 
@@ -184,7 +184,7 @@ class CellWidths:
         More than the largest cell number.
     """
 
-    def __init__(self, cx: Complex, cells: np.ndarray, n: int):
+    def __init__(self, cx: Complex, cells: np.ndarray, n: int) -> None:
         self._cx, self._cells = cx, cells
         self.volume, surface = np.zeros(n), np.zeros(n)
         self.volume[cells], surface[cells] = cell_sizes(cx, cells).T

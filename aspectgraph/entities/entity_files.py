@@ -6,6 +6,7 @@ import json
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 from aspectgraph.entities.straight_edges import Entity, resolve_entities
 from aspectgraph.exceptions import EntityError
@@ -56,7 +57,7 @@ def read_entities(text_or_path: str | Path, solid: Solid, tolerance_mm: float | 
     return resolve_entities(solid, [word if word[0] in "ra" else int(word.lstrip("e")) for word in words], tolerance_mm)
 
 
-def _read_file(path: Path):
+def _read_file(path: Path) -> Any:
     if not path.is_file():
         raise EntityError(f"entities must name an existing file. Got {str(path)!r}.")
     try:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,11 +15,6 @@ from aspectgraph.solid.places import describe_point
 from aspectgraph.solid.rims import Arc, Rim
 from aspectgraph.solid.solid import Solid
 from aspectgraph.solid.topology import Edge
-
-if sys.version_info >= (3, 11):
-    pass
-else:
-    pass
 
 RELATIVE_TOLERANCE = 1e-4
 """Default distance within which given end points match vertices, as a fraction of the bounding box diagonal."""
@@ -52,9 +47,9 @@ class Entity:
     edge_ids: tuple[int, ...]
     kind: str = "edge"
     circle: Circle | None = field(default=None, compare=False)
-    points: np.ndarray = field(default=None, compare=False)  # type: ignore[assignment]  # that of the ends
+    points: np.ndarray = field(default=None, compare=False)  # type: ignore[arg-type]  # that of the ends
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, value in (("endpoints", self.endpoints), ("points", self.points)):
             array = np.array(self.endpoints if value is None else value, dtype=np.float64)
             array.flags.writeable = False
@@ -72,7 +67,10 @@ class Entity:
 
 
 def resolve_entities(
-    solid: Solid, mapping: Mapping | Iterable, tolerance_mm: float | None = None, min_dihedral_deg: float = 5.0
+    solid: Solid,
+    mapping: Mapping[str, Any] | Iterable[Any],
+    tolerance_mm: float | None = None,
+    min_dihedral_deg: float = 5.0,
 ) -> dict[str, Entity]:
     """Find the edges, rims and arcs that names, ids or end points stand for.
 
@@ -123,7 +121,7 @@ def resolve_entities(
     return entities
 
 
-def _id_name(item) -> str:
+def _id_name(item: Any) -> str:
     if isinstance(item, Edge):
         return f"e{item.id}"
     if isinstance(item, Arc):
@@ -135,7 +133,7 @@ def _id_name(item) -> str:
     return f"e{item}"
 
 
-def _distinct(items: Iterable) -> list:
+def _distinct(items: Iterable[Any]) -> list[Any]:
     items = list(items)
     for i, item in enumerate(items):
         if any(item is other or item == other for other in items[:i] if np.isscalar(item) and np.isscalar(other)):
@@ -143,7 +141,7 @@ def _distinct(items: Iterable) -> list:
     return items
 
 
-def _resolve(solid: Solid, name: str, target, tolerance_mm: float, min_dihedral_deg: float) -> Entity:
+def _resolve(solid: Solid, name: str, target: Any, tolerance_mm: float, min_dihedral_deg: float) -> Entity:
     if isinstance(target, Entity):
         if not target.edge_ids or not all(0 <= i < len(solid.edges) for i in target.edge_ids):
             raise EntityError(f"edge ids must be in 0..{len(solid.edges) - 1}. Got {target.edge_ids} for {name!r}.")

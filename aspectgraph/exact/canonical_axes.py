@@ -48,7 +48,7 @@ def own_frame(solid: Solid, marks: Sequence[Sequence[int]] = ()) -> np.ndarray:
     directions, weights = _classes(_area_vectors(solid))
     edges = np.array([edge.vertices for edge in solid.edges])
     runs = solid.vertices[edges[:, 1]] - solid.vertices[edges[:, 0]]
-    candidates = []
+    frames: list[np.ndarray] = []
     for first in directions[_ties(weights)]:
         across = np.abs(directions @ first) < _SAME_DIRECTION
         seconds, their_weights = directions[across], weights[across]
@@ -56,8 +56,8 @@ def own_frame(solid: Solid, marks: Sequence[Sequence[int]] = ()) -> np.ndarray:
             lengths = np.linalg.norm(runs, axis=1)
             seconds, their_weights = _classes(runs[np.abs(runs @ first) < _SAME_DIRECTION * lengths])
         for second in seconds[_ties(their_weights)]:
-            candidates += _right_handed(first, second)
-    candidates = np.array(candidates[:_MAX_CANDIDATES])
+            frames += _right_handed(first, second)
+    candidates = np.array(frames[:_MAX_CANDIDATES])
     ends = solid.vertices[edges]
     ends = ends - ends.mean(axis=(0, 1))
     weights = np.ones(len(edges))

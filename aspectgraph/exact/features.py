@@ -112,7 +112,7 @@ def nearest_features(solid: Solid, points: np.ndarray, within: float = LEAST_STE
 class _Boxes:
     """Bounding boxes of features, grown by half the distance looked for."""
 
-    def __init__(self, corners: np.ndarray, within: float):
+    def __init__(self, corners: np.ndarray, within: float) -> None:
         self.low, self.high = corners.min(axis=1) - 0.5 * within, corners.max(axis=1) + 0.5 * within
         self.shapes = shapely.box(self.low[:, 0], self.low[:, 1], self.high[:, 0], self.high[:, 1])
 
@@ -126,7 +126,7 @@ class _Boxes:
 class _Shape:
     """Features of a solid, their pairs and distances."""
 
-    def __init__(self, solid: Solid):
+    def __init__(self, solid: Solid) -> None:
         self.solid = solid
         self.ends = np.array([edge.vertices for edge in solid.edges])
         self.used = np.unique(self.ends)

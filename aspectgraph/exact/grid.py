@@ -24,8 +24,11 @@ from aspectgraph.exact.predicates import POINT_BITS
 from aspectgraph.exceptions import SolidError, WorkspaceError
 
 GRID_BITS = 20
+"""The largest extent takes more than half of 2²⁰ steps and at most all: a step is about a micrometre on a metre."""
+
 # a vertex is displaced by at most sqrt(3)/2 steps; so is the plane it is compared with, at each of its three points
 _RESOLUTION_STEPS = 4.0
+# of vertices and of workspaces, from the origin
 _LARGEST_COORDINATE_STEPS = 1 << 40
 # leaves room for workspaces of 4,000 extents
 _FINEST_SCALE = 1 << 8
@@ -35,6 +38,7 @@ _NOISE = 16 * 2.0**-53
 _BY_ACCIDENT = 1e-3
 # Planes of the workspace: largest coefficient, and room for their distance in 63 bits.
 _BOX_BITS, _BOX_ROOM = 40, 60
+# least reach, in steps as a power of two, of the cube in which cells are cut before they are cropped
 _CUBE_BITS = 31
 
 
@@ -229,10 +233,10 @@ def _steps(own: np.ndarray, extents: np.ndarray, noise: float) -> tuple[np.ndarr
     largest = float(extents.max())
     divisions = _common_denominator(own.ravel() / largest, noise / largest)
     if divisions:
-        steps = divisions << (GRID_BITS - (divisions - 1).bit_length())
-        return np.full(3, largest / steps), True
-    steps = np.full(3, largest / (1 << GRID_BITS))
-    finest = steps.copy()
+        n_steps = divisions << (GRID_BITS - (divisions - 1).bit_length())
+        return np.full(3, largest / n_steps), True
+    finest = np.full(3, largest / (1 << GRID_BITS))
+    steps = finest.copy()
     for axis, extent in enumerate(extents):
         divisions = _common_denominator(own[:, axis] / extent, noise / extent)
         if not divisions:

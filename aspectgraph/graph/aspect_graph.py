@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
+from typing import Any
 
 import networkx as nx
 import numpy as np
+from numpy.typing import ArrayLike
 
 from aspectgraph.cells.arrays import Complex
 from aspectgraph.cells.cell_set import CellSet
@@ -23,7 +25,7 @@ from aspectgraph.graph.partition_surfaces import Provenance
 from aspectgraph.graph.ray_confirmation import confirm
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.overlay import overlay, share_planes
-from aspectgraph.visibility.scene import own_order
+from aspectgraph.visibility.scene import Scene, own_order
 from aspectgraph.visibility.visibility_regions import Progress, VisibilityRegions, compute_regions
 
 # domains next to a displaced part that are thinner than this share of its extent are slivers
@@ -54,7 +56,7 @@ class EntityAspectGraph:
         The regions of the entities, which answer `observable` and `covering_cells`.
     """
 
-    def __init__(self, regions: VisibilityRegions, graph: nx.Graph, cx: Complex, domains: Domains):
+    def __init__(self, regions: VisibilityRegions, graph: nx.Graph, cx: Complex, domains: Domains) -> None:
         self.regions = regions
         self.graph = graph
         self._cx = cx
@@ -86,7 +88,7 @@ class EntityAspectGraph:
         """Names of the entities, in order."""
         return self.regions.entity_names
 
-    def observable(self, points, names: Sequence[str] | None = None) -> np.ndarray:
+    def observable(self, points: ArrayLike, names: Sequence[str] | None = None) -> np.ndarray:
         """Whether entities are observable from viewpoints; see `VisibilityRegions.observable`.
 
         Parameters
@@ -130,7 +132,7 @@ class EntityAspectGraph:
         """
         return self.regions.covering_cells(names)
 
-    def domain_of(self, points) -> np.ndarray:
+    def domain_of(self, points: ArrayLike) -> np.ndarray:
         """Node of each viewpoint.
 
         Parameters
@@ -186,7 +188,7 @@ class EntityAspectGraph:
         """
         return CellSet(self._cx, self._domains.domains[node].cells, self.regions.grid)
 
-    def sample(self, names: Sequence[str], n: int, rng=0) -> np.ndarray:
+    def sample(self, names: Sequence[str], n: int, rng: int | np.random.Generator = 0) -> np.ndarray:
         """Draw viewpoints uniformly from all domains that cover the names.
 
         Parameters
@@ -217,8 +219,8 @@ class EntityAspectGraph:
 
 def build_aspect_graph(
     solid: Solid,
-    entities: Mapping | Sequence,
-    workspace=None,
+    entities: Mapping[str, Any] | Sequence[Any],
+    workspace: ArrayLike | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
     *,
@@ -268,7 +270,8 @@ def build_aspect_graph(
     >>> eag.graph.nodes[0]["observable"]
     ('top', 'side')
     """
-    return graph_of(compute_regions(solid, entities, workspace, executor, progress), min_width_mm=min_width_mm)
+    regions = compute_regions(solid, entities, workspace, executor=executor, progress=progress)
+    return graph_of(regions, min_width_mm=min_width_mm)
 
 
 def graph_of(
@@ -378,15 +381,14 @@ def _listed(domain: Domain) -> set[int]:
     return {k for k in range(bits.bit_length()) if bits >> k & 1}
 
 
-def _confirm(eag: EntityAspectGraph, scene) -> None:
+def _confirm(eag: EntityAspectGraph, scene: Scene) -> None:
     """Cast rays from near every node's viewpoint and note the result on the node.
 
     Not from the viewpoint itself: in symmetric parts it lies on partition planes and on seams between blocked sets. Any
     other point of its ball, which lies in one cell, is as good a witness.
     """
     graph, names = eag.graph, eag.entity_names
-    viewpoints = np.array([graph.nodes[node]["viewpoint"] for node in graph])
-    clearances = np.array([graph.nodes[node]["clearance"] for node in graph])
+    viewpoints, clearances = (np.array([graph.nodes[k][key] for k in graph]) for key in ("viewpoint", "clearance"))
     aside = np.random.default_rng(0).normal(size=viewpoints.shape)
     viewpoints = viewpoints + 0.25 * clearances[:, None] * aside / np.linalg.norm(aside, axis=1, keepdims=True)
     observable = np.array([[name in graph.nodes[node]["observable"] for name in names] for node in graph])

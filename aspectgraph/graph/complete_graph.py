@@ -18,6 +18,7 @@ from __future__ import annotations
 import networkx as nx
 import numba as nb
 import numpy as np
+from numpy.typing import ArrayLike
 
 from aspectgraph.cells.arrays import CROSSED, INSIDE, Complex, add_box, allocate, with_room
 from aspectgraph.cells.measure import cell_triangles, measured
@@ -31,6 +32,7 @@ from aspectgraph.visibility.scene import Scene, make_scene
 from aspectgraph.visibility.visibility_regions import Progress, check_workspace
 
 _BOX = np.arange(6)
+# least width of a domain, in shares of the part's diameter
 _MIN_WIDTH_SHARE = 1e-4
 _SHARP_DEG = 1e-6
 
@@ -41,7 +43,9 @@ Part = tuple[int, int]
 """Visible part of an edge: the edges that cut it off at its start and end, -1 for the edge's own ends."""
 
 
-def complete_aspect_graph(solid: Solid, workspace=None, progress: Progress | None = None) -> nx.Graph:
+def complete_aspect_graph(
+    solid: Solid, workspace: ArrayLike | None = None, progress: Progress | None = None
+) -> nx.Graph:
     """Build the complete aspect graph of a small solid.
 
     The number of planes grows with the square of the number of edges and that of cells with its sixth power: an L-block
@@ -130,12 +134,12 @@ def edge_vertex_planes(scene: Scene, edges: np.ndarray) -> np.ndarray:
     return planes[:n].copy()
 
 
-def arrangement(planes: np.ndarray):
+def arrangement(planes: np.ndarray) -> Complex:
     """Return the complex of all cells of planes; the first six are the box."""
     return with_room(lambda n_cells: _arrangement(planes, n_cells))
 
 
-def _arrangement(planes, n_cells):
+def _arrangement(planes: np.ndarray, n_cells: int) -> Complex:
     cx = allocate(planes, n_cells)
     add_box(cx, _BOX)
     _cut_everywhere(cx)
@@ -170,7 +174,7 @@ class Drawing:
         The surface.
     """
 
-    def __init__(self, points: np.ndarray, edges: np.ndarray, triangles: np.ndarray):
+    def __init__(self, points: np.ndarray, edges: np.ndarray, triangles: np.ndarray) -> None:
         self.starts, self.ends = (points[edges[:, k]].astype(float) for k in (0, 1))
         self.corners = points[triangles].astype(float)
         self._share = (edges[:, None, :, None] == edges[None, :, None, :]).any(axis=(2, 3))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import Any
 
 from aspectgraph.entities.straight_edges import Entity
 
 
-def curve_attributes(entities: Collection[Entity]) -> dict[str, tuple]:
+def curve_attributes(entities: Collection[Entity]) -> dict[str, tuple[Any, ...]]:
     """Return the attributes of a graph that say which of its entities are rims and arcs; none if all are edges.
 
     Parameters

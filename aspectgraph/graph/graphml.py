@@ -16,13 +16,14 @@ from __future__ import annotations
 import gzip
 import json
 import math
+import os
 import re
 import warnings
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from xml.etree.ElementTree import ParseError
 
 import networkx as nx
@@ -31,6 +32,9 @@ import numpy as np
 from aspectgraph.exceptions import GraphMLError
 from aspectgraph.files import replacing
 from aspectgraph.graph.partition_surfaces import PartitionSurface
+
+if TYPE_CHECKING:
+    from aspectgraph.graph.aspect_graph import EntityAspectGraph
 
 LABEL = "label"
 """Attribute written for the eyes only."""
@@ -55,7 +59,7 @@ class Codec(NamedTuple):
     decode: Callable[[Any], Any]
 
 
-def write_graphml(graph, path) -> None:
+def write_graphml(graph: EntityAspectGraph | nx.Graph, path: str | os.PathLike[str]) -> None:
     """Write an aspect graph as GraphML.
 
     The file appears at once and whole: it is written beside its place and moved there.
@@ -101,7 +105,7 @@ def write_graphml(graph, path) -> None:
         nx.write_graphml_xml(flat, file)
 
 
-def read_graphml(path) -> nx.Graph:
+def read_graphml(path: str | os.PathLike[str]) -> nx.Graph:
     """Read an aspect graph written by :func:`write_graphml`.
 
     Parameters
@@ -194,19 +198,19 @@ def _check_alike(flat: nx.Graph) -> None:
         signatures = {name: {k: type(x) for k, x in attributes.items()} for name, attributes in rows.items()}
         first = next(iter(signatures.values()), None)
         for name, signature in signatures.items():
-            if signature != first:
+            if first is not None and signature != first:
                 keys = sorted(k for k in {*signature, *first} if signature.get(k) != first.get(k))
                 raise ValueError(
                     f"every {kind} must have the same attributes. Got a difference in {keys} at {kind} {name}."
                 )
 
 
-def _node_label(attributes) -> dict[str, str]:
+def _node_label(attributes: Mapping[str, Any]) -> dict[str, str]:
     names = attributes.get("observable")
     return {} if names is None else {LABEL: NOT_XML.sub(" ", ", ".join(names)) or "None"}
 
 
-def _edge_label(attributes) -> dict[str, str]:
+def _edge_label(attributes: Mapping[str, Any]) -> dict[str, str]:
     surfaces = attributes.get("surfaces")
     return {} if surfaces is None else {LABEL: "+".join(sorted({s.type for s in surfaces})) or "None"}
 
@@ -214,8 +218,8 @@ def _edge_label(attributes) -> dict[str, str]:
 # --------------------------------------------------------------------------------------------- one set of attributes
 
 
-def _flattened(attributes, owner: str) -> dict[str, bool | int | float | str]:
-    flat = {}
+def _flattened(attributes: Mapping[str, Any], owner: str) -> dict[str, bool | int | float | str]:
+    flat: dict[str, bool | int | float | str] = {}
     for key, value in attributes.items():
         if type(key) is not str or key == LABEL:
             raise ValueError(f"attribute names must be text other than {LABEL!r}. Got {key!r} of {owner}.")
@@ -226,13 +230,13 @@ def _flattened(attributes, owner: str) -> dict[str, bool | int | float | str]:
     return flat
 
 
-def _as_components(key: str, vector) -> dict[str, float]:
+def _as_components(key: str, vector: Any) -> dict[str, float]:
     if len(vector) != len(AXES):
         raise ValueError(f"must be three numbers. Got {vector!r}.")
     return {f"{key}_{axis}": _as_float(x) for axis, x in zip(AXES, vector, strict=True)}
 
 
-def _rebuilt(flat, owner: str) -> dict[str, Any]:
+def _rebuilt(flat: Mapping[str, Any], owner: str) -> dict[str, Any]:
     flat = {key: value for key, value in flat.items() if key not in ADDED_BY_FILES}
     for key in VECTORS:
         names = [f"{key}_{axis}" for axis in AXES]
@@ -254,12 +258,12 @@ def _rebuilt(flat, owner: str) -> dict[str, Any]:
 # -------------------------------------------------------------------------------------------------- single values
 
 
-def _plain(value):
+def _plain(value: Any) -> Any:
     """Return a numpy scalar as the Python number it holds."""
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _as_scalar(value) -> bool | int | float | str:
+def _as_scalar(value: Any) -> bool | int | float | str:
     value = _plain(value)
     if type(value) is str:
         if not value or NOT_XML.search(value):
@@ -271,38 +275,38 @@ def _as_scalar(value) -> bool | int | float | str:
     return value
 
 
-def _as_float(value) -> float:
+def _as_float(value: Any) -> float:
     value = _plain(value)
     if type(value) not in (int, float) or not math.isfinite(value):
         raise ValueError(f"must be a finite number. Got {value!r}.")
     return float(value)
 
 
-def _as_int(value) -> int:
+def _as_int(value: Any) -> int:
     value = _plain(value)
     if type(value) is not int:
         raise ValueError(f"must be an integer. Got {value!r}.")
     return value
 
 
-def _as_bool(value) -> bool:
+def _as_bool(value: Any) -> bool:
     value = _plain(value)
     if type(value) is not bool:
         raise ValueError(f"must be a bool. Got {value!r}.")
     return value
 
 
-def _to_json(value) -> str:
+def _to_json(value: Any) -> str:
     return json.dumps(value, allow_nan=False, default=_plain)
 
 
-def _names_to_json(names) -> str:
+def _names_to_json(names: Any) -> str:
     if isinstance(names, str) or not all(isinstance(name, str) for name in names):
         raise ValueError(f"must be a tuple of names. Got {names!r}.")
     return _to_json(list(names))
 
 
-def _text_to_json(text) -> str:
+def _text_to_json(text: Any) -> str:
     # JSON because networkx loses an empty text on reading.
     if not isinstance(text, str):
         raise ValueError(f"must be text. Got {text!r}.")
@@ -316,7 +320,7 @@ def _text_from_json(text: str) -> str:
     return value
 
 
-def _surfaces_to_json(surfaces) -> str:
+def _surfaces_to_json(surfaces: Any) -> str:
     return _to_json([asdict(surface) for surface in surfaces])
 
 
@@ -324,12 +328,12 @@ def _surfaces_from_json(text: str) -> tuple[PartitionSurface, ...]:
     return tuple(PartitionSurface(**{k: _tuples(v) for k, v in row.items()}) for row in json.loads(text))
 
 
-def _tuples(value):
+def _tuples(value: Any) -> Any:
     """Return a JSON value with lists turned into tuples."""
     return tuple(map(_tuples, value)) if isinstance(value, list) else value
 
 
-def _tuples_from_json(text: str) -> tuple:
+def _tuples_from_json(text: str) -> tuple[Any, ...]:
     value = _tuples(json.loads(text))
     if not isinstance(value, tuple):
         raise ValueError(f"must be a JSON list. Got {text!r}.")

@@ -32,7 +32,7 @@ class PartitionSurface:
         edge and an end of the entity, or a vertex and the entity's edges. For a rim or arc, the face is next to one of
         its chords, the end and the edge are those of one.
     plane : tuple of float
-        (a, b, c, d) with unit normal, a·x + b·y + c·z = d in mm.
+        (a, b, c, d) with unit normal, a·x + b·y + c·z = d in mm; `Cell.half_spaces` have the opposite d.
     """
 
     type: str
@@ -65,7 +65,7 @@ class Provenance:
         entities: Sequence[Entity],
         regions: Sequence[Region],
         shared: SharedPlanes,
-    ):
+    ) -> None:
         self._solid, self._scene = solid, scene
         self._in_mm = grid.planes_to_mm(shared.planes)
         self._entities, self._regions, self._shared = entities, regions, shared

@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import numba as nb
 import numpy as np
-import open3d as o3d
 
 from aspectgraph.entities.straight_edges import Entity
 from aspectgraph.exact.grid import Grid
 from aspectgraph.exact.predicates import sign_at_point
 from aspectgraph.exceptions import ContradictionError
+from aspectgraph.solid.ray_scene import RayScene
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.blocked_sets import blockers
 from aspectgraph.visibility.scene import Scene
@@ -55,16 +55,11 @@ class SightLines:
     rays_per_entity : int
     """
 
-    def __init__(self, solid: Solid, entities: Sequence[Entity], rays_per_entity: int = RAYS_PER_ENTITY):
-        self._centre = solid.bounds.mean(axis=0)
-        self._scene = o3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(
-            o3d.core.Tensor((solid.vertices - self._centre).astype(np.float32)),
-            o3d.core.Tensor(solid.triangles.astype(np.uint32)),
-        )
+    def __init__(self, solid: Solid, entities: Sequence[Entity], rays_per_entity: int = RAYS_PER_ENTITY) -> None:
+        self._scene = RayScene(solid.vertices, solid.triangles)
         along = (np.arange(rays_per_entity) + 0.5) / rays_per_entity
         # shape (k, rays, 3)
-        self._targets = np.array([_spread(entity, along) for entity in entities]) - self._centre
+        self._targets = np.array([_spread(entity, along) for entity in entities])
 
     def arrive(self, viewpoints: np.ndarray) -> np.ndarray:
         """Whether every ray from (n, 3) viewpoints in mm to each of k entities arrives, as (n, k) bool."""
@@ -72,11 +67,8 @@ class SightLines:
         result = np.empty((len(viewpoints), k), bool)
         rows = max(1, _RAYS_AT_ONCE // (k * rays))
         for start in range(0, len(viewpoints), rows):
-            eyes = viewpoints[start : start + rows] - self._centre
-            directions = self._targets[None] - eyes[:, None, None]
-            origins = np.broadcast_to(eyes[:, None, None], directions.shape)
-            bundle = np.concatenate([origins, directions], axis=-1).astype(np.float32)
-            hits = self._scene.cast_rays(o3d.core.Tensor(bundle))["t_hit"].numpy()
+            eyes = viewpoints[start : start + rows, None, None]
+            hits = self._scene.cast(eyes, self._targets[None] - eyes)["t_hit"]
             result[start : start + rows] = (hits >= _ARRIVED).all(axis=-1)
         return result
 

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
+from numpy.typing import ArrayLike
 
 from aspectgraph.cells.cell_set import Cell
 from aspectgraph.exceptions import WorkspaceError
 from aspectgraph.solid.solid import Solid
 
+# heights over a plane and parts of a normal below this are rounding
 _ON = 1e-9
+# grid on which polygons are united, as a share of the size
 _SNAP = 1e-7
+# largest lack to 1 of the cosine between parallel normals
 _PARALLEL = 1e-10
 
 
@@ -106,7 +110,7 @@ def domain_facets(cells: Iterable[Cell], solid: Solid, box: np.ndarray) -> list[
     list of Facet
     """
     size = float(np.ptp(box, axis=0).max())
-    sides: dict[tuple[float, ...], tuple[list, list]] = {}
+    sides: dict[tuple[float, ...], tuple[list[Any], list[Any]]] = {}
     for cell in cells:
         for row, corners in clipped_facets(cell.half_spaces, box):
             key, sign = _plane_key(row)
@@ -135,7 +139,7 @@ def section_axes(axis: int) -> tuple[int, int]:
     return ((1, 2), (0, 2), (0, 1))[axis]
 
 
-def box_around(solid: Solid, workspace: np.ndarray, box=None, margin: float = 0.6) -> np.ndarray:
+def box_around(solid: Solid, workspace: np.ndarray, box: ArrayLike | None = None, margin: float = 0.6) -> np.ndarray:
     """Return a box inside the workspace, the given one or one around the part; shape (2, 3).
 
     Raises
@@ -161,12 +165,12 @@ def _plane_key(row: np.ndarray) -> tuple[tuple[float, ...], int]:
     return tuple((np.round(sign * row, 9) + 0.0).tolist()), (sign + 1) // 2
 
 
-def polygon_union(polygons: list, grid: float) -> shapely.Geometry:
+def polygon_union(polygons: list[Any], grid: float) -> shapely.Geometry:
     """Return the union of polygons on a grid, without the lines that the thinnest of them collapse to there."""
     return shapely.MultiPolygon(polygon_parts(shapely.union_all(polygons, grid_size=grid)))
 
 
-def polygon_parts(geometry: shapely.Geometry) -> list:
+def polygon_parts(geometry: shapely.Geometry) -> list[Any]:
     """Return the polygons in a geometry."""
     return [
         part for part in getattr(geometry, "geoms", [geometry]) if part.geom_type == "Polygon" and not part.is_empty
@@ -184,11 +188,11 @@ def _solid_faces(solid: Solid, key: tuple[float, ...], size: float) -> shapely.G
     return polygon_union([shapely.Polygon(triangle) for triangle in corners], _SNAP * size)
 
 
-def _lifted(polygon, key: tuple[float, ...]) -> Facet:
+def _lifted(polygon: shapely.Polygon, key: tuple[float, ...]) -> Facet:
     normal = np.array(key[:3])
     axes, foot = plane_axes(normal), -key[3] * normal / (normal @ normal)
 
-    def lift(ring):
+    def lift(ring: Any) -> Any:
         return foot + np.asarray(ring.coords)[:, :2] @ axes
 
     pieces = shapely.constrained_delaunay_triangles(polygon)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from aspectgraph.exceptions import EntityError, MissingExtraError, PictureError
 from aspectgraph.files import replacing
-from aspectgraph.plot.hidden_lines import is_seen, render, view_axes
+from aspectgraph.plot.hidden_lines import ParallelView, view_axes
 from aspectgraph.plot.style import is_feature
 from aspectgraph.plot.traces import line_trace, part_traces, scene_figure, xyz
 from aspectgraph.solid.rims import Arc, Rim
@@ -140,7 +141,7 @@ def _title(solid: Solid, items: list[_Item]) -> str:
 
 
 def _line(item: _Item, n: int) -> Scatter3d:
-    points = np.linspace(*item.line, 9) if len(item.line) == 2 else item.line
+    points = np.linspace(item.line[0], item.line[1], 9) if len(item.line) == 2 else item.line
     name = f"edge {item.id}" if item.id.isdecimal() else item.id
     text = item.text + "<extra></extra>"
     return line_trace([points], color=_PALETTE[n % len(_PALETTE)], width=6, name=name, hovertemplate=text)
@@ -223,7 +224,7 @@ def _write_png(solid: Solid, path: Path, edge_ids: Iterable[int] | None, curve_i
 def draw_edges(
     solid: Solid,
     edge_ids: Iterable[int] | None,
-    direction,
+    direction: ArrayLike,
     *,
     ax: Axes,
     curve_ids: Iterable[str] | None = None,
@@ -251,21 +252,21 @@ def draw_edges(
     return _draw_items(solid, _items(solid, edge_ids, curve_ids), direction, ax)
 
 
-def _draw_items(solid: Solid, items: list[_Item], direction, ax: Axes) -> Axes:
+def _draw_items(solid: Solid, items: list[_Item], direction: ArrayLike, ax: Axes) -> Axes:
     from matplotlib.collections import LineCollection
 
     axes = view_axes(direction)
     points = solid.vertices @ axes.T
     front = solid.normals[solid.triangle_face] @ axes[2]
     towards = np.flatnonzero(front > 1e-9)
-    corners = points[solid.triangles[towards]]
-    image, extent = render(corners, 0.62 + 0.33 * front[towards])
+    view = ParallelView(points[solid.triangles[towards]])
+    image, extent = view.render(0.62 + 0.33 * front[towards])
     ax.imshow(image, cmap="gray", vmin=0.0, vmax=1.0, extent=extent, origin="lower", interpolation="nearest")
-    _draw_outlines(solid, points, corners, {e for item in items for e in item.edge_ids}, ax)
+    _draw_outlines(solid, points, view, {e for item in items for e in item.edge_ids}, ax)
     spots = []
     for n, item in enumerate(items):
         samples = _sampled(item.line @ axes.T)
-        seen = is_seen(samples, corners)
+        seen = view.is_seen(samples)
         pieces = _seen_pieces(samples, seen)
         if pieces:
             colour = _PALETTE[n % len(_PALETTE)]
@@ -292,14 +293,14 @@ def _seen_pieces(samples: np.ndarray, seen: np.ndarray) -> list[np.ndarray]:
     return [samples[k : k + 2, :2] for k in np.flatnonzero(both)]
 
 
-def _draw_outlines(solid: Solid, points: np.ndarray, corners: np.ndarray, named: set[int], ax: Axes) -> None:
+def _draw_outlines(solid: Solid, points: np.ndarray, view: ParallelView, named: set[int], ax: Axes) -> None:
     """Draw the feature edges that are not named, where seen at their middle, in grey."""
     from matplotlib.collections import LineCollection
 
     rest = [e for e in solid.edges if e.id not in named and is_feature(solid, e)]
     if rest:
         runs = points[np.array([e.vertices for e in rest])]
-        seen = is_seen(runs.mean(axis=1), corners)
+        seen = view.is_seen(runs.mean(axis=1))
         ax.add_collection(LineCollection(runs[seen][:, :, :2], colors="dimgrey", linewidths=0.6))
 
 
@@ -309,7 +310,8 @@ def _place_labels(spots: list[tuple[str, str, np.ndarray]], ax: Axes) -> None:
     The shortest edges come first, for they have the fewest places.
     """
     low, high = np.array([ax.get_xlim(), ax.get_ylim()]).T
-    size_pt = 72.0 * ax.get_position().size * ax.figure.get_size_inches()
+    figure: Any = ax.figure
+    size_pt = 72.0 * np.array(ax.get_position().size) * figure.get_size_inches()
     unit_per_pt = float(((high - low) / size_pt).max())
     box = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
     taken = np.empty((0, 4))
@@ -319,7 +321,7 @@ def _place_labels(spots: list[tuple[str, str, np.ndarray]], ax: Axes) -> None:
         on_edge = samples[np.argsort(np.abs(np.arange(len(samples)) - len(samples) // 2), kind="stable")]
         places = np.vstack([on_edge, middle + unit_per_pt * _FONT_PT * _AROUND])
         gaps = np.abs(places[:, None] - taken[:, :2]) - (room + taken[:, 2:]) / 2
-        free = (gaps > 0).any(axis=2).all(axis=1)
+        free = np.all((gaps > 0).any(axis=2), axis=1)
         k = int(np.argmax(free))
         x, y = places[k]
         taken = np.vstack([taken, [x, y, *room]])

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import networkx as nx
 import numpy as np
+from numpy.typing import ArrayLike
 
 from aspectgraph.plot.node_places import layout
 from aspectgraph.plot.style import INK, list_colors, list_text, new_axes, text_extent
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.collections import LineCollection, PathCollection
     from matplotlib.text import Text
@@ -109,7 +111,7 @@ def plot_graph(
     return GraphDrawing(ax, nodes, edges, texts, positions)
 
 
-def _checked(eag) -> nx.Graph:
+def _checked(eag: EntityAspectGraph | nx.Graph) -> nx.Graph:
     graph = eag if isinstance(eag, nx.Graph) else eag.graph
     if not len(graph):
         raise ValueError("eag must have at least one node. Got a graph without nodes.")
@@ -127,7 +129,7 @@ def _lists(graph: nx.Graph) -> dict[Hashable, str]:
     return {node: list_text(listed, names) for node, listed in graph.nodes(data="observable")}
 
 
-def _prepare(ax: Axes, positions) -> None:
+def _prepare(ax: Axes, positions: Mapping[Hashable, Any]) -> None:
     points = np.array(list(positions.values()))
     ax.set_axis_off()
     ax.set_aspect("equal", adjustable="datalim")
@@ -138,7 +140,7 @@ def _prepare(ax: Axes, positions) -> None:
     ax.autoscale_view()
 
 
-def _scaled(values, smallest: float, largest: float) -> np.ndarray:
+def _scaled(values: ArrayLike, smallest: float, largest: float) -> np.ndarray:
     """Map positive values to a range by their logarithm."""
     logs = np.log(np.maximum(np.asarray(values, float), np.finfo(float).tiny))
     if not len(logs) or np.ptp(logs) < 1e-9:
@@ -151,12 +153,12 @@ def _shrink(graph: nx.Graph) -> float:
     return 1.0 if len(graph) <= _MANY else 0.6 * _MANY / len(graph)
 
 
-def _only_type_b(data: dict) -> bool:
+def _only_type_b(data: dict[str, Any]) -> bool:
     surfaces = data.get("surfaces", ())
     return bool(surfaces) and all(surface.type == "B" for surface in surfaces)
 
 
-def _draw_edges(graph: nx.Graph, positions, ax: Axes) -> LineCollection:
+def _draw_edges(graph: nx.Graph, positions: Mapping[Hashable, Any], ax: Axes) -> LineCollection:
     from matplotlib.collections import LineCollection
 
     rows = list(graph.edges(data=True))
@@ -171,11 +173,12 @@ def _draw_edges(graph: nx.Graph, positions, ax: Axes) -> LineCollection:
     return lines
 
 
-def _draw_nodes(graph: nx.Graph, positions, colors, ax: Axes) -> PathCollection:
+def _draw_nodes(graph: nx.Graph, positions: Mapping[Hashable, Any], colors: Any, ax: Axes) -> PathCollection:
     points = np.array([positions[node] for node in graph])
     open_domain = [data.get("unbounded", False) for _, data in graph.nodes(data=True)]
     return ax.scatter(
-        *points.T,
+        points[:, 0],
+        points[:, 1],
         s=_shrink(graph) * _scaled([volume for _, volume in graph.nodes(data="volume")], *_NODE_POINTS2),
         c=[colors[node] for node in graph],
         edgecolors=INK,
@@ -185,13 +188,15 @@ def _draw_nodes(graph: nx.Graph, positions, colors, ax: Axes) -> PathCollection:
     )
 
 
-def _draw_labels(graph: nx.Graph, positions, labels, nodes: PathCollection, ax: Axes) -> dict[Hashable, Text]:
+def _draw_labels(
+    graph: nx.Graph, positions: Mapping[Hashable, Any], labels: Mapping[Hashable, str], nodes: PathCollection, ax: Axes
+) -> dict[Hashable, Text]:
     """Write each label below, above or beside its node, wherever it covers least."""
     from matplotlib.patheffects import withStroke
 
     size = 10.0 if len(graph) <= _MANY else 6.5
     radius = np.sqrt(nodes.get_sizes()) / 2.0
-    texts = {}
+    texts: dict[Hashable, Text] = {}
     halo = [withStroke(linewidth=2.5, foreground="white")]
     spots = _Spots(graph, positions, radius, ax)
     for k, node in enumerate(graph):
@@ -217,7 +222,7 @@ def _draw_labels(graph: nx.Graph, positions, labels, nodes: PathCollection, ax: 
 class _Spots:
     """Finds room for labels; all in points (1/72 inch)."""
 
-    def __init__(self, graph: nx.Graph, positions, radius: np.ndarray, ax: Axes):
+    def __init__(self, graph: nx.Graph, positions: Mapping[Hashable, Any], radius: np.ndarray, ax: Axes) -> None:
         scale = 72.0 / ax.figure.dpi
         self._centres = ax.transData.transform(np.array([positions[node] for node in graph])) * scale
         self._radius = radius
@@ -228,7 +233,7 @@ class _Spots:
         self._on_lines = ((1 - share) * ends[:, 0] + share * ends[:, 1]).reshape(-1, 2)
         self._taken: list[np.ndarray] = []
 
-    def best(self, k: int, text: str, size: float):
+    def best(self, k: int, text: str, size: float) -> Any:
         """Offset and alignments of the label of node k."""
         half = 0.5 * size * np.array(text_extent(text))
         gap = self._radius[k] + 2.0
@@ -255,14 +260,14 @@ class _Spots:
 def _draw_legend(graph: nx.Graph, ax: Axes) -> None:
     from matplotlib.lines import Line2D
 
-    def circle(style, label):
+    def circle(style: Any, label: str) -> Artist:
         return ax.scatter([], [], s=90, c="white", edgecolors=INK, linewidths=1.3, linestyles=[style], label=label)
 
     reach = {bool(data.get("unbounded")) for _, data in graph.nodes(data=True) if "unbounded" in data}
     handles = [circle(_DOTS, "open to the workspace's boundary")] if True in reach else []
     handles += [circle("solid", "bounded domain")] if False in reach else []
     types = {_only_type_b(data) for *_, data in graph.edges(data=True) if "surfaces" in data}
-    line = {"color": _EDGE_COLOR, "linewidth": 2.5}
+    line: dict[str, Any] = {"color": _EDGE_COLOR, "linewidth": 2.5}
     handles += [Line2D([], [], **line, label="boundary with a type A surface")] if False in types else []
     handles += [Line2D([], [], **line, linestyle=_DASHES, label="type B surfaces only")] if True in types else []
     if handles:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator
+from typing import Any
 
 import networkx as nx
 import numpy as np
@@ -57,7 +58,7 @@ def _placements(graph: nx.Graph) -> Iterator[np.ndarray]:
         yield least_stress(distances, _array(graph, start))
 
 
-def _array(graph: nx.Graph, places: dict) -> np.ndarray:
+def _array(graph: nx.Graph, places: dict[str, Any]) -> np.ndarray:
     return np.array([places[node] for node in graph], float).reshape(-1, 2)
 
 
@@ -96,7 +97,7 @@ def crossings(graph: nx.Graph, points: np.ndarray) -> int:
     pairs = np.array([(place[i], place[j]) for i, j in graph.edges], int).reshape(-1, 2)
     start, end = points[pairs[:, 0]], points[pairs[:, 1]]
 
-    def side(q):
+    def side(q: np.ndarray) -> np.ndarray:
         d, r = (end - start)[:, None], q[None] - start[:, None]
         return d[..., 0] * r[..., 1] - d[..., 1] * r[..., 0]
 
@@ -117,5 +118,5 @@ def hits(graph: nx.Graph, points: np.ndarray) -> int:
     return int(((distance < _NEAR) & ~ends).sum())
 
 
-def _rank(data: dict) -> int:
+def _rank(data: dict[str, Any]) -> int:
     return len(data["observable"]) if "observable" in data else data.get("n_visible", 0)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
+from numpy.typing import ArrayLike
 
 from aspectgraph.exceptions import WorkspaceError
 from aspectgraph.plot.clip import box_around, polygon_parts, polygon_union, section_axes, section_polygon
@@ -52,7 +53,12 @@ class SectionDrawing:
 
 
 def plot_section(
-    eag: EntityAspectGraph, ax: Axes | None = None, *, axis: str = "z", at: float | None = None, box=None
+    eag: EntityAspectGraph,
+    ax: Axes | None = None,
+    *,
+    axis: str = "z",
+    at: float | None = None,
+    box: ArrayLike | None = None,
 ) -> SectionDrawing:
     """Draw the viewing domains in a cross-section.
 
@@ -108,7 +114,7 @@ def plot_section(
     return SectionDrawing(ax, domains, solid, surfaces)
 
 
-def section_domains(eag: EntityAspectGraph, axis: int, at: float, window: np.ndarray) -> dict:
+def section_domains(eag: EntityAspectGraph, axis: int, at: float, window: np.ndarray) -> dict[Hashable, Any]:
     """Return the cross-section of each domain that has one inside a window (2, 2), as shapely geometry by node."""
     size = float(np.ptp(window, axis=0).max())
     # a section through a wall between cells would show both of them
@@ -123,7 +129,7 @@ def section_domains(eag: EntityAspectGraph, axis: int, at: float, window: np.nda
     return domains
 
 
-def _fill(eag: EntityAspectGraph, domains: dict, solid, ax: Axes) -> None:
+def _fill(eag: EntityAspectGraph, domains: dict[Hashable, Any], solid: Any, ax: Axes) -> None:
     from matplotlib.patches import PathPatch
 
     colors = list_colors(eag.graph)
@@ -133,7 +139,7 @@ def _fill(eag: EntityAspectGraph, domains: dict, solid, ax: Axes) -> None:
         ax.add_patch(PathPatch(_path(solid), facecolor="#8b949f", edgecolor=INK, linewidth=1.2, zorder=2))
 
 
-def _path(geometry):
+def _path(geometry: Any) -> Any:
     from matplotlib.path import Path
 
     polygons = [part for part in getattr(geometry, "geoms", [geometry]) if part.geom_type == "Polygon"]
@@ -143,13 +149,15 @@ def _path(geometry):
     return Path.make_compound_path(*(Path(np.asarray(ring.coords), closed=True) for ring in rings))
 
 
-def _draw_surfaces(eag, domains: dict, axis: int, at: float, window: np.ndarray, ax: Axes) -> dict:
+def _draw_surfaces(
+    eag: EntityAspectGraph, domains: dict[Hashable, Any], axis: int, at: float, window: np.ndarray, ax: Axes
+) -> dict[str, Any]:
     from matplotlib.collections import LineCollection
 
-    lines: dict[str, list] = {"A": [], "B": []}
+    lines: dict[str, list[Any]] = {"A": [], "B": []}
     for i, j, surfaces in eag.graph.edges(data="surfaces"):
         if i in domains and j in domains:
-            types: dict[tuple, str] = {}
+            types: dict[tuple[Any, ...], str] = {}
             for surface in surfaces:
                 types[surface.plane] = min(surface.type, types.get(surface.plane, "B"))
             for plane, kind in types.items():
@@ -169,7 +177,9 @@ def _draw_surfaces(eag, domains: dict, axis: int, at: float, window: np.ndarray,
     return drawn
 
 
-def _shared_lines(one, other, plane, axis: int, at: float, window: np.ndarray) -> list[np.ndarray]:
+def _shared_lines(
+    one: Any, other: Any, plane: tuple[float, ...], axis: int, at: float, window: np.ndarray
+) -> list[np.ndarray]:
     """Return the stretches of a plane's trace that run between two cross-sections."""
     u, v = section_axes(axis)
     normal, offset = np.array([plane[u], plane[v]]), plane[3] - plane[axis] * at
@@ -200,11 +210,18 @@ def _draw_entities(eag: EntityAspectGraph, axis: int, at: float, window: np.ndar
         x, y = (a + (at - a[axis]) / (b[axis] - a[axis]) * (b - a))[[u, v]]
         if (window[0] <= (x, y)).all() and ((x, y) <= window[1]).all():
             ax.plot(x, y, "o", color="white", markeredgecolor=INK, markersize=7, zorder=4)
-            style = {"ha": "center", "va": "top", "weight": "bold", "color": INK, "path_effects": halo, "zorder": 5}
+            style: dict[str, Any] = {
+                "ha": "center",
+                "va": "top",
+                "weight": "bold",
+                "color": INK,
+                "path_effects": halo,
+                "zorder": 5,
+            }
             ax.annotate(name, (x, y), (0, -6), textcoords="offset points", fontsize=9, **style)
 
 
-def _label(eag: EntityAspectGraph, domains: dict, window: np.ndarray, ax: Axes) -> None:
+def _label(eag: EntityAspectGraph, domains: dict[Hashable, Any], window: np.ndarray, ax: Axes) -> None:
     """Write each list into every piece of its domain that has room for it."""
     size = float(np.ptp(window, axis=0).max())
     extent = ax.get_window_extent()
@@ -216,6 +233,12 @@ def _label(eag: EntityAspectGraph, domains: dict, window: np.ndarray, ax: Axes) 
             for points in _FONT_POINTS:
                 half = 0.5 * points * mm_per_point * np.array(text_extent(text))
                 if part.contains(shapely.box(x - half[0], y - half[1], x + half[0], y + half[1])):
-                    style = {"ha": "center", "va": "center", "linespacing": 0.95, "zorder": 4, "color": INK}
+                    style: dict[str, Any] = {
+                        "ha": "center",
+                        "va": "center",
+                        "linespacing": 0.95,
+                        "zorder": 4,
+                        "color": INK,
+                    }
                     ax.text(x, y, text, fontsize=points, **style)
                     break

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from aspectgraph.exceptions import AspectGraphError
 from aspectgraph.plot.clip import box_around, box_half_spaces, domain_facets
@@ -26,7 +27,7 @@ _MOST_VISIBLE = 3
 _MARGIN = 0.4
 
 
-def plot_solid(part, entities: Mapping[str, Entity] | None = None) -> Figure:
+def plot_solid(part: Any, entities: Mapping[str, Entity] | None = None) -> Figure:
     """Draw a part with its named entities; pointing at one shows its length and ends.
 
     Parameters
@@ -48,7 +49,11 @@ def plot_solid(part, entities: Mapping[str, Entity] | None = None) -> Figure:
 
 
 def plot_domains(
-    eag: EntityAspectGraph, nodes: Iterable[Hashable] | None = None, *, box=None, opacity: float = 0.22
+    eag: EntityAspectGraph,
+    nodes: Iterable[Hashable] | None = None,
+    *,
+    box: ArrayLike | None = None,
+    opacity: float = 0.22,
 ) -> Figure:
     """Draw viewing domains around a part, cut down to a box.
 
@@ -96,7 +101,7 @@ def plot_domains(
     return _figure(traces, eag.solid, eag.entities, legend="viewing domains")
 
 
-def entity_traces(solid: Solid, entities: Mapping[str, Entity]) -> list:
+def entity_traces(solid: Solid, entities: Mapping[str, Entity]) -> list[Any]:
     """Return entities as plotly traces: a thick line each, and the names."""
     import plotly.graph_objects as go
 
@@ -105,7 +110,7 @@ def entity_traces(solid: Solid, entities: Mapping[str, Entity]) -> list:
     points = [_polyline(entity) for entity in entities.values()]
     texts = [_entity_text(entity) for entity in entities.values()]
     hover = [text for text, row in zip(texts, points, strict=True) for text in [text] * (len(row) + 1)]
-    style = {"color": _ENTITY, "width": 9, "name": "entities", "legendgroup": "entities"}
+    style: dict[str, Any] = {"color": _ENTITY, "width": 9, "name": "entities", "legendgroup": "entities"}
     lines = line_trace(points, hovertext=hover, hoverinfo="text", **style)
     away = 0.03 * float(np.linalg.norm(np.ptp(solid.bounds, axis=0)))
     outwards = [_normals(solid, entity).sum(axis=0) for entity in entities.values()]
@@ -128,7 +133,7 @@ def entity_traces(solid: Solid, entities: Mapping[str, Entity]) -> list:
 
 def _polyline(entity: Entity) -> np.ndarray:
     """Return the line to draw: nine points of an edge, the chords of a rim or arc."""
-    return np.linspace(*entity.endpoints, 9) if entity.kind == "edge" else entity.outline
+    return np.linspace(entity.endpoints[0], entity.endpoints[1], 9) if entity.kind == "edge" else entity.outline
 
 
 def _normals(solid: Solid, entity: Entity) -> np.ndarray:
@@ -140,7 +145,7 @@ def _normals(solid: Solid, entity: Entity) -> np.ndarray:
 def best_view(solid: Solid, entities: Mapping[str, Entity]) -> tuple[float, float, float]:
     """Return the standard direction of view that faces most entities: one face at a convex edge, both at another."""
 
-    def n_facing(direction) -> int:
+    def n_facing(direction: tuple[float, float, float]) -> int:
         towards = [_normals(solid, entity) @ direction > 0 for entity in entities.values()]
         convex = [solid.edges[entity.edge_ids[0]].dihedral_deg > 0 for entity in entities.values()]
         return sum(any(t) if c else all(t) for t, c in zip(towards, convex, strict=True))
@@ -157,12 +162,14 @@ def _entity_text(entity: Entity) -> str:
     return f"<b>{entity.name}</b><br>{np.linalg.norm(np.ptp(entity.endpoints, axis=0)):.6g} mm<br>{ends} mm"
 
 
-def _domain_traces(eag: EntityAspectGraph, node, box: np.ndarray, color: str, opacity: float, shown: bool) -> list:
+def _domain_traces(
+    eag: EntityAspectGraph, node: Any, box: np.ndarray, color: str, opacity: float, shown: bool
+) -> list[Any]:
     data = eag.graph.nodes[node]
     cells = list(eag.cells(node))
     facets = domain_facets(cells, eag.solid, box)
     title = f"{node}: {list_text(data['observable'], eag.entity_names, width=30, newline='<br>')}"
-    together = {"legendgroup": f"domain {node}", "visible": True if shown else "legendonly"}
+    together: dict[str, Any] = {"legendgroup": f"domain {node}", "visible": True if shown else "legendonly"}
     if not facets:
         title += " (not in this picture)"
     surface = surface_trace(facets, color=color, opacity=opacity, name=title, **together)
@@ -173,7 +180,9 @@ def _domain_traces(eag: EntityAspectGraph, node, box: np.ndarray, color: str, op
     return [surface, outline, *_viewpoint_traces(eag, node, cells, box, color, together)]
 
 
-def _viewpoint_traces(eag: EntityAspectGraph, node, cells, box: np.ndarray, color: str, together: dict) -> list:
+def _viewpoint_traces(
+    eag: EntityAspectGraph, node: Any, cells: Any, box: np.ndarray, color: str, together: dict[str, Any]
+) -> list[Any]:
     import plotly.graph_objects as go
 
     data = eag.graph.nodes[node]
@@ -212,7 +221,7 @@ def _viewpoint_traces(eag: EntityAspectGraph, node, cells, box: np.ndarray, colo
     return [marker, sight]
 
 
-def _deepest(cells, box: np.ndarray) -> np.ndarray:
+def _deepest(cells: Any, box: np.ndarray) -> np.ndarray:
     """Return the centre of the largest ball in one of the cells and the box."""
     from scipy.optimize import linprog
 
@@ -226,6 +235,6 @@ def _deepest(cells, box: np.ndarray) -> np.ndarray:
     return best
 
 
-def _figure(traces: list, solid: Solid, entities: Mapping[str, Entity], legend: str) -> Figure:
+def _figure(traces: list[Any], solid: Solid, entities: Mapping[str, Entity], legend: str) -> Figure:
     figure = scene_figure(traces, best_view(solid, entities), title=solid.name)
     return figure.update_layout(legend={"title": {"text": legend}}, uirevision="domains")

@@ -12,6 +12,8 @@ import networkx as nx
 from aspectgraph.exceptions import MissingExtraError
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from aspectgraph.solid.solid import Solid
     from aspectgraph.solid.topology import Edge
 
@@ -93,10 +95,8 @@ def list_text(listed: Sequence[str], names: Sequence[str], width: int = 12, newl
 
 def _follows(name: str, other: str) -> bool:
     """Whether two names are alike but for a last number, which is one higher in the other."""
-    stems, numbers = zip(
-        *(re.fullmatch(r"(.*?)(\d*)", text, re.DOTALL).groups() for text in (name, other)), strict=True
-    )
-    return stems[0] == stems[1] and all(numbers) and int(numbers[0]) + 1 == int(numbers[1])
+    (stem, number), (other_stem, other_number) = (re.findall(r"(?s)\A(.*?)(\d*)\Z", text)[0] for text in (name, other))
+    return bool(stem == other_stem and number and other_number and int(number) + 1 == int(other_number))
 
 
 def text_extent(text: str) -> tuple[float, float]:
@@ -105,7 +105,7 @@ def text_extent(text: str) -> tuple[float, float]:
     return 0.58 * max(map(len, lines)), 1.2 * len(lines)
 
 
-def new_axes(figsize: tuple[float, float]):
+def new_axes(figsize: tuple[float, float]) -> Axes:
     """Return matplotlib axes in a new pyplot figure.
 
     Raises

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _LIGHT = np.array([0.35, -0.5, 0.8])
 
 
-def part_traces(solid: Solid) -> list:
+def part_traces(solid: Solid) -> list[Any]:
     """Return the faces and the sharp edges of a part."""
     import plotly.graph_objects as go
 
@@ -39,7 +39,7 @@ def part_traces(solid: Solid) -> list:
 
 
 def line_trace(
-    polylines: Iterable[np.ndarray], *, color: str, width: float, name: str, dash: str = "solid", **options
+    polylines: Iterable[np.ndarray], *, color: str, width: float, name: str, dash: str = "solid", **options: Any
 ) -> Scatter3d:
     """Return polylines, shape (n, 3) each, as one trace; each takes n + 1 of its points."""
     import plotly.graph_objects as go
@@ -50,7 +50,7 @@ def line_trace(
     return go.Scatter3d(**xyz(rows), mode="lines", line=line, name=name, **options)
 
 
-def surface_trace(facets: Sequence[Facet], *, color: str, opacity: float, name: str, **options) -> Mesh3d:
+def surface_trace(facets: Sequence[Facet], *, color: str, opacity: float, name: str, **options: Any) -> Mesh3d:
     """Return a domain's surface as one translucent mesh."""
     import plotly.graph_objects as go
 
@@ -70,7 +70,7 @@ def surface_trace(facets: Sequence[Facet], *, color: str, opacity: float, name: 
     )
 
 
-def scene_figure(traces: list, eye: Sequence[float], title: str = "") -> Figure:
+def scene_figure(traces: list[Any], eye: Sequence[float], title: str = "") -> Figure:
     """Return traces in a scene with axes in mm.
 
     Parameters
@@ -101,11 +101,11 @@ def scene_figure(traces: list, eye: Sequence[float], title: str = "") -> Figure:
     return figure
 
 
-def xyz(points) -> dict:
+def xyz(points: Any) -> dict[str, Any]:
     """Return points, shape (n, 3), as plotly's three coordinates."""
     return dict(zip("xyz", np.asarray(points, float).reshape(-1, 3).T, strict=True))
 
 
-def point_text(point) -> str:
+def point_text(point: Any) -> str:
     """Return a point as ``(x, y, z)``, four digits each."""
     return "(" + ", ".join(f"{value:.4g}" for value in point) + ")"

@@ -68,7 +68,9 @@ def _in_order(label: np.ndarray) -> np.ndarray:
 class _Grower:
     """State of `group_coplanar`."""
 
-    def __init__(self, corners, area_vectors, neighbour, tolerance_mm):
+    def __init__(
+        self, corners: np.ndarray, area_vectors: np.ndarray, neighbour: np.ndarray, tolerance_mm: float
+    ) -> None:
         self.corners, self.area_vectors = corners, area_vectors
         self.areas = np.linalg.norm(area_vectors, axis=1)
         self.neighbour = neighbour.tolist()

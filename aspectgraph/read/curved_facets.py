@@ -51,6 +51,7 @@ FLAT_SHARE = 0.25
 SHARP_SHARE = 2.0
 """A curved surface ends where it turns by more than this many times what it turns inside."""
 
+# a turn that rounding of the vertices explains
 _FLAT_DEG = 1e-3
 
 
@@ -169,7 +170,9 @@ def _sharp(turns: np.ndarray, edge_strips: np.ndarray, facet: np.ndarray, bends:
     return sharp
 
 
-def _chords(facet: np.ndarray, edge_vertices, edge_strips, smooth: np.ndarray, inner: np.ndarray) -> np.ndarray:
+def _chords(
+    facet: np.ndarray, edge_vertices: np.ndarray, edge_strips: np.ndarray, smooth: np.ndarray, inner: np.ndarray
+) -> np.ndarray:
     of_facet = facet[edge_strips]
     curved = smooth & of_facet.any(axis=1)
     rims: set[tuple[int, int]] = set()

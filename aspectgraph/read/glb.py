@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import struct
+from typing import Any
 
 import numpy as np
 
@@ -50,7 +51,7 @@ def parse_glb(data: bytes, most_triangles: int = 5_000_000) -> tuple[np.ndarray,
         raise ReadError(f"a GLB file must be whole and follow glTF 2.0. Got {type(error).__name__}: {text}.") from error
 
 
-def _gather(document: dict, binary: bytes, most_triangles: int) -> tuple[np.ndarray, np.ndarray]:
+def _gather(document: dict[str, Any], binary: bytes, most_triangles: int) -> tuple[np.ndarray, np.ndarray]:
     vertices, triangles = [], []
     n = n_triangles = 0
     for matrix, mesh in _placed_meshes(document):
@@ -71,13 +72,14 @@ def _gather(document: dict, binary: bytes, most_triangles: int) -> tuple[np.ndar
     return np.concatenate(vertices), np.concatenate(triangles)
 
 
-def _split_chunks(data: bytes) -> tuple[dict, bytes]:
+def _split_chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
     magic, version, length = struct.unpack_from("<4sII", data)
     if magic != b"glTF" or version != 2 or length > len(data):
         raise ReadError(
             f"a GLB file must begin with glTF, version 2, and be {length} bytes long. Got {len(data)} bytes."
         )
-    chunks, at = {}, 12
+    chunks: dict[bytes, bytes] = {}
+    at = 12
     while at + 8 <= length:
         size, kind = struct.unpack_from("<I4s", data, at)
         chunks.setdefault(kind, data[at + 8 : at + 8 + size])
@@ -85,20 +87,20 @@ def _split_chunks(data: bytes) -> tuple[dict, bytes]:
     return json.loads(chunks[b"JSON"].decode("utf-8")), chunks.get(b"BIN\0", b"")
 
 
-def _at(items: list, index: int):
+def _at(items: list[Any], index: int) -> Any:
     """Return an item of a list of the document; Python would take -1 and True as well."""
     if type(index) is not int or not 0 <= index < len(items):
         raise ReadError(f"the numbers in a GLB file must be those of things in it. Got {str(index)[:40]}.")
     return items[index]
 
 
-def _natural(value) -> int:
+def _natural(value: object) -> int:
     if type(value) is not int or value < 0:
         raise ReadError(f"counts and offsets in a GLB file must be whole numbers from 0. Got {str(value)[:40]}.")
     return value
 
 
-def _placed_meshes(document: dict) -> list[tuple[np.ndarray, int]]:
+def _placed_meshes(document: dict[str, Any]) -> list[tuple[np.ndarray, int]]:
     """Return every mesh of the scene with its 4x4 placement.
 
     The standard has nodes form trees, so each is visited once: the work is bounded by the size of the file.
@@ -120,12 +122,12 @@ def _placed_meshes(document: dict) -> list[tuple[np.ndarray, int]]:
     return placed
 
 
-def _parentless(nodes: list[dict]) -> list[int]:
+def _parentless(nodes: list[dict[str, Any]]) -> list[int]:
     children = {child for node in nodes for child in node.get("children", [])}
     return [i for i in range(len(nodes)) if i not in children]
 
 
-def _local_matrix(node: dict) -> np.ndarray:
+def _local_matrix(node: dict[str, Any]) -> np.ndarray:
     if "matrix" in node:
         matrix = _reals(node["matrix"], 16).reshape(4, 4).T
         if (matrix[3] != (0, 0, 0, 1)).any():
@@ -145,14 +147,16 @@ def _local_matrix(node: dict) -> np.ndarray:
     return matrix
 
 
-def _reals(values, n: int) -> np.ndarray:
+def _reals(values: Any, n: int) -> np.ndarray:
     numbers = len(values) == n and all(type(value) in (int, float) and math.isfinite(value) for value in values)
     if not numbers:
         raise ReadError(f"the placement of a GLB node must be {n} finite numbers. Got {str(values)[:60]}.")
     return np.array(values, dtype=np.float64)
 
 
-def _read_primitive(document: dict, binary: bytes, primitive: dict) -> tuple[np.ndarray, np.ndarray]:
+def _read_primitive(
+    document: dict[str, Any], binary: bytes, primitive: dict[str, Any]
+) -> tuple[np.ndarray, np.ndarray]:
     """Return views of the points (n, 3) and the triangles (t, 3) of a primitive."""
     mode = primitive.get("mode", _TRIANGLES)
     if type(mode) is not int or mode != _TRIANGLES:
@@ -167,7 +171,7 @@ def _read_primitive(document: dict, binary: bytes, primitive: dict) -> tuple[np.
     return points, corners.reshape(-1, 3)
 
 
-def _read_accessor(document: dict, binary: bytes, index: int, kind: str) -> np.ndarray:
+def _read_accessor(document: dict[str, Any], binary: bytes, index: int, kind: str) -> np.ndarray:
     accessor = _at(document["accessors"], index)
     if "sparse" in accessor or "bufferView" not in accessor:
         raise ReadError(f"GLB accessors must be plain. Got a sparse one, number {index}.")

@@ -6,6 +6,7 @@ The notation is that of `coplanar`.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -74,7 +75,7 @@ def join_facets(tessellation: Tessellation, tolerance_mm: float) -> tuple[np.nda
     return _joined(tessellation, tolerance_mm)[:3]
 
 
-def _joined(tessellation: Tessellation, tolerance_mm: float):
+def _joined(tessellation: Tessellation, tolerance_mm: float) -> Any:
     """Do what `join_facets` does; return also the new index of every vertex in use."""
     vertices, triangles = tessellation.vertices, tessellation.triangles
     corners = [Face(tuple(row)) for row in triangles.tolist()]
@@ -121,7 +122,9 @@ def _as_face(vertices: np.ndarray, cycles: list[list[int]], curved: bool) -> Fac
     return Face(tuple(cycles[outer]), holes, curved)
 
 
-def _renumber(faces: list[Face], curved_edges: set[tuple[int, int]]):
+def _renumber(
+    faces: list[Face], curved_edges: set[tuple[int, int]]
+) -> tuple[list[int], list[Face], set[tuple[int, int]]]:
     """Drop unused vertices: return the old indices in use, and faces and edges in new indices."""
     used = sorted({v for face in faces for loop in face.loops for v in loop})
     new = {old: i for i, old in enumerate(used)}

@@ -38,7 +38,7 @@ class ReadLimits:
     file_mb: float = 256.0
     triangles: int = 5_000_000
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("time_s", "memory_mb", "file_mb", "triangles"):
             value = getattr(self, name)
             if not 0 < value < math.inf:

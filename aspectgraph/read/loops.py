@@ -5,6 +5,8 @@ The notation is that of `coplanar`.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 
@@ -35,7 +37,9 @@ def _after(h: int) -> int:
 
 def _split_at_repeats(cycle: list[int]) -> list[list[int]]:
     """Cut a cycle that touches itself in vertices into cycles that do not."""
-    simple, path, place = [], [], {}
+    simple: list[list[int]] = []
+    path: list[int] = []
+    place: dict[int, int] = {}
     for v in cycle:
         if v in place:
             cut = place[v]
@@ -82,7 +86,9 @@ def _pair(a: int, b: int) -> tuple[int, int]:
     return (a, b) if a < b else (b, a)
 
 
-def _idle_vertices(vertices, loops, curved_edges, tolerance_mm) -> set[int]:
+def _idle_vertices(
+    vertices: np.ndarray, loops: list[list[list[int]]], curved_edges: Iterable[tuple[int, int]], tolerance_mm: float
+) -> set[int]:
     neighbours: dict[int, set[int]] = {}
     visits: dict[int, int] = {}
     for cycles in loops:
@@ -112,7 +118,7 @@ def _idle_inside(vertices: np.ndarray, run: list[int], tolerance_mm: float) -> s
     return _idle_inside(vertices, run[: far + 1], tolerance_mm) | _idle_inside(vertices, run[far:], tolerance_mm)
 
 
-def _spare_short_cycles(loops, idle: set[int]) -> set[int]:
+def _spare_short_cycles(loops: list[list[list[int]]], idle: set[int]) -> set[int]:
     """Keep all vertices of cycles that would lose too many."""
     for cycles in loops:
         for cycle in cycles:

@@ -12,6 +12,8 @@ What is done, in this order
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from aspectgraph.exceptions import OrientationError, ReadError
@@ -93,10 +95,13 @@ def read_mesh(
     return Solid(vertices, faces, curved_edges=curved_edges, name=name, planarity_mm=2 * tolerance, notes=notes)
 
 
-def _parse(data: bytes, suffix: str, notes: list[str], most_triangles: int):
+def _parse(
+    data: bytes, suffix: str, notes: list[str], most_triangles: int
+) -> tuple[np.ndarray, np.ndarray | list[list[int]]]:
     """Return vertices and polygons as the format has them."""
     if suffix == ".glb":
         return parse_glb(data, most_triangles)
+    polygons: np.ndarray | list[list[int]]
     if suffix == ".stl":
         vertices, polygons = parse_stl(data, notes)
     elif suffix == ".obj":
@@ -119,12 +124,12 @@ def _scale(units: str | None, suffix: str) -> float:
     return UNITS_MM[units]
 
 
-def _welded_triangles(vertices: np.ndarray, polygons, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
+def _welded_triangles(vertices: np.ndarray, polygons: Any, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
     """Merge equal vertices and cut polygons into triangles."""
     vertices, new = weld(vertices)
     if isinstance(polygons, np.ndarray):
         return vertices, drop_repetitions(new[polygons], notes)
-    triangles = []
+    triangles: list[tuple[int, ...]] = []
     for f, polygon in enumerate(polygons):
         loop = [int(new[v]) for v in polygon]
         loop = [v for v, w in zip(loop, [loop[-1], *loop[:-1]], strict=True) if v != w]
@@ -144,7 +149,9 @@ def _cut_polygon(vertices: np.ndarray, loop: list[int], f: int) -> list[tuple[in
     return triangulate_face(vertices, Face(tuple(loop)), normal, f"polygon {f} of the file").tolist()
 
 
-def _close(vertices, triangles, weld_mm: float, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
+def _close(
+    vertices: np.ndarray, triangles: np.ndarray, weld_mm: float, notes: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
     """Try the repairs of step 3; return the mesh unchanged if none of them closes it."""
     if is_closed(triangles):
         return vertices, triangles

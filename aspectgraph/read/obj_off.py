@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 
@@ -78,8 +79,8 @@ def parse_off(data: bytes) -> tuple[np.ndarray, list[list[int]]]:
     ReadError
         The file is binary, of another dimension than three, cut off or malformed.
     """
-    rows = [line.split("#", 1)[0].split() for line in decode_text(data).splitlines()]
-    rows = [(number, row) for number, row in enumerate(rows, start=1) if row]
+    lines = [line.split("#", 1)[0].split() for line in decode_text(data).splitlines()]
+    rows = [(number, row) for number, row in enumerate(lines, start=1) if row]
     keyword = rows[0][1][0] if rows else ""
     if not _OFF_KEYWORD.fullmatch(keyword) or "BINARY" in (word.upper() for word in rows[0][1]):
         raise ReadError(f"a text OFF file must begin with OFF, COFF, NOFF or STOFF. Got {keyword[:20]!r}.")
@@ -134,7 +135,7 @@ def _floats(words: list[str], number: int, kind: str) -> list[float]:
     return values
 
 
-def _checked(vertices: list, polygons: list[list[int]], kind: str) -> tuple[np.ndarray, list[list[int]]]:
+def _checked(vertices: list[Any], polygons: list[list[int]], kind: str) -> tuple[np.ndarray, list[list[int]]]:
     for f, polygon in enumerate(polygons):
         if len(polygon) < 3:
             raise ReadError(f"an {kind} face must have at least 3 vertices. Got {len(polygon)} in face {f}.")

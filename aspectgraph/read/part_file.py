@@ -8,6 +8,7 @@ import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from aspectgraph.exceptions import PartFileNotFoundError, ReadError
 from aspectgraph.read.limits import ReadLimits
@@ -105,7 +106,12 @@ def read_solid(
     raise ReadError(f"a part file must end in one of {known} (or one of these and .gz). Got {path.name!r}.")
 
 
-def _check_tolerances(chord_tolerance_mm, angular_tolerance_deg, planarity_mm, gap_mm) -> None:
+def _check_tolerances(
+    chord_tolerance_mm: float | None,
+    angular_tolerance_deg: float | None,
+    planarity_mm: float | None,
+    gap_mm: float | None,
+) -> None:
     lengths = {"chord_tolerance_mm": chord_tolerance_mm, "planarity_mm": planarity_mm, "gap_mm": gap_mm}
     for label, value in lengths.items():
         if value is not None and not 0 < value < float("inf"):
@@ -121,7 +127,7 @@ def _check_units(units: str | None, path: Path) -> None:
         )
 
 
-def _read_step(path: Path, content: bytes, packed: bool, options: dict) -> Solid:
+def _read_step(path: Path, content: bytes, packed: bool, options: dict[str, Any]) -> Solid:
     with _plain(path, content, packed) as plain:
         return read_step(plain, **options)
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -58,7 +60,7 @@ def parse_ply(data: bytes) -> tuple[np.ndarray, list[list[int]]]:
     return vertices, polygons
 
 
-def _polygon(values, f: int) -> list[int]:
+def _polygon(values: Sequence[float], f: int) -> list[int]:
     """Return the vertex numbers of a face; a file may store them as real numbers, but not fractions."""
     values = list(values)
     if not all(math.isfinite(value) and value == int(value) for value in values):
@@ -66,7 +68,7 @@ def _polygon(values, f: int) -> list[int]:
     return [int(value) for value in values]
 
 
-def _columns(rows: list, names: list[str]) -> np.ndarray:
+def _columns(rows: list[Any], names: list[str]) -> np.ndarray:
     try:
         columns = [names.index(axis) for axis in "xyz"]
         return np.array([[float(row[c]) for c in columns] for row in rows], dtype=np.float64).reshape(-1, 3)
@@ -83,7 +85,8 @@ def _parse_header(data: bytes) -> tuple[str, list[_Element], bytes]:
         raise ReadError("a PLY file must begin with a header from ply to end_header. Got none.")
     line_end = data.find(b"\n", end)
     body = data[line_end + 1 :] if line_end >= 0 else b""
-    order, elements = None, []
+    order: str | None = None
+    elements: list[_Element] = []
     for line in decode_text(data[:end]).splitlines():
         words = line.split()
         try:
@@ -121,11 +124,11 @@ def _count(word: str) -> int:
 
 
 class _TextSource:
-    def __init__(self, body: bytes):
+    def __init__(self, body: bytes) -> None:
         self.words = decode_text(body).split()
         self.at = 0
 
-    def read(self, element: _Element) -> list[list]:
+    def read(self, element: _Element) -> list[list[Any]]:
         # every value is a word, and every list begins with one: no more rows than that are ever made
         if not element.properties:
             return []
@@ -138,13 +141,13 @@ class _TextSource:
         except ValueError as error:
             raise ReadError(f"a PLY value must be a number of its type. Got {error} in {element.name}.") from error
 
-    def _value(self, prop: tuple[str, ...]):
+    def _value(self, prop: tuple[str, ...]) -> Any:
         if len(prop) == 2:
             return self._next(prop[1])
         count = self._next(prop[1])
         if count < 0:
             raise ValueError(f"a list of {count}")
-        return [self._next(prop[2]) for _ in range(count)]
+        return [self._next(prop[2]) for _ in range(int(count))]
 
     def _next(self, kind: str) -> int | float:
         self.at += 1
@@ -157,10 +160,10 @@ class _TextSource:
 
 
 class _BinarySource:
-    def __init__(self, body: bytes, order: str):
+    def __init__(self, body: bytes, order: str) -> None:
         self.body, self.order, self.at = body, order, 0
 
-    def read(self, element: _Element) -> list[list]:
+    def read(self, element: _Element) -> list[list[Any]]:
         if not element.properties:
             return []
         if element.count * len(element.properties) > len(self.body) - self.at:
@@ -180,7 +183,7 @@ class _BinarySource:
         self.at += dtype.itemsize * count
         return taken
 
-    def _value(self, prop: tuple[str, ...]):
+    def _value(self, prop: tuple[str, ...]) -> Any:
         if len(prop) == 2:
             return self._take(np.dtype(self.order + prop[1]), 1)[0]
         count = int(self._take(np.dtype(self.order + prop[1]), 1)[0])

@@ -8,6 +8,7 @@ What breaks a rule is refused with its place.
 from aspectgraph.solid.checks import check_vertices, default_planarity_mm, face_area_vectors
 from aspectgraph.solid.circles import Circle, CircularEdge, fit_circle
 from aspectgraph.solid.places import describe_point
+from aspectgraph.solid.ray_scene import RayScene
 from aspectgraph.solid.rims import SHARP_DEG, Arc, Rim
 from aspectgraph.solid.self_contact import segment_distance, side_distances
 from aspectgraph.solid.shells import face_outwards
@@ -30,6 +31,7 @@ __all__ = [
     "CircularEdge",
     "Edge",
     "Face",
+    "RayScene",
     "Rim",
     "Solid",
     "check_fans",

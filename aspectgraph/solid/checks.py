@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from aspectgraph.exceptions import PlanarityError, SolidError
 from aspectgraph.solid.places import describe_point
@@ -15,7 +16,7 @@ RELATIVE_PLANARITY = 1e-6
 """Default planarity tolerance as a fraction of the bounding box diagonal."""
 
 
-def check_vertices(vertices) -> np.ndarray:
+def check_vertices(vertices: ArrayLike) -> np.ndarray:
     """Return `vertices` as a read-only float64 array of shape (n, 3).
 
     Raises

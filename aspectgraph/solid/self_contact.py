@@ -25,11 +25,20 @@ _FOLDED_DEG = 180.0 - 1e-6
 class Surface(Protocol):
     """What is read of a solid here; see `Solid` for shapes and units."""
 
-    vertices: np.ndarray
-    edges: Sequence[Edge]
-    triangles: np.ndarray
-    triangle_face: np.ndarray
-    face_shell: np.ndarray
+    @property
+    def vertices(self) -> np.ndarray: ...  # noqa: D102
+
+    @property
+    def edges(self) -> Sequence[Edge]: ...  # noqa: D102
+
+    @property
+    def triangles(self) -> np.ndarray: ...  # noqa: D102
+
+    @property
+    def triangle_face(self) -> np.ndarray: ...  # noqa: D102
+
+    @property
+    def face_shell(self) -> np.ndarray: ...  # noqa: D102
 
 
 def check_contacts(solid: Surface) -> None:

@@ -13,8 +13,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from aspectgraph.exceptions import SolidError
 from aspectgraph.solid.checks import (
@@ -99,15 +101,15 @@ class Solid:
 
     def __init__(
         self,
-        vertices,
-        faces: Iterable[Face | Sequence],
+        vertices: ArrayLike,
+        faces: Iterable[Face | Sequence[Any]],
         *,
         curved_edges: Iterable[tuple[int, int]] = (),
         name: str = "",
         planarity_mm: float | None = None,
         notes: Iterable[str] = (),
         circular_edges: Iterable[CircularEdge] | None = None,
-    ):
+    ) -> None:
         self.name = name
         self.notes = tuple(notes)
         self.circular_edges = None if circular_edges is None else tuple(circular_edges)
@@ -136,7 +138,9 @@ class Solid:
         normals.flags.writeable = False
         return normals
 
-    def _build_edges(self, edge_vertices, edge_faces, curved_edges) -> tuple[Edge, ...]:
+    def _build_edges(
+        self, edge_vertices: np.ndarray, edge_faces: np.ndarray, curved_edges: Iterable[tuple[int, int]]
+    ) -> tuple[Edge, ...]:
         curved = {(min(pair), max(pair)) for pair in curved_edges}
         unknown = curved - set(map(tuple, np.sort(edge_vertices, axis=1).tolist()))
         if unknown:

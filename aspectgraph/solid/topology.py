@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -80,7 +81,7 @@ class Edge:
     curved: bool
 
 
-def as_face(face: Face | Sequence) -> Face:
+def as_face(face: Face | Sequence[Any]) -> Face:
     """Return `face` as a `Face`; accepts a loop, ``(outer, [hole, ...])`` or a `Face`."""
     if isinstance(face, Face):
         return face
@@ -90,7 +91,7 @@ def as_face(face: Face | Sequence) -> Face:
     return Face(_loop(parts))
 
 
-def _loop(indices: Iterable) -> tuple[int, ...]:
+def _loop(indices: Iterable[Any]) -> tuple[int, ...]:
     loop = tuple(indices)
     if any(isinstance(i, bool) or not isinstance(i, int | np.integer) for i in loop):
         raise SolidError(f"faces must be loops of integer vertex indices. Got {loop}.")
@@ -225,7 +226,9 @@ def label_shells(n_faces: int, edge_faces: np.ndarray) -> np.ndarray:
     return rank[labels]
 
 
-def signed_dihedrals_deg(vertices: np.ndarray, normals: np.ndarray, edge_vertices: np.ndarray, edge_faces: np.ndarray):
+def signed_dihedrals_deg(
+    vertices: np.ndarray, normals: np.ndarray, edge_vertices: np.ndarray, edge_faces: np.ndarray
+) -> np.ndarray:
     """Return the signed turn of the normal across each edge in degrees, shape (m,); see `Edge`."""
     before, after = normals[edge_faces[:, 0]], normals[edge_faces[:, 1]]
     along = vertices[edge_vertices[:, 1]] - vertices[edge_vertices[:, 0]]

@@ -75,8 +75,7 @@ def _chord_blockers(scene: Scene, solid: Solid, entity: Entity, settle_thin: boo
         scene.points,
         scene.pieces,
         order,
-        piece_plane,
-        piece_side,
+        (piece_plane, piece_side),
         planes,
         n_face_planes,
         origin,
@@ -95,7 +94,7 @@ def _chord_blockers(scene: Scene, solid: Solid, entity: Entity, settle_thin: boo
 
 def _wedge(scene: Scene, solid: Solid, entity: Entity) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The blocked sets of the faces next to the entity, as first, plane, side."""
-    sets = set()
+    sets: set[tuple[tuple[int, int], ...]] = set()
     for edge_id in entity.edge_ids:
         edge = solid.edges[edge_id]
         behind = [(int(scene.plane_of_face[f]), -int(scene.side_of_face[f])) for f in edge.faces]
@@ -200,14 +199,14 @@ def _side_of_set(plane, points, loop, others, settle_thin, resolution):
 
 
 @nb.njit(cache=True)
-def _cast(points, pieces, order, piece_plane, piece_side, planes, n_planes, origin, ends, settle_thin, resolution):
+def _cast(points, pieces, order, placed, planes, n_planes, origin, ends, settle_thin, resolution):
     """Blocked sets of the pieces in the given order; appends their planes to `planes` and `origin`."""
     n_face_planes = n_planes
     room = len(order) + 3 * len(pieces.vertices)
     first = np.zeros(len(order) + 1, np.int32)
     plane_list = np.empty(room, np.int32)
     side_list = np.empty(room, np.int8)
-    a, b = ends
+    piece_plane, piece_side = placed
     n = 0
     for row in range(len(order)):
         piece = order[row]
@@ -225,7 +224,7 @@ def _cast(points, pieces, order, piece_plane, piece_side, planes, n_planes, orig
                     trio = np.array([loop[i], following, ends[kind]])
                     others = ends[1 - kind : 2 - kind]
                 else:
-                    trio = np.array([loop[i], a, b])
+                    trio = np.array([loop[i], ends[0], ends[1]])
                     others = ends[:0]
                 plane = plane_through(points[trio[0]], points[trio[1]], points[trio[2]])
                 if not plane.any() or _separates(plane, points, loop, others, settle_thin, resolution) == 0:

@@ -16,13 +16,15 @@ from aspectgraph.cells.point_location import Tree, tree_of
 from aspectgraph.cells.simplify import n_leaves, simplify
 from aspectgraph.cells.split import cell_side, split_cell
 from aspectgraph.solid.solid import Solid
-from aspectgraph.visibility.blocked_sets import Blockers, blockers
+from aspectgraph.visibility.blocked_sets import blockers
 from aspectgraph.visibility.scene import Scene
+from aspectgraph.visibility.united_sets import Blockers
 
 if TYPE_CHECKING:
     from aspectgraph.entities.straight_edges import Entity
 
 _BOX = np.arange(6)
+# cells from which simplifying pays, and cells to reserve room for at first
 _SIMPLIFY_ABOVE = 4096
 _ROOM = 1 << 11
 

@@ -22,6 +22,7 @@ from aspectgraph.visibility.entity_region import Region
 from aspectgraph.visibility.scene import Scene
 
 _BOX = np.arange(6)
+# cells from which simplifying pays, and cells to reserve room for at first
 _SIMPLIFY_ABOVE = 1024
 _ROOM = 1 << 12
 
@@ -134,7 +135,9 @@ def overlay(
     )
 
 
-def _overlay(regions, shared: SharedPlanes, order: Sequence[int], covering_only: bool, n_cells: int) -> Complex:
+def _overlay(
+    regions: Sequence[Region], shared: SharedPlanes, order: Sequence[int], covering_only: bool, n_cells: int
+) -> Complex:
     cx = allocate(shared.planes, n_cells, n_words(len(regions)))
     add_box(cx, _BOX)
     limit = _SIMPLIFY_ABOVE

@@ -72,7 +72,8 @@ def entity_ends(scene: Scene, solid: Solid, entity: Entity) -> tuple[int, int]:
     ends: set[int] = set()
     for edge_id in entity.edge_ids:
         ends ^= set(solid.edges[edge_id].vertices)
-    return tuple(sorted(ends, key=lambda v: scene.points[v].tolist()))
+    first, last = sorted(ends, key=lambda v: scene.points[v].tolist())
+    return first, last
 
 
 def make_scene(solid: Solid, entities: Mapping[str, Entity] | None = None) -> tuple[Grid, Scene]:

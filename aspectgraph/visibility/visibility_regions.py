@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from aspectgraph.cells.cell_set import CellSet
 from aspectgraph.cells.crop import crop
@@ -51,8 +53,14 @@ class VisibilityRegions:
     """
 
     def __init__(
-        self, solid: Solid, workspace: np.ndarray, entities: dict[str, Entity], grid: Grid, scene: Scene, regions
-    ):
+        self,
+        solid: Solid,
+        workspace: np.ndarray,
+        entities: dict[str, Entity],
+        grid: Grid,
+        scene: Scene,
+        regions: Mapping[str, Region],
+    ) -> None:
         self.solid = solid
         self.workspace = workspace
         self.entities = entities
@@ -71,7 +79,7 @@ class VisibilityRegions:
         """Names of the entities, in order."""
         return tuple(self.entities)
 
-    def observable(self, points, names: Sequence[str] | None = None) -> np.ndarray:
+    def observable(self, points: ArrayLike, names: Sequence[str] | None = None) -> np.ndarray:
         """Whether entities are observable from viewpoints.
 
         Parameters
@@ -192,7 +200,7 @@ class VisibilityRegions:
                 raise EntityError(f"names must be names of entities, {', '.join(self.entities)}. Got {name!r}.")
         return tuple(names)
 
-    def _queries(self, points) -> np.ndarray:
+    def _queries(self, points: ArrayLike) -> np.ndarray:
         viewpoints = np.asarray(points, float).reshape(-1, 3)
         outside = ~((viewpoints >= self.workspace[0]) & (viewpoints <= self.workspace[1])).all(axis=1)
         if outside.any():
@@ -203,7 +211,7 @@ class VisibilityRegions:
         return self.grid.to_points(viewpoints)
 
 
-def check_workspace(workspace, solid: Solid) -> np.ndarray:
+def check_workspace(workspace: ArrayLike | None, solid: Solid) -> np.ndarray:
     """Return a workspace as a (2, 3) array in mm; None gives the part's box with ten diagonals of room around it.
 
     Raises
@@ -225,8 +233,8 @@ def check_workspace(workspace, solid: Solid) -> np.ndarray:
 
 def compute_regions(
     solid: Solid,
-    entities: Mapping | Sequence,
-    workspace=None,
+    entities: Mapping[str, Any] | Sequence[Any],
+    workspace: ArrayLike | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> VisibilityRegions:
@@ -285,7 +293,7 @@ def compute_regions(
     return VisibilityRegions(solid, box_mm, resolved, grid, scene, {name: regions[name] for name in resolved})
 
 
-def _resolved(solid: Solid, entities) -> dict[str, Entity]:
+def _resolved(solid: Solid, entities: Mapping[str, Any] | Sequence[Any]) -> dict[str, Entity]:
     if isinstance(entities, Mapping) and all(isinstance(value, Entity) for value in entities.values()):
         return dict(entities)
     return resolve_entities(solid, entities)

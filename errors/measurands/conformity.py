@@ -1,7 +1,7 @@
 """What a measurement error means for a tolerance: uncertainty ratio, acceptance limits.
 
-The probability of the model is that of a small *error*. It is not the probability that a part conforms, which depends on
-how parts vary, too (JCGM 106:2012).
+The probability of the model is that of a small *error*. It is not the probability that a part conforms, which depends
+on how parts vary, too (JCGM 106:2012).
 """
 
 from __future__ import annotations

@@ -19,8 +19,8 @@ A the rows (cos, sin, 1), q_i = b_i - tangential part of the first-order centre,
 
     theta = (centre x, centre y, radius) = (A'A)^-1 [A'(a + q^2 / 2 rho) + sum r_i q_i (-sin_i, cos_i, 0) / rho]
 
-Noise of a point, sigma_x and sigma_y on the image, moves it in the plane by (z / d) P(sigma_x x + sigma_y y), with z its
-depth and d the image distance: to first order independent of the pose's error.
+Noise of a point, sigma_x and sigma_y on the image, moves it in the plane by (z / d) P(sigma_x x + sigma_y y), with z
+its depth and d the image distance: to first order independent of the pose's error.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,7 +114,7 @@ class Circle:
             x = x / np.linalg.norm(x)
         return x, np.cross(self.axis, x)
 
-    def points(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points(self, angles: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
         """Return points (n, 3) at angles (n,) from the start, rad."""
         x, y = self.basis
         return self.centre + self.radius_mm * (np.cos(angles)[:, None] * x + np.sin(angles)[:, None] * y)
@@ -132,7 +133,7 @@ def to_dict(one: Geometry) -> dict[str, object]:
     return data
 
 
-def from_dict(data: dict) -> Geometry:
+def from_dict(data: dict[str, Any]) -> Geometry:
     """Return the line or circle that `to_dict` wrote."""
     return Line(**data) if "p" in data else Circle(**data)
 

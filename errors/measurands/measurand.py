@@ -104,7 +104,7 @@ class Measurand:
         raise NotImplementedError
 
     def image_value(self, images: NDArray[np.float64], planned: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return deviations (n,) by images of the ends (n, 2, 2) and those that were planned (2, 2), mm on the sensor."""
+        """Return deviations (n,) by images of the ends (n, 2, 2) and the planned ones (2, 2), mm on the sensor."""
         raise NotImplementedError
 
     def expansion(self, poses: NDArray[np.float64], image: Image, localisation: Localisation) -> Expansion:

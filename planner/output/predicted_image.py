@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aspectgraph.plot.style import is_feature
+from aspectgraph.solid import RayScene
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 
@@ -72,15 +73,8 @@ class PictureMaker:
     """
 
     def __init__(self, solid, camera):
-        import open3d as o3d
-
         self.solid, self.camera = solid, camera
-        self._center = solid.bounds.mean(axis=0)
-        self._scene = o3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(
-            np.ascontiguousarray(solid.vertices - self._center, dtype=np.float32),
-            np.ascontiguousarray(solid.triangles, dtype=np.uint32),
-        )
+        self._scene = RayScene(solid.vertices, solid.triangles)
         self._edge_vertices = np.array([edge.vertices for edge in solid.edges])
         self._edge_faces = np.array([edge.faces for edge in solid.edges])
         self._feature = np.array([is_feature(solid, edge) for edge in solid.edges])
@@ -170,11 +164,10 @@ class PictureMaker:
 
     def _visible(self, cam2world, points_cam: np.ndarray) -> np.ndarray:
         directions = points_cam @ cam2world[:3, :3].T
-        return self._cast(cam2world, directions)["t_hit"].numpy() >= 1.0 - _HIT_TOLERANCE
+        return self._cast(cam2world, directions)["t_hit"] >= 1.0 - _HIT_TOLERANCE
 
-    def _cast(self, cam2world, directions: np.ndarray) -> dict:
-        origin = np.broadcast_to(cam2world[:3, 3] - self._center, directions.shape)
-        return self._scene.cast_rays(np.concatenate([origin, directions], axis=-1).astype(np.float32))
+    def _cast(self, cam2world, directions: np.ndarray) -> dict[str, np.ndarray]:
+        return self._scene.cast(cam2world[:3, 3], directions)
 
     def shaded(self, cam2world) -> np.ndarray:
         """Return a small grey image (h, w) of uint8, lit from above the camera's left shoulder."""
@@ -185,10 +178,10 @@ class PictureMaker:
             [(u - matrix[0, 2]) / matrix[0, 0], (v - matrix[1, 2]) / matrix[1, 1], np.ones_like(u)], axis=-1
         )
         hit = self._cast(cam2world, rays @ cam2world[:3, :3].T)
-        normals = hit["primitive_normals"].numpy() @ cam2world[:3, :3]
+        normals = hit["primitive_normals"] @ cam2world[:3, :3]
         light = np.array([-0.35, -0.5, -0.8]) / np.linalg.norm([0.35, 0.5, 0.8])
         brightness = 0.50 + 0.42 * np.clip(normals @ light, 0.0, 1.0)
-        return np.where(np.isfinite(hit["t_hit"].numpy()), 255 * brightness, 250).astype(np.uint8)
+        return np.where(np.isfinite(hit["t_hit"]), 255 * brightness, 250).astype(np.uint8)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from typing import Protocol
 
 import numpy as np
 
+from aspectgraph.solid import RayScene
 from planner.exceptions import RequestError
 
 
@@ -39,23 +40,11 @@ class SignedDistance:
     """
 
     def __init__(self, vertices, triangles):
-        import open3d as o3d
-
-        vertices = np.asarray(vertices, dtype=np.float64)
-        # float32 loses digits far from the origin, so distances are computed around the mesh's own centre
-        self._center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-        self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-        self._scene.add_triangles(
-            np.ascontiguousarray(vertices - self._center, dtype=np.float32),
-            np.ascontiguousarray(triangles, dtype=np.uint32),
-        )
+        self._scene = RayScene(vertices, triangles, n_threads=1)
 
     def __call__(self, positions) -> np.ndarray:
         """Return the distance (n,) in mm of positions (n, 3), negative inside the mesh."""
-        local = np.ascontiguousarray(np.asarray(positions, dtype=np.float64) - self._center, dtype=np.float32)
-        if not len(local):
-            return np.empty(0)
-        return self._scene.compute_signed_distance(local, nsamples=3, nthreads=1).numpy().astype(np.float64)
+        return self._scene.signed_distance(positions)
 
 
 @dataclass(frozen=True)

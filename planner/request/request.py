@@ -44,7 +44,7 @@ class Request:
     requirements : Requirements
         What is asked of a setting beside that.
     targets : tuple of Target, optional
-        What of the items must be in the picture and what is measured of them, in their order. Default: lengths of edges.
+        What of the items must be in the picture and what is measured of them, in their order. Default: lengths.
     localisation : Localisation, optional
         How well points are found in the image. Default: the paper's, both ends of an edge on whole pixels.
 
@@ -89,11 +89,11 @@ class Request:
         return Constraints(self.space, self.names, self.camera, self.requirements, self.targets)
 
     @cached_property
-    def objective(self) -> Objective | TargetObjective:
+    def objective(self) -> Objective:
         """The success probabilities of all that is wanted, and their sum."""
         return self.objective_of("sum", "joint")
 
-    def objective_of(self, kind: str, model: str) -> Objective | TargetObjective:
+    def objective_of(self, kind: str, model: str) -> Objective:
         """Return the objective of another kind or error model, see `Objective`."""
         edges = Objective(self.ends, self.camera, self.pose_uncertainty, self.accuracy, kind, model)
         if not self.dimensions:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from errors.measurands import Localisation, MeasurandModel
 
 
-class TargetObjective:
+class TargetObjective(Objective):
     """Success probabilities of edges and dimensions, and the fitness made of them.
 
     Parameters
@@ -28,7 +28,9 @@ class TargetObjective:
     """
 
     def __init__(self, edges: Objective, models: Mapping[int, MeasurandModel]):
-        self._edges, self._models, self.kind = edges, dict(models), edges.kind
+        # what of it is not overridden, is that of the edges
+        self.__dict__.update(edges.__dict__)
+        self._edges, self._models = edges, dict(models)
 
     def probability(self, cam2world: np.ndarray) -> np.ndarray:
         """Return P (n, k) of poses (n, 4, 4), as `Objective.probability`."""
@@ -46,16 +48,6 @@ class TargetObjective:
             if rows.size:
                 result[rows, i] = model.probability(np.linalg.inv(cam2world[rows]))
         return result[wanted]
-
-    @property
-    def highest(self) -> float:
-        """The fitness when every probability is 1."""
-        return self._edges.highest
-
-    def fitness(self, cam2world: np.ndarray) -> np.ndarray:
-        """Return the fitness (n,) of poses (n, 4, 4): eq 22, or the smallest probability."""
-        probability = self.probability(cam2world)
-        return np.asarray(probability.sum(axis=1) if self.kind == "sum" else probability.min(axis=1))
 
 
 def dimension_model(

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from aspectgraph import CellSet, Solid
@@ -57,7 +57,7 @@ class TargetSpace:
         """Names of the dimensions, in order."""
         return tuple(self.needs)
 
-    def observable(self, points: ArrayLike, names: Sequence[str] | None = None) -> NDArray[np.bool_]:
+    def observable(self, points: NDArray[np.float64], names: Sequence[str] | None = None) -> NDArray[np.bool_]:
         """Return which dimensions have all their entities observable from which viewpoints (n, 3); (n, k) bool."""
         names = self.entity_names if names is None else names
         wanted = self.entities_of(names)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.measurands import Geometry, Localisation, Measurand, MeasurandError, measurand
+from errors.measurands import Circle, Geometry, Localisation, Measurand, MeasurandError, measurand
 from errors.measurands.geometry import from_dict, to_dict
 from planner.exceptions import PlanFileError
 from planner.wanted.targets import Target
@@ -49,7 +49,8 @@ class PlannedDimension:
     @classmethod
     def of(cls, target: Target, localisation: Localisation | None) -> PlannedDimension:
         """Return what a plan keeps of a dimension that was resolved on the part."""
-        assert target.measurand is not None and target.dimension is not None
+        assert target.measurand is not None
+        assert target.dimension is not None
         return cls(
             target.measurand.kind,
             target.entities,
@@ -120,6 +121,6 @@ class PlannedDimension:
 def sample_points(one: Geometry, n: int) -> NDArray[np.float64]:
     """Return n points at the middles of equal parts of a line or circle; (n, 3) mm."""
     shares = (np.arange(n) + 0.5) / n
-    if hasattr(one, "radius_mm"):
+    if isinstance(one, Circle):
         return one.points(shares * one.span_rad)
     return np.asarray(one.p + shares[:, None] * (one.q - one.p))

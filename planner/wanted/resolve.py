@@ -170,7 +170,7 @@ def _segments(one: Line | Circle) -> tuple[NDArray[np.float64], NDArray[np.bool_
     step = one.span_rad / (2 * _DIAMETERS)
     middles = one.points((np.arange(2 * _DIAMETERS) + 0.5) * step)
     outer = one.centre + (middles - one.centre) / math.cos(step / 2)
-    pairs = np.concatenate([one.points(np.array([0.0, one.span_rad]))[None], outer.reshape(-1, 2, 3)])
+    pairs = np.concatenate([one.points(np.array([0.0, one.span_rad], dtype=np.float64))[None], outer.reshape(-1, 2, 3)])
     return pairs, np.arange(len(pairs)) == 0
 
 

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -50,7 +51,7 @@ class StepKernel:
         The file crashed the kernel, or made it exceed a limit.
     """
 
-    def __init__(self, name: str, limits: ReadLimits):
+    def __init__(self, name: str, limits: ReadLimits) -> None:
         self.name, self.limits = name, limits
         self.seconds_left = limits.time_s
 
@@ -58,26 +59,29 @@ class StepKernel:
         program = _PROGRAM.format(
             path=sys.path, folder=str(Path(__file__).parents[2]), parent=os.getpid(), memory_mb=self.limits.memory_mb
         )
-        self.process = subprocess.Popen(
+        self.process: subprocess.Popen[bytes] = subprocess.Popen(
             [sys.executable, "-c", program],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
         )
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        self._requests, self._answers = self.process.stdin, self.process.stdout
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self.process.kill()
         self.process.wait()
-        self.process.stdout.close()
+        self._answers.close()
         try:
-            self.process.stdin.close()
+            self._requests.close()
         except OSError:
             # a request that could not be delivered any more
             return
 
-    def ask(self, do: str, **options) -> tuple[dict, dict[str, np.ndarray]]:
+    def ask(self, do: str, **options: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         """Send a request and return its answer: JSON values and arrays."""
         timed_out = threading.Event()
 
@@ -101,19 +105,19 @@ class StepKernel:
             raise self._complaint(header)
         return header, arrays
 
-    def _exchange(self, request: dict) -> tuple[dict, dict[str, np.ndarray]] | None:
+    def _exchange(self, request: dict[str, Any]) -> tuple[dict[str, Any], dict[str, np.ndarray]] | None:
         """Return the answer to a request, or None if the process died."""
         try:
-            self.process.stdin.write(json.dumps(request).encode() + b"\n")
-            self.process.stdin.flush()
+            self._requests.write(json.dumps(request).encode() + b"\n")
+            self._requests.flush()
         except OSError:
             # gone; what it said last may still be in the pipe
             pass
-        head = self.process.stdout.read(LENGTHS.size)
+        head = self._answers.read(LENGTHS.size)
         if len(head) < LENGTHS.size:
             return None
         sizes = LENGTHS.unpack(head)
-        header, packed = (self.process.stdout.read(size) for size in sizes)
+        header, packed = (self._answers.read(size) for size in sizes)
         if (len(header), len(packed)) != sizes:
             return None
         with np.load(io.BytesIO(packed), allow_pickle=False) as archive:
@@ -135,7 +139,7 @@ class StepKernel:
             f"its memory_mb={self.limits.memory_mb:g} MB."
         )
 
-    def _complaint(self, header: dict) -> ReadError:
+    def _complaint(self, header: dict[str, Any]) -> ReadError:
         if header["error"] == "MemoryError":
             return ReadError(
                 f"a STEP file must be read within memory_mb={self.limits.memory_mb:g} MB. Got {self.name}, which takes "

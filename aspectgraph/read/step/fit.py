@@ -18,6 +18,7 @@ The stated uncertainty counts up to the default chord tolerance: a file that sta
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from aspectgraph.exceptions import ReadError
 from aspectgraph.solid.checks import RELATIVE_PLANARITY
@@ -38,7 +39,7 @@ _WHERE = {
 
 
 def check_fit(
-    fits: Sequence[dict], solids: Sequence[int], diagonal_mm: float, gap_mm: float | None, name: str
+    fits: Sequence[dict[str, Any]], solids: Sequence[int], diagonal_mm: float, gap_mm: float | None, name: str
 ) -> list[str]:
     """Check the gaps of solids; return a note if one is wider than the file states.
 

@@ -9,6 +9,7 @@ Imports OCP; import this module only when a boundary representation is at hand.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -46,7 +47,7 @@ class Gap:
             self.gap_mm, self.place = float(distances[k]), tuple(np.nan_to_num(others[k]).tolist())
 
 
-def measure_gaps(solid, flat_mm: float) -> dict[str, Gap]:
+def measure_gaps(solid: Any, flat_mm: float) -> dict[str, Gap]:
     """Return the widest gaps of a solid.
 
     Parameters
@@ -71,7 +72,7 @@ def measure_gaps(solid, flat_mm: float) -> dict[str, Gap]:
     return gaps
 
 
-def _measure_edge(edge, face, at_vertex: Gap, at_face: Gap) -> None:
+def _measure_edge(edge: Any, face: Any, at_vertex: Gap, at_face: Gap) -> None:
     vertices = [TopExp.FirstVertex_s(edge, False), TopExp.LastVertex_s(edge, False)]
     if any(vertex.IsNull() for vertex in vertices):
         return
@@ -86,7 +87,7 @@ def _measure_edge(edge, face, at_vertex: Gap, at_face: Gap) -> None:
     at_face.widen(on_face, points)
 
 
-def _points_on_face(edge, face) -> np.ndarray:
+def _points_on_face(edge: Any, face: Any) -> np.ndarray:
     """Return points of an edge as its face sees it, shape (n, 3)."""
     first, last = BRep_Tool.Range_s(edge, face)
     curve, surface = BRep_Tool.CurveOnSurface_s(edge, face, first, last), BRep_Tool.Surface_s(face)

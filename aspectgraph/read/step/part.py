@@ -5,8 +5,10 @@ Imports OCP; import this module only in that process.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,24 +23,25 @@ from aspectgraph.read.step.triangles import tessellate
 class StepPart:
     """Loads a file once and answers what is asked about it."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.slots: list[Slot] = []
-        self.shapes: list = []
+        self.shapes: list[Any] = []
         self.flat_mm = 0.0
 
-    def answer(self, do: str, **options) -> tuple[dict, dict]:
+    def answer(self, do: str, **options: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the answer to a request: JSON values and arrays."""
-        return {"load": self.load, "select": self.select, "tessellate": self.tessellate, "dimensions": self.dimensions}[
-            do
-        ](**options)
+        requests: dict[str, Callable[..., tuple[dict[str, Any], dict[str, Any]]]]
+        requests = {"load": self.load, "select": self.select, "tessellate": self.tessellate}
+        requests["dimensions"] = self.dimensions
+        return requests[do](**options)
 
-    def load(self, path: str, name: str) -> tuple[dict, dict]:
+    def load(self, path: str, name: str) -> tuple[dict[str, Any], dict[str, Any]]:
         """Load the file; tell what is wrong with which solid."""
         inventory = load_solids(Path(path), name)
         self.slots = inventory.slots
         return {"damage": [slot.damage for slot in inventory.slots], "notes": inventory.notes}, {}
 
-    def select(self, solids: list[int], relative_planarity: float) -> tuple[dict, dict]:
+    def select(self, solids: list[int], relative_planarity: float) -> tuple[dict[str, Any], dict[str, Any]]:
         """Choose the solids to work on; tell their size and how closely each fits together."""
         chosen = [self.slots[i] for i in solids]
         self.shapes = [slot.shape for slot in chosen]
@@ -51,18 +54,18 @@ class StepPart:
             rows.append({"uncertainty_mm": slot.uncertainty_mm, "gaps": widest})
         return {"diagonal_mm": diagonal, "fits": rows}, {}
 
-    def tessellate(self, chord_mm: float, angle_rad: float) -> tuple[dict, dict]:
+    def tessellate(self, chord_mm: float, angle_rad: float) -> tuple[dict[str, Any], dict[str, Any]]:
         """Cut the chosen solids into triangles."""
         arrays = {}
         for k, shape in enumerate(self.shapes):
             part = tessellate(shape, chord_mm, angle_rad, self.flat_mm)
             chords = np.array(sorted(part.curved_edges), dtype=np.int64).reshape(-1, 2)
-            fields = (part.vertices, part.triangles, part.patch, part.curved_patch, chords)
+            fields: tuple[Any, ...] = (part.vertices, part.triangles, part.patch, part.curved_patch, chords)
             fields += pack_circles(part.circular_edges or [])
             arrays.update({f"{k}_{i}": array for i, array in enumerate(fields)})
         return {"n": len(self.shapes)}, arrays
 
-    def dimensions(self, path: str, name: str) -> tuple[dict, dict]:
+    def dimensions(self, path: str, name: str) -> tuple[dict[str, Any], dict[str, Any]]:
         """Read the semantic dimensions, as the kernel finds them and as the text states them."""
         # few files are asked for them, and the import takes time
         from aspectgraph.read.step.semantic_dimensions import read_semantic_dimensions

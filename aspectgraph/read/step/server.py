@@ -12,10 +12,14 @@ import os
 import signal
 import struct
 import sys
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
 from aspectgraph.exceptions import AspectGraphError
+
+if TYPE_CHECKING:
+    from aspectgraph.read.step.part import StepPart
 
 LENGTHS = struct.Struct("<QQ")
 OUT_OF_MEMORY = 12
@@ -59,7 +63,7 @@ def serve(parent: int, memory_mb: float) -> None:
         os._exit(OUT_OF_MEMORY)
 
 
-def _answer(part, request: dict) -> tuple[dict, dict]:
+def _answer(part: StepPart, request: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     try:
         return part.answer(**request)
     except AspectGraphError as error:
@@ -74,7 +78,7 @@ def _answer(part, request: dict) -> tuple[dict, dict]:
         return {"error": "KernelError", "message": f"{type(error).__name__}: {text}".rstrip(": ")}, {}
 
 
-def _send(answers, header: dict, arrays: dict | None = None) -> None:
+def _send(answers: IO[bytes], header: dict[str, Any], arrays: dict[str, Any] | None = None) -> None:
     packed = io.BytesIO()
     np.savez(packed, **(arrays or {}))
     text = json.dumps(header).encode()

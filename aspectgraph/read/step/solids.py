@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from OCP.Bnd import Bnd_Box
@@ -115,7 +116,7 @@ def load_solids(path: Path, name: str) -> Inventory:
     return Inventory(slots, _left_out(shape))
 
 
-def diagonal_mm(shapes: list) -> float:
+def diagonal_mm(shapes: list[Any]) -> float:
     """Return the diagonal of the box around some shapes."""
     box = Bnd_Box()
     for shape in shapes:
@@ -123,13 +124,13 @@ def diagonal_mm(shapes: list) -> float:
     return math.dist(xyz(box.CornerMin()), xyz(box.CornerMax()))
 
 
-def _check_references(model, name: str) -> None:
+def _check_references(model: Any, name: str) -> None:
     n_fails = model.GlobalCheck().NbFails()
     if n_fails:
         raise ReadError(f"a STEP file must be whole. Got {name} with {n_fails} syntax errors or missing entities.")
 
 
-def _damage(model, numbers: dict, listed: dict[int, ListedSolid], name: str) -> dict[int, str]:
+def _damage(model: Any, numbers: dict[Any, int], listed: dict[int, ListedSolid], name: str) -> dict[int, str]:
     """Return what is wrong with the entities that solids consist of, by solid; refuse damage that has no owner.
 
     Errors in other entities (annotations, styles) are common in good files and do no harm.
@@ -149,7 +150,7 @@ def _damage(model, numbers: dict, listed: dict[int, ListedSolid], name: str) -> 
     return {number: f"errors in {', '.join(sorted(kinds))}" for number, kinds in damaged.items()}
 
 
-def _check_assembly(reader, handles: list, name: str) -> None:
+def _check_assembly(reader: Any, handles: list[Any], name: str) -> None:
     """Check that every part of an assembly was placed."""
     process = reader.WS().TransferReader().TransientProcess()
     placed = {process.Mapped(i) for i in range(1, process.NbMapped() + 1) if process.MapItem(i).HasResult()}
@@ -158,13 +159,13 @@ def _check_assembly(reader, handles: list, name: str) -> None:
         raise ReadError(f"every part of an assembly must be placed. Got {len(lost)} lost parts in {name}.")
 
 
-def _entity_number(reader, solid, numbers: dict) -> int | None:
+def _entity_number(reader: Any, solid: Any, numbers: dict[Any, int]) -> int | None:
     """Return the number of the entity that a solid was made from."""
     bare = solid.Located(TopLoc_Location())
     return numbers.get(reader.WS().TransferReader().EntityFromShapeResult(bare, 1))
 
 
-def _in_order(found: list, listed: dict[int, ListedSolid], name: str) -> list:
+def _in_order(found: list[Any], listed: dict[int, ListedSolid], name: str) -> list[Any]:
     """Return the solids with their numbers; those that were not built stand where the file lists them, with None."""
     built = [number for _, number in found]
     missing = [number for number in listed if number not in built]
@@ -180,7 +181,7 @@ def _in_order(found: list, listed: dict[int, ListedSolid], name: str) -> list:
     return [(shapes.get(number), number) for number in listed]
 
 
-def _slot(shape, listed: ListedSolid | None, damage: str) -> Slot:
+def _slot(shape: Any, listed: ListedSolid | None, damage: str) -> Slot:
     if listed is None:
         return Slot(shape, damage)
     if shape is None:
@@ -188,7 +189,7 @@ def _slot(shape, listed: ListedSolid | None, damage: str) -> Slot:
     return Slot(shape, damage or _compare(shape, listed), listed.uncertainty_mm)
 
 
-def _compare(shape, listed: ListedSolid) -> str:
+def _compare(shape: Any, listed: ListedSolid) -> str:
     """Return how a solid differs from what the file lists, or nothing."""
     n_faces = len(explore(shape, TopAbs_ShapeEnum.TopAbs_FACE))
     if n_faces < listed.n_faces:
@@ -216,7 +217,7 @@ def _farthest(expected: np.ndarray, points: np.ndarray) -> tuple[float, np.ndarr
     return worst, place
 
 
-def _left_out(shape) -> list[str]:
+def _left_out(shape: Any) -> list[str]:
     """Return a note on faces and edges that belong to no solid, such as annotations."""
     n_faces = len(explore(shape, TopAbs_ShapeEnum.TopAbs_FACE, outside=TopAbs_ShapeEnum.TopAbs_SOLID))
     n_edges = len(explore(shape, TopAbs_ShapeEnum.TopAbs_EDGE, outside=TopAbs_ShapeEnum.TopAbs_FACE))

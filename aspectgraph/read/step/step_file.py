@@ -108,7 +108,14 @@ def _tessellate(kernel: StepKernel, chord_mm: float, angle_deg: float) -> list[T
 
 
 def _build(
-    parts, *, chord_mm: float, angle_deg: float, planarity_mm, notes: list[str], name: str, last: bool
+    parts: list[Tessellation],
+    *,
+    chord_mm: float,
+    angle_deg: float,
+    planarity_mm: float | None,
+    notes: list[str],
+    name: str,
+    last: bool,
 ) -> Solid | None:
     """Return the solid, or None if its facets run into each other and a finer chord tolerance could help."""
     curved = any(part.curved_patch.any() for part in parts)

@@ -94,8 +94,8 @@ def _add(entities: dict[int, Entity], statement: str) -> None:
     if not statement.strip():
         return
     found = _ENTITY.fullmatch(statement)
-    name = found and _NAME.search(found[2])
-    if not name:
+    name = _NAME.search(found[2]) if found else None
+    if not found or not name:
         raise ReadError(f"a STEP file must be whole. Got {statement.strip()[:40]!r} where an entity should be.")
     number = int(found[1])
     if number in entities:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -46,13 +47,13 @@ _N_SAMPLES = 7
 class _Use:
     """An edge as one face uses it."""
 
-    edge: object
-    face: object
+    edge: Any
+    face: Any
     face_index: int
     nodes: tuple[int, ...]
 
 
-def explore(shape, kind: TopAbs_ShapeEnum, outside: TopAbs_ShapeEnum = TopAbs_ShapeEnum.TopAbs_SHAPE) -> list:
+def explore(shape: Any, kind: TopAbs_ShapeEnum, outside: TopAbs_ShapeEnum = TopAbs_ShapeEnum.TopAbs_SHAPE) -> list[Any]:
     """Return the sub-shapes of a kind that are in none of the kind `outside`, in file order, once for each use."""
     found, explorer = [], TopExp_Explorer(shape, kind, outside)
     while explorer.More():
@@ -61,7 +62,7 @@ def explore(shape, kind: TopAbs_ShapeEnum, outside: TopAbs_ShapeEnum = TopAbs_Sh
     return found
 
 
-def tessellate(solid, chord_tolerance_mm: float, angular_tolerance_rad: float, flat_mm: float) -> Tessellation:
+def tessellate(solid: Any, chord_tolerance_mm: float, angular_tolerance_rad: float, flat_mm: float) -> Tessellation:
     """Return the triangles of an OCCT solid.
 
     Parameters
@@ -89,13 +90,13 @@ def tessellate(solid, chord_tolerance_mm: float, angular_tolerance_rad: float, f
 class _Collector:
     """Gathers the mesher's nodes and triangles under shared ids."""
 
-    def __init__(self, solid, flat_mm: float):
+    def __init__(self, solid: Any, flat_mm: float) -> None:
         self.flat_mm = flat_mm
         self.faces = [TopoDS.Face(face) for face in explore(solid, TopAbs_ShapeEnum.TopAbs_FACE)]
         self.edge_map, self.vertex_map = ShapeMap(), ShapeMap()
         TopExp.MapShapes_s(solid, TopAbs_ShapeEnum.TopAbs_EDGE, self.edge_map)
         TopExp.MapShapes_s(solid, TopAbs_ShapeEnum.TopAbs_VERTEX, self.vertex_map)
-        self.ids: dict[tuple, int] = {}
+        self.ids: dict[tuple[Any, ...], int] = {}
         self.parent: list[int] = []
         self.points: list[np.ndarray] = []
         self.uses: dict[int, list[_Use]] = {}
@@ -112,7 +113,7 @@ class _Collector:
             np.array(self.points), triangles[whole], patch[whole], curved_patch, curved_edges, self._circles(root)
         )
 
-    def _id(self, key: tuple, point: np.ndarray) -> int:
+    def _id(self, key: tuple[Any, ...], point: np.ndarray) -> int:
         if key not in self.ids:
             self.ids[key] = len(self.parent)
             self.parent.append(len(self.parent))
@@ -124,7 +125,7 @@ class _Collector:
             i = self.parent[i]
         return i
 
-    def _add_face(self, face_index: int, face) -> np.ndarray:
+    def _add_face(self, face_index: int, face: Any) -> np.ndarray:
         """Number the nodes of a face; return its triangles in these numbers, outward."""
         location = TopLoc_Location()
         mesh = BRep_Tool.Triangulation_s(face, location)
@@ -142,14 +143,16 @@ class _Collector:
         turned = (face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED) != move.IsNegative()
         return triangles[:, ::-1] if turned else triangles
 
-    def _add_edge(self, edge, face, face_index, mesh, location, points, number) -> None:
+    def _add_edge(
+        self, edge: Any, face: Any, face_index: int, mesh: Any, location: Any, points: np.ndarray, number: Any
+    ) -> None:
         polygon = BRep_Tool.PolygonOnTriangulation_s(edge, mesh, location)
         if polygon is None:
             return
         nodes = [polygon.Node(k) - 1 for k in range(1, polygon.NbNodes() + 1)]
         edge_index = self.edge_map.FindIndex(edge)
         ends = [self.vertex_map.FindIndex(end(edge, False)) for end in (TopExp.FirstVertex_s, TopExp.LastVertex_s)]
-        keys = [("edge", edge_index, k) for k in range(len(nodes))]
+        keys: list[tuple[Any, ...]] = [("edge", edge_index, k) for k in range(len(nodes))]
         keys[0], keys[-1] = ("vertex", ends[0]), ("vertex", ends[1])
         if BRep_Tool.Degenerated_s(edge):
             keys = [keys[0]] * len(keys)
@@ -165,7 +168,7 @@ class _Collector:
 
     def _curved_edges(self, root: np.ndarray, curved_patch: np.ndarray) -> set[tuple[int, int]]:
         """Return the chords of edges that are not straight or not sharp."""
-        chords = set()
+        chords: set[tuple[int, int]] = set()
         for uses in self.uses.values():
             _check_uses(uses, self.points)
             on_curved = any(curved_patch[use.face_index] for use in uses)
@@ -198,16 +201,16 @@ def _check_uses(uses: list[_Use], points: list[np.ndarray]) -> None:
         raise ReadError(f"faces must cut a common edge alike. Got different pieces at the edge from {ends}.")
 
 
-def xyz(point) -> tuple[float, float, float]:
+def xyz(point: Any) -> tuple[float, float, float]:
     """Return the coordinates of an OCCT point or vector."""
     return point.X(), point.Y(), point.Z()
 
 
-def _corners(triangle) -> tuple[int, int, int]:
+def _corners(triangle: Any) -> tuple[int, int, int]:
     return triangle.Value(1), triangle.Value(2), triangle.Value(3)
 
 
-def is_planar(face, flat_mm: float) -> bool:
+def is_planar(face: Any, flat_mm: float) -> bool:
     """Return whether the surface of a face stays within `flat_mm` of a plane."""
     surface = BRepAdaptor_Surface(face)
     if surface.GetType() == GeomAbs_SurfaceType.GeomAbs_Plane:
@@ -222,7 +225,7 @@ def is_planar(face, flat_mm: float) -> bool:
     return bool(np.abs(centred @ normal).max() <= flat_mm)
 
 
-def is_straight(edge, flat_mm: float) -> bool:
+def is_straight(edge: Any, flat_mm: float) -> bool:
     """Return whether an edge stays within `flat_mm` of the line between its ends."""
     curve = BRepAdaptor_Curve(edge)
     if curve.GetType() == GeomAbs_CurveType.GeomAbs_Line:
@@ -236,7 +239,7 @@ def is_straight(edge, flat_mm: float) -> bool:
     return bool(np.linalg.norm(np.cross(points - points[0], along / length), axis=1).max() <= flat_mm)
 
 
-def circle_of(edge, flat_mm: float) -> Circle | None:
+def circle_of(edge: Any, flat_mm: float) -> Circle | None:
     """Return the circle of an edge, however it is stored, or None if it is none.
 
     A curve stored as another kind leaves the circle by `flat_mm` and `ROUND_SHARE` of its bow at most: any short and

@@ -25,11 +25,13 @@ class Angle(Measurand):
     takes = (Line, Line)
 
     def describe(self) -> tuple[float, tuple[Frame, ...], NDArray[np.float64], NDArray[np.float64]]:
+        """Return nominal value, frames, and the derivatives by what is fitted, see `Measurand`."""
         first, second = lines_of(self.geometry)
         one, other = first.direction, second.direction
         if are_parallel(one, other):
             raise MeasurandError(
-                f"the edges of an angle must not be parallel. Got {degrees_between(one, other):.4g} degrees between them."
+                "the edges of an angle must not be parallel. "
+                f"Got {degrees_between(one, other):.4g} degrees between them."
             )
         other = -other if one @ other < 0 else other
         normal = np.cross(one, other)
@@ -38,5 +40,6 @@ class Angle(Measurand):
         return degrees_between(one, other), frames, _DEGREES * np.array([0.0, -1.0, 0.0, 1.0]), np.zeros((4, 4))
 
     def value(self, fitted: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Return deviations (n,) by what is fitted."""
         first, second = fitted
         return np.asarray(_DEGREES * (np.arctan(second[:, 1]) - np.arctan(first[:, 1])))

@@ -21,6 +21,7 @@ class CentreDistance(Measurand):
     takes = (Circle, Circle)
 
     def describe(self) -> tuple[float, tuple[Frame, ...], NDArray[np.float64], NDArray[np.float64]]:
+        """Return nominal value, frames, and the derivatives by what is fitted, see `Measurand`."""
         first, second = circles_of(self.geometry)
         if not are_parallel(first.axis, second.axis):
             raise MeasurandError(
@@ -55,6 +56,7 @@ class CentreDistance(Measurand):
         return along, bend * np.outer(side, side)
 
     def value(self, fitted: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Return deviations (n,) by what is fitted."""
         apart = np.zeros((len(fitted[0]), 3))
         for k, circle in enumerate(circles_of(self.geometry)):
             frame = circle_frame(circle)

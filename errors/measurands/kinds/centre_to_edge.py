@@ -21,6 +21,7 @@ class CentreToEdge(Measurand):
     takes = (Circle, Line)
 
     def describe(self) -> tuple[float, tuple[Frame, ...], NDArray[np.float64], NDArray[np.float64]]:
+        """Return nominal value, frames, and the derivatives by what is fitted, see `Measurand`."""
         (circle,), (line,) = circles_of(self.geometry), lines_of(self.geometry)
         along = line.direction
         if not are_perpendicular(along, circle.axis):
@@ -42,6 +43,7 @@ class CentreToEdge(Measurand):
         return nominal, (frame, Frame(line.middle, along, across)), gradient, hessian
 
     def value(self, fitted: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Return deviations (n,) by what is fitted."""
         centre, line = fitted
         across = self._nominal + centre[:, :2] @ self._across
         along = self._at + centre[:, :2] @ self._along

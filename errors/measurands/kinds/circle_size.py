@@ -21,11 +21,13 @@ class _CircleSize(Measurand):
     factor = 1.0
 
     def describe(self) -> tuple[float, tuple[Frame, ...], NDArray[np.float64], NDArray[np.float64]]:
+        """Return nominal value, frames, and the derivatives by what is fitted, see `Measurand`."""
         (circle,) = circles_of(self.geometry)
         gradient = np.array([0.0, 0.0, self.factor])
         return self.factor * circle.radius_mm, (circle_frame(circle),), gradient, np.zeros((3, 3))
 
     def value(self, fitted: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Return deviations (n,) by what is fitted."""
         (circle,) = circles_of(self.geometry)
         return np.asarray(self.factor * (fitted[0][:, 2] - circle.radius_mm))
 

@@ -24,6 +24,7 @@ class Distance(Measurand):
     takes = (Line, Line)
 
     def describe(self) -> tuple[float, tuple[Frame, ...], NDArray[np.float64], NDArray[np.float64]]:
+        """Return nominal value, frames, and the derivatives by what is fitted, see `Measurand`."""
         first, second = lines_of(self.geometry)
         if not are_parallel(first.direction, second.direction):
             raise MeasurandError(
@@ -53,5 +54,6 @@ class Distance(Measurand):
         return nominal, frames, np.array([-1.0, -self._at[0], 1.0, self._at[1]]), np.zeros((4, 4))
 
     def value(self, fitted: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Return deviations (n,) by what is fitted."""
         first, second = fitted
         return np.asarray(second[:, 0] + second[:, 1] * self._at[1] - first[:, 0] - first[:, 1] * self._at[0])

@@ -28,16 +28,19 @@ class Length(Measurand):
     in_image = True
 
     def describe(self) -> tuple[float, tuple[Frame, ...], NDArray[np.float64], NDArray[np.float64]]:
+        """Return nominal value, frames, and the derivatives by what is fitted, see `Measurand`."""
         (line,) = lines_of(self.geometry)
         side = np.cross(line.direction, np.eye(3)[int(np.argmin(np.abs(line.direction)))])
         frame = Frame(line.middle, line.direction, side / np.linalg.norm(side))
         return line.length, (frame,), np.zeros(2), np.zeros((2, 2))
 
     def image_value(self, images: NDArray[np.float64], planned: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return deviations (n,) by images of the ends (n, 2, 2)."""
         length = np.linalg.norm(images[:, 1] - images[:, 0], axis=1)
         return np.asarray(self.nominal * (length / np.linalg.norm(planned[1] - planned[0]) - 1))
 
     def expansion(self, poses: NDArray[np.float64], image: Image, localisation: Localisation) -> Expansion:
+        """Return the error of the length at poses (n, 4, 4)."""
         (line,), n = lines_of(self.geometry), len(poses)
         gradient, hessian, tangent = np.zeros((n, 6)), np.zeros((n, 6, 6)), np.zeros((n, 3))
         ends = np.array([line.p, line.q]) @ np.swapaxes(poses[:, :3, :3], 1, 2) + poses[:, None, :3, 3]

@@ -10,7 +10,7 @@ from solids import cube, hollow_box, l_block, plate, two_pocket_block
 
 from aspectgraph import EntityError, MissingExtraError, OutputError, PictureError, edge_figure, write_edge_picture
 from aspectgraph.plot.edge_ids import VIEWS, draw_edges
-from aspectgraph.plot.hidden_lines import is_seen, render, view_axes
+from aspectgraph.plot.hidden_lines import ParallelView, view_axes
 
 figure = pytest.importorskip("matplotlib.figure")
 FigureCanvasAgg = pytest.importorskip("matplotlib.backends.backend_agg").FigureCanvasAgg
@@ -66,12 +66,12 @@ TWO_LAYERS = np.array([[(0, 0, 1), (4, 0, 1), (0, 4, 1)], [(0, 0, 2), (2, 0, 2),
 
 def test_seen_and_hidden_points():
     points = np.array([(0.5, 0.5, 1), (0.5, 0.5, 2), (1.5, 1.5, 1), (1.5, 1.5, 0), (5, 5, 0)], dtype=float)
-    assert is_seen(points, TWO_LAYERS).tolist() == [False, True, True, False, True]
+    assert ParallelView(TWO_LAYERS).is_seen(points).tolist() == [False, True, True, False, True]
 
 
 @pytest.mark.parametrize("order", [[0, 1], [1, 0]])
 def test_the_nearest_triangle_is_painted_on_top(order):
-    image, (left, right, bottom, top) = render(TWO_LAYERS[order], np.array([0.25, 0.75])[order])
+    image, (left, right, bottom, top) = ParallelView(TWO_LAYERS[order]).render(np.array([0.25, 0.75])[order])
 
     def at(x, y):
         h, w = image.shape

@@ -1,0 +1,69 @@
+"""Rays against triangles, with Open3D: the one place that builds its scene.
+
+Rays are float32: about 10⁻⁷ of the part's size. That is for confirming, looking and keeping clear of things; what is
+observable is decided exactly, by the regions.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+class RayScene:
+    """Triangles that rays are cast at.
+
+    Parameters
+    ----------
+    vertices : array_like, shape (v, 3)
+        Corners, mm.
+    triangles : array_like of int, shape (t, 3)
+        Vertex numbers, outward counter-clockwise.
+    n_threads : int
+        Threads for each call; 0: one for each processor.
+    """
+
+    def __init__(self, vertices: ArrayLike, triangles: ArrayLike, n_threads: int = 0) -> None:
+        import open3d as o3d
+
+        corners = np.asarray(vertices, dtype=np.float64)
+        # float32 loses digits far from the origin, so everything is computed around the triangles' own centre
+        self._centre = (corners.min(axis=0) + corners.max(axis=0)) / 2
+        self._n_threads = n_threads
+        self._scene = o3d.t.geometry.RaycastingScene(nthreads=n_threads)
+        self._scene.add_triangles(_packed(corners - self._centre), _packed(triangles, np.uint32))
+
+    def cast(self, origins: ArrayLike, directions: np.ndarray) -> dict[str, np.ndarray]:
+        """Return what each ray hits first.
+
+        Parameters
+        ----------
+        origins : array_like
+            Where rays start, mm; broadcasts against `directions`.
+        directions : ndarray, shape (..., 3)
+            Where they go; the length is the unit of ``t_hit``.
+
+        Returns
+        -------
+        dict of str to ndarray
+            ``t_hit``: lengths to the hit, inf without one; ``primitive_ids``: the triangle, the largest uint32 without
+            one; ``primitive_normals``: its unit normal. Shapes (...) and (..., 3).
+        """
+        start = np.broadcast_to(np.asarray(origins, dtype=np.float64) - self._centre, directions.shape)
+        found = self._scene.cast_rays(_packed(np.concatenate([start, directions], axis=-1)), nthreads=self._n_threads)
+        return {key: found[key].numpy() for key in ("t_hit", "primitive_ids", "primitive_normals")}
+
+    def signed_distance(self, points: ArrayLike) -> np.ndarray:
+        """Return the distance (n,) in mm of points (n, 3) to a closed surface, negative inside."""
+        local = _packed(np.asarray(points, dtype=np.float64) - self._centre)
+        if not len(local):
+            return np.empty(0)
+        distance = self._scene.compute_signed_distance(local, nsamples=3, nthreads=self._n_threads)
+        return np.asarray(distance.numpy(), dtype=np.float64)
+
+
+def _packed(array: ArrayLike, dtype: type[np.generic] = np.float32) -> Any:
+    """Return an array as Open3D takes it; its stubs know tensors only."""
+    return np.ascontiguousarray(array, dtype=dtype)
