@@ -7,7 +7,7 @@ from collections.abc import Collection
 from aspectgraph.entities.straight_edges import Entity
 
 
-def curve_attributes(entities: Collection[Entity]) -> dict[str, tuple]:
+def curve_attributes(entities: Collection[Entity]) -> dict[str, tuple[object, ...]]:
     """Return the attributes of a graph that say which of its entities are rims and arcs; none if all are edges.
 
     Parameters

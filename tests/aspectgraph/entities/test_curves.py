@@ -78,7 +78,7 @@ def test_refusals(target, rule):
 
 
 def test_a_rim_is_named_once():
-    with pytest.raises(EntityError, match="named once. Got 'a' and 'b'"):
+    with pytest.raises(EntityError, match=r"named once\. Got 'a' and 'b'"):
         resolve_entities(holed(), {"a": "r0", "b": holed().rims()[0]})
 
 
