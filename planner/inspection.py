@@ -108,7 +108,7 @@ def plan_inspection(
     space : VisibilityRegions or EntityAspectGraph, optional
         Visibility computed before, for these entities and this workspace.
     effort : Effort, optional
-        How long to search.
+        How long to search. Default: ``Effort()``; where dimensions are planned, ``Effort.for_dimensions()``.
     localisation : Localisation, optional
         How well points are found in the image. Default: on whole pixels, as in the paper.
     state : path, optional
@@ -151,7 +151,7 @@ def plan_inspection(
     need = how.requirements(camera, pose_uncertainty)
     asked = _Asked(camera, pose_uncertainty, accuracy, probability, need)
     request = _request(solid, entities, asked, how)
-    effort = how.effort or Effort()
+    effort = how.effort or (Effort.for_dimensions() if request.dimensions else Effort())
     memo = PlanningState(_basis(request, seed, effort), how.state)
     if memo.plan is None:
         try:

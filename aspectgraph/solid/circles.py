@@ -42,14 +42,31 @@ class Circle(NamedTuple):
     radius_mm: float
 
     def distances_mm(self, points: FloatArray) -> FloatArray:
-        """Return the distances of points, shape (n, 3), from the circle in mm, shape (n,)."""
+        """Return how far points lie from the circle.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 3)
+            In mm.
+
+        Returns
+        -------
+        ndarray of float64, shape (n,)
+            In mm.
+        """
         offset = points - self.centre
         along = offset @ self.axis
         across = np.linalg.norm(offset - along[:, None] * self.axis, axis=1)
         return np.asarray(np.hypot(along, across - self.radius_mm), dtype=np.float64)
 
     def flipped(self) -> Circle:
-        """Return the same circle with its axis the other way."""
+        """Turn the axis round.
+
+        Returns
+        -------
+        Circle
+            The same circle with its axis the other way.
+        """
         return Circle(self.centre, -self.axis, self.radius_mm)
 
 

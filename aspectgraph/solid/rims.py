@@ -93,9 +93,32 @@ class Arc:
 
 @dataclass(frozen=True)
 class Rim(Arc):
-    """A closed circular edge: ``"r0"``, ``"r1"``, …; see `Arc`.
+    """A closed circular edge.
 
-    It has as many vertices as chords, and ``end_rad == start_rad + 2π``.
+    Attributes
+    ----------
+    id : str
+        ``"r0"``, ``"r1"``, …: the same for the same file.
+    centre : ndarray of float64, shape (3,), read-only
+        Of the circle, in mm.
+    axis : ndarray of float64, shape (3,), read-only
+        Unit normal of its plane, to where the faces along it face on the whole.
+    radius_mm : float
+        In mm.
+    edge_ids : tuple of int
+        Its chords in order, counter-clockwise about the axis.
+    vertices : tuple of int
+        The ends of the chords in the same order; as many as chords.
+    residual_mm : float
+        Largest distance of these from the circle.
+    chord_mm : float
+        Largest distance of a chord from the circle (its sagitta).
+    dihedral_deg : float
+        Smallest turn of the normal across it, in degrees, without sign.
+    fitted : bool
+        The circle was fitted to the chords; otherwise it is that of the CAD model.
+    start_rad, end_rad : float
+        Where the first chord starts, as an angle about the axis from `reference`, and 2π more.
     """
 
 

@@ -6,7 +6,7 @@ import builtins
 
 import numpy as np
 import pytest
-from solids import cube, hollow_box, l_block, plate, two_pocket_block
+from solids import cube, hollow_box, l_block, plate, prism, ring, two_pocket_block
 
 from aspectgraph import EntityError, MissingExtraError, OutputError, PictureError, edge_figure, write_edge_picture
 from aspectgraph.plot.edge_ids import VIEWS, draw_edges
@@ -147,3 +147,15 @@ def test_without_matplotlib(tmp_path, monkeypatch):
     with pytest.raises(MissingExtraError, match=r"pip install aspectgraph\[plot\]"):
         write_edge_picture(cube(), tmp_path / "edges.png")
     assert not (tmp_path / "edges.png").exists()
+
+
+def test_rims_are_named_where_they_are_seen():
+    """From above, the upper rim of a through hole; both from a slant, where a part of the lower one shows."""
+    solid = prism([(-10, -10), (10, -10), (10, 10), (-10, 10)], 5, [ring(4.0, 12, clockwise=True)])
+    upper = next(rim.id for rim in solid.rims() if rim.centre[2] == 5)
+    ax = figure.Figure().subplots()
+    draw_edges(solid, [], (0.6, -0.8, 0.2), ax=ax, curve_ids=["r0", "r1"])
+    assert {text.get_text() for text in ax.texts} == {upper}
+    assert "rim r0<br>diameter 8 mm" in str(edge_figure(solid).to_dict())
+    with pytest.raises(EntityError, match=r"that of a rim or arc, r0, r1\. Got 'r5'"):
+        edge_figure(solid, [], ["r5"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 from collections import Counter
 from pathlib import Path
 
@@ -229,3 +230,24 @@ def test_without_the_extra(monkeypatch, tmp_path):
         read_solid(EXAMPLES / "mfcad_6-11-11-19.step")
     assert isinstance(caught.value, ImportError)
     assert "No module named 'OCP'" in str(caught.value)
+
+
+def test_rims_of_the_example_are_those_of_its_model():
+    """The file states each of its 25 and 35 mm circles in two halves; ids do not depend on how finely it is cut."""
+    path = Path(__file__).parents[3] / "examples" / "nist_ctc_01_ap242.stp"
+    stated = re.findall(r"=\s*CIRCLE\s*\(\s*'[^']*'\s*,\s*#\d+\s*,\s*([0-9.E+]+)", path.read_text())
+    sizes = [round(2 * float(radius), 9) for radius in stated]
+    solid = read_solid(path)
+    rims = solid.rims()
+    diameters = [round(2 * rim.radius_mm, 9) for rim in rims]
+    assert diameters.count(25.0) == sizes.count(25.0) / 2 > 0
+    assert diameters.count(35.0) == sizes.count(35.0) / 2 > 0
+    assert set(diameters) <= set(sizes)
+    assert max(rim.residual_mm for rim in rims) < 1e-9
+    assert not any(rim.fitted for rim in rims)
+    finer = read_solid(path, chord_tolerance_mm=0.2)
+    for rim, fine in zip(rims, finer.rims(), strict=True):
+        assert (rim.id, rim.radius_mm) == (fine.id, fine.radius_mm)
+        assert fine.centre == pytest.approx(rim.centre)
+        assert len(fine.edge_ids) > len(rim.edge_ids)
+        assert fine.chord_mm <= 0.2
