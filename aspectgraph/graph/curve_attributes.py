@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Any
 
 from aspectgraph.entities.straight_edges import Entity
 
 
-<<<<<<< HEAD
-def curve_attributes(entities: Collection[Entity]) -> dict[str, tuple[Any, ...]]:
-=======
 def curve_attributes(entities: Collection[Entity]) -> dict[str, tuple[object, ...]]:
->>>>>>> 4c5dd618a6378f93404d5e9449853ceab5ce7f12
     """Return the attributes of a graph that say which of its entities are rims and arcs; none if all are edges.
 
     Parameters
