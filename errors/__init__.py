@@ -17,14 +17,14 @@ from errors.exceptions import (
 )
 from errors.expansion import length_expansion
 from errors.model import SuccessModel
-from errors.montecarlo import MonteCarloEstimate, binomial_interval, simulate_success
-from errors.pixels import coverage_image, measure_lengths
 from errors.probability import success_probability
 from errors.projection import image_segment, project
 from errors.quantization import AxisQuantization, SegmentQuantization
 from errors.ratio import NormalRatio
+from errors.referee.montecarlo import MonteCarloEstimate, binomial_interval, simulate_success
+from errors.referee.pixels import coverage_image, measure_lengths
+from errors.referee.twin import simulate_measurement
 from errors.segment import AxisDisplacement, SegmentDisplacement, SegmentError
-from errors.twin import simulate_measurement
 
 __all__ = [
     "AxisDisplacement",

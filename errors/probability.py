@@ -19,7 +19,7 @@ from errors.checks import (
 from errors.covariance import covariance_root
 from errors.exceptions import InvalidParameterError
 from errors.joint import joint_probability
-from errors.montecarlo import simulate_success
+from errors.referee.montecarlo import simulate_success
 from errors.segment import independent_probability
 
 MODELS = ("joint", "independent", "montecarlo")

@@ -6,10 +6,11 @@ import os
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import Any, TypedDict
 
 from numpy.typing import ArrayLike
 
+from errors.measurands.localisation import Localisation
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.request.constraints import Requirements
@@ -17,9 +18,6 @@ from planner.request.defaults import corner_margin_px, position_margin_mm
 from planner.request.effort import Effort
 from planner.request.reach import Reach
 from planner.request.space import Space
-
-if TYPE_CHECKING:
-    from errors.measurands import Localisation
 
 
 @dataclass(frozen=True)

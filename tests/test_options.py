@@ -9,8 +9,8 @@ import pytest
 import errors
 import ga
 import planner
-from errors.montecarlo import SuccessKeywords, SuccessOptions
-from errors.twin import MeasurementKeywords, MeasurementOptions
+from errors.referee.montecarlo import SuccessKeywords, SuccessOptions
+from errors.referee.twin import MeasurementKeywords, MeasurementOptions
 from ga.operators import Keywords, Operators
 from planner.inspection_options import InspectionKeywords, InspectionOptions
 from planner.setting.setting_options import SettingKeywords, SettingOptions
@@ -21,7 +21,7 @@ CALLS = [
     (errors.simulate_success, SuccessOptions, SuccessKeywords, 9),
     (errors.simulate_measurement, MeasurementOptions, MeasurementKeywords, 10),
     (planner.plan_setting, SettingOptions, SettingKeywords, 17),
-    (planner.plan_inspection, InspectionOptions, InspectionKeywords, 18),
+    (planner.plan_inspection, InspectionOptions, InspectionKeywords, 19),
     (planner.simulate_setting, SimulationOptions, SimulationKeywords, 10),
 ]
 

@@ -395,8 +395,3 @@ def _confirm(eag: EntityAspectGraph, scene: Scene) -> None:
     found = confirm(eag.solid, eag.entities, scene, eag.regions.grid, viewpoints, observable.reshape(len(graph), -1))
     for node in graph:
         graph.nodes[node].update(confirmed=True, n_rays=found.n_rays, n_arbitrated=int(found.n_arbitrated[node]))
-
-
-def cells_per_domain(eag: EntityAspectGraph) -> float:
-    """Mean number of convex cells per viewing domain."""
-    return (eag._domains.of_cell >= 0).sum() / max(1, len(eag.graph))

@@ -39,6 +39,7 @@ PLACES = {
         "setting": (2, "one pose for one set"),
         "verify": (3.8, "promises, simulated"),
         "request": (2.7, "constraints and probability"),
+        "wanted": (1.4, "edges and dimensions asked for"),
         "camera": (3.25, "camera, pose, uncertainty"),
         "executors": (0, "work in processes"),
         "ledger": (1, "what is already computed"),

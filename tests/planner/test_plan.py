@@ -65,7 +65,7 @@ def test_unknown_name_is_refused():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"version": 2}, "version must be 1. Got 2"),
+        ({"version": 3}, "version must be 1 or 2. Got 3"),
         ({"format": "a shopping list"}, "format must be 'aspectgraph inspection plan'. Got 'a shopping list'"),
         ({"camera": {}}, "focal_length_mm must be given"),
         ({"pose_uncertainty": {"covariance": [[1.0]]}}, r"covariance must have the shape \(6, 6\)"),

@@ -73,7 +73,11 @@ def test_no_direction_has_a_smaller_quantile(ratio):
 def test_an_error_of_the_probability_asks_for_no_longer_image():
     for probability in (1e-5, 0.3, 0.9, 1.0 - 1e-6):
         judge = SimpleNamespace(
-            accuracy=0.98, threshold=probability, camera=CAMERA, constraints=SimpleNamespace(min_length_mm=0.0)
+            accuracy=0.98,
+            threshold=probability,
+            camera=CAMERA,
+            constraints=SimpleNamespace(min_length_mm=0.0),
+            request=SimpleNamespace(dimensions={}),
         )
         half_width = 0.5 * (math.log(2.0 - 0.98) - math.log(0.98))
         asked = quantization_quantile(CAMERA.pixel_pitch_mm, probability - 5e-5)

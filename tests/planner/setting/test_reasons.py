@@ -39,7 +39,9 @@ def test_reason_of_a_run_without_a_setting_is_its_own():
     ],
 )
 def test_too_far_apart_names_one_entity_once(ends, who):
-    constraints = SimpleNamespace(camera=CAMERA, names=tuple(ends), ends=np.array(list(ends.values()), dtype=float))
+    segments = np.array(list(ends.values()), dtype=float)
+    owner = np.arange(len(ends))
+    constraints = SimpleNamespace(camera=CAMERA, names=tuple(ends), segments=segments, owner=owner)
     with pytest.raises(InfeasibleError, match=f"^field_of_view_px cannot be met for {who}"):
         check_extent(constraints)
 

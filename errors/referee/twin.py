@@ -26,9 +26,9 @@ from errors.checks import (
 from errors.covariance import covariance_root
 from errors.displacement import displace
 from errors.exceptions import InvalidShapeError
-from errors.montecarlo import MonteCarloEstimate, binomial_interval
-from errors.pixels import measure_lengths
 from errors.projection import image_segment, project
+from errors.referee.montecarlo import MonteCarloEstimate, binomial_interval
+from errors.referee.pixels import measure_lengths
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -95,7 +95,7 @@ def simulate_measurement(
     confidence : float
         Coverage of the confidence interval, in (0, 1).
     detector : {"axes", "area"}
-        How ends are found in the image; see `errors.pixels`.
+        How ends are found in the image; see `errors.referee.pixels`.
     band_px : float
         Width of the edge's image in the larger pitch, for "area".
 
