@@ -160,10 +160,12 @@ def _resolve(solid: Solid, name: str, target: Any, tolerance_mm: float, min_dihe
         ends = np.array(target, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise EntityError(
-            f"an entity must be a curve's or edge id or two end points. Got {target!r} for {name!r}."
+            f"an entity must be the id of a rim or arc, an edge id or two finite end points. Got {target!r} for {name!r}."
         ) from error
     if ends.shape != (2, 3) or not np.isfinite(ends).all():
-        raise EntityError(f"an entity must be an edge id or two finite end points. Got {target!r} for {name!r}.")
+        raise EntityError(
+            f"an entity must be the id of a rim or arc, an edge id or two finite end points. Got {target!r} for {name!r}."
+        )
     if np.linalg.norm(ends[1] - ends[0]) <= tolerance_mm:
         raise EntityError(
             f"an entity must have a length. Got two end points at {describe_point(ends[0])} for {name!r}."
