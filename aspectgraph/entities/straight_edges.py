@@ -19,6 +19,8 @@ from aspectgraph.solid.topology import Edge
 RELATIVE_TOLERANCE = 1e-4
 """Default distance within which given end points match vertices, as a fraction of the bounding box diagonal."""
 
+_MAY_BE = "an entity must be the id of a rim or arc, an edge id or two finite end points."
+
 
 @dataclass(frozen=True)
 class Entity:
@@ -159,13 +161,9 @@ def _resolve(solid: Solid, name: str, target: Any, tolerance_mm: float, min_dihe
     try:
         ends = np.array(target, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise EntityError(
-            f"an entity must be the id of a rim or arc, an edge id or two finite end points. Got {target!r} for {name!r}."
-        ) from error
+        raise EntityError(f"{_MAY_BE} Got {target!r} for {name!r}.") from error
     if ends.shape != (2, 3) or not np.isfinite(ends).all():
-        raise EntityError(
-            f"an entity must be the id of a rim or arc, an edge id or two finite end points. Got {target!r} for {name!r}."
-        )
+        raise EntityError(f"{_MAY_BE} Got {target!r} for {name!r}.")
     if np.linalg.norm(ends[1] - ends[0]) <= tolerance_mm:
         raise EntityError(
             f"an entity must have a length. Got two end points at {describe_point(ends[0])} for {name!r}."
