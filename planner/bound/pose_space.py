@@ -16,7 +16,7 @@ import numpy as np
 
 from planner.bound.boxes.cells import Cells
 from planner.bound.boxes.search import FOUND, NEARLY, SPENT, search
-from planner.bound.boxes.view import Entities, View
+from planner.bound.boxes.view import Entities, Task, View
 from planner.bound.boxes.viewpoint_tree import Viewpoints, viewpoints_for
 from planner.bound.excluded_pairs import sensor_tangents
 from planner.bound.least_image import least_image_mm
@@ -176,8 +176,8 @@ class PoseSpace:
         while True:
             pose, inspected = np.eye(4), np.zeros(len(y), dtype=bool)
             order = np.argsort(-y, kind="stable")[: int((y > 0).sum())]
-            request = self.entities, self.view, self.conflict, tree, y, limit, max_nodes - made, stop
-            outcome, n = search(part, chart, order, *request, pose, inspected)
+            task = Task(self.conflict, y, limit, max_nodes - made, stop)
+            outcome, n = search(part, chart, order, self.entities, self.view, tree, task, pose, inspected)
             made += n
             # the weights had better keep away from where it is too close to tell, too
             if outcome in (FOUND, NEARLY):

@@ -131,20 +131,9 @@ class PoseTree:
             radius = np.linalg.norm(self.half[part], axis=1)
             possible = self.sets[part].copy()
             turned = self.roll[part, 1] * math.sin(self.cone)
-            _satisfy(
-                self.center[part],
-                radius,
-                axis,
-                spread,
-                frame,
-                turned,
-                self.ends,
-                self.directions,
-                self.lengths,
-                self._limits,
-                self.tangents,
-                possible,
-            )
+            nodes = self.center[part], radius, axis, spread, frame, turned
+            entities = self.ends, self.directions, self.lengths
+            _satisfy(nodes, entities, self._limits, self.tangents, possible)
             _meets(self.center[part], self.half[part], *self.cells, possible)
             self.sets[part] = possible
             typical = 0.5 * (self.near + min(self.far, 4 * self.near))
@@ -182,9 +171,10 @@ def _directions(face: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 @nb.njit(cache=True)
-def _satisfy(center, radius, axis, spread, frame, turned, ends, directions, lengths, limits, tangents, possible):
+def _satisfy(nodes, entities, limits, tangents, possible):
     """Clear ``possible[n, e]`` where no pose of node n has entity e in focus, on the sensor, and long enough there."""
-    near, far, reach, cone, length_ratio = limits
+    (center, radius, axis, spread, frame, turned), (ends, directions, lengths) = nodes, entities
+    frustum, length_ratio = limits[:4], limits[4]
     for n in range(center.shape[0]):
         for e in range(possible.shape[1]):
             if not possible[n, e]:
@@ -198,10 +188,7 @@ def _satisfy(center, radius, axis, spread, frame, turned, ends, directions, leng
                     spread[n],
                     frame[n],
                     turned[n],
-                    near,
-                    far,
-                    reach,
-                    cone,
+                    frustum,
                     tangents,
                 )
                 if nearest < 0.0:
@@ -219,8 +206,9 @@ def _satisfy(center, radius, axis, spread, frame, turned, ends, directions, leng
 
 
 @nb.njit(cache=True)
-def _nearest_depth(ray, radius, axis, spread, frame, turned, near, far, reach, cone, tangents):
+def _nearest_depth(ray, radius, axis, spread, frame, turned, frustum, tangents):
     """Return the least depth at which a node may have a point in focus and on the sensor; -1 if it cannot."""
+    near, far, reach, cone = frustum
     distance = math.sqrt(ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2)
     if distance - radius > reach or distance + radius < near:
         return -1.0

@@ -65,7 +65,7 @@ _PARTS_PER_BOX = 25
 
 
 @nb.njit(cache=True, nogil=True)
-def search(box, chart, order, entities, view, conflict, tree, y, limit, max_nodes, stop, pose, inspected):
+def search(box, chart, order, entities, view, tree, task, pose, inspected):
     """Search a box of poses.
 
     Parameters
@@ -75,18 +75,12 @@ def search(box, chart, order, entities, view, conflict, tree, y, limit, max_node
     chart : int
     order : array of int (m,)
         The entities that count, in descending order of weight.
-    entities, view, conflict
-        The request; ``conflict`` (e, e) tells which entities exclude each other anyhow.
+    entities, view : Entities, View
+        The request.
     tree : Viewpoints
         What may be inspected from where.
-    y : array (e,)
-        Weights.
-    limit : float
-        What a pose must exceed.
-    max_nodes : int
-        Boxes looked at, at most.
-    stop : array of bool (1,)
-        Another thread sets it to end the search.
+    task : Task
+        Which pose is looked for, and for how long.
     pose : array (4, 4)
         The pose found is written here; camera to part.
     inspected : array of bool (e,)
@@ -101,6 +95,7 @@ def search(box, chart, order, entities, view, conflict, tree, y, limit, max_node
     made : int
         Boxes looked at; those with parts count for several.
     """
+    conflict, y, limit, max_nodes, stop = task
     stack = planted(box, order, entities, tree.boxes[0])
     m = len(y)
     work, look, x, meets = new_work(m), np.empty(3), np.zeros(6), np.ones(m, np.bool_)
@@ -173,7 +168,7 @@ def _tighten(stack, i, chart, entities, view, y, work):
             continue
         seen_from(ends, q, work.matrix, s)
         farthest(s, length, t, work.room, view, far, opened)
-        window(s, far, v, u, n, t, nu, view, work.room, least, y[e], work.scores)
+        window(s, far, v, u, (n, t, nu), view, work.room, least, y[e], work.scores)
         if is_empty(least, work.room, view):
             continue
         cells = stack.cells[i, stack.start[i, a] : stack.start[i, a + 1]]

@@ -54,7 +54,7 @@ def may_exceed(least, group, y, limit, room, view, w):
         size -= 1
         n_seen += 1
         n_live[size], total = _meeting(
-            least, group, y, live[size], n_live[size], low[size], high[size], view, stamp, n_seen, cuts
+            (least, group, y), live[size], n_live[size], low[size], high[size], view, stamp, n_seen, cuts
         )
         if total <= limit:
             continue
@@ -80,11 +80,12 @@ def may_exceed(least, group, y, limit, room, view, w):
 
 
 @nb.njit(cache=True, nogil=True)
-def _meeting(least, group, y, live, n_live, low, high, view, stamp, n_seen, cuts):
+def _meeting(windows, live, n_live, low, high, view, stamp, n_seen, cuts):
     """Keep the live windows that meet a part of the room; return how many, and their weight.
 
     ``cuts`` (3,) becomes how many sides of windows cut the part across each axis, times its width.
     """
+    least, group, y = windows
     kept, total = 0, 0.0
     cuts[:] = 0.0
     for i in range(n_live):

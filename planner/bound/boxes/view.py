@@ -23,6 +23,20 @@ class View(NamedTuple):
     length_ratio: float
 
 
+class Task(NamedTuple):
+    """What a search is for: a pose whose entities weigh more than a limit.
+
+    ``conflict`` (e, e) tells which entities exclude each other anyhow, ``y`` (e,) are the weights. It looks at
+    ``max_nodes`` boxes at most, and ends when another thread sets ``stop`` (1,).
+    """
+
+    conflict: np.ndarray
+    y: np.ndarray
+    limit: float
+    max_nodes: int
+    stop: np.ndarray
+
+
 class Entities(NamedTuple):
     """Ends (e, 2, 3) and lengths (e,) of the entities, mm, and the cells of their regions, as in `cells.Cells`.
 

@@ -80,13 +80,14 @@ def seen_from(ends, q, matrix, s):
 
 
 @nb.njit(cache=True, nogil=True)
-def window(s, far, v, u, n, t, nu, view, room, least, weight, scores):
+def window(s, far, v, u, most, view, room, least, weight, scores):
     """Write the least values (6,) of the forms -n.w that both ends of an entity, as deep as ``far`` (2,), allow.
 
     In the order of w's coordinates: x - tan_x z and -x - tan_x z, the same for y, then -z and z. To ``scores`` (6,) is
     added, times the weight, what each coordinate of the box does to the sides of the window that cut the room, as a
-    share of how wide the view is.
+    share of how wide the view is. ``most`` holds n, t and nu of `most_turn`.
     """
+    n, t, nu = most
     of_0 = math.sqrt(s[0, 0] ** 2 + s[0, 1] ** 2 + s[0, 2] ** 2)
     of_1 = math.sqrt(s[1, 0] ** 2 + s[1, 1] ** 2 + s[1, 2] ** 2)
     most_0 = most_1 = most_2 = 0.0
