@@ -21,8 +21,8 @@ import numpy as np
 from planner.bound.least_image import least_image_mm
 from planner.executors import THREADS
 
-# cells that overlap by less than this are apart: no robot aims that finely
-_OVERLAP_MM = 1e-3
+# more than the rounding of planes and corners of cells; cells that only touch count as meeting
+_ROUNDING_MM = 1e-6
 _FINEST_MM = 0.5
 _MOST_BOXES = 200_000
 _STACK = 256
@@ -108,10 +108,10 @@ def _share_viewpoint(a, b, planes, plane_start, corners, corner_start, boxes, en
 
 @nb.njit(cache=True, nogil=True)
 def _overlap(boxes, i, j, common):
-    """Tell whether boxes i and j overlap by anything to speak of; write the centre and half size of what they share."""
+    """Tell whether boxes i and j meet; write the centre and half size of what they share."""
     for k in range(3):
         low, high = max(boxes[i, 0, k], boxes[j, 0, k]), min(boxes[i, 1, k], boxes[j, 1, k])
-        if high - low < _OVERLAP_MM:
+        if high - low < -_ROUNDING_MM:
             return False
         common[0, k], common[1, k] = (low + high) / 2, (high - low) / 2
     return True
@@ -150,12 +150,12 @@ def _search(stack, i, j, planes, plane_start, points, limits):
 
 @nb.njit(cache=True, nogil=True)
 def _excluded(center, half, cell, planes, plane_start):
-    """Tell whether a box overlaps a cell by less than nothing to speak of."""
+    """Tell whether a box is outside of a cell."""
     for p in range(plane_start[cell], plane_start[cell + 1]):
         lowest = planes[p, 3]
         for k in range(3):
             lowest += planes[p, k] * center[k] - abs(planes[p, k]) * half[k]
-        if lowest > -_OVERLAP_MM:
+        if lowest > _ROUNDING_MM:
             return True
     return False
 
@@ -219,7 +219,7 @@ def _apart(i, j, planes, plane_start, corners, corner_start):
             height = planes[p, 3]
             for k in range(3):
                 height += planes[p, k] * corners[v, k]
-            if height < -_OVERLAP_MM:
+            if height < _ROUNDING_MM:
                 separates = False
                 break
         if separates:

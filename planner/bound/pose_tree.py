@@ -131,9 +131,9 @@ class PoseTree:
             radius = np.linalg.norm(self.half[part], axis=1)
             possible = self.sets[part].copy()
             turned = self.roll[part, 1] * math.sin(self.cone)
-            nodes = self.center[part], radius, axis, spread, frame, turned
+            views = self.center[part], radius, axis, spread, frame, turned
             entities = self.ends, self.directions, self.lengths
-            _satisfy(nodes, entities, self._limits, self.tangents, possible)
+            _satisfy(views, entities, self._limits, self.tangents, possible)
             _meets(self.center[part], self.half[part], *self.cells, possible)
             self.sets[part] = possible
             typical = 0.5 * (self.near + min(self.far, 4 * self.near))

@@ -1,7 +1,4 @@
-"""What the lower bound's document calls open: each fails, and is to be taken out there when it no longer does.
-
-See docs/mathematics/lower-bound.md, section 9.
-"""
+"""What the lower bound's document called open, and is closed: docs/mathematics/lower-bound.md, section 9."""
 
 from __future__ import annotations
 
@@ -35,7 +32,6 @@ class Slab(BoxSpace):
         return BoxCells([BoxCell(low, high)])
 
 
-@pytest.mark.xfail(strict=True, raises=AssertionError, reason="9.1: viewpoints within 1 um of a wall are discarded")
 def test_a_viewpoint_in_a_slab_of_half_a_micrometre_serves_both_edges():
     camera = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
     judge = Judge(Request(Slab((120.0, 80.0, 60.0), WORKSPACE, PAIR), PAIR, camera, CERTAIN, 0.98, 0.9))
