@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from errors.measurands import Localisation
     from planner.camera.camera import Camera
     from planner.camera.catalogue import camera_names
     from planner.camera.pose import look_at
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from planner.output.predicted_image import predicted_image
     from planner.output.report import report_html
     from planner.plan import InspectionPlan, read_plan
+    from planner.pose_prediction import PosePrediction, predict
     from planner.request.constraints import Requirements
     from planner.request.defaults import default_workspace
     from planner.request.effort import Effort
@@ -39,8 +41,14 @@ if TYPE_CHECKING:
     from planner.travel import travel_order
     from planner.verify.simulate_plan import SimulationResult, simulate_plan
     from planner.verify.simulate_setting import SuccessRate, simulate_setting
+    from planner.wanted.dimension import Dimension
+    from planner.wanted.planned import PlannedDimension
 
 _NAMES = {
+    "errors.measurands": ("Localisation",),
+    "planner.pose_prediction": ("PosePrediction", "predict"),
+    "planner.wanted.dimension": ("Dimension",),
+    "planner.wanted.planned": ("PlannedDimension",),
     "planner.camera.camera": ("Camera",),
     "planner.camera.catalogue": ("camera_names",),
     "planner.camera.pose": ("look_at",),
@@ -98,13 +106,17 @@ __all__ = [
     "CameraError",
     "Cover",
     "CoverError",
+    "Dimension",
     "Effort",
     "InfeasibleError",
     "InspectionPlan",
+    "Localisation",
     "MeshRegion",
     "OutputError",
     "PlanFileError",
+    "PlannedDimension",
     "PlannerError",
+    "PosePrediction",
     "PoseUncertainty",
     "RequestError",
     "Requirements",
@@ -122,6 +134,7 @@ __all__ = [
     "plan_figure",
     "plan_inspection",
     "plan_setting",
+    "predict",
     "predicted_image",
     "read_plan",
     "report_html",

@@ -30,6 +30,11 @@ class Localisation:
         Length of image within which errors are not independent, px.
     floor_px : float
         Standard deviation that no fit gets below, however long the image is, px.
+
+    Raises
+    ------
+    InvalidParameterError
+        If the model is unknown, or a number breaks its rule.
     """
 
     model: str
@@ -52,7 +57,18 @@ class Localisation:
 
     @classmethod
     def rounding(cls, points: int = POINTS) -> Localisation:
-        """Return the paper's model: every point on a whole pixel. It is right for binary images."""
+        """Return the paper's model: every point on a whole pixel. It is right for binary images.
+
+        Parameters
+        ----------
+        points : int
+            Points that are found on a line or circle.
+
+        Returns
+        -------
+        Localisation
+            The model.
+        """
         return cls("rounding", 1 / math.sqrt(12), points)
 
     @classmethod
@@ -61,21 +77,65 @@ class Localisation:
 
         0.1 px is what sub-pixel line fits and corner detectors reached in rendered images (.04 to .11 px measured,
         see the documentation on measurement error).
+
+        Parameters
+        ----------
+        sigma_px : float
+            Standard deviation along each axis of the image, px.
+        points : int
+            Independent points on a fitted line or circle.
+
+        Returns
+        -------
+        Localisation
+            The model.
         """
         return cls("gaussian", sigma_px, points)
 
     @classmethod
     def fit(cls, sigma_px: float = 0.3, correlation_px: float = 2.0, floor_px: float = 0.02) -> Localisation:
-        """Return errors that average out over the length of the image, but not below a floor."""
+        """Return errors that average out over the length of the image, but not below a floor.
+
+        Parameters
+        ----------
+        sigma_px : float
+            Standard deviation of a point along each axis of the image, px.
+        correlation_px : float
+            Length of image per independent point, px.
+        floor_px : float
+            Standard deviation that no fit gets below, px.
+
+        Returns
+        -------
+        Localisation
+            The model.
+        """
         return cls("fit", sigma_px, POINTS, correlation_px, floor_px)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields as plain values, ready for JSON."""
+        """Return the fields as plain values, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Text and numbers.
+        """
         return asdict(self)
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Localisation:
-        """Return the model that `to_dict` wrote."""
+        """Return the model that `to_dict` wrote.
+
+        Parameters
+        ----------
+        data : dict
+            The fields.
+
+        Returns
+        -------
+        Localisation
+            The model.
+        """
         return cls(**data)
 
     def __str__(self) -> str:

@@ -26,6 +26,7 @@ from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.exit_codes import DONE, INCOMPLETE
 from planner.cli.signals import leave_signals_to_the_parent
+from planner.cli.wanted import read_request
 from planner.exceptions import OutputError, RequestError
 from planner.files import check_file_place, output_folder
 from planner.inspection import plan_inspection
@@ -96,31 +97,33 @@ def plan(options) -> int:
         camera = read_camera(options.camera)
         uncertainty = PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad)
         solid = _read_part(options)
-        entities = read_entities(options.entities, solid)
-        found, written = _planned(options, solid, entities, camera, uncertainty, folder)
+        wanted = read_request(options, solid)
+        found, written = _planned(options, solid, wanted, camera, uncertainty, folder)
     terminal_tables.print_plan(found)
-    for note in left_out(len(found.entities)):
+    for name, reason in wanted.left_out.items():
+        print(f"{name} is not planned: {reason}")
+    for note in left_out(len(wanted.entities)):
         print(note)
     for path in written:
         print(os.path.relpath(path) if path.is_relative_to(Path.cwd()) else path)
     return DONE if found.complete and found.simulation.confirmed else INCOMPLETE
 
 
-def _planned(options, solid, entities, camera: Camera, uncertainty: PoseUncertainty, folder: Path) -> tuple:
+def _planned(options, solid, wanted, camera: Camera, uncertainty: PoseUncertainty, folder: Path) -> tuple:
     """Plan and write; return the plan and the files. The state is deleted only after that."""
     state, box = folder / STATE_FILE, _workspace(options)
     _prepare(state, options.resume)
     with terminal_progress() as progress, _executor(options.jobs) as executor:
         regions = compute_regions(
             solid,
-            entities,
+            wanted.entities,
             workspace=default_workspace(solid, camera) if box is None else box,
             executor=executor,
             progress=labelled(progress, "visible regions"),
         )
         found = plan_inspection(
             solid,
-            entities,
+            wanted.items,
             camera,
             uncertainty,
             accuracy=options.accuracy,
@@ -128,6 +131,7 @@ def _planned(options, solid, entities, camera: Camera, uncertainty: PoseUncertai
             rng=options.seed,
             stand_off_mm=options.stand_off,
             space=regions,
+            localisation=wanted.localisation,
             state=state,
             executor=executor,
             progress=progress,

@@ -133,7 +133,18 @@ def _add_plan(commands) -> None:
         "plan", help="plan the inspection and write plan, graph, report, poses", allow_abbrev=False
     )
     _add_part(plan)
-    _add_entities(plan)
+    _add_entities(plan).add_argument(
+        "--dimensions", metavar="FILE|all", help="TOML or JSON file of dimensions, or all that the part (AP242) states"
+    )
+    plan.add_argument(
+        "--localisation",
+        metavar="MODEL",
+        help="how well points are found: rounding, gaussian[:SIGMA] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px "
+        "(default: rounding for entities, gaussian:0.1 for dimensions)",
+    )
+    plan.add_argument(
+        "--share", type=float, default=0.25, metavar="S", help="of a tolerance's half width, permitted as error (0.25)"
+    )
     plan.add_argument("--camera", metavar="NAME|FILE", required=True, help="name of the catalogue, or a TOML file")
     plan.add_argument("--accuracy", type=float, default=0.98, metavar="A", help="0.98 allows 2%% of an edge's length")
     plan.add_argument("--probability", type=float, default=0.9, metavar="P", help="required probability of it")
@@ -172,10 +183,12 @@ def _numbers(text: str) -> list[int]:
     return [int(number) for number in numbers]
 
 
-def _add_entities(parser) -> None:
+def _add_entities(parser):
+    """Add the choice of entities; return the group, of which one is required."""
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("--entities", metavar="FILE|IDS|all", help="TOML or JSON file, ids like 3,17,21, or all")
     which.add_argument("--all", dest="entities", action="store_const", const="all", help="all sharp straight edges")
+    return which
 
 
 def _add_workspace(parser) -> None:

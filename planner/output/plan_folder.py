@@ -12,6 +12,7 @@ from planner.output.pose_files import POSE_FILES, write_poses
 from planner.output.report import report_html
 from planner.output.wording import graph_sentence
 from planner.plan import InspectionPlan
+from planner.request.target_space import TargetSpace
 from planner.resume import holds_plan
 
 # the plan first: see `staged_folder`
@@ -37,7 +38,9 @@ def write_outputs(found: InspectionPlan, regions, folder: Path, progress=None) -
     """
     with staged_folder(folder, PLAN_FILES, "--out") as staging:
         found.write(staging / "plan.json")
-        report = report_html(found, regions, progress=progress, notes=left_out(len(found.entities)))
+        report = report_html(
+            found, _space(found, regions), progress=progress, notes=left_out(len(regions.entity_names))
+        )
         (staging / "report.html").write_text(report, encoding="utf-8")
         written = ["plan.json", "report.html"]
         if len(regions.entity_names) <= _MOST_GRAPH_ENTITIES:
@@ -45,6 +48,15 @@ def write_outputs(found: InspectionPlan, regions, folder: Path, progress=None) -
             written.append("graph.graphml")
         written += [str(path.relative_to(staging)) for path in write_poses(found, staging)]
     return [folder / name for name in written]
+
+
+def _space(found: InspectionPlan, regions):
+    """Return where what is planned is observable from: of a dimension, where all of its entities are."""
+    if not found.dimensions:
+        return regions
+    dimensions = found.dimensions
+    needs = {name: dimensions[name].entities if name in dimensions else (name,) for name in found.entities}
+    return TargetSpace(regions, needs, found.entities)
 
 
 def left_out(n: int) -> list[str]:

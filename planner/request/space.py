@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from aspectgraph import CellSet, Entity, Solid
+    from aspectgraph import CellSet, Solid
 
 
 class Space(Protocol):
@@ -33,7 +33,7 @@ class Space(Protocol):
         """Corners of the box the camera may be in, (2, 3), mm."""
 
     @property
-    def entities(self) -> Mapping[str, Entity]:
+    def entities(self) -> Mapping[str, Any]:
         """The entities by name."""
 
     @property

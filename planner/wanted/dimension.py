@@ -80,17 +80,56 @@ class Dimension:
 
     @classmethod
     def length(cls, edge: Target, **asked: Any) -> Dimension:
-        """Return the length of an edge, as in the paper; ``asked`` as in `diameter`."""
+        """Return the length of an edge, as in the paper.
+
+        Parameters
+        ----------
+        edge : int, str, Edge, Entity or end points
+            The edge.
+        **asked
+            ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; and ``share``, see `Dimension`.
+
+        Returns
+        -------
+        Dimension
+            What is to be measured.
+        """
         return cls("length", (edge,), **_in_mm(asked))
 
     @classmethod
     def distance(cls, first: Target, second: Target, **asked: Any) -> Dimension:
-        """Return the distance of two parallel edges; ``asked`` as in `diameter`, and ``direction``."""
+        """Return the distance of two parallel edges.
+
+        Parameters
+        ----------
+        first, second : int, str, Edge, Entity or end points
+            The edges.
+        **asked
+            ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; and ``share`` and ``direction``, see `Dimension`.
+
+        Returns
+        -------
+        Dimension
+            What is to be measured.
+        """
         return cls("distance", (first, second), **_in_mm(asked))
 
     @classmethod
     def angle(cls, first: Target, second: Target, **asked: Any) -> Dimension:
-        """Return the angle of two edges; ``tolerance_deg`` and ``max_error_deg``, else as in `diameter`."""
+        """Return the angle of two edges.
+
+        Parameters
+        ----------
+        first, second : int, str, Edge, Entity or end points
+            The edges.
+        **asked
+            ``tolerance_deg`` (lower, upper), ``max_error_deg`` or ``accuracy``; and ``share``, see `Dimension`.
+
+        Returns
+        -------
+        Dimension
+            What is to be measured.
+        """
         return cls("angle", (first, second), **_renamed(asked, "deg"))
 
     @classmethod
@@ -118,21 +157,73 @@ class Dimension:
 
     @classmethod
     def radius(cls, rim: Target, **asked: Any) -> Dimension:
-        """Return the radius of a rim or arc; ``asked`` as in `diameter`."""
+        """Return the radius of a rim or arc.
+
+        Parameters
+        ----------
+        rim : str, Rim, Arc or Entity
+            The rim or arc.
+        **asked
+            ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; and ``share``, see `Dimension`.
+
+        Returns
+        -------
+        Dimension
+            What is to be measured.
+        """
         return cls("radius", (rim,), **_in_mm(asked))
 
     @classmethod
     def centre_distance(cls, first: Target, second: Target, **asked: Any) -> Dimension:
-        """Return the distance of the centres of two rims or arcs; ``asked`` as in `diameter`."""
+        """Return the distance of the centres of two rims or arcs.
+
+        Parameters
+        ----------
+        first, second : str, Rim, Arc or Entity
+            The rims or arcs.
+        **asked
+            ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; and ``share`` and ``direction``, see `Dimension`.
+
+        Returns
+        -------
+        Dimension
+            What is to be measured.
+        """
         return cls("centre_distance", (first, second), **_in_mm(asked))
 
     @classmethod
     def centre_to_edge(cls, rim: Target, edge: Target, **asked: Any) -> Dimension:
-        """Return the distance from a rim's centre to the line of an edge; ``asked`` as in `diameter`."""
+        """Return the distance from a rim's centre to the line of an edge.
+
+        Parameters
+        ----------
+        rim : str, Rim, Arc or Entity
+            The rim or arc.
+        edge : int, str, Edge, Entity or end points
+            The edge.
+        **asked
+            ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; and ``share``, see `Dimension`.
+
+        Returns
+        -------
+        Dimension
+            What is to be measured.
+        """
         return cls("centre_to_edge", (rim, edge), **_in_mm(asked))
 
     def with_accuracy(self, accuracy: float) -> Dimension:
-        """Return the dimension with an accuracy, where it has no requirement of its own."""
+        """Return the dimension with an accuracy, where it has no requirement of its own.
+
+        Parameters
+        ----------
+        accuracy : float
+            A in (0, 1).
+
+        Returns
+        -------
+        Dimension
+            Itself, if it has one.
+        """
         if self.tolerance is not None or self.max_error is not None or self.accuracy is not None:
             return self
         return replace(self, accuracy=accuracy)

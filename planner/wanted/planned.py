@@ -48,7 +48,20 @@ class PlannedDimension:
 
     @classmethod
     def of(cls, target: Target, localisation: Localisation | None) -> PlannedDimension:
-        """Return what a plan keeps of a dimension that was resolved on the part."""
+        """Return what a plan keeps of a dimension that was resolved on the part.
+
+        Parameters
+        ----------
+        target : Target
+            The dimension.
+        localisation : Localisation or None
+            How well points are found; None is on whole pixels.
+
+        Returns
+        -------
+        PlannedDimension
+            Without the part.
+        """
         assert target.measurand is not None
         assert target.dimension is not None
         return cls(
@@ -77,7 +90,13 @@ class PlannedDimension:
         return self.measurand.unit
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields as plain values, ready for JSON, with the nominal value and its unit."""
+        """Return the fields as plain values, ready for JSON, with the nominal value and its unit.
+
+        Returns
+        -------
+        dict
+            Lists, texts and numbers.
+        """
         return {
             "kind": self.kind,
             "unit": self.unit,
@@ -92,7 +111,23 @@ class PlannedDimension:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> PlannedDimension:
-        """Build from the result of `to_dict`; `PlanFileError` where its fields contradict each other."""
+        """Build from the result of `to_dict`.
+
+        Parameters
+        ----------
+        data : mapping of str to value
+            The fields.
+
+        Returns
+        -------
+        PlannedDimension
+            Equal to the one written.
+
+        Raises
+        ------
+        PlanFileError
+            If fields contradict each other.
+        """
         try:
             found = cls(
                 data["kind"],

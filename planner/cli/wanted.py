@@ -1,0 +1,114 @@
+"""What the command line asks to be inspected: edges, or dimensions of a file or of the model itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from aspectgraph import ReadError, read_dimensions, read_entities
+from errors.exceptions import InvalidParameterError
+from errors.measurands import Localisation, kinds
+from planner.exceptions import RequestError
+from planner.wanted.dimension import Dimension
+from planner.wanted.dimension_files import read_wanted
+from planner.wanted.resolve import resolve_wanted
+
+if TYPE_CHECKING:
+    from aspectgraph import Entity, ModelDimension, Solid
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is to be inspected.
+
+    Attributes
+    ----------
+    items : mapping
+        As `plan_inspection` takes them.
+    entities : mapping of str to Entity
+        What must be seen for them.
+    localisation : Localisation or None
+        How well points are found in the image.
+    left_out : dict of str to str
+        Dimensions of the model that cannot be planned, and why.
+    """
+
+    items: Mapping[str, Any]
+    entities: Mapping[str, Entity]
+    localisation: Localisation | None = None
+    left_out: dict[str, str] = field(default_factory=dict)
+
+
+def read_request(options: Any, solid: Solid) -> Wanted:
+    """Return what the options of `plan` ask for.
+
+    Raises
+    ------
+    RequestError, ReadError, EntityError
+        If they ask for what is not there, or break a rule.
+    """
+    if options.dimensions is None:
+        localisation = read_localisation(options.localisation or "rounding")
+        entities = read_entities(options.entities, solid)
+        return Wanted(entities, entities, localisation)
+    localisation, left_out = read_localisation(options.localisation or "gaussian"), {}
+    if options.dimensions.strip().lower() == "all":
+        stated = _stated(options.part, solid)
+        items: dict[str, Any] = {one.name: _dimension(one, options.share) for one in stated if one.entities}
+        left_out = {one.name: one.reason or "" for one in stated if not one.entities}
+        if not items:
+            raise RequestError(f"--dimensions all needs a dimension that can be measured. Got none in {options.part}.")
+    else:
+        items = read_wanted(Path(options.dimensions), kinds())
+    rounded = localisation.model == "rounding"
+    entities, _ = resolve_wanted(solid, items, options.accuracy, as_lengths=not rounded)
+    return Wanted(items, entities, localisation, left_out)
+
+
+def _stated(part: str, solid: Solid) -> tuple[ModelDimension, ...]:
+    stated = read_dimensions(part, solid)
+    if not stated:
+        raise ReadError(
+            f"the part must be a STEP file with semantic dimensions (AP242). Got {part}, which states none; a file of "
+            "dimensions can be given instead."
+        )
+    return stated
+
+
+def _dimension(stated: ModelDimension, share: float) -> Dimension:
+    """Return a dimension of the model with its own tolerance."""
+    assert stated.entities is not None
+    along = stated.direction if stated.kind in ("distance", "centre_distance") else None
+    try:
+        return Dimension(stated.kind, stated.entities, tolerance=stated.tolerance, share=share, direction=along)
+    except RequestError as error:
+        raise RequestError(f"dimension {stated.name!r}: {error}") from error
+
+
+def read_localisation(text: str) -> Localisation:
+    """Return the model that words such as ``gaussian:0.05`` stand for.
+
+    Raises
+    ------
+    RequestError
+        If the model is unknown, or a number breaks its rule.
+    """
+    name, *numbers = text.strip().split(":")
+    makers: dict[str, tuple[Any, int]] = {
+        "rounding": (Localisation.rounding, 0),
+        "gaussian": (Localisation.gaussian, 1),
+        "fit": (Localisation.fit, 3),
+    }
+    if name not in makers or len(numbers) > makers[name][1]:
+        raise RequestError(
+            "--localisation must be rounding, gaussian[:SIGMA] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px. "
+            f"Got {text!r}."
+        )
+    try:
+        return makers[name][0](*map(float, numbers))
+    except InvalidParameterError as error:
+        raise RequestError(f"--localisation: {error}") from error
+    except ValueError:
+        raise RequestError(f"--localisation must hold numbers of px after the model. Got {text!r}.") from None

@@ -1,0 +1,163 @@
+"""How sure is it from here? What a given pose inspects, without planning."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from planner.camera.camera import Camera
+from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.exceptions import RequestError
+from planner.inspection_options import InspectionOptions
+from planner.request.defaults import check_fraction, default_workspace
+from planner.request.request import Request
+from planner.request.target_objective import dimension_model
+from planner.request.target_space import TargetSpace
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+    from errors.measurands import Localisation
+
+
+@dataclass(frozen=True)
+class PosePrediction:
+    """How sure one value is measured from a pose.
+
+    Attributes
+    ----------
+    nominal : float
+        Nominal value, mm (angles: degrees), as everything here but the margins.
+    unit : str
+        "mm" or "deg".
+    permitted_error : float
+        Largest error that counts as accurate.
+    observable : bool
+        Whether all its entities are observable from the pose as wholes.
+    probability : float
+        P(error at most the permitted one), if it is observable and the constraints are met.
+    standard_uncertainty, expanded_uncertainty : float
+        u, and U with k = 2.
+    budget : dict of str to float
+        Variance by "translation", "rotation" and "localisation".
+    margins : dict of str to float
+        Margin of every constraint, in the unit its name ends with; negative is not met.
+    """
+
+    nominal: float
+    unit: str
+    permitted_error: float
+    observable: bool
+    probability: float
+    standard_uncertainty: float
+    expanded_uncertainty: float
+    budget: dict[str, float]
+    margins: dict[str, float]
+
+
+def predict(
+    solid: Solid,
+    wanted: Mapping[str, Any],
+    cam2world: ArrayLike,
+    camera: Camera,
+    pose_uncertainty: PoseUncertainty,
+    *,
+    accuracy: float = 0.98,
+    localisation: Localisation | None = None,
+    options: InspectionOptions | None = None,
+) -> dict[str, PosePrediction]:
+    """Say how sure each dimension is measured from a given pose.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    wanted : mapping
+        Name to `Dimension`, or to an edge, whose length is measured.
+    cam2world : array_like (4, 4)
+        Planned pose of the camera.
+    camera : Camera
+        The camera.
+    pose_uncertainty : PoseUncertainty
+        How far its real pose may be from that.
+    accuracy : float
+        Required accuracy A in (0, 1) where a dimension has no requirement of its own.
+    localisation : Localisation, optional
+        How well points are found in the image. Default: on whole pixels.
+    options : InspectionOptions, optional
+        Constraints and workspace, as of `plan_inspection`.
+
+    Returns
+    -------
+    dict of str to PosePrediction
+        By name, in the order given.
+
+    Raises
+    ------
+    RequestError
+        If an argument breaks its rule.
+    EntityError
+        If an entity is not one of the part's.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> from planner import Camera, Dimension, PoseUncertainty, look_at, predict
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> step = Dimension.distance([[60, 20, 10], [60, 40, 10]], [[20, 20, 10], [20, 40, 10]], max_error_mm=0.05)
+    >>> camera = Camera.named("basler-acA2440-20gm-8mm")
+    >>> uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+    >>> pose = look_at([[40, 30, 400]], [40, 30, 10])[0]
+    >>> found = predict(block, {"step": step}, pose, camera, uncertainty)["step"]
+    >>> found.nominal, found.unit
+    (40.0, 'mm')
+    """
+    from aspectgraph import compute_regions
+    from planner.wanted.resolve import resolve_wanted
+
+    check_fraction("accuracy", accuracy)
+    if not wanted:
+        raise RequestError("wanted must hold at least one item. Got none.")
+    pose = np.asarray(cam2world, dtype=np.float64)
+    if pose.shape != (4, 4):
+        raise RequestError(f"cam2world must have the shape (4, 4). Got {pose.shape}.")
+    how = options or InspectionOptions()
+    entities, targets = resolve_wanted(solid, wanted, accuracy, as_lengths=True)
+    box = default_workspace(solid, camera) if how.workspace is None else np.asarray(how.workspace, dtype=np.float64)
+    regions = how.space or compute_regions(solid, entities, workspace=box, executor=how.executor)
+    space = TargetSpace(regions, {t.name: t.entities for t in targets}, {t.name: t.ends for t in targets})
+    need = how.requirements(camera, pose_uncertainty)
+    names = tuple(target.name for target in targets)
+    request = Request(space, names, camera, pose_uncertainty, accuracy, 0.5, need, targets, localisation)
+    seen = _observable(space, pose[:3, 3])
+    found = {}
+    for k, target in enumerate(targets):
+        told = dimension_model(target, camera, pose_uncertainty, localisation).describe(np.linalg.inv(pose))
+        margins = {
+            name: float(margin.min())
+            for name, margin in request.of([target.name]).constraints.margins(pose[None]).items()
+        }
+        met = bool(seen[k]) and min(margins.values()) >= 0
+        found[target.name] = PosePrediction(
+            nominal=told.nominal,
+            unit="mm" if target.measurand is None else target.measurand.unit,
+            permitted_error=told.permitted_error,
+            observable=bool(seen[k]),
+            probability=told.probability if met else 0.0,
+            standard_uncertainty=told.standard_uncertainty,
+            expanded_uncertainty=told.expanded_uncertainty,
+            budget=told.budget,
+            margins=margins,
+        )
+    return found
+
+
+def _observable(space: TargetSpace, position: np.ndarray) -> np.ndarray:
+    """Return which targets are observable from a position; nothing is from outside of the workspace."""
+    low, high = np.asarray(space.workspace, dtype=np.float64)
+    if not ((position >= low) & (position <= high)).all():
+        return np.zeros(len(space.entity_names), dtype=bool)
+    return np.asarray(space.observable(position[None])[0])
