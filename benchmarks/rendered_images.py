@@ -54,11 +54,10 @@ class Renderer:
         margin = int(np.ceil(3 * self.blur_px))
         size = 2 * _PATCH + 1 + 2 * margin
         fine = (np.arange(size * self.samples) + 0.5) / self.samples - 0.5 - margin
-        u, v = np.meshgrid(fine, fine)
-        pixels = (
-            np.stack([u, v, np.ones_like(u)], axis=-1)[None]
-            + np.append(corners, np.zeros((len(corners), 1)), 1)[:, None, None]
-        )
+        # a place at random in each part of a pixel: on a lattice, edges along its rows would move by steps
+        grid = np.stack(np.meshgrid(fine, fine), axis=-1)
+        grid = grid + rng.uniform(-0.5, 0.5, (len(corners), *grid.shape)) / self.samples
+        pixels = np.concatenate([grid + corners[:, None, None], np.ones((*grid.shape[:3], 1))], axis=-1)
         grey = self._grey(cam2world, pixels.reshape(-1, 3) @ np.linalg.inv(self.matrix).T, lamp)
         grey = grey.reshape(len(corners), size * self.samples, size * self.samples)
         grey = gaussian_filter(grey, (0, self.blur_px * self.samples, self.blur_px * self.samples), mode="nearest")
