@@ -16,10 +16,12 @@ from scipy.ndimage import gaussian_filter
 from scipy.optimize import least_squares
 
 # pixels to either side of a point that are rendered, and that are searched for the steepest place
-_PATCH, _SEARCH = 9, 4.0
+_PATCH, _SEARCH = 7, 4.0
 # profiles are sampled so finely, px, and averaged over so many pixels along the edge to either side
 _STEP, _ALONG = 0.1, 1.5
 _DARK = 0.04
+# grey values are compared so many px to either side of a found point
+_BESIDE = 2.5
 
 
 @dataclass
@@ -37,7 +39,7 @@ class Renderer:
     vertices: np.ndarray
     triangles: np.ndarray
     matrix: np.ndarray
-    samples: int = 4
+    samples: int = 3
     blur_px: float = 0.8
     noise: float = 0.01
     _scene: object = field(init=False, repr=False)
@@ -52,11 +54,10 @@ class Renderer:
         margin = int(np.ceil(3 * self.blur_px))
         size = 2 * _PATCH + 1 + 2 * margin
         fine = (np.arange(size * self.samples) + 0.5) / self.samples - 0.5 - margin
-        u, v = np.meshgrid(fine, fine)
-        pixels = (
-            np.stack([u, v, np.ones_like(u)], axis=-1)[None]
-            + np.append(corners, np.zeros((len(corners), 1)), 1)[:, None, None]
-        )
+        # a place at random in each part of a pixel: on a lattice, edges along its rows would move by steps
+        grid = np.stack(np.meshgrid(fine, fine), axis=-1)
+        grid = grid + rng.uniform(-0.5, 0.5, (len(corners), *grid.shape)) / self.samples
+        pixels = np.concatenate([grid + corners[:, None, None], np.ones((*grid.shape[:3], 1))], axis=-1)
         grey = self._grey(cam2world, pixels.reshape(-1, 3) @ np.linalg.inv(self.matrix).T, lamp)
         grey = grey.reshape(len(corners), size * self.samples, size * self.samples)
         grey = gaussian_filter(grey, (0, self.blur_px * self.samples, self.blur_px * self.samples), mode="nearest")
@@ -94,7 +95,7 @@ class Renderer:
 def found_points(renderer: Renderer, cam2world: np.ndarray, points: np.ndarray, tangents: np.ndarray, lamp: Lamp, rng):
     """Look for an edge at points (m, 3) with tangents (m, 3) in the image from a pose; px (m, 2), and grey steps (m,).
 
-    A point at which the image runs lengthwise has no normal; the caller sees it by its step of 0.
+    The step is the difference of the grey values, of 255, a little to either side of the point.
     """
     image = renderer.projected(points, cam2world)
     along = renderer.projected(points + 1e-3 * tangents, cam2world) - image
@@ -116,7 +117,9 @@ def found_points(renderer: Renderer, cam2world: np.ndarray, points: np.ndarray, 
     left, middle, right = (strength[rows, np.clip(best + k, 0, len(t) - 1)] for k in (-1, 0, 1))
     bend = left - 2 * middle + right
     shift = np.where(bend < 0, (left - right) / (2 * np.where(bend < 0, bend, -1)), 0.0)
-    return np.rint(image) + (t[best] + np.clip(shift, -1, 1) * _STEP)[:, None] * across, middle
+    beside = round(_BESIDE / _STEP)
+    low, high = (profile[rows, np.clip(best + k, 0, len(t) - 1)] for k in (-beside, beside))
+    return np.rint(image) + (t[best] + np.clip(shift, -1, 1) * _STEP)[:, None] * across, 255 * np.abs(high - low)
 
 
 def _bilinear(patches: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -140,8 +143,7 @@ def carried_back(pixels: np.ndarray, matrix: np.ndarray, cam2world: np.ndarray, 
 
 def fitted_circle(points: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, float]:
     """Return centre (3,) and radius of the circle nearest to points (n, 3) of a plane with the normal ``axis``."""
-    u = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    u /= np.linalg.norm(u)
+    u = _across(axis)
     basis = np.stack([u, np.cross(axis, u)])
     middle = points.mean(axis=0)
     flat = (points - middle) @ basis.T
@@ -157,3 +159,79 @@ def fitted_line(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return a point (3,) and the unit direction (3,) of the line nearest to points (n, 3)."""
     middle = points.mean(axis=0)
     return middle, np.linalg.svd(points - middle)[2][0]
+
+
+@dataclass
+class Measured:
+    """One dimension, as it is measured: lines are pairs of ends (2, 3), circles (centre, axis, radius); mm.
+
+    ``arcs`` holds for each circle the unit vector to its start and its angle in rad, None for a whole one.
+    """
+
+    kind: str
+    lines: list
+    circles: list
+    arcs: list
+    direction: np.ndarray | None = None
+
+    def points(self, n: int) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return points (n, 3) and tangents (n, 3) on each entity: circles first, at the middles of n equal parts."""
+        found, shares = [], (np.arange(n) + 0.5) / n
+        for (centre, axis, radius), arc in zip(self.circles, self.arcs, strict=True):
+            start, span = arc or (_across(axis), 2 * np.pi)
+            angle = (shares * span)[:, None]
+            out = np.cos(angle) * start + np.sin(angle) * np.cross(axis, start)
+            found.append((centre + radius * out, np.cross(axis, out)))
+        for p, q in self.lines:
+            along = (q - p) / np.linalg.norm(q - p)
+            found.append((p + shares[:, None] * (q - p), np.tile(along, (n, 1))))
+        return found
+
+    def planes(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return a point and the unit normal of the plane that each entity is carried back to."""
+        found = [(centre, axis) for centre, axis, _ in self.circles]
+        middles = [(p + q) / 2 for p, q in self.lines]
+        if self.kind == "centre_to_edge":
+            normal = self.circles[0][1]
+        elif self.kind == "angle":
+            normal = np.cross(*(q - p for p, q in self.lines))
+        elif self.kind == "distance":
+            normal = np.cross(self._way(), self.lines[0][1] - self.lines[0][0])
+        else:
+            return found
+        return [*found, *((middle, normal / np.linalg.norm(normal)) for middle in middles)]
+
+    def value(self, points: list[np.ndarray]) -> float:
+        """Return the value, mm (angles: degrees), from points (n, 3) that were carried back, of each entity."""
+        circles = [fitted_circle(own, axis) for own, (_, axis, _) in zip(points, self.circles, strict=False)]
+        lines = [fitted_line(own) for own in points[len(circles) :]]
+        if self.kind in ("diameter", "radius"):
+            return circles[0][1] * (2 if self.kind == "diameter" else 1)
+        if self.kind == "centre_distance":
+            return float(np.linalg.norm(np.cross(circles[1][0] - circles[0][0], self.circles[0][1])))
+        if self.kind == "centre_to_edge":
+            off = circles[0][0] - lines[0][0]
+            across = np.cross(self.circles[0][1], lines[0][1])
+            return float(abs(off @ across) / np.linalg.norm(across))
+        if self.kind == "angle":
+            return float(np.degrees(np.arccos(abs(lines[0][1] @ lines[1][1]))))
+        if self.kind != "distance":
+            raise ValueError(f"kind must be one that is measured here. Got {self.kind!r}.")
+        p, q = self.lines[0]
+        along, half_way = (q - p) / np.linalg.norm(q - p), np.mean(self.lines, axis=(0, 1))
+        at = [m + d * (((half_way - m) @ along) / (d @ along)) for m, d in lines]
+        return float(abs((at[1] - at[0]) @ self._way()))
+
+    def _way(self) -> np.ndarray:
+        """Return the unit vector along which a distance is taken, perpendicular to both lines."""
+        (p, q), (r, s) = self.lines
+        along = (q - p) / np.linalg.norm(q - p)
+        way = (r + s - p - q) if self.direction is None else self.direction
+        way = way - (way @ along) * along
+        return way / np.linalg.norm(way)
+
+
+def _across(axis: np.ndarray) -> np.ndarray:
+    """Return a unit vector perpendicular to an axis."""
+    way = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    return way / np.linalg.norm(way)
