@@ -45,6 +45,7 @@ from planner.steps.run import Run
 from planner.steps.settle import settle
 from planner.travel import travel_order
 from planner.wanted.dimension import Dimension
+from planner.wanted.targets import check_is_edge
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -178,6 +179,8 @@ def _request(solid: Solid, wanted: Mapping[str, Any], asked: _Asked, how: Inspec
     rounded = localisation is None or localisation.model == "rounding"
     if rounded and not any(isinstance(item, Dimension) for item in wanted.values()):
         space = how.space or _visible(solid, wanted, asked.camera, how)
+        for name, entity in space.entities.items():
+            check_is_edge(name, entity)
         return Request(space, space.entity_names, *asked)
     from planner.wanted.resolve import resolve_wanted
 

@@ -105,7 +105,7 @@ class Dimension:
         first, second : int, str, Edge, Entity or end points
             The edges.
         **asked
-            ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; and ``share`` and ``direction``, see `Dimension`.
+            ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; ``share``, ``direction``: `Dimension`.
 
         Returns
         -------
@@ -182,7 +182,7 @@ class Dimension:
         first, second : str, Rim, Arc or Entity
             The rims or arcs.
         **asked
-            ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; and ``share`` and ``direction``, see `Dimension`.
+            ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; ``share``, ``direction``: `Dimension`.
 
         Returns
         -------

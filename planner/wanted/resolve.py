@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from errors.measurands import Circle, Line, MeasurandError, measurand
 from planner.exceptions import RequestError
 from planner.wanted.dimension import Dimension
-from planner.wanted.targets import Target, edge_target
+from planner.wanted.targets import Target, check_is_edge, edge_target
 
 if TYPE_CHECKING:
     from aspectgraph import Entity, Solid
@@ -104,11 +104,7 @@ def _label(given: Any) -> str:
 
 
 def _edge(entity: Entity) -> Target:
-    if entity.kind != "edge":
-        raise RequestError(
-            f"entity {entity.name!r} is a {entity.kind}: name what is to be measured of it, such as "
-            f"Dimension.diameter({entity.name!r}). Got no dimension."
-        )
+    check_is_edge(entity.name, entity)
     return edge_target(entity.name, entity.endpoints)
 
 

@@ -12,10 +12,12 @@ ends       two points that lie *on* the entities: what holds for every pose that
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from planner.exceptions import RequestError
 
 if TYPE_CHECKING:
     from errors.measurands import Measurand
@@ -54,6 +56,16 @@ class Target:
     dimension: Dimension | None = None
     measurand: Measurand | None = field(default=None, repr=False, compare=False)
     permitted_error: float = np.nan
+
+
+def check_is_edge(name: str, entity: Any) -> None:
+    """Raise `RequestError` if an entity is a rim or arc: of these it must be said what is measured."""
+    kind = getattr(entity, "kind", "edge")
+    if kind != "edge":
+        raise RequestError(
+            f"entity {name!r} is a {kind}: say what is to be measured of it, such as Dimension.diameter({name!r}). "
+            "Got no dimension."
+        )
 
 
 def edge_target(name: str, endpoints: ArrayLike) -> Target:

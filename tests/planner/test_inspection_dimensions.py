@@ -1,0 +1,148 @@
+"""Dimensions from the request to the plan: resolved, planned, simulated, kept."""
+
+import json
+
+import numpy as np
+import pytest
+from holed_plate import BACK, CAMERA, FRONT, HOLES, LEFT, QUICK, UNCERTAINTY, holed_plate, upper_rims
+
+from planner import Dimension, Localisation, PlanFileError, RequestError, look_at, plan_inspection, predict, read_plan
+from planner.request.request import Request
+from planner.request.target_space import TargetSpace
+from planner.wanted.resolve import resolve_wanted
+
+FINE = Localisation.gaussian(0.1)
+
+
+@pytest.fixture(scope="module")
+def solid():
+    return holed_plate()
+
+
+@pytest.fixture(scope="module")
+def wanted(solid):
+    left, right = upper_rims(solid)
+    return {
+        "bore": Dimension.diameter(left, max_error_mm=0.09),
+        "pitch": Dimension.centre_distance(left, right, max_error_mm=0.1),
+        "depth": Dimension.distance(FRONT, BACK, max_error_mm=0.1),
+        "margin": Dimension.centre_to_edge(right, LEFT, max_error_mm=0.15),
+        "corner": Dimension.angle(FRONT, LEFT, max_error_deg=0.2),
+        "front": FRONT,
+    }
+
+
+@pytest.fixture(scope="module")
+def plan(solid, wanted):
+    options = {"localisation": FINE, "effort": QUICK, "accuracy": 0.98, "probability": 0.8}
+    return plan_inspection(solid, wanted, CAMERA, UNCERTAINTY, **options)
+
+
+def test_the_plan_measures_what_was_asked_and_simulation_agrees(plan, wanted):
+    assert plan.complete
+    assert set(plan.inspected) == set(wanted)
+    assert plan.dimensions["pitch"].nominal == pytest.approx(40.0)
+    assert plan.dimensions["bore"].nominal == pytest.approx(2 * HOLES["left"][1])
+    assert plan.dimensions["margin"].nominal == pytest.approx(60.0)
+    assert plan.dimensions["corner"].nominal == pytest.approx(90.0)
+    assert 1 <= plan.lower_bound <= len(plan.settings)
+    found = plan.simulate(6000, rng=1)
+    assert found.confirmed
+    assert found.worst_difference < 0.02
+
+
+def test_a_plan_comes_back_as_it_was_written(plan, tmp_path):
+    plan.write(tmp_path / "plan.json")
+    assert read_plan(tmp_path / "plan.json") == plan
+    data = json.loads((tmp_path / "plan.json").read_text())
+    assert data["version"] == 2
+    assert data["dimensions"]["depth"]["unit"] == "mm"
+    for change, message in (
+        ({"version": 1}, "version must be 2 in a plan that holds dimensions"),
+        ({"dimensions": {"depth": {**data["dimensions"]["depth"], "nominal": 51.0}}}, "nominal must be that"),
+        ({"dimensions": {"width": data["dimensions"]["depth"]}}, "must be one of the plan's entities"),
+    ):
+        (tmp_path / "damaged.json").write_text(json.dumps({**data, **change}))
+        with pytest.raises(PlanFileError, match=message):
+            read_plan(tmp_path / "damaged.json")
+
+
+def test_edges_alone_are_planned_as_before(solid):
+    plan = plan_inspection(solid, {"front": FRONT}, CAMERA, UNCERTAINTY, effort=QUICK)
+    assert plan.to_dict()["version"] == 1
+    assert "dimensions" not in plan.to_dict()
+
+
+def test_a_dimension_is_observable_where_all_its_entities_are(solid, wanted):
+    from aspectgraph import compute_regions
+
+    entities, targets = resolve_wanted(solid, wanted, 0.98)
+    # the edge has its own name, the others their ids; no entity comes twice
+    assert "front" in entities
+    assert len({entity.edge_ids for entity in entities.values()}) == len(entities) == 5
+    regions = compute_regions(solid, entities, workspace=[[-400] * 3, [500] * 3])
+    space = TargetSpace(regions, {t.name: t.entities for t in targets}, {t.name: t.ends for t in targets})
+    points = np.random.default_rng(0).uniform(-400, 500, (3000, 3))
+    seen = dict(zip(entities, regions.observable(points).T, strict=True))
+    for target, column in zip(targets, space.observable(points).T, strict=True):
+        assert (column == np.all([seen[name] for name in target.entities], axis=0)).all()
+        inside = space.covering_cells([target.name]).sample(200, 0)
+        assert space.observable(inside, [target.name]).all()
+    assert not space.observable(points).all()
+    assert space.observable(points).any(axis=0).all()
+
+
+def test_the_circle_is_inside_what_must_be_in_the_picture(solid, wanted):
+    """Margins of the polygon around it are smaller than those of 500 points on it, but not by much."""
+    from aspectgraph import compute_regions
+
+    entities, targets = resolve_wanted(solid, {"bore": wanted["bore"]}, 0.98)
+    regions = compute_regions(solid, entities, workspace=[[-400] * 3, [500] * 3])
+    (bore,) = targets
+    space = TargetSpace(regions, {"bore": bore.entities}, {"bore": bore.ends})
+    constraints = Request(space, ("bore",), CAMERA, UNCERTAINTY, targets=targets).constraints
+    rng = np.random.default_rng(4)
+    poses = look_at(
+        rng.uniform([-20, -50, 350], [60, 90, 450], (300, 3)), [20.0, 25.0, 10.0], roll=rng.uniform(0, 6, 300)
+    )
+    margin = constraints.margins(poses)["field_of_view_px"][:, 0]
+    circle = bore.measurand.geometry[0]
+    points = circle.points(np.linspace(0, 2 * np.pi, 500))
+    local = (points[None] - poses[:, None, :3, 3]) @ poses[:, :3, :3]
+    pixels = (local / local[..., 2:] @ CAMERA.matrix.T)[..., :2]
+    own = np.minimum(pixels + 0.5, np.array(CAMERA.resolution) - 0.5 - pixels).min(axis=(1, 2))
+    assert (margin <= own + 1e-9).all()
+    assert (margin >= own - 0.03 * np.ptp(pixels, axis=(1, 2))).all()
+
+
+def test_prediction_from_a_pose(solid, wanted):
+    pose = look_at([[40.0, 25.0, 410.0]], [40.0, 25.0, 10.0])[0]
+    told = predict(solid, wanted, pose, CAMERA, UNCERTAINTY, localisation=FINE)
+    assert list(told) == list(wanted)
+    # straight on: 0.05 mm at 400 mm; 0.1 px on 16 points of both lines; turns move them by less
+    depth = told["depth"]
+    assert depth.observable
+    assert depth.budget["translation"] == pytest.approx((50 * 0.05 / 400) ** 2, rel=0.01)
+    pixel = CAMERA.pixel_pitch_mm[0] * 400 / CAMERA.image_distance_mm
+    assert depth.budget["localisation"] == pytest.approx((0.1 * pixel) ** 2 * 2 / 16, rel=0.01)
+    assert sum(depth.budget.values()) == pytest.approx(depth.standard_uncertainty**2)
+    below = predict(solid, wanted, look_at([[40.0, 25.0, -390.0]], [40.0, 25.0, 10.0])[0], CAMERA, UNCERTAINTY)
+    assert not below["depth"].observable
+    assert below["depth"].probability == 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "item", "message"),
+    [
+        ("tilt", Dimension.distance(FRONT, LEFT), "dimension 'tilt': the edges of a distance must be parallel"),
+        ("same", Dimension.angle(FRONT, BACK), "dimension 'same': the edges of an angle must not be parallel"),
+        ("bore", Dimension.diameter("r99"), "dimension 'bore': .*r99"),
+        ("bore", Dimension("width", ("r0",)), "dimension 'bore': kind must be one of"),
+        ("bore", Dimension.diameter("r0", max_error_mm=0.01), "dimension 'bore': rim r0 must have .* chords at least"),
+        ("bore", Dimension.diameter(FRONT), "dimension 'bore': a diameter must have one rim or arc. Got a line"),
+        ("bore", "r0", "say what is to be measured of it, such as Dimension.diameter"),
+    ],
+)
+def test_what_cannot_be_measured_as_asked_is_refused_by_name(solid, name, item, message):
+    with pytest.raises(RequestError, match=message):
+        plan_inspection(solid, {name: item}, CAMERA, UNCERTAINTY, effort=QUICK)

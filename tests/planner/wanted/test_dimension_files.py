@@ -1,0 +1,62 @@
+"""Files of dimensions: what a user writes, and what is refused by name."""
+
+import pytest
+
+from errors.measurands import kinds
+from planner import Dimension, RequestError
+from planner.wanted.dimension_files import read_wanted
+
+FILE = """
+bore = { diameter = "r3", tolerance = [-0.05, 0.05] }
+step = { distance = [17, 18], max_error = 0.02 }
+rim = { edge = 17, max_error = 0.05 }
+inch = { radius = "a0", tolerance = [-0.001, 0.001], unit = "in" }
+slope = { angle = [17, 21], max_error = 0.001, unit = "rad" }
+plain = 18
+ends = [[0, 0, 10], [80, 0, 10]]
+long = { length = [[0, 0, 10], [80, 0, 10]], accuracy = 0.99 }
+"""
+
+
+def written(tmp_path, text, name="dimensions.toml"):
+    path = tmp_path / name
+    path.write_text(text)
+    return path
+
+
+def test_every_way_to_say_it(tmp_path):
+    found = read_wanted(written(tmp_path, FILE), kinds())
+    assert list(found) == ["bore", "step", "rim", "inch", "slope", "plain", "ends", "long"]
+    assert found["bore"] == Dimension.diameter("r3", tolerance_mm=(-0.05, 0.05))
+    assert found["step"] == Dimension.distance(17, 18, max_error_mm=0.02)
+    assert found["rim"] == Dimension.length(17, max_error_mm=0.05)
+    assert found["inch"].tolerance == pytest.approx((-0.0254, 0.0254))
+    assert found["slope"].max_error == pytest.approx(0.0572958, rel=1e-5)
+    assert found["plain"] == 18
+    assert found["long"].entities == ([[0, 0, 10], [80, 0, 10]],)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('a = { width = "r3" }', "dimension 'a' must be made of a kind .* Got 'width'"),
+        ("a = { max_error = 1 }", "dimension 'a' must have one kind. Got none"),
+        ('a = { diameter = "r3", radius = "r3" }', "Got diameter, radius"),
+        ('a = { diameter = "r3", max_error = 1, unit = "furlong" }', "dimension 'a': unit must be one of mm.*furlong"),
+        ('a = { diameter = "r3", max_error = 1, unit = "deg" }', "unit must be one of mm, um, in. Got 'deg'"),
+        ('a = { diameter = "r3", tolerance = [1, -1] }', "dimension 'a': tolerance must have its lower"),
+        ('a = { diameter = "r3", max_error = 0 }', "dimension 'a': max_error must be a positive number. Got 0"),
+        ("", "must hold one name at least"),
+        ("a = [", "must be valid TOML or JSON"),
+    ],
+)
+def test_refusals(tmp_path, text, message):
+    with pytest.raises(RequestError, match=message):
+        read_wanted(written(tmp_path, text), kinds())
+
+
+def test_json_and_a_missing_file(tmp_path):
+    path = written(tmp_path, '{"dimensions": {"bore": {"diameter": "r3", "accuracy": 0.99}}}', "d.json")
+    assert read_wanted(path, kinds()) == {"bore": Dimension.diameter("r3", accuracy=0.99)}
+    with pytest.raises(RequestError, match="name an existing file"):
+        read_wanted(tmp_path / "none.toml", kinds())
