@@ -60,8 +60,9 @@ for one in found:
 # ## A plan for four of them
 #
 # A measurement may be wrong by a tenth of the tolerance's half width, the strict old rule (the planner's default is a
-# quarter). A dimension without a tolerance may be wrong by 0.07 %. The pose of the camera is known to 0.05 mm
-# and 0.7 mrad, points are found to 0.1 px. The search is short; the default looks longer for fewer settings and a better lower bound.
+# quarter). A dimension without a tolerance may be wrong by 0.07 %. The pose of the camera is known to 0.05 mm and
+# 0.7 mrad, points are found to 0.1 px. The search is short; the default looks longer for fewer settings and a better
+# lower bound.
 
 # %%
 NAMES = ("distance 2", "Angular Size.1", "Linear Size.7", "Linear Size.9")
