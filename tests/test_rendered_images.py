@@ -94,7 +94,8 @@ def test_centre_to_edge_and_centre_distance_of_exact_points():
 
 
 def test_fits_of_exact_points():
-    centre, radius = fitted_circle(np.c_[ROUND[:90] + np.array([3.0, 4.0]), np.zeros(90)], Z)
+    shifted = np.c_[ROUND[:90, 0] + 3, ROUND[:90, 1] + 4, np.zeros(90)]
+    centre, radius = fitted_circle(shifted, Z)
     np.testing.assert_allclose([*centre, radius], [3, 4, 0, 12], atol=1e-8)
     middle, along = fitted_line(np.array([[0.0, 1, 2], [2, 1, 2], [5, 1, 2]]))
     assert abs(along[0]) == pytest.approx(1)
