@@ -107,13 +107,13 @@ def predict(
     >>> from aspectgraph import read_solid
     >>> from planner import Camera, Dimension, PoseUncertainty, look_at, predict
     >>> block = read_solid("examples/two_pocket_block.off")
-    >>> step = Dimension.distance([[60, 20, 10], [60, 40, 10]], [[20, 20, 10], [20, 40, 10]], max_error_mm=0.05)
+    >>> step = Dimension.distance([[50, 20, 10], [50, 40, 10]], [[60, 20, 10], [60, 40, 10]], max_error_mm=0.05)
     >>> camera = Camera.named("basler-acA2440-20gm-8mm")
     >>> uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-    >>> pose = look_at([[40, 30, 400]], [40, 30, 10])[0]
+    >>> pose = look_at([[55, 30, 400]], [55, 30, 10])[0]
     >>> found = predict(block, {"step": step}, pose, camera, uncertainty)["step"]
     >>> found.nominal, found.unit
-    (40.0, 'mm')
+    (10.0, 'mm')
     """
     from aspectgraph import compute_regions
     from planner.wanted.resolve import resolve_wanted

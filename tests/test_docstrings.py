@@ -40,6 +40,7 @@ EXAMPLES = (
     planner.Camera.named,
     planner.plan_setting,
     planner.plan_inspection,
+    planner.predict,
 )
 
 

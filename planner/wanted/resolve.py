@@ -100,7 +100,12 @@ def _label(given: Any) -> str:
         raise RequestError(f"an entity must be an id, an edge, a rim or two end points. Got {given!r}.")
     if isinstance(own, int | np.integer):
         return f"e{own}"
-    return str(own) if isinstance(own, str) else "edge " + np.array2string(np.asarray(own), precision=6)
+    if isinstance(own, str):
+        return own
+    try:
+        return "edge from " + " to ".join("(" + ", ".join(f"{x:.6g}" for x in point) + ")" for point in own)
+    except (TypeError, ValueError):
+        return repr(own)
 
 
 def _edge(entity: Entity) -> Target:

@@ -1,0 +1,78 @@
+"""`aspectgraph plan --dimensions`: a file of dimensions planned, and one line for every bad one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from planner import read_plan
+from planner.cli.exit_codes import BAD_INPUT, DONE
+from planner.cli.main import main
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+BLOCK = str(EXAMPLES / "two_pocket_block.off")
+CAMERA = ["--camera", "basler-acA2440-20gm-8mm", "--sigma-mm", "0.05", "--sigma-rad", "0.001", "--jobs", "1"]
+LEFT, RIGHT = "[[50, 20, 10], [50, 40, 10]]", "[[60, 20, 10], [60, 40, 10]]"
+ACROSS = "[[50, 20, 10], [60, 20, 10]]"
+
+
+def planned(tmp_path, text, *options, part=BLOCK):
+    path = tmp_path / "wanted.toml"
+    path.write_text(text)
+    return main(["plan", part, "--dimensions", str(path), *CAMERA, "--out", str(tmp_path / "out"), *options])
+
+
+def test_a_file_of_dimensions(tmp_path, capsys):
+    text = f"step = {{ distance = [{LEFT}, {RIGHT}], max_error = 0.1 }}\nfloor = {{ edge = {LEFT}, max_error = 0.2 }}"
+    assert planned(tmp_path, text, "--simulate", "2000") == DONE
+    assert "2 of 2 entities inspected" in capsys.readouterr().out
+    plan = read_plan(tmp_path / "out" / "plan.json")
+    assert plan.dimensions["step"].nominal == pytest.approx(10.0)
+    assert plan.dimensions["step"].localisation.model == "gaussian"
+    assert plan.dimensions["floor"].permitted_error == 0.2
+    assert plan.simulation.confirmed
+    assert (tmp_path / "out" / "graph.graphml").is_file()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (f"step = {{ distance = [{LEFT}, {ACROSS}] }}", "dimension 'step': the edges of a distance must be parallel"),
+        (f"step = {{ width = {LEFT} }}", "dimension 'step' must be made of a kind"),
+        ("bore = { diameter = 'r7' }", "dimension 'bore': "),
+        (f"step = {{ edge = {LEFT}, max_error = 1, unit = 'ell' }}", "dimension 'step': unit must be one of"),
+        (f"step = {{ edge = {LEFT}, tolerance = [1, -1] }}", "dimension 'step': tolerance must have its lower"),
+        (f"step = {{ edge = {LEFT}, max_error = 0 }}", "dimension 'step': max_error must be a positive number. Got 0"),
+        (f"step = {{ edge = {LEFT}, max_error = 99 }}", "dimension 'step': the permitted error of a length must be"),
+    ],
+)
+def test_what_is_wrong_is_one_line_and_nothing_is_written(tmp_path, capsys, text, message):
+    assert planned(tmp_path, text) == BAD_INPUT
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith(f"aspectgraph: {message}")
+    assert len(err.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--localisation", "canny"], "--localisation must be rounding, gaussian"),
+        (["--localisation", "gaussian:much"], "--localisation must hold numbers of px"),
+        (["--localisation", "gaussian:-1"], "--localisation: sigma_px must be finite and not negative"),
+    ],
+)
+def test_localisation_is_checked(tmp_path, capsys, options, message):
+    assert planned(tmp_path, f"floor = {LEFT}", *options) == BAD_INPUT
+    assert capsys.readouterr().err.startswith(f"aspectgraph: {message}")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_part_without_dimensions_says_so(tmp_path, capsys):
+    pytest.importorskip("OCP")
+    part = str(EXAMPLES / "mfcad_6-11-11-19.step")
+    assert main(["plan", part, "--dimensions", "all", *CAMERA, "--out", str(tmp_path / "out")]) == BAD_INPUT
+    assert "must be a STEP file with semantic dimensions (AP242)" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
