@@ -198,9 +198,17 @@ class InspectionPlan:
             "entities": {name: points.tolist() for name, points in self.entities.items()},
             **({"dimensions": dimensions} if dimensions else {}),
             "uninspectable": dict(self.uninspectable),
-            "settings": [setting.to_dict() for setting in self.settings],
+            "settings": [self._setting_dict(setting) for setting in self.settings],
             "simulation": None if self.simulation is None else self.simulation.to_dict(),
         }
+
+    def _setting_dict(self, setting: SensorSetting) -> dict:
+        """Return a setting as plain values, with how sure its dimensions are measured."""
+        if not self.dimensions:
+            return setting.to_dict()
+        from planner.verify.measurements import measurements_dict
+
+        return {**setting.to_dict(), "measurements": measurements_dict(self, setting)}
 
     @classmethod
     def from_dict(cls, data: Mapping) -> InspectionPlan:
@@ -295,14 +303,24 @@ def _from_json(cls, data) -> InspectionPlan:
         camera = Camera.from_dict(data["camera"])
     with _inside("pose_uncertainty"):
         pose_uncertainty = PoseUncertainty.from_dict(data["pose_uncertainty"])
-    return cls(
-        settings=tuple(SensorSetting.from_dict(s) for s in data["settings"]),
+    found = cls(
+        settings=tuple(SensorSetting.from_dict(_without_measurements(s)) for s in data["settings"]),
         camera=camera,
         pose_uncertainty=pose_uncertainty,
         simulation=_simulation_from(data.get("simulation")),
         dimensions=_dimensions_from(data.get("dimensions", {})),
         **{name: data[name] for name in _PLAIN_FIELDS},
     )
+    if found.dimensions:
+        from planner.verify.measurements import check_measurements
+
+        check_measurements(found, data["settings"])
+    return found
+
+
+def _without_measurements(setting: Mapping) -> dict:
+    """Return what a setting holds beside what follows from the plan."""
+    return {name: value for name, value in setting.items() if name != "measurements"}
 
 
 def _dimensions_from(data: Mapping) -> dict[str, PlannedDimension]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from aspectgraph.plot.clip import domain_facets
 from aspectgraph.plot.traces import line_trace, part_traces, point_text, scene_figure, surface_trace, xyz
+from planner.output.outlines import polylines
 
 # after Okabe and Ito (2008), and Tol (2021): told apart with any colour vision
 COLORS = (
@@ -40,10 +41,10 @@ def plan_figure(plan, solid, space=None):
     traces = part_traces(solid)
     for k, setting in enumerate(plan.settings):
         group = f"setting {k + 1}"
-        ends = [plan.entities[name] for name in setting.entities]
-        traces.append(_entity_trace(ends, setting.entities, color_of(k), group))
+        lines = [(name, line) for name in setting.entities for line in polylines(plan, name)]
+        traces.append(_entity_trace(lines, color_of(k), group))
         traces.append(_frustum_trace(setting, plan.camera, k, group))
-    hidden = [plan.entities[name] for name in plan.uninspectable]
+    hidden = [line for name in plan.uninspectable for line in polylines(plan, name)]
     if hidden:
         traces.append(line_trace(hidden, color=_RED, width=7, name="not inspected", dash="dot"))
     traces.append(_path_trace(plan))
@@ -58,9 +59,17 @@ def plan_figure(plan, solid, space=None):
     return figure.update_layout(legend={"y": 0.93, "bgcolor": "rgba(255,255,255,0.8)"}, uirevision="plan")
 
 
-def _entity_trace(ends, names, color, group):
-    hover = [name for name in names for _ in range(3)]
-    return line_trace(ends, color=color, width=9, name=group, legendgroup=group, hovertext=hover, hoverinfo="text")
+def _entity_trace(lines, color, group):
+    hover = [name for name, line in lines for _ in range(len(line) + 1)]
+    return line_trace(
+        [line for _, line in lines],
+        color=color,
+        width=9,
+        name=group,
+        legendgroup=group,
+        hovertext=hover,
+        hoverinfo="text",
+    )
 
 
 def _frustum_trace(setting, camera, k, group):

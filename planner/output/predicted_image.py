@@ -49,8 +49,8 @@ def predicted_image(
         The camera.
     cam2world : array_like, shape (4, 4)
         Its pose, OpenCV axes, mm.
-    entities : mapping of str to array_like (2, 3), optional
-        Ends of what is to be highlighted, mm, by name.
+    entities : mapping of str to array_like (2, 3) or (s, 2, 3), optional
+        Ends of an edge, or segments of a dimension's lines and circles, that are to be highlighted, mm, by name.
     color : str
         The highlights' colour, as SVG names it.
 
@@ -80,7 +80,7 @@ class PictureMaker:
         self._feature = np.array([is_feature(solid, edge) for edge in solid.edges])
 
     def image_svg(self, cam2world, entities: dict, color: str) -> str:
-        """Return the predicted image: shaded faces, visible edges, entities (name to ends (2, 3)) in a colour."""
+        """Return the predicted image: shaded faces, visible edges, entities (name to ends (2, 3) or segments (s, 2, 3)) in a colour."""
         width, height = self.camera.resolution
         lines = _path(self.edge_lines(cam2world))
         shades = base64.b64encode(png_grey(self.shaded(cam2world))).decode()
@@ -92,12 +92,14 @@ class PictureMaker:
         )
 
     def edge_map_svg(self, cam2world, entities: dict) -> str:
-        """Return the edge map: the visible edges as thin lines, the inspected ones bold with their ends marked."""
+        """Return the edge map: the visible edges as thin lines, the measured ones bold, with the ends of edges marked."""
         width, height = self.camera.resolution
         marks = []
         for uv in self._project_entities(cam2world, entities):
-            marks.append(f'<path class="measured" d="{_path([uv])}"/>')
-            marks += [f'<circle class="end" cx="{u:.1f}" cy="{v:.1f}" r="{width / 170:.1f}"/>' for u, v in uv]
+            marks.append(f'<path class="measured" d="{_path(uv.reshape(-1, 2, 2))}"/>')
+            # of dimensions no ends are looked for
+            ends = uv if uv.ndim == 2 else ()
+            marks += [f'<circle class="end" cx="{u:.1f}" cy="{v:.1f}" r="{width / 170:.1f}"/>' for u, v in ends]
         return (
             f'<svg class="shot map" viewBox="0 0 {width} {height}" role="img" aria-label="edge map">'
             f'<path class="edge" d="{_path(self.edge_lines(cam2world))}"/>{"".join(marks)}</svg>'
@@ -106,12 +108,14 @@ class PictureMaker:
     def _highlights(self, cam2world, entities: dict, color: str) -> str:
         width, height = self.camera.resolution
         size = width / 42
-        parts = []
+        parts, taken = [], []
         for name, uv in zip(entities, self._project_entities(cam2world, entities), strict=True):
-            u, v = uv.mean(axis=0)
+            u, v = uv.reshape(-1, 2).mean(axis=0)
             anchor = "end" if u > 0.75 * width else "start"
             v = min(max(v - 0.4 * size, 1.2 * size), height - 0.6 * size)
-            parts.append(f'<path class="entity" stroke="{color}" d="{_path([uv])}"/>')
+            if uv.ndim > 2:
+                v = _free_line(taken, u, v, size, 0.6 * size * len(name))
+            parts.append(f'<path class="entity" stroke="{color}" d="{_path(uv.reshape(-1, 2, 2))}"/>')
             parts.append(
                 f'<text x="{u:.0f}" y="{v:.0f}" font-size="{size:.0f}" text-anchor="{anchor}" fill="{color}">'
                 f"{escape(name)}</text>"
@@ -205,6 +209,18 @@ def png_grey(image: np.ndarray) -> bytes:
 
 def _path(lines) -> str:
     return "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in lines)
+
+
+def _free_line(taken: list, u: float, v: float, size: float, length: float) -> float:
+    """Return a height for a name at u, as near to v as leaves the names before readable; remember it."""
+    steps = [v + sign * k * 1.1 * size for k in range(len(taken) + 1) for sign in (1, -1)]
+
+    def is_free(height: float) -> bool:
+        return all(abs(height - y) >= 1.05 * size or abs(u - x) >= max(length, wide) for x, y, wide in taken)
+
+    found = next((height for height in steps if height > size and is_free(height)), v)
+    taken.append((u, found, length))
+    return found
 
 
 def _runs(visible: np.ndarray) -> list[tuple[int, int]]:

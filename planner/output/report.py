@@ -9,9 +9,11 @@ from string import Template
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from planner.output.dimension_report import dimension_section, localisation_text
 from planner.output.figure import color_of, plan_figure
+from planner.output.outlines import drawn
 from planner.output.predicted_image import PictureMaker
-from planner.output.wording import bound_sentence, count, margin_texts, percent, simulation_sentence
+from planner.output.wording import bound_sentence, count, margin_texts, nouns, percent, simulation_sentence
 from planner.progress import report
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
 
@@ -56,7 +58,10 @@ def report_html(plan, space, progress=None, notes=()) -> str:
             config={"displaylogo": False, "responsive": True, "scrollZoom": True},
         ),
         uninspectable=_uninspectable(plan),
-        tolerance=f"{100 * (1 - plan.accuracy):.3g} %",
+        meaning=_meaning(plan),
+        dimensions=dimension_section(plan),
+        singular=_named(plan)[0],
+        plural=_named(plan)[1],
         summary=_summary(plan),
         settings=_settings(plan, space.solid, progress),
         request=_request(plan),
@@ -65,16 +70,36 @@ def report_html(plan, space, progress=None, notes=()) -> str:
     )
 
 
+def _named(plan) -> tuple[str, str]:
+    """Return what the report calls an item of the plan, and several."""
+    return nouns(plan, _EDGE)
+
+
+def _meaning(plan) -> str:
+    """Say what P is."""
+    edges = (
+        f"P is the probability that the measured length of the edge is within {100 * (1 - plan.accuracy):.3g} % of its"
+        "\ntrue image length, given the uncertainty of the camera's pose and the pixel grid."
+    )
+    if not plan.dimensions:
+        return edges
+    own = "P is the probability that a dimension is measured with an error of at most the permitted one, given the "
+    own += "uncertainty of the camera's pose and of localising points in the image."
+    if len(plan.dimensions) == len(plan.entities):
+        return own
+    return own + edges.replace("P is", " Of an edge it is")
+
+
 def _lead(plan) -> str:
     """Say what the plan does, what is proven and what the simulation made of it."""
     n, inspected, asked = len(plan.settings), len(plan.inspected), len(plan.entities)
     if not n:
-        return f"{inspected} of {count(asked, *_EDGE)} inspected: the plan has no camera poses."
+        return f"{inspected} of {count(asked, *_named(plan))} inspected: the plan has no camera poses."
     verb = "is" if inspected == 1 else "are"
     told = "Not simulated." if plan.simulation is None else simulation_sentence(plan.simulation)
     return (
-        f"{inspected} of {count(asked, *_EDGE)} {verb} measured from {count(n, _POSE)}. "
-        f"{bound_sentence(plan, _EDGE, _POSE)} {told}"
+        f"{inspected} of {count(asked, *_named(plan))} {verb} measured from {count(n, _POSE)}. "
+        f"{bound_sentence(plan, _named(plan), _POSE)} {told}"
     )
 
 
@@ -83,7 +108,7 @@ def _figures(plan) -> str:
     cells = [(str(n), "camera pose" if n == 1 else "camera poses")]
     if n:
         cells.append((str(plan.lower_bound), "proven minimum" if plan.minimal else "proven lower bound"))
-    cells.append((f"{len(plan.inspected)} / {len(plan.entities)}", "edges inspected"))
+    cells.append((f"{len(plan.inspected)} / {len(plan.entities)}", f"{_named(plan)[1]} inspected"))
     if n:
         worst = min(plan.inspected.values())
         cells.append((f"{_down(worst, 3)}", f"smallest probability (required {plan.probability:g})"))
@@ -102,7 +127,7 @@ def _uninspectable(plan) -> str:
     )
     return (
         '<h2 class="bad">Not inspected</h2><p class="note">What is in no setting, and why.</p>'
-        f'<div class="scroll"><table><tr><th>Edge</th><th>Reason</th></tr>{rows}</table></div>'
+        f'<div class="scroll"><table><tr><th>{_named(plan)[0].capitalize()}</th><th>Reason</th></tr>{rows}</table></div>'
     )
 
 
@@ -119,7 +144,7 @@ def _summary(plan) -> str:
             f"<td>{escape(', '.join(setting.entities))}</td></tr>"
         )
     head = (
-        '<th>Setting</th><th class="n">Position (mm)</th><th class="n">Edges</th>'
+        f'<th>Setting</th><th class="n">Position (mm)</th><th class="n">{_named(plan)[1].capitalize()}</th>'
         '<th class="n">Smallest P</th><th>Which</th>'
     )
     return f'<div class="scroll"><table><tr>{head}</tr>{"".join(rows)}</table></div>'
@@ -135,7 +160,7 @@ def _settings(plan, solid, progress) -> str:
 
 
 def _setting(plan, k: int, setting, maker: PictureMaker) -> str:
-    entities = {name: plan.entities[name] for name in setting.entities}
+    entities = drawn(plan, setting.entities)
     x, y, z, w = Rotation.from_matrix(setting.cam2world[:3, :3]).as_quat(canonical=True)
     position = ", ".join(f"{value:.3f}" for value in setting.position)
     return (
@@ -145,27 +170,42 @@ def _setting(plan, k: int, setting, maker: PictureMaker) -> str:
         f'<div class="shots"><figure>{maker.image_svg(setting.cam2world, entities, color_of(k))}'
         "<figcaption>Predicted image, hidden lines removed</figcaption></figure>"
         f"<figure>{maker.edge_map_svg(setting.cam2world, entities)}"
-        "<figcaption>Edge map: the measured edges and their ends in bold</figcaption></figure></div>"
+        f"<figcaption>{_map_caption(plan)}</figcaption></figure></div>"
         f'<div class="scroll">{_probabilities(plan, k, setting)}</div>'
         f'<p class="note">Margins: {escape("; ".join(margin_texts(setting.margins)))}.</p></section>'
     )
+
+
+def _map_caption(plan) -> str:
+    if not plan.dimensions:
+        return "Edge map: the measured edges and their ends in bold"
+    edges = len(plan.dimensions) < len(plan.entities)
+    told = "Edge map: the lines and circles that are measured in bold"
+    return told + (", edges with their ends" if edges else "")
 
 
 def _probabilities(plan, k: int, setting) -> str:
     rates = plan.simulation.rates[k] if plan.simulation is not None else {}
     rows = []
     for name in setting.entities:
-        length = np.linalg.norm(plan.entities[name][1] - plan.entities[name][0])
-        row = (
-            f'<td>{escape(name)}</td><td class="n">{length:.3f}</td><td class="n">{setting.probability[name]:.4f}</td>'
-        )
+        row = f'<td>{escape(name)}</td><td class="n">{_value(plan, name)}</td><td class="n">{setting.probability[name]:.4f}</td>'
         if name in rates:
             row += _rate_cells(rates[name], plan.probability)
         rows.append(f"<tr>{row}</tr>")
-    head = '<th>Edge</th><th class="n">Length (mm)</th><th class="n">P</th>'
+    what = "Nominal" if plan.dimensions else "Length (mm)"
+    head = f'<th>{_named(plan)[0].capitalize()}</th><th class="n">{what}</th><th class="n">P</th>'
     if rates:
         head += '<th class="n">Simulated</th><th>Interval</th><th></th>'
     return f"<table><tr>{head}</tr>{''.join(rows)}</table>"
+
+
+def _value(plan, name: str) -> str:
+    """Return what an item measures, with the unit where units differ."""
+    length = np.linalg.norm(plan.entities[name][1] - plan.entities[name][0])
+    if not plan.dimensions:
+        return f"{length:.3f}"
+    one = plan.dimensions.get(name)
+    return f"length {length:.3f} mm" if one is None else f"{one.kind.replace('_', ' ')} {one.nominal:.3f} {one.unit}"
 
 
 def _rate_cells(rate, threshold: float) -> str:
@@ -189,7 +229,8 @@ def _request(plan) -> str:
     near, far = camera.depth_of_field_mm
     field = np.array(camera.sensor_size_mm) / camera.image_distance_mm * camera.focus_distance_mm
     rows = {
-        "Required accuracy": f"{plan.accuracy:g} (error at most {100 * (1 - plan.accuracy):.3g} % of an edge's image)",
+        "Required accuracy": _accuracy(plan),
+        **({"Localisation": _localisation(plan)} if plan.dimensions else {}),
         "Required probability": f"{plan.probability:g}",
         "Camera": f"{camera.name or 'camera'}: f = {camera.focal_length_mm:g} mm, f/{camera.f_number:g}",
         "Sensor": f"{camera.resolution[0]} x {camera.resolution[1]} pixels of "
@@ -204,16 +245,33 @@ def _request(plan) -> str:
     return "<dl>" + "".join(f"<dt>{escape(k)}</dt><dd>{escape(v)}</dd>" for k, v in rows.items()) + "</dl>"
 
 
+def _accuracy(plan) -> str:
+    """Say what the accuracy of the request holds for."""
+    edges = f"error at most {100 * (1 - plan.accuracy):.3g} % of an edge's image"
+    if not plan.dimensions:
+        return f"{plan.accuracy:g} ({edges})"
+    own = "dimensions without a requirement of their own may be off by "
+    told = f"{own}{100 * (1 - plan.accuracy):.3g} % of the nominal value"
+    return f"{plan.accuracy:g} ({told}{'' if len(plan.dimensions) == len(plan.entities) else '; ' + edges})"
+
+
+def _localisation(plan) -> str:
+    models = dict.fromkeys(localisation_text(one.localisation) for one in plan.dimensions.values())
+    edges = [] if len(plan.dimensions) == len(plan.entities) else ["of edges, both ends on whole pixels"]
+    return "; ".join([*models, *edges])
+
+
 def _method(plan) -> str:
     paragraphs = [
-        "Which edges can be seen from where was computed exactly from the part's geometry. Camera poses were searched "
+        f"{_seen(plan)} can be seen from where was computed exactly from the part's geometry. Camera poses were searched "
         "by a genetic algorithm inside the viewing domains, subject to resolution, focus, field of view, visibility, "
-        "clearance and workspace; of all poses found, a few that together inspect every edge that any of them inspects "
+        f"clearance and workspace; of all poses found, a few that together inspect every {_named(plan)[0]} that any of "
+        "them inspects "
         "were chosen by integer programming and exchange.",
         f"Lower bound. {plan.bound_proof} {_gap(plan)}",
     ]
     if plan.simulation is not None and plan.settings:
-        paragraphs.append(_simulated(plan.simulation))
+        paragraphs.append(_simulated(plan))
     paragraphs.append(
         "Method after C. C. Yang and F. W. Ciarallo, Optimized sensor placement for active visual inspection, Journal "
         "of Robotic Systems 18(1), 1-15, 2001."
@@ -231,12 +289,30 @@ def _gap(plan) -> str:
     return f"The plan has {count(n, 'setting')}; for what it inspects, the least number is from {bound} to {n}."
 
 
-def _simulated(simulation) -> str:
+def _seen(plan) -> str:
+    return "Which edges, rims and arcs" if plan.dimensions else "Which edges"
+
+
+def _drawn_and_measured(plan) -> str:
+    """Say what a simulation does at each displaced pose."""
+    edges = (
+        "the edges projected, their ends rounded to pixels and measured. An end outside the image counts as a failure."
+    )
+    if not plan.dimensions:
+        return edges
+    own = (
+        "points of the entities projected, found with an error after the localisation model, carried back to the part "
+        "with the planned pose, and fitted. A point outside the image counts as a failure."
+    )
+    return own if len(plan.dimensions) == len(plan.entities) else f"{own} Of edges that are no dimensions: {edges}"
+
+
+def _simulated(plan) -> str:
+    simulation, one = plan.simulation, _named(plan)[0]
     return (
-        f"Simulation. For each setting {count(simulation.n, 'displaced pose')} were drawn, the edges projected, their "
-        "ends rounded to pixels and measured. An end outside the image counts as a failure. All intervals hold "
-        f"together with {percent(simulation.confidence)} confidence. A stated probability is confirmed when it is "
-        "inside its interval, and conservative when it is below: the edge is measured better than stated. Above the "
+        f"Simulation. For each setting {count(simulation.n, 'displaced pose')} were drawn, {_drawn_and_measured(plan)} "
+        f"All intervals hold together with {percent(simulation.confidence)} confidence. A stated probability is confirmed when it is "
+        f"inside its interval, and conservative when it is below: the {one} is measured better than stated. Above the "
         f"interval by at most {MODEL_TOLERANCE:g} it is within the model's tolerance, as the model takes the phases of "
         "the pixel grid as random; above it by more, it is contradicted."
     )

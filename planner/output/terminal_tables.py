@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from planner.output.wording import count, margin_texts, percent, simulation_sentence, verdict
+from planner.output.wording import count, margin_texts, nouns, percent, simulation_sentence, verdict
 from planner.verify.simulate_setting import CONFIRMED
 
 _MOST_ROWS = 60
@@ -104,16 +104,20 @@ def print_plan(plan) -> None:
     table = _table(
         ("setting", "right"),
         ("position (mm)", "right"),
-        ("entity", "left"),
+        (nouns(plan)[0], "left"),
+        *([("measured", "left")] if plan.dimensions else []),
         ("P", "right"),
         ("simulated", "left"),
         ("margins", "left"),
     )
     for k, setting in enumerate(plan.settings):
         rates = plan.simulation.rates[k] if plan.simulation else {}
-        rows = [(name, f"{setting.probability[name]:.4f}", _interval(rates.get(name))) for name in setting.entities]
+        rows = [
+            (name, *_measured(plan, name), f"{setting.probability[name]:.4f}", _interval(rates.get(name)))
+            for name in setting.entities
+        ]
         margins = margin_texts(setting.margins)
-        rows += [("", "", "")] * (len(margins) - len(rows))
+        rows += [("",) * (4 if plan.dimensions else 3)] * (len(margins) - len(rows))
         margins += [""] * (len(rows) - len(margins))
         for i, (row, margin) in enumerate(zip(rows, margins, strict=True)):
             head = (str(k + 1), _vector(setting.position, " ", 1)) if i == 0 else ("", "")
@@ -129,7 +133,7 @@ def print_simulation(plan, result) -> None:
     console = _console()
     table = _table(
         ("setting", "right"),
-        ("entity", "left"),
+        (nouns(plan)[0], "left"),
         ("predicted", "right"),
         ("frequency", "right"),
         ("interval", "right"),
@@ -152,6 +156,17 @@ def _print_settings(console: Console, table: Table) -> None:
     """Print a table unless it has no rows: a plan may have no settings."""
     if table.row_count:
         console.print(table)
+
+
+def _measured(plan, name: str) -> tuple[str, ...]:
+    """Return a cell that says what is measured and how wrong it may be; none in a plan of edges."""
+    if not plan.dimensions:
+        return ()
+    if name not in plan.dimensions:
+        return (f"length, error up to {100 * (1 - plan.accuracy):.3g} %",)
+    one = plan.dimensions[name]
+    kind = one.kind.replace("_", " ")
+    return (f"{kind} {one.nominal:.6g} {one.unit}, error up to {one.permitted_error:.4g} {one.unit}",)
 
 
 def _interval(rate) -> str:

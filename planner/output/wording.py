@@ -16,6 +16,14 @@ def count(n: int, singular: str, plural: str | None = None) -> str:
     return f"{n} {singular if n == 1 else plural or singular + 's'}"
 
 
+def nouns(plan, edges: tuple[str, str] = ("entity", "entities")) -> tuple[str, str]:
+    """Return what the items of a plan are called, one and several: edges, dimensions, or both."""
+    n = sum(name in plan.dimensions for name in plan.entities)
+    if not n:
+        return edges
+    return ("dimension", "dimensions") if n == len(plan.entities) else ("edge or dimension", "edges and dimensions")
+
+
 def bound_sentence(plan, what: Sequence[str] = ("entity", "entities"), place: str = "setting") -> str:
     """Say how many settings are proven to be needed, and for what; nothing of a plan without settings."""
     n, bound, inspected = len(plan.settings), plan.lower_bound, len(plan.inspected)
@@ -89,11 +97,9 @@ def graph_sentence(n_entities: int, most: int) -> str:
 def verdict(plan) -> str:
     """Say in a few sentences how good a plan is."""
     inspected, n = len(plan.inspected), len(plan.settings)
-    sentences = [
-        f"{inspected} of {count(len(plan.entities), 'entity', 'entities')} inspected from {count(n, 'setting')}."
-    ]
+    sentences = [f"{inspected} of {count(len(plan.entities), *nouns(plan))} inspected from {count(n, 'setting')}."]
     if n:
-        sentences.append(bound_sentence(plan))
+        sentences.append(bound_sentence(plan, nouns(plan)))
         told = "Not simulated." if plan.simulation is None else simulation_sentence(plan.simulation)
         sentences.append(told)
     return " ".join(sentences)

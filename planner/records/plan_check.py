@@ -32,6 +32,9 @@ def check_plan(data: Mapping) -> None:
     _check_dimensions(data)
     for k, setting in enumerate(data["settings"]):
         check_setting(setting, "settings", k)
+        if "measurements" in setting:
+            own = [name for name in setting["entities"] if name in data.get("dimensions", {})]
+            _check_keys(setting["measurements"], own, "settings", k, "measurements")
         _check_promises(setting, data, k)
     _check_everyone_once(data)
     _check_bound(data)

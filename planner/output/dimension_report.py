@@ -1,0 +1,177 @@
+"""The part of the report that is about dimensions: how sure each is measured, and what that means for its tolerance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from html import escape
+from typing import TYPE_CHECKING
+
+from errors.measurands import Localisation, acceptance_limits, uncertainty_ratio
+from errors.measurands.fitted import is_short
+from planner.verify.measurements import Measurement, measurements
+
+if TYPE_CHECKING:
+    from planner.plan import InspectionPlan
+    from planner.wanted.planned import PlannedDimension
+
+_SOURCES = {"translation": "#56b4e9", "rotation": "#d58a00", "localisation": "#7a8794"}
+_HEAD = (
+    "<th>Dimension</th><th>Nominal, tolerance</th><th>Permitted error</th><th>Setting</th><th>P</th>"
+    "<th>u</th><th>U (k = 2)</th><th>U/T</th><th>Budget of the variance</th><th>Accepted between</th><th>Binds</th>"
+)
+
+
+def dimension_section(plan: InspectionPlan) -> str:
+    """Return the section about dimensions as HTML; nothing for a plan without them.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+
+    Returns
+    -------
+    str
+        A heading, a table with a row per dimension and setting, and what its columns mean.
+    """
+    rows = [
+        _row(plan, k, name, one)
+        for k, setting in enumerate(plan.settings)
+        for name, one in measurements(plan, setting).items()
+    ]
+    if not rows:
+        return ""
+    order = list(plan.entities)
+    rows.sort(key=lambda row: order.index(row[0]))
+    return (
+        f'<h2>Dimensions</h2><div class="scroll"><table id="dimensions"><tr>{_HEAD}</tr>'
+        f"{''.join(html for _, html in rows)}</table></div>"
+        + "".join(f'<p class="note">{escape(text)}</p>' for text in _notes(plan))
+    )
+
+
+def budget_percents(budget: Mapping[str, float]) -> dict[str, float]:
+    """Return the share of each source in percent with one decimal; they sum to 100 exactly.
+
+    Parameters
+    ----------
+    budget : mapping of str to float
+        Variances.
+
+    Returns
+    -------
+    dict of str to float
+        Rounded by largest remainders; all 0 if there is no variance.
+    """
+    total = math.fsum(budget.values())
+    if not (total > 0 and math.isfinite(total)):
+        return dict.fromkeys(budget, 0.0)
+    exact = {name: 1000 * value / total for name, value in budget.items()}
+    tenths = {name: math.floor(value) for name, value in exact.items()}
+    for name in sorted(exact, key=lambda key: tenths[key] - exact[key])[: 1000 - sum(tenths.values())]:
+        tenths[name] += 1
+    return {name: value / 10 for name, value in tenths.items()}
+
+
+def localisation_text(how: Localisation) -> str:
+    """Return a localisation model in words.
+
+    Parameters
+    ----------
+    how : Localisation
+        The model.
+
+    Returns
+    -------
+    str
+        Its name and its numbers.
+    """
+    if how.model == "rounding":
+        return f"rounding (every point on a whole pixel, {how.points} points per line or circle)"
+    if how.model == "gaussian":
+        return f"gaussian (standard deviation {how.sigma_px:g} px, {how.points} points per line or circle)"
+    return (
+        f"fit (standard deviation {how.sigma_px:g} px, one independent point per {how.correlation_px:g} px of the "
+        f"image, no better than {how.floor_px:g} px)"
+    )
+
+
+def _row(plan: InspectionPlan, k: int, name: str, one: Measurement) -> tuple[str, str]:
+    dimension = plan.dimensions[name]
+    px = "" if one.permitted_error_px is None else f"<br>{one.permitted_error_px:.3g} px"
+    ratio = "none stated"
+    if dimension.tolerance is not None:
+        ratio = f"{uncertainty_ratio(one.expanded_uncertainty, dimension.tolerance):.3f}"
+    cells = (
+        f"{escape(name)}<br><span class='note'>{escape(dimension.kind.replace('_', ' '))} of "
+        f"{escape(', '.join(dimension.entities))}</span>",
+        _nominal(dimension),
+        f"{dimension.permitted_error:.4g} {dimension.unit}{px}",
+        f'<a href="#setting-{k + 1}">{k + 1}</a>',
+        _probability(plan, k, name),
+        f"{one.standard_uncertainty:.3g}",
+        f"{one.expanded_uncertainty:.3g} {dimension.unit}",
+        ratio,
+        _budget(dimension, one),
+        _accepted(dimension, one),
+        escape(one.binding),
+    )
+    return name, f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
+
+
+def _nominal(dimension: PlannedDimension) -> str:
+    text = f"{dimension.nominal:.6g} {dimension.unit}"
+    if dimension.tolerance is None:
+        return text
+    lower, upper = dimension.tolerance
+    return f"{text}<br>{upper:+.4g}<br>{lower:+.4g}"
+
+
+def _probability(plan: InspectionPlan, k: int, name: str) -> str:
+    text = f"{plan.settings[k].probability[name]:.4f}"
+    rates = plan.simulation.rates[k] if plan.simulation is not None else {}  # type: ignore[attr-defined]
+    if name not in rates:
+        return text
+    rate = rates[name]
+    return f"{text}<br><span class='note'>simulated {rate.low:.4f} to {rate.high:.4f}</span>"
+
+
+def _budget(dimension: PlannedDimension, one: Measurement) -> str:
+    if any(map(is_short, dimension.geometry)):
+        return "short arc: quantiles, no variance"
+    percents = budget_percents(one.budget)
+    bars = "".join(
+        f'<i style="display:inline-block;height:9px;width:{max(0.0, 1.2 * value):.1f}px;background:{_SOURCES[source]}">'
+        "</i>"
+        for source, value in percents.items()
+    )
+    texts = "<br>".join(f"{source} {value:.1f} %" for source, value in percents.items())
+    return f'<span style="white-space:nowrap">{bars}</span><br><span class="note">{texts}</span>'
+
+
+def _accepted(dimension: PlannedDimension, one: Measurement) -> str:
+    if dimension.tolerance is None:
+        return "no tolerance stated"
+    limits = acceptance_limits(dimension.tolerance, one.expanded_uncertainty)
+    if limits is None:
+        return '<span class="bad">nothing: U takes the whole tolerance</span>'
+    return f"{dimension.nominal + limits[0]:.6g} and {dimension.nominal + limits[1]:.6g} {dimension.unit}"
+
+
+def _notes(plan: InspectionPlan) -> list[str]:
+    models = list(dict.fromkeys(localisation_text(one.localisation) for one in plan.dimensions.values()))
+    rounded = any(one.localisation.model == "rounding" for one in plan.dimensions.values())
+    return [
+        "P is the probability that the error of the measurement is at most the permitted one. It is not the "
+        "probability that a part conforms, which depends on how parts vary, too (JCGM 106).",
+        f"Localisation of points in the image: {'; '.join(models)}."
+        + (" On whole pixels, points of one line or circle are taken to err independently." if rounded else ""),
+        "u is the standard uncertainty of the measured value and U = 2u; of an arc of less than half a circle they are "
+        "half the widths of the intervals that hold 68.27 and 95.45 % of the errors. The three sources of the budget "
+        "sum to u². T is the whole width of the tolerance. A part is accepted if its measured value lies "
+        "between the limits: the tolerance less a guard band of U at either side (ISO 14253-1).",
+        "The permitted error in px is that in mm times the scale of the image at the mean depth of the entities, "
+        "square to the optical axis. What binds has the smallest relative margin of: probability (of 1 less the "
+        "required one), focus (of half the depth of field) and field of view (of half the sensor's shorter side).",
+    ]

@@ -1,0 +1,174 @@
+"""How sure each dimension of a setting is measured, and what limits it: computed from the plan alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errors.measurands import Line, MeasurandModel
+from planner.camera.camera import Camera
+from planner.camera.pose import world_to_cam
+from planner.exceptions import PlanFileError
+from planner.records.schema import field_name, shown
+from planner.wanted.planned import PlannedDimension, sample_points
+
+if TYPE_CHECKING:
+    from planner.plan import InspectionPlan
+    from planner.setting.sensor_setting import SensorSetting
+
+_POINTS = 72
+# a plan may be read on another machine, whose last digits differ
+_SAME = 1e-6
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """How sure a dimension is measured from a setting.
+
+    Attributes
+    ----------
+    standard_uncertainty, expanded_uncertainty : float
+        u, and U with k = 2, mm (angles: degrees); of a short arc from quantiles, see `errors.measurands.Prediction`.
+    bias : float
+        Mean error, mm (angles: degrees).
+    budget : dict of str to float
+        Variance by "translation", "rotation" and "localisation", mm² (angles: degrees²).
+    permitted_error_px : float or None
+        The permitted error times the image's scale d / (z r), with the mean depth z of the entities and the larger
+        pixel pitch r; None of an angle.
+    binding : str
+        What has the smallest relative margin: "probability" (P − p as a share of 1 − p), "focus" (the nearest limit
+        as a share of half the depth of field) or "field of view" (distance from the sensor's side as a share of half
+        the shorter side).
+    """
+
+    standard_uncertainty: float
+    expanded_uncertainty: float
+    bias: float
+    budget: dict[str, float]
+    permitted_error_px: float | None
+    binding: str
+
+
+def measurements(plan: InspectionPlan, setting: SensorSetting) -> dict[str, Measurement]:
+    """Return how sure each dimension that a setting inspects is measured.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        Gives dimensions, camera and pose uncertainty.
+    setting : SensorSetting
+        One of its settings.
+
+    Returns
+    -------
+    dict of str to Measurement
+        By name, in the setting's order; nothing of edges.
+    """
+    return {name: _measurement(plan, setting, name) for name in setting.entities if name in plan.dimensions}
+
+
+def measurements_dict(plan: InspectionPlan, setting: SensorSetting) -> dict[str, dict[str, Any]]:
+    """Return the same as plain values for a plan file.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    setting : SensorSetting
+        One of its settings.
+
+    Returns
+    -------
+    dict
+        Fields of each `Measurement` by name.
+    """
+    return {name: asdict(one) for name, one in measurements(plan, setting).items()}
+
+
+def check_measurements(plan: InspectionPlan, settings: list[Mapping[str, Any]]) -> None:
+    """Refuse measurements in a file that are not those of its dimensions and poses.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        What was read.
+    settings : list of mapping
+        The file's settings; those without measurements are left alone.
+
+    Raises
+    ------
+    PlanFileError
+        Names the first wrong field by its path.
+    """
+    for k, (setting, data) in enumerate(zip(plan.settings, settings, strict=True)):
+        if "measurements" in data:
+            where = field_name("settings", k, "measurements")
+            _check_same(where, data["measurements"], measurements_dict(plan, setting))
+
+
+def _check_same(where: str, given: Any, computed: Any) -> None:
+    if isinstance(computed, dict) and isinstance(given, Mapping):
+        for name in [*computed, *given]:
+            if name not in computed or name not in given:
+                rule = "must be given. Got none." if name in computed else "must be of a dimension of the setting."
+                raise PlanFileError(f"{where}.{name} {rule}")
+            _check_same(f"{where}.{name}", given[name], computed[name])
+        return
+    if isinstance(computed, float) and isinstance(given, int | float):
+        same = bool(abs(given - computed) <= _SAME * max(abs(computed), _SAME))
+    else:
+        same = given == computed
+    if not same:
+        raise PlanFileError(f"{where} must be that of the pose, {shown(computed)}. Got {shown(given)}.")
+
+
+def _measurement(plan: InspectionPlan, setting: SensorSetting, name: str) -> Measurement:
+    dimension = plan.dimensions[name]
+    model = MeasurandModel(
+        dimension.measurand,
+        image_distance_mm=plan.camera.image_distance_mm,
+        pixel_pitch_mm=plan.camera.pixel_pitch_mm,
+        pose_covariance=plan.pose_uncertainty.covariance,
+        localisation=dimension.localisation,
+        permitted_error=dimension.permitted_error,
+    )
+    told = model.describe(np.linalg.inv(setting.cam2world))
+    points = world_to_cam(_points(dimension), setting.cam2world)
+    scale = plan.camera.image_distance_mm / (float(points[:, 2].mean()) * max(plan.camera.pixel_pitch_mm))
+    margins = {
+        "probability": (setting.probability[name] - plan.probability) / (1 - plan.probability),
+        **_image_margins(points, plan.camera),
+    }
+    return Measurement(
+        told.standard_uncertainty,
+        told.expanded_uncertainty,
+        told.bias,
+        dict(told.budget),
+        dimension.permitted_error * scale if dimension.unit == "mm" else None,
+        min(margins, key=lambda key: margins[key]),
+    )
+
+
+def _points(dimension: PlannedDimension) -> NDArray[np.float64]:
+    """Return points (n, 3) of the entities, among them the ends of lines."""
+    ends = [np.array([one.p, one.q]) for one in dimension.geometry if isinstance(one, Line)]
+    return np.concatenate([*(sample_points(one, _POINTS) for one in dimension.geometry), *ends])
+
+
+def _image_margins(points: NDArray[np.float64], camera: Camera) -> dict[str, float]:
+    """Return what is left of focus and field of view for points (n, 3) in the camera frame, as shares."""
+    near, far = camera.depth_of_field_mm
+    half_depth = (far - near) / 2 if np.isfinite(far) else camera.focus_distance_mm
+    depth = points[:, 2]
+    pixels = (points / depth[:, None] @ camera.matrix.T)[:, :2]
+    size = np.array(camera.resolution)
+    sides = np.minimum(pixels + 0.5, size - 0.5 - pixels)
+    return {
+        "focus": float(min((depth - near).min(), (far - depth).min()) / half_depth),
+        "field of view": float(sides.min() / (size.min() / 2)),
+    }
