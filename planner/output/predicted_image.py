@@ -80,7 +80,10 @@ class PictureMaker:
         self._feature = np.array([is_feature(solid, edge) for edge in solid.edges])
 
     def image_svg(self, cam2world, entities: dict, color: str) -> str:
-        """Return the predicted image: shaded faces, visible edges, entities (name to ends (2, 3) or segments (s, 2, 3)) in a colour."""
+        """Return the predicted image: shaded faces, visible edges, entities in a colour.
+
+        These are ends (2, 3) or segments (s, 2, 3) by name.
+        """
         width, height = self.camera.resolution
         lines = _path(self.edge_lines(cam2world))
         shades = base64.b64encode(png_grey(self.shaded(cam2world))).decode()
@@ -92,7 +95,7 @@ class PictureMaker:
         )
 
     def edge_map_svg(self, cam2world, entities: dict) -> str:
-        """Return the edge map: the visible edges as thin lines, the measured ones bold, with the ends of edges marked."""
+        """Return the edge map: visible edges as thin lines, the measured ones bold, with the ends of edges marked."""
         width, height = self.camera.resolution
         marks = []
         for uv in self._project_entities(cam2world, entities):

@@ -127,7 +127,8 @@ def _uninspectable(plan) -> str:
     )
     return (
         '<h2 class="bad">Not inspected</h2><p class="note">What is in no setting, and why.</p>'
-        f'<div class="scroll"><table><tr><th>{_named(plan)[0].capitalize()}</th><th>Reason</th></tr>{rows}</table></div>'
+        f'<div class="scroll"><table><tr><th>{_named(plan)[0].capitalize()}</th><th>Reason</th></tr>{rows}'
+        "</table></div>"
     )
 
 
@@ -188,7 +189,8 @@ def _probabilities(plan, k: int, setting) -> str:
     rates = plan.simulation.rates[k] if plan.simulation is not None else {}
     rows = []
     for name in setting.entities:
-        row = f'<td>{escape(name)}</td><td class="n">{_value(plan, name)}</td><td class="n">{setting.probability[name]:.4f}</td>'
+        row = f'<td>{escape(name)}</td><td class="n">{_value(plan, name)}</td>'
+        row += f'<td class="n">{setting.probability[name]:.4f}</td>'
         if name in rates:
             row += _rate_cells(rates[name], plan.probability)
         rows.append(f"<tr>{row}</tr>")
@@ -263,7 +265,8 @@ def _localisation(plan) -> str:
 
 def _method(plan) -> str:
     paragraphs = [
-        f"{_seen(plan)} can be seen from where was computed exactly from the part's geometry. Camera poses were searched "
+        f"{_seen(plan)} can be seen from where was computed exactly from the part's geometry. Camera poses were "
+        "searched "
         "by a genetic algorithm inside the viewing domains, subject to resolution, focus, field of view, visibility, "
         f"clearance and workspace; of all poses found, a few that together inspect every {_named(plan)[0]} that any of "
         "them inspects "
@@ -311,7 +314,8 @@ def _simulated(plan) -> str:
     simulation, one = plan.simulation, _named(plan)[0]
     return (
         f"Simulation. For each setting {count(simulation.n, 'displaced pose')} were drawn, {_drawn_and_measured(plan)} "
-        f"All intervals hold together with {percent(simulation.confidence)} confidence. A stated probability is confirmed when it is "
+        f"All intervals hold together with {percent(simulation.confidence)} confidence. A stated probability is "
+        "confirmed when it is "
         f"inside its interval, and conservative when it is below: the {one} is measured better than stated. Above the "
         f"interval by at most {MODEL_TOLERANCE:g} it is within the model's tolerance, as the model takes the phases of "
         "the pixel grid as random; above it by more, it is contradicted."

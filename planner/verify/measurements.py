@@ -17,7 +17,6 @@ from planner.records.schema import field_name, shown
 from planner.wanted.planned import PlannedDimension, sample_points
 
 if TYPE_CHECKING:
-    from planner.plan import InspectionPlan
     from planner.setting.sensor_setting import SensorSetting
 
 _POINTS = 72
@@ -54,7 +53,7 @@ class Measurement:
     binding: str
 
 
-def measurements(plan: InspectionPlan, setting: SensorSetting) -> dict[str, Measurement]:
+def measurements(plan: Any, setting: SensorSetting) -> dict[str, Measurement]:
     """Return how sure each dimension that a setting inspects is measured.
 
     Parameters
@@ -72,7 +71,7 @@ def measurements(plan: InspectionPlan, setting: SensorSetting) -> dict[str, Meas
     return {name: _measurement(plan, setting, name) for name in setting.entities if name in plan.dimensions}
 
 
-def measurements_dict(plan: InspectionPlan, setting: SensorSetting) -> dict[str, dict[str, Any]]:
+def measurements_dict(plan: Any, setting: SensorSetting) -> dict[str, dict[str, Any]]:
     """Return the same as plain values for a plan file.
 
     Parameters
@@ -90,7 +89,7 @@ def measurements_dict(plan: InspectionPlan, setting: SensorSetting) -> dict[str,
     return {name: asdict(one) for name, one in measurements(plan, setting).items()}
 
 
-def check_measurements(plan: InspectionPlan, settings: list[Mapping[str, Any]]) -> None:
+def check_measurements(plan: Any, settings: list[Mapping[str, Any]]) -> None:
     """Refuse measurements in a file that are not those of its dimensions and poses.
 
     Parameters
@@ -127,7 +126,7 @@ def _check_same(where: str, given: Any, computed: Any) -> None:
         raise PlanFileError(f"{where} must be that of the pose, {shown(computed)}. Got {shown(given)}.")
 
 
-def _measurement(plan: InspectionPlan, setting: SensorSetting, name: str) -> Measurement:
+def _measurement(plan: Any, setting: SensorSetting, name: str) -> Measurement:
     dimension = plan.dimensions[name]
     model = MeasurandModel(
         dimension.measurand,

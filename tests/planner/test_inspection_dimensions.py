@@ -56,11 +56,12 @@ def test_a_plan_comes_back_as_it_was_written(plan, tmp_path):
     assert read_plan(tmp_path / "plan.json") == plan
     data = json.loads((tmp_path / "plan.json").read_text())
     assert data["version"] == 2
-    assert data["dimensions"]["depth"]["unit"] == "mm"
+    found = data["dimensions"]
+    assert found["depth"]["unit"] == "mm"
     for change, message in (
         ({"version": 1}, "version must be 2 in a plan that holds dimensions"),
-        ({"dimensions": {"depth": {**data["dimensions"]["depth"], "nominal": 51.0}}}, "nominal must be that"),
-        ({"dimensions": {"width": data["dimensions"]["depth"]}}, "must be one of the plan's entities"),
+        ({"dimensions": {**found, "depth": {**found["depth"], "nominal": 51.0}}}, "nominal must be that"),
+        ({"dimensions": {**found, "width": found["depth"]}}, "must be one of the plan's entities"),
     ):
         (tmp_path / "damaged.json").write_text(json.dumps({**data, **change}))
         with pytest.raises(PlanFileError, match=message):
