@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,6 @@ from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError
 from planner.records.schema import field_name, shown
 from planner.wanted.planned import PlannedDimension, sample_points
-
-if TYPE_CHECKING:
-    from planner.setting.sensor_setting import SensorSetting
 
 _POINTS = 72
 # a plan may be read on another machine, whose last digits differ
@@ -53,14 +50,14 @@ class Measurement:
     binding: str
 
 
-def measurements(plan: Any, setting: SensorSetting) -> dict[str, Measurement]:
+def measurements(plan: Any, setting: Any) -> dict[str, Measurement]:
     """Return how sure each dimension that a setting inspects is measured.
 
     Parameters
     ----------
     plan : InspectionPlan
         Gives dimensions, camera and pose uncertainty.
-    setting : SensorSetting
+    setting : Any
         One of its settings.
 
     Returns
@@ -71,14 +68,14 @@ def measurements(plan: Any, setting: SensorSetting) -> dict[str, Measurement]:
     return {name: _measurement(plan, setting, name) for name in setting.entities if name in plan.dimensions}
 
 
-def measurements_dict(plan: Any, setting: SensorSetting) -> dict[str, dict[str, Any]]:
+def measurements_dict(plan: Any, setting: Any) -> dict[str, dict[str, Any]]:
     """Return the same as plain values for a plan file.
 
     Parameters
     ----------
     plan : InspectionPlan
         The plan.
-    setting : SensorSetting
+    setting : Any
         One of its settings.
 
     Returns
@@ -126,7 +123,7 @@ def _check_same(where: str, given: Any, computed: Any) -> None:
         raise PlanFileError(f"{where} must be that of the pose, {shown(computed)}. Got {shown(given)}.")
 
 
-def _measurement(plan: Any, setting: SensorSetting, name: str) -> Measurement:
+def _measurement(plan: Any, setting: Any, name: str) -> Measurement:
     dimension = plan.dimensions[name]
     model = MeasurandModel(
         dimension.measurand,

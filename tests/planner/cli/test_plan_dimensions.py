@@ -26,7 +26,7 @@ def planned(tmp_path, text, *options, part=BLOCK):
 def test_a_file_of_dimensions(tmp_path, capsys):
     text = f"step = {{ distance = [{LEFT}, {RIGHT}], max_error = 0.1 }}\nfloor = {{ edge = {LEFT}, max_error = 0.2 }}"
     assert planned(tmp_path, text, "--simulate", "2000") == DONE
-    assert "2 of 2 entities inspected" in capsys.readouterr().out
+    assert "2 of 2 dimensions inspected" in capsys.readouterr().out
     plan = read_plan(tmp_path / "out" / "plan.json")
     assert plan.dimensions["step"].nominal == pytest.approx(10.0)
     assert plan.dimensions["step"].localisation.model == "gaussian"
