@@ -41,8 +41,9 @@ class Prediction:
     bias : float
         Mean error, of second order in the displacement.
     budget : dict of str to float
-        Variance by "translation", "rotation" and "localisation"; what translation and rotation do together is shared
-        equally. Of a value that is not from a short arc, they sum to the square of the standard uncertainty.
+        Variance by "translation", "rotation" and "localisation". What translation and rotation do together, by their
+        correlation or as a product, is shared equally; where they cancel each other, a share may be negative. Of a
+        value that is not from a short arc, they sum to the square of the standard uncertainty.
     """
 
     nominal: float
@@ -56,6 +57,10 @@ class Prediction:
 
 class MeasurandModel:
     """The joint second-order model of a value: error = g.delta + 1/2 delta'H delta + localisation.
+
+    Probabilities are those of x = ln(1 + k error) / k, with k between 0 (the error itself) and 1 / nominal, such that x
+    is linear in the displacement along the gradient: perspective multiplies what lies in a plane, and adds to what lies
+    in two. At .055 rad the largest difference from exact measurements falls from .03 to .007 by it.
 
     Parameters
     ----------
@@ -157,29 +162,36 @@ class MeasurandModel:
         result = np.zeros(len(seen))
         if not seen.any():
             return result
-        limits = np.stack([-error, error], axis=1)[seen]
+        gradient, hessian = expansion.gradient[seen], expansion.hessian[seen]
         if expansion.logarithmic:
-            limits = self.measurand.nominal * np.log1p(np.maximum(limits / self.measurand.nominal, -1 + 1e-12))
-        limits = limits * expansion.scale[seen, None]
+            bend = np.full(len(gradient), 1 / self.measurand.nominal)
+        else:
+            bend = _bend(gradient, hessian, self.covariance, 1 / self.measurand.nominal)
+            hessian = hessian - bend[:, None, None] * (gradient[:, :, None] * gradient[:, None, :])
+        limits = _bent(np.stack([-error, error], axis=1)[seen], bend[:, None]) * expansion.scale[seen, None]
         noise = np.concatenate([expansion.widths, expansion.variance[:, None]], axis=1)[seen]
-        result[seen] = quadratic_probability(
-            expansion.gradient[seen], expansion.hessian[seen], self._root, noise, limits
-        )
+        result[seen] = quadratic_probability(gradient, hessian, self._root, noise, limits)
         return result
 
     def _budget(self, expansion: Expansion) -> tuple[dict[str, float], float]:
         """Return variance by source, and the mean error, of the first pose."""
         scale = expansion.scale[0]
         g, h = expansion.gradient[0] / scale, expansion.hessian[0] / scale
-        turned = h @ self.covariance
-        share = g * (self.covariance @ g) + 0.5 * np.diagonal(turned @ turned)
+        if expansion.logarithmic:
+            # error = nominal (exp(y / nominal) - 1) = y + y^2 / (2 nominal) + ...
+            h = h + np.outer(g, g) / self.measurand.nominal
+        whole, translation, rotation = (
+            _variance(g[part], h[part, part], self.covariance[part, part])
+            for part in (slice(6), slice(3), slice(3, 6))
+        )
+        common = whole - translation - rotation
         noise = (expansion.variance[0] + (expansion.widths[0] ** 2).sum() / 6) / scale**2
         budget = {
-            "translation": float(share[:3].sum()),
-            "rotation": float(share[3:].sum()),
+            "translation": translation + common / 2,
+            "rotation": rotation + common / 2,
             "localisation": float(noise),
         }
-        return budget, float(0.5 * np.trace(turned))
+        return budget, float(0.5 * np.trace(h @ self.covariance))
 
     def _quantile(self, expansion: Expansion, probability: float) -> float:
         """Return the error that is not exceeded with a probability."""
@@ -189,3 +201,26 @@ class MeasurandModel:
             enough = self._within(expansion, np.array([middle]))[0] >= probability
             low, high = (low, middle) if enough else (middle, high)
         return high
+
+
+def _variance(g: NDArray[np.float64], h: NDArray[np.float64], covariance: NDArray[np.float64]) -> float:
+    """Return the variance of g.delta + 1/2 delta'H delta for normal delta: g'Sg + 1/2 tr (HS)^2."""
+    turned = h @ covariance
+    return float(g @ covariance @ g + 0.5 * np.trace(turned @ turned))
+
+
+def _bend(
+    g: NDArray[np.float64], h: NDArray[np.float64], covariance: NDArray[np.float64], most: float
+) -> NDArray[np.float64]:
+    """Return k (n,) that makes ln(1 + k error) / k linear along the gradient: g'S H S g / (g'S g)^2, in [0, most]."""
+    way = g @ covariance
+    variance = (way * g).sum(axis=1)
+    along = (way[:, None, :] @ h @ way[:, :, None])[:, 0, 0]
+    safe = np.where(variance > 0, variance, np.inf)
+    return np.asarray(np.clip(along / safe / safe, 0.0, most))
+
+
+def _bent(error: NDArray[np.float64], bend: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return ln(1 + k error) / k; the error itself for k = 0."""
+    scaled = np.maximum(bend * error, -1 + 1e-12)
+    return np.where(bend > 0, np.log1p(scaled) / np.where(bend > 0, bend, 1.0), error)

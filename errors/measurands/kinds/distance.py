@@ -15,7 +15,7 @@ from errors.measurands.registry import kind
 
 @kind("distance")
 class Distance(Measurand):
-    """Distance of two parallel edges, mm, at the middle between them and across their mean direction.
+    """Distance of two parallel edges, mm, at the middle between them: across what is fitted; given a direction, along it.
 
     Each is fitted in the plane that it spans with the direction of the distance: one plane for both by default, or two
     parallel ones with a known offset across them.
@@ -50,14 +50,19 @@ class Distance(Measurand):
         half_way = (first.middle + second.middle) / 2
         # where between the two each line is read, along it from its own middle
         self._at = float((half_way - first.middle) @ along), float((half_way - second.middle) @ along)
+        self._bent, self._nominal = self.direction is None, nominal
         frames = Frame(first.middle, along, way), Frame(second.middle, along, way)
-        # across the mean of both slopes: lines that are turned together are as far apart as before
-        hessian, self._nominal = np.zeros((4, 4)), nominal
-        hessian[np.ix_([1, 3], [1, 3])] = -nominal / 4
+        hessian = np.zeros((4, 4))
+        if self._bent:
+            hessian[1::2, 1::2] = -nominal / 4
         return nominal, frames, np.array([-1.0, -self._at[0], 1.0, self._at[1]]), hessian
 
     def value(self, fitted: list[NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return deviations (n,) by what is fitted."""
         first, second = fitted
-        apart = second[:, 0] + second[:, 1] * self._at[1] - first[:, 0] - first[:, 1] * self._at[0]
-        return np.asarray((self._nominal + apart) / np.hypot(1.0, (first[:, 1] + second[:, 1]) / 2) - self._nominal)
+        more = second[:, 0] + second[:, 1] * self._at[1] - first[:, 0] - first[:, 1] * self._at[0]
+        if not self._bent:
+            return np.asarray(more)
+        # lines that turned together are no farther apart
+        slope = (first[:, 1] + second[:, 1]) / 2
+        return np.asarray((self._nominal + more) / np.hypot(1.0, slope) - self._nominal)
