@@ -9,9 +9,6 @@ oracle (Gilmore & Gomory 1961), so the same search also finds poses for the plan
 What is proven for some weights and a limit is proven for weights nowhere larger and for larger limits. So the limit
 leaves some to spare, and a few poses that exceed it only make the weights of what they inspect smaller; new weights,
 for which every part of the space is to be searched again, are computed when that no longer does.
-
-The weights are the mean of several optimal duals of the cover by these columns: a single one rests on few entities, so
-that a box either holds one more of them or does not, where with the mean every bit that it is smaller tells.
 """
 
 from __future__ import annotations
@@ -19,76 +16,75 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.optimize import linprog
-from scipy.sparse import csr_matrix
+from numpy.typing import ArrayLike, NDArray
 
 from planner.bound.boxes.search import PROVEN, SPENT
 from planner.bound.pose_space import Found, PoseSpace
-from planner.cover.relaxation import mean_dual
-from planner.cover.set_cover import maximal_columns
+from planner.bound.weights import SLACK, limit_for, relieved, spread_weights
 from planner.ledger import Ledger
-from planner.progress import report
-
-_DUALS = 16
-# duals are looked for that maximise the weights times factors from 1 to this
-_BIAS = 1.5
-_LEAST_WEIGHT = 1e-3
-_SLACK = 1e-6
-# no pose may weigh more than this share less than would do, so that a few that do need no new weights; at most this
-# share of what the limit is above 1
-_SPARE, _SPARE_OF_ROOM = 0.01, 0.25
-# weights keep away from poses found by so much
-_LESS = 0.999
-# boxes looked at in a part of the space of poses: at first, and so many times more where that does not decide
-_FIRST_NODES = 8000
-_MORE_NODES = 4
-# after so many times as many as at first, the weights had better keep away
-_HARD = 16
-# of the boxes that a proof needed before, for other weights
-_NEEDED_AGAIN = 1.5
-# so many sweeps of all parts must be possible
-_LEAST_SWEEPS = 8
-# of the boxes left, for a number of settings below which others are still to be proven
-_SHARE_AT_FIRST = 0.65
-# once one is proven, of the boxes that may have been looked at when the next one is given up
-_SHARE_OF_NEXT = 0.6
-# no number of settings is aimed at first that needs weights to be closer to the limit, nor after one is proven
-_LEAST_LIMIT, _LEAST_LIMIT_OF_NEXT = 1.15, 1.06
-# nor any longer once poses found bring the limit this near to 1, or one setting this near to a whole one
-_NEAR_ONE, _NEAR_SETTING = 0.02, 0.3
-# too heavy poses taken from one part at a time
-_MOST_FOUND = 8
+from planner.progress import Progress, report
 
 
-def spread_weights(columns: np.ndarray) -> np.ndarray:
-    """Return weights (e,) of entities, the heaviest of the columns (c, e) weighing 1; small ones are made 0."""
-    columns = columns[maximal_columns(columns)]
-    y = mean_dual(columns, _BIAS, _DUALS)
-    y[y < _LEAST_WEIGHT] = 0.0
-    return y / (columns @ y).max()
+@dataclass(frozen=True)
+class Sweeping:
+    """How many boxes of poses the parts of the space get; what is not decided gets more.
 
-
-def limit_for(y: np.ndarray, target: int) -> float:
-    """Return what no pose may weigh for weights y (e,) to prove so many settings, with some to spare."""
-    limit = float(y.sum()) / max(1, target - 1)
-    return limit - min(_SPARE * limit, _SPARE_OF_ROOM * abs(limit - 1.0)) - _SLACK
-
-
-def relieved(y: np.ndarray, sets: np.ndarray, limit: float) -> np.ndarray:
-    """Return weights (e,) nowhere larger than y, such that none of the sets (s, e) weighs more than nearly a limit.
-
-    Their sum is the largest there is.
+    Attributes
+    ----------
+    first : int
+        Boxes looked at in a part, at first.
+    more : int
+        So many times more where that does not decide.
+    hard : int
+        After so many times as many as at first, the weights had better keep away.
+    again : float
+        Times the boxes that a proof needed before, for other weights.
+    least_sweeps : int
+        So many sweeps of all parts must be possible.
+    found : int
+        Too heavy poses taken from one part at a time, at most.
     """
-    excess = sets @ y - _LESS * limit
-    result = linprog(
-        np.ones(len(y)),
-        A_ub=csr_matrix(-sets[excess > 0.0].astype(float)),
-        b_ub=-excess[excess > 0.0],
-        bounds=np.stack([np.zeros(len(y)), y], axis=1),
-    )
-    return np.zeros_like(y) if result.x is None else np.clip(y - result.x, 0.0, y)
+
+    first: int = 8000
+    more: int = 4
+    hard: int = 16
+    again: float = 1.5
+    least_sweeps: int = 8
+    found: int = 8
+
+
+@dataclass(frozen=True)
+class Aiming:
+    """Which number of settings is aimed at, and when it is given up for a smaller one.
+
+    Attributes
+    ----------
+    share_at_first : float
+        Of the boxes left, those for a number below which others are still to be proven.
+    share_of_next : float
+        Once one is proven, of all boxes those that may have been looked at when the next one is given up.
+    least_limit : float
+        No number is aimed at first that needs weights to be closer to the limit.
+    least_limit_of_next : float
+        Nor after one is proven.
+    near_one : float
+        A number is given up once poses found bring the limit this near to 1.
+    near_setting : float
+        Or one setting this near to a whole one.
+    """
+
+    share_at_first: float = 0.65
+    share_of_next: float = 0.6
+    least_limit: float = 1.15
+    least_limit_of_next: float = 1.06
+    near_one: float = 0.02
+    near_setting: float = 0.3
+
+
+SWEEPING, AIMING = Sweeping(), Aiming()
 
 
 class _Parts:
@@ -102,23 +98,23 @@ class _Parts:
         # boxes to be looked at when a part is searched next
         self.worth, self.first = np.full(n, first), first
 
-    def next_ones(self, affordable: int) -> tuple[np.ndarray, np.ndarray] | None:
+    def next_ones(self, affordable: int) -> tuple[NDArray[np.int_], NDArray[np.int_]] | None:
         """Return the parts to be searched next and how many boxes of each; None if that is more than affordable."""
         if (self.proven | self.waits).all():
             self.waits[:] = False
         parts = np.flatnonzero(~self.proven & ~self.waits)
         return (parts, self.worth[parts]) if self.worth[parts].sum() <= affordable else None
 
-    def learn(self, parts: np.ndarray, outcomes: np.ndarray, made: np.ndarray) -> np.ndarray:
+    def learn(self, parts: NDArray[np.int_], outcomes: NDArray[np.int_], made: NDArray[np.int_]) -> NDArray[np.bool_]:
         """Take in what a search of some parts gave, and how many boxes that took; tell which are too hard.
 
         There, some set of entities weighs too much and nearly can be inspected.
         """
         proven, spent = outcomes == PROVEN, outcomes == SPENT
         self.proven[parts] = proven
-        self.worth[parts[proven]] = np.maximum(_NEEDED_AGAIN * made[proven], self.first)
-        self.worth[parts[spent]] = _MORE_NODES * made[spent]
-        hard = spent & (made >= _HARD * self.first)
+        self.worth[parts[proven]] = np.maximum(SWEEPING.again * made[proven], self.first)
+        self.worth[parts[spent]] = SWEEPING.more * made[spent]
+        hard = spent & (made >= SWEEPING.hard * self.first)
         self.worth[parts[hard]] = self.first
         return hard
 
@@ -131,13 +127,13 @@ class _Parts:
         self.waits |= self.proven
         self.proven = np.zeros_like(self.proven)
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, Any]:
         """Return copies of the fields, for `from_dict`."""
         arrays = {name: getattr(self, name).copy() for name in ("proven", "waits", "worth")}
         return {**arrays, "first": self.first}
 
     @classmethod
-    def from_dict(cls, data: dict) -> _Parts:
+    def from_dict(cls, data: dict[str, Any]) -> _Parts:
         """Build from the result of `to_dict`."""
         parts = cls(len(data["worth"]), data["first"])
         parts.proven, parts.waits, parts.worth = data["proven"], data["waits"], data["worth"]
@@ -165,19 +161,19 @@ class _Course:
 
     bound: int
     target: int
-    y: np.ndarray
+    y: NDArray[np.float64]
     limit: float
     least: float
     allowed: float
     undecided: bool
     parts: _Parts
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, Any]:
         """Return the fields, for `from_dict`; the arrays do not change any more."""
         return {**self.__dict__, "y": self.y.copy(), "parts": self.parts.to_dict()}
 
     @classmethod
-    def from_dict(cls, data: dict) -> _Course:
+    def from_dict(cls, data: dict[str, Any]) -> _Course:
         """Build from the result of `to_dict`."""
         return cls(**{**data, "parts": _Parts.from_dict(data["parts"])})
 
@@ -207,8 +203,8 @@ class LinearBound:
     def __init__(
         self,
         space: PoseSpace,
-        columns: np.ndarray,
-        improve: Callable[[np.ndarray], np.ndarray] | None = None,
+        columns: ArrayLike,
+        improve: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None,
         ledger: Ledger | None = None,
     ):
         self.space, self.improve = space, improve
@@ -216,11 +212,11 @@ class LinearBound:
         self.columns = np.asarray(columns, dtype=bool)
         self.found = self.columns[:0]
         self.made = 0
-        self._poses: list[np.ndarray] = []
+        self._poses: list[NDArray[np.float64]] = []
         # of a sweep that was interrupted, what came out of its first parts
         self._swept: list[Found] = []
 
-    def raise_from(self, bound: int, n_settings: int, *, max_nodes: int, progress=None) -> int:
+    def raise_from(self, bound: int, n_settings: int, *, max_nodes: int, progress: Progress | None = None) -> int:
         """Return what is proven, given what is proven already; at most ``n_settings``.
 
         Looks at ``max_nodes`` boxes of poses at most. A large number of settings is aimed at first: what is found on
@@ -248,8 +244,8 @@ class LinearBound:
             elif parts.proven.all():
                 at.bound = max(at.bound, at.target)
                 parts.renew()
-                at.target, at.allowed = min(at.bound + 1, n_settings), _SHARE_OF_NEXT * max_nodes
-                at.limit, at.least = limit_for(at.y, at.target), _LEAST_LIMIT_OF_NEXT
+                at.target, at.allowed = min(at.bound + 1, n_settings), AIMING.share_of_next * max_nodes
+                at.limit, at.least = limit_for(at.y, at.target), AIMING.least_limit_of_next
             else:
                 # boxes too small to be halved: more of them would not decide
                 at.undecided = not (outcomes == SPENT).any() and not parts.waits.any()
@@ -259,14 +255,14 @@ class LinearBound:
     def _start(self, bound: int, n_settings: int, max_nodes: int) -> _Course:
         """Return where to begin."""
         n_parts = len(self.space.parts)
-        parts = _Parts(n_parts, min(_FIRST_NODES, max_nodes // (_LEAST_SWEEPS * n_parts) + 1))
+        parts = _Parts(n_parts, min(SWEEPING.first, max_nodes // (SWEEPING.least_sweeps * n_parts) + 1))
         y = self._weights()
-        target = min(n_settings, max(bound, int(float(y.sum()) / _LEAST_LIMIT)) + 1)
-        least = 1.0 + min(_NEAR_ONE, _NEAR_SETTING / max(1, target - 1))
+        target = min(n_settings, max(bound, int(float(y.sum()) / AIMING.least_limit)) + 1)
+        least = 1.0 + min(AIMING.near_one, AIMING.near_setting / max(1, target - 1))
         allowed = self._share(max_nodes, target - bound)
         return _Course(bound, target, y, limit_for(y, target), least, allowed, False, parts)
 
-    def _resume(self, kept: dict) -> _Course:
+    def _resume(self, kept: dict[str, Any]) -> _Course:
         """Go on from what was told of a sweep; return where that is."""
         self.found, self.made = kept["found"], kept["made"]
         self._poses = [kept["poses"]] if len(kept["poses"]) else []
@@ -274,11 +270,11 @@ class LinearBound:
         self._swept = _unpacked(kept["swept"])
         return _Course.from_dict(kept["course"])
 
-    def _make_room(self, at: _Course, sets: np.ndarray) -> None:
+    def _make_room(self, at: _Course, sets: NDArray[np.bool_]) -> None:
         """Make the weights smaller where sets found exceed the limit; compute them anew if that is too much."""
         self.found = np.concatenate([self.found, sets])
         lighter = relieved(at.y, sets, at.limit)
-        if lighter.sum() > at.limit * (at.target - 1) + _SLACK:
+        if lighter.sum() > at.limit * (at.target - 1) + SLACK:
             # what is proven for larger weights is proven for these
             at.y = lighter
             return
@@ -289,9 +285,9 @@ class LinearBound:
 
     def _share(self, max_nodes: int, ahead: int) -> float:
         """Return how many boxes may have been looked at when a number of settings so far ahead is given up."""
-        return max_nodes if ahead <= 1 else self.made + _SHARE_AT_FIRST * (max_nodes - self.made)
+        return max_nodes if ahead <= 1 else self.made + AIMING.share_at_first * (max_nodes - self.made)
 
-    def _weights(self) -> np.ndarray:
+    def _weights(self) -> NDArray[np.float64]:
         return spread_weights(np.concatenate([self.columns, self.found]))
 
     def _improve(self) -> None:
@@ -300,7 +296,14 @@ class LinearBound:
             self.columns = self.improve(np.concatenate(self._poses))
         self._poses = []
 
-    def _sweep(self, at: _Course, parts: np.ndarray, most: np.ndarray, max_nodes: int, progress) -> tuple:
+    def _sweep(
+        self,
+        at: _Course,
+        parts: NDArray[np.int_],
+        most: NDArray[np.int_],
+        max_nodes: int,
+        progress: Progress | None,
+    ) -> tuple[NDArray[np.int_], NDArray[np.int_], NDArray[np.bool_], NDArray[np.bool_]]:
         """Search parts of the space; return outcomes, boxes looked at, what poses found inspect, and doubts."""
 
         def tick() -> None:
@@ -310,7 +313,7 @@ class LinearBound:
         done, self._swept = self._swept, []
         self.made += sum(found.made for found in done)
         left = slice(len(done), None)
-        search = self.space.search(at.y, at.limit, most[left], tick, parts=parts[left], most=_MOST_FOUND)
+        search = self.space.search(at.y, at.limit, most[left], tick, parts=parts[left], most=SWEEPING.found)
         with closing(search) as results:
             for found in results:
                 done.append(found)
@@ -333,7 +336,7 @@ class LinearBound:
         return tell
 
 
-def _packed(done: tuple[Found, ...]) -> dict:
+def _packed(done: tuple[Found, ...]) -> dict[str, NDArray[Any]]:
     """Return what came out of parts, one at least, as a few arrays, for `_unpacked`."""
     return {
         "outcome": np.array([found.outcome for found in done]),
@@ -345,7 +348,7 @@ def _packed(done: tuple[Found, ...]) -> dict:
     }
 
 
-def _unpacked(packed: dict) -> list[Found]:
+def _unpacked(packed: dict[str, NDArray[Any]]) -> list[Found]:
     """Return what `_packed` made few arrays of."""
     cuts = np.cumsum(packed["n_poses"])[:-1]
     poses, sets = np.split(packed["poses"], cuts), np.split(packed["sets"], cuts)

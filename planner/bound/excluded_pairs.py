@@ -14,21 +14,47 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import numba as nb
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from planner.bound.least_image import least_image_mm
+from planner.bound.boxes.cells import Cells
+from planner.bound.boxes.necessary import TOUCH_MM, out_of_focus, outside, too_short
+from planner.bound.boxes.view import Segments
+from planner.bound.segments import frustum_of, segments_of, sensor_tangents
+from planner.camera.camera import Camera
+from planner.columns.judge import Judge
 from planner.executors import THREADS
 
-# more than the rounding of planes and corners of cells; cells that only touch count as meeting
-_ROUNDING_MM = 1e-6
-_FINEST_MM = 0.5
-_MOST_BOXES = 200_000
-_STACK = 256
+
+class Subdivision(NamedTuple):
+    """How far space is subdivided in search of a viewpoint that serves a pair.
+
+    Attributes
+    ----------
+    finest_mm : float
+        Smaller half sizes are not halved: the pair then counts as served.
+    boxes : int
+        Boxes looked at, at most, for two cells; after that the pair counts as served.
+    waiting : int
+        Boxes that wait, at most: one for each halving.
+    """
+
+    finest_mm: float = 0.5
+    boxes: int = 200_000
+    waiting: int = 256
 
 
-def find_conflicts(judge, entity_idx, columns, regions) -> np.ndarray:
+_SUBDIVISION = Subdivision()
+# of angles, rad
+_EPS_RAD = 1e-9
+# places of a box in the stack
+_MIDDLE, _HALF = range(2)
+
+
+def find_conflicts(judge: Judge, entity_idx: NDArray[np.int_], columns: ArrayLike, regions: Cells) -> NDArray[np.bool_]:
     """Find the pairs of entities that exclude each other.
 
     Parameters
@@ -47,19 +73,15 @@ def find_conflicts(judge, entity_idx, columns, regions) -> np.ndarray:
     array of bool (e, e)
         Symmetric, false on the diagonal.
     """
-    columns = np.asarray(columns, dtype=bool)
-    ends = judge.ends[entity_idx]
-    together = columns.T.astype(int) @ columns.astype(int) > 0
+    known = np.asarray(columns, dtype=bool)
+    segments, frustum, cells = segments_of(judge, entity_idx), frustum_of(judge), regions.arrays
+    together = known.T.astype(int) @ known.astype(int) > 0
     tangents = sensor_tangents(judge.camera, judge.requirements.field_margin_px)
-    conflict = too_far_apart(judge.camera, ends, tangents) & ~together
-    near, far = judge.camera.depth_of_field_mm
-    cone = math.atan(math.hypot(*tangents))
-    far /= math.cos(cone)
-    ratio = least_image_mm(judge) / judge.camera.image_distance_mm
-    limits = near, far, cone, ratio
+    conflict = too_far_apart(judge.camera, segments.ends, tangents) & ~together
 
-    def excludes(pair) -> bool:
-        return not _share_viewpoint(*pair, *regions.arrays, ends[pair].reshape(-1, 3), limits)
+    def excludes(pair: NDArray[np.int_]) -> bool:
+        a, b = pair
+        return not _share_viewpoint(a, b, cells, Segments(*(values[pair] for values in segments)), frustum)
 
     pairs = np.argwhere(np.triu(~conflict & ~together, k=1))
     with ThreadPoolExecutor(THREADS) as pool:
@@ -68,13 +90,7 @@ def find_conflicts(judge, entity_idx, columns, regions) -> np.ndarray:
     return conflict
 
 
-def sensor_tangents(camera, margin_px: float) -> np.ndarray:
-    """Return the tangents (2,) of the half angles of view, less a margin at the sides of the sensor."""
-    half = np.array(camera.sensor_size_mm) / 2 - margin_px * np.array(camera.pixel_pitch_mm)
-    return np.maximum(half, 0.0) / camera.image_distance_mm
-
-
-def too_far_apart(camera, ends: np.ndarray, tangents: np.ndarray) -> np.ndarray:
+def too_far_apart(camera: Camera, ends: NDArray[np.float64], tangents: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which pairs of entities (ends: (e, 2, 3), mm) do not fit into the frustum together; (e, e) bool."""
     near, far = camera.depth_of_field_mm
     if not np.isfinite(far):
@@ -90,18 +106,20 @@ def too_far_apart(camera, ends: np.ndarray, tangents: np.ndarray) -> np.ndarray:
 
 
 @nb.njit(cache=True, nogil=True)
-def _share_viewpoint(a, b, planes, plane_start, corners, corner_start, boxes, entity_start, points, limits):
-    """Tell whether some cell of entity a may meet some cell of entity b where the lens can take all points at once."""
-    stack = np.empty((_STACK, 2, 3))
+def _share_viewpoint(a, b, cells, pair, frustum):
+    """Tell whether some cell of entity a may meet some cell of entity b where the lens can take both at once.
+
+    ``pair`` are the segments of the two.
+    """
+    planes, plane_start, entity_start = cells.planes, cells.plane_start, cells.entity_start
+    stack = np.empty((_SUBDIVISION.waiting, 2, 3))
     for i in range(entity_start[a], entity_start[a + 1]):
         for j in range(entity_start[b], entity_start[b + 1]):
-            if not _overlap(boxes, i, j, stack[0]):
+            if not _overlap(cells.boxes, i, j, stack[0]):
                 continue
-            if _apart(i, j, planes, plane_start, corners, corner_start):
+            if _apart(i, j, cells) or _apart(j, i, cells):
                 continue
-            if _apart(j, i, planes, plane_start, corners, corner_start):
-                continue
-            if _search(stack, i, j, planes, plane_start, points, limits):
+            if _search(stack, i, j, planes, plane_start, pair, frustum):
                 return True
     return False
 
@@ -111,64 +129,55 @@ def _overlap(boxes, i, j, common):
     """Tell whether boxes i and j meet; write the centre and half size of what they share."""
     for k in range(3):
         low, high = max(boxes[i, 0, k], boxes[j, 0, k]), min(boxes[i, 1, k], boxes[j, 1, k])
-        if high - low < -_ROUNDING_MM:
+        if high - low < -TOUCH_MM:
             return False
-        common[0, k], common[1, k] = (low + high) / 2, (high - low) / 2
+        common[_MIDDLE, k], common[_HALF, k] = (low + high) / 2, (high - low) / 2
     return True
 
 
 @nb.njit(cache=True, nogil=True)
-def _search(stack, i, j, planes, plane_start, points, limits):
+def _search(stack, i, j, planes, plane_start, pair, frustum):
     """Subdivide the box on the stack; true when a viewpoint is found or the effort is spent."""
     size = 1
-    for _ in range(_MOST_BOXES):
+    for _ in range(_SUBDIVISION.boxes):
         if size == 0:
             return False
         size -= 1
-        center, half = stack[size, 0].copy(), stack[size, 1].copy()
-        if _excluded(center, half, i, planes, plane_start) or _excluded(center, half, j, planes, plane_start):
+        center, half = stack[size, _MIDDLE].copy(), stack[size, _HALF].copy()
+        if not _in_both(center, half, i, j, planes, plane_start):
             continue
-        if not _in_view(center, math.sqrt(np.sum(half**2)), points, limits):
+        if not _in_view(center, math.sqrt(np.sum(half**2)), pair, frustum):
             continue
         axis = np.argmax(half)
-        if half[axis] < _FINEST_MM or size + 2 > _STACK:
+        if half[axis] < _SUBDIVISION.finest_mm or size + 2 > _SUBDIVISION.waiting:
             return True
         point = np.zeros(3)
-        if (
-            not _excluded(center, point, i, planes, plane_start)
-            and not _excluded(center, point, j, planes, plane_start)
-            and _in_view(center, 0.0, points, limits)
-        ):
+        if _in_both(center, point, i, j, planes, plane_start) and _in_view(center, 0.0, pair, frustum):
             return True
         half[axis] /= 2
         for sign in (-1.0, 1.0):
-            stack[size, 0], stack[size, 1] = center, half
-            stack[size, 0, axis] += sign * half[axis]
+            stack[size, _MIDDLE], stack[size, _HALF] = center, half
+            stack[size, _MIDDLE, axis] += sign * half[axis]
             size += 1
     return True
 
 
 @nb.njit(cache=True, nogil=True)
-def _excluded(center, half, cell, planes, plane_start):
-    """Tell whether a box is outside of a cell."""
-    for p in range(plane_start[cell], plane_start[cell + 1]):
-        lowest = planes[p, 3]
-        for k in range(3):
-            lowest += planes[p, k] * center[k] - abs(planes[p, k]) * half[k]
-        if lowest > _ROUNDING_MM:
-            return True
-    return False
+def _in_both(center, half, i, j, planes, plane_start):
+    """Tell whether a box may meet both cells."""
+    return not (
+        outside(planes, plane_start[i], plane_start[i + 1], center, half)
+        or outside(planes, plane_start[j], plane_start[j + 1], center, half)
+    )
 
 
 @nb.njit(cache=True, nogil=True)
-def _in_view(center, radius, points, limits):
-    """Tell whether some viewpoint of a ball may have all points in focus, within the sensor, and long enough images."""
-    near, far, cone, ratio = limits
-    angle = 2.0 * cone
-    n = points.shape[0]
+def _in_view(center, radius, pair, frustum):
+    """Tell whether some viewpoint of a ball may have all ends in focus, within the sensor, and long enough images."""
+    points = pair.ends.reshape(-1, 3)
+    n = len(points)
     for k in range(n):
-        distance = _distance(points[k], center)
-        if distance - radius > far or distance + radius < near:
+        if out_of_focus(_distance(points[k], center), radius, frustum):
             return False
     for k in range(n):
         first_length = _distance(points[k], center)
@@ -181,12 +190,13 @@ def _in_view(center, radius, points, limits):
                 cosine += (points[k, c] - center[c]) * (points[m, c] - center[c])
             cosine /= first_length * second_length
             between = math.acos(min(1.0, max(-1.0, cosine)))
-            if between - math.asin(radius / first_length) - math.asin(radius / second_length) > angle + 1e-9:
+            nearer = math.asin(radius / first_length) + math.asin(radius / second_length)
+            if between - nearer > 2.0 * frustum.cone + _EPS_RAD:
                 return False
-    long_enough = True
-    for k in range(0, n, 2):
-        long_enough = long_enough and _long_enough(center, radius, points[k], points[k + 1], near, cone, ratio)
-    return long_enough
+    for e in range(2):
+        if too_short(pair.ends[e], pair.lengths[e], pair.length_ratio[e], center, radius, frustum):
+            return False
+    return True
 
 
 @nb.njit(cache=True, nogil=True)
@@ -196,30 +206,16 @@ def _distance(point, other):
 
 
 @nb.njit(cache=True, nogil=True)
-def _long_enough(center, radius, first, second, near, cone, ratio):
-    """Tell whether the image from some viewpoint of a ball may be long enough: eq 16, depth >= distance cos(cone)."""
-    line, offset = second - first, center - first
-    x = offset[1] * line[2] - offset[2] * line[1]
-    y = offset[2] * line[0] - offset[0] * line[2]
-    z = offset[0] * line[1] - offset[1] * line[0]
-    # twice the area of the triangle of viewpoint and edge
-    area = math.sqrt(x * x + y * y + z * z) + radius * math.sqrt(np.sum(line**2))
-    depth = 1.0
-    for point in (first, second):
-        depth *= max(near, (_distance(point, center) - radius) * math.cos(cone))
-    return area >= ratio * depth * (1.0 - 1e-9)
-
-
-@nb.njit(cache=True, nogil=True)
-def _apart(i, j, planes, plane_start, corners, corner_start):
+def _apart(i, j, cells):
     """Tell whether a plane of cell i has all corners of cell j outside."""
-    for p in range(plane_start[i], plane_start[i + 1]):
+    planes, corners = cells.planes, cells.corners
+    for p in range(cells.plane_start[i], cells.plane_start[i + 1]):
         separates = True
-        for v in range(corner_start[j], corner_start[j + 1]):
+        for v in range(cells.corner_start[j], cells.corner_start[j + 1]):
             height = planes[p, 3]
             for k in range(3):
                 height += planes[p, k] * corners[v, k]
-            if height < _ROUNDING_MM:
+            if height < TOUCH_MM:
                 separates = False
                 break
         if separates:

@@ -1,7 +1,7 @@
-"""How long an edge's image must be at least, whatever the pose and however small its uncertainty.
+"""How long the image of an item must be at least, whatever the pose and however small its uncertainty.
 
-The measured length is wrong by x = q + e: q the quantization error of both ends, e what the displaced pose causes,
-independent of it. An entity is measured accurately if x is in [L ln A, L ln(2 - A)] (`errors.joint`), an interval of
+The measured length of an edge is wrong by x = q + e: q the quantization error of both ends, e what the displaced pose
+causes, independent of it. It is measured accurately if x is in [L ln A, L ln(2 - A)] (`errors.joint`), an interval of
 width 2h. The density of q is symmetric and falls from the middle, so no interval of that width is more probable than
 [-h, h], and by averaging over e (Anderson 1955)
 
@@ -16,33 +16,45 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from errors import SegmentQuantization
+from planner.columns.judge import Judge
 
 _STEP = math.pi / 1800
 _DIRECTIONS = np.arange(901) * _STEP
 _BISECTIONS = 60
-# excludes no image at all, and is no zero to divide by
-_NO_LENGTH_MM = 1e-9
 # more than is needed: the steps in direction and the error of the probability are allowed for one by one
 _SAFETY = 0.99
 # of the probability that a judge computes, 5e-5, and of the law here
 _PROBABILITY_ERROR = 6e-5
 
 
-def least_image_mm(judge) -> float:
-    """Return the length on the sensor, mm, below which no image of an entity can satisfy a request (a `Judge`).
+def least_images_mm(judge: Judge) -> NDArray[np.float64]:
+    """Return the lengths on the sensor below which no image of an item's segment can satisfy a request.
 
-    Of dimensions nothing is claimed: how short an image of two of their points may be, follows from no constraint.
+    Parameters
+    ----------
+    judge : Judge
+        The request, of k items.
+
+    Returns
+    -------
+    array (k,)
+        Lengths, mm; 0 asks for none. Of dimensions nothing is claimed: how short an image of two of their points may
+        be, follows from no constraint.
     """
-    if judge.request.dimensions:
-        return _NO_LENGTH_MM
-    half_width = 0.5 * (math.log(2.0 - judge.accuracy) - math.log(judge.accuracy))
+    request, of_accuracy = judge.request, {}
     quantile = quantization_quantile(judge.camera.pixel_pitch_mm, judge.threshold - _PROBABILITY_ERROR)
-    return max(judge.constraints.min_length_mm, _SAFETY * quantile / half_width)
+    for accuracy in set(request.accuracies.tolist()):
+        half_width = 0.5 * (math.log(2.0 - accuracy) - math.log(accuracy))
+        of_accuracy[accuracy] = max(judge.constraints.min_length_mm, _SAFETY * quantile / half_width)
+    least = np.array([of_accuracy[accuracy] for accuracy in request.accuracies.tolist()])
+    least[list(request.dimensions)] = 0.0
+    return least
 
 
-def quantization_quantile(pixel_pitch_mm, probability: float) -> float:
+def quantization_quantile(pixel_pitch_mm: tuple[float, float], probability: float) -> float:
     """Return h, mm, such that in no direction a length's quantization error is within less than h so probably.
 
     The exact law gives the least h of directions a step apart. From any direction up to 45 degrees to the next lower

@@ -26,7 +26,11 @@ bound holds for any search.
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
@@ -35,34 +39,86 @@ from planner.bound.dual_bound import LinearBound
 from planner.bound.excluded_pairs import find_conflicts
 from planner.bound.pose_space import PoseSpace
 from planner.bound.pose_tree import PoseTree
+from planner.columns.judge import Judge
 from planner.cover.relaxation import fractional_cover
 from planner.cover.set_cover import cover_within, distinct_rows, maximal_columns
 from planner.executors import Shared, in_order
 from planner.ledger import Ledger
-from planner.progress import report
+from planner.progress import Progress, report
 
-_BATCH = 6000
-_MAX_INTEGER_COLUMNS = 4000
-_COVER_NODES = 2000
-# for each number of settings, one integer cover in each of so many rounds, then in every so many
-_COVER_ROUNDS = 20
-_ROUNDS_PER_COVER = 10
-# nodes that have boxes of positions, at most: what pairs that exclude each other decide is soon proven
-_FIRST_NODES = 32_000
-# nodes smaller than this angle (seen from the camera, rad) are not split further
-_FINEST_RAD = 2e-3
+# for rounding sums of weights
+_SLACK = 1e-6
+
+
+@dataclass(frozen=True)
+class Covering:
+    """How far the tree of poses is grown, and how hard integer covers by its leaves are tried.
+
+    Attributes
+    ----------
+    nodes : int
+        Nodes that have boxes of positions, at most: what pairs that exclude each other decide is soon proven.
+    finest_rad : float
+        Nodes smaller than this angle, seen from the camera, are not split further.
+    batch : int
+        Nodes split at a time, at most, before it is asked again whether they suffice.
+    columns : int
+        Sets that an integer cover is asked for, at most; if there are more, it proves nothing.
+    cover_nodes : int
+        Nodes of the branch and bound of one integer cover.
+    cover_rounds : int
+        For each number of settings, one integer cover in each of so many rounds.
+    rounds_per_cover : int
+        Then one in every so many.
+    """
+
+    nodes: int = 32_000
+    finest_rad: float = 2e-3
+    batch: int = 6000
+    columns: int = 4000
+    cover_nodes: int = 2000
+    cover_rounds: int = 20
+    rounds_per_cover: int = 10
+
+
+@dataclass(frozen=True)
+class Generation:
+    """How the dual of the fractional cover over all leaves is found, by constraint generation.
+
+    Attributes
+    ----------
+    rounds : int
+        Linear programs, at most; what is wrong then is divided away.
+    tolerance : float
+        A leaf may weigh this much more than 1.
+    violated : int
+        Leaves looked at in a round, those that weigh most.
+    added : int
+        Constraints added in a round.
+    kept : float
+        Only constraints of leaves that weigh more than this are kept for the next time.
+    """
+
+    rounds: int = 60
+    tolerance: float = 1e-7
+    violated: int = 2000
+    added: int = 150
+    kept: float = 0.5
+
+
+COVERING, GENERATION = Covering(), Generation()
 
 
 def lower_bound(
-    judge,
-    entity_idx,
+    judge: Judge,
+    entity_idx: NDArray[np.int_],
     n_settings: int,
-    columns,
+    columns: NDArray[np.bool_],
     *,
     max_nodes: int,
     ledger: Ledger | None = None,
-    executor=None,
-    progress=None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
 ) -> tuple[int, str]:
     """Prove how many settings are needed at least.
 
@@ -94,7 +150,7 @@ def lower_bound(
     """
     if n_settings <= 1:
         return n_settings, "Fewer settings than one inspect nothing." if n_settings else "No entity is inspected."
-    entity_idx, ledger = np.asarray(entity_idx), ledger or Ledger()
+    ledger = ledger or Ledger()
     shared = Shared(judge)
     regions = Cells.joined(in_order(executor, entity_cells, [(shared, judge.names[i]) for i in entity_idx]))
     first = ledger("covers")
@@ -109,17 +165,20 @@ def lower_bound(
     nodes = max(0, max_nodes - first["made"])
     bound = linear.raise_from(first["bound"], n_settings, max_nodes=nodes, progress=progress)
     report(progress, max_nodes, max_nodes, "lower bound")
-    return bound, _proof(first["made"] + linear.made, int(first["conflict"].sum()) // 2)
+    what = "items" if judge.request.dimensions else "edges"
+    return bound, _proof(first["made"] + linear.made, int(first["conflict"].sum()) // 2, what)
 
 
-def _by_covers(tree: PoseTree, columns, n_settings: int, max_nodes: int, progress) -> int:
+def _by_covers(
+    tree: PoseTree, columns: NDArray[np.bool_], n_settings: int, max_nodes: int, progress: Progress | None
+) -> int:
     """Return how many settings covers by leaves' sets prove; the tree is grown as far as they need it."""
     weights = _Weights(np.asarray(columns, dtype=bool))
     target, rounds = 2, 0
     guide = fractional_cover(columns)[1]
-    while target <= n_settings and tree.made < min(_FIRST_NODES, max_nodes):
+    while target <= n_settings and tree.made < min(COVERING.nodes, max_nodes):
         rounds += 1
-        sets_first = rounds <= _COVER_ROUNDS or rounds % _ROUNDS_PER_COVER == 0
+        sets_first = rounds <= COVERING.cover_rounds or rounds % COVERING.rounds_per_cover == 0
         heavy = _to_split(tree, weights.solve(tree.sets), target) if sets_first else _above(tree, guide, target)
         if heavy is None:
             target, rounds = target + 1, 0
@@ -131,81 +190,81 @@ def _by_covers(tree: PoseTree, columns, n_settings: int, max_nodes: int, progres
     return target - 1
 
 
-def _proof(boxes: int, pairs: int) -> str:
+def _proof(boxes: int, pairs: int, what: str = "edges") -> str:
     """Say what a bound rests on."""
     checked = "1 box of camera poses was" if boxes == 1 else f"{boxes} boxes of camera poses were"
-    excluded = "1 pair of edges was" if pairs == 1 else f"{pairs or 'no'} pairs of edges were"
+    excluded = f"1 pair of {what} was" if pairs == 1 else f"{pairs or 'no'} pairs of {what} were"
     return (
         f"Covering by optimistic columns: {checked} checked against necessary conditions (visibility, focus, sensor "
         f"size, length of the image), and {excluded} found to exclude each other."
     )
 
 
-def _to_split(tree: PoseTree, y: np.ndarray, target: int) -> np.ndarray | None:
+def _to_split(tree: PoseTree, y: NDArray[np.float64], target: int) -> NDArray[np.int_] | None:
     """Choose the nodes to split to prove ``target``; none if nothing is left to split, None if it is proven."""
     weight = tree.sets @ y
-    splittable = tree.size > _FINEST_RAD
+    splittable = tree.size > COVERING.finest_rad
     # what a cover with fewer settings may waste
     spare = target - 1 - float(y.sum())
-    if spare < -1e-6:
+    if spare < -_SLACK:
         return None
-    usable = np.flatnonzero(weight >= 1.0 - spare - 1e-6)
+    usable = np.flatnonzero(weight >= 1.0 - spare - _SLACK)
     first, of_distinct = distinct_rows(tree.sets[usable])
     distinct = tree.sets[usable[first]]
-    heaviest = np.argsort(-(distinct @ y), kind="stable")[: 4 * _MAX_INTEGER_COLUMNS]
-    kept = heaviest[maximal_columns(distinct[heaviest])][:_MAX_INTEGER_COLUMNS]
-    exhaustive = len(distinct) <= 4 * _MAX_INTEGER_COLUMNS and len(kept) < _MAX_INTEGER_COLUMNS
+    heaviest = np.argsort(-(distinct @ y), kind="stable")[: 4 * COVERING.columns]
+    kept = heaviest[maximal_columns(distinct[heaviest])][: COVERING.columns]
+    exhaustive = len(distinct) <= 4 * COVERING.columns and len(kept) < COVERING.columns
     if not distinct[kept].any(axis=0).all():
         return None if exhaustive else _heaviest(usable[splittable[usable]], weight)
-    chosen, decided = cover_within(distinct[kept], target - 1, node_limit=_COVER_NODES)
+    chosen, decided = cover_within(distinct[kept], target - 1, node_limit=COVERING.cover_nodes)
     if exhaustive and chosen is None and decided:
         return None
     if chosen is None:
         return _heaviest(usable[splittable[usable]], weight)
     nodes = usable[np.isin(of_distinct, kept[chosen])]
-    return nodes[splittable[nodes]][:_BATCH]
+    return nodes[splittable[nodes]][: COVERING.batch]
 
 
-def _above(tree: PoseTree, y: np.ndarray, target: int) -> np.ndarray | None:
+def _above(tree: PoseTree, y: NDArray[np.float64], target: int) -> NDArray[np.int_] | None:
     """Choose the nodes that weigh too much for the weights to prove ``target``, the heaviest first; None if none do."""
-    limit = float(y.sum()) / (target - 1) - 1e-6
+    limit = float(y.sum()) / (target - 1) - _SLACK
     nodes = np.flatnonzero(tree.sets @ y > limit)
     weight = tree.weights(nodes, y)
     nodes, weight = nodes[weight > limit], weight[weight > limit]
     if not nodes.size:
         return None
-    fine = tree.size[nodes] > _FINEST_RAD
-    return nodes[fine][np.argsort(-weight[fine], kind="stable")[:_BATCH]]
+    fine = tree.size[nodes] > COVERING.finest_rad
+    return nodes[fine][np.argsort(-weight[fine], kind="stable")[: COVERING.batch]]
 
 
-def _heaviest(nodes: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    return nodes[np.argsort(-weight[nodes], kind="stable")[:_BATCH]]
+def _heaviest(nodes: NDArray[np.int_], weight: NDArray[np.float64]) -> NDArray[np.int_]:
+    return nodes[np.argsort(-weight[nodes], kind="stable")[: COVERING.batch]]
 
 
 class _Weights:
     """The dual of the fractional cover over all leaves, by constraint generation."""
 
-    def __init__(self, columns: np.ndarray):
+    def __init__(self, columns: NDArray[np.bool_]):
         self._columns = columns[distinct_rows(columns)[0]]
         self._rows = self._columns[:0]
 
-    def solve(self, sets: np.ndarray) -> np.ndarray:
+    def solve(self, sets: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the weights y (e,) of largest sum such that no leaf and no known column weighs more than 1."""
         self._forget(sets)
-        for _ in range(60):
+        for _ in range(GENERATION.rounds):
             y = self._solve()
             weight = sets @ y
-            violated = np.flatnonzero(weight > 1.0 + 1e-7)
+            violated = np.flatnonzero(weight > 1.0 + GENERATION.tolerance)
             if not violated.size:
                 break
-            worst = violated[np.argsort(-weight[violated], kind="stable")[:2000]]
+            worst = violated[np.argsort(-weight[violated], kind="stable")[: GENERATION.violated]]
             new = sets[worst[distinct_rows(sets[worst])[0]]]
-            new = new[np.argsort(-(new @ y), kind="stable")[:150]]
+            new = new[np.argsort(-(new @ y), kind="stable")[: GENERATION.added]]
             self._rows = np.concatenate([self._rows, new])
-        self._rows = self._rows[self._rows @ y > 0.5]
+        self._rows = self._rows[self._rows @ y > GENERATION.kept]
         return y / max(1.0, float((sets @ y).max(initial=0.0)))
 
-    def _solve(self) -> np.ndarray:
+    def _solve(self) -> NDArray[np.float64]:
         rows = np.concatenate([self._columns, self._rows])
         result = linprog(
             -np.ones(rows.shape[1]),
@@ -215,7 +274,7 @@ class _Weights:
         )
         return np.clip(result.x, 0.0, None)
 
-    def _forget(self, sets: np.ndarray) -> None:
+    def _forget(self, sets: NDArray[np.bool_]) -> None:
         """Drop the sets of leaves that have been split since: they would hold the weights down for ever."""
         if len(self._rows):
             present = {row.tobytes() for row in np.packbits(sets, axis=1)}

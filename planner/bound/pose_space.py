@@ -8,44 +8,45 @@ from __future__ import annotations
 
 import itertools
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.bound.boxes.cells import Cells
 from planner.bound.boxes.search import FOUND, NEARLY, SPENT, search
-from planner.bound.boxes.view import Entities, Task, View
+from planner.bound.boxes.view import HALF, LOOK, SPAN, TURN, Entities, Segments, Task
 from planner.bound.boxes.viewpoint_tree import Viewpoints, viewpoints_for
-from planner.bound.excluded_pairs import sensor_tangents
-from planner.bound.least_image import least_image_mm
+from planner.bound.segments import segments_of, view_of
 from planner.columns.judge import Judge
 from planner.executors import THREADS
 from planner.request.constraints import AROUND
 
-# the space of poses is searched in so many parts, some at a time
-_PARTS = 256
-_TICK_S = 0.5
-# what a pose found inspects counts this share of the limit from then on
-_LESS = 0.999
+
+@dataclass(frozen=True)
+class Division:
+    """How the space of poses is divided among searches.
+
+    Attributes
+    ----------
+    parts : int
+        Parts searched one by one, some at a time: enough that what is proven of one outlives the weights of others.
+    tick_s : float
+        How often a search of parts looks up to be cancelled.
+    less : float
+        What a pose found inspects counts this share of the limit in its part from then on, so that the next one
+        inspects something else.
+    """
+
+    parts: int = 256
+    tick_s: float = 0.5
+    less: float = 0.999
 
 
-def view_of(judge: Judge) -> View:
-    """Return what the camera of a request takes in."""
-    camera = judge.camera
-    low, high = (np.asarray(corner, dtype=float) for corner in judge.space.workspace)
-    near, far = camera.depth_of_field_mm
-    # nothing is farther from a viewpoint in the workspace, which holds the part, than its corners are from each other
-    far = min(far, max(float(np.linalg.norm(high - low)), 1.01 * near))
-    tan_x, tan_y = sensor_tangents(camera, judge.requirements.field_margin_px)
-    middle = (near + far) / 2
-    corners = np.array(
-        [[x * tan_x * z, y * tan_y * z, z - middle] for x in (-1, 1) for y in (-1, 1) for z in (near, far)]
-    )
-    radius = np.linalg.norm(corners, axis=1).max()
-    ratio = least_image_mm(judge) / camera.image_distance_mm
-    return View(*map(float, (near, far, middle, tan_x, tan_y, radius, ratio)))
+DIVISION = Division()
 
 
 class Found(NamedTuple):
@@ -67,9 +68,9 @@ class Found(NamedTuple):
 
     outcome: int
     made: int
-    poses: np.ndarray
-    sets: np.ndarray
-    doubt: np.ndarray
+    poses: NDArray[np.float64]
+    sets: NDArray[np.bool_]
+    doubt: NDArray[np.bool_]
 
 
 class PoseSpace:
@@ -87,20 +88,28 @@ class PoseSpace:
         Pairs that exclude each other.
     """
 
-    def __init__(self, judge: Judge, entity_idx: np.ndarray, regions: Cells, conflict: np.ndarray):
+    def __init__(self, judge: Judge, entity_idx: NDArray[np.int_], regions: Cells, conflict: NDArray[np.bool_]):
         self.view, self.conflict = view_of(judge), np.ascontiguousarray(conflict)
-        self.entities = entities_of(judge.ends[entity_idx], regions, judge.requirements.visibility_radius_mm)
+        segments = segments_of(judge, entity_idx)
+        self.entities = entities_of(segments, regions, judge.requirements.visibility_radius_mm)
         points = self.entities.ends.reshape(-1, 3)
         self.nodal_points = np.array([regions.boxes[:, 0].min(axis=0), regions.boxes[:, 1].max(axis=0)])
-        self._grown: Viewpoints | None = None
-        self._grown_for: tuple[np.ndarray, float] | None = None
+        # the last tree of viewpoints, and the weights and the limit that it was grown for
+        self._grown: tuple[Viewpoints, NDArray[np.float64], float] | None = None
         low, high = points.min(axis=0) - self.view.radius, points.max(axis=0) + self.view.radius
         root = np.array([(low + high) / 2, (high - low) / 2, np.zeros(3), np.ones(3)])
-        self.parts = [(chart, part) for chart in (0, 1) for part in _cut(root, _PARTS // 2)]
+        self.parts = [(chart, part) for chart in (0, 1) for part in _cut(root, DIVISION.parts // 2)]
 
     def search(
-        self, y: np.ndarray, limit: float, max_nodes, tick: Callable[[], None] | None = None, *, parts=None, most=1
-    ) -> Iterator[Found]:
+        self,
+        y: NDArray[np.float64],
+        limit: float,
+        max_nodes: int | NDArray[np.int_],
+        tick: Callable[[], None] | None = None,
+        *,
+        parts: Sequence[int] | NDArray[np.int_] | None = None,
+        most: int = 1,
+    ) -> Generator[Found, None, None]:
         """Search part after part for poses that inspect a weight above a limit.
 
         Parameters
@@ -126,53 +135,67 @@ class PoseSpace:
         stop = np.zeros(1, dtype=bool)
         tree = self._viewpoints(y, limit)
 
-        def look(k, max_nodes):
+        def look(k: int, max_nodes: int) -> Found:
             return self._search_part(k, tree, y, limit, max_nodes, most, stop)
 
         # compiled before the threads need it
         look(0, 0)
 
-        waiting: deque[Future] = deque()
+        waiting: deque[Future[Found]] = deque()
         with ThreadPoolExecutor(THREADS) as pool:
             try:
-                asked = range(len(self.parts)) if parts is None else parts
-                todo = zip(asked, np.broadcast_to(max_nodes, len(asked)).tolist(), strict=True)
+                asked = np.arange(len(self.parts)) if parts is None else np.asarray(parts)
+                todo = zip(asked.tolist(), np.broadcast_to(max_nodes, len(asked)).tolist(), strict=True)
                 waiting.extend(pool.submit(look, *one) for one in itertools.islice(todo, 2 * THREADS))
                 while waiting:
-                    while tick is not None and not wait([waiting[0]], _TICK_S).done:
+                    while tick is not None and not wait([waiting[0]], DIVISION.tick_s).done:
                         tick()
                     yield waiting.popleft().result()
                     waiting.extend(pool.submit(look, *one) for one in itertools.islice(todo, 1))
             finally:
                 stop[0] = True
 
-    def _viewpoints(self, y: np.ndarray, limit: float) -> Viewpoints:
+    def _viewpoints(self, y: NDArray[np.float64], limit: float) -> Viewpoints:
         """Return what may be inspected from where; the last answer again if it is fine enough for these weights."""
-        if self._grown is None or limit < self._grown_for[1] or not np.array_equal(y, self._grown_for[0]):
-            finest = None if self._grown is None else self._grown.finest
-            self._grown = viewpoints_for(self.nodal_points, self.entities, self.view, y, limit, finest)
-            self._grown_for = y.copy(), limit
-        return self._grown
+        finest = None
+        if self._grown is not None:
+            tree, grown_y, grown_limit = self._grown
+            if limit >= grown_limit and np.array_equal(y, grown_y):
+                return tree
+            finest = tree.finest
+        return self._grow(y.copy(), limit, finest)
 
-    def grown_for(self) -> dict | None:
+    def _grow(self, y: NDArray[np.float64], limit: float, finest: float | None) -> Viewpoints:
+        tree = viewpoints_for(self.nodal_points, self.entities, self.view, y, limit, finest)
+        self._grown = tree, y, limit
+        return tree
+
+    def grown_for(self) -> dict[str, Any] | None:
         """Return what `regrow` needs: the weights, the limit and the finest boxes of the tree of viewpoints, if any."""
         if self._grown is None:
             return None
-        return {"y": self._grown_for[0], "limit": self._grown_for[1], "finest": self._grown.finest}
+        tree, y, limit = self._grown
+        return {"y": y, "limit": limit, "finest": tree.finest}
 
-    def regrow(self, grown_for: dict | None) -> None:
+    def regrow(self, grown_for: dict[str, Any] | None) -> None:
         """Grow the tree of viewpoints that `grown_for` described; later ones depend on how fine it is."""
         if grown_for is not None:
-            y, limit, finest = (grown_for[name] for name in ("y", "limit", "finest"))
-            self._grown = viewpoints_for(self.nodal_points, self.entities, self.view, y, limit, finest)
-            self._grown_for = y, limit
+            self._grow(grown_for["y"], grown_for["limit"], grown_for["finest"])
 
     def _search_part(
-        self, k: int, tree: Viewpoints, y: np.ndarray, limit: float, max_nodes: int, most: int, stop
+        self,
+        k: int,
+        tree: Viewpoints,
+        y: NDArray[np.float64],
+        limit: float,
+        max_nodes: int,
+        most: int,
+        stop: NDArray[np.bool_],
     ) -> Found:
         chart, part = self.parts[k]
         y, made = y.copy(), 0
-        poses, sets = [], []
+        poses: list[NDArray[np.float64]] = []
+        sets: list[NDArray[np.bool_]] = []
         while True:
             pose, inspected = np.eye(4), np.zeros(len(y), dtype=bool)
             order = np.argsort(-y, kind="stable")[: int((y > 0).sum())]
@@ -183,19 +206,18 @@ class PoseSpace:
             if outcome in (FOUND, NEARLY):
                 poses.append(pose)
                 sets.append(inspected)
-                y[inspected] *= _LESS * limit / y[inspected].sum()
+                y[inspected] *= DIVISION.less * limit / y[inspected].sum()
             if outcome not in (FOUND, NEARLY) or len(poses) == most or made >= max_nodes:
                 break
-        sets = np.array(sets, dtype=bool).reshape(-1, len(y))
-        doubt = inspected & (outcome == SPENT)
-        return Found(FOUND if poses else outcome, made, np.array(poses).reshape(-1, 4, 4), sets, doubt)
+        found = np.array(poses).reshape(-1, 4, 4), np.array(sets, dtype=bool).reshape(-1, len(y))
+        return Found(FOUND if poses else outcome, made, *found, inspected & (outcome == SPENT))
 
 
-def _cut(root: np.ndarray, n: int) -> list[np.ndarray]:
+def _cut(root: NDArray[np.float64], n: int) -> list[NDArray[np.float64]]:
     """Halve a box (4, 3) until there are so many, by turns along all six coordinates."""
     parts, k = [root], 0
     while len(parts) < n:
-        middle, size, axis = (0, 1, k % 3) if k % 6 < 3 else (2, 3, k % 3)
+        middle, size, axis = (LOOK, HALF, k % 3) if k % 6 < 3 else (TURN, SPAN, k % 3)
         halves = []
         for part, side in itertools.product(parts, (-1.0, 1.0)):
             half = part.copy()
@@ -206,9 +228,8 @@ def _cut(root: np.ndarray, n: int) -> list[np.ndarray]:
     return parts
 
 
-def entities_of(ends: np.ndarray, regions: Cells, around: float) -> Entities:
-    """Return entities (ends: (e, 2, 3), mm), visible ``around``, mm, with their regions' cells, for compiled loops."""
+def entities_of(segments: Segments, regions: Cells, around: float) -> Entities:
+    """Return entities, visible ``around``, mm, with their regions' cells, for compiled loops."""
     planes = regions.planes / np.linalg.norm(regions.planes[:, :3], axis=1, keepdims=True)
-    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     arrays = planes, regions.plane_start, regions.boxes, regions.entity_start
-    return Entities(np.ascontiguousarray(ends), lengths, *arrays, float(around), AROUND)
+    return Entities(*segments, *arrays, float(around), AROUND)

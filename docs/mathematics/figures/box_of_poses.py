@@ -12,11 +12,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from planner.bound.boxes.view import View
-from planner.bound.boxes.windows import extent, most_turn, window
+from planner.bound.boxes.windows import Turn, extent, most_turn, window
 
 STYLE = {"svg.hashsalt": "box of poses", "svg.fonttype": "none", "font.size": 9}
 
-VIEW = View(near=340.0, far=460.0, middle=400.0, tan_x=0.25, tan_y=0.2, radius=150.0, length_ratio=0.01)
+VIEW = View(near=340.0, far=460.0, middle=400.0, tan_x=0.25, tan_y=0.2, radius=150.0)
 HALF = np.full(3, 60.0)
 TURN = np.full(3, 0.02)
 # ends of the edges as (x, z) from the middle point looked at
@@ -35,7 +35,7 @@ def section(ends, turn: np.ndarray) -> np.ndarray:
     n, room, least, v = 1.0, np.empty(3), np.empty(6), np.zeros(3)
     t, nu = most_turn(v, turn, n)
     extent(np.eye(3), HALF, t, room)
-    window(s, np.full(2, VIEW.far), v, turn, n, t, nu, VIEW, room, least, 1.0, np.zeros(9))
+    window(s, np.full(2, VIEW.far), Turn(v, turn, n, t, nu), VIEW, room, least, 1.0, np.zeros(9))
     z = np.array([least[5], -least[4]])
     left, right = least[0] + VIEW.tan_x * z, -least[1] - VIEW.tan_x * z
     return np.array([[left[0], z[0]], [right[0], z[0]], [right[1], z[1]], [left[1], z[1]]])

@@ -2,10 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.executors import Shared
 from planner.request.space import cells_of
+
+if TYPE_CHECKING:
+    from aspectgraph.cells import Cell
+
+
+class CellArrays(NamedTuple):
+    """The arrays of `Cells`."""
+
+    planes: NDArray[np.float64]
+    plane_start: NDArray[np.int_]
+    corners: NDArray[np.float64]
+    corner_start: NDArray[np.int_]
+    boxes: NDArray[np.float64]
+    entity_start: NDArray[np.int_]
 
 
 class Cells:
@@ -28,7 +46,7 @@ class Cells:
         The cells of entity e are those from ``entity_start[e]`` to ``entity_start[e + 1]``.
     """
 
-    def __init__(self, cell_sets):
+    def __init__(self, cell_sets: Iterable[Iterable[Cell]]):
         # any iterable will do, and only one of the sets need exist at a time
         cells = [[(np.asarray(c.half_spaces, float), np.asarray(c.vertices, float)) for c in cs] for cs in cell_sets]
         flat = [cell for group in cells for cell in group]
@@ -41,22 +59,22 @@ class Cells:
         self.boxes = np.array(boxes).reshape(-1, 2, 3)
 
     @classmethod
-    def joined(cls, parts) -> Cells:
+    def joined(cls, parts: Iterable[Cells]) -> Cells:
         """Return the cells of several groups of entities, of one after the other."""
-        parts, whole = list(parts), cls(())
+        given, whole = list(parts), cls(())
         for name in ("planes", "corners", "boxes"):
-            setattr(whole, name, np.concatenate([getattr(whole, name), *(getattr(part, name) for part in parts)]))
+            setattr(whole, name, np.concatenate([getattr(whole, name), *(getattr(part, name) for part in given)]))
         for name in ("plane_start", "corner_start", "entity_start"):
-            setattr(whole, name, _starts(size for part in parts for size in np.diff(getattr(part, name))))
+            setattr(whole, name, _starts(size for part in given for size in np.diff(getattr(part, name))))
         return whole
 
     @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
-        """All arrays, in the order the compiled functions take them."""
-        return self.planes, self.plane_start, self.corners, self.corner_start, self.boxes, self.entity_start
+    def arrays(self) -> CellArrays:
+        """All arrays, as the compiled functions take them."""
+        return CellArrays(self.planes, self.plane_start, self.corners, self.corner_start, self.boxes, self.entity_start)
 
 
-def _starts(sizes) -> np.ndarray:
+def _starts(sizes: Iterable[int]) -> NDArray[np.int_]:
     return np.cumsum([0, *sizes])
 
 

@@ -20,7 +20,8 @@ import math
 import numba as nb
 import numpy as np
 
-from planner.bound.boxes.windows import farthest, form, most_turn, seen_from
+from planner.bound.boxes.view import FAR
+from planner.bound.boxes.windows import Turn, farthest, form, most_turn, seen_from
 
 _EPS = 1e-9
 # of rounding a few products and sums
@@ -33,17 +34,18 @@ def linear_sides(stack, i, entities, view, work, rest):
     q, v, u = stack.look[i], stack.turn[i], stack.span[i]
     n = 1.0 + v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     t, nu = most_turn(v, u, n)
-    turn = v, u, n, t, nu
+    turn = Turn(v, u, n, t, nu)
     s, far, opened = np.empty((2, 3)), np.empty(2), np.empty(2)
     at = _of_nodal_points(stack, i, work, t, rest)
-    for a in range(stack.count[i]):
+    for a in range(stack.n_members[i]):
         e = stack.members[i, a]
         first = at
         seen_from(entities.ends[e], q, work.matrix, s)
-        farthest(s, entities.lengths[e], t, work.room, view, far, opened)
+        farthest(s, entities.lengths[e], entities.length_ratio[e], t, work.room, view, far, opened)
         at += _of_view(s, far, turn, view, work.room, work.rows[at:], work.rhs[at:], work.side[at:])
-        work.side[at] = 5
-        at += _of_length(entities.ends[e], s, stack.eye[i], turn, view, work.matrix, work.rows[at:], work.rhs[at:])
+        work.side[at] = FAR
+        segment = entities.ends[e], entities.length_ratio[e], s
+        at += _of_length(segment, stack.eye[i], turn, view, work.matrix, work.rows[at:], work.rhs[at:])
         work.owner[first:at] = a
     return at
 
@@ -96,7 +98,7 @@ def _of_view(s, far, turn, view, room, rows, rhs, side):
             whole = size * math.sqrt(s[i, 0] ** 2 + s[i, 1] ** 2 + s[i, 2] ** 2)
             most = abs(n0) * room[0] + abs(n1) * room[1] + abs(n2) * room[2]
             most += abs(d0) * u[0] + abs(d1) * u[1] + abs(d2) * u[2]
-            right = (far[i] - view.middle if c == 5 else k) + along + _rest(along, whole, across, t, nu)
+            right = (far[i] - view.middle if c == FAR else k) + along + _rest(along, whole, across, t, nu)
             if most <= right:
                 continue
             row = rows[kept]
@@ -107,8 +109,14 @@ def _of_view(s, far, turn, view, room, rows, rhs, side):
 
 
 @nb.njit(cache=True, nogil=True)
-def _of_length(ends, s, eye, turn, view, matrix, rows, rhs):
-    """Write the side that keeps the image long enough, for nodal points in a box (2, 3); return how many: 0 or 1."""
+def _of_length(segment, eye, turn, view, matrix, rows, rhs):
+    """Write the side that keeps the image long enough, for nodal points in a box (2, 3); return how many: 0 or 1.
+
+    Of the segment: its ends, its least length over the image distance, and s.
+    """
+    ends, ratio, s = segment
+    if ratio <= 0.0:
+        return 0
     v, _, n, t, nu = turn
     e0, e1, e2 = ends[1, 0] - ends[0, 0], ends[1, 1] - ends[0, 1], ends[1, 2] - ends[0, 2]
     o0 = (eye[0, 0] + eye[1, 0]) / 2 - ends[0, 0]
@@ -124,7 +132,7 @@ def _of_length(ends, s, eye, turn, view, matrix, rows, rhs):
     most, axial = most + wide, max(axial - wide, 0.0)
     area = math.sqrt((most - axial) * (most + axial))
     deep = min(view.far - view.near, length)
-    both = math.sqrt(4.0 * area / view.length_ratio * (1.0 + _EPS) + deep * deep)
+    both = math.sqrt(4.0 * area / ratio * (1.0 + _EPS) + deep * deep)
     if both >= 2.0 * view.far:
         return 0
     row = rows[0]

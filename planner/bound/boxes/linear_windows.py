@@ -7,17 +7,57 @@ needed: their sides shrink the part.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba as nb
 import numpy as np
 
 NO, YES, UNDECIDED = range(3)
 
-# parts of a box that wait at most
-_LEVELS = 64
-# a part is looked at again where shrinking left less than this share of a coordinate
-_MUCH_SHRUNK = 0.8
+
+class Shrinking(NamedTuple):
+    """How parts of a box are looked at.
+
+    Attributes
+    ----------
+    levels : int
+        Parts that wait, at most: one for each halving.
+    much : float
+        A part is looked at again where shrinking left less than this share of a coordinate: less would not pay.
+    """
+
+    levels: int = 64
+    much: float = 0.8
+
+
+_SHRINKING = Shrinking()
 # for rounding, as a share of the room there is
 _EPS = 1e-12
+
+
+class Sides(NamedTuple):
+    """Sides rows . x <= rhs: rows (r, 6), right-hand sides (r,), and owners (r,), the member whose side it is.
+
+    The owner -1 stands for all: every pose satisfies such a side.
+    """
+
+    rows: np.ndarray
+    rhs: np.ndarray
+    owner: np.ndarray
+
+
+class Members(NamedTuple):
+    """Groups (m,) of which one member counts, and weights (m,) in descending order."""
+
+    group: np.ndarray
+    y: np.ndarray
+
+
+class Seat(NamedTuple):
+    """Where w is tried, given d: a point (3,) and slopes (3, 3)."""
+
+    point: np.ndarray
+    slope: np.ndarray
 
 
 @nb.njit(cache=True, nogil=True)
@@ -26,15 +66,12 @@ def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
 
     Parameters
     ----------
-    sides : tuple
-        Rows (r, 6), right-hand sides (r,), and owners (r,): the member whose side it is; -1: every pose satisfies it.
-    members : tuple
-        Groups (m,) of which one member counts, and weights (m,) in descending order.
+    sides : Sides
+    members : Members
     limit : float
     box : tuple
         Lowest and highest coordinates, (6,) each.
-    seat : tuple
-        Points (3,) and slopes (3, 3): where w is tried, given d.
+    seat : Seat
     max_parts : int
         Parts of the box looked at, at most.
     x : array (6,)
@@ -50,10 +87,10 @@ def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
         Parts looked at.
     """
     group, y = members
-    m, n_rows = len(y), len(sides[1])
-    low, high = np.empty((_LEVELS, 6)), np.empty((_LEVELS, 6))
-    live, n_live = np.empty((_LEVELS, n_rows), np.int32), np.zeros(_LEVELS, np.int64)
-    alive = np.ones((_LEVELS, m), np.bool_)
+    m, n_rows = len(y), len(sides.rhs)
+    low, high = np.empty((_SHRINKING.levels, 6)), np.empty((_SHRINKING.levels, 6))
+    live, n_live = np.empty((_SHRINKING.levels, n_rows), np.int32), np.zeros(_SHRINKING.levels, np.int64)
+    alive = np.ones((_SHRINKING.levels, m), np.bool_)
     low[0], high[0], live[0], n_live[0] = box[0], box[1], np.arange(n_rows), n_rows
     x[:], meets[:] = (box[0] + box[1]) / 2, False
     tried, there, best = np.empty(6), np.zeros(m, np.bool_), -1.0
@@ -81,7 +118,7 @@ def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
         if here > limit:
             return YES, made
         axis = np.argmax(scores)
-        if size + 2 > _LEVELS:
+        if size + 2 > _SHRINKING.levels:
             answer = UNDECIDED
             continue
         low[i + 1], high[i + 1], alive[i + 1], n_live[i + 1] = low[i], high[i], alive[i], n_live[i]
@@ -168,7 +205,7 @@ def _shrink(sides, live, alive, loss, spare, low, high):
                 high[j] = low[j] + room / a * (1.0 + _EPS)
             else:
                 low[j] = high[j] + room / a * (1.0 + _EPS)
-            much = much or high[j] - low[j] < _MUCH_SHRUNK * wide
+            much = much or high[j] - low[j] < _SHRINKING.much * wide
     return much
 
 
@@ -179,9 +216,9 @@ def _try(sides, live, alive, low, high, seat, tried, there):
     for j in range(3):
         tried[3 + j] = (low[3 + j] + high[3 + j]) / 2
     for j in range(3):
-        at = seat[0][j]
+        at = seat.point[j]
         for k in range(3):
-            at += seat[1][j, k] * tried[3 + k]
+            at += seat.slope[j, k] * tried[3 + k]
         tried[j] = min(max(at, low[j]), high[j])
     there[:] = alive
     for r in live:

@@ -13,19 +13,23 @@ points is, or the turn if that blurs more. If it ends without, no pose does.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numba as nb
 import numpy as np
 
 from planner.bound.boxes.exclusive_groups import exclusive_groups
 from planner.bound.boxes.linear_windows import NO, YES
+from planner.bound.boxes.necessary import ends_out_of_focus, too_short
 from planner.bound.boxes.shifted_windows import may_exceed, weight_at
 from planner.bound.boxes.small_turns import is_small, may_see, nodal_or_turn
 from planner.bound.boxes.stack import LEVELS, agree, halve, keep_members, new_work, planted
-from planner.bound.boxes.trial import try_pose
-from planner.bound.boxes.viewpoint_tree import heavy_members
-from planner.bound.boxes.visibility import hidden_around, keep_cells, out_of_focus, out_of_range
+from planner.bound.boxes.trial import Trial, try_pose
+from planner.bound.boxes.view import OF_LOOK, OF_NODAL, OF_TURN
+from planner.bound.boxes.viewpoint_tree import Asked, PosesBox, heavy_members
+from planner.bound.boxes.visibility import hidden_around, keep_cells, out_of_range
 from planner.bound.boxes.windows import (
+    Turn,
     extent,
     farthest,
     is_empty,
@@ -33,35 +37,76 @@ from planner.bound.boxes.windows import (
     rotation,
     seen_from,
     swings,
-    too_short,
     window,
 )
 
 PROVEN, FOUND, UNRESOLVED, SPENT, NEARLY = range(5)
 
-# boxes about the point looked at are first made as small as this share of half the view's width
-_LOOK_SHARE = 0.5
-# how much the length of s, doubtful visibility and doubtful length of the image count in the choice of the coordinate
-_LENGTH_SCORE = 0.3
-_DOUBT_SCORE = 1.0
-# the most that one image of doubtful length counts
-_MOST_SHORT = 4.0
+# for rounding, and no zero to divide by
 _EPS = 1e-12
-# boxes whose coordinates all do less than this are not halved, unless the turn is larger than that
-_FINEST = 1e-4
-_WIDE_TURN = 1e-2
-# of the share of the nodal points from where enough is visible: up to this much they are halved themselves
-_MOST_SEEN = 0.3
-# nor do they need to be so few where they are as near to the sides of cells, in radii of visibility
-_NEAR_SIDES = 8.0
-# but not below this share of what points looked at and turn leave open
-_EYE_SHARE = 0.2
-# where more than this share sees enough, it is not asked again for so many halvings: little would be learnt
-_MUCH_SEEN, _PAUSE = 0.6, 3
-# where the depth in focus is less than this share of the view's width, the turn is what loses: windows are linear in it
-_THIN = 0.15
-# so many parts of a box of small turns cost as much as a box
-_PARTS_PER_BOX = 25
+
+
+class Halving(NamedTuple):
+    """Along which coordinate boxes of poses are halved, and how far. None of it can make an answer wrong.
+
+    Attributes
+    ----------
+    look_share : float
+        Boxes of points looked at are first made as small as this share of half the view's width: before, hardly any
+        window is cut.
+    length_score : float
+        How much the length of s counts in the choice of the coordinate, beside the width of windows.
+    doubt_score : float
+        How much doubtful visibility counts.
+    most_short : float
+        The most that one image of doubtful length counts, as a multiple of half the depth of field.
+    finest : float
+        Boxes whose coordinates all do less than this, as a share of the weight, are not halved.
+    wide_turn : float
+        Unless the turn, in its own coordinates, is wider than this.
+    most_seen : float
+        Up to this share of nodal points from where enough is visible, their box is halved itself: it then tells much.
+    near_sides : float
+        Nor need they be so few in a box that is no wider than so many radii of visibility: it is near sides of cells.
+    eye_share : float
+        But not below this share of what points looked at and turn leave open: they must follow.
+    """
+
+    look_share: float = 0.5
+    length_score: float = 0.3
+    doubt_score: float = 1.0
+    most_short: float = 4.0
+    finest: float = 1e-4
+    wide_turn: float = 1e-2
+    most_seen: float = 0.3
+    near_sides: float = 8.0
+    eye_share: float = 0.2
+
+
+class Asking(NamedTuple):
+    """When the costlier questions are asked of a box. None of it can make an answer wrong.
+
+    Attributes
+    ----------
+    much_seen : float
+        Where enough is visible from more than this share of the nodal points, it is not asked again for a while: little
+        would be learnt.
+    pause : int
+        For so many halvings.
+    thin : float
+        Where the depth in focus is less than this share of the view's width, the turn is what loses: there windows are
+        made linear in it.
+    parts_per_box : int
+        So many parts of a box of small turns cost as much as a box, and count as one.
+    """
+
+    much_seen: float = 0.6
+    pause: int = 3
+    thin: float = 0.15
+    parts_per_box: int = 25
+
+
+_HALVING, _ASKING = Halving(), Asking()
 
 
 @nb.njit(cache=True, nogil=True)
@@ -99,8 +144,8 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
     stack = planted(box, order, entities, tree.boxes[0])
     m = len(y)
     work, look, x, meets = new_work(m), np.empty(3), np.zeros(6), np.ones(m, np.bool_)
-    trial = pose, inspected, np.zeros(3), look
-    thin = view.far - view.near < _THIN * 2.0 * view.tan_x * view.middle
+    trial = Trial(pose, inspected, np.zeros(3), look)
+    thin = view.far - view.near < _ASKING.thin * 2.0 * view.tan_x * view.middle
     size, made, outcome = 1, 0, PROVEN
     while size > 0:
         if made >= max_nodes or stop[0]:
@@ -117,7 +162,7 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
         small = thin and is_small(stack, i)
         if small:
             answer, n_parts = may_see(stack, i, entities, view, conflict, limit, work, rest, x, meets)
-            made += n_parts // _PARTS_PER_BOX
+            made += n_parts // _ASKING.parts_per_box
         else:
             answer = _may_see(stack, i, conflict, limit, view, work, x, meets)
         if answer == NO:
@@ -125,7 +170,7 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
         if try_pose(stack, i, chart, x, meets, entities, view, work, trial) > limit:
             return FOUND, made
         if small:
-            axis = nodal_or_turn(stack, i, rest, answer, trial[2])
+            axis = nodal_or_turn(stack, i, rest, answer, trial.lost)
             if axis < 0:
                 _write_members(stack, i, inspected)
                 return NEARLY, made
@@ -150,6 +195,7 @@ def _tighten(stack, i, chart, entities, view, y, work):
     q, h, v, u, eye = stack.look[i], stack.half[i], stack.turn[i], stack.span[i], stack.eye[i]
     n = rotation(chart, v, work.matrix)
     t, nu = most_turn(v, u, n)
+    turn = Turn(v, u, n, t, nu)
     rest = swings(work.matrix, v, u, n, t, nu, view.middle, work.swing)
     s, far, opened, short = np.empty((2, 3)), np.empty(2), np.empty(2), np.zeros(2)
     if not agree(stack, i, work, rest, view.middle):
@@ -159,16 +205,16 @@ def _tighten(stack, i, chart, entities, view, y, work):
     deep = (view.far - view.near) / 2
     kept, at, total, doubt = 0, 0, 0.0, 0.0
     middle, radius = (eye[0] + eye[1]) / 2, math.sqrt(np.sum((eye[1] - eye[0]) ** 2)) / 2
-    for a in range(stack.count[i]):
+    for a in range(stack.n_members[i]):
         e, least = stack.members[i, a], work.least[kept]
-        ends, length = entities.ends[e], entities.lengths[e]
-        if out_of_range(ends, q, h, view.radius) or out_of_focus(ends, eye, view):
+        ends, length, ratio = entities.ends[e], entities.lengths[e], entities.length_ratio[e]
+        if out_of_range(ends, q, h, view.radius) or ends_out_of_focus(ends, eye, view):
             continue
-        if too_short(ends, length, middle, radius, view):
+        if too_short(ends, length, ratio, middle, radius, view):
             continue
         seen_from(ends, q, work.matrix, s)
-        farthest(s, length, t, work.room, view, far, opened)
-        window(s, far, v, u, (n, t, nu), view, work.room, least, y[e], work.scores)
+        farthest(s, length, ratio, t, work.room, view, far, opened)
+        window(s, far, turn, view, work.room, least, y[e], work.scores)
         if is_empty(least, work.room, view):
             continue
         cells = stack.cells[i, stack.start[i, a] : stack.start[i, a + 1]]
@@ -182,29 +228,29 @@ def _tighten(stack, i, chart, entities, view, y, work):
             at += 1
         work.y[kept] = y[e]
         doubt += y[e] if n_cells > 0 else 0.0
-        short[0] += y[e] * min(opened[0] / deep, _MOST_SHORT)
-        short[1] += y[e] * min(opened[1] / deep, _MOST_SHORT)
+        short[0] += y[e] * min(opened[0] / deep, _HALVING.most_short)
+        short[1] += y[e] * min(opened[1] / deep, _HALVING.most_short)
         total += y[e]
         kept += 1
-    stack.count[i], stack.start[i, kept] = kept, at
-    doubt *= _DOUBT_SCORE / (view.tan_x * view.middle)
+    stack.n_members[i], stack.start[i, kept] = kept, at
+    doubt *= _HALVING.doubt_score / (view.tan_x * view.middle)
     return total, rest, doubt, short
 
 
 @nb.njit(cache=True, nogil=True)
 def _drop_unseen(stack, i, conflict, limit, tree, work, rest):
     """Drop members that are nowhere visible with more than the limit; return the weight left and the share seen."""
-    m = stack.count[i]
+    m = stack.n_members[i]
     if stack.pause[i] > 0:
         stack.pause[i] -= 1
         return work.y[:m].sum(), 1.0
     exclusive_groups(stack.members[i, :m], conflict, work.group)
     live = np.zeros(tree.sets.shape[1], np.uint64)
-    request = stack.members[i, :m], work.y[:m], work.group[:m], limit
-    box = work.nodal, work.matrix, stack.half[i], work.swing, rest
-    seen = heavy_members(tree, box, stack.eye[i], request, live)
-    if seen > _MUCH_SEEN:
-        stack.pause[i] = _PAUSE
+    asked = Asked(stack.members[i, :m], work.y[:m], work.group[:m], limit)
+    box = PosesBox(work.nodal, work.matrix, stack.half[i], work.swing, rest)
+    seen = heavy_members(tree, box, stack.eye[i], asked, live)
+    if seen > _ASKING.much_seen:
+        stack.pause[i] = _ASKING.pause
     return keep_members(stack, i, work, live), seen
 
 
@@ -212,14 +258,14 @@ def _drop_unseen(stack, i, conflict, limit, tree, work, rest):
 def _write_members(stack, i, inspected):
     """Write all that may be inspected from box i."""
     inspected[:] = False
-    for e in stack.members[i, : stack.count[i]]:
+    for e in stack.members[i, : stack.n_members[i]]:
         inspected[e] = True
 
 
 @nb.njit(cache=True, nogil=True)
 def _may_see(stack, i, conflict, limit, view, work, x, meets):
     """Answer whether windows heavier than the limit may meet in box i; if so, write where, with the middle rotation."""
-    m, w = stack.count[i], x[:3]
+    m, w = stack.n_members[i], x[:3]
     x[3:], meets[:m] = 0.0, True
     exclusive_groups(stack.members[i, :m], conflict, work.group)
     least, group, y = work.least[:m], work.group[:m], work.y[:m]
@@ -237,29 +283,31 @@ def _score(stack, i, work, rest, doubt, short, seen, around):
     """Add to the scores what each coordinate of box i leaves open of lengths and of visibility."""
     h, u, eye = stack.half[i], stack.span[i], stack.eye[i]
     for k in range(3):
-        work.scores[k] = h[k] * (_LENGTH_SCORE * work.scores[k] + short[0] / max(np.sum(h), _EPS))
-        work.scores[3 + k] += short[1] * u[k] / np.sum(u)
+        work.scores[OF_LOOK + k] = h[k] * (
+            _HALVING.length_score * work.scores[OF_LOOK + k] + short[0] / max(np.sum(h), _EPS)
+        )
+        work.scores[OF_TURN + k] += short[1] * u[k] / np.sum(u)
     for axis in range(3):
         reach = h[axis] + np.abs(work.swing[:, axis]).sum() + rest
         half = (eye[1, axis] - eye[0, axis]) / 2
-        few = seen < _MOST_SEEN or half < _NEAR_SIDES * around
-        if few and _EYE_SHARE * reach < half < 0.99 * reach:
-            work.scores[6 + axis] += doubt * half
+        few = seen < _HALVING.most_seen or half < _HALVING.near_sides * around
+        if few and _HALVING.eye_share * reach < half < 0.99 * reach:
+            work.scores[OF_NODAL + axis] += doubt * half
             continue
         # the nodal point is known better than that
         part = doubt * min(1.0, half / max(reach, _EPS))
-        work.scores[axis] += part * h[axis]
+        work.scores[OF_LOOK + axis] += part * h[axis]
         for k in range(3):
-            work.scores[3 + k] += part * abs(work.swing[k, axis])
+            work.scores[OF_TURN + k] += part * abs(work.swing[k, axis])
 
 
 @nb.njit(cache=True, nogil=True)
 def _axis_to_halve(stack, i, work, total, view):
     """Return along which coordinate box i is to be halved; -1 if it is too small for that."""
     axis, widest = np.argmax(work.scores), np.argmax(stack.half[i])
-    if stack.half[i, widest] > _LOOK_SHARE * view.tan_x * view.middle:
-        return widest
-    if work.scores[axis] >= _FINEST * total:
+    if stack.half[i, widest] > _HALVING.look_share * view.tan_x * view.middle:
+        return OF_LOOK + widest
+    if work.scores[axis] >= _HALVING.finest * total:
         return axis
     widest = np.argmax(stack.span[i])
-    return 3 + widest if stack.span[i, widest] > _WIDE_TURN else -1
+    return OF_TURN + widest if stack.span[i, widest] > _HALVING.wide_turn else -1

@@ -7,12 +7,30 @@ enough set of windows remains, the sides that most of them cut first.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba as nb
 import numpy as np
 
-# halvings of the room at most, and parts of it so small that are passed over in search of one where windows do meet
-_DEEPEST = 30
-_MOST_DOUBTFUL = 8
+from planner.bound.boxes.view import BOTTOM, FAR, LEFT, NEAR, RIGHT, TOP
+
+
+class Meeting(NamedTuple):
+    """How closely it is asked whether windows meet.
+
+    Attributes
+    ----------
+    deepest : int
+        Halvings of the room, at most: ten along each axis leave a thousandth of its width.
+    doubtful : int
+        So many parts of that size are passed over in search of one where windows do meet, before the answer is yes.
+    """
+
+    deepest: int = 30
+    doubtful: int = 8
+
+
+_MEETING = Meeting()
 
 
 @nb.njit(cache=True, nogil=True)
@@ -24,9 +42,9 @@ def weight_at(least, group, y, w, view):
     for a in range(len(y)):
         if (
             not seen[group[a]]
-            and least[a, 5] <= w[2] <= -least[a, 4]
-            and least[a, 0] + x_z <= w[0] <= -least[a, 1] - x_z
-            and least[a, 2] + y_z <= w[1] <= -least[a, 3] - y_z
+            and least[a, FAR] <= w[2] <= -least[a, NEAR]
+            and least[a, RIGHT] + x_z <= w[0] <= -least[a, LEFT] - x_z
+            and least[a, BOTTOM] + y_z <= w[1] <= -least[a, TOP] - y_z
         ):
             seen[group[a]] = True
             total += y[a]
@@ -41,9 +59,9 @@ def may_exceed(least, group, y, limit, room, view, w):
     meet at w, or nearly.
     """
     m = len(y)
-    low, high = np.empty((_DEEPEST + 2, 3)), np.empty((_DEEPEST + 2, 3))
-    live, n_live = np.empty((_DEEPEST + 2, m), np.int16), np.empty(_DEEPEST + 2, np.int64)
-    level = np.zeros(_DEEPEST + 2, np.int64)
+    low, high = np.empty((_MEETING.deepest + 2, 3)), np.empty((_MEETING.deepest + 2, 3))
+    live, n_live = np.empty((_MEETING.deepest + 2, m), np.int16), np.empty(_MEETING.deepest + 2, np.int64)
+    level = np.zeros(_MEETING.deepest + 2, np.int64)
     stamp, cuts = np.zeros(m, np.int64), np.empty(3)
     low[0], high[0], n_live[0] = -room, room, m
     for a in range(m):
@@ -63,10 +81,10 @@ def may_exceed(least, group, y, limit, room, view, w):
         if cuts.max() <= 0.0 or weight_at(least, group, y, middle, view) > limit:
             w[:] = middle
             return True
-        if level[size] >= _DEEPEST:
+        if level[size] >= _MEETING.deepest:
             w[:] = middle
             n_doubtful += 1
-            if n_doubtful == _MOST_DOUBTFUL:
+            if n_doubtful == _MEETING.doubtful:
                 return True
             continue
         axis = np.argmax(cuts)
@@ -91,12 +109,12 @@ def _meeting(windows, live, n_live, low, high, view, stamp, n_seen, cuts):
     for i in range(n_live):
         a = live[i]
         # the window is widest at its least z
-        z = max(least[a, 5], low[2])
+        z = max(least[a, FAR], low[2])
         x, y_ = view.tan_x * z, view.tan_y * z
         if (
-            z > min(-least[a, 4], high[2])
-            or max(least[a, 0] + x, low[0]) > min(-least[a, 1] - x, high[0])
-            or max(least[a, 2] + y_, low[1]) > min(-least[a, 3] - y_, high[1])
+            z > min(-least[a, NEAR], high[2])
+            or max(least[a, RIGHT] + x, low[0]) > min(-least[a, LEFT] - x, high[0])
+            or max(least[a, BOTTOM] + y_, low[1]) > min(-least[a, TOP] - y_, high[1])
         ):
             continue
         live[kept] = a
@@ -105,9 +123,9 @@ def _meeting(windows, live, n_live, low, high, view, stamp, n_seen, cuts):
             stamp[group[a]] = n_seen
             total += y[a]
         x, y_ = view.tan_x * high[2], view.tan_y * high[2]
-        cuts[0] += least[a, 0] + x > low[0] or -least[a, 1] - x < high[0]
-        cuts[1] += least[a, 2] + y_ > low[1] or -least[a, 3] - y_ < high[1]
-        cuts[2] += least[a, 5] > low[2] or -least[a, 4] < high[2]
+        cuts[0] += least[a, RIGHT] + x > low[0] or -least[a, LEFT] - x < high[0]
+        cuts[1] += least[a, BOTTOM] + y_ > low[1] or -least[a, TOP] - y_ < high[1]
+        cuts[2] += least[a, FAR] > low[2] or -least[a, NEAR] < high[2]
     cuts[0] *= (high[0] - low[0]) / (view.tan_x * view.middle)
     cuts[1] *= (high[1] - low[1]) / (view.tan_y * view.middle)
     cuts[2] *= (high[2] - low[2]) / ((view.far - view.near) / 2)

@@ -6,36 +6,60 @@ The windows are linear in the point looked at and the turn together (`planner.bo
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba as nb
 import numpy as np
 
 from planner.bound.boxes.exclusive_groups import exclusive_groups
 from planner.bound.boxes.linear_sides import find_apart, linear_sides
-from planner.bound.boxes.linear_windows import YES, may_meet
+from planner.bound.boxes.linear_windows import YES, Members, Seat, Sides, may_meet
 from planner.bound.boxes.trial import LENGTH, SIGHT, VIEW
+from planner.bound.boxes.view import OF_NODAL, OF_TURN
 from planner.bound.boxes.windows import most_turn
 
-# rad of half the angle
-_SMALL_TURN = 0.1
-# parts of a box looked at, at most
-_MOST_PARTS = 64
-# the turn is halved where what it leaves open of the nodal point at second order is more than this share of its box
-_TURN_SHARE = 0.25
-# smaller boxes of these are not halved further: turn, in its coordinates, and nodal points, mm
-_LEAST_TURN, _LEAST_MM = 2e-3, 0.05
+
+class SmallTurns(NamedTuple):
+    """When turns are small, and how boxes of small turns are halved.
+
+    Attributes
+    ----------
+    turn : float
+        Tangent of half the angle up to which a turn is small: its square, which windows linear in it leave out, is then
+        a hundredth.
+    parts : int
+        Parts of a box looked at, at most, before the box itself is halved.
+    turn_share : float
+        The turn is halved where what it leaves open of the nodal point at second order is more than this share of the
+        nodal points' box: the nodal points decide the rest.
+    least_turn : float
+        Boxes of turns, in their own coordinates, no wider than this are not halved: no camera is aimed so
+        finely.
+    least_mm : float
+        Nor are such boxes of nodal points, mm.
+    """
+
+    turn: float = 0.1
+    parts: int = 64
+    turn_share: float = 0.25
+    least_turn: float = 2e-3
+    least_mm: float = 0.05
+
+
+_SMALL = SmallTurns()
 
 
 @nb.njit(cache=True, nogil=True)
 def is_small(stack, i):
     """Tell whether the turns of box i are small enough for linear windows."""
     v = stack.turn[i]
-    return most_turn(v, stack.span[i], 1.0 + np.sum(v * v))[0] <= _SMALL_TURN
+    return most_turn(v, stack.span[i], 1.0 + np.sum(v * v))[0] <= _SMALL.turn
 
 
 @nb.njit(cache=True, nogil=True)
 def may_see(stack, i, entities, view, conflict, limit, work, rest, x, meets):
     """Answer whether windows heavier than the limit may meet in box i, and where; see `linear_windows.may_meet`."""
-    m, u, eye = stack.count[i], stack.span[i], stack.eye[i]
+    m, u, eye = stack.n_members[i], stack.span[i], stack.eye[i]
     n = linear_sides(stack, i, entities, view, work, rest)
     apart = work.apart[:m, :m]
     for a in range(m):
@@ -43,7 +67,7 @@ def may_see(stack, i, entities, view, conflict, limit, work, rest, x, meets):
             apart[a, b] = conflict[stack.members[i, a], stack.members[i, b]]
     find_apart(work, n, u, apart)
     exclusive_groups(np.arange(m), apart, work.group[:m])
-    sides, members = (work.rows[:n], work.rhs[:n], work.owner[:n]), (work.group[:m], work.y[:m])
+    sides, members = Sides(work.rows[:n], work.rhs[:n], work.owner[:n]), Members(work.group[:m], work.y[:m])
     low, high, slope = np.empty(6), np.empty(6), np.zeros((3, 3))
     low[:3], low[3:], high[:3], high[3:] = -work.room, -u, work.room, u
     # with a turn, w is tried such that the nodal point stays in the middle
@@ -51,8 +75,8 @@ def may_see(stack, i, entities, view, conflict, limit, work, rest, x, meets):
         for k in range(3):
             for c in range(3):
                 slope[j, k] += work.matrix[c, j] * work.swing[k, c] / u[k]
-    seat = work.matrix.T @ ((eye[0] + eye[1]) / 2 - work.nodal), slope
-    return may_meet(sides, members, limit, (low, high), seat, _MOST_PARTS, x, meets[:m])
+    seat = Seat(work.matrix.T @ ((eye[0] + eye[1]) / 2 - work.nodal), slope)
+    return may_meet(sides, members, limit, (low, high), seat, _SMALL.parts, x, meets[:m])
 
 
 @nb.njit(cache=True, nogil=True)
@@ -63,6 +87,6 @@ def nodal_or_turn(stack, i, rest, answer, lost):
     uncertain of that should not be more than there is of them.
     """
     u, half = stack.span[i], (stack.eye[i, 1] - stack.eye[i, 0]) / 2
-    if rest > _TURN_SHARE * half.max() or (answer == YES and lost[VIEW] > max(lost[SIGHT], lost[LENGTH])):
-        return 3 + np.argmax(u) if u.max() > _LEAST_TURN else -1
-    return 6 + np.argmax(half) if half.max() > _LEAST_MM else -1
+    if rest > _SMALL.turn_share * half.max() or (answer == YES and lost[VIEW] > max(lost[SIGHT], lost[LENGTH])):
+        return OF_TURN + np.argmax(u) if u.max() > _SMALL.least_turn else -1
+    return OF_NODAL + np.argmax(half) if half.max() > _SMALL.least_mm else -1

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
+from planner.bound.boxes.view import HALF, LOOK, OF_NODAL, OF_TURN, SPAN, TURN
+
 # boxes that wait at most: a box has at most two halves waiting for each halving of its coordinates
 LEVELS = 160
 _EPS = 1e-9
@@ -17,8 +19,8 @@ class Stack(NamedTuple):
 
     ``eye`` (2, 3) are the lowest and highest coordinates that the nodal point may have; for so many halvings as
     ``pause`` says it is not asked what is visible from there.
-    ``members[i, :count[i]]`` are entities in descending order of weight; ``sure`` those visible from all of the box;
-    the cells in which the nodal point may lie are those of ``cells`` from ``start[i, a]`` to ``start[i, a + 1]``.
+    ``members[i, :n_members[i]]`` are entities in descending order of weight; ``sure`` those visible from all of the
+    box; the cells in which the nodal point may lie are those of ``cells`` from ``start[i, a]`` to ``start[i, a + 1]``.
     """
 
     look: np.ndarray
@@ -26,7 +28,7 @@ class Stack(NamedTuple):
     turn: np.ndarray
     span: np.ndarray
     met: np.ndarray
-    count: np.ndarray
+    n_members: np.ndarray
     members: np.ndarray
     sure: np.ndarray
     start: np.ndarray
@@ -81,10 +83,10 @@ def planted(box, order, entities, eye):
         np.empty((LEVELS, 2, 3)),
         np.zeros(LEVELS, np.int64),
     )
-    stack.look[0], stack.half[0], stack.turn[0], stack.span[0] = box[0], box[1], box[2], box[3]
+    stack.look[0], stack.half[0], stack.turn[0], stack.span[0] = box[LOOK], box[HALF], box[TURN], box[SPAN]
     stack.met[0] = np.inf
     stack.eye[0] = eye
-    stack.count[0], at = m, 0
+    stack.n_members[0], at = m, 0
     for a in range(m):
         stack.members[0, a], stack.start[0, a] = order[a], at
         for cell in range(entities.entity_start[order[a]], entities.entity_start[order[a] + 1]):
@@ -112,7 +114,7 @@ def new_work(m):
 def keep_members(stack, i, work, live):
     """Drop the members of box i whose bit is not set; return the weight of the others."""
     kept, at, total = 0, 0, 0.0
-    for a in range(stack.count[i]):
+    for a in range(stack.n_members[i]):
         e = stack.members[i, a]
         if not live[e >> 6] >> np.uint64(e & 63) & np.uint64(1):
             continue
@@ -124,7 +126,7 @@ def keep_members(stack, i, work, live):
         work.y[kept], work.least[kept] = work.y[a], work.least[a]
         total += work.y[a]
         kept += 1
-    stack.count[i], stack.start[i, kept] = kept, at
+    stack.n_members[i], stack.start[i, kept] = kept, at
     return total
 
 
@@ -156,25 +158,25 @@ def halve(stack, i, axis, met, turn, nodal):
     """
     for field in (stack.look, stack.half, stack.turn, stack.span):
         field[i + 1] = field[i]
-    m = stack.count[i]
+    m = stack.n_members[i]
     n_cells = stack.start[i, m]
-    stack.count[i + 1] = m
+    stack.n_members[i + 1] = m
     stack.members[i + 1, :m] = stack.members[i, :m]
     stack.sure[i + 1, :m] = stack.sure[i, :m]
     stack.start[i + 1, : m + 1] = stack.start[i, : m + 1]
     stack.cells[i + 1, :n_cells] = stack.cells[i, :n_cells]
     stack.met[i], stack.met[i + 1] = met, met
     stack.eye[i + 1], stack.pause[i + 1] = stack.eye[i], stack.pause[i]
-    if axis >= 6:
-        k = axis - 6
+    if axis >= OF_NODAL:
+        k = axis - OF_NODAL
         middle = (stack.eye[i, 0, k] + stack.eye[i, 1, k]) / 2
         low, high = (i, i + 1) if nodal[k] > middle else (i + 1, i)
         stack.eye[low, 1, k] = stack.eye[high, 0, k] = middle
         return
-    boxes, size = (stack.look, stack.half) if axis < 3 else (stack.turn, stack.span)
+    boxes, size = (stack.look, stack.half) if axis < OF_TURN else (stack.turn, stack.span)
     k = axis % 3
     half = size[i, k] / 2
     size[i, k] = size[i + 1, k] = half
-    on_top = 1.0 if (met[k] > stack.look[i, k] if axis < 3 else turn[k] > 0.0) else -1.0
+    on_top = 1.0 if (met[k] > stack.look[i, k] if axis < OF_TURN else turn[k] > 0.0) else -1.0
     boxes[i, k] -= on_top * half
     boxes[i + 1, k] += on_top * half

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba as nb
 import numpy as np
 
@@ -12,6 +14,28 @@ from planner.bound.boxes.windows import farthest, rotation, seen_from
 SIGHT, LENGTH, VIEW = range(3)
 
 
+class Trial(NamedTuple):
+    """What comes out when a pose is tried.
+
+    Attributes
+    ----------
+    pose : array (4, 4)
+        Camera to part.
+    inspected : array of bool (e,)
+        What it inspects.
+    lost : array (3,)
+        The weight of the members that are not visible, whose image is too short, or that are out of view: SIGHT,
+        LENGTH, VIEW.
+    look : array (3,)
+        The point it looks at.
+    """
+
+    pose: np.ndarray
+    inspected: np.ndarray
+    lost: np.ndarray
+    look: np.ndarray
+
+
 @nb.njit(cache=True, nogil=True)
 def try_pose(stack, i, chart, x, meets, entities, view, work, trial):
     """Try the pose of box i at x = (w, d), see `planner.bound.boxes.linear_sides`.
@@ -20,9 +44,8 @@ def try_pose(stack, i, chart, x, meets, entities, view, work, trial):
 
     Parameters
     ----------
-    trial : tuple
-        Is written to: the pose (4, 4), camera to part; what it inspects (e,); the weight (3,) of the members that are
-        not visible, whose image is too short, or that are out of view; and the point (3,) it looks at.
+    trial : Trial
+        Is written to.
 
     Returns
     -------
@@ -38,7 +61,7 @@ def try_pose(stack, i, chart, x, meets, entities, view, work, trial):
     look[:] = eye[0] + view.middle * matrix[:, 2]
     pose[:3, :3], pose[:3, 3] = matrix, eye[0]
     inspected[:], lost[:], total = False, 0.0, 0.0
-    for a in range(stack.count[i]):
+    for a in range(stack.n_members[i]):
         if not meets[a]:
             continue
         e = stack.members[i, a]
@@ -46,7 +69,7 @@ def try_pose(stack, i, chart, x, meets, entities, view, work, trial):
             lost[VIEW] += work.y[a]
             continue
         seen_from(entities.ends[e], look, matrix, s)
-        farthest(s, entities.lengths[e], 0.0, zero, view, far, opened)
+        farthest(s, entities.lengths[e], entities.length_ratio[e], 0.0, zero, view, far, opened)
         if s[0, 2] + view.middle > far[0] or s[1, 2] + view.middle > far[1]:
             lost[LENGTH] += work.y[a]
         elif _sees(entities, stack.cells[i, stack.start[i, a] : stack.start[i, a + 1]], eye, stack.sure[i, a]):

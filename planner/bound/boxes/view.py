@@ -6,12 +6,32 @@ from typing import NamedTuple
 
 import numpy as np
 
+# rows of a box of poses (4, 3): the middle point looked at and the half sizes, the middle turn and its spans
+LOOK, HALF, TURN, SPAN = range(4)
+# the first coordinate along which a box of poses is halved: of the point looked at, of the turn, of the nodal point
+OF_LOOK, OF_TURN, OF_NODAL = 0, 3, 6
+# sides of the view, in the order of windows and their linear sides
+RIGHT, LEFT, BOTTOM, TOP, NEAR, FAR = range(6)
+
+
+class Frustum(NamedTuple):
+    """What the camera takes in: nearest and farthest sharp depth, mm; tangents of the half angles of view.
+
+    ``cone`` is the angle between the axis and a corner, rad. ``far`` may be infinite.
+    """
+
+    near: float
+    far: float
+    tan_x: float
+    tan_y: float
+    cone: float
+
 
 class View(NamedTuple):
     """What the camera takes in: nearest, farthest and middle sharp depth, mm; tangents of the half angles of view.
 
-    ``radius`` is the distance of the farthest point of that frustum from the point looked at, mm; ``length_ratio`` the
-    length that images must have at least, over the image distance.
+    ``far`` is finite: no more than the workspace is wide. ``radius`` is the distance of the farthest point of that
+    frustum from the point looked at, mm.
     """
 
     near: float
@@ -20,7 +40,6 @@ class View(NamedTuple):
     tan_x: float
     tan_y: float
     radius: float
-    length_ratio: float
 
 
 class Task(NamedTuple):
@@ -37,8 +56,20 @@ class Task(NamedTuple):
     stop: np.ndarray
 
 
+class Segments(NamedTuple):
+    """Two points of each item that must both be in the image and in focus: ends (e, 2, 3) and their distance (e,), mm.
+
+    ``length_ratio`` (e,) is the length that the image of the segment must have at least, over the image distance; 0
+    where nothing is known of that. An item may be an edge, whose ends they are, or a dimension.
+    """
+
+    ends: np.ndarray
+    lengths: np.ndarray
+    length_ratio: np.ndarray
+
+
 class Entities(NamedTuple):
-    """Ends (e, 2, 3) and lengths (e,) of the entities, mm, and the cells of their regions, as in `cells.Cells`.
+    """The `Segments` of the items, and the cells of their regions as in `cells.Cells`.
 
     The normals of the cells' planes have length 1. An entity must be visible from the nodal point and all around it, in
     the ``directions`` (d, 3) at the distance ``around``, mm.
@@ -46,6 +77,7 @@ class Entities(NamedTuple):
 
     ends: np.ndarray
     lengths: np.ndarray
+    length_ratio: np.ndarray
     planes: np.ndarray
     plane_start: np.ndarray
     boxes: np.ndarray

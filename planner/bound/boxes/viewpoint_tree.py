@@ -13,19 +13,39 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
+from planner.bound.boxes.necessary import ends_out_of_focus, too_short
 from planner.bound.boxes.view import Entities, View
-from planner.bound.boxes.visibility import hidden_around, keep_cells, out_of_focus
-from planner.bound.boxes.windows import too_short
+from planner.bound.boxes.visibility import hidden_around, keep_cells
 
-# boxes that wait at most: one for each halving
-_DEPTH = 64
-# a tree is grown anew with boxes half as large until there are so many; and boxes at most
-_ENOUGH = 25_000
-_MOST = 400_000
-# the largest and the smallest of boxes that are not halved further, as a share of the whole
-_COARSE, _FINE = 2.0**-4, 2.0**-10
-# boxes of the tree that one question may halve
-_EFFORT = 1024
+
+class Growth(NamedTuple):
+    """How far a tree is grown, and how closely it is asked.
+
+    Attributes
+    ----------
+    depth : int
+        Boxes that wait, at most: one for each halving.
+    enough : int
+        A tree is grown anew with boxes half as large until it has so many.
+    most : int
+        Boxes, at most; bounds the memory.
+    coarse : float
+        Boxes that are not halved are this wide at first, as a share of the whole.
+    fine : float
+        And no narrower than this.
+    effort : int
+        Boxes of the tree that one question may halve: what it gains must not take longer than the search.
+    """
+
+    depth: int = 64
+    enough: int = 25_000
+    most: int = 400_000
+    coarse: float = 2.0**-4
+    fine: float = 2.0**-10
+    effort: int = 1024
+
+
+_GROWTH = Growth()
 # for rounding, mm
 _EPS = 1e-9
 
@@ -51,6 +71,25 @@ class Viewpoints(NamedTuple):
     finest: float
 
 
+class PosesBox(NamedTuple):
+    """A box of poses: nodal point and rotation in the middle, half size of the points looked at, swings, remainder."""
+
+    nodal: np.ndarray
+    matrix: np.ndarray
+    half: np.ndarray
+    swing: np.ndarray
+    rest: float
+
+
+class Asked(NamedTuple):
+    """What is asked for: members (m,), their weights and groups of which one counts, and the limit."""
+
+    members: np.ndarray
+    y: np.ndarray
+    group: np.ndarray
+    limit: float
+
+
 def viewpoints_for(
     root: np.ndarray, entities: Entities, view: View, y: np.ndarray, limit: float, finest: float | None = None
 ) -> Viewpoints:
@@ -69,10 +108,10 @@ def viewpoints_for(
         Width of boxes to start with that are not halved further, mm.
     """
     whole = float((root[1] - root[0]).max())
-    finest = finest or _COARSE * whole
+    finest = finest or _GROWTH.coarse * whole
     while True:
         boxes, second, sets = _grow(root, entities, view, y, limit, finest)
-        if len(second) >= _ENOUGH or finest < _FINE * whole:
+        if len(second) >= _GROWTH.enough or finest < _GROWTH.fine * whole:
             return Viewpoints(boxes, second, sets, finest)
         finest /= 2
 
@@ -81,11 +120,15 @@ def viewpoints_for(
 def _grow(root, entities, view, y, limit, finest):
     """Return boxes, second halves and sets of a tree."""
     m, n_cells = len(entities.ends), entities.entity_start[-1]
-    boxes, second, sets = np.empty((_MOST, 2, 3)), np.zeros(_MOST, np.int32), np.zeros((_MOST, m // 64 + 1), np.uint64)
-    place, parent = np.empty((_DEPTH, 2, 3)), np.full(_DEPTH, -1)
-    count, members = np.zeros(_DEPTH, np.int64), np.empty((_DEPTH, m), np.int64)
-    sure, start = np.zeros((_DEPTH, m), np.bool_), np.zeros((_DEPTH, m + 1), np.int64)
-    cells = np.empty((_DEPTH, n_cells), np.int32)
+    boxes, second, sets = (
+        np.empty((_GROWTH.most, 2, 3)),
+        np.zeros(_GROWTH.most, np.int32),
+        np.zeros((_GROWTH.most, m // 64 + 1), np.uint64),
+    )
+    place, parent = np.empty((_GROWTH.depth, 2, 3)), np.full(_GROWTH.depth, -1)
+    count, members = np.zeros(_GROWTH.depth, np.int64), np.empty((_GROWTH.depth, m), np.int64)
+    sure, start = np.zeros((_GROWTH.depth, m), np.bool_), np.zeros((_GROWTH.depth, m + 1), np.int64)
+    cells = np.empty((_GROWTH.depth, n_cells), np.int32)
     place[0], count[0] = root, m
     members[0], start[0], cells[0] = np.arange(m), entities.entity_start, np.arange(n_cells)
     size, made = 1, 0
@@ -102,7 +145,13 @@ def _grow(root, entities, view, y, limit, finest):
             second[parent[i]] = made
         width = place[i, 1] - place[i, 0]
         axis = np.argmax(width)
-        if doubt and total > limit and width[axis] > finest and size + 2 <= _DEPTH and made + size + 2 < _MOST:
+        if (
+            doubt
+            and total > limit
+            and width[axis] > finest
+            and size + 2 <= _GROWTH.depth
+            and made + size + 2 < _GROWTH.most
+        ):
             n, at = count[i], start[i, count[i]]
             count[i + 1], members[i + 1, :n], sure[i + 1, :n] = n, members[i, :n], sure[i, :n]
             start[i + 1, : n + 1], cells[i + 1, :at], place[i + 1] = start[i, : n + 1], cells[i, :at], place[i]
@@ -123,7 +172,9 @@ def _keep(box, members, sure, start, cells, entities, view):
     for a in range(len(members)):
         e = members[a]
         ends = entities.ends[e]
-        if out_of_focus(ends, box, view) or too_short(ends, entities.lengths[e], middle, radius, view):
+        if ends_out_of_focus(ends, box, view):
+            continue
+        if too_short(ends, entities.lengths[e], entities.length_ratio[e], middle, radius, view):
             continue
         own = cells[start[a] : start[a + 1]]
         n = -1 if sure[a] else keep_cells(entities, own, middle, half, still, 0.0, box)
@@ -140,18 +191,16 @@ def _keep(box, members, sure, start, cells, entities, view):
 
 
 @nb.njit(cache=True, nogil=True)
-def heavy_members(tree, box, eye, request, live):
+def heavy_members(tree, box, eye, asked, live):
     """Find from where members heavier than a limit may be inspected.
 
     Parameters
     ----------
     tree : Viewpoints
-    box : tuple
-        Of a box of poses: nodal point, rotation, half size of the points looked at, swings and their remainder.
+    box : PosesBox
     eye : array (2, 3)
         Where the nodal point may be; shrunk to from where so much may be inspected.
-    request : tuple
-        Members (m,), their weights and groups of which one counts, and the limit.
+    asked : Asked
     live : array of uint64 (w,)
         Is set to the bits of the members inspected from there.
 
@@ -161,10 +210,10 @@ def heavy_members(tree, box, eye, request, live):
         The share of that volume from where so much may be inspected.
     """
     boxes, sets = tree.boxes, tree.sets
-    nodes = np.empty(_EFFORT + _DEPTH, np.int64)
+    nodes = np.empty(_GROWTH.effort + _GROWTH.depth, np.int64)
     hull, volume = np.empty((2, 3)), 0.0
     hull[0], hull[1] = np.inf, -np.inf
-    for i in range(_heavy_nodes(tree, box, eye, request, nodes)):
+    for i in range(_heavy_nodes(tree, box, eye, asked, nodes)):
         node, part = nodes[i], 1.0
         for word in range(len(live)):
             live[word] |= sets[node, word]
@@ -179,17 +228,17 @@ def heavy_members(tree, box, eye, request, live):
 
 
 @nb.njit(cache=True, nogil=True)
-def _heavy_nodes(tree, box, eye, request, nodes):
+def _heavy_nodes(tree, box, eye, asked, nodes):
     """Write the nodes, not halved further, from where enough may be inspected in a box; return how many."""
-    members, y, group, limit = request
+    members, y, group, limit = asked
     # arrays by their own names, and no calls: else most of the time goes into counting references
     boxes, sets, second = tree.boxes, tree.sets, tree.second
-    c, matrix, across, m = box[0], box[1], _extents(box), len(members)
+    c, matrix, across, m = box.nodal, box.matrix, _extents(box), len(members)
     # of a member and all after it
     after = np.zeros(m + 1)
     for a in range(m - 1, -1, -1):
         after[a] = after[a + 1] + y[a]
-    todo, seen = np.zeros(_DEPTH, np.int64), np.zeros(m, np.int64)
+    todo, seen = np.zeros(_GROWTH.depth, np.int64), np.zeros(m, np.int64)
     size, looked, n = 1, 0, 0
     while size > 0:
         size -= 1
@@ -216,7 +265,7 @@ def _heavy_nodes(tree, box, eye, request, nodes):
                 total += y[a]
         if total <= limit:
             continue
-        if second[node] > 0 and looked < _EFFORT:
+        if second[node] > 0 and looked < _GROWTH.effort:
             todo[size], todo[size + 1] = second[node], node + 1
             size += 2
             continue

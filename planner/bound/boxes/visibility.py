@@ -1,16 +1,13 @@
-"""Which cells the nodal points of a box may enter, and which ends are out of focus or range. Compiled loops.
+"""Which cells the nodal points of a box may enter, and which ends are out of range. Compiled loops.
 
 The notation is that of `windows`.
 """
 
 from __future__ import annotations
 
-import math
-
 import numba as nb
 
-# a cell that a nodal point may enter by less is not met
-_TOUCH_MM = 1e-6
+from planner.bound.boxes.necessary import TOUCH_MM, outside
 
 
 @nb.njit(cache=True, nogil=True)
@@ -52,8 +49,8 @@ def keep_cells(entities, cells, c, h, swing, rest, eye):
             else:
                 low, high = low + p2 * eye[1, 2], high + p2 * eye[0, 2]
             low, high = max(low, value - slack), min(high, value + slack)
-            apart = low > around + _TOUCH_MM
-            holds = holds and low <= _TOUCH_MM
+            apart = low > around + TOUCH_MM
+            holds = holds and low <= TOUCH_MM
             inside = inside and high + around <= 0.0
         if not apart:
             cells[kept] = cell
@@ -70,7 +67,7 @@ def holds_point(entities, cell, c):
     """Tell whether a cell contains a nodal point."""
     for p in range(entities.plane_start[cell], entities.plane_start[cell + 1]):
         plane = entities.planes[p]
-        if plane[3] + plane[0] * c[0] + plane[1] * c[1] + plane[2] * c[2] > _TOUCH_MM:
+        if plane[3] + plane[0] * c[0] + plane[1] * c[1] + plane[2] * c[2] > TOUCH_MM:
             return False
     return True
 
@@ -84,34 +81,14 @@ def hidden_around(entities, cells, eye):
         x = (eye[0, 0] + eye[1, 0]) / 2 + entities.around * entities.directions[d, 0]
         y = (eye[0, 1] + eye[1, 1]) / 2 + entities.around * entities.directions[d, 1]
         z = (eye[0, 2] + eye[1, 2]) / 2 + entities.around * entities.directions[d, 2]
-        a, b, c = (eye[1, 0] - eye[0, 0]) / 2, (eye[1, 1] - eye[0, 1]) / 2, (eye[1, 2] - eye[0, 2]) / 2
+        half = (eye[1, 0] - eye[0, 0]) / 2, (eye[1, 1] - eye[0, 1]) / 2, (eye[1, 2] - eye[0, 2]) / 2
         seen = False
         for cell in cells:
-            apart = False
-            for p in range(entities.plane_start[cell], entities.plane_start[cell + 1]):
-                p0, p1, p2 = entities.planes[p, 0], entities.planes[p, 1], entities.planes[p, 2]
-                value = entities.planes[p, 3] + p0 * x + p1 * y + p2 * z
-                if value - abs(p0) * a - abs(p1) * b - abs(p2) * c > _TOUCH_MM:
-                    apart = True
-                    break
-            if not apart:
+            first, last = entities.plane_start[cell], entities.plane_start[cell + 1]
+            if not outside(entities.planes, first, last, (x, y, z), half):
                 seen = True
                 break
         if not seen:
-            return True
-    return False
-
-
-@nb.njit(cache=True, nogil=True)
-def out_of_focus(ends, eye, view):
-    """Tell whether an end is too near or too far for every nodal point of a box."""
-    reach = view.far * math.sqrt(1.0 + view.tan_x**2 + view.tan_y**2)
-    for i in range(2):
-        least, most = 0.0, 0.0
-        for k in range(3):
-            least += max(eye[0, k] - ends[i, k], ends[i, k] - eye[1, k], 0.0) ** 2
-            most += max(eye[1, k] - ends[i, k], ends[i, k] - eye[0, k]) ** 2
-        if least > reach * reach or most < view.near * view.near:
             return True
     return False
 

@@ -27,14 +27,30 @@ what it looks at, and not about itself, keeps s and so the turn's effect small.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numba as nb
 import numpy as np
 
+from planner.bound.boxes.view import BOTTOM, FAR, LEFT, NEAR, RIGHT, TOP
+
 _EPS = 1e-9
+# t of a box in which |v0.d| / N may be nearly 1
 _TURN_UNBOUNDED = 1e3
 # the most that one side of one window counts in a coordinate's score
 _MOST_SCORE = 4.0
+# of the turn, rad: while it may be larger, a smaller box of q does not make windows smaller for certain
+_MUCH_TURN = 0.5
+
+
+class Turn(NamedTuple):
+    """The turns of a box: v0, u, N, and the largest t and nu."""
+
+    v: np.ndarray
+    u: np.ndarray
+    n: float
+    t: float
+    nu: float
 
 
 @nb.njit(cache=True, nogil=True)
@@ -80,14 +96,14 @@ def seen_from(ends, q, matrix, s):
 
 
 @nb.njit(cache=True, nogil=True)
-def window(s, far, v, u, most, view, room, least, weight, scores):
+def window(s, far, turn, view, room, least, weight, scores):
     """Write the least values (6,) of the forms -n.w that both ends of an entity, as deep as ``far`` (2,), allow.
 
-    In the order of w's coordinates: x - tan_x z and -x - tan_x z, the same for y, then -z and z. To ``scores`` (6,) is
-    added, times the weight, what each coordinate of the box does to the sides of the window that cut the room, as a
-    share of how wide the view is. ``most`` holds n, t and nu of `most_turn`.
+    In the order of w's coordinates: x - tan_x z and -x - tan_x z, the same for y, then -z and z; that is RIGHT, LEFT,
+    BOTTOM, TOP, NEAR, FAR of the view. To ``scores`` (6,) is added, times the weight, what each coordinate of the box
+    does to the sides of the window that cut the room, as a share of how wide the view is.
     """
-    n, t, nu = most
+    v, u, n, t, nu = turn
     of_0 = math.sqrt(s[0, 0] ** 2 + s[0, 1] ** 2 + s[0, 2] ** 2)
     of_1 = math.sqrt(s[1, 0] ** 2 + s[1, 1] ** 2 + s[1, 2] ** 2)
     most_0 = most_1 = most_2 = 0.0
@@ -104,7 +120,7 @@ def window(s, far, v, u, most, view, room, least, weight, scores):
             along, whole = n0 * s[i, 0] + n1 * s[i, 1] + n2 * s[i, 2], size * (of_0 if i == 0 else of_1)
             across = math.sqrt(g0 * g0 + g1 * g1 + g2 * g2)
             rest = min(t * t * (whole - along) + 2.0 * t * (t * t + nu) * across, 2.0 * whole)
-            k_end = far[i] - view.middle if c == 5 else k
+            k_end = far[i] - view.middle if c == FAR else k
             value = -(k_end + along)
             value -= first_0 + first_1 + first_2 + rest + _EPS
             if value > least[c]:
@@ -117,31 +133,31 @@ def window(s, far, v, u, most, view, room, least, weight, scores):
             scores[5] += weight * min(most_2 / width, _MOST_SCORE)
             for j in range(3):
                 # a smaller box of q has smaller s; but that says nothing while the turn is large
-                scores[j] += weight * 2.0 * t * size / width if t < 0.5 else 0.0
+                scores[j] += weight * 2.0 * t * size / width if t < _MUCH_TURN else 0.0
 
 
 @nb.njit(cache=True, nogil=True)
 def form(c, view, room):
     """Return the form n.(R(t)'s - w) + k of a side of the view: n, k; half the width; the least -n.w there is."""
     sign = -1.0 if c % 2 == 0 else 1.0
-    if c < 2:
+    if c in (RIGHT, LEFT):
         width = view.tan_x * view.middle
         return sign, 0.0, view.tan_x, width, width, -room[0] - view.tan_x * room[2]
-    if c < 4:
+    if c in (BOTTOM, TOP):
         width = view.tan_y * view.middle
         return 0.0, sign, view.tan_y, width, width, -room[1] - view.tan_y * room[2]
-    k = view.middle - view.near if c == 4 else view.far - view.middle
+    k = view.middle - view.near if c == NEAR else view.far - view.middle
     return 0.0, 0.0, -sign, k, (view.far - view.near) / 2, -room[2]
 
 
 @nb.njit(cache=True, nogil=True)
 def is_empty(least, room, view):
     """Tell whether a window lies outside the box; it is widest at the least depth of the point looked at."""
-    z = max(least[5], -room[2])
+    z = max(least[FAR], -room[2])
     return (
-        z > min(-least[4], room[2])
-        or max(least[0] + view.tan_x * z, -room[0]) > min(-least[1] - view.tan_x * z, room[0])
-        or max(least[2] + view.tan_y * z, -room[1]) > min(-least[3] - view.tan_y * z, room[1])
+        z > min(-least[NEAR], room[2])
+        or max(least[RIGHT] + view.tan_x * z, -room[0]) > min(-least[LEFT] - view.tan_x * z, room[0])
+        or max(least[BOTTOM] + view.tan_y * z, -room[1]) > min(-least[TOP] - view.tan_y * z, room[1])
     )
 
 
@@ -157,29 +173,20 @@ def swings(matrix, v, u, n, t, nu, middle, swing):
 
 
 @nb.njit(cache=True, nogil=True)
-def too_short(ends, length, c, radius, view):
-    """Tell whether an image is too short from every nodal point within a radius: eq 16, depth >= distance cos(cone)."""
-    w0, w1, w2 = ends[1, 0] - ends[0, 0], ends[1, 1] - ends[0, 1], ends[1, 2] - ends[0, 2]
-    o0, o1, o2 = c[0] - ends[0, 0], c[1] - ends[0, 1], c[2] - ends[0, 2]
-    area = math.sqrt((o1 * w2 - o2 * w1) ** 2 + (o2 * w0 - o0 * w2) ** 2 + (o0 * w1 - o1 * w0) ** 2)
-    depth = 1.0
-    for i in range(2):
-        distance = math.sqrt((ends[i, 0] - c[0]) ** 2 + (ends[i, 1] - c[1]) ** 2 + (ends[i, 2] - c[2]) ** 2)
-        depth *= max(view.near, (distance - radius) / math.sqrt(1.0 + view.tan_x**2 + view.tan_y**2))
-    return area + radius * length < view.length_ratio * depth * (1.0 - _EPS)
-
-
-@nb.njit(cache=True, nogil=True)
-def farthest(s, length, t, room, view, far, opened):
+def farthest(s, length, ratio, t, room, view, far, opened):
     """Write how deep each end (2,) may be from any pose of a box for the image of the entity to be long enough.
 
     With e from the one end to the other in the camera's axes, p the image of the first and z the depth of the second
     end, the image is |e_xy - p e_z| / z long (equal to eq 16). Either end may be the first. ``opened`` (2,) becomes
     how much of these depths is there only because the point looked at is not known, and only because the turn is not.
+    ``ratio`` is the least length over the image distance; where it is 0, only the lens limits the depth.
     """
     turn = min(2.0 * t, 2.0)
-    least = view.length_ratio * (1.0 - _EPS)
+    least = ratio * (1.0 - _EPS)
     opened[:] = 0.0
+    if least <= 0.0:
+        far[:] = view.far
+        return
     for i in range(2):
         a, b = s[i], s[1 - i]
         moved = turn * math.sqrt(a[0] ** 2 + a[1] ** 2 + a[2] ** 2)

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from planner.bound.boxes.search import FOUND, PROVEN, SPENT, UNRESOLVED
-from planner.bound.dual_bound import LinearBound, limit_for, relieved
+from planner.bound.dual_bound import LinearBound
 from planner.bound.pose_space import Found
+from planner.bound.weights import limit_for, relieved
 from planner.cover.relaxation import fractional_cover
 from planner.cover.set_cover import min_cover
 from planner.ledger import Ledger

@@ -9,7 +9,7 @@ from grid_box import EDGES, BoxSpace
 
 from errors import SegmentQuantization, success_probability
 from planner import Camera, PoseUncertainty
-from planner.bound.least_image import _SAFETY, least_image_mm, quantization_quantile
+from planner.bound.least_image import _SAFETY, least_images_mm, quantization_quantile
 from planner.columns.judge import Judge
 from planner.request.constraints import Requirements
 from planner.request.request import Request
@@ -29,7 +29,7 @@ def test_no_shorter_image_reaches_the_probability(accuracy):
     space = BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], EDGES)
     tiny = PoseUncertainty.isotropic(translation_mm=1e-6, rotation_rad=1e-8)
     judge = Judge(Request(space, space.entity_names, CAMERA, tiny, accuracy, 0.9))
-    needed = least_image_mm(judge)
+    (needed,) = set(least_images_mm(judge).tolist())
     assert needed >= judge.constraints.min_length_mm
     rng = np.random.default_rng(1)
     depth, turn = 300.0, rng.uniform(0, 2 * np.pi, 3000)
@@ -73,15 +73,14 @@ def test_no_direction_has_a_smaller_quantile(ratio):
 def test_an_error_of_the_probability_asks_for_no_longer_image():
     for probability in (1e-5, 0.3, 0.9, 1.0 - 1e-6):
         judge = SimpleNamespace(
-            accuracy=0.98,
             threshold=probability,
             camera=CAMERA,
             constraints=SimpleNamespace(min_length_mm=0.0),
-            request=SimpleNamespace(dimensions={}),
+            request=SimpleNamespace(dimensions={}, accuracies=np.array([0.98])),
         )
         half_width = 0.5 * (math.log(2.0 - 0.98) - math.log(0.98))
         asked = quantization_quantile(CAMERA.pixel_pitch_mm, probability - 5e-5)
-        assert least_image_mm(judge) <= _SAFETY * asked / half_width
+        assert least_images_mm(judge).max() <= _SAFETY * asked / half_width
 
 
 def test_no_image_shorter_than_the_least_reaches_a_small_probability():
@@ -90,6 +89,6 @@ def test_no_image_shorter_than_the_least_reaches_a_small_probability():
     space = BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], EDGES)
     judge = Judge(Request(space, EDGES, camera, tiny, 0.9995, 0.02, Requirements(min_length_px=1.0)))
     depth = 300.0
-    half = 0.99 * least_image_mm(judge) / 2 * depth / camera.image_distance_mm
+    half = 0.99 * least_images_mm(judge)[0] / 2 * depth / camera.image_distance_mm
     shorter = np.array([[[[-half, 0.0, depth], [half, 0.0, depth]]]])
     assert judge.request.objective.probability_of(shorter).max() < 0.02

@@ -24,9 +24,11 @@ from planner.bound.boxes.cells import Cells, entity_cells
 from planner.bound.boxes.search import FOUND, PROVEN
 from planner.bound.boxes.shifted_windows import may_exceed, weight_at
 from planner.bound.boxes.windows import extent, farthest, most_turn, rotation, seen_from
-from planner.bound.dual_bound import LinearBound, spread_weights
-from planner.bound.pose_space import view_of
+from planner.bound.dual_bound import LinearBound
+from planner.bound.pose_space import Division
 from planner.bound.pose_tree import PoseTree
+from planner.bound.segments import view_of
+from planner.bound.weights import spread_weights
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.columns.judge import Judge
@@ -127,7 +129,7 @@ def test_every_pose_lies_in_a_part():
 def test_images_long_enough_are_not_deeper_than_said(small):
     """Projected poses of random boxes: no end is deeper, and of a single pose's the limit is where eq 16 has it."""
     judge, regions = request_for(SIZES[1])
-    view = space_for(judge, regions).view._replace(length_ratio=0.12)
+    view, ratio = space_for(judge, regions).view, 0.12
     rng = np.random.default_rng(7)
     s, far, opened, room = np.empty((2, 3)), np.empty(2), np.empty(2), np.empty(3)
     n_long = n_short = 0
@@ -139,12 +141,12 @@ def test_images_long_enough_are_not_deeper_than_said(small):
         extent(matrix, box[1], t, room)
         ends = box[0] + rng.choice([25.0, 150.0]) * rng.uniform(-1, 1, (2, 3))
         seen_from(ends, box[0], matrix, s)
-        farthest(s, float(np.linalg.norm(ends[1] - ends[0])), t, room, view, far, opened)
+        farthest(s, float(np.linalg.norm(ends[1] - ends[0])), ratio, t, room, view, far, opened)
         at = world_to_cam(ends, poses)
         image, depth = at[..., :2] / at[..., 2:], at[..., 2]
         seen = (np.abs(image) <= [view.tan_x, view.tan_y]).all(axis=(1, 2))
         seen &= ((depth >= view.near) & (depth <= view.far)).all(axis=1)
-        long = seen & (np.linalg.norm(image[:, 1] - image[:, 0], axis=1) >= view.length_ratio)
+        long = seen & (np.linalg.norm(image[:, 1] - image[:, 0], axis=1) >= ratio)
         assert (depth[long] <= far + 1e-6).all()
         n_long += long.any()
         if small == 0.0 and seen.all() and not long.any():
@@ -259,7 +261,7 @@ def test_weights_raise_the_bound_but_not_above_what_poses_reach():
 
 
 def test_the_search_can_be_cancelled_within_a_part(monkeypatch):
-    monkeypatch.setattr("planner.bound.pose_space._TICK_S", 0.0)
+    monkeypatch.setattr("planner.bound.pose_space.DIVISION", Division(tick_s=0.0))
     judge, regions = request_for(SIZES[1])
     calls = []
 

@@ -4,13 +4,16 @@ import math
 
 import numpy as np
 
-from planner.bound.pose_tree import _nearest_depth, _patch_frames
+from planner.bound.boxes.view import Frustum
+from planner.bound.node_sets import Nodes, _nearest_depth
+from planner.bound.pose_tree import _patch_frames
 
 
 def test_the_least_depth_of_a_node_is_not_overstated():
     aside, ahead, spread = 2e-6, 400.0, 0.5
-    ray, axis, tangents = np.array([aside, 0.0, ahead]), np.array([0.0, 0.0, 1.0]), np.array([2.0, 2.0])
-    found = _nearest_depth(ray, 0.0, axis, spread, np.eye(3), 0.0, (10.0, 1e4, 1e5, 1.2), tangents)
+    ray, axis = np.array([aside, 0.0, ahead]), np.array([[0.0, 0.0, 1.0]])
+    node = Nodes(np.zeros((1, 3)), np.zeros(1), axis, np.array([spread]), np.eye(3)[None], np.zeros(1))
+    found = _nearest_depth(ray, node, 0, Frustum(10.0, 1e4, 2.0, 2.0, math.atan(math.hypot(2.0, 2.0))))
     assert found <= math.hypot(aside, ahead) * math.cos(math.atan2(aside, ahead) + spread) + 1e-9
 
 

@@ -14,11 +14,11 @@ from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
 from planner.bound.boxes.linear_sides import _of_length, find_apart, linear_sides
-from planner.bound.boxes.linear_windows import NO, UNDECIDED, YES, may_meet
+from planner.bound.boxes.linear_windows import NO, UNDECIDED, YES, Members, Seat, Sides, may_meet
 from planner.bound.boxes.search import PROVEN
 from planner.bound.boxes.stack import agree, new_work, planted
 from planner.bound.boxes.view import View
-from planner.bound.boxes.windows import extent, most_turn, rotation, swings
+from planner.bound.boxes.windows import Turn, extent, most_turn, rotation, swings
 from planner.camera.pose import world_to_cam
 
 
@@ -51,8 +51,8 @@ def test_no_pose_breaks_a_side_of_what_it_inspects(small, ratio):
     judge, regions = request_for(SIZES[1])
     space = space_for(judge, regions)
     if ratio:
-        space.view = space.view._replace(length_ratio=ratio)
-    view, rng = space.view, np.random.default_rng(11)
+        space.entities = space.entities._replace(length_ratio=np.full(len(EDGES), ratio))
+    view, least, rng = space.view, space.entities.length_ratio, np.random.default_rng(11)
     n_inspected = n_broken = n_out = 0
     for _ in range(60):
         (chart, box), poses = box_around(rng, view, SIZES[1], small)
@@ -64,7 +64,7 @@ def test_no_pose_breaks_a_side_of_what_it_inspects(small, ratio):
         image, depth = at[..., :2] / at[..., 2:], at[..., 2]
         seen = (np.abs(image) <= [view.tan_x, view.tan_y]).all(axis=(2, 3))
         seen &= ((depth >= view.near) & (depth <= view.far)).all(axis=2)
-        seen &= np.linalg.norm(image[:, :, 1] - image[:, :, 0], axis=2) >= view.length_ratio
+        seen &= np.linalg.norm(image[:, :, 1] - image[:, :, 0], axis=2) >= least
         kept = np.stack([holds[:, sides[2] == e].all(axis=1) for e in range(len(EDGES))], axis=1)
         assert kept[seen].all()
         n_inspected += seen.sum()
@@ -140,9 +140,9 @@ def test_the_answer_is_that_of_linear_programs(grouped):
             if weight > limit and not possible:
                 own = np.concatenate([[True], held])[owner + 1]
                 possible = linprog(np.zeros(6), rows[own], rhs[own], bounds=(-1, 1)).status == 0
-        box, seat = (np.full(6, -1.0), np.full(6, 1.0)), (np.zeros(3), np.zeros((3, 3)))
+        box, seat = (np.full(6, -1.0), np.full(6, 1.0)), Seat(np.zeros(3), np.zeros((3, 3)))
         x, meets = np.empty(6), np.empty(m, dtype=bool)
-        answer, made = may_meet((rows, rhs, owner), (group, y), limit, box, seat, 50_000, x, meets)
+        answer, made = may_meet(Sides(rows, rhs, owner), Members(group, y), limit, box, seat, 50_000, x, meets)
         answers.append(answer)
         assert 1 <= made <= 50_001
         assert answer != (NO if possible else YES)
@@ -156,18 +156,18 @@ def test_the_answer_is_that_of_linear_programs(grouped):
 
 def test_edges_nearly_in_a_plane_across_the_axis_are_not_said_to_have_shorter_images():
     """There |X| and X.a are nearly equal; the area they leave is compared with that of exact fractions."""
-    view = View(near=300.0, far=300.001, middle=300.0005, tan_x=0.5, tan_y=0.4, radius=1.0, length_ratio=1e-5)
-    rng, still = np.random.default_rng(0), (np.zeros(3), np.zeros(3), 1.0, 0.0, 0.0)
+    view = View(near=300.0, far=300.001, middle=300.0005, tan_x=0.5, tan_y=0.4, radius=1.0)
+    rng, ratio, still = np.random.default_rng(0), 1e-5, Turn(np.zeros(3), np.zeros(3), 1.0, 0.0, 0.0)
     rows, rhs, n_kept = np.zeros((1, 6)), np.zeros(1), 0
     for _ in range(500):
         ends, eye = rng.uniform(-300.0, 300.0, (2, 3)), rng.uniform(-300.0, 300.0, 3)
         ends[1, 2], eye[2] = ends[0, 2] + 1e-6 * rng.normal(size=2)
-        kept = _of_length(ends, np.zeros((2, 3)), np.array([eye, eye]), still, view, np.eye(3), rows, rhs)
+        kept = _of_length((ends, ratio, np.zeros((2, 3))), np.array([eye, eye]), still, view, np.eye(3), rows, rhs)
         if kept:
             n_kept += 1
             first, second, nodal = ([Fraction(float(x)) for x in point] for point in (*ends, eye))
             e, o = ([b - a for a, b in zip(first, point, strict=True)] for point in (second, nodal))
             area = math.hypot(float(o[1] * e[2] - o[2] * e[1]), float(o[2] * e[0] - o[0] * e[2]))
-            both = math.sqrt(4.0 * area / view.length_ratio + (view.far - view.near) ** 2)
+            both = math.sqrt(4.0 * area / ratio + (view.far - view.near) ** 2)
             assert rhs[0] >= both / 2.0 - view.middle
     assert n_kept > 400

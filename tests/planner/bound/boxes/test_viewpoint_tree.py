@@ -19,7 +19,7 @@ from grid_box import EDGES, BoxCell, BoxSpace
 
 from planner.bound.boxes.cells import Cells
 from planner.bound.boxes.search import PROVEN
-from planner.bound.boxes.viewpoint_tree import heavy_members, viewpoints_for
+from planner.bound.boxes.viewpoint_tree import Asked, PosesBox, heavy_members, viewpoints_for
 from planner.bound.boxes.windows import most_turn, rotation, swings
 from planner.bound.pose_space import PoseSpace
 from planner.columns.judge import Judge
@@ -107,8 +107,8 @@ def test_where_members_may_be_inspected_together_shrinks_to_what_weighs_enough()
         eye, live = np.array([nodal - reach, nodal + reach]), np.zeros(tree.sets.shape[1], np.uint64)
         before = np.prod(eye[1] - eye[0])
         limit = rng.uniform(0.3, 3.0)
-        request = members, y, members, limit
-        share = heavy_members(tree, (nodal, matrix, box[1], swing, rest), eye, request, live)
+        asked, around_it = Asked(members, y, members, limit), PosesBox(nodal, matrix, box[1], swing, rest)
+        share = heavy_members(tree, around_it, eye, asked, live)
         inspects = judge(poses).inspects
         heavy = inspects @ y > limit
         at = poses[heavy, :3, 3]

@@ -1,0 +1,46 @@
+"""A request as the bound's loops take it: what the camera takes in, and two points of each item to be in view."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.bound.boxes.view import Frustum, Segments, View
+from planner.bound.least_image import least_images_mm
+from planner.camera.camera import Camera
+from planner.columns.judge import Judge
+
+
+def sensor_tangents(camera: Camera, margin_px: float) -> NDArray[np.float64]:
+    """Return the tangents (2,) of the half angles of view, less a margin at the sides of the sensor."""
+    half = np.array(camera.sensor_size_mm) / 2 - margin_px * np.array(camera.pixel_pitch_mm)
+    return np.maximum(half, 0.0) / camera.image_distance_mm
+
+
+def frustum_of(judge: Judge) -> Frustum:
+    """Return what the camera of a request takes in; the depth of field may have no end."""
+    near, far = judge.camera.depth_of_field_mm
+    tan_x, tan_y = sensor_tangents(judge.camera, judge.requirements.field_margin_px).tolist()
+    return Frustum(float(near), float(far), tan_x, tan_y, math.atan(math.hypot(tan_x, tan_y)))
+
+
+def view_of(judge: Judge) -> View:
+    """Return what the camera of a request takes in, no deeper than the workspace is wide."""
+    low, high = (np.asarray(corner, dtype=float) for corner in judge.space.workspace)
+    near, far, tan_x, tan_y, _ = frustum_of(judge)
+    # nothing is farther from a viewpoint in the workspace, which holds the part, than its corners are from each other
+    far = min(far, max(float(np.linalg.norm(high - low)), 1.01 * near))
+    middle = (near + far) / 2
+    corners = np.array(
+        [[x * tan_x * z, y * tan_y * z, z - middle] for x in (-1, 1) for y in (-1, 1) for z in (near, far)]
+    )
+    return View(near, far, middle, tan_x, tan_y, float(np.linalg.norm(corners, axis=1).max()))
+
+
+def segments_of(judge: Judge, entity_idx: NDArray[np.int_]) -> Segments:
+    """Return the segments of some items of a request, in their order."""
+    ends = np.ascontiguousarray(judge.ends[entity_idx])
+    ratio = least_images_mm(judge)[entity_idx] / judge.camera.image_distance_mm
+    return Segments(ends, np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), ratio)
