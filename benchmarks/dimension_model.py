@@ -10,7 +10,8 @@ more than localisation does. Printed are
 
 * per kind and rotation s.d.: the largest difference in P, and the largest relative one in the standard uncertainty;
 * predictions per second on one core;
-* per kind and localisation model: the largest difference in P, with poses known well enough that it matters; a pixel grid lies
+* per kind and localisation model: the largest difference in P, with poses known well enough that it matters; a
+  pixel grid lies
   anywhere in every draw, but all points of an entity are on the same one.
 """
 

@@ -181,8 +181,7 @@ class MeasurandModel:
             # error = nominal (exp(y / nominal) - 1) = y + y^2 / (2 nominal) + ...
             h = h + np.outer(g, g) / self.measurand.nominal
         whole, translation, rotation = (
-            _variance(g[part], h[part, part], self.covariance[part, part])
-            for part in (slice(6), slice(3), slice(3, 6))
+            _variance(g[part], h[part, part], self.covariance[part, part]) for part in (slice(6), slice(3), slice(3, 6))
         )
         common = whole - translation - rotation
         noise = (expansion.variance[0] + (expansion.widths[0] ** 2).sum() / 6) / scale**2

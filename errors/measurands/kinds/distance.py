@@ -15,7 +15,7 @@ from errors.measurands.registry import kind
 
 @kind("distance")
 class Distance(Measurand):
-    """Distance of two parallel edges, mm, at the middle between them: across what is fitted; given a direction, along it.
+    """Distance of two parallel edges, mm, halfway: across what is fitted; given a direction, along it.
 
     Each is fitted in the plane that it spans with the direction of the distance: one plane for both by default, or two
     parallel ones with a known offset across them.

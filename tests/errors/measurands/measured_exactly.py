@@ -8,7 +8,8 @@ image                f (x / z, y / z), mm on the sensor; found there with an err
 
 Found points are carried back along rays of the *planned* camera to a plane of the part; lines are fitted there by
 squares of distances across them (principal axis), circles by squares of distances from them. Values are computed from
-points and directions in space. Geometry comes as plain tuples: ("line", p, q) or ("circle", centre, axis, radius, start,
+points and directions in space. Geometry comes as plain tuples: ("line", p, q) or ("circle", centre, axis, radius,
+start,
 span), start None for a whole circle.
 """
 
@@ -34,7 +35,7 @@ def look_at(eye, target, roll):
     return pose
 
 
-def random_view(rng, *, normal=(0.0, 0.0, 1.0), most_tilt=math.radians(60)):
+def random_view(rng, *, normal=(0.0, 0.0, 1.0), most_tilt=math.pi / 3):
     """Return a pose that looks at the origin's surroundings from 200 to 450 mm, tilted against a normal."""
     normal = np.asarray(normal, float)
     side = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
@@ -96,11 +97,15 @@ def points_of(one, n):
     return np.asarray(centre, float) + radius * (np.cos(angle) * x + np.sin(angle) * np.cross(axis, x))
 
 
-def measure(kind, geometry, pose, moves, *, f, sigma_mm=(0.0, 0.0), rng=None, direction=None, points=POINTS, pixel=None):
+def measure(
+    kind, geometry, pose, moves, *, f, sigma_mm=(0.0, 0.0), rng=None, direction=None, points=POINTS, pixel=None
+):
     """Return errors (n,) of a value measured from displaced poses; nan where a point is behind the camera.
 
-    sigma_mm is the error of a found point per axis on the sensor; with ``pixel`` (2,) every point is put on a grid of that
-    pitch instead, which with ``rng`` lies anywhere in every draw (of a length: at each end). ``points`` is their number on every entity, or on each. Angles are in degrees.
+    sigma_mm is the error of a found point per axis on the sensor; with ``pixel`` (2,) every point is put on a grid
+    of that
+    pitch instead, which with ``rng`` lies anywhere in every draw (of a length: at each end). ``points`` is their
+    number on every entity, or on each. Angles are in degrees.
     """
     if kind == "length":
         return _length_errors(geometry[0], pose, moves, f, sigma_mm, rng, pixel)
