@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import pickle
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor
 from typing import Any
 
 # what other processes have sent, by digest; a process works on few requests at a time
@@ -47,7 +48,9 @@ class Shared:
         self.value, self._packed = _received[digest], state
 
 
-def in_order(executor, task: Callable, arguments: Iterable[tuple]) -> Iterator:
+def in_order(
+    executor: Executor | None, task: Callable[..., Any], arguments: Iterable[tuple[Any, ...]]
+) -> Iterator[Any]:
     """Run a task for each tuple of arguments; yield the results in order.
 
     Parameters

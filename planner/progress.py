@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TextIO
 
 Progress = Callable[[int, int, str], None]
 
@@ -25,7 +26,7 @@ def labelled(progress: Progress | None, label: str) -> Progress | None:
 
 
 @contextmanager
-def terminal_progress(stream=None) -> Iterator[Progress]:
+def terminal_progress(stream: TextIO | None = None) -> Iterator[Progress]:
     """Show progress: a live bar per label on a terminal, otherwise one line per finished label.
 
     Parameters
@@ -42,14 +43,14 @@ def terminal_progress(stream=None) -> Iterator[Progress]:
 
 
 @contextmanager
-def _bars(stream) -> Iterator[Progress]:
+def _bars(stream: TextIO | None) -> Iterator[Progress]:
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as RichProgress
 
     columns = (TextColumn("{task.description:<34}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with RichProgress(*columns, console=Console(file=stream)) as bars:
-        tasks: dict[str, int] = {}
+        tasks: dict[str, TaskID] = {}
 
         def progress(done: int, total: int, label: str) -> None:
             if label not in tasks:
@@ -62,7 +63,7 @@ def _bars(stream) -> Iterator[Progress]:
 class _Lines:
     """One line whenever all known work of a label is done: readable in a log."""
 
-    def __init__(self, stream):
+    def __init__(self, stream: TextIO | None) -> None:
         self._stream = stream
         self._started: dict[str, float] = {}
         self._finished: set[tuple[str, int]] = set()

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import warnings
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -38,10 +41,13 @@ from planner.request.defaults import check_fraction, default_workspace
 from planner.resume import read_state
 from planner.verify.simulate_plan import simulate_plan
 
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+
 STATE_FILE = "planning-state.json"
 
 
-def info(options) -> int:
+def info(options: argparse.Namespace) -> int:
     """Show what a part consists of and which edges, rims and arcs can be entities."""
     if options.picture:
         check_file_place(options.picture)
@@ -56,7 +62,7 @@ def info(options) -> int:
     return DONE
 
 
-def graph(options) -> int:
+def graph(options: argparse.Namespace) -> int:
     """Build the entity-based aspect graph and write it."""
     check_file_place(options.graphml)
     solid = _read_part(options)
@@ -72,7 +78,7 @@ def graph(options) -> int:
     return DONE
 
 
-def dimensions(options) -> int:
+def dimensions(options: argparse.Namespace) -> int:
     """Show the dimensions an AP242 file states, and the entities that measure them."""
     found = read_dimensions(options.part, _read_part(options))
     if not found:
@@ -86,7 +92,7 @@ def dimensions(options) -> int:
     return DONE
 
 
-def plan(options) -> int:
+def plan(options: argparse.Namespace) -> int:
     """Plan an inspection and write everything about it."""
     check_fraction("accuracy", options.accuracy)
     check_fraction("probability", options.probability)
@@ -109,7 +115,9 @@ def plan(options) -> int:
     return DONE if found.complete and found.simulation.confirmed else INCOMPLETE
 
 
-def _planned(options, solid, wanted, camera: Camera, uncertainty: PoseUncertainty, folder: Path) -> tuple:
+def _planned(
+    options: argparse.Namespace, solid: Solid, wanted: Any, camera: Camera, uncertainty: PoseUncertainty, folder: Path
+) -> tuple[Any, ...]:
     """Plan and write; return the plan and the files. The state is deleted only after that."""
     state, box = folder / STATE_FILE, _workspace(options)
     _prepare(state, options.resume)
@@ -160,7 +168,7 @@ def _prepare(state: Path, resume: bool) -> None:
 
 
 @contextmanager
-def _resumable(state: Path):
+def _resumable(state: Path) -> Iterator[None]:
     """Tell of the state when the work is interrupted, if there is one then."""
     try:
         with warnings.catch_warnings():
@@ -173,7 +181,7 @@ def _resumable(state: Path):
         raise
 
 
-def simulate(options) -> int:
+def simulate(options: argparse.Namespace) -> int:
     """Check a plan by simulation."""
     if options.poses < 1 or options.seed < 0:
         raise RequestError(f"--poses must be at least 1 and --seed at least 0. Got {options.poses} and {options.seed}.")
@@ -190,7 +198,7 @@ def read_camera(text: str) -> Camera:
     return Camera.from_toml(path) if path.suffix.lower() == ".toml" or path.is_file() else Camera.named(text)
 
 
-def _read_part(options):
+def _read_part(options: argparse.Namespace) -> Solid:
     """Read the part; an error names the file."""
     try:
         return read_solid(options.part, units=options.units, solids=options.solids, gap_mm=options.gap_mm)
@@ -200,12 +208,12 @@ def _read_part(options):
         raise type(error)(f"{options.part}: {error}") from None
 
 
-def _workspace(options) -> np.ndarray | None:
+def _workspace(options: argparse.Namespace) -> np.ndarray | None:
     return None if options.workspace is None else np.reshape(options.workspace, (2, 3))
 
 
 @contextmanager
-def _executor(jobs: int):
+def _executor(jobs: int) -> Iterator[Executor | None]:
     """Provide a process pool, or none for one process; work not begun is dropped at the end."""
     if jobs == 1:
         yield None

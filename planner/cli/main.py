@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from typing import Any, NoReturn
 
 from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 from planner.cli.signals import termination_as_interruption
@@ -43,7 +44,7 @@ class _UsageError(Exception):
 class _Parser(argparse.ArgumentParser):
     """Reports usage errors like all others: one line, and no usage text in front of it."""
 
-    def error(self, message: str):
+    def error(self, message: str) -> NoReturn:
         raise _UsageError(f"{self.prog}: {message}; see {self.prog} --help")
 
 
@@ -103,7 +104,7 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_info(commands) -> None:
+def _add_info(commands: Any) -> None:
     info = commands.add_parser("info", help="edges, rims and arcs of a part, with ids", allow_abbrev=False)
     _add_part(info)
     info.add_argument(
@@ -112,7 +113,7 @@ def _add_info(commands) -> None:
     info.add_argument("--min-length", type=float, default=0.0, metavar="MM", help="leave out shorter edges")
 
 
-def _add_graph(commands) -> None:
+def _add_graph(commands: Any) -> None:
     graph = commands.add_parser("graph", help="build and export the entity-based aspect graph", allow_abbrev=False)
     _add_part(graph)
     _add_entities(graph)
@@ -120,7 +121,7 @@ def _add_graph(commands) -> None:
     _add_workspace(graph)
 
 
-def _add_dimensions(commands) -> None:
+def _add_dimensions(commands: Any) -> None:
     dimensions = commands.add_parser(
         "dimensions", help="dimensions an AP242 file states, and how to measure them", allow_abbrev=False
     )
@@ -128,7 +129,7 @@ def _add_dimensions(commands) -> None:
     dimensions.add_argument("--json", action="store_true", help="as a list of records, for other programs")
 
 
-def _add_plan(commands) -> None:
+def _add_plan(commands: Any) -> None:
     plan = commands.add_parser(
         "plan", help="plan the inspection and write plan, graph, report, poses", allow_abbrev=False
     )
@@ -161,14 +162,14 @@ def _add_plan(commands) -> None:
     _add_workspace(plan)
 
 
-def _add_simulate(commands) -> None:
+def _add_simulate(commands: Any) -> None:
     simulate = commands.add_parser("simulate", help="check a plan by drawing displaced poses", allow_abbrev=False)
     simulate.add_argument("plan", metavar="PLAN", help="plan.json")
     simulate.add_argument("--poses", type=int, default=100_000, metavar="N", help="displaced poses per setting")
     simulate.add_argument("--seed", type=int, default=0, metavar="N")
 
 
-def _add_part(parser) -> None:
+def _add_part(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("part", metavar="PART", help=".step .stp .stl .obj .ply .off .glb")
     parser.add_argument("--units", metavar="UNIT", help="units of a file that does not say: mm, inch, m, ...")
     parser.add_argument("--solids", type=_numbers, metavar="N,N", help="which solids of a STEP file, counted from 0")
@@ -183,7 +184,7 @@ def _numbers(text: str) -> list[int]:
     return [int(number) for number in numbers]
 
 
-def _add_entities(parser):
+def _add_entities(parser: argparse.ArgumentParser) -> argparse._MutuallyExclusiveGroup:
     """Add the choice of entities; return the group, of which one is required."""
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("--entities", metavar="FILE|IDS|all", help="TOML or JSON file, ids like 3,17,21, or all")
@@ -191,7 +192,7 @@ def _add_entities(parser):
     return which
 
 
-def _add_workspace(parser) -> None:
+def _add_workspace(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workspace",
         type=float,

@@ -1,7 +1,10 @@
 """Requests to terminate: treated like an interruption from the keyboard, so that what was found out is kept."""
 
+from __future__ import annotations
+
 import signal
 import threading
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 # not everywhere is there a terminal to be hung up
@@ -9,10 +12,10 @@ _TERMINATING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasat
 
 
 @contextmanager
-def termination_as_interruption():
+def termination_as_interruption() -> Iterator[None]:
     """Raise `KeyboardInterrupt` in the block when the process is asked to terminate."""
 
-    def interrupt(*_) -> None:
+    def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
     ours = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from aspectgraph import graph_of, write_graphml
 from planner.exceptions import OutputError
@@ -15,13 +16,20 @@ from planner.plan import InspectionPlan
 from planner.request.target_space import TargetSpace
 from planner.resume import holds_plan
 
+if TYPE_CHECKING:
+    from aspectgraph import VisibilityRegions
+    from planner.progress import Progress
+    from planner.request.space import Space
+
 # the plan first: see `staged_folder`
 PLAN_FILES = ("plan.json", "report.html", "graph.graphml", *POSE_FILES)
 # beyond this the joint graph of all entities is neither worth drawing nor worth waiting for
 _MOST_GRAPH_ENTITIES = 24
 
 
-def write_outputs(found: InspectionPlan, regions, folder: Path, progress=None) -> list[Path]:
+def write_outputs(
+    found: InspectionPlan, regions: VisibilityRegions, folder: Path, progress: Progress | None = None
+) -> list[Path]:
     """Write plan, graph, report and poses; they appear in the folder together, or not at all.
 
     Of an earlier plan's files none stays.
@@ -50,7 +58,7 @@ def write_outputs(found: InspectionPlan, regions, folder: Path, progress=None) -
     return [folder / name for name in written]
 
 
-def _space(found: InspectionPlan, regions):
+def _space(found: InspectionPlan, regions: Space) -> Space:
     """Return where what is planned is observable from: of a dimension, where all of its entities are."""
     if not found.dimensions:
         return regions

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import shutil
 import sys
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
@@ -12,10 +14,18 @@ from rich.table import Table
 from planner.output.wording import count, margin_texts, nouns, percent, simulation_sentence, verdict
 from planner.verify.simulate_setting import CONFIRMED
 
+if TYPE_CHECKING:
+    from rich.console import JustifyMethod
+
+    from aspectgraph import Edge, EntityAspectGraph, Solid
+    from planner.plan import InspectionPlan
+    from planner.verify.simulate_plan import SimulationResult
+    from planner.verify.simulate_setting import SuccessRate
+
 _MOST_ROWS = 60
 
 
-def print_part(solid, edges) -> None:
+def print_part(solid: Solid, edges: Sequence[Edge]) -> None:
     """Print what a part consists of, its straight edges, its rims and its arcs."""
     console = _console()
     size = np.ptp(solid.bounds, axis=0)
@@ -37,7 +47,7 @@ def print_part(solid, edges) -> None:
     _print_curves(console, "arc", solid.arcs())
 
 
-def _print_curves(console: Console, kind: str, curves) -> None:
+def _print_curves(console: Console, kind: str, curves: Sequence[Any]) -> None:
     """Print the rims or arcs of a part, if it has any."""
     if not curves:
         return
@@ -59,7 +69,7 @@ def _print_curves(console: Console, kind: str, curves) -> None:
         console.print(f"note: circles of these {kind}s are fitted to chords, of which the mesh has no other record")
 
 
-def print_graph(graph) -> None:
+def print_graph(graph: EntityAspectGraph) -> None:
     """Print the size of an aspect graph and its domains, largest lists first."""
     console, nodes = _console(), graph.graph.nodes
     lists = {frozenset(nodes[n]["observable"]) for n in nodes}
@@ -78,7 +88,7 @@ def print_graph(graph) -> None:
         console.print(f"and {len(ordered) - _MOST_ROWS} more in the GraphML file")
 
 
-def print_dimensions(dimensions) -> None:
+def print_dimensions(dimensions: Sequence[Any]) -> None:
     """Print the dimensions a model states: values, and the entities that measure them or the reason why none do."""
     console = _console()
     able = sum(one.entities is not None for one in dimensions)
@@ -98,14 +108,15 @@ def print_dimensions(dimensions) -> None:
             console.print(f"note: {one.name}: {one.note}")
 
 
-def print_plan(plan) -> None:
+def print_plan(plan: InspectionPlan) -> None:
     """Print the plan: settings, probabilities, margins, and what cannot be inspected."""
     console = _console()
+    columns: list[tuple[str, JustifyMethod]] = [("measured", "left")] if plan.dimensions else []
     table = _table(
         ("setting", "right"),
         ("position (mm)", "right"),
         (nouns(plan)[0], "left"),
-        *([("measured", "left")] if plan.dimensions else []),
+        *columns,
         ("P", "right"),
         ("simulated", "left"),
         ("margins", "left"),
@@ -128,7 +139,7 @@ def print_plan(plan) -> None:
     console.print(verdict(plan))
 
 
-def print_simulation(plan, result) -> None:
+def print_simulation(plan: InspectionPlan, result: SimulationResult) -> None:
     """Print predicted probabilities beside simulated frequencies."""
     console = _console()
     table = _table(
@@ -158,7 +169,7 @@ def _print_settings(console: Console, table: Table) -> None:
         console.print(table)
 
 
-def _measured(plan, name: str) -> tuple[str, ...]:
+def _measured(plan: InspectionPlan, name: str) -> tuple[str, ...]:
     """Return a cell that says what is measured and how wrong it may be; none in a plan of edges."""
     if not plan.dimensions:
         return ()
@@ -169,7 +180,7 @@ def _measured(plan, name: str) -> tuple[str, ...]:
     return (f"{kind} {one.nominal:.6g} {one.unit}, error up to {one.permitted_error:.4g} {one.unit}",)
 
 
-def _interval(rate) -> str:
+def _interval(rate: SuccessRate | None) -> str:
     """Return the frequency and its interval, and what they say of the prediction unless they confirm it."""
     if rate is None:
         return ""
@@ -177,11 +188,11 @@ def _interval(rate) -> str:
     return f"{rate.frequency:.4f} ({rate.low:.4f} .. {rate.high:.4f}){told}"
 
 
-def _vector(values, separator: str = " ", digits: int = 2) -> str:
-    return separator.join(f"{value + 0.0:.{digits}f}" for value in np.round(values, digits))
+def _vector(values: Iterable[float], separator: str = " ", digits: int = 2) -> str:
+    return separator.join(f"{value + 0.0:.{digits}f}" for value in np.round(list(values), digits))
 
 
-def _table(*columns: tuple[str, str]) -> Table:
+def _table(*columns: tuple[str, JustifyMethod]) -> Table:
     from rich import box
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)

@@ -12,8 +12,9 @@ the unit vector between them, L_w its length, d the image distance. In the camer
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -50,11 +51,14 @@ def visibility_slacks(space: Space, positions: np.ndarray, names: Sequence[str],
     return np.where(visible, 1.0, -1.0)[..., None]
 
 
-def _observable_around(space: Space, positions: np.ndarray, names, radius_mm: float, around: np.ndarray) -> np.ndarray:
+def _observable_around(
+    space: Space, positions: np.ndarray, names: Sequence[str], radius_mm: float, around: np.ndarray
+) -> np.ndarray:
     """Return which entities are observable from all points around positions; (n, k)."""
     # all points in one call: asking costs more than answering
     eyes = positions[:, None] + radius_mm * around
-    return _observable(space, eyes.reshape(-1, 3), names).reshape(len(positions), len(around), -1).all(axis=1)
+    visible = _observable(space, eyes.reshape(-1, 3), names).reshape(len(positions), len(around), -1)
+    return np.asarray(visible.all(axis=1))
 
 
 def _observable(space: Space, positions: np.ndarray, names: Sequence[str]) -> np.ndarray:
@@ -65,12 +69,14 @@ def _observable(space: Space, positions: np.ndarray, names: Sequence[str]) -> np
     return visible
 
 
-def clearance_slacks(distance, positions: np.ndarray, stand_off_mm: float) -> np.ndarray:
+def clearance_slacks(
+    distance: Callable[[np.ndarray], np.ndarray], positions: np.ndarray, stand_off_mm: float
+) -> np.ndarray:
     """Signed distance from the part less the stand-off, mm; (n, 1, 1). `distance` maps (n, 3) to (n,)."""
     return (distance(positions) - stand_off_mm)[:, None, None]
 
 
-def workspace_slacks(workspace, positions: np.ndarray) -> np.ndarray:
+def workspace_slacks(workspace: np.ndarray, positions: np.ndarray) -> np.ndarray:
     """Distance from the six walls of the workspace box, mm, positive inside; (n, 1, 6)."""
     low, high = (np.asarray(corner, dtype=float) for corner in workspace)
     return np.concatenate([positions - low, high - positions], axis=-1)[:, None, :]
@@ -82,13 +88,13 @@ def enclosing_sphere(points: np.ndarray) -> tuple[np.ndarray, float]:
     The centre walks towards the farthest point by ever smaller steps (Bădoiu & Clarkson 2003); the best one is kept.
     The radius is exact for that centre, so no point is ever outside.
     """
-    center = (points.min(axis=0) + points.max(axis=0)) / 2
-    best, radius = center, np.inf
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    best, radius = centre, np.inf
     for step in range(2, 300):
-        distances = np.linalg.norm(points - center, axis=-1)
+        distances = np.linalg.norm(points - centre, axis=-1)
         if distances.max() < radius:
-            best, radius = center, float(distances.max())
-        center = center + (points[np.argmax(distances)] - center) / step
+            best, radius = centre, float(distances.max())
+        centre = centre + (points[np.argmax(distances)] - centre) / step
     return best, radius
 
 
@@ -124,7 +130,7 @@ class Requirements:
     reach: Reach | None = field(default=None, repr=False)
     visibility_radius_mm: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("min_length_px", "field_margin_px", "stand_off_mm", "visibility_radius_mm"):
             value = getattr(self, name)
             if not (isinstance(value, int | float | np.number) and math.isfinite(value) and value >= 0):
@@ -177,7 +183,7 @@ class Constraints:
         sizes = [len(target.segments) for target in targets]
         self.owner = np.repeat(np.arange(len(targets)), sizes)
         self._first = np.cumsum([0, *sizes[:-1]])
-        self.sphere_center, self.sphere_radius = enclosing_sphere(self.segments.reshape(-1, 3))
+        self.sphere_centre, self.sphere_radius = enclosing_sphere(self.segments.reshape(-1, 3))
         self.min_length_mm = requirements.min_length_px * max(camera.pixel_pitch_mm)
         self._lens = Lens.of(camera, self.min_length_mm, requirements.field_margin_px)
         self._exact_field = requirements.field_of_view == "exact"
@@ -190,16 +196,16 @@ class Constraints:
             self._columns["field_of_view_px"] = FIELD_OF_VIEW
         self._checks = self._build_checks()
 
-    def _build_checks(self) -> dict:
+    def _build_checks(self) -> dict[str, Any]:
         """Map each constraint that is no column of the image to its slacks as a function of cam2world."""
         need, checks = self.requirements, {}
         if not self._exact_field:
             checks["field_of_view_mm"] = lambda pose: cone_slacks(
-                self.camera, world_to_cam(self.sphere_center, pose), self.sphere_radius
+                self.camera, world_to_cam(self.sphere_centre, pose), self.sphere_radius
             )
         checks["workspace_mm"] = lambda pose: workspace_slacks(self._workspace, pose[:, :3, 3])
-        if need.reach is not None:
-            checks["reach"] = lambda pose: reach_margin(need.reach, pose[:, :3, 3])[:, None, None]
+        if (reach := need.reach) is not None:
+            checks["reach"] = lambda pose: reach_margin(reach, pose[:, :3, 3])[:, None, None]
         checks["clearance_mm"] = lambda pose: clearance_slacks(self._distance, pose[:, :3, 3], need.stand_off_mm)
         checks["visibility"] = lambda pose: visibility_slacks(
             self.space, pose[:, :3, 3], self.names, need.visibility_radius_mm
