@@ -39,6 +39,7 @@ from planner.request.target_space import TargetSpace
 from planner.resume import PlanningState
 from planner.setting.sensor_setting import SensorSetting
 from planner.steps.find_columns import find_columns
+from planner.steps.pixel_grid import COUNTED, COUNTING, contradicted, count_on_grid
 from planner.steps.prove_bound import prove_bound
 from planner.steps.refute import refute
 from planner.steps.run import Run
@@ -236,10 +237,17 @@ def _dimensions(request: Request) -> dict[str, Any]:
 def _plan(run: Run) -> InspectionPlan:
     """Do all steps."""
     find_columns(run)
-    bound, proof = prove_bound(run)
-    inspected = np.asarray(run.pool.membership.any(axis=0))
-    refute(run, inspected, bound)
-    return _assembled(run, settle(run, inspected), bound, proof)
+    for left in reversed(range(COUNTING.rounds)):
+        bound, proof = prove_bound(run)
+        inspected = np.asarray(run.pool.membership.any(axis=0))
+        refute(run, inspected, bound)
+        settings = settle(run, inspected)
+        wrong = contradicted(run, settings) if left else []
+        if not wrong:
+            break
+        count_on_grid(run, wrong)
+        run.keep(COUNTED, {})
+    return _assembled(run, settings, bound, proof)
 
 
 def _assembled(run: Run, settings: list[SensorSetting], bound: int, proof: str) -> InspectionPlan:
@@ -262,4 +270,5 @@ def _assembled(run: Run, settings: list[SensorSetting], bound: int, proof: str) 
         part=request.space.solid.name,
         seed=run.seed,
         dimensions=planned_dimensions(request),
+        on_grid=request.on_grid,
     )

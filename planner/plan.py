@@ -70,6 +70,9 @@ class InspectionPlan:
     dimensions : mapping of str to PlannedDimension
         What is measured of those entities that are dimensions; of the others, their length. The points in ``entities``
         are two points of a dimension.
+    on_grid : sequence of str
+        Edges whose tolerance is under two pixels and whose probability was counted on the pixel grid, see
+        `planner.request.pixel_grid`: the paper's density would refuse them, or accept them wrongly.
     simulation : SimulationResult or None
         What drawing displaced poses gave, once `simulated` was called.
     """
@@ -88,6 +91,7 @@ class InspectionPlan:
     bound_proof: str = ""
     simulation: SimulationResult | None = None
     dimensions: Mapping[str, PlannedDimension] = field(default_factory=dict)
+    on_grid: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         entities = {name: _read_only(points, (2, 3)) for name, points in self.entities.items()}
@@ -95,6 +99,7 @@ class InspectionPlan:
         object.__setattr__(self, "entities", entities)
         object.__setattr__(self, "uninspectable", dict(self.uninspectable))
         object.__setattr__(self, "dimensions", dict(self.dimensions))
+        object.__setattr__(self, "on_grid", tuple(self.on_grid))
         object.__setattr__(self, "workspace", _read_only(self.workspace, (2, 3)))
         self._check_names()
 
@@ -200,6 +205,7 @@ class InspectionPlan:
             "pose_uncertainty": self.pose_uncertainty.to_dict(),
             "entities": {name: points.tolist() for name, points in self.entities.items()},
             **({"dimensions": dimensions} if dimensions else {}),
+            **({"on_grid": list(self.on_grid)} if self.on_grid else {}),
             "uninspectable": dict(self.uninspectable),
             "settings": [self._setting_dict(setting) for setting in self.settings],
             "simulation": None if self.simulation is None else self.simulation.to_dict(),
@@ -312,6 +318,7 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
         pose_uncertainty=pose_uncertainty,
         simulation=_simulation_from(data.get("simulation")),
         dimensions=_dimensions_from(data.get("dimensions", {})),
+        on_grid=tuple(data.get("on_grid", ())),
         **{name: data[name] for name in _PLAIN_FIELDS},
     )
     if found.dimensions:

@@ -15,7 +15,15 @@ from planner.output.dimension_report import dimension_section, localisation_text
 from planner.output.figure import color_of, plan_figure
 from planner.output.outlines import drawn
 from planner.output.predicted_image import PictureMaker
-from planner.output.wording import bound_sentence, count, margin_texts, nouns, percent, simulation_sentence
+from planner.output.wording import (
+    bound_sentence,
+    count,
+    grid_sentence,
+    margin_texts,
+    nouns,
+    percent,
+    simulation_sentence,
+)
 from planner.progress import report
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
 
@@ -201,7 +209,10 @@ def _probabilities(plan: InspectionPlan, k: int, setting: SensorSetting) -> str:
     rows = []
     for name in setting.entities:
         row = f'<td>{escape(name)}</td><td class="n">{_value(plan, name)}</td>'
-        row += f'<td class="n">{setting.probability[name]:.4f}</td>'
+        counted = (
+            ' title="counted on the pixel grid: the tolerance is under two pixels"' if name in plan.on_grid else ""
+        )
+        row += f'<td class="n"{counted}>{setting.probability[name]:.4f}{" *" if counted else ""}</td>'
         if name in rates:
             row += _rate_cells(rates[name], plan.probability)
         rows.append(f"<tr>{row}</tr>")
@@ -284,6 +295,8 @@ def _method(plan: InspectionPlan) -> str:
         "were chosen by integer programming and exchange.",
         f"Lower bound. {plan.bound_proof} {_gap(plan)}",
     ]
+    if plan.on_grid:
+        paragraphs.append(f"Pixel grid. {grid_sentence(plan)}")
     if plan.simulation is not None and plan.settings:
         paragraphs.append(_simulated(plan, plan.simulation))
     paragraphs.append(

@@ -11,7 +11,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from planner.output.wording import count, margin_texts, nouns, percent, simulation_sentence, verdict
+from planner.output.wording import count, grid_sentence, margin_texts, nouns, percent, simulation_sentence, verdict
 from planner.verify.simulate_setting import CONFIRMED
 
 if TYPE_CHECKING:
@@ -136,6 +136,8 @@ def print_plan(plan: InspectionPlan) -> None:
     _print_settings(console, table)
     for name, reason in plan.uninspectable.items():
         console.print(f"not inspected: {name}: {reason}")
+    if plan.on_grid:
+        console.print(f"note: {grid_sentence(plan)}")
     console.print(verdict(plan))
 
 

@@ -99,6 +99,17 @@ def graph_sentence(n_entities: int, most: int) -> str:
     )
 
 
+def grid_sentence(plan: InspectionPlan) -> str:
+    """Say which probabilities were counted on the pixel grid; empty if none was."""
+    if not plan.on_grid:
+        return ""
+    names = ", ".join(plan.on_grid)
+    return (
+        f"The tolerance of {names} is under two pixels. There the formula for random phases of the pixel grid is wrong "
+        "for one planned pose, either way: P was counted on the grid of the sensor, lowered by three standard errors."
+    )
+
+
 def verdict(plan: InspectionPlan) -> str:
     """Say in a few sentences how good a plan is."""
     inspected, n = len(plan.inspected), len(plan.settings)

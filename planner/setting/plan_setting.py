@@ -161,10 +161,14 @@ def best_setting(
     cells = check_observable(request.space, request.names)
     outcome = search_pose(cells, constraints, goal, search or Search(), generator, _check_poses(start), callback)
     pose = outcome.cam2world[None]
+    probability = goal.probability(pose)[0]
+    if request.counted.size:
+        counted = np.isin(np.arange(len(request.names)), request.counted)
+        probability[counted] = request.objective.probability_where(pose, counted[None])
     return SensorSetting(
         cam2world=outcome.cam2world,
         entities=request.names,
-        probability=dict(zip(request.names, goal.probability(pose)[0].tolist(), strict=True)),
+        probability=dict(zip(request.names, probability.tolist(), strict=True)),
         margins={name: float(margin.min()) for name, margin in constraints.margins(pose).items()},
         fitness=outcome.fitness,
         nfev=outcome.nfev,
