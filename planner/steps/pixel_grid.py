@@ -130,8 +130,8 @@ def _reason_on_grid(run: Run, name: str, poses: NDArray[np.float64]) -> str:
     feasible = poses[alone.constraints.feasible(poses)][: COUNTING.told] if len(poses) else poses
     best = float(lowered(_frequencies(run, i, feasible)).max(initial=0.0))
     return (
-        f"probability too low: the tolerance is under two pixels, so it is counted on the pixel grid; the best pose "
-        f"found reaches P = {best:.4f}, below the required {run.request.probability:g}."
+        f"probability too low: the best pose found reaches P = {best:.4f}, below the required {run.request.probability:g} "
+        "(counted on the pixel grid, as the tolerance is under two pixels)."
     )
 
 
