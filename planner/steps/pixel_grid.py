@@ -129,8 +129,9 @@ def _reason_on_grid(run: Run, name: str, poses: NDArray[np.float64]) -> str:
     alone = run.request.of([name])
     feasible = poses[alone.constraints.feasible(poses)][: COUNTING.told] if len(poses) else poses
     best = float(lowered(_frequencies(run, i, feasible)).max(initial=0.0))
+    required = run.request.probability
     return (
-        f"probability too low: the best pose found reaches P = {best:.4f}, below the required {run.request.probability:g} "
+        f"probability too low: the best pose found reaches P = {best:.4f}, below the required {required:g} "
         "(counted on the pixel grid, as the tolerance is under two pixels)."
     )
 
