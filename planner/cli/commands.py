@@ -22,12 +22,14 @@ from aspectgraph import (
     write_edge_picture,
     write_graphml,
 )
+from aspectgraph.read.part_file import MESH_SUFFIXES
 from planner.camera.camera import Camera
+from planner.camera.catalogue import camera_names
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.exit_codes import DONE, INCOMPLETE
 from planner.cli.signals import leave_signals_to_the_parent
 from planner.cli.wanted import read_request
-from planner.exceptions import OutputError, RequestError
+from planner.exceptions import OutputError
 from planner.files import check_file_place, output_folder
 from planner.inspection import plan_inspection
 from planner.output import terminal_tables
@@ -51,6 +53,7 @@ def info(options) -> int:
         curves = [curve.id for curve in (*solid.rims(), *solid.arcs())]
         write_edge_picture(solid, options.picture, [edge.id for edge in edges], curves)
     terminal_tables.print_part(solid, edges)
+    _print_unit(options)
     if options.picture:
         print(options.picture)
     return DONE
@@ -68,6 +71,7 @@ def graph(options) -> int:
         result = graph_of(regions)
     write_graphml(result, options.graphml)
     terminal_tables.print_graph(result)
+    _print_unit(options)
     print(options.graphml)
     return DONE
 
@@ -90,9 +94,6 @@ def plan(options) -> int:
     """Plan an inspection and write everything about it."""
     check_fraction("accuracy", options.accuracy)
     check_fraction("probability", options.probability)
-    for name, least in (("seed", 0), ("simulate", 1), ("jobs", 1)):
-        if getattr(options, name) < least:
-            raise RequestError(f"--{name} must be at least {least}. Got {getattr(options, name)}.")
     with output_folder(options.out, (*PLAN_FILES, STATE_FILE), "--out") as folder, _resumable(folder / STATE_FILE):
         camera = read_camera(options.camera)
         uncertainty = PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad)
@@ -100,6 +101,7 @@ def plan(options) -> int:
         wanted = read_request(options, solid)
         found, written = _planned(options, solid, wanted, camera, uncertainty, folder)
     terminal_tables.print_plan(found)
+    _print_unit(options)
     for name, reason in wanted.left_out.items():
         print(f"{name} is not planned: {reason}")
     for note in left_out(len(wanted.entities)):
@@ -175,13 +177,21 @@ def _resumable(state: Path):
 
 def simulate(options) -> int:
     """Check a plan by simulation."""
-    if options.poses < 1 or options.seed < 0:
-        raise RequestError(f"--poses must be at least 1 and --seed at least 0. Got {options.poses} and {options.seed}.")
     found = read_plan(options.plan)
     with terminal_progress() as progress:
         result = simulate_plan(found, options.poses, rng=options.seed, progress=progress)
     terminal_tables.print_simulation(found, result)
     return DONE if found.complete and result.confirmed else INCOMPLETE
+
+
+def cameras(options) -> int:
+    """List the catalogue."""
+    found = [Camera.named(name) for name in camera_names()]
+    if options.json:
+        print(json.dumps([one.to_dict() for one in found], indent=1))
+    else:
+        terminal_tables.print_cameras(found)
+    return DONE
 
 
 def read_camera(text: str) -> Camera:
@@ -198,6 +208,13 @@ def _read_part(options):
         if str(options.part) in str(error):
             raise
         raise type(error)(f"{options.part}: {error}") from None
+
+
+def _print_unit(options) -> None:
+    """Say which unit was assumed for a file that has none."""
+    mesh = [suffix for suffix in Path(options.part).suffixes if suffix.lower() in MESH_SUFFIXES]
+    if options.units is None and mesh and mesh[-1].lower() != ".glb":
+        print(f"note: {mesh[-1][1:].upper()} files state no unit: mm is assumed; --units says otherwise")
 
 
 def _workspace(options) -> np.ndarray | None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import shutil
 import sys
+from collections.abc import Sequence
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from planner.camera.camera import Camera
 from planner.output.wording import count, margin_texts, nouns, percent, simulation_sentence, verdict
 from planner.verify.simulate_setting import CONFIRMED
 
@@ -96,6 +98,37 @@ def print_dimensions(dimensions) -> None:
     for one in dimensions:
         if one.note:
             console.print(f"note: {one.name}: {one.note}")
+
+
+def print_cameras(cameras: Sequence[Camera]) -> None:
+    """Print cameras: sensor, lens as it is set, and what is sharp."""
+    console = _console()
+    table = _table(
+        ("name", "left"),
+        ("pixels", "right"),
+        ("pitch (um)", "right"),
+        ("f (mm)", "right"),
+        ("f-number", "right"),
+        ("focus (mm)", "right"),
+        ("sharp (mm)", "right"),
+        ("field at focus (mm)", "right"),
+    )
+    for one in cameras:
+        nearest, farthest = one.depth_of_field_mm
+        # similar triangles: the sensor's size by how many times farther the object is than the image
+        field = [side * one.focus_distance_mm / one.image_distance_mm for side in one.sensor_size_mm]
+        table.add_row(
+            one.name,
+            f"{one.resolution[0]} x {one.resolution[1]}",
+            " x ".join(dict.fromkeys(f"{1000 * pitch:g}" for pitch in one.pixel_pitch_mm)),
+            f"{one.focal_length_mm:g}",
+            f"{one.f_number:g}",
+            f"{one.focus_distance_mm:g}",
+            f"{nearest:.1f} .. {farthest:.1f}",
+            " x ".join(f"{side:.0f}" for side in field),
+        )
+    console.print(table)
+    console.print(f"{count(len(cameras), 'camera')}; distances are from the front nodal point")
 
 
 def print_plan(plan) -> None:
