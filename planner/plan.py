@@ -67,6 +67,9 @@ class InspectionPlan:
     dimensions : mapping of str to PlannedDimension
         What is measured of those entities that are dimensions; of the others, their length. The points in ``entities``
         are two points of a dimension.
+    requirements : mapping of str to float
+        What every setting satisfies beside: least length of an image and strip kept free at the sensor's sides, px;
+        margin of focus, stand-off and radius of visibility, mm. Empty in plans of programs that did not store it.
     simulation : SimulationResult or None
         What drawing displaced poses gave, once `simulated` was called.
     """
@@ -85,6 +88,7 @@ class InspectionPlan:
     bound_proof: str = ""
     simulation: object | None = None
     dimensions: Mapping[str, PlannedDimension] = field(default_factory=dict)
+    requirements: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self):
         entities = {name: _read_only(points, (2, 3)) for name, points in self.entities.items()}
@@ -92,6 +96,7 @@ class InspectionPlan:
         object.__setattr__(self, "entities", entities)
         object.__setattr__(self, "uninspectable", dict(self.uninspectable))
         object.__setattr__(self, "dimensions", dict(self.dimensions))
+        object.__setattr__(self, "requirements", dict(self.requirements))
         object.__setattr__(self, "workspace", _read_only(self.workspace, (2, 3)))
         self._check_names()
 
@@ -193,6 +198,7 @@ class InspectionPlan:
             "bound_proof": self.bound_proof,
             "minimal": self.minimal,
             "workspace": self.workspace.tolist(),
+            **({"requirements": dict(self.requirements)} if self.requirements else {}),
             "camera": self.camera.to_dict(),
             "pose_uncertainty": self.pose_uncertainty.to_dict(),
             "entities": {name: points.tolist() for name, points in self.entities.items()},
@@ -309,6 +315,7 @@ def _from_json(cls, data) -> InspectionPlan:
         pose_uncertainty=pose_uncertainty,
         simulation=_simulation_from(data.get("simulation")),
         dimensions=_dimensions_from(data.get("dimensions", {})),
+        requirements=data.get("requirements", {}),
         **{name: data[name] for name in _PLAIN_FIELDS},
     )
     if found.dimensions:

@@ -8,7 +8,16 @@ from typing import Any
 from planner.exceptions import RequestError
 
 _COUNTS = {"seed": 0, "simulate": 1, "jobs": 1, "poses": 1}
-_NOT_NEGATIVE = ("sigma_mm", "sigma_rad", "stand_off", "min_length")
+_NOT_NEGATIVE = (
+    "sigma_mm",
+    "sigma_rad",
+    "stand_off",
+    "min_length",
+    "min_length_px",
+    "field_margin_px",
+    "focus_margin_mm",
+    "visibility_radius_mm",
+)
 
 
 def check_numbers(options: Any) -> None:

@@ -170,12 +170,36 @@ def _add_plan(commands) -> None:
     plan.add_argument(
         "--sigma-rad", type=float, default=0.002, metavar="RAD", help="camera orientation, std. deviation"
     )
-    plan.add_argument("--stand-off", type=float, default=50.0, metavar="MM", help="smallest distance from the part")
+    _add_limits(plan)
     plan.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same plan")
     plan.add_argument("--simulate", type=int, default=10_000, metavar="N", help="displaced poses per setting")
     plan.add_argument("--jobs", type=int, default=_cores(), metavar="N", help="processes to use (default: every core)")
     plan.add_argument("--resume", action="store_true", help="continue an interrupted plan from its state in DIR")
     _add_workspace(plan)
+
+
+def _add_limits(plan) -> None:
+    """Add what every setting must satisfy beside the accuracy."""
+    limits = plan.add_argument_group("limits", "what every setting must satisfy; plan.json and the report tell them")
+    limits.add_argument("--stand-off", type=float, default=50.0, metavar="MM", help="smallest distance from the part")
+    limits.add_argument(
+        "--min-length-px", type=float, default=20.0, metavar="PX", help="shortest image of an edge that is measured"
+    )
+    limits.add_argument(
+        "--field-margin-px",
+        type=float,
+        metavar="PX",
+        help="strip along the sensor's sides to keep free (default: four standard deviations of the image's motion)",
+    )
+    limits.add_argument(
+        "--focus-margin-mm", type=float, default=0.0, metavar="MM", help="taken from both ends of the depth of field"
+    )
+    limits.add_argument(
+        "--visibility-radius-mm",
+        type=float,
+        metavar="MM",
+        help="all must be visible from so far around the camera, too (default: three standard deviations)",
+    )
 
 
 def _add_simulate(commands) -> None:

@@ -13,7 +13,15 @@ from planner.output.dimension_report import dimension_section, localisation_text
 from planner.output.figure import color_of, plan_figure
 from planner.output.outlines import drawn
 from planner.output.predicted_image import PictureMaker
-from planner.output.wording import bound_sentence, count, margin_texts, nouns, percent, simulation_sentence
+from planner.output.wording import (
+    bound_sentence,
+    count,
+    margin_texts,
+    nouns,
+    percent,
+    requirement_rows,
+    simulation_sentence,
+)
 from planner.progress import report
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
 
@@ -242,6 +250,7 @@ def _request(plan) -> str:
         "Field of view": f"{field[0]:.0f} x {field[1]:.0f} mm in the plane of focus",
         "Camera pose, std. deviations": f"{_list(sigmas[:3])} mm along x, y, z; {_list(sigmas[3:])} rad about x, y, z",
         "Workspace": f"({_list(plan.workspace[0], '.1f')}) to ({_list(plan.workspace[1], '.1f')}) mm",
+        **requirement_rows(plan.requirements),
         "Seed": str(plan.seed),
     }
     return "<dl>" + "".join(f"<dt>{escape(k)}</dt><dd>{escape(v)}</dd>" for k, v in rows.items()) + "</dl>"

@@ -6,7 +6,7 @@ workspace, the camera and its uncertainty, the accuracy, the probability and the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
 
@@ -103,6 +103,20 @@ def verdict(plan) -> str:
         told = "Not simulated." if plan.simulation is None else simulation_sentence(plan.simulation)
         sentences.append(told)
     return " ".join(sentences)
+
+
+def requirement_rows(need: Mapping[str, float]) -> dict[str, str]:
+    """Say what every setting satisfies; nothing of a plan that does not know."""
+    if not need:
+        return {}
+    return {
+        "Stand-off": f"at least {need['stand_off_mm']:g} mm from the part",
+        "Image of an edge": f"at least {need['min_length_px']:g} px long",
+        "Reserve of the field of view": f"{need['field_margin_px']:.4g} px along the sensor's sides, in which nothing "
+        "that is measured may lie",
+        "Reserve of focus": f"{need['focus_margin_mm']:.4g} mm at both ends of the depth of field",
+        "Reserve of visibility": f"visible from {need['visibility_radius_mm']:.4g} mm around the camera too",
+    }
 
 
 def margin_texts(margins) -> list[str]:

@@ -44,11 +44,14 @@ class Lens(NamedTuple):
     margin_px: float
 
     @classmethod
-    def of(cls, camera: Camera, min_length_mm: float = 0.0, margin_px: float = 0.0) -> Lens:
+    def of(
+        cls, camera: Camera, min_length_mm: float = 0.0, margin_px: float = 0.0, focus_margin_mm: float = 0.0
+    ) -> Lens:
         """Return the numbers of a camera and of what is asked of its image."""
         matrix, sides = camera.matrix, map(float, camera.resolution)
         scales = float(matrix[0, 0]), float(matrix[1, 1]), float(matrix[0, 2]), float(matrix[1, 2])
-        depths = map(float, camera.depth_of_field_mm)
+        nearest, farthest = map(float, camera.depth_of_field_mm)
+        depths = nearest + focus_margin_mm, farthest - focus_margin_mm
         return cls(camera.image_distance_mm, float(min_length_mm), *depths, *scales, *sides, float(margin_px))
 
 
