@@ -27,11 +27,13 @@ from planner.camera.camera import Camera
 from planner.camera.catalogue import camera_names
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.exit_codes import DONE, INCOMPLETE
+from planner.cli.folder_owner import asked_request, check_owner
 from planner.cli.signals import leave_signals_to_the_parent
 from planner.cli.wanted import read_request
 from planner.exceptions import OutputError
 from planner.files import check_file_place, output_folder
 from planner.inspection import plan_inspection
+from planner.inspection_options import InspectionOptions
 from planner.output import terminal_tables
 from planner.output.plan_folder import PLAN_FILES, left_out, rescue, write_outputs
 from planner.plan import read_plan
@@ -99,6 +101,9 @@ def plan(options) -> int:
         uncertainty = PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad)
         solid = _read_part(options)
         wanted = read_request(options, solid)
+        how = _limits(options, solid, camera)
+        asked = asked_request(options, solid.name, wanted.items, camera, uncertainty, how)
+        check_owner(folder, asked, force=options.force)
         found, written = _planned(options, solid, wanted, camera, uncertainty, folder)
     terminal_tables.print_plan(found)
     _print_unit(options)
@@ -113,13 +118,13 @@ def plan(options) -> int:
 
 def _planned(options, solid, wanted, camera: Camera, uncertainty: PoseUncertainty, folder: Path) -> tuple:
     """Plan and write; return the plan and the files. The state is deleted only after that."""
-    state, box = folder / STATE_FILE, _workspace(options)
+    state, how = folder / STATE_FILE, _limits(options, solid, camera)
     _prepare(state, options.resume)
     with terminal_progress() as progress, _executor(options.jobs) as executor:
         regions = compute_regions(
             solid,
             wanted.entities,
-            workspace=default_workspace(solid, camera) if box is None else box,
+            workspace=how.workspace,
             executor=executor,
             progress=labelled(progress, "visible regions"),
         )
@@ -131,11 +136,7 @@ def _planned(options, solid, wanted, camera: Camera, uncertainty: PoseUncertaint
             accuracy=options.accuracy,
             probability=options.probability,
             rng=options.seed,
-            stand_off_mm=options.stand_off,
-            min_length_px=options.min_length_px,
-            field_margin_px=options.field_margin_px,
-            focus_margin_mm=options.focus_margin_mm,
-            visibility_radius_mm=options.visibility_radius_mm,
+            **_limit_keywords(options),
             space=regions,
             localisation=wanted.localisation,
             state=state,
@@ -151,6 +152,25 @@ def _planned(options, solid, wanted, camera: Camera, uncertainty: PoseUncertaint
         # if it stays, it does no harm: it gives this plan again
         state.unlink(missing_ok=True)
     return found, written
+
+
+def _limit_keywords(options) -> dict:
+    """Return the limits as `plan_inspection` takes them."""
+    return {
+        "stand_off_mm": options.stand_off,
+        "min_length_px": options.min_length_px,
+        "field_margin_px": options.field_margin_px,
+        "focus_margin_mm": options.focus_margin_mm,
+        "visibility_radius_mm": options.visibility_radius_mm,
+    }
+
+
+def _limits(options, solid, camera: Camera) -> InspectionOptions:
+    """Return workspace and limits of a request."""
+    box = _workspace(options)
+    return InspectionOptions(
+        workspace=default_workspace(solid, camera) if box is None else box, **_limit_keywords(options)
+    )
 
 
 def _prepare(state: Path, resume: bool) -> None:

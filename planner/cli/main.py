@@ -175,6 +175,7 @@ def _add_plan(commands) -> None:
     plan.add_argument("--simulate", type=int, default=10_000, metavar="N", help="displaced poses per setting")
     plan.add_argument("--jobs", type=int, default=_cores(), metavar="N", help="processes to use (default: every core)")
     plan.add_argument("--resume", action="store_true", help="continue an interrupted plan from its state in DIR")
+    plan.add_argument("--force", action="store_true", help="replace a plan of another request in DIR")
     _add_workspace(plan)
 
 
