@@ -17,8 +17,8 @@ from aspectgraph import (
     compute_regions,
     graph_of,
     read_dimensions,
-    read_entities,
     read_solid,
+    select_entities,
     write_edge_picture,
     write_graphml,
 )
@@ -29,7 +29,7 @@ from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.exit_codes import DONE, INCOMPLETE
 from planner.cli.folder_owner import asked_request, check_owner
 from planner.cli.signals import leave_signals_to_the_parent
-from planner.cli.wanted import read_request
+from planner.cli.wanted import chosen_entities, read_request
 from planner.exceptions import OutputError
 from planner.files import check_file_place, output_folder
 from planner.inspection import plan_inspection
@@ -51,10 +51,14 @@ def info(options) -> int:
         check_file_place(options.picture)
     solid = _read_part(options)
     edges = solid.straight_edges(min_length_mm=options.min_length)
+    curves = (*solid.rims(), *solid.arcs())
+    if options.select is not None:
+        chosen = set(select_entities(solid, options.select))
+        edges = tuple(edge for edge in edges if edge.id in chosen)
+        curves = tuple(curve for curve in curves if curve.id in chosen)
     if options.picture:
-        curves = [curve.id for curve in (*solid.rims(), *solid.arcs())]
-        write_edge_picture(solid, options.picture, [edge.id for edge in edges], curves)
-    terminal_tables.print_part(solid, edges)
+        write_edge_picture(solid, options.picture, [edge.id for edge in edges], [curve.id for curve in curves])
+    terminal_tables.print_part(solid, edges, curves)
     _print_unit(options)
     if options.picture:
         print(options.picture)
@@ -65,7 +69,7 @@ def graph(options) -> int:
     """Build the entity-based aspect graph and write it."""
     check_file_place(options.graphml)
     solid = _read_part(options)
-    entities = read_entities(options.entities, solid)
+    entities = chosen_entities(options, solid)
     with terminal_progress() as progress:
         regions = compute_regions(
             solid, entities, workspace=_workspace(options), progress=labelled(progress, "visible regions")

@@ -25,6 +25,7 @@ examples:
   aspectgraph dimensions part.stp
   aspectgraph graph part.step --entities 12,15,31 --graphml graph.graphml
   aspectgraph plan part.step --entities edges.toml --camera basler-acA2440-20gm-25mm --out plan
+  aspectgraph plan part.step --select "length > 20 and face = top" --camera camera.toml --out plan
   aspectgraph simulate plan/plan.json
   aspectgraph cameras
 
@@ -130,6 +131,7 @@ def _add_info(commands) -> None:
     info.add_argument(
         "--picture", metavar="FILE", help="draw the edges with their ids: .png, or .html to turn it around"
     )
+    info.add_argument("--select", metavar="RULE", help="only edges, rims and arcs for which it holds; see plan --help")
     info.add_argument("--min-length", type=float, default=0.0, metavar="MM", help="leave out shorter edges")
 
 
@@ -233,7 +235,17 @@ def _numbers(text: str) -> list[int]:
 def _add_entities(parser):
     """Add the choice of entities; return the group, of which one is required."""
     which = parser.add_mutually_exclusive_group(required=True)
-    which.add_argument("--entities", metavar="FILE|IDS|all", help="TOML or JSON file, ids like 3,17,21, or all")
+    which.add_argument(
+        "--entities",
+        metavar="FILE|IDS|all",
+        help="TOML, JSON or CSV file, ids like 3,17-21,r2, end points like '(0,0,10)-(25,0,10)', or all",
+    )
+    which.add_argument(
+        "--select",
+        metavar="RULE",
+        help="by conditions joined by 'and': length > 20, turn < 100, convex, reentrant, kind = rim, direction = z, "
+        "face = top (bottom, left, right, front, back: of the part's box), near 10,20,30 < 5",
+    )
     which.add_argument("--all", dest="entities", action="store_const", const="all", help="all sharp straight edges")
     return which
 

@@ -10,6 +10,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from aspectgraph import Rim
 from planner.camera.camera import Camera
 from planner.output.wording import count, margin_texts, nouns, percent, simulation_sentence, verdict
 from planner.verify.simulate_setting import CONFIRMED
@@ -17,7 +18,7 @@ from planner.verify.simulate_setting import CONFIRMED
 _MOST_ROWS = 60
 
 
-def print_part(solid, edges) -> None:
+def print_part(solid, edges, curves) -> None:
     """Print what a part consists of, its straight edges, its rims and its arcs."""
     console = _console()
     size = np.ptp(solid.bounds, axis=0)
@@ -35,8 +36,8 @@ def print_part(solid, edges) -> None:
         length = f"{np.linalg.norm(end - start):.3f}"
         table.add_row(str(edge.id), _vector(start), _vector(end), length, f"{edge.dihedral_deg:+.1f}")
     console.print(table)
-    _print_curves(console, "rim", solid.rims())
-    _print_curves(console, "arc", solid.arcs())
+    for kind in ("rim", "arc"):
+        _print_curves(console, kind, [curve for curve in curves if isinstance(curve, Rim) == (kind == "rim")])
 
 
 def _print_curves(console: Console, kind: str, curves) -> None:

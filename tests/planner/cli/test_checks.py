@@ -77,3 +77,18 @@ def test_the_assumed_unit_is_told(capsys):
     assert note not in out
     # 60 x 60 x 40 of 25.4 mm
     assert "1524.00 x 1524.00 x 1016.00 mm" in out
+
+
+def test_a_rule_chooses_edges(tmp_path, capsys):
+    assert main(["info", BLOCK, "--select", "face = bottom"]) == DONE
+    # the four sides of the base, 60 mm long
+    assert "4 sharp straight edges" in capsys.readouterr().out
+    graph = str(tmp_path / "g.graphml")
+    assert main(["graph", BLOCK, "--select", "face = bottom and direction = x", "--graphml", graph]) == DONE
+    assert "of 2 entities" in capsys.readouterr().out
+    assert main(["graph", BLOCK, "--select", "length > 900", "--graphml", graph]) == BAD_INPUT
+    assert capsys.readouterr().err == (
+        "aspectgraph: select must hold for at least one edge. Got none for 'length > 900'.\n"
+    )
+    assert main(["graph", BLOCK, "--select", "convex", "--all", "--graphml", graph]) == BAD_INPUT
+    assert "not allowed with" in capsys.readouterr().err
