@@ -73,6 +73,9 @@ class InspectionPlan:
     on_grid : sequence of str
         Edges whose tolerance is under two pixels and whose probability was counted on the pixel grid, see
         `planner.request.pixel_grid`: the paper's density would refuse them, or accept them wrongly.
+    requirements : mapping of str to float
+        What every setting satisfies beside: least length of an image and strip kept free at the sensor's sides, px;
+        margin of focus, stand-off and radius of visibility, mm. Empty in plans of programs that did not store it.
     simulation : SimulationResult or None
         What drawing displaced poses gave, once `simulated` was called.
     """
@@ -92,6 +95,7 @@ class InspectionPlan:
     simulation: SimulationResult | None = None
     dimensions: Mapping[str, PlannedDimension] = field(default_factory=dict)
     on_grid: tuple[str, ...] = ()
+    requirements: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         entities = {name: _read_only(points, (2, 3)) for name, points in self.entities.items()}
@@ -100,6 +104,7 @@ class InspectionPlan:
         object.__setattr__(self, "uninspectable", dict(self.uninspectable))
         object.__setattr__(self, "dimensions", dict(self.dimensions))
         object.__setattr__(self, "on_grid", tuple(self.on_grid))
+        object.__setattr__(self, "requirements", dict(self.requirements))
         object.__setattr__(self, "workspace", _read_only(self.workspace, (2, 3)))
         self._check_names()
 
@@ -201,6 +206,7 @@ class InspectionPlan:
             "bound_proof": self.bound_proof,
             "minimal": self.minimal,
             "workspace": self.workspace.tolist(),
+            **({"requirements": dict(self.requirements)} if self.requirements else {}),
             "camera": self.camera.to_dict(),
             "pose_uncertainty": self.pose_uncertainty.to_dict(),
             "entities": {name: points.tolist() for name, points in self.entities.items()},
@@ -319,6 +325,7 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
         simulation=_simulation_from(data.get("simulation")),
         dimensions=_dimensions_from(data.get("dimensions", {})),
         on_grid=tuple(data.get("on_grid", ())),
+        requirements=data.get("requirements", {}),
         **{name: data[name] for name in _PLAIN_FIELDS},
     )
     if found.dimensions:

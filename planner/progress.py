@@ -45,10 +45,11 @@ def terminal_progress(stream: TextIO | None = None) -> Iterator[Progress]:
 @contextmanager
 def _bars(stream: TextIO | None) -> Iterator[Progress]:
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as RichProgress
 
-    columns = (TextColumn("{task.description:<34}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    times = (TimeElapsedColumn(), TextColumn("left:"), TimeRemainingColumn())
+    columns = (TextColumn("{task.description:<34}"), BarColumn(), MofNCompleteColumn(), *times)
     with RichProgress(*columns, console=Console(file=stream)) as bars:
         tasks: dict[str, TaskID] = {}
 

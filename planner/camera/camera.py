@@ -33,6 +33,8 @@ except ModuleNotFoundError:  # Python 3.10
 
 # numbers outside are slips of the pen, and what is derived from them is not finite
 _SMALLEST, _LARGEST = 1e-9, 1e9
+# some ten times the coarsest pixels of cameras: more is a pitch in um
+_LARGEST_PITCH_MM = 0.5
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,10 @@ class Camera:
         for field in ("focal_length_mm", "f_number", "focus_distance_mm"):
             object.__setattr__(self, field, _check_positive(field, getattr(self, field)))
         pitch = tuple(_check_positive("pixel_pitch_mm", p) for p in _check_pair("pixel_pitch_mm", self.pixel_pitch_mm))
+        if max(pitch) > _LARGEST_PITCH_MM:
+            raise CameraError(
+                f"pixel_pitch_mm must be at most {_LARGEST_PITCH_MM:g} mm; 3.45 um are 0.00345. Got {max(pitch):g}."
+            )
         object.__setattr__(self, "pixel_pitch_mm", pitch)
         counts = tuple(_check_count("resolution", n) for n in _check_pair("resolution", self.resolution))
         object.__setattr__(self, "resolution", counts)

@@ -20,19 +20,23 @@ from aspectgraph import (
     compute_regions,
     graph_of,
     read_dimensions,
-    read_entities,
     read_solid,
+    select_entities,
     write_edge_picture,
     write_graphml,
 )
+from aspectgraph.read.part_file import MESH_SUFFIXES
 from planner.camera.camera import Camera
+from planner.camera.catalogue import camera_names
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.exit_codes import DONE, INCOMPLETE
+from planner.cli.folder_owner import asked_request, check_owner
 from planner.cli.signals import leave_signals_to_the_parent
-from planner.cli.wanted import read_request
-from planner.exceptions import OutputError, RequestError
+from planner.cli.wanted import chosen_entities, read_request
+from planner.exceptions import OutputError
 from planner.files import check_file_place, output_folder
 from planner.inspection import plan_inspection
+from planner.inspection_options import InspectionOptions
 from planner.output import terminal_tables
 from planner.output.plan_folder import PLAN_FILES, left_out, rescue, write_outputs
 from planner.plan import read_plan
@@ -53,10 +57,15 @@ def info(options: argparse.Namespace) -> int:
         check_file_place(options.picture)
     solid = _read_part(options)
     edges = solid.straight_edges(min_length_mm=options.min_length)
+    curves = (*solid.rims(), *solid.arcs())
+    if options.select is not None:
+        chosen = set(select_entities(solid, options.select))
+        edges = tuple(edge for edge in edges if edge.id in chosen)
+        curves = tuple(curve for curve in curves if curve.id in chosen)
     if options.picture:
-        curves = [curve.id for curve in (*solid.rims(), *solid.arcs())]
-        write_edge_picture(solid, options.picture, [edge.id for edge in edges], curves)
-    terminal_tables.print_part(solid, edges)
+        write_edge_picture(solid, options.picture, [edge.id for edge in edges], [curve.id for curve in curves])
+    terminal_tables.print_part(solid, edges, curves)
+    _print_unit(options)
     if options.picture:
         print(options.picture)
     return DONE
@@ -66,7 +75,7 @@ def graph(options: argparse.Namespace) -> int:
     """Build the entity-based aspect graph and write it."""
     check_file_place(options.graphml)
     solid = _read_part(options)
-    entities = read_entities(options.entities, solid)
+    entities = chosen_entities(options, solid)
     with terminal_progress() as progress:
         regions = compute_regions(
             solid, entities, workspace=_workspace(options), progress=labelled(progress, "visible regions")
@@ -74,6 +83,7 @@ def graph(options: argparse.Namespace) -> int:
         result = graph_of(regions)
     write_graphml(result, options.graphml)
     terminal_tables.print_graph(result)
+    _print_unit(options)
     print(options.graphml)
     return DONE
 
@@ -96,16 +106,17 @@ def plan(options: argparse.Namespace) -> int:
     """Plan an inspection and write everything about it."""
     check_fraction("accuracy", options.accuracy)
     check_fraction("probability", options.probability)
-    for name, least in (("seed", 0), ("simulate", 1), ("jobs", 1)):
-        if getattr(options, name) < least:
-            raise RequestError(f"--{name} must be at least {least}. Got {getattr(options, name)}.")
     with output_folder(options.out, (*PLAN_FILES, STATE_FILE), "--out") as folder, _resumable(folder / STATE_FILE):
         camera = read_camera(options.camera)
         uncertainty = PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad)
         solid = _read_part(options)
         wanted = read_request(options, solid)
+        how = _limits(options, solid, camera)
+        asked = asked_request(options, solid.name, wanted.items, camera, uncertainty, how)
+        check_owner(folder, asked, force=options.force)
         found, written = _planned(options, solid, wanted, camera, uncertainty, folder)
     terminal_tables.print_plan(found)
+    _print_unit(options)
     for name, reason in wanted.left_out.items():
         print(f"{name} is not planned: {reason}")
     for note in left_out(len(wanted.entities)):
@@ -119,13 +130,13 @@ def _planned(
     options: argparse.Namespace, solid: Solid, wanted: Any, camera: Camera, uncertainty: PoseUncertainty, folder: Path
 ) -> tuple[Any, ...]:
     """Plan and write; return the plan and the files. The state is deleted only after that."""
-    state, box = folder / STATE_FILE, _workspace(options)
+    state, how = folder / STATE_FILE, _limits(options, solid, camera)
     _prepare(state, options.resume)
     with terminal_progress() as progress, _executor(options.jobs) as executor:
         regions = compute_regions(
             solid,
             wanted.entities,
-            workspace=default_workspace(solid, camera) if box is None else box,
+            workspace=how.workspace,
             executor=executor,
             progress=labelled(progress, "visible regions"),
         )
@@ -137,7 +148,7 @@ def _planned(
             accuracy=options.accuracy,
             probability=options.probability,
             rng=options.seed,
-            stand_off_mm=options.stand_off,
+            **_limit_keywords(options),
             space=regions,
             localisation=wanted.localisation,
             state=state,
@@ -153,6 +164,25 @@ def _planned(
         # if it stays, it does no harm: it gives this plan again
         state.unlink(missing_ok=True)
     return found, written
+
+
+def _limit_keywords(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the limits as `plan_inspection` takes them."""
+    return {
+        "stand_off_mm": options.stand_off,
+        "min_length_px": options.min_length_px,
+        "field_margin_px": options.field_margin_px,
+        "focus_margin_mm": options.focus_margin_mm,
+        "visibility_radius_mm": options.visibility_radius_mm,
+    }
+
+
+def _limits(options: argparse.Namespace, solid: Solid, camera: Camera) -> InspectionOptions:
+    """Return workspace and limits of a request."""
+    box = _workspace(options)
+    return InspectionOptions(
+        workspace=default_workspace(solid, camera) if box is None else box, **_limit_keywords(options)
+    )
 
 
 def _prepare(state: Path, resume: bool) -> None:
@@ -183,13 +213,21 @@ def _resumable(state: Path) -> Iterator[None]:
 
 def simulate(options: argparse.Namespace) -> int:
     """Check a plan by simulation."""
-    if options.poses < 1 or options.seed < 0:
-        raise RequestError(f"--poses must be at least 1 and --seed at least 0. Got {options.poses} and {options.seed}.")
     found = read_plan(options.plan)
     with terminal_progress() as progress:
         result = simulate_plan(found, options.poses, rng=options.seed, progress=progress)
     terminal_tables.print_simulation(found, result)
     return DONE if found.complete and result.confirmed else INCOMPLETE
+
+
+def cameras(options: argparse.Namespace) -> int:
+    """List the catalogue."""
+    found = [Camera.named(name) for name in camera_names()]
+    if options.json:
+        print(json.dumps([one.to_dict() for one in found], indent=1))
+    else:
+        terminal_tables.print_cameras(found)
+    return DONE
 
 
 def read_camera(text: str) -> Camera:
@@ -206,6 +244,13 @@ def _read_part(options: argparse.Namespace) -> Solid:
         if str(options.part) in str(error):
             raise
         raise type(error)(f"{options.part}: {error}") from None
+
+
+def _print_unit(options: argparse.Namespace) -> None:
+    """Say which unit was assumed for a file that has none."""
+    mesh = [suffix for suffix in Path(options.part).suffixes if suffix.lower() in MESH_SUFFIXES]
+    if options.units is None and mesh and mesh[-1].lower() != ".glb":
+        print(f"note: {mesh[-1][1:].upper()} files state no unit: mm is assumed; --units says otherwise")
 
 
 def _workspace(options: argparse.Namespace) -> np.ndarray | None:

@@ -22,6 +22,7 @@ from planner.output.wording import (
     margin_texts,
     nouns,
     percent,
+    requirement_rows,
     simulation_sentence,
 )
 from planner.progress import report
@@ -264,6 +265,7 @@ def _request(plan: InspectionPlan) -> str:
         "Field of view": f"{field[0]:.0f} x {field[1]:.0f} mm in the plane of focus",
         "Camera pose, std. deviations": f"{_list(sigmas[:3])} mm along x, y, z; {_list(sigmas[3:])} rad about x, y, z",
         "Workspace": f"({_list(plan.workspace[0], '.1f')}) to ({_list(plan.workspace[1], '.1f')}) mm",
+        **requirement_rows(plan.requirements),
         "Seed": str(plan.seed),
     }
     return "<dl>" + "".join(f"<dt>{escape(k)}</dt><dd>{escape(v)}</dd>" for k, v in rows.items()) + "</dl>"

@@ -11,6 +11,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from aspectgraph import Rim
+from planner.camera.camera import Camera
 from planner.output.wording import count, grid_sentence, margin_texts, nouns, percent, simulation_sentence, verdict
 from planner.verify.simulate_setting import CONFIRMED
 
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 _MOST_ROWS = 60
 
 
-def print_part(solid: Solid, edges: Sequence[Edge]) -> None:
+def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> None:
     """Print what a part consists of, its straight edges, its rims and its arcs."""
     console = _console()
     size = np.ptp(solid.bounds, axis=0)
@@ -43,8 +45,8 @@ def print_part(solid: Solid, edges: Sequence[Edge]) -> None:
         length = f"{np.linalg.norm(end - start):.3f}"
         table.add_row(str(edge.id), _vector(start), _vector(end), length, f"{edge.dihedral_deg:+.1f}")
     console.print(table)
-    _print_curves(console, "rim", solid.rims())
-    _print_curves(console, "arc", solid.arcs())
+    for kind in ("rim", "arc"):
+        _print_curves(console, kind, [curve for curve in curves if isinstance(curve, Rim) == (kind == "rim")])
 
 
 def _print_curves(console: Console, kind: str, curves: Sequence[Any]) -> None:
@@ -106,6 +108,37 @@ def print_dimensions(dimensions: Sequence[Any]) -> None:
     for one in dimensions:
         if one.note:
             console.print(f"note: {one.name}: {one.note}")
+
+
+def print_cameras(cameras: Sequence[Camera]) -> None:
+    """Print cameras: sensor, lens as it is set, and what is sharp."""
+    console = _console()
+    table = _table(
+        ("name", "left"),
+        ("pixels", "right"),
+        ("pitch (um)", "right"),
+        ("f (mm)", "right"),
+        ("f-number", "right"),
+        ("focus (mm)", "right"),
+        ("sharp (mm)", "right"),
+        ("field at focus (mm)", "right"),
+    )
+    for one in cameras:
+        nearest, farthest = one.depth_of_field_mm
+        # similar triangles: the sensor's size by how many times farther the object is than the image
+        field = [side * one.focus_distance_mm / one.image_distance_mm for side in one.sensor_size_mm]
+        table.add_row(
+            one.name,
+            f"{one.resolution[0]} x {one.resolution[1]}",
+            " x ".join(dict.fromkeys(f"{1000 * pitch:g}" for pitch in one.pixel_pitch_mm)),
+            f"{one.focal_length_mm:g}",
+            f"{one.f_number:g}",
+            f"{one.focus_distance_mm:g}",
+            f"{nearest:.1f} .. {farthest:.1f}",
+            " x ".join(f"{side:.0f}" for side in field),
+        )
+    console.print(table)
+    console.print(f"{count(len(cameras), 'camera')}; distances are from the front nodal point")
 
 
 def print_plan(plan: InspectionPlan) -> None:

@@ -121,6 +121,20 @@ def verdict(plan: InspectionPlan) -> str:
     return " ".join(sentences)
 
 
+def requirement_rows(need: Mapping[str, float]) -> dict[str, str]:
+    """Say what every setting satisfies; nothing of a plan that does not know."""
+    if not need:
+        return {}
+    return {
+        "Stand-off": f"at least {need['stand_off_mm']:g} mm from the part",
+        "Image of an edge": f"at least {need['min_length_px']:g} px long",
+        "Reserve of the field of view": f"{need['field_margin_px']:.4g} px along the sensor's sides, in which nothing "
+        "that is measured may lie",
+        "Reserve of focus": f"{need['focus_margin_mm']:.4g} mm at both ends of the depth of field",
+        "Reserve of visibility": f"visible from {need['visibility_radius_mm']:.4g} mm around the camera too",
+    }
+
+
 def margin_texts(margins: Mapping[str, float]) -> list[str]:
     """Return one text per constraint: name, margin and unit; yes-or-no constraints without a number."""
     texts = []

@@ -34,6 +34,8 @@ _AND_HERE = np.vstack([np.zeros(3), AROUND])
 _FEW = 40
 # Open3D's distances are good to 1e-7 of the part's size; only what is surely farther is not asked for
 _SURELY = 1.001
+# fields of `Requirements`
+_NUMBERS = ("min_length_px", "field_margin_px", "focus_margin_mm", "stand_off_mm", "visibility_radius_mm")
 
 
 def visibility_slacks(space: Space, positions: np.ndarray, names: Sequence[str], radius_mm: float = 0.0) -> np.ndarray:
@@ -116,6 +118,8 @@ class Requirements:
         Where the front nodal point may be, see `planner.request.reach`.
     visibility_radius_mm : float
         Distance around the front nodal point from which the entities must be observable too.
+    focus_margin_mm : float
+        What both limits of the depth of field are narrowed by, so that a displaced camera is still in focus.
 
     Raises
     ------
@@ -129,15 +133,26 @@ class Requirements:
     stand_off_mm: float = 50.0
     reach: Reach | None = field(default=None, repr=False)
     visibility_radius_mm: float = 0.0
+    focus_margin_mm: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("min_length_px", "field_margin_px", "stand_off_mm", "visibility_radius_mm"):
+        for name in _NUMBERS:
             value = getattr(self, name)
             if not (isinstance(value, int | float | np.number) and math.isfinite(value) and value >= 0):
                 raise RequestError(f"{name} must be finite and not negative. Got {value!r}.")
         if self.field_of_view not in ("exact", "cone"):
             raise RequestError(f"field_of_view must be 'exact' or 'cone'. Got {self.field_of_view!r}.")
         check_reach(self.reach)
+
+    def to_dict(self) -> dict[str, float]:
+        """Return the numbers as plain values, without the reach.
+
+        Returns
+        -------
+        dict of str to float
+            By field.
+        """
+        return {name: float(getattr(self, name)) for name in _NUMBERS}
 
 
 class Constraints:
@@ -185,7 +200,7 @@ class Constraints:
         self._first = np.cumsum([0, *sizes[:-1]])
         self.sphere_centre, self.sphere_radius = enclosing_sphere(self.segments.reshape(-1, 3))
         self.min_length_mm = requirements.min_length_px * max(camera.pixel_pitch_mm)
-        self._lens = Lens.of(camera, self.min_length_mm, requirements.field_margin_px)
+        self._lens = Lens.of(camera, self.min_length_mm, requirements.field_margin_px, requirements.focus_margin_mm)
         self._exact_field = requirements.field_of_view == "exact"
         self._workspace = np.array(space.workspace, dtype=np.float64)
         self._box = np.array([np.min(space.solid.vertices, axis=0), np.max(space.solid.vertices, axis=0)])

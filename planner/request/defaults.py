@@ -69,6 +69,37 @@ def corner_margin_px(camera: Camera, pose_uncertainty: PoseUncertainty, sigmas: 
     return min(sigmas * widest, min(camera.resolution) / 4)
 
 
+def check_focus_margin(margin_mm: float, camera: Camera) -> float:
+    """Return a margin that leaves something of the depth of field, or raise `RequestError`.
+
+    Parameters
+    ----------
+    margin_mm : float
+        Taken from both ends of the depth of field, mm.
+    camera : Camera
+        Gives the depth of field.
+
+    Returns
+    -------
+    float
+        The margin.
+
+    Raises
+    ------
+    RequestError
+        If it is negative, not finite, or at least half the depth of field.
+    """
+    nearest, farthest = camera.depth_of_field_mm
+    if isinstance(margin_mm, bool) or not isinstance(margin_mm, int | float | np.number) or not margin_mm >= 0:
+        raise RequestError(f"focus_margin_mm must be finite and not negative. Got {margin_mm!r}.")
+    if not (math.isfinite(margin_mm) and 2 * margin_mm < farthest - nearest):
+        raise RequestError(
+            f"focus_margin_mm must be less than half the depth of field, {farthest - nearest:.4g} mm. "
+            f"Got {margin_mm:g}."
+        )
+    return float(margin_mm)
+
+
 def check_fraction(name: str, value: object) -> float:
     """Return a number in (0, 1) or raise `RequestError`."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0 < value < 1:

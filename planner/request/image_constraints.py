@@ -44,14 +44,16 @@ class Lens(NamedTuple):
     margin_px: float
 
     @classmethod
-    def of(cls, camera: Camera, min_length_mm: float = 0.0, margin_px: float = 0.0) -> Lens:
+    def of(
+        cls, camera: Camera, min_length_mm: float = 0.0, margin_px: float = 0.0, focus_margin_mm: float = 0.0
+    ) -> Lens:
         """Return the numbers of a camera and of what is asked of its image."""
         matrix, (width, height) = camera.matrix, camera.resolution
         scales = float(matrix[0, 0]), float(matrix[1, 1]), float(matrix[0, 2]), float(matrix[1, 2])
-        near, far = camera.depth_of_field_mm
+        near, far = map(float, camera.depth_of_field_mm)
+        depths = near + focus_margin_mm, far - focus_margin_mm
         sides = float(width), float(height)
-        least = float(min_length_mm)
-        return cls(camera.image_distance_mm, least, float(near), float(far), *scales, *sides, float(margin_px))
+        return cls(camera.image_distance_mm, float(min_length_mm), *depths, *scales, *sides, float(margin_px))
 
 
 def image_slacks(lens: Lens, ends_cam: np.ndarray) -> np.ndarray:

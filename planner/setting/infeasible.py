@@ -73,10 +73,11 @@ def check_resolvable(constraints: Constraints) -> None:
     longest = float(longest_image_mm(camera, lengths)[worst])
     margin = longest - constraints.min_length_mm
     if margin < 0:
+        pixel = max(camera.pixel_pitch_mm)
         raise InfeasibleError(
             f"resolution_mm cannot be met for entity {name!r}: {lengths[worst]:.6g} mm long, its "
-            f"image is at most {longest:.4g} mm where the lens focuses (nearest {nearest:.4g} mm), "
-            f"and must be at least {constraints.min_length_mm:.4g} mm.",
+            f"image is at most {longest / pixel:.4g} px where the lens focuses (nearest {nearest:.4g} mm), "
+            f"and must be at least {constraints.requirements.min_length_px:.4g} px.",
             constraint="resolution_mm",
             entity=name,
             margin=margin,

@@ -74,6 +74,9 @@ def plan_setting(
     visibility_radius_mm : float, optional
         Distance around the pose from which the entities must be observable too. Default: three standard deviations of
         the position, so that no entity is hidden from a displaced camera.
+    focus_margin_mm : float
+        What both limits of the depth of field are narrowed by, so that a displaced camera is in focus still; four
+        standard deviations of its position make blurred images rare. Default: nothing.
     reach : Region or callable, optional
         Where the front nodal point may be: a `BoxRegion`, `SphereRegion`, `MeshRegion` or anything else with a method
         ``margin``, or ``callable(positions) -> bool`` of shape (n,). Default: anywhere.

@@ -174,7 +174,7 @@ def test_a_plan_that_cannot_be_written_is_kept_and_resumed_without_planning(fold
 
     with monkeypatch.context() as patch:
         patch.setattr("planner.output.plan_folder.write_poses", full)
-        lines = failure(capsys, [*plan, "--seed", "1"])
+        lines = failure(capsys, [*plan, "--seed", "1", "--force"])
     state = folder / "out" / commands.STATE_FILE
     assert lines[-1].endswith(
         f"--out must be a folder that can be written. Got {folder / 'out'}: No space left on device. "
@@ -184,7 +184,7 @@ def test_a_plan_that_cannot_be_written_is_kept_and_resumed_without_planning(fold
     with monkeypatch.context() as patch:
         patch.setattr("planner.steps.find_columns.judged_poses", full)
         patch.setattr("planner.steps.run.realise", full)
-        assert main([*plan, "--seed", "1", "--resume"]) == DONE
+        assert main([*plan, "--seed", "1", "--resume", "--force"]) == DONE
     assert read_plan(folder / "out" / "plan.json").seed == 1
     assert not state.exists()
 
@@ -231,7 +231,7 @@ def test_an_older_graph_does_not_stay_beside_a_new_plan(folder, quick, monkeypat
     assert main([*PLAN, "--simulate", "100"]) == DONE
     (folder / "out" / "photo.png").write_text("mine")
     monkeypatch.setattr("planner.output.plan_folder._MOST_GRAPH_ENTITIES", 3)
-    assert main([*PLAN, "--simulate", "100", "--seed", "1"]) == DONE
+    assert main([*PLAN, "--simulate", "100", "--seed", "1", "--force"]) == DONE
     names = os.listdir(folder / "out")
     assert "graph.graphml" not in names
     assert {"plan.json", "report.html", "photo.png"} < set(names)
