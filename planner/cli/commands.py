@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import warnings
 from concurrent.futures import ProcessPoolExecutor
@@ -35,6 +34,7 @@ from planner.files import check_file_place, output_folder
 from planner.inspection import plan_inspection
 from planner.inspection_options import InspectionOptions
 from planner.output import terminal_tables
+from planner.output.json_records import graph_record, part_record, plan_record, print_json
 from planner.output.plan_folder import PLAN_FILES, left_out, rescue, write_outputs
 from planner.plan import read_plan
 from planner.progress import labelled, terminal_progress
@@ -58,6 +58,9 @@ def info(options) -> int:
         curves = tuple(curve for curve in curves if curve.id in chosen)
     if options.picture:
         write_edge_picture(solid, options.picture, [edge.id for edge in edges], [curve.id for curve in curves])
+    if options.json:
+        print_json(part_record(solid, edges, curves))
+        return DONE
     terminal_tables.print_part(solid, edges, curves)
     _print_unit(options)
     if options.picture:
@@ -70,12 +73,15 @@ def graph(options) -> int:
     check_file_place(options.graphml)
     solid = _read_part(options)
     entities = chosen_entities(options, solid)
-    with terminal_progress() as progress:
+    with terminal_progress(quiet=options.quiet) as progress:
         regions = compute_regions(
             solid, entities, workspace=_workspace(options), progress=labelled(progress, "visible regions")
         )
         result = graph_of(regions)
     write_graphml(result, options.graphml)
+    if options.json:
+        print_json(graph_record(result, options.graphml))
+        return DONE
     terminal_tables.print_graph(result)
     _print_unit(options)
     print(options.graphml)
@@ -90,7 +96,7 @@ def dimensions(options) -> int:
             f"the part must be a STEP file with semantic dimensions (AP242). Got {options.part}, which states none."
         )
     if options.json:
-        print(json.dumps([one.to_dict() for one in found], indent=1))
+        print_json([one.to_dict() for one in found])
     else:
         terminal_tables.print_dimensions(found)
     return DONE
@@ -109,14 +115,15 @@ def plan(options) -> int:
         asked = asked_request(options, solid.name, wanted.items, camera, uncertainty, how)
         check_owner(folder, asked, force=options.force)
         found, written = _planned(options, solid, wanted, camera, uncertainty, folder)
-    terminal_tables.print_plan(found)
-    _print_unit(options)
-    for name, reason in wanted.left_out.items():
-        print(f"{name} is not planned: {reason}")
-    for note in left_out(len(wanted.entities)):
-        print(note)
-    for path in written:
-        print(os.path.relpath(path) if path.is_relative_to(Path.cwd()) else path)
+    files = [os.path.relpath(path) if path.is_relative_to(Path.cwd()) else str(path) for path in written]
+    if options.json:
+        print_json(plan_record(found, files, wanted.left_out))
+    else:
+        terminal_tables.print_plan(found)
+        _print_unit(options)
+        for name, reason in wanted.left_out.items():
+            print(f"{name} is not planned: {reason}")
+        print("\n".join([*left_out(len(wanted.entities)), *files]))
     return DONE if found.complete and found.simulation.confirmed else INCOMPLETE
 
 
@@ -124,7 +131,7 @@ def _planned(options, solid, wanted, camera: Camera, uncertainty: PoseUncertaint
     """Plan and write; return the plan and the files. The state is deleted only after that."""
     state, how = folder / STATE_FILE, _limits(options, solid, camera)
     _prepare(state, options.resume)
-    with terminal_progress() as progress, _executor(options.jobs) as executor:
+    with terminal_progress(quiet=options.quiet) as progress, _executor(options.jobs) as executor:
         regions = compute_regions(
             solid,
             wanted.entities,
@@ -206,9 +213,12 @@ def _resumable(state: Path):
 def simulate(options) -> int:
     """Check a plan by simulation."""
     found = read_plan(options.plan)
-    with terminal_progress() as progress:
+    with terminal_progress(quiet=options.quiet) as progress:
         result = simulate_plan(found, options.poses, rng=options.seed, progress=progress)
-    terminal_tables.print_simulation(found, result)
+    if options.json:
+        print_json(result.to_dict())
+    else:
+        terminal_tables.print_simulation(found, result)
     return DONE if found.complete and result.confirmed else INCOMPLETE
 
 
@@ -216,7 +226,7 @@ def cameras(options) -> int:
     """List the catalogue."""
     found = [Camera.named(name) for name in camera_names()]
     if options.json:
-        print(json.dumps([one.to_dict() for one in found], indent=1))
+        print_json([one.to_dict() for one in found])
     else:
         terminal_tables.print_cameras(found)
     return DONE

@@ -38,9 +38,6 @@ exit codes: 0 done, 1 plan incomplete, 2 bad input
 (1 also if the simulation contradicts the plan, or the work was interrupted)"""
 
 
-_AS_JSON = "as a list of records, for other programs"
-
-
 class _UsageError(Exception):
     """A command line that does not parse."""
 
@@ -122,7 +119,10 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def _command(commands, name: str, what: str):
-    return commands.add_parser(name, help=what, description=what, formatter_class=_Help, allow_abbrev=False)
+    parser = commands.add_parser(name, help=what, description=what, formatter_class=_Help, allow_abbrev=False)
+    parser.add_argument("--json", action="store_true", help="print records for other programs instead of tables")
+    parser.add_argument("--quiet", "-q", action="store_true", help="show no progress")
+    return parser
 
 
 def _add_info(commands) -> None:
@@ -146,7 +146,6 @@ def _add_graph(commands) -> None:
 def _add_dimensions(commands) -> None:
     dimensions = _command(commands, "dimensions", "dimensions an AP242 file states, and how to measure them")
     _add_part(dimensions)
-    dimensions.add_argument("--json", action="store_true", help=_AS_JSON)
 
 
 def _add_plan(commands) -> None:
@@ -213,8 +212,7 @@ def _add_simulate(commands) -> None:
 
 
 def _add_cameras(commands) -> None:
-    cameras = _command(commands, "cameras", "the cameras and lenses --camera knows by name")
-    cameras.add_argument("--json", action="store_true", help=_AS_JSON)
+    _command(commands, "cameras", "the cameras and lenses --camera knows by name")
 
 
 def _add_part(parser) -> None:
