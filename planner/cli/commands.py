@@ -72,11 +72,12 @@ def graph(options) -> int:
     """Build the entity-based aspect graph and write it."""
     check_file_place(options.graphml)
     solid = _read_part(options)
-    entities = chosen_entities(options, solid)
+    entities, box = chosen_entities(options, solid), _workspace(options)
+    if box is None and options.camera is not None:
+        box = default_workspace(solid, read_camera(options.camera))
     with terminal_progress(quiet=options.quiet) as progress:
-        regions = compute_regions(
-            solid, entities, workspace=_workspace(options), progress=labelled(progress, "visible regions")
-        )
+        shown = labelled(progress, "visible regions")
+        regions = compute_regions(solid, entities, workspace=box, progress=shown)
         result = graph_of(regions)
     write_graphml(result, options.graphml)
     if options.json:
@@ -123,7 +124,7 @@ def plan(options) -> int:
         _print_unit(options)
         for name, reason in wanted.left_out.items():
             print(f"{name} is not planned: {reason}")
-        print("\n".join([*left_out(len(wanted.entities)), *files]))
+        print("\n".join([*left_out(len(wanted.entities), options.graph_limit), *files]))
     return DONE if found.complete and found.simulation.confirmed else INCOMPLETE
 
 
@@ -156,7 +157,7 @@ def _planned(options, solid, wanted, camera: Camera, uncertainty: PoseUncertaint
         )
         found = found.simulated(options.simulate, rng=options.seed, progress=progress)
         try:
-            written = write_outputs(found, regions, folder, progress)
+            written = write_outputs(found, regions, folder, progress, graph_limit=options.graph_limit)
         except OutputError as error:
             raise OutputError(f"{error} {rescue(found, state)}") from None
     with suppress(OSError):

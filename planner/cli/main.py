@@ -140,6 +140,11 @@ def _add_graph(commands) -> None:
     _add_part(graph)
     _add_entities(graph)
     graph.add_argument("--graphml", metavar="FILE", required=True, help="GraphML for Gephi, yEd, Cytoscape, igraph")
+    graph.add_argument(
+        "--camera",
+        metavar="NAME|FILE",
+        help="take the workspace 'plan' takes for this camera (default: ten diagonals of room around the part)",
+    )
     _add_workspace(graph)
 
 
@@ -176,6 +181,13 @@ def _add_plan(commands) -> None:
     plan.add_argument("--simulate", type=int, default=10_000, metavar="N", help="displaced poses per setting")
     plan.add_argument("--jobs", type=int, default=_cores(), metavar="N", help="processes to use (default: every core)")
     plan.add_argument("--resume", action="store_true", help="continue an interrupted plan from its state in DIR")
+    plan.add_argument(
+        "--graph-limit",
+        type=int,
+        default=24,
+        metavar="N",
+        help="write graph.graphml, the joint graph, for up to so many entities",
+    )
     plan.add_argument("--force", action="store_true", help="replace a plan of another request in DIR")
     _add_workspace(plan)
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import networkx as nx
 import pytest
 from plan_examples import plan
 
+from planner import Camera
 from planner.cli import commands
 from planner.cli.exit_codes import DONE, INCOMPLETE
 from planner.cli.main import main
@@ -78,3 +80,19 @@ def test_a_simulation(record, tmp_path):
     plan().write(tmp_path / "plan.json")
     _, found = record("simulate", str(tmp_path / "plan.json"), "--poses", "50")
     assert SimulationResult.from_dict(found).n == 50
+
+
+def test_graph_and_plan_have_one_workspace_if_the_camera_is_told(record, tmp_path, capsys):
+    name, path = "basler-acA2440-20gm-8mm", str(tmp_path / "g.graphml")
+    _, found = record("graph", BLOCK, "--entities", "0", "--graphml", path, "--camera", name)
+    # as far as the lens focuses in the image's corners: the depth of field's far limit, along the corner's ray
+    camera = Camera.named(name)
+    half_diagonal = math.hypot(*camera.sensor_size_mm) / 2
+    room = camera.depth_of_field_mm[1] * math.hypot(1, half_diagonal / camera.image_distance_mm)
+    expected = [[-room, -room, -room], [60 + room, 60 + room, 40 + room]]
+    assert found["workspace"] == [pytest.approx(corner) for corner in expected]
+    own = ["--workspace", "-100", "-100", "-100", "200", "200", "200"]
+    _, found = record("graph", BLOCK, "--entities", "0", "--graphml", path, "--camera", name, *own)
+    assert found["workspace"] == [[-100.0] * 3, [200.0] * 3]
+    assert main(["graph", BLOCK, "--entities", "0", "--graphml", path, *own]) == DONE
+    assert "workspace: -100.00 -100.00 -100.00 to 200.00 200.00 200.00 mm" in capsys.readouterr().out
