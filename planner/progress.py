@@ -26,14 +26,19 @@ def labelled(progress: Progress | None, label: str) -> Progress | None:
 
 
 @contextmanager
-def terminal_progress(stream: TextIO | None = None) -> Iterator[Progress]:
+def terminal_progress(stream: TextIO | None = None, *, quiet: bool = False) -> Iterator[Progress | None]:
     """Show progress: a live bar per label on a terminal, otherwise one line per finished label.
 
     Parameters
     ----------
     stream : text file, optional
         Default: standard error, so that results on standard output can be piped.
+    quiet : bool
+        Show nothing.
     """
+    if quiet:
+        yield None
+        return
     stream = sys.stderr if stream is None else stream
     if stream.isatty():
         with _bars(stream) as progress:

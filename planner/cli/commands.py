@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import warnings
 from collections.abc import Iterator
@@ -38,6 +37,7 @@ from planner.files import check_file_place, output_folder
 from planner.inspection import plan_inspection
 from planner.inspection_options import InspectionOptions
 from planner.output import terminal_tables
+from planner.output.json_records import graph_record, part_record, plan_record, print_json
 from planner.output.plan_folder import PLAN_FILES, left_out, rescue, write_outputs
 from planner.plan import read_plan
 from planner.progress import labelled, terminal_progress
@@ -64,6 +64,9 @@ def info(options: argparse.Namespace) -> int:
         curves = tuple(curve for curve in curves if curve.id in chosen)
     if options.picture:
         write_edge_picture(solid, options.picture, [edge.id for edge in edges], [curve.id for curve in curves])
+    if options.json:
+        print_json(part_record(solid, edges, curves))
+        return DONE
     terminal_tables.print_part(solid, edges, curves)
     _print_unit(options)
     if options.picture:
@@ -75,13 +78,17 @@ def graph(options: argparse.Namespace) -> int:
     """Build the entity-based aspect graph and write it."""
     check_file_place(options.graphml)
     solid = _read_part(options)
-    entities = chosen_entities(options, solid)
-    with terminal_progress() as progress:
-        regions = compute_regions(
-            solid, entities, workspace=_workspace(options), progress=labelled(progress, "visible regions")
-        )
+    entities, box = chosen_entities(options, solid), _workspace(options)
+    if box is None and options.camera is not None:
+        box = default_workspace(solid, read_camera(options.camera))
+    with terminal_progress(quiet=options.quiet) as progress:
+        shown = labelled(progress, "visible regions")
+        regions = compute_regions(solid, entities, workspace=box, progress=shown)
         result = graph_of(regions)
     write_graphml(result, options.graphml)
+    if options.json:
+        print_json(graph_record(result, options.graphml))
+        return DONE
     terminal_tables.print_graph(result)
     _print_unit(options)
     print(options.graphml)
@@ -96,7 +103,7 @@ def dimensions(options: argparse.Namespace) -> int:
             f"the part must be a STEP file with semantic dimensions (AP242). Got {options.part}, which states none."
         )
     if options.json:
-        print(json.dumps([one.to_dict() for one in found], indent=1))
+        print_json([one.to_dict() for one in found])
     else:
         terminal_tables.print_dimensions(found)
     return DONE
@@ -115,14 +122,15 @@ def plan(options: argparse.Namespace) -> int:
         asked = asked_request(options, solid.name, wanted.items, camera, uncertainty, how)
         check_owner(folder, asked, force=options.force)
         found, written = _planned(options, solid, wanted, camera, uncertainty, folder)
-    terminal_tables.print_plan(found)
-    _print_unit(options)
-    for name, reason in wanted.left_out.items():
-        print(f"{name} is not planned: {reason}")
-    for note in left_out(len(wanted.entities)):
-        print(note)
-    for path in written:
-        print(os.path.relpath(path) if path.is_relative_to(Path.cwd()) else path)
+    files = [os.path.relpath(path) if path.is_relative_to(Path.cwd()) else str(path) for path in written]
+    if options.json:
+        print_json(plan_record(found, files, wanted.left_out))
+    else:
+        terminal_tables.print_plan(found)
+        _print_unit(options)
+        for name, reason in wanted.left_out.items():
+            print(f"{name} is not planned: {reason}")
+        print("\n".join([*left_out(len(wanted.entities), options.graph_limit), *files]))
     return DONE if found.complete and found.simulation.confirmed else INCOMPLETE
 
 
@@ -132,7 +140,7 @@ def _planned(
     """Plan and write; return the plan and the files. The state is deleted only after that."""
     state, how = folder / STATE_FILE, _limits(options, solid, camera)
     _prepare(state, options.resume)
-    with terminal_progress() as progress, _executor(options.jobs) as executor:
+    with terminal_progress(quiet=options.quiet) as progress, _executor(options.jobs) as executor:
         regions = compute_regions(
             solid,
             wanted.entities,
@@ -157,7 +165,7 @@ def _planned(
         )
         found = found.simulated(options.simulate, rng=options.seed, progress=progress)
         try:
-            written = write_outputs(found, regions, folder, progress)
+            written = write_outputs(found, regions, folder, progress, graph_limit=options.graph_limit)
         except OutputError as error:
             raise OutputError(f"{error} {rescue(found, state)}") from None
     with suppress(OSError):
@@ -214,9 +222,12 @@ def _resumable(state: Path) -> Iterator[None]:
 def simulate(options: argparse.Namespace) -> int:
     """Check a plan by simulation."""
     found = read_plan(options.plan)
-    with terminal_progress() as progress:
+    with terminal_progress(quiet=options.quiet) as progress:
         result = simulate_plan(found, options.poses, rng=options.seed, progress=progress)
-    terminal_tables.print_simulation(found, result)
+    if options.json:
+        print_json(result.to_dict())
+    else:
+        terminal_tables.print_simulation(found, result)
     return DONE if found.complete and result.confirmed else INCOMPLETE
 
 
@@ -224,7 +235,7 @@ def cameras(options: argparse.Namespace) -> int:
     """List the catalogue."""
     found = [Camera.named(name) for name in camera_names()]
     if options.json:
-        print(json.dumps([one.to_dict() for one in found], indent=1))
+        print_json([one.to_dict() for one in found])
     else:
         terminal_tables.print_cameras(found)
     return DONE

@@ -39,9 +39,6 @@ exit codes: 0 done, 1 plan incomplete, 2 bad input
 (1 also if the simulation contradicts the plan, or the work was interrupted)"""
 
 
-_AS_JSON = "as a list of records, for other programs"
-
-
 class _UsageError(Exception):
     """A command line that does not parse."""
 
@@ -123,7 +120,12 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def _command(commands: Any, name: str, what: str) -> argparse.ArgumentParser:
-    return commands.add_parser(name, help=what, description=what, formatter_class=_Help, allow_abbrev=False)
+    parser: argparse.ArgumentParser = commands.add_parser(
+        name, help=what, description=what, formatter_class=_Help, allow_abbrev=False
+    )
+    parser.add_argument("--json", action="store_true", help="print records for other programs instead of tables")
+    parser.add_argument("--quiet", "-q", action="store_true", help="show no progress")
+    return parser
 
 
 def _add_info(commands: Any) -> None:
@@ -141,13 +143,17 @@ def _add_graph(commands: Any) -> None:
     _add_part(graph)
     _add_entities(graph)
     graph.add_argument("--graphml", metavar="FILE", required=True, help="GraphML for Gephi, yEd, Cytoscape, igraph")
+    graph.add_argument(
+        "--camera",
+        metavar="NAME|FILE",
+        help="take the workspace 'plan' takes for this camera (default: ten diagonals of room around the part)",
+    )
     _add_workspace(graph)
 
 
 def _add_dimensions(commands: Any) -> None:
     dimensions = _command(commands, "dimensions", "dimensions an AP242 file states, and how to measure them")
     _add_part(dimensions)
-    dimensions.add_argument("--json", action="store_true", help=_AS_JSON)
 
 
 def _add_plan(commands: Any) -> None:
@@ -178,6 +184,13 @@ def _add_plan(commands: Any) -> None:
     plan.add_argument("--simulate", type=int, default=10_000, metavar="N", help="displaced poses per setting")
     plan.add_argument("--jobs", type=int, default=_cores(), metavar="N", help="processes to use (default: every core)")
     plan.add_argument("--resume", action="store_true", help="continue an interrupted plan from its state in DIR")
+    plan.add_argument(
+        "--graph-limit",
+        type=int,
+        default=24,
+        metavar="N",
+        help="write graph.graphml, the joint graph, for up to so many entities",
+    )
     plan.add_argument("--force", action="store_true", help="replace a plan of another request in DIR")
     _add_workspace(plan)
 
@@ -214,8 +227,7 @@ def _add_simulate(commands: Any) -> None:
 
 
 def _add_cameras(commands: Any) -> None:
-    cameras = _command(commands, "cameras", "the cameras and lenses --camera knows by name")
-    cameras.add_argument("--json", action="store_true", help=_AS_JSON)
+    _command(commands, "cameras", "the cameras and lenses --camera knows by name")
 
 
 def _add_part(parser: argparse.ArgumentParser) -> None:

@@ -24,15 +24,20 @@ if TYPE_CHECKING:
 # the plan first: see `staged_folder`
 PLAN_FILES = ("plan.json", "report.html", "graph.graphml", *POSE_FILES)
 # beyond this the joint graph of all entities is neither worth drawing nor worth waiting for
-_MOST_GRAPH_ENTITIES = 24
+MOST_GRAPH_ENTITIES = 24
 
 
 def write_outputs(
-    found: InspectionPlan, regions: VisibilityRegions, folder: Path, progress: Progress | None = None
+    found: InspectionPlan,
+    regions: VisibilityRegions,
+    folder: Path,
+    progress: Progress | None = None,
+    *,
+    graph_limit: int = MOST_GRAPH_ENTITIES,
 ) -> list[Path]:
     """Write plan, graph, report and poses; they appear in the folder together, or not at all.
 
-    Of an earlier plan's files none stays.
+    Of an earlier plan's files none stays. Beyond ``graph_limit`` entities their joint graph is left out.
 
     Returns
     -------
@@ -47,11 +52,11 @@ def write_outputs(
     with staged_folder(folder, PLAN_FILES, "--out") as staging:
         found.write(staging / "plan.json")
         report = report_html(
-            found, _space(found, regions), progress=progress, notes=left_out(len(regions.entity_names))
+            found, _space(found, regions), progress=progress, notes=left_out(len(regions.entity_names), graph_limit)
         )
         (staging / "report.html").write_text(report, encoding="utf-8")
         written = ["plan.json", "report.html"]
-        if len(regions.entity_names) <= _MOST_GRAPH_ENTITIES:
+        if len(regions.entity_names) <= graph_limit:
             write_graphml(graph_of(regions), staging / "graph.graphml")
             written.append("graph.graphml")
         written += [str(path.relative_to(staging)) for path in write_poses(found, staging)]
@@ -67,9 +72,9 @@ def _space(found: InspectionPlan, regions: Space) -> Space:
     return TargetSpace(regions, needs, found.entities)
 
 
-def left_out(n: int) -> list[str]:
+def left_out(n: int, graph_limit: int = MOST_GRAPH_ENTITIES) -> list[str]:
     """Say what is left out of what a plan of n entities usually leaves."""
-    return [graph_sentence(n, _MOST_GRAPH_ENTITIES)] if n > _MOST_GRAPH_ENTITIES else []
+    return [graph_sentence(n, graph_limit)] if n > graph_limit else []
 
 
 def rescue(found: InspectionPlan, state: Path) -> str:

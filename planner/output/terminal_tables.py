@@ -80,6 +80,8 @@ def print_graph(graph: EntityAspectGraph) -> None:
         f"{count(graph.graph.number_of_edges(), 'adjacency', 'adjacencies')}, "
         f"{count(len(lists), 'distinct list')} of {count(len(graph.entity_names), 'entity', 'entities')}"
     )
+    low, high = graph.workspace
+    console.print(f"workspace: {_vector(low)} to {_vector(high)} mm")
     table = _table(("domain", "right"), ("volume (mm3)", "right"), ("observable", "left"))
     ordered = sorted(nodes, key=lambda n: (-len(nodes[n]["observable"]), n))
     for n in ordered[:_MOST_ROWS]:

@@ -94,8 +94,9 @@ def _largest(result: SimulationResult, kind: str) -> str:
 def graph_sentence(n_entities: int, most: int) -> str:
     """Say that the joint graph was left out, and what to do about it."""
     return (
-        f"graph.graphml was skipped: the joint graph of {n_entities} entities takes too long to build and to draw (the "
-        f"limit is {most}). For a few of them: aspectgraph graph PART --entities IDS --graphml FILE."
+        f"graph.graphml was skipped: the joint graph of {n_entities} entities may take long to build and to draw (the "
+        f"limit is {most}; --graph-limit changes it). "
+        "For a few of them: aspectgraph graph PART --entities IDS --graphml FILE."
     )
 
 
