@@ -6,6 +6,7 @@ Results do not depend on the executor, so a task must depend on its arguments on
 from __future__ import annotations
 
 import hashlib
+import os
 import pickle
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
@@ -17,6 +18,11 @@ _MOST_RECEIVED = 4
 
 # of compiled loops that release the interpreter's lock; no result depends on it
 THREADS = 2
+
+
+def usable_cores() -> int:
+    """Return the number of cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Shared:

@@ -33,6 +33,7 @@ from planner.cli.folder_owner import asked_request, check_owner
 from planner.cli.signals import leave_signals_to_the_parent
 from planner.cli.wanted import chosen_entities, read_request
 from planner.exceptions import OutputError
+from planner.executors import usable_cores
 from planner.files import check_file_place, output_folder
 from planner.inspection import plan_inspection
 from planner.inspection_options import InspectionOptions
@@ -271,10 +272,12 @@ def _workspace(options: argparse.Namespace) -> np.ndarray | None:
 @contextmanager
 def _executor(jobs: int) -> Iterator[Executor | None]:
     """Provide a process pool, or none for one process; work not begun is dropped at the end."""
+    # more processes than cores cost memory and gain nothing, and no result depends on their number
+    jobs = min(jobs, usable_cores())
     if jobs == 1:
         yield None
         return
-    executor = ProcessPoolExecutor(jobs, initializer=leave_signals_to_the_parent)
+    executor = ProcessPoolExecutor(jobs, initializer=leave_signals_to_the_parent, initargs=(os.getpid(),))
     try:
         yield executor
     finally:

@@ -8,12 +8,12 @@ commands, so ``--help`` is immediate.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from typing import Any, NoReturn
 
 from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 from planner.cli.signals import termination_as_interruption
+from planner.executors import usable_cores
 
 _DESCRIPTION = """\
 Plan camera poses for the inspection of straight edges of a part: from where can each edge be measured to the required
@@ -182,7 +182,9 @@ def _add_plan(commands: Any) -> None:
     _add_limits(plan)
     plan.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same plan")
     plan.add_argument("--simulate", type=int, default=10_000, metavar="N", help="displaced poses per setting")
-    plan.add_argument("--jobs", type=int, default=_cores(), metavar="N", help="processes to use (default: every core)")
+    plan.add_argument(
+        "--jobs", type=int, default=usable_cores(), metavar="N", help="processes to use, at most one per core"
+    )
     plan.add_argument("--resume", action="store_true", help="continue an interrupted plan from its state in DIR")
     plan.add_argument(
         "--graph-limit",
@@ -271,11 +273,6 @@ def _add_workspace(parser: argparse.ArgumentParser) -> None:
         metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
         help="opposite corners of the box the camera may be in, mm",
     )
-
-
-def _cores() -> int:
-    """Return the number of cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _version() -> str:

@@ -31,8 +31,21 @@ def termination_as_interruption() -> Iterator[None]:
             signal.signal(one, signal.SIG_DFL)
 
 
-def leave_signals_to_the_parent() -> None:
-    """In a worker process, ignore an interruption from the keyboard, which every process gets; terminate at once."""
+def leave_signals_to_the_parent(parent: int) -> None:
+    """In a worker process, ignore an interruption from the keyboard, which every process gets; terminate at once.
+
+    Parameters
+    ----------
+    parent : int
+        Id of the process it works for. A forked worker dies with it: nobody else would end it.
+    """
+    # here, as the command line asks for help without them
+    import multiprocessing
+
+    from aspectgraph.processes import die_with
+
+    if multiprocessing.get_start_method() == "fork":
+        die_with(parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for one in _TERMINATING:
         signal.signal(one, signal.SIG_DFL)
