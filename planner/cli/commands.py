@@ -28,6 +28,7 @@ from aspectgraph.read.part_file import MESH_SUFFIXES
 from planner.camera.camera import Camera
 from planner.camera.catalogue import camera_names
 from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.cli.completion import completion_script
 from planner.cli.exit_codes import DONE, INCOMPLETE
 from planner.cli.folder_owner import asked_request, check_owner
 from planner.cli.signals import leave_signals_to_the_parent
@@ -239,6 +240,12 @@ def cameras(options: argparse.Namespace) -> int:
         print_json([one.to_dict() for one in found])
     else:
         terminal_tables.print_cameras(found)
+    return DONE
+
+
+def completion(options: argparse.Namespace) -> int:
+    """Print the script for a shell."""
+    print(completion_script(options.parser, camera_names(), options.shell), end="")
     return DONE
 
 

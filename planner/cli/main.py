@@ -116,6 +116,11 @@ def build_parser() -> argparse.ArgumentParser:
     _add_plan(commands)
     _add_simulate(commands)
     _add_cameras(commands)
+    completion = commands.add_parser(
+        "completion", help="script that completes commands and options in a shell", formatter_class=_Help
+    )
+    completion.add_argument("shell", choices=("bash", "zsh"), help='for bash: eval "$(aspectgraph completion bash)"')
+    completion.set_defaults(parser=parser)
     return parser
 
 
