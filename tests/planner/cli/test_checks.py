@@ -50,7 +50,7 @@ def test_help_tells_defaults_once(capsys):
     text = " ".join(capsys.readouterr().out.split())
     for told in ("std. deviation (default: 0.2)", "from the part (default: 50.0)", "per setting (default: 10000)"):
         assert told in text
-    assert "every core)" in text
+    assert "at most one per core" in text
     assert "default: None" not in text
     assert "default: False" not in text
 
