@@ -202,7 +202,7 @@ def _ends(options: argparse.Namespace, best: BestSoFar) -> dict[str, Any]:
         # the first plan is waited for, however little is left
         "time_limit_s": None if limit is None else max(limit - best.seconds, 1e-3),
         "gap": options.gap,
-        "effort": None if options.effort is None else Effort.named(options.effort),
+        **({} if options.effort is None else {"effort": Effort.named(options.effort)}),
         "on_incumbent": best,
     }
 
