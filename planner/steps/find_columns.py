@@ -19,6 +19,7 @@ def find_columns(run: Run, incumbents: Incumbents) -> None:
     """Fill the pools, or go on from the checkpoint; columns that make a better plan are offered."""
     last = run.memo.last()
     if last is None:
+        incumbents.glance(run)
         _sample(run)
         run.keep(_SAMPLED, {})
     else:

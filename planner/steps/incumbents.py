@@ -7,16 +7,18 @@ that is watched ends with the same plan as one that is not.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.columns.candidates import column_seed
+from planner.columns.candidates import column_seed, judged_poses
+from planner.columns.pool import ColumnPool
 from planner.columns.realise_column import best_supported, promised_too_much, without_contradicted
 from planner.cover.exchange_search import exchange_columns
 from planner.cover.few_columns import few_columns
+from planner.cover.set_cover import greedy_cover
 from planner.plan import InspectionPlan
 from planner.setting.pose_setting import setting_at
 from planner.setting.sensor_setting import SensorSetting
@@ -41,10 +43,13 @@ class Improving:
         Steps of the exchange search for a cover of one column less.
     rounds : int
         Of column generation, from one look to the next.
+    viewpoints : int
+        Of every entity at the first glance.
     """
 
     exchanges: int = 300
     rounds: int = 5
+    viewpoints: int = 2
 
 
 IMPROVING = Improving()
@@ -74,6 +79,19 @@ class Incumbents:
         # what the best one was made of: how many entities, and in how many columns
         self._made_of = (0, 0)
 
+    def glance(self, run: Run) -> None:
+        """Make a plan of very few poses, so that there is one at once; the run does not take these poses in."""
+        if not self._wanted:
+            return
+        pool = ColumnPool(len(run.names))
+        for name in run.names:
+            poses, judged = judged_poses(run.shared, name, IMPROVING.viewpoints, run.seed)
+            pool.add(judged.inspects, poses, judged.probability)
+        if pool.membership.any():
+            columns = np.array(greedy_cover(pool.membership[:, pool.membership.any(axis=0)]))
+            settings = _without_promised_too_much(run, _candidates(run, pool, columns))
+            self.end(assembled(run, settings, *self._proven(run, settings), unfinished=True))
+
     def offer(self, run: Run) -> None:
         """See whether the columns of a run make a better plan."""
         columns = self._better_columns(run) if self._wanted else None
@@ -83,7 +101,8 @@ class Incumbents:
         settings = _supported(run, columns)
         found = assembled(run, settings, *self._proven(run, settings), unfinished=True)
         if self.best is None or _worth(found) > _worth(self.best):
-            self._replace(found)
+            self.end(found)
+        self._watch.arm()
 
     def raised(self, run: Run, bound: int, inspected: NDArray[np.bool_]) -> None:
         """Take in a bound that was proven for some entities (k,)."""
@@ -93,7 +112,7 @@ class Incumbents:
         if self.best is not None:
             known, proof = self._proven(run, self.best.settings)
             if known > self.best.lower_bound:
-                self._replace(replace(self.best, lower_bound=known, bound_proof=proof))
+                self.end(replace(self.best, lower_bound=known, bound_proof=proof))
 
     @property
     def latest(self) -> InspectionPlan:
@@ -112,10 +131,6 @@ class Incumbents:
         self.best = plan
         if self._tell is not None:
             self._tell(plan)
-
-    def _replace(self, found: InspectionPlan) -> None:
-        self.end(found)
-        self._watch.arm()
 
     def _better_columns(self, run: Run) -> NDArray[np.int_] | None:
         """Choose columns that cover more entities than before, or as many in fewer columns; None if none are found."""
@@ -153,14 +168,26 @@ def _worth(found: InspectionPlan) -> tuple[int, int]:
 
 def _supported(run: Run, columns: NDArray[np.int_]) -> list[SensorSetting]:
     """Return the candidate poses of columns as settings, without what simulation contradicts."""
-    settings = []
-    for c in columns:
-        names = run.names_of(run.pool.membership[c])
-        seed = column_seed(run.seed, names)
-        candidate = setting_at(run.request, run.pool.poses[c], names, "candidate pose", seed=seed)
-        settings.append(best_supported(run.judge, [candidate], seed))
+    candidates = _candidates(run, run.pool, columns)
+    settings = [
+        best_supported(run.judge, [candidate], column_seed(run.seed, candidate.entities)) for candidate in candidates
+    ]
+    return _without_promised_too_much(run, without_contradicted(run.judge, settings, run.seed))
+
+
+def _candidates(run: Run, pool: ColumnPool, columns: NDArray[np.int_]) -> list[SensorSetting]:
+    """Return the poses of columns as settings."""
+    wanted = [(pool.poses[c], run.names_of(pool.membership[c])) for c in columns]
+    return [
+        setting_at(run.request, pose, names, "candidate pose", seed=column_seed(run.seed, names))
+        for pose, names in wanted
+    ]
+
+
+def _without_promised_too_much(run: Run, settings: Sequence[SensorSetting]) -> list[SensorSetting]:
+    """Return settings without what simulation contradicts."""
     supported = []
-    for setting in without_contradicted(run.judge, settings, run.seed):
+    for setting in settings:
         wrong = promised_too_much(run.judge, setting, run.seed)
         kept = tuple(name for name in setting.entities if name not in wrong)
         if kept == setting.entities:

@@ -52,13 +52,15 @@ def test_incumbents_get_better(whole):
     for earlier, later in itertools.pairwise(told[:-1]):
         worth = [(len(one.inspected), -len(one.settings), one.lower_bound) for one in (earlier, later)]
         assert worth[0] < worth[1]
-    assert len(told[0].settings) > len(plan.settings)
+    assert len(told[1].settings) > len(plan.settings)
     assert {one.lower_bound for one in told} > {1}
 
 
 def test_incumbents_keep_what_they_promise(whole):
-    for plan in whole[1]:
-        assert plan.complete
+    for k, plan in enumerate(whole[1]):
+        # a glance may miss some
+        assert plan.complete or k == 0
+        assert len(plan.inspected) + len(plan.uninspectable) == len(NAMES)
         assert plan.unfinished == (plan is not whole[0])
         assert min(plan.inspected.values()) >= plan.probability
         assert plan.lower_bound <= len(whole[0].settings)
@@ -71,8 +73,9 @@ def test_when_the_time_is_up_the_best_plan_so_far_is_returned_and_the_state_goes
     plan = plan_box(space, time_limit_s=1e-9, on_incumbent=told.append, state=state)
     assert plan.unfinished
     assert plan.complete
-    assert [exact(one) for one in told] == [exact(plan)]
-    assert exact(plan) == exact(whole[1][0])
+    # a glance is no plan to end with
+    assert [exact(one) for one in told] == [exact(one) for one in whole[1][:2]]
+    assert exact(plan) == exact(told[-1])
     plan.write(tmp_path / "plan.json")
     assert read_plan(tmp_path / "plan.json") == plan
     assert exact(plan_box(space, state=state)) == exact(whole[0])
@@ -83,7 +86,7 @@ def test_the_time_is_up_while_others_work(space, whole):
 
     with ThreadPoolExecutor(2) as executor:
         plan = plan_box(space, time_limit_s=1e-9, executor=executor)
-    assert exact(plan) == exact(whole[1][0])
+    assert exact(plan) == exact(whole[1][1])
 
 
 def test_time_enough_changes_nothing(space, whole):
