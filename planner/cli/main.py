@@ -137,7 +137,9 @@ def _add_info(commands: Any) -> None:
     info = _command(commands, "info", "edges, rims and arcs of a part, with ids")
     _add_part(info)
     info.add_argument(
-        "--picture", metavar="FILE", help="draw the edges with their ids: .png, or .html to turn it around"
+        "--picture",
+        metavar="FILE",
+        help="draw the edges with their ids: .png, or .html to pick edges from and save them for --entities",
     )
     info.add_argument("--select", metavar="RULE", help="only edges, rims and arcs for which it holds; see plan --help")
     info.add_argument("--min-length", type=float, default=0.0, metavar="MM", help="leave out shorter edges")

@@ -9,6 +9,7 @@ import pytest
 from solids import cube, hollow_box, l_block, plate, prism, ring, two_pocket_block
 
 from aspectgraph import EntityError, MissingExtraError, OutputError, PictureError, edge_figure, write_edge_picture
+from aspectgraph.plot.callouts import Spot, _matched, _slots
 from aspectgraph.plot.edge_ids import VIEWS, draw_edges
 from aspectgraph.plot.hidden_lines import ParallelView, view_axes
 
@@ -84,8 +85,8 @@ def test_png_and_html(tmp_path):
     png = write_edge_picture(two_pocket_block(), tmp_path / "edges.png")
     assert png.read_bytes().startswith(b"\x89PNG")
     html = write_edge_picture(two_pocket_block(), tmp_path / "edges.html", [3, 5]).read_text(encoding="utf-8")
-    assert "edge 3<br>" in html.replace("\\u003c", "<").replace("\\u003e", ">")
-    assert 'src="http' not in html
+    assert '"edge 3"' in html
+    assert '"edge 4"' not in html
     assert sorted(path.name for path in tmp_path.iterdir()) == ["edges.html", "edges.png"]
 
 
@@ -115,8 +116,22 @@ def test_a_picture_that_fails_leaves_the_old_one(tmp_path, suffix):
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
-@pytest.mark.parametrize("solid", [cube(), two_pocket_block(), plate(4)], ids=["cube", "two pockets", "plate"])
-def test_no_label_covers_another(solid):
+def engraved_plate(n=6):
+    """A plate with n × n small square pockets close together: more labels than room beside them."""
+    holes = [
+        [(x, y), (x, y + 0.5), (x + 0.5, y + 0.5), (x + 0.5, y)]
+        for x, y in np.argwhere(np.ones((n, n))).astype(float) - n / 2
+    ]
+    half = 12
+    return prism([(-half, -half), (half, -half), (half, half), (-half, half)], 2, holes)
+
+
+@pytest.mark.parametrize(
+    "solid",
+    [cube(), two_pocket_block(), plate(4), engraved_plate()],
+    ids=["cube", "two pockets", "plate", "engraved"],
+)
+def test_no_label_covers_another_and_all_are_inside(solid):
     fig = figure.Figure(figsize=(9, 7), dpi=100)
     FigureCanvasAgg(fig)
     fig.subplots_adjust(left=0, right=1, bottom=0, top=1)
@@ -124,7 +139,10 @@ def test_no_label_covers_another(solid):
     fig.canvas.draw()
     boxes = [text.get_window_extent() for text in ax.texts]
     assert len(boxes) > 6
+    frame = fig.bbox
     for n, box in enumerate(boxes):
+        assert frame.x0 <= box.x0 < box.x1 <= frame.x1
+        assert frame.y0 <= box.y0 < box.y1 <= frame.y1
         assert not any(box.overlaps(other) for other in boxes[:n])
 
 
@@ -159,3 +177,29 @@ def test_rims_are_named_where_they_are_seen():
     assert "rim r0<br>diameter 8 mm" in str(edge_figure(solid).to_dict())
     with pytest.raises(EntityError, match=r"that of a rim or arc, r0, r1\. Got 'r5'"):
         edge_figure(solid, [], ["r5"])
+
+
+def test_every_small_edge_that_is_seen_has_its_label():
+    """From almost straight above, all upper edges of a plate with holes are seen."""
+    solid = engraved_plate(5)
+    fig = figure.Figure(figsize=(11, 8), dpi=100)
+    ax = draw_edges(solid, None, (0.05, -0.04, 1), ax=fig.subplots())
+    upper = {str(e.id) for e in solid.edges if (solid.edge_points(e.id)[:, 2] == 2).all()}
+    assert len(upper) == 4 + 4 * 25
+    assert upper <= {text.get_text() for text in ax.texts}
+
+
+def crossing(a, b, c, d):
+    """Whether the segments ab and cd cross."""
+    side = lambda p, q, r: np.sign((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]))  # noqa: E731
+    return side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0
+
+
+def test_leaders_to_the_frame_do_not_cross():
+    rng = np.random.default_rng(5)
+    spots = [Spot(str(n), "k", rng.uniform(4, 6, (1, 2)) + np.zeros((3, 2))) for n in range(60)]
+    slots = _slots(np.zeros(2), np.full(2, 10.0), np.array([0.8, 0.4]), 1)
+    found = _matched(spots, list(range(60)), slots)
+    assert len({tuple(place) for place in found.values()}) == 60
+    leaders = [(spots[n].middle, place) for n, place in found.items()]
+    assert not any(crossing(*one, *other) for i, one in enumerate(leaders) for other in leaders[:i])

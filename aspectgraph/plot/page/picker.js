@@ -1,0 +1,258 @@
+/* The page: turning the part, pointing at edges, collecting them, and the lists beside. */
+"use strict";
+
+const data = JSON.parse(document.getElementById("part-data").textContent);
+const { items } = data;
+const $ = (id) => document.getElementById(id);
+const COLOURS = { edge: [31, 97, 141], rim: [175, 96, 26], arc: [108, 52, 131] };
+const CHOSEN = [192, 21, 47], POINTED = [0, 0, 0];
+const ANSWER_PX = 8, IDLE_MS = 70;
+
+const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+const part = {
+  radius: data.radius,
+  vertices: new Float32Array(bytes(data.vertices)),
+  triangles: new Uint32Array(bytes(data.triangles)),
+  faceOf: new Uint32Array(bytes(data.face_of)),
+  normals: new Float32Array(bytes(data.normals)),
+  outlines: data.outlines,
+};
+const lines = items.map((item) => item.line);
+const middles = lines.map((line) =>
+  line.length === 2 ? line[0].map((v, i) => (v + line[1][i]) / 2) : line[line.length >> 1]);
+const scene = new Scene($("scene"), part, lines);
+const choice = new Choice(items);
+const texts = items.map((item) => item.id);
+const state = { pointed: -1, face: -1, codes: null, seen: new Map(), boxes: [], box: null, timer: 0, frame: 0 };
+
+/* What the filter lets through. */
+function isShown(k) {
+  const { kind, size, turn, id } = items[k];
+  const low = parseFloat($("least").value), high = parseFloat($("most").value), wanted = $("find").value.trim();
+  if (!$(`kind-${kind}`).checked || (turn > 0 ? !$("convex").checked : !$("reentrant").checked)) return false;
+  if (size < low || size > high) return false;
+  return !wanted || wanted.split(/[\s,]+/).some((word) => word === id || (/^e\d/.test(word) && word.slice(1) === id));
+}
+
+const colourOf = (k) => (k === state.pointed ? POINTED : choice.names.has(k) ? CHOSEN : COLOURS[items[k].kind]);
+
+function styles() {
+  return items.map((_, k) => {
+    const marked = choice.names.has(k) || k === state.pointed;
+    return [...colourOf(k), marked ? 5 : isShown(k) ? 2.4 : 0];
+  });
+}
+
+function overlay() {
+  const [width, height] = scene.size, canvas = $("labels"), ratio = window.devicePixelRatio || 1;
+  [canvas.width, canvas.height] = [Math.round(width * ratio), Math.round(height * ratio)];
+  const context = canvas.getContext("2d");
+  context.scale(ratio, ratio);
+  drawScale(context, scene, width, height);
+  drawLabels(context, state.boxes, texts, (k) => `rgb(${colourOf(k)})`);
+  if (state.box) {
+    const { x0, y0, x1, y1 } = state.box;
+    context.setLineDash(x1 < x0 ? [5, 4] : []);
+    context.strokeStyle = "#1f5fbf";
+    context.fillStyle = "rgba(31,95,191,0.10)";
+    context.fillRect(x0, y0, x1 - x0, y1 - y0);
+    context.strokeRect(x0, y0, x1 - x0, y1 - y0);
+  }
+}
+
+function paint() {
+  if (!scene.gl) return;
+  scene.paint(scene.named, styles());
+  scene.draw($("through").checked);
+  overlay();
+}
+
+/* Find out what is seen where, and label it: when the view rests. */
+function settle() {
+  if (!scene.gl) return;
+  clearTimeout(state.timer);
+  state.timer = 0;
+  const [width, height] = scene.size;
+  scene.paint(scene.named, styles());
+  state.codes = scene.ids($("through").checked);
+  state.seen = seenLines(state.codes, width, height, scene.project(middles));
+  const wanted = (k) => (k === state.pointed ? 2 : choice.names.has(k) ? 1 : 0);
+  state.boxes = placeLabels($("labels").getContext("2d"), texts, state.seen, wanted, width, height);
+  paint();
+}
+
+/* Redraw soon, and once more with labels when nothing has moved for a moment. */
+function moved() {
+  state.codes = null;
+  state.boxes = [];
+  if (!state.frame) state.frame = requestAnimationFrame(() => { state.frame = 0; paint(); });
+  clearTimeout(state.timer);
+  state.timer = setTimeout(settle, IDLE_MS);
+}
+
+/* Return the index of the line nearest to a pixel and the face at it, -1 for none. */
+function at(px, py) {
+  if (state.timer) settle();
+  const [width, height] = scene.size;
+  let line = -1, best = ANSWER_PX ** 2 + 1;
+  const code = (x, y) => (x < 0 || y < 0 || x >= width || y >= height ? 0 : state.codes[(height - 1 - y) * width + x]);
+  for (let dy = -ANSWER_PX; dy <= ANSWER_PX; dy++) {
+    for (let dx = -ANSWER_PX; dx <= ANSWER_PX; dx++) {
+      const k = code(px + dx, py + dy) - 1, far = dx * dx + dy * dy;
+      if (k >= 0 && k < items.length && far < best) [line, best] = [k, far];
+    }
+  }
+  const here = code(px, py) - 1;
+  return { line, face: line < 0 && here >= items.length ? here - items.length : -1 };
+}
+
+/* Return the lines in a box: dragged to the right, those wholly in it; to the left, those it touches. */
+function inBox({ x0, y0, x1, y1 }) {
+  if (state.timer) settle();
+  const [left, right] = [Math.min(x0, x1), Math.max(x0, x1)], [top, bottom] = [Math.min(y0, y1), Math.max(y0, y1)];
+  const inside = ([x, y]) => x >= left && x <= right && y >= top && y <= bottom;
+  const [width, height] = scene.size, touched = new Set();
+  for (let y = Math.max(0, Math.ceil(top)); y <= Math.min(height - 1, bottom); y++) {
+    for (let x = Math.max(0, Math.ceil(left)); x <= Math.min(width - 1, right); x++) {
+      const k = state.codes[(height - 1 - y) * width + x] - 1;
+      if (k >= 0 && k < items.length) touched.add(k);
+    }
+  }
+  const reached = items.map((_, k) => k).filter((k) => isShown(k) && (touched.has(k) || $("through").checked));
+  return reached.filter((k) => (x1 < x0 ? touched.has(k) : scene.project(lines[k]).every(inside)));
+}
+
+function point(k, face, x, y) {
+  const tip = $("tip");
+  const rows = k >= 0 ? items[k].rows : face >= 0 ? data.faces[face] : [];
+  tip.hidden = !rows.length || x === undefined;
+  tip.textContent = rows.join("\n");
+  if (!tip.hidden) {
+    const [width, height] = scene.size;
+    tip.style.left = `${Math.max(4, Math.min(x + 16, width - tip.offsetWidth - 4))}px`;
+    tip.style.top = `${Math.max(4, Math.min(y + 16, height - tip.offsetHeight - 4))}px`;
+  }
+  if (k === state.pointed) return;
+  state.pointed = k;
+  document.querySelectorAll("#all .pointed").forEach((row) => row.classList.remove("pointed"));
+  if (k >= 0) $(`item-${k}`).classList.add("pointed");
+  paint();
+}
+
+function chosen() {
+  listChosen();
+  items.forEach((_, k) => { $(`item-${k}`).querySelector("input").checked = choice.names.has(k); });
+  settle();
+}
+
+function listAll() {
+  const rows = items.map((item, k) => {
+    const row = document.createElement("label"), tick = document.createElement("input");
+    row.id = `item-${k}`;
+    tick.type = "checkbox";
+    tick.addEventListener("change", () => { choice.toggle(k); chosen(); });
+    const cells = [item.kind === "edge" ? `e${item.id}` : item.id, item.kind, item.told].map((text) => {
+      const cell = document.createElement("span");
+      cell.textContent = text;
+      return cell;
+    });
+    row.append(tick, ...cells);
+    row.addEventListener("pointerenter", () => point(k, -1));
+    row.addEventListener("pointerleave", () => point(-1, -1));
+    return row;
+  });
+  $("all").replaceChildren(...rows);
+}
+
+function listChosen() {
+  const rows = [...choice.names].map(([k, name]) => {
+    const row = document.createElement("div"), field = document.createElement("input"), out = document.createElement("button");
+    field.value = name;
+    field.setAttribute("aria-label", `name of ${items[k].rows[0]}`);
+    field.title = choice.fault(k);
+    field.className = choice.fault(k) ? "bad" : "";
+    field.addEventListener("change", () => { choice.rename(k, field.value); listChosen(); });
+    const told = document.createElement("span");
+    told.textContent = `${items[k].rows[0]}, ${items[k].told}`;
+    out.textContent = "×";
+    out.title = "take out";
+    out.addEventListener("click", () => { choice.remove([k]); chosen(); });
+    row.append(field, told, out);
+    row.addEventListener("pointerenter", () => point(k, -1));
+    row.addEventListener("pointerleave", () => point(-1, -1));
+    return row;
+  });
+  $("chosen").replaceChildren(...rows);
+  const n = choice.names.size, faults = [...choice.names.keys()].map((k) => choice.fault(k)).filter(Boolean);
+  $("count").textContent = n ? `${n} collected` : "Nothing collected yet";
+  $("fault").textContent = faults.length ? `${faults[0]}; the file keeps the id instead` : "";
+  $("toml").value = toml();
+  for (const id of ["copy", "save", "copy-ids", "clear"]) $(id).disabled = !n;
+  $("undo").disabled = !choice.past.length;
+}
+
+const toml = () => choice.toml(data.part, $("by-ends").checked);
+
+function filtered() {
+  const shown = items.filter((_, k) => isShown(k)).length;
+  items.forEach((_, k) => { $(`item-${k}`).hidden = !isShown(k); });
+  $("shown").textContent = `${shown} of ${items.length} shown`;
+  settle();
+}
+
+async function copy(text, button) {
+  try {
+    await navigator.clipboard.writeText(text);
+  } catch {
+    // without leave for the clipboard: the old way, through a field
+    const field = document.createElement("textarea");
+    field.value = text;
+    document.body.append(field);
+    field.select();
+    document.execCommand("copy");
+    field.remove();
+  }
+  const before = button.textContent;
+  button.textContent = "Copied";
+  setTimeout(() => { button.textContent = before; }, 1200);
+}
+
+function save() {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([toml()], { type: "application/toml" }));
+  link.download = `${data.stem}_entities.toml`;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}
+
+const everything = () => items.map((_, k) => k).filter(isShown);
+const actions = {
+  copy: () => copy(toml(), $("copy")),
+  "copy-ids": () => copy(choice.ids(), $("copy-ids")),
+  save,
+  clear: () => { choice.remove([...choice.names.keys()]); chosen(); },
+  undo: () => { choice.undo(); chosen(); },
+  "collect-shown": () => { choice.add(everything()); chosen(); },
+  fit: () => { scene.fit(); moved(); },
+};
+for (const [id, act] of Object.entries(actions)) $(id).addEventListener("click", act);
+for (const id of ["least", "most", "find", "kind-edge", "kind-rim", "kind-arc", "convex", "reentrant"]) {
+  $(id).addEventListener("input", filtered);
+}
+$("through").addEventListener("input", settle);
+$("by-ends").addEventListener("input", listChosen);
+document.querySelectorAll("[data-view]").forEach((button) => button.addEventListener("click", () => {
+  [scene.view.yaw, scene.view.pitch] = button.dataset.view.split(" ").map((degrees) => (degrees * Math.PI) / 180);
+  scene.fit();
+  moved();
+}));
+
+listAll();
+listChosen();
+if (scene.gl) {
+  const ofFace = (face) => everything().filter((k) => items[k].faces.includes(face));
+  watchPointer({ scene, state, at, inBox, point, moved, overlay, choice, chosen, ofFace });
+  new ResizeObserver(moved).observe($("scene"));
+  scene.fit();
+} else $("no-3d").hidden = false;
+filtered();
