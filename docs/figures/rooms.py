@@ -51,7 +51,8 @@ PLACES = {
         "exceptions": (2.5, "what is refused; for every room"),
     },
     "aspectgraph": {
-        "plot": (2, "pictures"),
+        "plot": (2.6, "pictures"),
+        "light": (1.4, "where lamps make edges show"),
         "graph": (2, "the aspect graph, its files"),
         "domains": (1.5, "cells merged to domains"),
         "visibility": (1.5, "from where edges are seen"),
