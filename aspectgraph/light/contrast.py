@@ -10,6 +10,9 @@ contrast (I₁ − I₂) / (I₁ + I₂), in [−1, 1]. The distance cancels, so
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -20,6 +23,9 @@ from aspectgraph.solid.solid import Solid
 
 # rays are float32: a lamp so little inside, as a share of the part's diagonal, may lie on the surface
 _ON_SURFACE = 1e-5
+
+NONE: Mapping[int, int] = MappingProxyType({})
+"""No silhouettes: all edges are creases."""
 
 
 def contrast(solid: Solid, edge: int | Entity, lamps: ArrayLike) -> np.ndarray:
@@ -53,14 +59,49 @@ def contrast(solid: Solid, edge: int | Entity, lamps: ArrayLike) -> np.ndarray:
     return face_contrast(solid, entity, check_lamps(solid, lamps))
 
 
-def face_contrast(solid: Solid, entity: Entity, lamps: np.ndarray) -> np.ndarray:
-    """Return the contrast (n,) of an entity under lamps (n, 3) in mm that were checked; see `contrast`."""
+def silhouettes_from(solid: Solid, entity: Entity, viewpoint: ArrayLike) -> dict[int, int]:
+    """Return the edges of an entity that are silhouettes from a viewpoint: those of which it sees one face only.
+
+    The others are creases: both faces are seen, and their shading decides. A silhouette shows against what is behind
+    it, where the seen face is lit.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    entity : Entity
+        Observable from there.
+    viewpoint : array_like, shape (3,)
+        In mm.
+
+    Returns
+    -------
+    dict of int to int
+        Edge id to the number of the face that is seen.
+    """
+    found = {}
+    for edge in (solid.edges[i] for i in entity.edge_ids):
+        towards = np.asarray(viewpoint, float) - solid.vertices[edge.vertices[0]]
+        heights = solid.normals[list(edge.faces)] @ towards
+        if heights.min() <= 0.0:
+            found[edge.id] = edge.faces[int(heights.argmax())]
+    return found
+
+
+def face_contrast(solid: Solid, entity: Entity, lamps: np.ndarray, silhouettes: Mapping[int, int] = NONE) -> np.ndarray:
+    """Return the contrast (n,) of an entity under lamps (n, 3) in mm that were checked; see `contrast`.
+
+    That of a silhouette is against a dark ground: 1 where the face that is seen is lit, else 0.
+    """
     edges = [solid.edges[i] for i in entity.edge_ids]
     start = solid.vertices[[edge.vertices[0] for edge in edges]]
     normals = solid.normals[[edge.faces for edge in edges]]
     irradiance = np.maximum(np.einsum("efk,nek->nef", normals, lamps[:, None] - start), 0.0)
     total = irradiance.sum(axis=2)
     values = np.subtract(*np.moveaxis(irradiance, 2, 0)) / np.where(total > 0.0, total, 1.0)
+    for k, edge in enumerate(edges):
+        if edge.id in silhouettes:
+            values[:, k] = irradiance[:, k, edge.faces.index(silhouettes[edge.id])] > 0.0
     return values[np.arange(len(lamps)), np.abs(values).argmin(axis=1)]
 
 

@@ -13,13 +13,15 @@ from numpy.typing import ArrayLike
 from aspectgraph.cells.cell_set import CellSet
 from aspectgraph.entities.straight_edges import Entity
 from aspectgraph.exact.grid import Grid
-from aspectgraph.light.contrast import check_contrast, check_lamps, face_contrast
+from aspectgraph.light.contrast import NONE, check_contrast, check_lamps, face_contrast
 from aspectgraph.light.wedges import light_sets
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.entity_region import Region, carved_region
 from aspectgraph.visibility.scene import Scene
 from aspectgraph.visibility.united_sets import Blockers
 from aspectgraph.visibility.visibility_regions import Progress, VisibilityRegions, laid_out, regions_of
+
+_Task = tuple[Entity, Mapping[int, int]]
 
 DEFAULT_CONTRAST = 0.1
 """A fifth of the brighter face's grey value: 20 of 255 grey levels where that one has 110, far above noise of 1.5 %."""
@@ -39,6 +41,8 @@ class LightRegions(VisibilityRegions):
         The region of each entity, on the same grid.
     contrast : float
         Least contrast.
+    silhouettes : mapping of str to mapping, optional
+        See `compute_light`.
 
     Attributes
     ----------
@@ -52,6 +56,8 @@ class LightRegions(VisibilityRegions):
         Integer grid of all geometry.
     contrast : float
         Least contrast.
+    silhouettes : dict of str to mapping
+        Per entity, the edges of it that are seen as silhouettes, and the face that is seen.
     listed_as : str
         What a graph calls the list of a domain.
     """
@@ -67,9 +73,11 @@ class LightRegions(VisibilityRegions):
         scene: Scene,
         regions: Mapping[str, Region],
         contrast: float,
+        silhouettes: Mapping[str, Mapping[int, int]] | None = None,
     ) -> None:
         super().__init__(solid, workspace, entities, grid, scene, regions)
         self.contrast = contrast
+        self.silhouettes = dict(silhouettes or {})
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
@@ -125,14 +133,18 @@ class LightRegions(VisibilityRegions):
         """
         names = self.check_names(self.entity_names if names is None else names)
         places = check_lamps(self.solid, lamps)
-        values = [face_contrast(self.solid, self.entities[name], places) for name in names]
+        values = [self._values(name, places) for name in names]
         return np.where(self.showing(places, names), np.reshape(values, (len(names), len(places))).T, 0.0)
 
     def _sets(self, entity: Entity) -> Blockers:
-        return light_sets(self._scene, self.grid, self.solid, entity, self.contrast)
+        seen = next((self.silhouettes.get(n, NONE) for n, one in self.entities.items() if one is entity), NONE)
+        return light_sets(self._scene, self.grid, self.solid, entity, self.contrast, seen)
+
+    def _values(self, name: str, places: np.ndarray) -> np.ndarray:
+        return face_contrast(self.solid, self.entities[name], places, self.silhouettes.get(name, NONE))
 
     def _holds_besides(self, points: np.ndarray) -> np.ndarray:
-        values = np.array([face_contrast(self.solid, entity, points) for entity in self.entities.values()])
+        values = np.array([self._values(name, points) for name in self.entities])
         return self.contrast <= np.abs(values).T
 
 
@@ -143,6 +155,7 @@ def compute_light(
     workspace: ArrayLike | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
+    silhouettes: Mapping[str, Mapping[int, int]] | None = None,
 ) -> LightRegions:
     """Compute from where a lamp makes each entity show.
 
@@ -162,6 +175,9 @@ def compute_light(
         Computes entities in parallel; the result does not depend on it.
     progress : callable, optional
         ``progress(done, total, label)`` after each of the entities; the label is the name of the entity.
+    silhouettes : mapping of str to mapping of int to int, optional
+        Per entity, ids of its edges that a camera sees as silhouettes, and the face it sees (`silhouettes_from`): those
+        show where that face is lit, against a dark ground. Default: all edges are creases.
 
     Returns
     -------
@@ -180,8 +196,10 @@ def compute_light(
     contrast = check_contrast(contrast)
     given = laid_out(solid, entities, workspace)
     solid, box_mm, resolved, grid, scene = given
+    seen = silhouettes or {}
     make = partial(_lamp_region, scene, grid, solid, contrast, grid.cube_planes(box_mm))
-    return LightRegions(*given, regions_of(resolved, make, executor, progress), contrast)
+    tasks: dict[str, _Task] = {name: (entity, seen.get(name, {})) for name, entity in resolved.items()}
+    return LightRegions(*given, regions_of(tasks, make, executor, progress), contrast, seen)
 
 
 def light_region(
@@ -208,5 +226,6 @@ def light_region(
     return compute_light(solid, {"edge": edge}, contrast, workspace).covering_cells(["edge"])
 
 
-def _lamp_region(scene: Scene, grid: Grid, solid: Solid, contrast: float, box: np.ndarray, entity: Entity) -> Region:
-    return carved_region(light_sets(scene, grid, solid, entity, contrast), box)
+def _lamp_region(scene: Scene, grid: Grid, solid: Solid, contrast: float, box: np.ndarray, task: _Task) -> Region:
+    entity, silhouettes = task
+    return carved_region(light_sets(scene, grid, solid, entity, contrast, silhouettes), box)

@@ -19,6 +19,7 @@ decided exactly by its integers.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from fractions import Fraction
 from math import isqrt
 
@@ -27,8 +28,9 @@ import numpy as np
 from aspectgraph.entities.straight_edges import Entity
 from aspectgraph.exact.grid import Grid
 from aspectgraph.exact.planes import plane_through
+from aspectgraph.light.contrast import NONE
 from aspectgraph.solid.solid import Solid
-from aspectgraph.visibility.blocked_sets import CONTRAST, blockers
+from aspectgraph.visibility.blocked_sets import CONTRAST, FACE, blockers
 from aspectgraph.visibility.scene import Scene, chords, entity_ends
 from aspectgraph.visibility.united_sets import Blockers, united
 
@@ -37,7 +39,9 @@ _REACH_BITS = 20
 _COEFFICIENT_BITS, _OFFSET_BITS = 42, 62
 
 
-def light_sets(scene: Scene, grid: Grid, solid: Solid, entity: Entity, contrast: float) -> Blockers:
+def light_sets(
+    scene: Scene, grid: Grid, solid: Solid, entity: Entity, contrast: float, silhouettes: Mapping[int, int] = NONE
+) -> Blockers:
     """Return the sets of lamp positions from which an entity is not lit as a whole or has too little contrast.
 
     Parameters
@@ -48,16 +52,35 @@ def light_sets(scene: Scene, grid: Grid, solid: Solid, entity: Entity, contrast:
         A rim or arc has as many wedges as chords, each with the flat faces next to it.
     contrast : float
         Least contrast, strictly between 0 and 1.
+    silhouettes : mapping of int to int
+        Edges of the entity that are seen as silhouettes, and the face that is seen: it must be lit, no more.
     """
-    wedges = [wedge for chord in chords(entity) for wedge in _wedges(scene, grid, solid, chord, contrast)]
-    return united([blockers(scene, solid, entity), *wedges])
+    sets = [blockers(scene, solid, entity)]
+    for chord in chords(entity):
+        sets += _wedges(scene, grid, solid, chord, contrast, silhouettes)
+        sets += [_behind(scene, silhouettes[edge_id]) for edge_id in chord.edge_ids if edge_id in silhouettes]
+    return united(sets)
 
 
-def _wedges(scene: Scene, grid: Grid, solid: Solid, chord: Entity, contrast: float) -> list[Blockers]:
-    """One set for each pair of face planes next to a straight entity."""
+def _behind(scene: Scene, face: int) -> Blockers:
+    """Everything behind a face."""
+    number = scene.plane_of_face[face]
+    return Blockers(
+        np.array([0, 1], np.int32),
+        np.zeros(1, np.int32),
+        np.array([-scene.side_of_face[face]], np.int8),
+        scene.planes[[number]],
+        np.array([[FACE, face, -1, -1]], np.int32),
+    )
+
+
+def _wedges(
+    scene: Scene, grid: Grid, solid: Solid, chord: Entity, contrast: float, silhouettes: Mapping[int, int]
+) -> list[Blockers]:
+    """One set for each pair of face planes next to a straight entity that is seen as a crease."""
     ends = entity_ends(scene, solid, chord)
     found: dict[frozenset[int], Blockers] = {}
-    for edge_id in chord.edge_ids:
+    for edge_id in (e for e in chord.edge_ids if e not in silhouettes):
         one, other = solid.edges[edge_id].faces
         pair = frozenset((int(scene.plane_of_face[one]), int(scene.plane_of_face[other])))
         if pair not in found:

@@ -27,6 +27,7 @@ from aspectgraph.visibility.united_sets import Blockers
 
 Progress = Callable[[int, int, str], None]
 _Regions = TypeVar("_Regions", bound="VisibilityRegions")
+_Task = TypeVar("_Task")
 
 _WORKSPACE_DIAGONALS = 10.0
 # coverings kept for another call; one takes megabytes, and a plan asks for thousands
@@ -309,12 +310,12 @@ def laid_out(
 
 
 def regions_of(
-    entities: Mapping[str, Entity],
-    make: Callable[[Entity], Region],
+    entities: Mapping[str, _Task],
+    make: Callable[[_Task], Region],
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Region]:
-    """Make the region of each entity, with an executor in parallel, in the order of the entities."""
+    """Make the region of each entity, or of what names one, in parallel if there is an executor, in their order."""
     report = progress or (lambda done, total, label: None)
     regions: dict[str, Region] = {}
     if executor is None:

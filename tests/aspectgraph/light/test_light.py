@@ -27,6 +27,7 @@ from aspectgraph import (
     resolve_entities,
     write_graphml,
 )
+from aspectgraph.light import silhouettes_from
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 WORKSPACE = np.array([[-3000.0] * 3, [3000.0] * 3])
@@ -197,3 +198,19 @@ def test_names_and_places_that_are_not_known(cube_light):
         cube_light.showing([[9, 9, 9000]])
     with pytest.raises(EntityError):
         contrast(solids.cube(), 99, [[9, 9, 9]])
+
+
+def test_a_silhouette_shows_where_the_face_that_is_seen_is_lit():
+    """Seen from -x only the face x = 0 of the edge is in sight; the lamp must be in front of that, and light it."""
+    cube = solids.cube()
+    entity = resolve_entities(cube, {"e": EDGE})["e"]
+    (edge_id,) = entity.edge_ids
+    front = next(f for f in cube.edges[edge_id].faces if cube.normals[f][0] == -1)
+    assert silhouettes_from(cube, entity, [-50.0, 1, 1]) == {edge_id: front}
+    assert silhouettes_from(cube, entity, [-50.0, 3, 1]) == {}
+    light = compute_light(cube, {"e": entity}, 0.2, WORKSPACE, silhouettes={"e": {edge_id: front}})
+    lamps = np.random.default_rng(1).uniform(-20, 22, (2000, 3))
+    assert (light.showing(lamps)[:, 0] == (lamps[:, 0] < 0)).all()
+    made = light_graph_of(light)
+    assert [listed for _, listed in made.graph.nodes(data="showing")] == [("e",), ()]
+    assert light.contrasts([[-5.0, 1, 1], [5, 5, 1]]).ravel().tolist() == [1, 0]
