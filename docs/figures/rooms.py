@@ -36,6 +36,7 @@ PLACES = {
         "bound": (1.5, "no plan can do with fewer"),
         "inspection_options": (3.5, "keywords and defaults"),
         "columns": (1.5, "what poses inspect"),
+        "light": (3, "lamps for a plan"),
         "cover": (0, "few columns for all entities"),
         "setting": (2, "one pose for one set"),
         "verify": (3.8, "promises, simulated"),
