@@ -6,7 +6,8 @@ run in one process, so every clock starts when the regions are there. A rival ha
 
 A rival is *ahead* at a time if it inspects at least as many entities as the incumbent then and needs fewer settings by
 more than one, or if there is no incumbent. Printed is for how long, and where the first plan stands beside the greedy
-cover: its time as a share, its settings. Memory is the largest resident size of the process so far.
+cover: its time as a share, its settings. Memory is the largest resident size of the process up to the end of
+plan_inspection; every part has a process of its own.
 
 Parts that are not in the examples are looked for in the folder of ``--folder``; those not found are left out.
 """
@@ -19,14 +20,16 @@ import os
 import resource
 import time
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 
 from cases import EXAMPLES
 from planners import PLANNERS
 
 from aspectgraph import compute_regions, read_entities, read_solid
-from planner import Camera, PoseUncertainty
+from planner import Camera, InspectionPlan, PoseUncertainty
 from planner.columns.judge import Judge
 from planner.inspection import plan_inspection
 from planner.request.constraints import Requirements
@@ -101,7 +104,7 @@ def curve(judge: Judge, limit_s: float | None) -> list[Point]:
     """Return the incumbents of plan_inspection."""
     points, space, start = [], judge.space, time.perf_counter()
 
-    def take(plan):
+    def take(plan: InspectionPlan) -> None:
         seconds = time.perf_counter() - start
         points.append(Point(seconds, len(plan.settings), len(plan.inspected), plan.lower_bound))
 
@@ -139,15 +142,17 @@ def ahead_s(other: Point, ours: list[Point]) -> float:
     return total
 
 
-def measure(name: str, folder: Path, limit_s: float | None):
-    """Print the table of a case; yield (case, planner, point)."""
+def measure(name: str, folder: Path, limit_s: float | None) -> list[tuple[str, Point]]:
+    """Print the table of a case; return planners and points."""
     judge, seconds = judge_of(CASES[name], folder)
     print(f"\n{name}: {CASES[name].part}, {len(judge.names)} entities, regions {seconds:.1f} s", flush=True)
     print(f"  {'':<36}{'seconds':>9}{'settings':>10}{'inspected':>11}{'at least':>10}{'ahead':>9}")
     ours = curve(judge, limit_s)
+    rows = [("plan_inspection", point) for point in ours]
     for point in ours:
         print(_row("plan_inspection", point), flush=True)
-        yield name, "plan_inspection", point
+    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(f"  memory {used:.0f} MB", flush=True)
     for other in PLANNERS:
         point = rival(judge, other)
         late = ahead_s(point, ours)
@@ -158,9 +163,8 @@ def measure(name: str, folder: Path, limit_s: float | None):
                 f"  the first plan that inspects as much: {full.seconds / point.seconds:.2f} of the time of the greedy "
                 f"cover, {full.settings} settings and not {point.settings}"
             )
-        yield name, other, point
-    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(f"  memory {used:.0f} MB", flush=True)
+        rows.append((other, point))
+    return rows
 
 
 def _row(name: str, point: Point) -> str:
@@ -183,11 +187,13 @@ def main() -> None:
             if not any((place / CASES[name].part).exists() for place in (EXAMPLES, given.folder)):
                 print(f"\n{name}: {CASES[name].part} is not there")
                 continue
-            for part, planner, point in measure(name, given.folder, given.limit):
+            with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as alone:
+                rows = alone.submit(measure, name, given.folder, given.limit).result()
+            for planner, point in rows:
                 writer.writerow(
-                    [part, planner, f"{point.seconds:.3f}", point.settings, point.inspected, point.bound or ""]
+                    [name, planner, f"{point.seconds:.3f}", point.settings, point.inspected, point.bound or ""]
                 )
-                file.flush()
+            file.flush()
 
 
 if __name__ == "__main__":

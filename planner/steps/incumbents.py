@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.columns.candidates import column_seed, judged_poses
+from planner.columns.candidates import column_seed, first_poses
 from planner.columns.pool import ColumnPool
 from planner.columns.realise_column import best_supported, promised_too_much, without_contradicted
 from planner.cover.exchange_search import exchange_columns
@@ -43,13 +43,13 @@ class Improving:
         Steps of the exchange search for a cover of one column less.
     rounds : int
         Of column generation, from one look to the next.
-    viewpoints : int
-        Of every entity at the first glance.
+    directions : int
+        From so many each entity is looked at, at the first glance.
     """
 
     exchanges: int = 300
     rounds: int = 5
-    viewpoints: int = 2
+    directions: int = 32
 
 
 IMPROVING = Improving()
@@ -83,14 +83,14 @@ class Incumbents:
         """Make a plan of very few poses, so that there is one at once; the run does not take these poses in."""
         if not self._wanted:
             return
-        pool = ColumnPool(len(run.names))
-        for name in run.names:
-            poses, judged = judged_poses(run.shared, name, IMPROVING.viewpoints, run.seed)
-            pool.add(judged.inspects, poses, judged.probability)
-        if pool.membership.any():
-            columns = np.array(greedy_cover(pool.membership[:, pool.membership.any(axis=0)]))
-            settings = _without_promised_too_much(run, _candidates(run, pool, columns))
-            self.end(assembled(run, settings, *self._proven(run, settings), unfinished=True))
+        pool, poses = ColumnPool(len(run.names)), first_poses(run.judge, IMPROVING.directions, run.seed)
+        judged = run.judge(poses)
+        pool.add(judged.inspects, poses, judged.probability)
+        seen = pool.membership.any(axis=0)
+        if seen.any():
+            settings = _candidates(run, pool, np.array(greedy_cover(pool.membership[:, seen])))
+            if settings := _without_promised_too_much(run, settings):
+                self.end(assembled(run, settings, *self._proven(run, settings), unfinished=True))
 
     def offer(self, run: Run) -> None:
         """See whether the columns of a run make a better plan."""
