@@ -176,7 +176,7 @@ def _ring(work: _Work, eyes: NDArray[np.float64]) -> LightPlan:
     own = [[i for i, pair in enumerate(served.pairs) if pair.setting == k] for k in range(work.n_settings)]
     lit = [[i for i in pairs if served.contrast[k, i] > 0] for k, pairs in enumerate(own)]
     dark = {
-        i: f"the ring light gives it a contrast under {served.least:g} at the planned pose or beside it."
+        i: f"the ring light gives it a contrast under {served.least:g}{_before(served, i)}, there or just beside."
         for pairs, shown in zip(own, lit, strict=True)
         for i in pairs
         if i not in shown
@@ -184,6 +184,10 @@ def _ring(work: _Work, eyes: NDArray[np.float64]) -> LightPlan:
     images = [(k, k, pairs) for k, pairs in enumerate(lit) if pairs]
     proof = "A ring light is where the camera is: one in each setting."
     return work.result("ring", range(len(eyes)), images, len(eyes), proof, dark)
+
+
+def _before(served: Served, i: int) -> str:
+    return " with what is behind" if served.pairs[i].backdrops else ""
 
 
 def _fixed(work: _Work) -> LightPlan:
