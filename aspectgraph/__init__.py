@@ -11,6 +11,7 @@ from aspectgraph.exceptions import (
     ContradictionError,
     EntityError,
     GraphMLError,
+    LightError,
     MissingExtraError,
     NonManifoldError,
     OpenSolidError,
@@ -31,6 +32,9 @@ from aspectgraph.graph.aspect_graph import EntityAspectGraph, build_aspect_graph
 from aspectgraph.graph.complete_graph import complete_aspect_graph
 from aspectgraph.graph.graphml import read_graphml, write_graphml
 from aspectgraph.graph.partition_surfaces import PartitionSurface
+from aspectgraph.light.contrast import contrast
+from aspectgraph.light.light_graph import LightGraph, build_light_graph, light_graph_of
+from aspectgraph.light.light_regions import LightRegions, compute_light, light_region
 from aspectgraph.plot.edge_ids import edge_figure, write_edge_picture
 from aspectgraph.plot.graph_plot import GraphDrawing, plot_graph
 from aspectgraph.plot.section import SectionDrawing, plot_section
@@ -57,6 +61,9 @@ __all__ = [
     "Face",
     "GraphDrawing",
     "GraphMLError",
+    "LightError",
+    "LightGraph",
+    "LightRegions",
     "MissingExtraError",
     "ModelDimension",
     "NonManifoldError",
@@ -80,9 +87,14 @@ __all__ = [
     "WidthError",
     "WorkspaceError",
     "build_aspect_graph",
+    "build_light_graph",
     "complete_aspect_graph",
+    "compute_light",
     "compute_regions",
+    "contrast",
     "edge_figure",
+    "light_graph_of",
+    "light_region",
     "plot_domains",
     "plot_graph",
     "plot_section",

@@ -57,6 +57,10 @@ class WorkspaceError(AspectGraphError, ValueError):
     """The workspace is not a box around the solid, or a point lies outside it."""
 
 
+class LightError(AspectGraphError, ValueError):
+    """A lamp lies inside the part, or the contrast asked for is none."""
+
+
 class GraphMLError(AspectGraphError, ValueError):
     """A graph cannot be written as GraphML without loss, or a GraphML file does not hold such a graph."""
 

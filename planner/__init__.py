@@ -27,6 +27,9 @@ if TYPE_CHECKING:
         UncertaintyError,
     )
     from planner.inspection import plan_inspection
+    from planner.light.lamps import LampBox, LampDome
+    from planner.light.light_plan import LightPlan, LitImage
+    from planner.light.plan_light import plan_light
     from planner.output.figure import plan_figure
     from planner.output.pose_files import write_poses
     from planner.output.predicted_image import predicted_image
@@ -71,6 +74,15 @@ _NAMES = {
         "UncertaintyError",
     ),
     "planner.inspection": ("plan_inspection",),
+    "planner.light.lamps": (
+        "LampBox",
+        "LampDome",
+    ),
+    "planner.light.light_plan": (
+        "LightPlan",
+        "LitImage",
+    ),
+    "planner.light.plan_light": ("plan_light",),
     "planner.output.figure": ("plan_figure",),
     "planner.output.pose_files": ("write_poses",),
     "planner.output.predicted_image": ("predicted_image",),
@@ -112,6 +124,10 @@ __all__ = [
     "Effort",
     "InfeasibleError",
     "InspectionPlan",
+    "LampBox",
+    "LampDome",
+    "LightPlan",
+    "LitImage",
     "Localisation",
     "MeshRegion",
     "OutputError",
@@ -135,6 +151,7 @@ __all__ = [
     "min_cover",
     "plan_figure",
     "plan_inspection",
+    "plan_light",
     "plan_setting",
     "predict",
     "predicted_image",

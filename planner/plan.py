@@ -22,6 +22,7 @@ from planner.records.schema import check_schema, field_name, shown
 from planner.setting.sensor_setting import SensorSetting
 
 if TYPE_CHECKING:
+    from planner.light.light_plan import LightPlan
     from planner.progress import Progress
     from planner.verify.simulate_plan import SimulationResult
     from planner.wanted.planned import PlannedDimension
@@ -80,6 +81,8 @@ class InspectionPlan:
         The planning was ended before its end: a longer one may need fewer settings, or prove a larger bound.
     simulation : SimulationResult or None
         What drawing displaced poses gave, once `simulated` was called.
+    light : LightPlan or None
+        Lamps for the settings, once they were chosen: ``dataclasses.replace(plan, light=plan_light(plan, ...))``.
     """
 
     settings: tuple[SensorSetting, ...]
@@ -99,6 +102,7 @@ class InspectionPlan:
     on_grid: tuple[str, ...] = ()
     requirements: Mapping[str, float] = field(default_factory=dict)
     unfinished: bool = False
+    light: LightPlan | None = None
 
     def __post_init__(self) -> None:
         entities = {name: _read_only(points, (2, 3)) for name, points in self.entities.items()}
@@ -223,6 +227,7 @@ class InspectionPlan:
             **({"unfinished": True} if self.unfinished else {}),
             "uninspectable": dict(self.uninspectable),
             "settings": [self._setting_dict(setting) for setting in self.settings],
+            **({} if self.light is None else {"light": self.light.to_dict()}),
             "simulation": None if self.simulation is None else self.simulation.to_dict(),
         }
 
@@ -279,17 +284,7 @@ class InspectionPlan:
     __hash__ = None  # type: ignore[assignment]
 
 
-_PLAIN_FIELDS = (
-    "lower_bound",
-    "bound_proof",
-    "uninspectable",
-    "entities",
-    "accuracy",
-    "probability",
-    "workspace",
-    "part",
-    "seed",
-)
+_PLAIN_FIELDS = ("lower_bound", "bound_proof", "uninspectable", "entities", "accuracy", "probability", "workspace")
 
 
 def read_plan(path: str | os.PathLike[str]) -> InspectionPlan:
@@ -336,7 +331,8 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
         on_grid=tuple(data.get("on_grid", ())),
         requirements=data.get("requirements", {}),
         unfinished=data.get("unfinished", False),
-        **{name: data[name] for name in _PLAIN_FIELDS},
+        light=_light_from(data.get("light")),
+        **{name: data[name] for name in (*_PLAIN_FIELDS, "part", "seed")},
     )
     if found.dimensions:
         from planner.verify.measurements import check_measurements
@@ -385,6 +381,14 @@ def _simulation_from(data: Any) -> SimulationResult | None:
     from planner.verify.simulate_plan import SimulationResult
 
     return SimulationResult.from_dict(data)
+
+
+def _light_from(data: Any) -> LightPlan | None:
+    if data is None:
+        return None
+    from planner.light.light_plan import LightPlan
+
+    return LightPlan.from_dict(data)
 
 
 def _read_only(values: Any, shape: tuple[int, ...]) -> np.ndarray:

@@ -32,6 +32,7 @@ EXAMPLES = (
     aspectgraph.read_dimensions,
     aspectgraph.Solid,
     aspectgraph.build_aspect_graph,
+    aspectgraph.build_light_graph,
     aspectgraph.compute_regions,
     aspectgraph.write_graphml,
     aspectgraph.read_graphml,

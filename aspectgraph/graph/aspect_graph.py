@@ -22,10 +22,10 @@ from aspectgraph.entities.straight_edges import Entity
 from aspectgraph.exceptions import EntityError, WidthError
 from aspectgraph.graph.curve_attributes import curve_attributes
 from aspectgraph.graph.partition_surfaces import Provenance
-from aspectgraph.graph.ray_confirmation import confirm
+from aspectgraph.graph.ray_confirmation import confirm_nodes
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.overlay import overlay, share_planes
-from aspectgraph.visibility.scene import Scene, own_order
+from aspectgraph.visibility.scene import own_order
 from aspectgraph.visibility.visibility_regions import Progress, VisibilityRegions, compute_regions
 
 # domains next to a displaced part that are thinner than this share of its extent are slivers
@@ -171,7 +171,7 @@ class EntityAspectGraph:
             If a name is unknown.
         """
         wanted = set(self.regions.check_names(names))
-        return [node for node, listed in self.graph.nodes(data="observable") if wanted <= set(listed)]
+        return [node for node, listed in self.graph.nodes(data=self.regions.listed_as) if wanted <= set(listed)]
 
     def cells(self, node: int) -> CellSet:
         """Convex cells of one viewing domain.
@@ -318,9 +318,8 @@ def graph_of(
     provenance = Provenance(chosen.solid, scene, grid, list(chosen.entities.values()), own, shared)
     graph = _networkx(chosen, cx, domains, provenance, at_limits(cx, len(shared.planes)))
     graph.graph["min_width_mm"] = min_width_mm
-    eag = EntityAspectGraph(chosen, graph, cx, domains)
-    _confirm(eag, scene)
-    return eag
+    confirm_nodes(chosen, graph)
+    return EntityAspectGraph(chosen, graph, cx, domains)
 
 
 def _check_min_width(min_width_mm: float | None, regions: VisibilityRegions) -> float:
@@ -357,7 +356,7 @@ def _networkx(
         low, high = CellSet(cx, domain.cells, grid).bounds
         graph.add_node(
             node,
-            observable=tuple(names[k] for k in sorted(members[node])),
+            **{regions.listed_as: tuple(names[k] for k in sorted(members[node]))},
             volume=float(domain.volume * grid.step_mm**3),
             unbounded=bool(at_boundary[domain.cells].any()),
             viewpoint=tuple(map(float, grid.measured_to_mm(domain.viewpoint))),
@@ -379,19 +378,3 @@ def _networkx(
 def _listed(domain: Domain) -> set[int]:
     bits = sum(word << (64 * k) for k, word in enumerate(domain.label))
     return {k for k in range(bits.bit_length()) if bits >> k & 1}
-
-
-def _confirm(eag: EntityAspectGraph, scene: Scene) -> None:
-    """Cast rays from near every node's viewpoint and note the result on the node.
-
-    Not from the viewpoint itself: in symmetric parts it lies on partition planes and on seams between blocked sets. Any
-    other point of its ball, which lies in one cell, is as good a witness.
-    """
-    graph, names = eag.graph, eag.entity_names
-    viewpoints, clearances = (np.array([graph.nodes[k][key] for k in graph]) for key in ("viewpoint", "clearance"))
-    aside = np.random.default_rng(0).normal(size=viewpoints.shape)
-    viewpoints = viewpoints + 0.25 * clearances[:, None] * aside / np.linalg.norm(aside, axis=1, keepdims=True)
-    observable = np.array([[name in graph.nodes[node]["observable"] for name in names] for node in graph])
-    found = confirm(eag.solid, eag.entities, scene, eag.regions.grid, viewpoints, observable.reshape(len(graph), -1))
-    for node in graph:
-        graph.nodes[node].update(confirmed=True, n_rays=found.n_rays, n_arbitrated=int(found.n_arbitrated[node]))

@@ -206,7 +206,7 @@ def _check_alike(flat: nx.Graph) -> None:
 
 
 def _node_label(attributes: Mapping[str, Any]) -> dict[str, str]:
-    names = attributes.get("observable")
+    names = attributes.get("observable", attributes.get("showing"))
     return {} if names is None else {LABEL: NOT_XML.sub(" ", ", ".join(names)) or "None"}
 
 
@@ -354,10 +354,10 @@ VECTORS = ("viewpoint", "bbox_min", "bbox_max", "workspace_min", "workspace_max"
 
 CODECS = {
     **dict.fromkeys(VECTORS, FLOAT),
-    **dict.fromkeys(("volume", "clearance", "area", "grid_mm", "snapping_mm", "min_width_mm"), FLOAT),
+    **dict.fromkeys(("volume", "clearance", "area", "grid_mm", "snapping_mm", "min_width_mm", "contrast"), FLOAT),
     **dict.fromkeys(("n_cells", "n_rays", "n_arbitrated", "n_slivers"), INT),
     **dict.fromkeys(("unbounded", "confirmed"), BOOL),
-    **dict.fromkeys(("observable", "entities", "kinds"), NAMES),
+    **dict.fromkeys(("observable", "showing", "entities", "kinds"), NAMES),
     "part": TEXT,
     "endpoints": POINTS,
     "circles": POINTS,

@@ -10,7 +10,7 @@ import numpy as np
 from aspectgraph.entities.straight_edges import Entity
 from aspectgraph.exact.grid import Grid
 from aspectgraph.solid.solid import Solid
-from aspectgraph.visibility.blocked_sets import EDGE_AND_END, VERTEX_AND_ENTITY
+from aspectgraph.visibility.blocked_sets import CONTRAST, EDGE_AND_END, VERTEX_AND_ENTITY
 from aspectgraph.visibility.entity_region import Region
 from aspectgraph.visibility.overlay import SharedPlanes
 from aspectgraph.visibility.scene import Scene
@@ -24,13 +24,14 @@ class PartitionSurface:
     ----------
     type : str
         ``"A"``: the plane of a face next to the entity. ``"B"``: a plane through the entity and a vertex, or through an
-        end of the entity and another edge.
+        end of the entity and another edge. ``"L"``, of lamps: a plane through the entity on which its contrast is the
+        one asked for.
     entity : str
         Name of the entity.
     vertices, edges, faces : tuple of int
         What spans the plane, by numbers of the solid: a face (type A; type B if the plane is also that of a face), an
-        edge and an end of the entity, or a vertex and the entity's edges. For a rim or arc, the face is next to one of
-        its chords, the end and the edge are those of one.
+        edge and an end of the entity, a vertex and the entity's edges, or these edges and the brighter face (type L).
+        For a rim or arc, the face is next to one of its chords, the end and the edge are those of one.
     plane : tuple of float
         (a, b, c, d) with unit normal, a·x + b·y + c·z = d in mm; `Cell.half_spaces` have the opposite d.
     """
@@ -102,10 +103,13 @@ class Provenance:
                 vertices = vertices if edges else tuple(numbers)
             elif kind == VERTEX_AND_ENTITY:
                 vertices, edges = (numbers[0],), self._spanning(entity, numbers[1:])
+            elif kind == CONTRAST:
+                edges, faces = self._spanning(entity, numbers[:2]), (numbers[2],)
             else:
                 faces = (numbers[0],)
         in_mm = tuple(self._in_mm[plane].tolist())
-        return PartitionSurface("A" if next_to else "B", entity.name, vertices, edges, faces, in_mm)
+        kind_of = "A" if next_to else "L" if kind == CONTRAST else "B"
+        return PartitionSurface(kind_of, entity.name, vertices, edges, faces, in_mm)
 
     def _spanning(self, entity: Entity, ends: list[int]) -> tuple[int, ...]:
         """The edges of an entity between two of its vertices: all of an edge or chain, one chord of a rim or arc."""

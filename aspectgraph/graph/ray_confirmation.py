@@ -8,20 +8,19 @@ holds the viewpoint. A list that is wrong by that test raises.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
+import networkx as nx
 import numba as nb
 import numpy as np
 
 from aspectgraph.entities.straight_edges import Entity
-from aspectgraph.exact.grid import Grid
 from aspectgraph.exact.predicates import sign_at_point
 from aspectgraph.exceptions import ContradictionError
 from aspectgraph.solid.ray_scene import RayScene
 from aspectgraph.solid.solid import Solid
-from aspectgraph.visibility.blocked_sets import blockers
-from aspectgraph.visibility.scene import Scene
+from aspectgraph.visibility.visibility_regions import VisibilityRegions
 
 RAYS_PER_ENTITY = 32
 
@@ -97,22 +96,34 @@ def is_blocked(sets, query):
     return False
 
 
-def confirm(
-    solid: Solid,
-    entities: Mapping[str, Entity],
-    scene: Scene,
-    grid: Grid,
-    viewpoints: np.ndarray,
-    observable: np.ndarray,
-) -> Confirmation:
+def confirm_nodes(regions: VisibilityRegions, graph: nx.Graph) -> None:
+    """Cast rays from near every node's viewpoint and note the result on the node.
+
+    Not from the viewpoint itself: in symmetric parts it lies on partition planes and on seams between blocked sets. Any
+    other point of its ball, which lies in one cell, is as good a witness.
+
+    Raises
+    ------
+    ContradictionError
+        If a node's list is wrong.
+    """
+    names = regions.entity_names
+    viewpoints, clearances = (np.array([graph.nodes[k][key] for k in graph]) for key in ("viewpoint", "clearance"))
+    aside = np.random.default_rng(0).normal(size=viewpoints.shape)
+    viewpoints = viewpoints + 0.25 * clearances[:, None] * aside / np.linalg.norm(aside, axis=1, keepdims=True)
+    listed = np.array([[name in graph.nodes[node][regions.listed_as] for name in names] for node in graph])
+    found = confirm(regions, viewpoints, listed.reshape(len(graph), -1))
+    for node in graph:
+        graph.nodes[node].update(confirmed=True, n_rays=found.n_rays, n_arbitrated=int(found.n_arbitrated[node]))
+
+
+def confirm(regions: VisibilityRegions, viewpoints: np.ndarray, observable: np.ndarray) -> Confirmation:
     """Check the lists of domains against rays cast from their viewpoints.
 
     Parameters
     ----------
-    solid : Solid
-    entities : mapping of k entities by name
-    scene, grid
-        The solid on its grid.
+    regions : VisibilityRegions
+        Of k entities.
     viewpoints : ndarray, shape (n, 3)
         One per domain, in mm.
     observable : ndarray of bool, shape (n, k)
@@ -123,18 +134,19 @@ def confirm(
     ContradictionError
         If a list is wrong, naming domain and entity.
     """
+    entities = regions.entities
     if not entities or not len(viewpoints):
         return Confirmation(0, np.zeros(len(viewpoints), int))
-    seen = SightLines(solid, list(entities.values())).arrive(viewpoints)
+    seen = SightLines(regions.solid, list(entities.values())).arrive(viewpoints) & regions._holds_besides(viewpoints)
     doubts = seen != observable
-    queries = grid.to_points(viewpoints)
+    queries = regions.grid.to_points(viewpoints)
     for column in np.flatnonzero(doubts.any(axis=0)):
         name, entity = list(entities.items())[column]
-        sets = blockers(scene, solid, entity)
+        sets = regions._sets(entity)
         for row in np.flatnonzero(doubts[:, column]):
             if is_blocked(sets, queries[row]) == observable[row, column]:
                 raise ContradictionError(
-                    f"domain {row} must list exactly the entities observable from {viewpoints[row].tolist()} mm. "
-                    f"Its list {'holds' if observable[row, column] else 'lacks'} {name!r}."
+                    f"domain {row} must list exactly the entities {regions.listed_as} from {viewpoints[row].tolist()} "
+                    f"mm. Its list {'holds' if observable[row, column] else 'lacks'} {name!r}."
                 )
     return Confirmation(RAYS_PER_ENTITY * len(entities), doubts.sum(axis=1))

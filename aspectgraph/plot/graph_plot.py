@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aspectgraph.plot.node_places import layout
-from aspectgraph.plot.style import INK, list_colors, list_text, new_axes, text_extent
+from aspectgraph.plot.style import INK, list_colors, list_text, listed_on, new_axes, text_extent
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -123,10 +123,9 @@ def _checked(eag: EntityAspectGraph | nx.Graph) -> nx.Graph:
 
 
 def _lists(graph: nx.Graph) -> dict[Hashable, str]:
-    if any("observable" not in data for _, data in graph.nodes(data=True)):
-        return dict.fromkeys(graph, "")
-    names = graph.graph["entities"]
-    return {node: list_text(listed, names) for node, listed in graph.nodes(data="observable")}
+    lists = {node: listed_on(data) for node, data in graph.nodes(data=True)}
+    names = graph.graph.get("entities", ())
+    return {node: "" if None in lists.values() else list_text(listed or (), names) for node, listed in lists.items()}
 
 
 def _prepare(ax: Axes, positions: Mapping[Hashable, Any]) -> None:

@@ -8,6 +8,8 @@ from typing import Any
 import networkx as nx
 import numpy as np
 
+from aspectgraph.plot.style import listed_on
+
 # up to so many nodes there is time for more starts, and for distances between all pairs
 _FEW, _MANY = 30, 250
 _RANDOM_STARTS = 6
@@ -119,4 +121,5 @@ def hits(graph: nx.Graph, points: np.ndarray) -> int:
 
 
 def _rank(data: dict[str, Any]) -> int:
-    return len(data["observable"]) if "observable" in data else data.get("n_visible", 0)
+    listed = listed_on(data)
+    return data.get("n_visible", 0) if listed is None else len(listed)

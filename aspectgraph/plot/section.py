@@ -227,7 +227,7 @@ def _label(eag: EntityAspectGraph, domains: dict[Hashable, Any], window: np.ndar
     extent = ax.get_window_extent()
     mm_per_point = ax.figure.dpi / 72.0 / np.min([extent.width, extent.height] / np.ptp(window, axis=0))
     for node, geometry in domains.items():
-        text = list_text(eag.graph.nodes[node]["observable"], eag.entity_names, width=8)
+        text = list_text(eag.graph.nodes[node][eag.regions.listed_as], eag.entity_names, width=8)
         for part in geometry.geoms:
             x, y = shapely.maximum_inscribed_circle(part, tolerance=0.002 * size).coords[0]
             for points in _FONT_POINTS:

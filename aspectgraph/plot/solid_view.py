@@ -189,9 +189,10 @@ def _viewpoint_traces(
     viewpoint = np.array(data["viewpoint"])
     if not ((viewpoint >= box[0]) & (viewpoint <= box[1])).all():
         viewpoint = _deepest(cells, box)
-    ends = [end for name in data["observable"] for end in eag.entities[name].endpoints]
+    listed_as = eag.regions.listed_as
+    ends = [end for name in data[listed_as] for end in eag.entities[name].endpoints]
     text = (
-        f"<b>domain {node}</b><br>observable: {', '.join(data['observable']) or 'nothing'}<br>"
+        f"<b>domain {node}</b><br>{listed_as}: {', '.join(data[listed_as]) or 'nothing'}<br>"
         f"volume {data['volume']:.4g} mm³{', open to the workspace boundary' if data['unbounded'] else ''}<br>"
         f"graph's viewpoint {point_text(data['viewpoint'])} mm, clearance {data['clearance']:.4g} mm<br>"
         f"{data['n_cells']} convex cells, neighbours {', '.join(map(str, sorted(eag.graph[node])))}"

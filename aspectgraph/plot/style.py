@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import colorsys
 import re
-from collections.abc import Hashable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Hashable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import networkx as nx
 
@@ -37,6 +37,11 @@ def is_feature(solid: Solid, edge: Edge) -> bool:
     return abs(edge.dihedral_deg) >= (_CURVED_FEATURE_DEG if inside_curve else _FEATURE_DEG)
 
 
+def listed_on(data: Mapping[str, Any]) -> tuple[str, ...] | None:
+    """Return the list of a node by its attributes: what is observable, of lamps what shows, or None."""
+    return data.get("observable", data.get("showing"))
+
+
 def list_colors(graph: nx.Graph) -> dict[Hashable, str]:
     """Return the colour of each viewing domain; those with the same observable list have the same.
 
@@ -50,7 +55,7 @@ def list_colors(graph: nx.Graph) -> dict[Hashable, str]:
     dict of node to str
         ``#rrggbb``; a pale grey where nothing is observable.
     """
-    lists = [frozenset(listed) for _, listed in graph.nodes(data="observable", default=())]
+    lists = [frozenset(listed_on(data) or ()) for _, data in graph.nodes(data=True)]
     distinct = [listed for listed in dict.fromkeys(lists) if listed]
     colors = {listed: _color(k) for k, listed in enumerate(distinct)}
     return {node: colors.get(listed, NOTHING) for node, listed in zip(graph, lists, strict=True)}

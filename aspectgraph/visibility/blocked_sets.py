@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from aspectgraph.entities.straight_edges import Entity
 
 # how a plane came about: FACE (face, -1, -1), EDGE_AND_END (edge's two vertices, end of the entity), or
-# VERTEX_AND_ENTITY (vertex, both ends of the entity)
-FACE, EDGE_AND_END, VERTEX_AND_ENTITY = range(3)
+# VERTEX_AND_ENTITY (vertex, both ends of the entity), or, of lamps, CONTRAST (both ends of the entity, brighter face)
+FACE, EDGE_AND_END, VERTEX_AND_ENTITY, CONTRAST = range(4)
 
 
 def blockers(scene: Scene, solid: Solid, entity: Entity) -> Blockers:

@@ -63,7 +63,11 @@ def observable_region(scene: Scene, solid: Solid, entity: Entity, box: np.ndarra
     box : ndarray of int64, shape (6, 4)
         Planes of a box around the workspace.
     """
-    shadows = blockers(scene, solid, entity)
+    return carved_region(blockers(scene, solid, entity), box)
+
+
+def carved_region(shadows: Blockers, box: np.ndarray) -> Region:
+    """Return the region of all points of a box, planes (6, 4), that no blocked set holds."""
     planes = np.concatenate([box, shadows.planes])
     shifted = shadows._replace(plane=shadows.plane + len(box))
     cx = with_room(lambda n_cells: _cut(planes, shifted, n_cells), n_cells=max(_ROOM, 32 * len(shadows.first)))

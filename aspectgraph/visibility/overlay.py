@@ -17,7 +17,7 @@ from aspectgraph.cells.arrays import CELL_CHILD, CROSSED, N_CELLS, POSITIVE, Com
 from aspectgraph.cells.simplify import n_leaves, simplify
 from aspectgraph.cells.split import cell_side, split_cell
 from aspectgraph.exact.planes import find_parallel, find_plane
-from aspectgraph.visibility.blocked_sets import FACE
+from aspectgraph.visibility.blocked_sets import CONTRAST, FACE
 from aspectgraph.visibility.entity_region import Region
 from aspectgraph.visibility.scene import Scene
 
@@ -73,7 +73,7 @@ def share_planes(
         number = np.empty(len(region.tree.planes), np.int32)
         for k, (plane, origin) in enumerate(zip(region.tree.planes, region.origin, strict=True)):
             match = known.get(_key(plane), -1)
-            if match < 0 and displaced and origin[0] != FACE:
+            if match < 0 and displaced and origin[0] not in (FACE, CONTRAST):
                 trio = origin[1:].astype(np.int64)
                 match = len(box) + find_plane(planes[len(box) : n], n - len(box), scene.points, trio, scene.resolution)
                 if match < len(box):

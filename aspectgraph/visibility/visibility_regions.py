@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
-from typing import Any
+from copy import copy
+from functools import partial
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,11 +19,15 @@ from aspectgraph.entities.straight_edges import Entity, resolve_entities
 from aspectgraph.exact.grid import Grid
 from aspectgraph.exceptions import EntityError, WorkspaceError
 from aspectgraph.solid.solid import Solid
+from aspectgraph.visibility.blocked_sets import blockers
 from aspectgraph.visibility.entity_region import Region, observable_region
 from aspectgraph.visibility.overlay import overlay, share_planes
 from aspectgraph.visibility.scene import Scene, make_scene, own_order
+from aspectgraph.visibility.united_sets import Blockers
 
 Progress = Callable[[int, int, str], None]
+_Regions = TypeVar("_Regions", bound="VisibilityRegions")
+_Task = TypeVar("_Task")
 
 _WORKSPACE_DIAGONALS = 10.0
 # coverings kept for another call; one takes megabytes, and a plan asks for thousands
@@ -50,7 +56,11 @@ class VisibilityRegions:
         By name, in the order given.
     grid : Grid
         Integer grid of all geometry; ``grid.snapping_mm`` is the largest displacement of a vertex.
+    listed_as : str
+        What a graph calls the list of a domain.
     """
+
+    listed_as: ClassVar[str] = "observable"
 
     def __init__(
         self,
@@ -149,7 +159,7 @@ class VisibilityRegions:
             del self._covering[next(iter(self._covering))]
         return kept
 
-    def subset(self, names: Sequence[str]) -> VisibilityRegions:
+    def subset(self: _Regions, names: Sequence[str]) -> _Regions:
         """The same regions for some of the entities.
 
         Parameters
@@ -168,14 +178,19 @@ class VisibilityRegions:
             If a name is unknown.
         """
         names = self.check_names(names)
-        return VisibilityRegions(
-            self.solid,
-            self.workspace,
-            {name: self.entities[name] for name in names},
-            self.grid,
-            self._scene,
-            {name: self._regions[name] for name in names},
-        )
+        part = copy(self)
+        part.entities = {name: self.entities[name] for name in names}
+        part._regions = {name: self._regions[name] for name in names}
+        part._covering = {}
+        return part
+
+    def _sets(self, entity: Entity) -> Blockers:
+        """Return the blocked sets whose complement an entity's region is."""
+        return blockers(self._scene, self.solid, entity)
+
+    def _holds_besides(self, points: np.ndarray) -> np.ndarray:
+        """Return, in doubles, which points (n, 3) are in each region (n, k) if rays to the entity arrive: here all."""
+        return np.ones((len(points), len(self.entities)), bool)
 
     def check_names(self, names: Sequence[str]) -> tuple[str, ...]:
         """Check that all names are known.
@@ -274,26 +289,42 @@ def compute_regions(
     >>> regions.observable([[200, 30, 20], [200, 200, 20], [30, 30, -50]]).tolist()
     [[True, False], [True, True], [False, False]]
     """
-    resolved = _resolved(solid, entities)
+    given = laid_out(solid, entities, workspace)
+    solid, box_mm, resolved, grid, scene = given
+    make = partial(observable_region, scene, solid, box=grid.cube_planes(box_mm))
+    return VisibilityRegions(*given, regions_of(resolved, make, executor, progress))
+
+
+def laid_out(
+    solid: Solid, entities: Mapping[str, Any] | Sequence[Any], workspace: ArrayLike | None
+) -> tuple[Solid, np.ndarray, dict[str, Entity], Grid, Scene]:
+    """Return what regions are computed from: solid, workspace, resolved entities, grid and scene, all checked."""
+    if isinstance(entities, Mapping) and all(isinstance(value, Entity) for value in entities.values()):
+        resolved = dict(entities)
+    else:
+        resolved = resolve_entities(solid, entities)
     box_mm = check_workspace(workspace, solid)
     grid, scene = make_scene(solid, resolved)
     grid.box_planes(box_mm)
-    cube = grid.cube_planes(box_mm)
+    return solid, box_mm, resolved, grid, scene
+
+
+def regions_of(
+    entities: Mapping[str, _Task],
+    make: Callable[[_Task], Region],
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Region]:
+    """Make the region of each entity, or of what names one, in parallel if there is an executor, in their order."""
     report = progress or (lambda done, total, label: None)
     regions: dict[str, Region] = {}
     if executor is None:
-        for name, entity in resolved.items():
-            regions[name] = observable_region(scene, solid, entity, cube)
-            report(len(regions), len(resolved), name)
+        for name, entity in entities.items():
+            regions[name] = make(entity)
+            report(len(regions), len(entities), name)
     else:
-        futures = {executor.submit(observable_region, scene, solid, e, cube): name for name, e in resolved.items()}
+        futures = {executor.submit(make, entity): name for name, entity in entities.items()}
         for future in as_completed(futures):
             regions[futures[future]] = future.result()
-            report(len(regions), len(resolved), futures[future])
-    return VisibilityRegions(solid, box_mm, resolved, grid, scene, {name: regions[name] for name in resolved})
-
-
-def _resolved(solid: Solid, entities: Mapping[str, Any] | Sequence[Any]) -> dict[str, Entity]:
-    if isinstance(entities, Mapping) and all(isinstance(value, Entity) for value in entities.values()):
-        return dict(entities)
-    return resolve_entities(solid, entities)
+            report(len(regions), len(entities), futures[future])
+    return {name: regions[name] for name in entities}

@@ -36,6 +36,7 @@ PLACES = {
         "bound": (1.5, "no plan can do with fewer"),
         "inspection_options": (3.5, "keywords and defaults"),
         "columns": (1.5, "what poses inspect"),
+        "light": (3, "lamps for a plan"),
         "cover": (0, "few columns for all entities"),
         "setting": (2, "one pose for one set"),
         "verify": (3.8, "promises, simulated"),
@@ -52,7 +53,8 @@ PLACES = {
         "exceptions": (2.5, "what is refused; for every room"),
     },
     "aspectgraph": {
-        "plot": (2, "pictures"),
+        "plot": (2.6, "pictures"),
+        "light": (1.4, "where lamps make edges show"),
         "graph": (2, "the aspect graph, its files"),
         "domains": (1.5, "cells merged to domains"),
         "visibility": (1.5, "from where edges are seen"),

@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ import numpy as np
 from aspectgraph import (
     AspectGraphError,
     ReadError,
+    compute_light,
     compute_regions,
     graph_of,
     read_dimensions,
@@ -32,6 +34,7 @@ from planner.cli.best_so_far import BestSoFar
 from planner.cli.completion import completion_script
 from planner.cli.exit_codes import DONE, INCOMPLETE
 from planner.cli.folder_owner import asked_request, check_owner
+from planner.cli.light import check_places, lamps_for, read_lamps
 from planner.cli.signals import leave_signals_to_the_parent
 from planner.cli.wanted import chosen_entities, read_request
 from planner.exceptions import OutputError
@@ -39,6 +42,7 @@ from planner.executors import usable_cores
 from planner.files import check_file_place, output_folder
 from planner.inspection import plan_inspection
 from planner.inspection_options import InspectionOptions
+from planner.light.lamps import RING
 from planner.output import terminal_tables
 from planner.output.json_records import graph_record, part_record, plan_record, print_json
 from planner.output.plan_folder import PLAN_FILES, left_out, rescue, write_outputs
@@ -50,7 +54,7 @@ from planner.resume import read_state
 from planner.verify.simulate_plan import simulate_plan
 
 if TYPE_CHECKING:
-    from aspectgraph import Solid
+    from aspectgraph import Solid, VisibilityRegions
 
 STATE_FILE = "planning-state.json"
 
@@ -121,7 +125,8 @@ def plan(options: argparse.Namespace) -> int:
         camera = read_camera(options.camera)
         uncertainty = PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad)
         solid = _read_part(options)
-        wanted = read_request(options, solid)
+        wanted, lamps = read_request(options, solid), read_lamps(options)
+        check_places(solid, lamps)
         how = _limits(options, solid, camera)
         asked = asked_request(options, solid.name, wanted.items, camera, uncertainty, how)
         check_owner(folder, asked, force=options.force)
@@ -129,7 +134,8 @@ def plan(options: argparse.Namespace) -> int:
         _print_planned(options, found, wanted, written, folder / STATE_FILE)
         if interrupted:
             raise KeyboardInterrupt
-    return DONE if found.complete and found.simulation.confirmed else INCOMPLETE
+    lit = found.light is None or found.light.complete
+    return DONE if found.complete and found.simulation.confirmed and lit else INCOMPLETE
 
 
 def _print_planned(
@@ -157,13 +163,7 @@ def _planned(
     _prepare(state, options.resume)
     with terminal_progress(quiet=options.quiet) as progress, _executor(options.jobs) as executor:
         best = BestSoFar(progress)
-        regions = compute_regions(
-            solid,
-            wanted.entities,
-            workspace=how.workspace,
-            executor=executor,
-            progress=labelled(progress, "visible regions"),
-        )
+        regions = _regions(options, solid, wanted.entities, how.workspace, executor, progress)
         try:
             found = plan_inspection(
                 solid,
@@ -184,6 +184,7 @@ def _planned(
         except KeyboardInterrupt:
             found = best.instead()
         found = found.simulated(options.simulate, rng=options.seed, progress=progress)
+        found = replace(found, light=lamps_for(options, found, solid, read_lamps(options), progress))
         try:
             written = write_outputs(found, regions, folder, progress, graph_limit=options.graph_limit)
         except OutputError as error:
@@ -193,6 +194,16 @@ def _planned(
         if not found.unfinished:
             state.unlink(missing_ok=True)
     return found, written, best.interrupted
+
+
+def _regions(
+    options: argparse.Namespace, solid: Solid, entities: Any, box: Any, executor: Executor | None, progress: Any
+) -> VisibilityRegions:
+    """Return from where a camera observes entities; with a ring light on it, from where they show besides."""
+    shown = labelled(progress, "visible regions")
+    if options.light == RING:
+        return compute_light(solid, entities, options.contrast, box, executor, shown)
+    return compute_regions(solid, entities, workspace=box, executor=executor, progress=shown)
 
 
 def _ends(options: argparse.Namespace, best: BestSoFar) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.cli.light import light_request
 from planner.exceptions import OutputError, PlanFileError
 from planner.inspection_options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
@@ -31,6 +32,7 @@ def request_of(plan: InspectionPlan) -> dict[str, Any]:
         "seed": plan.seed,
         "workspace": plan.workspace.tolist(),
         "limits": dict(plan.requirements),
+        "light": _light_of(plan),
     }
 
 
@@ -53,6 +55,7 @@ def asked_request(
         "seed": options.seed,
         "workspace": np.asarray(how.workspace, dtype=float).tolist(),
         "limits": how.requirements(camera, uncertainty).to_dict(),
+        "light": light_request(options),
     }
 
 
@@ -85,6 +88,12 @@ def check_owner(folder: Path, asked: Mapping[str, Any], *, force: bool) -> None:
         if found[name] != {} and not _same(found[name], value):
             told = f", {found[name]!r} and not {value!r}" if isinstance(value, str | int | float) else ""
             raise OutputError(f"{_RULE} Got {path} with another {name}{told}.")
+
+
+def _light_of(plan: InspectionPlan) -> dict[str, Any]:
+    """Return what was asked of the lamps of a plan; nothing if it has none, as any may be added."""
+    light = plan.light
+    return {} if light is None else {"kind": light.kind, "contrast": light.contrast, "ground": light.ground}
 
 
 def _same(first: Any, second: Any) -> bool:

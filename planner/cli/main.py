@@ -187,6 +187,7 @@ def _add_plan(commands: Any) -> None:
         "--sigma-rad", type=float, default=0.002, metavar="RAD", help="camera orientation, std. deviation"
     )
     _add_limits(plan)
+    _add_light(plan)
     plan.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same plan")
     plan.add_argument(
         "--time-limit", type=float, metavar="S", help="end after so many seconds with the best plan so far"
@@ -236,6 +237,23 @@ def _add_limits(plan: argparse.ArgumentParser) -> None:
         type=float,
         metavar="MM",
         help="all must be visible from so far around the camera, too (default: three standard deviations)",
+    )
+
+
+def _add_light(plan: argparse.ArgumentParser) -> None:
+    """Add which lamps there are."""
+    light = plan.add_argument_group("light", "lamps that make the edges show; matt parts, one lamp at a time")
+    light.add_argument(
+        "--light",
+        metavar="LAMPS",
+        help="ring (on the camera); lamps to be placed in box:X0,Y0,Z0,X1,Y1,Z1 or on dome:X,Y,Z,RADIUS[,LOWEST]; "
+        "fixed ones at:X,Y,Z[;X,Y,Z...] or a TOML file with lamps = [[X, Y, Z], ...]; in mm (default: no lamps)",
+    )
+    light.add_argument(
+        "--contrast", type=float, default=0.1, metavar="C", help="least contrast of an edge, (I1 - I2) / (I1 + I2)"
+    )
+    light.add_argument(
+        "--ground", choices=("dark", "bright"), default="dark", help="what is behind the part; bright: a back light"
     )
 
 

@@ -30,6 +30,10 @@ _NEAREST_MM = 1.0
 # a ray that ends this fraction before the point has been stopped by something else
 _HIT_TOLERANCE = 4e-4
 _SHADED_WIDTH = 560
+# the same for shadows, whose rays end on the face they ask for
+_SHADOW_TOLERANCE = 1e-3
+# grey values under a lamp: what is no part, what no light reaches, and the most
+_GROUND, _AMBIENT, _BRIGHTEST = 12, 30, 235
 
 
 def predicted_image(
@@ -38,6 +42,7 @@ def predicted_image(
     cam2world: ArrayLike,
     entities: Mapping[str, ArrayLike] | None = None,
     color: str = "#0072b2",
+    lamp: ArrayLike | None = None,
 ) -> str:
     """Draw what a camera will see of a part: shaded faces, visible edges, and the entities in a colour.
 
@@ -53,6 +58,8 @@ def predicted_image(
         Ends of an edge, or segments of a dimension's lines and circles, that are to be highlighted, mm, by name.
     color : str
         The highlights' colour, as SVG names it.
+    lamp : array_like, shape (3,), optional
+        Place of the lamp, mm: matt faces under it, with cast shadows. Default: shades that only tell faces apart.
 
     Returns
     -------
@@ -60,7 +67,8 @@ def predicted_image(
         An SVG element, in pixels of the sensor.
     """
     ends = {name: np.asarray(one, dtype=np.float64) for name, one in (entities or {}).items()}
-    return PictureMaker(solid, camera).image_svg(np.asarray(cam2world, dtype=np.float64), ends, color)
+    place = None if lamp is None else np.asarray(lamp, dtype=np.float64)
+    return PictureMaker(solid, camera).image_svg(np.asarray(cam2world, dtype=np.float64), ends, color, place)
 
 
 class PictureMaker:
@@ -79,14 +87,16 @@ class PictureMaker:
         self._edge_faces = np.array([edge.faces for edge in solid.edges])
         self._feature = np.array([is_feature(solid, edge) for edge in solid.edges])
 
-    def image_svg(self, cam2world: np.ndarray, entities: dict[str, Any], color: str) -> str:
+    def image_svg(
+        self, cam2world: np.ndarray, entities: dict[str, Any], color: str, lamp: np.ndarray | None = None
+    ) -> str:
         """Return the predicted image: shaded faces, visible edges, entities in a colour.
 
         These are ends (2, 3) or segments (s, 2, 3) by name.
         """
         width, height = self.camera.resolution
         lines = _path(self.edge_lines(cam2world))
-        shades = base64.b64encode(png_grey(self.shaded(cam2world))).decode()
+        shades = base64.b64encode(png_grey(self.shaded(cam2world, lamp))).decode()
         return (
             f'<svg class="shot" viewBox="0 0 {width} {height}" role="img" aria-label="predicted image">'
             f'<image href="data:image/png;base64,{shades}" width="{width}" height="{height}" '
@@ -177,19 +187,38 @@ class PictureMaker:
     def _cast(self, cam2world: np.ndarray, directions: np.ndarray) -> dict[str, np.ndarray]:
         return self._scene.cast(cam2world[:3, 3], directions)
 
-    def shaded(self, cam2world: np.ndarray) -> np.ndarray:
-        """Return a small grey image (h, w) of uint8, lit from above the camera's left shoulder."""
+    def shaded(self, cam2world: np.ndarray, lamp: np.ndarray | None = None) -> np.ndarray:
+        """Return a small grey image (h, w) of uint8, lit by a lamp (3,) or from above the camera's left shoulder."""
         (width, height), matrix = self.camera.resolution, self.camera.matrix
         scale = width / _SHADED_WIDTH
         u, v = np.meshgrid((np.arange(_SHADED_WIDTH) + 0.5) * scale, (np.arange(round(height / scale)) + 0.5) * scale)
         rays = np.stack(
             [(u - matrix[0, 2]) / matrix[0, 0], (v - matrix[1, 2]) / matrix[1, 1], np.ones_like(u)], axis=-1
         )
-        hit = self._cast(cam2world, rays @ cam2world[:3, :3].T)
+        rays = rays @ cam2world[:3, :3].T
+        hit = self._cast(cam2world, rays)
+        if lamp is not None:
+            return self._lit(cam2world[:3, 3], rays, hit, lamp)
         normals = hit["primitive_normals"] @ cam2world[:3, :3]
         light = np.array([-0.35, -0.5, -0.8]) / np.linalg.norm([0.35, 0.5, 0.8])
         brightness = 0.50 + 0.42 * np.clip(normals @ light, 0.0, 1.0)
         return np.where(np.isfinite(hit["t_hit"]), 255 * brightness, 250).astype(np.uint8)
+
+    def _lit(self, eye: np.ndarray, rays: np.ndarray, hit: dict[str, np.ndarray], lamp: np.ndarray) -> np.ndarray:
+        """Return grey values under a point lamp, with cast shadows, before a dark ground; the brightest is 235."""
+        seen = np.isfinite(hit["t_hit"])
+        points = eye + hit["t_hit"][seen, None] * rays[seen]
+        towards = lamp - points
+        normals = hit["primitive_normals"][seen].astype(np.float64)
+        # of the side that is seen, however the triangle is turned
+        normals *= -np.sign(np.einsum("ni,ni->n", normals, rays[seen]))[:, None]
+        irradiance = np.maximum(np.einsum("ni,ni->n", normals, towards), 0.0) / np.linalg.norm(towards, axis=1) ** 3
+        reached = self._scene.cast(lamp, -towards)["t_hit"] >= 1.0 - _SHADOW_TOLERANCE
+        irradiance = np.where(reached, irradiance, 0.0)
+        # a little of all sides' light, so that shadows are no holes
+        grey = np.full(seen.shape, _GROUND, np.uint8)
+        grey[seen] = _AMBIENT + (_BRIGHTEST - _AMBIENT) * irradiance / max(irradiance.max(initial=0.0), 1e-300)
+        return grey
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,8 @@ from planner.output.wording import (
     bound_sentence,
     count,
     grid_sentence,
+    lamp_texts,
+    light_sentence,
     margin_texts,
     nouns,
     percent,
@@ -31,6 +33,7 @@ from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTE
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
+    from planner.light.light_plan import LightPlan
     from planner.plan import InspectionPlan
     from planner.progress import Progress
     from planner.request.space import Space
@@ -120,7 +123,7 @@ def _lead(plan: InspectionPlan) -> str:
     told = "Not simulated." if plan.simulation is None else simulation_sentence(plan.simulation)
     return (
         f"{inspected} of {count(asked, *_named(plan))} {verb} measured from {count(n, _POSE)}. "
-        f"{bound_sentence(plan, _named(plan), _POSE)} {told} {unfinished_sentence(plan)}"
+        f"{bound_sentence(plan, _named(plan), _POSE)} {told} {unfinished_sentence(plan)} {light_sentence(plan)}"
     ).rstrip()
 
 
@@ -185,16 +188,20 @@ def _setting(plan: InspectionPlan, k: int, setting: SensorSetting, maker: Pictur
     entities = drawn(plan, setting.entities)
     x, y, z, w = Rotation.from_matrix(setting.cam2world[:3, :3]).as_quat(canonical=True)
     position = ", ".join(f"{value:.3f}" for value in setting.position)
+    lamps = "".join(f'<p class="note">{escape(text[0].upper() + text[1:])}</p>' for text in lamp_texts(plan, k))
+    images = plan.light.images[k] if plan.light is not None else ()
+    lamp = plan.light.lamps[images[0].lamp] if plan.light is not None and images else None
+    shaded = "Predicted image, hidden lines removed" + (f", under lamp {images[0].lamp + 1}" if images else "")
     return (
         f'<section class="setting" id="setting-{k + 1}"><div class="head"><h3>{_swatch(k)}Setting {k + 1}</h3>'
         f'<span class="note">camera at ({position}) mm, '
         f"quaternion x y z w = ({x:.6f}, {y:.6f}, {z:.6f}, {w:.6f})</span></div>"
-        f'<div class="shots"><figure>{maker.image_svg(setting.cam2world, entities, color_of(k))}'
-        "<figcaption>Predicted image, hidden lines removed</figcaption></figure>"
+        f'<div class="shots"><figure>{maker.image_svg(setting.cam2world, entities, color_of(k), lamp)}'
+        f"<figcaption>{shaded}</figcaption></figure>"
         f"<figure>{maker.edge_map_svg(setting.cam2world, entities)}"
         f"<figcaption>{_map_caption(plan)}</figcaption></figure></div>"
         f'<div class="scroll">{_probabilities(plan, k, setting)}</div>'
-        f'<p class="note">Margins: {escape("; ".join(margin_texts(setting.margins)))}.</p></section>'
+        f'<p class="note">Margins: {escape("; ".join(margin_texts(setting.margins)))}.</p>{lamps}</section>'
     )
 
 
@@ -302,6 +309,8 @@ def _method(plan: InspectionPlan) -> str:
         paragraphs.append(f"Pixel grid. {grid_sentence(plan)}")
     if plan.simulation is not None and plan.settings:
         paragraphs.append(_simulated(plan, plan.simulation))
+    if plan.light is not None:
+        paragraphs.append(_lit(plan.light))
     paragraphs.append(
         "Method after C. C. Yang and F. W. Ciarallo, Optimized sensor placement for active visual inspection, Journal "
         "of Robotic Systems 18(1), 1-15, 2001."
@@ -346,6 +355,16 @@ def _simulated(plan: InspectionPlan, simulation: SimulationResult) -> str:
         f"inside its interval, and conservative when it is below: the {one} is measured better than stated. Above the "
         f"interval by at most {MODEL_TOLERANCE:g} it is within the model's tolerance, as the model takes the phases of "
         "the pixel grid as random; above it by more, it is contradicted."
+    )
+
+
+def _lit(light: LightPlan) -> str:
+    """Say what lamps rest on."""
+    return (
+        "Light. Where both faces of an edge are seen, its contrast is that between their shades; of a silhouette it is "
+        f"that with what is seen beside it, and the ground is taken as {light.ground}. The part is taken as matt and "
+        "of one albedo, lamps as points, one of them on at a time, and no face as lighting another; polished metal is "
+        f"out of scope. {light.bound_proof}"
     )
 
 

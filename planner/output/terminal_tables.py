@@ -13,7 +13,16 @@ from rich.table import Table
 
 from aspectgraph import Rim
 from planner.camera.camera import Camera
-from planner.output.wording import count, grid_sentence, margin_texts, nouns, percent, simulation_sentence, verdict
+from planner.output.wording import (
+    count,
+    grid_sentence,
+    lamp_texts,
+    margin_texts,
+    nouns,
+    percent,
+    simulation_sentence,
+    verdict,
+)
 from planner.verify.simulate_setting import CONFIRMED
 
 if TYPE_CHECKING:
@@ -173,6 +182,9 @@ def print_plan(plan: InspectionPlan) -> None:
         console.print(f"not inspected: {name}: {reason}")
     if plan.on_grid:
         console.print(f"note: {grid_sentence(plan)}")
+    for k in range(len(plan.settings)):
+        for text in lamp_texts(plan, k):
+            console.print(f"setting {k + 1}: {text}")
     console.print(verdict(plan))
 
 

@@ -128,6 +128,41 @@ def grid_sentence(plan: InspectionPlan) -> str:
     )
 
 
+def light_sentence(plan: InspectionPlan) -> str:
+    """Say which lamps a plan has, and what they show; empty of a plan without lamps."""
+    light = plan.light
+    if light is None or not plan.settings:
+        return ""
+    pairs, dark = sum(len(setting.entities) for setting in plan.settings), sum(map(len, light.unlit))
+    shown = f"{pairs - dark} of the {pairs} measurements" if dark else "all that is measured"
+    of = f"in its setting with a contrast of at least {light.contrast:g}"
+    if light.kind == "ring":
+        return f"A ring light on the camera shows {shown} {of}."
+    n = len(light.lamps)
+    lamps = f"{count(n, 'lamp')} of the given ones {'shows' if n == 1 else 'show'}"
+    if light.kind == "placed":
+        lamps = f"{count(n, 'place')} of a lamp {'shows' if n == 1 else 'show'}"
+    told = "proven to be the fewest" if light.minimal else f"at least {light.lower_bound} are needed"
+    more = sum(max(0, len(images) - 1) for images in light.images)
+    images = f" {count(more, 'setting takes', 'settings take')} more than one image." if more else ""
+    return f"{lamps} {shown} {of}, one lamp at a time{f' ({told})' if n else ''}.{images}"
+
+
+def lamp_texts(plan: InspectionPlan, k: int) -> list[str]:
+    """Say for each image of a setting where its lamp is and what it shows, and what no lamp shows."""
+    if plan.light is None:
+        return []
+    texts = []
+    for image in plan.light.images[k]:
+        place = ", ".join(f"{x:.1f}" for x in plan.light.lamps[image.lamp])
+        parts = [
+            f"{name} {value:.2f}{' (silhouette)' if name in image.silhouettes else ''}"
+            for name, value in image.contrast.items()
+        ]
+        texts.append(f"lamp {image.lamp + 1} at ({place}) mm: contrast of {', '.join(parts)}")
+    return texts + [f"not shown: {name}: {reason}" for name, reason in plan.light.unlit[k].items()]
+
+
 def verdict(plan: InspectionPlan) -> str:
     """Say in a few sentences how good a plan is."""
     inspected, n = len(plan.inspected), len(plan.settings)
@@ -138,6 +173,8 @@ def verdict(plan: InspectionPlan) -> str:
         sentences.append(told)
     if plan.unfinished:
         sentences.append(unfinished_sentence(plan))
+    if plan.light is not None and n:
+        sentences.append(light_sentence(plan))
     return " ".join(sentences)
 
 

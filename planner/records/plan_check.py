@@ -42,6 +42,8 @@ def check_plan(data: Mapping[str, Any]) -> None:
     _check_bound(data)
     if data.get("simulation") is not None:
         _check_simulation(data["simulation"], data["settings"])
+    if "light" in data:
+        _check_light(data["light"], data["settings"])
 
 
 def check_state(data: Mapping[str, Any]) -> None:
@@ -170,6 +172,34 @@ def _check_simulation(simulation: Mapping[str, Any], settings: Sequence[Any]) ->
             if abs(rate["predicted"] - setting["probability"][name]) > _SAME:
                 rule = f"must be the setting's probability, {setting['probability'][name]:g}"
                 _refuse(field_name(*where, "predicted"), rule, rate["predicted"])
+
+
+def _check_light(light: Mapping[str, Any], settings: Sequence[Any]) -> None:
+    """Check that every setting tells of each name once how it is lit, and that lamps and bound are possible."""
+    n = len(light["lamps"])
+    if light["lower_bound"] > n:
+        _refuse("light.lower_bound", f"must be at most {n}, the number of lamps", light["lower_bound"])
+    if len(light["settings"]) != len(settings):
+        raise PlanFileError(
+            f"light.settings must hold one object per setting, {len(settings)}. Got {len(light['settings'])}."
+        )
+    for k, (lit, setting) in enumerate(zip(light["settings"], settings, strict=True)):
+        where = ("light", "settings", k)
+        told = list(lit["unlit"])
+        for i, image in enumerate(lit["images"]):
+            told += image["contrast"]
+            own = (*where, "images", i)
+            if image["lamp"] >= n:
+                _refuse(field_name(*own, "lamp"), f"must be below {n}, the number of lamps", image["lamp"])
+            for name, value in image["contrast"].items():
+                if value < light["contrast"] - _SAME:
+                    rule = f"must be at least light.contrast, {light['contrast']:g}"
+                    _refuse(field_name(*own, "contrast", name), rule, value)
+            for name in image["silhouettes"]:
+                if name not in image["contrast"]:
+                    _refuse(field_name(*own, "silhouettes"), "must be names that the image shows", name)
+        if sorted(told) != sorted(setting["entities"]):
+            _refuse(field_name(*where), "must tell of each of the setting's entities once", sorted(told))
 
 
 def _check_rate(rate: Mapping[str, Any], simulation: Mapping[str, Any], *where: object) -> None:

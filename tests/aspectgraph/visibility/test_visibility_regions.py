@@ -181,7 +181,7 @@ def test_progress_counts_entities():
 def test_a_wrong_list_is_a_contradiction(slot):
     observable = np.array([[True, True, False, True]])
     with pytest.raises(ContradictionError, match=r"domain 0 must list .* Its list holds 'e4'"):
-        confirm(slot.solid, slot.entities, slot.regions._scene, slot.regions.grid, np.array([[5.0, 50, 3]]), observable)
+        confirm(slot.regions, np.array([[5.0, 50, 3]]), observable)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from planner import Camera, PoseUncertainty, SensorSetting, look_at
+from planner import Camera, LightPlan, LitImage, PoseUncertainty, SensorSetting, look_at
 from planner.plan import InspectionPlan
 
 CAMERA = Camera(25.0, (0.00345, 0.0035), (2448, 2048), 8.0, 600.0, name="test camera")
@@ -12,6 +12,16 @@ ENTITIES = {
     "top right": [[80.0, 0.0, 60.0], [80.0, 50.0, 60.0]],
     "bottom": [[0.0, 0.0, 0.0], [80.0, 0.0, 0.0]],
 }
+LIGHT = LightPlan(
+    "placed",
+    0.1,
+    "dark",
+    np.array([[40.0, -300.0, 500.0], [300.0, 25.0, 90.0]]),
+    ((LitImage(0, {"top front": 0.3, "top right": 1.0}, ("top right",)),), (LitImage(1, {"top right": 0.76}),)),
+    ({}, {}),
+    1,
+    "test",
+)
 
 
 def setting(position, names, target=(40.0, 25.0, 60.0), roll=0.3, probability=0.95):

@@ -2,11 +2,13 @@
 
 import re
 
+import numpy as np
 import pytest
 from plan_examples import CAMERA
 
 from aspectgraph import read_solid
 from planner import look_at, predicted_image
+from planner.output.predicted_image import _AMBIENT, _GROUND, PictureMaker
 
 RIM = [[60.0, 20.0, 10.0], [60.0, 40.0, 10.0]]
 
@@ -30,3 +32,29 @@ def test_without_entities_nothing_is_highlighted():
     assert image.startswith("<svg")
     assert 'class="edge"' in image
     assert 'class="entity"' not in image
+
+
+def test_under_a_lamp_grey_values_are_those_of_matt_faces():
+    """Beside the edge x = 0, z = 40 the greys above the shadows' are as the lamp's heights over the two faces."""
+    solid = read_solid("examples/two_pocket_block.off")
+    middle, lamp = np.array([0.0, 30, 40]), np.array([-200.0, 30, 440])
+    maker, pose = PictureMaker(solid, CAMERA), look_at([[-300.0, 30, 340]], middle)[0]
+    image = maker.shaded(pose, lamp).astype(float) - _AMBIENT
+    # four pixels beside the middle, where the edge passes, on either side
+    u, v = maker._project((np.array([[0.0, 40, 40]]) - pose[:3, 3]) @ pose[:3, :3])[0] - CAMERA.matrix[:2, 2]
+    across = np.rint(4 * np.array([u, -v]) / np.hypot(u, v)).astype(int)
+    (i, j), rows = np.array(image.shape) // 2, np.array([1, -1])
+    bright = image[i + rows * across[0], j + rows * across[1]]
+    assert np.ptp(bright) / bright.sum() == pytest.approx((400 - 200) / (400 + 200), abs=0.02)
+
+
+def test_cast_shadows_and_the_ground():
+    """A lamp low over the face x = 60 leaves its pocket dark: 20 x 20 of 60 x 40 mm; one before it leaves nothing."""
+    solid = read_solid("examples/two_pocket_block.off")
+    middle = np.array([60.0, 30, 20])
+    maker, pose = PictureMaker(solid, CAMERA), look_at([[530.0, 30, 20]], middle)[0]
+    low, high = (maker.shaded(pose, np.array(place)) for place in ([70.0, -300, 20], [530.0, 30, 20]))
+    assert (low == _AMBIENT).sum() / (low != _GROUND).sum() == pytest.approx(400 / 2400, rel=0.03)
+    assert not (high == _AMBIENT).any()
+    assert (low[0, 0], high[0, 0]) == (_GROUND, _GROUND)
+    assert predicted_image(solid, CAMERA, pose, lamp=(530, 30, 20)) != predicted_image(solid, CAMERA, pose)

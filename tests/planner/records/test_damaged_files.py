@@ -6,7 +6,7 @@ import random
 import numpy as np
 import pytest
 from file_mutants import damaged_json, damaged_toml
-from plan_examples import ENTITIES, plan, setting
+from plan_examples import ENTITIES, LIGHT, plan, setting
 
 from planner import Camera, look_at
 from planner.columns.outcome import Outcome
@@ -35,7 +35,7 @@ def assert_one_line(error, path):
 
 
 def test_damaged_plan_is_refused_or_makes_sense(tmp_path):
-    good = encoded(plan().simulated(100).to_dict())
+    good = encoded(plan(light=LIGHT).simulated(100).to_dict())
     rng, path, refused = random.Random(1), tmp_path / "plan.json", 0
     for _ in range(MUTANTS):
         path.write_bytes(damaged_json(good, rng))
@@ -59,6 +59,10 @@ def assert_sensible(found):
         turn = one.cam2world[:3, :3]
         assert turn @ turn.T == pytest.approx(np.eye(3), abs=1e-5)
         assert np.isfinite(one.cam2world).all()
+    if found.light is not None:
+        assert 0 <= found.light.lower_bound <= len(found.light.lamps)
+        for one, images, unlit in zip(found.settings, found.light.images, found.light.unlit, strict=True):
+            assert sorted([*unlit, *(name for image in images for name in image.contrast)]) == sorted(one.entities)
     result = found.simulate(20)
     assert all(0 <= rate.low <= rate.high <= 1 for rates in result.rates for rate in rates.values())
 

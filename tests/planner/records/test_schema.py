@@ -5,7 +5,7 @@ import math
 
 import jsonschema
 import pytest
-from plan_examples import plan
+from plan_examples import LIGHT, plan
 
 from planner.columns.outcome import Outcome
 from planner.exceptions import PlanFileError
@@ -17,7 +17,7 @@ from planner.resume import PlanningState
 
 
 def data():
-    return encoded(plan().simulated(50).to_dict())
+    return encoded(plan(light=LIGHT).simulated(50).to_dict())
 
 
 def changed(path, value):
@@ -52,6 +52,7 @@ def test_every_rule_of_the_schema_has_words():
 
 
 FIRST = ("settings", 0)
+LIT = ("light", "settings", 1)
 RATE = ("simulation", "rates", 0, "top front")
 WRONG = {
     "probability nan": ((*FIRST, "probability", "top right"), math.nan, "must be a number in [0, 1]. Got NaN."),
@@ -101,9 +102,19 @@ WRONG = {
     "fewer rates": (("simulation", "rates"), [], None),
     "too many draws": (("simulation", "n"), 2**54, "must be an integer from 1 to 2^53. Got 18014398509481984."),
     "far too many draws": (("simulation", "n"), 10**400, "must be an integer from 1 to 2^53. Got an integer of 1329"),
+    "kind of lamps": (("light", "kind"), "torch", 'must be fixed, ring or placed. Got "torch".'),
+    "contrast 1": (("light", "contrast"), 1, "must be in (0, 1). Got 1."),
+    "lamp in the plane": (("light", "lamps", 0), [1, 2], "must have the shape (3,). Got (2,)."),
+    "lamp 2": ((*LIT, "images", 0, "lamp"), 2, "must be below 2, the number of lamps. Got 2."),
+    "more lamps needed": (("light", "lower_bound"), 3, "must be at most 2, the number of lamps. Got 3."),
+    "too even": ((*LIT, "images", 0, "contrast", "top right"), 0.05, "must be at least light.contrast, 0.1. Got 0.05."),
+    "lit settings": (("light", "settings"), [], "must hold one object per setting, 2. Got 0."),
+    "lit twice": ((*LIT, "unlit", "top right"), "why", None),
+    "nobody's outline": ((*LIT, "images", 0, "silhouettes"), ["x"], 'must be names that the image shows. Got "x".'),
 }
 # where the field that is named is not the one that was changed, or the value is told otherwise
 SENTENCES = {
+    "lit twice": 'light.settings[1] must tell of each of the setting\'s entities once. Got ["top right", "top right"].',
     "unknown entity": "settings[0].probability.x must be given. Got none.",
     "no length": "entities.bottom must have two different ends. Got [[0.0, 0.0, 0.0], [0, 0, 0]].",
     "in both": 'entities["top front"] must be in a setting or uninspectable. Got both.',

@@ -1,0 +1,100 @@
+"""The lamps that the command line asks for: ``--light``, ``--contrast`` and ``--ground``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aspectgraph.light.contrast import check_contrast, check_lamps
+from planner.exceptions import RequestError
+from planner.light.lamps import RING, LampBox, LampDome, check_lamps_given
+from planner.light.plan_light import plan_light
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+    from planner.light.light_plan import LightPlan
+    from planner.plan import InspectionPlan
+    from planner.progress import Progress
+
+_RULE = (
+    "--light must be ring, box:X0,Y0,Z0,X1,Y1,Z1, dome:X,Y,Z,RADIUS[,LOWEST], at:X,Y,Z[;X,Y,Z...] in mm, or a TOML "
+    "file with lamps = [[X, Y, Z], ...]."
+)
+
+
+def read_lamps(options: Any) -> Any:
+    """Return the lamps asked for, as `plan_light` takes them; None if there are none.
+
+    Raises
+    ------
+    RequestError, LightError
+        If the words have no meaning, or a number breaks its rule.
+    """
+    check_contrast(options.contrast)
+    text = options.light
+    if text is None or text == RING:
+        return text
+    name, _, numbers = text.partition(":")
+    if name == "at":
+        return check_lamps_given([_numbers(place, text) for place in numbers.split(";")])
+    if name == "box":
+        values = _numbers(numbers, text)
+        if len(values) == 6:
+            return LampBox((values[0], values[1], values[2]), (values[3], values[4], values[5]))
+    elif name == "dome":
+        values = _numbers(numbers, text)
+        if len(values) in (4, 5):
+            return LampDome((values[0], values[1], values[2]), *values[3:])
+    elif Path(text).suffix.lower() == ".toml":
+        return check_lamps_given(_from_file(Path(text)))
+    raise RequestError(f"{_RULE} Got {text!r}.")
+
+
+def check_places(solid: Solid, lamps: Any) -> None:
+    """Refuse fixed lamps inside the part before any work."""
+    if isinstance(lamps, np.ndarray):
+        check_lamps(solid, lamps)
+
+
+def light_request(options: Any) -> dict[str, Any]:
+    """Return what a plan is known by of what was asked of its lamps; nothing if it needs none."""
+    if options.light is None:
+        return {}
+    kind = options.light.partition(":")[0]
+    kind = kind if kind == RING else "placed" if kind in ("box", "dome") else "fixed"
+    return {"kind": kind, "contrast": options.contrast, "ground": options.ground}
+
+
+def lamps_for(
+    options: Any, found: InspectionPlan, solid: Solid, lamps: Any, progress: Progress | None
+) -> LightPlan | None:
+    """Return the lamps of a plan, if any were asked for."""
+    if lamps is None:
+        return None
+    return plan_light(found, solid, lamps, contrast=options.contrast, ground=options.ground, progress=progress)
+
+
+def _numbers(text: str, whole: str) -> list[float]:
+    try:
+        return [float(number) for number in text.split(",")]
+    except ValueError:
+        raise RequestError(f"{_RULE} Got {whole!r}.") from None
+
+
+def _from_file(path: Path) -> Any:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))["lamps"]
+    except KeyError:
+        raise RequestError(f"{path}: a file of lamps must hold lamps = [[X, Y, Z], ...]. Got no lamps.") from None
+    except OSError as error:
+        raise RequestError(f"{path}: file of lamps must be readable. Got: {error.strerror}.") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise RequestError(f"{path}: file of lamps must be TOML. Got: {error}.") from error

@@ -1,0 +1,201 @@
+"""What each setting of a plan asks of its lamp: which edges must show there, and whether as creases or silhouettes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aspectgraph.entities.straight_edges import Entity, resolve_entities
+from errors.measurands import Circle
+from planner.camera.camera import Camera
+from planner.exceptions import RequestError
+from planner.light.background import Backdrop, backdrops
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+    from aspectgraph.solid.ray_scene import RayScene
+
+Silhouettes = dict[int, int]
+# a circle of a plan is that of a rim if they differ by less than this share of the part's size
+_SAME = 1e-6
+
+
+class Posed(Protocol):
+    """A pose and what is measured from it, such as a `SensorSetting`."""
+
+    @property
+    def cam2world(self) -> NDArray[np.float64]:
+        """The pose, (4, 4)."""
+
+    @property
+    def entities(self) -> Sequence[str]:
+        """Names of what is measured."""
+
+
+class Planned(Protocol):
+    """Settings and what they measure, such as an `InspectionPlan`."""
+
+    @property
+    def settings(self) -> Sequence[Posed]:
+        """The settings, in order."""
+
+    @property
+    def entities(self) -> Mapping[str, Any]:
+        """End points (2, 3) by name, mm."""
+
+    @property
+    def dimensions(self) -> Mapping[str, Any]:
+        """Dimensions by name; they stand for the entities of the same name."""
+
+    @property
+    def camera(self) -> Camera:
+        """The camera."""
+
+    @property
+    def requirements(self) -> Mapping[str, float]:
+        """Limits of the plan by name."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """What one setting measures: the light regions that must hold its lamp, and what is behind its silhouettes.
+
+    Attributes
+    ----------
+    setting : int
+        Number of the setting.
+    name : str
+        What it measures.
+    regions : tuple of str
+        Names of light regions.
+    silhouette : bool
+        Whether an edge of it is a silhouette.
+    backdrops : tuple of Backdrop
+        Behind them, where that is a face of the part.
+    """
+
+    setting: int
+    name: str
+    regions: tuple[str, ...]
+    silhouette: bool = False
+    backdrops: tuple[Backdrop, ...] = ()
+
+
+@dataclass
+class Demands:
+    """All pairs of settings and what they measure, and the regions they name."""
+
+    pairs: list[Pair] = field(default_factory=list)
+    entities: dict[str, Entity] = field(default_factory=dict)
+    silhouettes: dict[str, Silhouettes] = field(default_factory=dict)
+
+    def region(self, name: str, entity: Entity, silhouettes: Silhouettes) -> str:
+        """Return the name of a light region, a new one if it was not asked for before."""
+        for known, other in self.entities.items():
+            if other.edge_ids == entity.edge_ids and self.silhouettes[known] == silhouettes:
+                return known
+        label = f"{name} {len(self.entities)}"
+        # an entity of its own, as a region is found by it
+        self.entities[label], self.silhouettes[label] = replace(entity, name=label), silhouettes
+        return label
+
+
+def demands_of(plan: Planned, solid: Solid, scene: RayScene, ground: str) -> Demands:
+    """Return what a plan asks of its lamps.
+
+    Parameters
+    ----------
+    plan : Planned
+        The plan.
+    solid : Solid
+        Its part.
+    scene : RayScene
+        Of the part.
+    ground : str
+        "dark" or "bright".
+
+    Returns
+    -------
+    Demands
+        Pairs in the order of the settings.
+
+    Raises
+    ------
+    RequestError
+        If the part lacks an edge, rim or arc of the plan.
+    """
+    parts = {name: _parts(plan, solid, name) for setting in plan.settings for name in setting.entities}
+    radius = plan.requirements.get("visibility_radius_mm", 0.0)
+    pixel = max(plan.camera.pixel_pitch_mm) / plan.camera.image_distance_mm
+    found = Demands()
+    for k, setting in enumerate(plan.settings):
+        eye = np.asarray(setting.cam2world, dtype=np.float64)[:3, 3]
+        for name in setting.entities:
+            regions, behind, some = [], [], False
+            for entity in parts[name]:
+                for seen in seen_as(solid, entity, eye, radius):
+                    own = backdrops(solid, scene, eye, entity, seen, pixel)
+                    some |= bool(seen)
+                    if seen and ground == "bright" and not own and set(seen) == set(entity.edge_ids):
+                        # all of it in front of the back light
+                        continue
+                    behind += own
+                    regions.append(found.region(name, entity, seen))
+            found.pairs.append(Pair(k, name, tuple(dict.fromkeys(regions)), some, tuple(behind)))
+    return found
+
+
+def seen_as(solid: Solid, entity: Entity, eye: NDArray[np.float64], radius_mm: float) -> Iterator[Silhouettes]:
+    """Yield the silhouettes of an entity, once or twice: edge to the face that is seen, from around a camera's place.
+
+    Where the plane of a face passes by the camera within the radius, an edge is taken as a crease and as a silhouette.
+    """
+    sure: Silhouettes = {}
+    open_ones: Silhouettes = {}
+    for edge in (solid.edges[i] for i in entity.edge_ids):
+        heights = solid.normals[list(edge.faces)] @ (eye - solid.vertices[edge.vertices[0]])
+        front = edge.faces[int(heights.argmax())]
+        if heights.min() <= -radius_mm:
+            sure[edge.id] = front
+        elif heights.min() <= radius_mm:
+            open_ones[edge.id] = front
+    yield sure
+    if open_ones:
+        yield sure | open_ones
+
+
+def _parts(plan: Planned, solid: Solid, name: str) -> tuple[Entity, ...]:
+    """Return the edges, rims and arcs that something measured consists of."""
+    one = plan.dimensions.get(name)
+    if one is None:
+        return (_line(solid, name, plan.entities[name]),)
+    return tuple(
+        _curve(solid, name, item) if isinstance(item, Circle) else _line(solid, name, (item.p, item.q))
+        for item in one.geometry
+    )
+
+
+def _line(solid: Solid, name: str, ends: Any) -> Entity:
+    from aspectgraph.exceptions import EntityError
+
+    try:
+        return resolve_entities(solid, {name: np.asarray(ends, dtype=np.float64)})[name]
+    except EntityError as error:
+        raise RequestError(f"solid must be the plan's part. {error}") from error
+
+
+def _curve(solid: Solid, name: str, circle: Circle) -> Entity:
+    """Return the rim or arc with a circle."""
+    size = _SAME * float(np.linalg.norm(np.ptp(solid.bounds, axis=0)))
+    for arc in solid.rims() if circle.start is None else solid.arcs():
+        off = max(float(np.linalg.norm(arc.centre - circle.centre)), abs(arc.radius_mm - circle.radius_mm))
+        if off > size or abs(abs(arc.axis @ circle.axis) - 1) > _SAME:
+            continue
+        entity = resolve_entities(solid, {name: arc.id})[name]
+        if circle.start is None or np.linalg.norm(entity.points[0] - circle.points(np.zeros(1))[0]) < 1e3 * size:
+            return entity
+    raise RequestError(f"solid must be the plan's part. Got no rim or arc of {name!r} in {solid.name!r}.")

@@ -1,0 +1,281 @@
+"""Where lamps are, or may be: places of a cell, a ring on the camera, a box or a dome to choose from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import linprog
+from scipy.stats import qmc
+
+from aspectgraph.cells.cell_set import Cell
+from planner.exceptions import RequestError
+
+Array = NDArray[np.float64]
+
+RING = "ring"
+"""A ring light on the camera: a lamp at its front nodal point."""
+
+# distance, as a share of the space's size, that says apart from touching
+_APART = 1e-9
+_DOME_POINTS = 20_000
+
+
+class LampSpace(Protocol):
+    """Where lamps may be placed."""
+
+    @property
+    def bounds(self) -> Array:
+        """Lowest and highest corner of a box around it, (2, 3) mm."""
+
+    def places(self, n: int) -> Array:
+        """Return n places (n, 3) that are spread evenly, the same in every call."""
+
+    def misses(self, cell: Cell) -> bool:
+        """Tell whether a convex cell has no place; False where that is not sure."""
+
+    def places_in(self, cell: Cell) -> Array:
+        """Return some places (m, 3) in a convex cell; there may be none, and places though none is returned."""
+
+    def __str__(self) -> str:
+        """Return what a sentence calls it."""
+
+
+@dataclass(frozen=True)
+class LampBox:
+    """A box that lamps may be placed in.
+
+    Parameters
+    ----------
+    low : tuple of float
+        Lowest corner (3,), mm.
+    high : tuple of float
+        Highest corner (3,), mm.
+
+    Raises
+    ------
+    RequestError
+        If they are not finite or `low` is not below `high` in every coordinate.
+    """
+
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        box = _numbers("the corners of a box of lamps", (self.low, self.high), (2, 3))
+        if not (box[0] < box[1]).all():
+            raise RequestError(f"low must be below high in every coordinate. Got {self.low!r} and {self.high!r}.")
+
+    def __str__(self) -> str:
+        """Return what a sentence calls it."""
+        return "the box of lamps"
+
+    @property
+    def bounds(self) -> Array:
+        """Its corners (2, 3), mm."""
+        return np.array([self.low, self.high], dtype=np.float64)
+
+    def places(self, n: int) -> Array:
+        """Return n places of a Halton sequence.
+
+        Parameters
+        ----------
+        n : int
+            How many.
+
+        Returns
+        -------
+        array, shape (n, 3)
+            The same in every call, mm.
+        """
+        low, high = self.bounds
+        return np.asarray(low + qmc.Halton(3, scramble=True, rng=np.random.default_rng(0)).random(n) * (high - low))
+
+    def misses(self, cell: Cell) -> bool:
+        """Tell whether a plane of either body parts them, or no point is inside all planes.
+
+        Parameters
+        ----------
+        cell : Cell
+            In mm.
+
+        Returns
+        -------
+        bool
+            False where it is not sure.
+        """
+        low, high = self.bounds
+        apart = _APART * float(np.linalg.norm(high - low))
+        if (cell.vertices < low - apart).all(axis=0).any() or (cell.vertices > high + apart).all(axis=0).any():
+            return True
+        planes = cell.half_spaces
+        nearest = np.where(planes[:, :3] > 0, low, high)
+        if (np.einsum("ki,ki->k", planes[:, :3], nearest) + planes[:, 3] > apart).any():
+            return True
+        return bool(self._deepest(cell)[1] < -apart)
+
+    def places_in(self, cell: Cell) -> Array:
+        """Return the centre of the largest ball in the box and the cell.
+
+        Parameters
+        ----------
+        cell : Cell
+            In mm.
+
+        Returns
+        -------
+        array, shape (m, 3)
+            In mm; there may be none though the cell is not missed.
+        """
+        centre, depth = self._deepest(cell)
+        return centre[None] if depth > 0 else np.empty((0, 3))
+
+    def _deepest(self, cell: Cell) -> tuple[Array, float]:
+        """Return the point farthest from all planes of box and cell, and how far it is inside; a linear programme."""
+        low, high = self.bounds
+        sides = np.concatenate([np.eye(3), -np.eye(3)])
+        normals = np.concatenate([cell.half_spaces[:, :3], sides])
+        offsets = np.concatenate([-cell.half_spaces[:, 3], high - low, np.zeros(3)])
+        offsets[: -len(sides)] -= normals[: -len(sides)] @ low
+        found = linprog(
+            [0, 0, 0, -1],
+            np.column_stack([normals, np.ones(len(normals))]),
+            offsets,
+            bounds=(None, None),
+            method="highs",
+        )
+        return low + found.x[:3], float(found.x[3])
+
+
+@dataclass(frozen=True)
+class LampDome:
+    """A sphere around the part, above a height, that lamps may be placed on.
+
+    Parameters
+    ----------
+    centre : tuple of float
+        Its centre (3,), mm.
+    radius_mm : float
+        Its radius.
+    lowest_mm : float
+        Least height (z) of a lamp above the centre.
+
+    Raises
+    ------
+    RequestError
+        If the radius is not positive, or no place of the sphere is so high.
+    """
+
+    centre: tuple[float, float, float]
+    radius_mm: float
+    lowest_mm: float = 0.0
+
+    def __post_init__(self) -> None:
+        _numbers("the centre of a dome of lamps", self.centre, (3,))
+        _numbers("radius_mm and lowest_mm", (self.radius_mm, self.lowest_mm), (2,))
+        if not self.radius_mm > 0:
+            raise RequestError(f"radius_mm must be positive. Got {self.radius_mm!r}.")
+        if not self.lowest_mm < self.radius_mm:
+            raise RequestError(f"lowest_mm must be below radius_mm, {self.radius_mm:g}. Got {self.lowest_mm!r}.")
+
+    def __str__(self) -> str:
+        """Return what a sentence calls it."""
+        return "the dome of lamps"
+
+    @property
+    def bounds(self) -> Array:
+        """Corners of the box around it (2, 3), mm."""
+        low = np.full(3, -self.radius_mm)
+        low[2] = max(low[2], self.lowest_mm)
+        return np.array(self.centre, dtype=np.float64) + np.array([low, np.full(3, self.radius_mm)])
+
+    def places(self, n: int) -> Array:
+        """Return n places of a spiral that gives each the same area.
+
+        Parameters
+        ----------
+        n : int
+            How many.
+
+        Returns
+        -------
+        array, shape (n, 3)
+            The same in every call, mm.
+        """
+        lowest = max(self.lowest_mm / self.radius_mm, -1.0)
+        height = lowest + (1.0 - lowest) * (np.arange(n) + 0.5) / n
+        turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(n)
+        flat = np.sqrt(1.0 - height**2)
+        return np.array(self.centre) + self.radius_mm * np.column_stack(
+            [flat * np.cos(turn), flat * np.sin(turn), height]
+        )
+
+    def misses(self, cell: Cell) -> bool:
+        """Tell whether the cell is inside the sphere, beyond a plane that is outside of it, or too low.
+
+        Parameters
+        ----------
+        cell : Cell
+            In mm.
+
+        Returns
+        -------
+        bool
+            False where it is not sure.
+        """
+        own = cell.vertices - np.array(self.centre)
+        apart = _APART * self.radius_mm
+        beyond = cell.half_spaces[:, :3] @ np.array(self.centre) + cell.half_spaces[:, 3]
+        inside = np.linalg.norm(own, axis=1).max() < self.radius_mm - apart
+        return bool(inside or beyond.max() > self.radius_mm + apart or own[:, 2].max() < self.lowest_mm - apart)
+
+    def places_in(self, cell: Cell) -> Array:
+        """Return those of many places that are in the cell.
+
+        Parameters
+        ----------
+        cell : Cell
+            In mm.
+
+        Returns
+        -------
+        array, shape (m, 3)
+            In mm; there may be none though the cell is not missed.
+        """
+        places = self.places(_DOME_POINTS)
+        inside = (places @ cell.half_spaces[:, :3].T + cell.half_spaces[:, 3] < 0).all(axis=1)
+        return places[inside][:: max(1, int(inside.sum()) // 64)]
+
+
+def check_lamps_given(lamps: Any) -> LampSpace | Array | None:
+    """Return a space of lamps, the places (n, 3) of fixed ones, or None for a ring light.
+
+    Raises
+    ------
+    RequestError
+        If it is none of these.
+    """
+    if isinstance(lamps, LampBox | LampDome):
+        return lamps
+    if isinstance(lamps, str):
+        if lamps == RING:
+            return None
+        raise RequestError(f"lamps must be places, a LampBox, a LampDome, or {RING!r}. Got {lamps!r}.")
+    return _numbers("lamps", lamps, (-1, 3))
+
+
+def _numbers(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Return finite numbers as an array of a shape; -1 stands for any number but 0."""
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    fits = array.ndim == len(shape) and all(
+        n == m or (m == -1 and n > 0) for n, m in zip(array.shape, shape, strict=True)
+    )
+    if not fits or not np.isfinite(array).all():
+        told = str(shape).replace("-1", "n")
+        raise RequestError(f"{name} must be finite numbers in mm, shape {told}. Got {values!r}.")
+    return array

@@ -1,0 +1,284 @@
+"""Lamps for all settings of a plan: which of a cell's, the ring on the camera, or as few as possible to be placed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from aspectgraph.light.contrast import check_contrast, check_lamps
+from aspectgraph.light.light_regions import DEFAULT_CONTRAST, LightRegions, compute_light
+from aspectgraph.solid.ray_scene import RayScene
+from planner.cover.set_cover import min_cover
+from planner.exceptions import RequestError
+from planner.light.demands import Demands, Planned, demands_of
+from planner.light.fewest import Jobs, Search
+from planner.light.lamps import LampSpace, check_lamps_given
+from planner.light.light_plan import LightPlan, LitImage
+from planner.light.served import Served
+from planner.progress import Progress, labelled
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+
+GROUNDS = ("dark", "bright")
+_FIRST_PLACES = 3000
+# the workspace of the regions is so much larger than the lamps' space, as a share of it
+_ROOM = 0.01
+
+
+def plan_light(
+    plan: Planned,
+    solid: Solid,
+    lamps: Any,
+    *,
+    contrast: float = DEFAULT_CONTRAST,
+    ground: str = "dark",
+    clearance_mm: float = 10.0,
+    tolerance_mm: float = 0.0,
+    progress: Progress | None = None,
+) -> LightPlan:
+    """Choose lamps that make all that a plan measures show, in every setting, one lamp at a time.
+
+    The part is matt and of one albedo, lamps are points, and no face lights another; polished metal is another matter.
+    Where the camera sees both faces of an edge, the lamp must light all of it with the contrast between the faces.
+    Where it sees one, the edge is a silhouette: that face must be lit, and be brighter or darker by the contrast than
+    what is seen beside it; this is checked by rays at five points of the edge.
+
+    **Guarantee.** Every setting has an image for each name it measures, or the name is in ``unlit`` with the reason.
+    No choice of lamps shows as much with fewer than ``lower_bound`` lamps, one lamp for all of a setting where one is
+    enough.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    solid : Solid
+        Its part.
+    lamps : array_like, shape (n, 3), or LampBox, LampDome or "ring"
+        Places of the lamps of a cell, mm; or where lamps may be placed; or a ring light on the camera.
+    contrast : float
+        Least contrast, strictly between 0 and 1; see `aspectgraph.contrast`.
+    ground : str
+        What is behind the part: "dark", or "bright" by a back light, before which silhouettes show whatever the lamp.
+    clearance_mm : float
+        Lamps to be placed keep this distance from the part.
+    tolerance_mm : float
+        How far lamps may be from their places: all shows from there, too (26 places around are tried).
+    progress : callable, optional
+        ``progress(done, total, label)``.
+
+    Returns
+    -------
+    LightPlan
+        The same for the same arguments.
+
+    Raises
+    ------
+    RequestError
+        If an argument breaks its rule, or the part is not the plan's.
+    LightError
+        If the contrast is out of range, or a fixed lamp is inside the part.
+    """
+    least, given = check_contrast(contrast), check_lamps_given(lamps)
+    if ground not in GROUNDS:
+        raise RequestError(f"ground must be one of {', '.join(GROUNDS)}. Got {ground!r}.")
+    for name, value in (("clearance_mm", clearance_mm), ("tolerance_mm", tolerance_mm)):
+        if not (isinstance(value, int | float) and 0 <= value < np.inf):
+            raise RequestError(f"{name} must be finite and not negative. Got {value!r}.")
+    if isinstance(given, np.ndarray):
+        check_lamps(solid, given)
+    scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
+    demands = demands_of(plan, solid, scene, ground)
+    eyes = np.array([np.asarray(one.cam2world)[:3, 3] for one in plan.settings]).reshape(-1, 3)
+    room = given if isinstance(given, np.ndarray) else eyes if given is None else given.bounds
+    # a displaced camera takes its ring along
+    off = max(tolerance_mm, plan.requirements.get("visibility_radius_mm", 0.0)) if given is None else tolerance_mm
+    light = _regions(solid, demands, least, _workspace(solid, room, off), progress)
+    served = Served(light, scene, demands.pairs, least, clearance_mm, off)
+    work = _Work(served, len(plan.settings), ground)
+    if given is None:
+        return _ring(work, eyes)
+    if isinstance(given, np.ndarray):
+        served.keep(given, served.contrasts(given))
+        return _fixed(work)
+    return _placed(work, given)
+
+
+def _workspace(solid: Solid, places: ArrayLike, tolerance_mm: float) -> NDArray[np.float64]:
+    """Return a box around the part and all lamps."""
+    points = np.concatenate([solid.bounds, np.reshape(places, (-1, 3))])
+    low, high = points.min(axis=0), points.max(axis=0)
+    room = _ROOM * float(np.linalg.norm(high - low)) + 2 * tolerance_mm
+    return np.array([low - room, high + room])
+
+
+def _regions(
+    solid: Solid,
+    demands: Demands,
+    contrast: float,
+    workspace: NDArray[np.float64],
+    progress: Progress | None,
+) -> LightRegions | None:
+    if not demands.entities:
+        return None
+    shown = labelled(progress, "light regions")
+    return compute_light(solid, demands.entities, contrast, workspace, None, shown, demands.silhouettes)
+
+
+@dataclass
+class _Work:
+    """What is served, and in how many settings."""
+
+    served: Served
+    n_settings: int
+    ground: str
+
+    def jobs(self, shown: NDArray[np.bool_]) -> list[tuple[int, ...]]:
+        """Return the pairs each lamp has to show at once: all of a setting where some place does, else each alone."""
+        found: list[tuple[int, ...]] = []
+        for k in range(self.n_settings):
+            own = [i for i, pair in enumerate(self.served.pairs) if pair.setting == k and shown[:, i].any()]
+            together = bool(own) and bool(shown[:, own].all(axis=1).any())
+            found += [tuple(own)] if together else [(i,) for i in own]
+        return found
+
+    def result(self, kind: str, chosen: Sequence[int], images: Any, bound: int, proof: str, reasons: Any) -> LightPlan:
+        """Return the plan of lamps; ``images`` (setting, place, pairs), ``reasons`` by pair."""
+        served, number = self.served, {place: i for i, place in enumerate(chosen)}
+        shots: list[list[LitImage]] = [[] for _ in range(self.n_settings)]
+        for setting, place, pairs in images:
+            values = {served.pairs[i].name: float(served.contrast[place, i]) for i in pairs}
+            outlines = tuple(served.pairs[i].name for i in pairs if served.pairs[i].silhouette)
+            shots[setting].append(LitImage(number[place], values, outlines))
+        unlit: list[dict[str, str]] = [{} for _ in range(self.n_settings)]
+        for i, reason in reasons.items():
+            unlit[served.pairs[i].setting][served.pairs[i].name] = reason
+        return LightPlan(
+            kind,
+            served.least,
+            self.ground,
+            served.places[list(chosen)],
+            tuple(map(tuple, shots)),
+            tuple(unlit),
+            bound,
+            proof,
+        )
+
+
+def _ring(work: _Work, eyes: NDArray[np.float64]) -> LightPlan:
+    """The lamp of each setting is at its camera."""
+    served = work.served
+    served.keep(eyes, served.contrasts(eyes))
+    own = [[i for i, pair in enumerate(served.pairs) if pair.setting == k] for k in range(work.n_settings)]
+    lit = [[i for i in pairs if served.contrast[k, i] > 0] for k, pairs in enumerate(own)]
+    dark = {
+        i: f"the ring light gives it a contrast under {served.least:g}{_before(served, i)}, there or just beside."
+        for pairs, shown in zip(own, lit, strict=True)
+        for i in pairs
+        if i not in shown
+    }
+    images = [(k, k, pairs) for k, pairs in enumerate(lit) if pairs]
+    proof = "A ring light is where the camera is: one in each setting."
+    return work.result("ring", range(len(eyes)), images, len(eyes), proof, dark)
+
+
+def _before(served: Served, i: int) -> str:
+    return " with what is behind" if served.pairs[i].backdrops else ""
+
+
+def _fixed(work: _Work) -> LightPlan:
+    """The fewest of the given lamps."""
+    served = work.served
+    shown = served.contrast > 0
+    dark = {i: _why_dark(served, i) for i in range(len(served.pairs)) if not shown[:, i].any()}
+    jobs = work.jobs(shown)
+    chosen, images, bound = _covered(served, jobs)
+    proof = "All given lamps were tried on every setting; the least cover was found by integer programming."
+    return work.result("fixed", chosen, images, bound, proof, dark)
+
+
+def _placed(work: _Work, space: LampSpace) -> LightPlan:
+    """As few places as possible."""
+    served = work.served
+    served.add(space.places(_FIRST_PLACES))
+    dark = {}
+    for k in range(work.n_settings):
+        own = [i for i, pair in enumerate(served.pairs) if pair.setting == k]
+        if not (served.contrast[:, own] > 0).all(axis=1).any():
+            served.search(space, own)
+    for i in range(len(served.pairs)):
+        if not (served.contrast[:, i] > 0).any():
+            none = served.search(space, [i])
+            if not (served.contrast[:, i] > 0).any():
+                told = "lights all of it" if not served.pairs[i].silhouette else "lights its seen face"
+                proven = "no place in" if none else "no place that was found in"
+                dark[i] = f"{proven} {space} {told} with a contrast of at least {served.least:g}."
+    for k in {served.pairs[i].setting for i in dark}:
+        rest = [i for i, pair in enumerate(served.pairs) if pair.setting == k and i not in dark]
+        if rest and not (served.contrast[:, rest] > 0).all(axis=1).any():
+            served.search(space, rest)
+    jobs = work.jobs(served.contrast > 0)
+
+    def decide(some: Jobs) -> bool:
+        return served.search(space, [i for j in some for i in jobs[j]])
+
+    bound = Search(len(jobs), lambda: _columns(served, jobs), decide).bound() if len(jobs) > 1 else len(jobs)
+    chosen, images, _ = _covered(served, jobs)
+    proof = (
+        f"For sets of settings, the exact light regions were intersected: where no cell of them meets {space}, no lamp "
+        "serves the set. No fewer sets that are left cover all."
+    )
+    return work.result("placed", chosen, images, bound, proof, dark)
+
+
+def _columns(served: Served, jobs: Sequence[tuple[int, ...]]) -> NDArray[np.bool_]:
+    """Return which places (n, jobs) do which jobs."""
+    shown = served.contrast > 0
+    return np.array([shown[:, list(pairs)].all(axis=1) for pairs in jobs]).reshape(len(jobs), len(shown)).T
+
+
+def _covered(served: Served, jobs: Sequence[tuple[int, ...]]) -> tuple[list[int], list[Any], int]:
+    """Return the fewest places, the images (setting, place, pairs), and the bound among these places."""
+    if not jobs:
+        return [], [], 0
+    columns = _columns(served, jobs)
+    # the contrast of what a place shows, at worst
+    worst = np.array([np.where(row > 0, row, 1.0).min() for row in served.contrast])
+    order = np.argsort(-worst, kind="stable")
+    _, first = np.unique(columns[order], axis=0, return_index=True)
+    kept = np.sort(order[first])
+    cover = min_cover(columns[kept], worst[kept])
+    chosen = [int(kept[c]) for c in cover.chosen]
+    images: dict[tuple[int, int], list[int]] = {}
+    for pairs in jobs:
+        values = served.contrast[np.ix_(chosen, list(pairs))].min(axis=1)
+        setting = served.pairs[pairs[0]].setting
+        # a lamp that is on in the setting anyway takes no further image
+        on = np.array([(setting, place) in images for place in chosen])
+        best = int(np.argmax(values + 2.0 * (on & (values > 0))))
+        images.setdefault((setting, chosen[best]), []).extend(pairs)
+    return chosen, [(setting, place, pairs) for (setting, place), pairs in images.items()], cover.lower_bound
+
+
+def _why_dark(served: Served, i: int) -> str:
+    """Say why no given lamp shows a pair: how many do not light all of it, how many too evenly."""
+    pair, n = served.pairs[i], len(served.places)
+    if served.light is None or not pair.regions:
+        return "what is behind it is as bright."
+    entities = [served.light.entities[name] for name in pair.regions]
+    raw = np.array([_formula(served.light, entity.name, served.places) for entity in entities]).min(axis=0)
+    even = int((raw < served.least).sum())
+    told = f"none of {n} lamps shows it: {even} with a contrast under {served.least:g}"
+    behind = ", or no contrast with what is behind" if pair.silhouette else ""
+    return f"{told}, {n - even} not lighting all of it{behind}."
+
+
+def _formula(light: LightRegions, name: str, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the contrast of an entity, without shadows."""
+    from aspectgraph.light.contrast import face_contrast
+
+    return np.abs(face_contrast(light.solid, light.entities[name], places, light.silhouettes.get(name, {})))

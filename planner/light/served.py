@@ -1,0 +1,118 @@
+"""Which places of lamps make which pairs show, and where in the light regions such places are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.light.background import backdrop_contrasts
+from planner.light.demands import Pair
+from planner.light.lamps import LampSpace
+
+if TYPE_CHECKING:
+    from aspectgraph.light import LightRegions
+    from aspectgraph.solid.ray_scene import RayScene
+
+Array = NDArray[np.float64]
+
+# cells that are looked into for places, the largest first; and places that are enough
+_MOST_CELLS, _ENOUGH = 200, 48
+_AROUND = np.array([step for step in product((-1, 0, 1), repeat=3) if any(step)], dtype=np.float64)
+_AROUND /= np.linalg.norm(_AROUND, axis=1, keepdims=True)
+
+
+@dataclass
+class Served:
+    """Places of lamps (n, 3), and the contrast (n, pairs) with which they show each pair; 0 where they do not.
+
+    Attributes
+    ----------
+    light : LightRegions or None
+        The exact regions; None if nothing needs a lamp.
+    scene : RayScene
+        Of the part.
+    pairs : sequence of Pair
+        What is to show.
+    least : float
+        Least contrast.
+    clearance_mm : float
+        Places nearer to the part are left out.
+    tolerance_mm : float
+        How far lamps may be off: all must show from 26 places so far around, too.
+    """
+
+    light: LightRegions | None
+    scene: RayScene
+    pairs: Sequence[Pair]
+    least: float
+    clearance_mm: float = 0.0
+    tolerance_mm: float = 0.0
+    places: Array = field(default_factory=lambda: np.empty((0, 3)))
+    contrast: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.contrast = np.empty((0, len(self.pairs)))
+
+    def add(self, places: Array) -> int:
+        """Add places that are clear of the part, and return how many that are."""
+        clear = places[self.scene.signed_distance(places) >= max(self.clearance_mm, self.tolerance_mm)]
+        self.keep(clear, self.contrasts(clear))
+        return len(clear)
+
+    def keep(self, places: Array, contrast: Array) -> None:
+        """Add places and what they show."""
+        self.places = np.concatenate([self.places, places])
+        self.contrast = np.concatenate([self.contrast, contrast])
+
+    def contrasts(self, places: Array) -> Array:
+        """Return the contrast (n, pairs) under lamps at places (n, 3), 0 where a pair does not show."""
+        found = self._at(places)
+        if self.tolerance_mm > 0:
+            for step in self.tolerance_mm * _AROUND:
+                good = np.flatnonzero((found > 0).any(axis=1))
+                found[good] = np.minimum(found[good], self._at(places[good] + step))
+        return found
+
+    def _at(self, places: Array) -> Array:
+        result = np.ones((len(places), len(self.pairs)))
+        values: dict[str, Array] = {}
+        for k, pair in enumerate(self.pairs):
+            for name in pair.regions:
+                if name not in values:
+                    values[name] = self._region(name, places)
+                result[:, k] = np.minimum(result[:, k], values[name])
+            showing = np.flatnonzero(result[:, k])
+            if pair.backdrops:
+                behind = backdrop_contrasts(self.scene, pair.backdrops, places[showing])
+                result[showing, k] = np.where(behind >= self.least, np.minimum(result[showing, k], behind), 0.0)
+        return result
+
+    def _region(self, name: str, places: Array) -> Array:
+        assert self.light is not None
+        low, high = self.light.workspace
+        inside = ((places >= low) & (places <= high)).all(axis=1)
+        found = np.zeros(len(places))
+        found[inside] = np.abs(self.light.contrasts(places[inside], [name])[:, 0])
+        return found
+
+    def search(self, space: LampSpace, pairs: Sequence[int]) -> bool:
+        """Look for places of a space that show some pairs at once, and add them; return whether there are none.
+
+        True is proven: no cell in which all the regions overlap has a place of the space. False is not: there may be
+        no place clear of the part, or before a contrasting background.
+        """
+        names = list(dict.fromkeys(name for k in pairs for name in self.pairs[k].regions))
+        if not names or self.light is None:
+            self.add(space.places(_ENOUGH))
+            return False
+        cells = self.light.covering_cells(names)
+        near = [int(i) for i in np.argsort(-cells.volumes, kind="stable") if not space.misses(cells[int(i)])]
+        found = [space.places_in(cells[i]) for i in near[:_MOST_CELLS]]
+        if found:
+            self.add(np.concatenate(found))
+        return not near

@@ -1,0 +1,224 @@
+"""Lamps for plans: known answers on a block and a step, bad input, and a check by rays."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from plan_examples import plan, setting
+
+from aspectgraph import LightError, Solid, contrast, read_solid, resolve_entities
+from aspectgraph.light import silhouettes_from
+from aspectgraph.solid import RayScene
+from planner import RequestError
+from planner.light.demands import seen_as
+from planner.light.lamps import LampBox, LampDome
+from planner.light.light_plan import LightPlan
+from planner.light.plan_light import plan_light
+
+QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+AROUND = LampBox((-500, -500, -500), (580, 550, 560))
+
+
+def block():
+    """The part of the hand-made plans."""
+    return Solid(list(product((0.0, 80), (0.0, 50), (0.0, 60))), QUADS, name="block")
+
+
+def step():
+    """Two flat floors, z = 10 for x < 30 and z = 0 beyond, both seen from above."""
+    outline = [(0, -5), (60, -5), (60, 0), (30, 0), (30, 10), (0, 10)]
+    n = len(outline)
+    vertices = [(x, y, z) for y in (0.0, 40.0) for x, z in outline]
+    sides = [(k, (k + 1) % n, n + (k + 1) % n, n + k) for k in range(n)]
+    return Solid(
+        vertices, [tuple(range(n)), tuple(range(2 * n - 1, n - 1, -1)), *[q[::-1] for q in sides]], name="step"
+    )
+
+
+def one_setting(position, names, entities, target):
+    return plan(
+        settings=(setting(position, names, target),),
+        entities=entities,
+        uninspectable={},
+        workspace=np.array([[-900.0] * 3, [900.0] * 3]),
+    )
+
+
+RIM = {"rim": [[30.0, 0, 10], [30.0, 40, 10]]}
+ABOVE = one_setting((10.0, 20.0, 400.0), ["rim"], RIM, (30.0, 20.0, 10.0))
+
+
+def side_plan():
+    """Two cameras at the height of the block's middle, each sees one of two opposite faces only."""
+    entities = {"left": [[0.0, 0, 60], [0, 50, 60]], "right": [[80.0, 0, 60], [80, 50, 60]]}
+    settings = (
+        setting((-600.0, 25.0, 30.0), ["left"], (0, 25, 30)),
+        setting((680.0, 25.0, 30.0), ["right"], (80, 25, 30)),
+    )
+    return plan(settings=settings, entities=entities, uninspectable={})
+
+
+def test_opposite_faces_need_two_lamps():
+    """Each face is seen alone, so it must be lit: by a lamp at x < 0, the other by one at x > 80."""
+    found = plan_light(side_plan(), block(), AROUND)
+    assert (len(found.lamps), found.lower_bound, found.minimal, found.complete) == (2, 2, True, True)
+    for images, inside in zip(found.images, (lambda x: x < 0, lambda x: x > 80), strict=True):
+        (image,) = images
+        assert inside(found.lamps[image.lamp, 0])
+        assert image.silhouettes == tuple(image.contrast)
+    assert plan_light(side_plan(), block(), AROUND) == found
+
+
+def test_what_no_place_shows_is_told():
+    found = plan_light(side_plan(), block(), LampBox((90, -50, 0), (300, 90, 300)))
+    assert not found.complete
+    assert found.unlit[0] == {
+        "left": "no place in the box of lamps lights its seen face with a contrast of at least 0.1."
+    }
+    assert found.images[0] == ()
+    assert len(found.lamps) == found.lower_bound == 1
+
+
+def test_a_back_light_shows_silhouettes_before_the_ground():
+    found = plan_light(side_plan(), block(), AROUND, ground="bright")
+    assert found.complete
+    assert len(found.lamps) == found.lower_bound == 1
+
+
+def test_fixed_lamps_by_the_formula():
+    """Of the edge between y = 0 and z = 60, both faces seen: (I₁ - I₂) / (I₁ + I₂) with I ~ height over each face."""
+    one = plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), uninspectable={"top right": "", "bottom": ""})
+    even, good, behind = (40.0, -300.0, 360.0), (40.0, -100.0, 360.0), (40.0, 100.0, -10.0)
+    assert plan_light(one, block(), [even, behind]).unlit[0] == {
+        "top front": "none of 2 lamps shows it: 2 with a contrast under 0.1, 0 not lighting all of it."
+    }
+    found = plan_light(one, block(), [even, behind, good])
+    assert found.lamps.tolist() == [list(good)]
+    assert found.images[0][0].contrast == {"top front": pytest.approx((300 - 100) / (300 + 100))}
+    assert found.images[0][0].silhouettes == ()
+    assert found.lower_bound == 1
+
+
+def test_ring_light():
+    """At (40, -180, 620) the heights over the faces are 180 and 560: contrast 380 / 740."""
+    one = plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), uninspectable={"top right": "", "bottom": ""})
+    found = plan_light(one, block(), "ring")
+    assert found.images[0][0].contrast["top front"] == pytest.approx(380 / 740)
+    assert plan_light(one, block(), "ring", contrast=0.52).unlit[0]["top front"].startswith("the ring light gives it")
+    # 30 mm beside it the heights may be 201 and 539: contrast 338 / 740 = 0.457
+    near = plan(
+        settings=(setting((40.0, -180.0, 620.0), ["top front"]),),
+        uninspectable={"top right": "", "bottom": ""},
+        requirements={"visibility_radius_mm": 30.0},
+    )
+    assert plan_light(near, block(), "ring", contrast=0.5).unlit[0]
+    assert plan_light(near, block(), "ring", contrast=0.4).complete
+
+
+def test_a_silhouette_needs_contrast_with_what_is_behind():
+    """Lit from high above, both floors of a step are as bright: 1 / (h²) differs by 2 % for 10 mm in 1000."""
+    above, beside = (20.0, 20.0, 1000.0), (-40.0, 20.0, 20.0)
+    found = plan_light(ABOVE, step(), [above])
+    assert found.unlit[0]["rim"].endswith("1 not lighting all of it, or no contrast with what is behind.")
+    # a lamp so low on the left leaves what is beside the rim in the shadow of the step
+    found = plan_light(ABOVE, step(), [above, beside])
+    assert found.lamps.tolist() == [list(beside)]
+    assert found.images[0][0].contrast["rim"] == 1.0
+    assert plan_light(ABOVE, step(), LampBox((-100, -100, 20), (0, 100, 60))).complete
+
+
+def test_edges_near_the_plane_of_a_face_are_both():
+    solid = block()
+    entity = resolve_entities(solid, {"e": [[0, 0, 60], [0, 50, 60]]})["e"]
+    for x, radius, n in ((-5.0, 2.0, [0]), (5.0, 2.0, [1]), (-1.0, 2.0, [0, 1]), (1.0, 2.0, [0, 1]), (-1.0, 0.0, [0])):
+        eye = np.array([x, 25.0, 600.0])
+        assert [len(seen) for seen in seen_as(solid, entity, eye, radius)] == n
+        if radius == 0:
+            assert list(seen_as(solid, entity, eye, radius)) == [silhouettes_from(solid, entity, eye)]
+
+
+def test_a_tolerance_of_the_lamps():
+    one = plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), uninspectable={"top right": "", "bottom": ""})
+    # heights 100 and 130 over the faces: 30 / 230 is enough, but with both 20 mm off towards each other it is not
+    lamp = [(40.0, -100.0, 190.0)]
+    assert plan_light(one, block(), lamp).complete
+    assert not plan_light(one, block(), lamp, tolerance_mm=20.0).complete
+
+
+@pytest.mark.parametrize("lamps", [AROUND, LampDome((40, 25, 30), 400.0, -400.0)])
+def test_rays_and_the_formula_confirm_every_lamp(lamps):
+    solid = block()
+    asked = plan()
+    found = plan_light(asked, solid, lamps, contrast=0.2)
+    assert found.complete
+    assert found.minimal
+    scene = RayScene(solid.vertices, solid.triangles)
+    for one, images in zip(asked.settings, found.images, strict=True):
+        assert sorted(name for image in images for name in image.contrast) == sorted(one.entities)
+        for image in images:
+            lamp = found.lamps[image.lamp]
+            assert scene.signed_distance(lamp[None])[0] >= 10
+            for name, value in image.contrast.items():
+                ends = np.array(asked.entities[name])
+                points = ends[0] + np.linspace(0.05, 0.95, 9)[:, None] * (ends[1] - ends[0])
+                assert (scene.cast(lamp, points - lamp)["t_hit"] > 1 - 1e-5).all()
+                entity = resolve_entities(solid, {name: ends})[name]
+                if name not in image.silhouettes:
+                    assert value == pytest.approx(abs(contrast(solid, entity, lamp)[0]))
+                    assert value >= 0.2
+
+
+def test_the_record_comes_back():
+    found = plan_light(side_plan(), block(), AROUND)
+    assert LightPlan.from_dict(found.to_dict()) == found
+    assert repr(found) == "<LightPlan: 2 placed lamps (at least 2 needed), contrast 0.1, 2 images, 0 unlit>"
+
+
+@pytest.mark.parametrize(
+    ("lamps", "options", "text"),
+    [
+        ("torch", {}, "lamps must be places, a LampBox, a LampDome, or 'ring'. Got 'torch'."),
+        ([], {}, "lamps must be finite numbers in mm, shape (n, 3). Got []."),
+        ([[1, 2]], {}, "lamps must be finite numbers in mm, shape (n, 3). Got [[1, 2]]."),
+        ([[np.nan, 0, 0]], {}, "lamps must be finite"),
+        (AROUND, {"ground": "grey"}, "ground must be one of dark, bright. Got 'grey'."),
+        (AROUND, {"clearance_mm": -1}, "clearance_mm must be finite and not negative. Got -1."),
+        (AROUND, {"tolerance_mm": np.inf}, "tolerance_mm must be finite and not negative. Got inf."),
+    ],
+)
+def test_bad_requests(lamps, options, text):
+    with pytest.raises(RequestError) as error:
+        plan_light(plan(), block(), lamps, **options)
+    assert text in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda: LampBox((0, 0, 0), (1, 0, 1)), "low must be below high"),
+        (lambda: LampBox((0, 0), (1, 0, 1)), "corners of a box of lamps must be finite"),
+        (lambda: LampDome((0, 0, 0), 0.0), "radius_mm must be positive. Got 0.0."),
+        (lambda: LampDome((0, 0, 0), 5.0, 5.0), "lowest_mm must be below radius_mm, 5. Got 5.0."),
+        (lambda: LampDome((0, 0, np.inf), 5.0), "the centre of a dome of lamps must be finite"),
+    ],
+)
+def test_spaces_that_cannot_be(make, text):
+    with pytest.raises(RequestError) as error:
+        make()
+    assert text in str(error.value)
+
+
+def test_a_lamp_in_the_part_a_contrast_out_of_range_and_another_part():
+    with pytest.raises(LightError, match="lamps must lie outside the part"):
+        plan_light(plan(), block(), [[40.0, 25, 30]])
+    with pytest.raises(LightError, match=r"contrast must lie strictly between 0 and 1\. Got 1"):
+        plan_light(plan(), block(), AROUND, contrast=1)
+    with pytest.raises(RequestError, match="solid must be the plan's part"):
+        plan_light(plan(), read_solid("examples/two_pocket_block.off"), AROUND)
+
+
+def test_a_plan_without_settings():
+    empty = plan(settings=(), uninspectable=dict.fromkeys(("top front", "top right", "bottom"), "no"), lower_bound=0)
+    for lamps in (AROUND, "ring", [[500.0, 0, 0]]):
+        found = plan_light(empty, block(), lamps)
+        assert (len(found.lamps), found.lower_bound, found.complete) == (0, 0, True)
