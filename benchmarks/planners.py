@@ -75,10 +75,10 @@ def icosphere(subdivisions: int) -> np.ndarray:
     return points
 
 
-def dome_poses(center: np.ndarray, radius: float, subdivisions: int) -> np.ndarray:
+def dome_poses(centre: np.ndarray, radius: float, subdivisions: int) -> np.ndarray:
     """Return poses (n, 4, 4) on a dome, looking at its centre, each in `_ROLLS` rolls of less than half a turn."""
-    positions = np.repeat(center + radius * icosphere(subdivisions), _ROLLS, axis=0)
-    return look_at(positions, center, roll=np.tile(np.arange(_ROLLS) * np.pi / _ROLLS, len(positions) // _ROLLS))
+    positions = np.repeat(centre + radius * icosphere(subdivisions), _ROLLS, axis=0)
+    return look_at(positions, centre, roll=np.tile(np.arange(_ROLLS) * np.pi / _ROLLS, len(positions) // _ROLLS))
 
 
 def one_dome(judge: Judge, seed: int) -> tuple[np.ndarray, int]:
@@ -156,7 +156,7 @@ def synthesise(judge: Judge, idx, rng) -> tuple[np.ndarray | None, int]:
     positions = sampler.sample(_STARTS, rng)
     if not len(positions):
         return None, 0
-    encoding = PoseEncoding(sampler.bounds, constraints.sphere_center, judge.camera.half_diagonal_rad)
+    encoding = PoseEncoding(sampler.bounds, constraints.sphere_centre, judge.camera.half_diagonal_rad)
     low, span = encoding.low, encoding.high - encoding.low
     around = np.vstack([np.zeros(6), _SYNTHESIS_STEP * np.eye(6), -_SYNTHESIS_STEP * np.eye(6)])
     tested = 0

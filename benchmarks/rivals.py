@@ -72,7 +72,7 @@ class Problem:
         self.goal = Objective(self.constraints.ends, self.camera, chosen.pose_uncertainty, chosen.accuracy)
         self.cells = self.space.covering_cells(names)
         self.sampler = ViewpointSampler(self.cells, self.constraints.ends, self.camera)
-        self.encoding = PoseEncoding(self.sampler.bounds, self.constraints.sphere_center, self.camera.half_diagonal_rad)
+        self.encoding = PoseEncoding(self.sampler.bounds, self.constraints.sphere_centre, self.camera.half_diagonal_rad)
         self._fitness, self._feasible = self.goal.fitness, self.constraints.feasible
         # the planner's own search goes through the same two counters as its rivals
         self.goal.fitness, self.constraints.feasible = self.fitness, self.feasible

@@ -4,8 +4,10 @@ Names are imported from their modules when they are first used: the command line
 casters and compilers.
 """
 
+from __future__ import annotations
+
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from errors.measurands import Localisation
@@ -145,7 +147,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str):
+def __getattr__(name: str) -> Any:
     """Import a public name from its module."""
     if name not in _HOMES:
         raise AttributeError(f"module 'planner' has no attribute {name!r}")

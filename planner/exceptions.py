@@ -1,5 +1,9 @@
 """Errors raised by the planner; each also inherits the builtin a caller would expect."""
 
+from __future__ import annotations
+
+from typing import Any
+
 
 class PlannerError(Exception):
     """Base of every error the planner raises on purpose."""
@@ -41,7 +45,7 @@ class InfeasibleError(PlannerError, RuntimeError):
         self.entity = entity
         self.margin = margin
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         """Keep the attributes when the error crosses a process boundary."""
         state = {"constraint": self.constraint, "entity": self.entity, "margin": self.margin}
         return type(self), (str(self),), state

@@ -6,8 +6,10 @@ Results do not depend on the executor, so a task must depend on its arguments on
 from __future__ import annotations
 
 import hashlib
+import os
 import pickle
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor
 from typing import Any
 
 # what other processes have sent, by digest; a process works on few requests at a time
@@ -16,6 +18,11 @@ _MOST_RECEIVED = 4
 
 # of compiled loops that release the interpreter's lock; no result depends on it
 THREADS = 2
+
+
+def usable_cores() -> int:
+    """Return the number of cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Shared:
@@ -47,7 +54,9 @@ class Shared:
         self.value, self._packed = _received[digest], state
 
 
-def in_order(executor, task: Callable, arguments: Iterable[tuple]) -> Iterator:
+def in_order(
+    executor: Executor | None, task: Callable[..., Any], arguments: Iterable[tuple[Any, ...]]
+) -> Iterator[Any]:
     """Run a task for each tuple of arguments; yield the results in order.
 
     Parameters

@@ -1,10 +1,12 @@
 """Writing files so that a reader never meets half of one: write beside the target, then rename."""
 
+from __future__ import annotations
+
 import errno
 import os
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -14,7 +16,7 @@ from planner.exceptions import OutputError
 _HIDDEN = ".aspectgraph-"
 
 
-def write_text(path, text: str) -> None:
+def write_text(path: str | os.PathLike[str], text: str) -> None:
     """Write a text file in UTF-8; it appears whole or not at all.
 
     Raises
@@ -38,7 +40,7 @@ def write_text(path, text: str) -> None:
         Path(temporary).unlink(missing_ok=True)
 
 
-def check_file_place(path) -> None:
+def check_file_place(path: str | os.PathLike[str]) -> None:
     """Refuse a file that could not be written, before the work and not after it.
 
     Raises
@@ -58,7 +60,9 @@ def check_file_place(path) -> None:
 
 
 @contextmanager
-def output_folder(path, names: Sequence[str] = (), parameter: str = "output folder"):
+def output_folder(
+    path: str | os.PathLike[str], names: Sequence[str] = (), parameter: str = "output folder"
+) -> Iterator[Path]:
     """Make a folder if there is none, and try whether files can be written; forget it if nothing is written.
 
     Parameters
@@ -79,7 +83,8 @@ def output_folder(path, names: Sequence[str] = (), parameter: str = "output fold
     OutputError
         If it is no folder, cannot be made or written, or a folder is in a file's way.
     """
-    path, made = Path(path).absolute(), []
+    path = Path(path).absolute()
+    made: list[Path] = []
     try:
         try:
             _make(path, made)
@@ -96,7 +101,9 @@ def output_folder(path, names: Sequence[str] = (), parameter: str = "output fold
 
 
 @contextmanager
-def staged_folder(path, names: Sequence[str] = (), parameter: str = "output folder"):
+def staged_folder(
+    path: str | os.PathLike[str], names: Sequence[str] = (), parameter: str = "output folder"
+) -> Iterator[Path]:
     """Collect files in a hidden folder and move them into place only when the block ends without an exception.
 
     **Guarantee.** If that fails, the folder is as it was. A reader never finds the first of ``names`` beside files of
@@ -122,17 +129,17 @@ def staged_folder(path, names: Sequence[str] = (), parameter: str = "output fold
     OutputError
         If the folder cannot be made or written.
     """
-    with output_folder(path, names, parameter) as path:
+    with output_folder(path, names, parameter) as folder:
         try:
-            staging = Path(tempfile.mkdtemp(prefix=_HIDDEN, dir=path))
+            staging = Path(tempfile.mkdtemp(prefix=_HIDDEN, dir=folder))
             try:
                 yield staging
-                _Exchange(staging, path).run(names)
+                _Exchange(staging, folder).run(names)
             finally:
                 shutil.rmtree(staging, ignore_errors=True)
-            _remove_leftovers({path, *((path / name).parent for name in names)})
+            _remove_leftovers({folder, *((folder / name).parent for name in names)})
         except OSError as error:
-            raise _refused(path, error, parameter) from None
+            raise _refused(folder, error, parameter) from None
 
 
 class _Exchange:
@@ -233,7 +240,7 @@ def _remove_empty(folders: Sequence[Path]) -> None:
             folder.rmdir()
 
 
-def _remove_leftovers(folders) -> None:
+def _remove_leftovers(folders: Iterable[Path]) -> None:
     """Remove what a run left that was killed while it wrote."""
     for folder in folders:
         for path in folder.glob(f"{_HIDDEN}*"):

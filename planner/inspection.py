@@ -39,6 +39,7 @@ from planner.request.target_space import TargetSpace
 from planner.resume import PlanningState
 from planner.setting.sensor_setting import SensorSetting
 from planner.steps.find_columns import find_columns
+from planner.steps.pixel_grid import COUNTED, COUNTING, contradicted, count_on_grid
 from planner.steps.prove_bound import prove_bound
 from planner.steps.refute import refute
 from planner.steps.run import Run
@@ -104,6 +105,9 @@ def plan_inspection(
         moves an image point, in the corner where that is farthest, at most a quarter of the smaller side.
     visibility_radius_mm : float, optional
         As in `plan_setting`.
+    focus_margin_mm : float
+        What both limits of the depth of field are narrowed by, so that a displaced camera is in focus still; four
+        standard deviations of its position make blurred images rare. Default: nothing.
     reach : Region or callable, optional
         As in `plan_setting`.
     space : VisibilityRegions or EntityAspectGraph, optional
@@ -219,6 +223,7 @@ def _basis(request: Request, seed: int, effort: Effort) -> dict[str, Any]:
             need.field_margin_px,
             need.stand_off_mm,
             need.visibility_radius_mm,
+            need.focus_margin_mm,
         ],
         "reach": reach_name(need.reach),
         "seed": seed,
@@ -236,10 +241,17 @@ def _dimensions(request: Request) -> dict[str, Any]:
 def _plan(run: Run) -> InspectionPlan:
     """Do all steps."""
     find_columns(run)
-    bound, proof = prove_bound(run)
-    inspected = np.asarray(run.pool.membership.any(axis=0))
-    refute(run, inspected, bound)
-    return _assembled(run, settle(run, inspected), bound, proof)
+    for left in reversed(range(COUNTING.rounds)):
+        bound, proof = prove_bound(run)
+        inspected = np.asarray(run.pool.membership.any(axis=0))
+        refute(run, inspected, bound)
+        settings = settle(run, inspected)
+        wrong = contradicted(run, settings) if left else []
+        if not wrong:
+            break
+        count_on_grid(run, wrong)
+        run.keep(COUNTED, {})
+    return _assembled(run, settings, bound, proof)
 
 
 def _assembled(run: Run, settings: list[SensorSetting], bound: int, proof: str) -> InspectionPlan:
@@ -262,4 +274,6 @@ def _assembled(run: Run, settings: list[SensorSetting], bound: int, proof: str) 
         part=request.space.solid.name,
         seed=run.seed,
         dimensions=planned_dimensions(request),
+        on_grid=request.on_grid,
+        requirements=request.requirements.to_dict(),
     )

@@ -14,7 +14,7 @@ from errors.measurands.localisation import Localisation
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.request.constraints import Requirements
-from planner.request.defaults import corner_margin_px, position_margin_mm
+from planner.request.defaults import check_focus_margin, corner_margin_px, position_margin_mm
 from planner.request.effort import Effort
 from planner.request.reach import Reach
 from planner.request.space import Space
@@ -29,6 +29,7 @@ class InspectionOptions:
     min_length_px: float = 20.0
     field_margin_px: float | None = None
     visibility_radius_mm: float | None = None
+    focus_margin_mm: float = 0.0
     reach: Reach | None = None
     space: Space | None = None
     effort: Effort | None = None
@@ -46,6 +47,7 @@ class InspectionOptions:
             stand_off_mm=self.stand_off_mm,
             reach=self.reach,
             visibility_radius_mm=position_margin_mm(pose_uncertainty) if radius is None else radius,
+            focus_margin_mm=check_focus_margin(self.focus_margin_mm, camera),
         )
 
 
@@ -57,6 +59,7 @@ class InspectionKeywords(TypedDict, total=False):
     min_length_px: float
     field_margin_px: float | None
     visibility_radius_mm: float | None
+    focus_margin_mm: float
     reach: Reach | None
     space: Space | None
     effort: Effort | None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -25,19 +26,19 @@ class Ledger:
     def __init__(
         self,
         improve: Callable[[np.ndarray], np.ndarray] | None = None,
-        kept: dict | None = None,
-        keep: Callable[[dict], None] | None = None,
+        kept: dict[str, Any] | None = None,
+        keep: Callable[[dict[str, Any]], None] | None = None,
     ):
         self.improve, self._keep = improve, keep
         self._kept = kept or {}
         # what is not told anew still holds
         self._told = dict(self._kept)
 
-    def __call__(self, name: str):
+    def __call__(self, name: str) -> Any:
         """Return what was told last under a name by the earlier proof, or None."""
         return self._kept.get(name)
 
-    def tell(self, name: str, entry) -> None:
+    def tell(self, name: str, entry: Any) -> None:
         """Tell how far this proof has got, in place of what it told under the same name before."""
         self._told = {**self._told, name: entry}
         if self._keep is not None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+import os
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from planner.records.schema import check_schema, field_name, shown
 from planner.setting.sensor_setting import SensorSetting
 
 if TYPE_CHECKING:
+    from planner.progress import Progress
+    from planner.verify.simulate_plan import SimulationResult
     from planner.wanted.planned import PlannedDimension
 
 FORMAT = "aspectgraph inspection plan"
@@ -67,6 +70,12 @@ class InspectionPlan:
     dimensions : mapping of str to PlannedDimension
         What is measured of those entities that are dimensions; of the others, their length. The points in ``entities``
         are two points of a dimension.
+    on_grid : sequence of str
+        Edges whose tolerance is under two pixels and whose probability was counted on the pixel grid, see
+        `planner.request.pixel_grid`: the paper's density would refuse them, or accept them wrongly.
+    requirements : mapping of str to float
+        What every setting satisfies beside: least length of an image and strip kept free at the sensor's sides, px;
+        margin of focus, stand-off and radius of visibility, mm. Empty in plans of programs that did not store it.
     simulation : SimulationResult or None
         What drawing displaced poses gave, once `simulated` was called.
     """
@@ -83,15 +92,19 @@ class InspectionPlan:
     part: str = ""
     seed: int = 0
     bound_proof: str = ""
-    simulation: object | None = None
+    simulation: SimulationResult | None = None
     dimensions: Mapping[str, PlannedDimension] = field(default_factory=dict)
+    on_grid: tuple[str, ...] = ()
+    requirements: Mapping[str, float] = field(default_factory=dict)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         entities = {name: _read_only(points, (2, 3)) for name, points in self.entities.items()}
         object.__setattr__(self, "settings", tuple(self.settings))
         object.__setattr__(self, "entities", entities)
         object.__setattr__(self, "uninspectable", dict(self.uninspectable))
         object.__setattr__(self, "dimensions", dict(self.dimensions))
+        object.__setattr__(self, "on_grid", tuple(self.on_grid))
+        object.__setattr__(self, "requirements", dict(self.requirements))
         object.__setattr__(self, "workspace", _read_only(self.workspace, (2, 3)))
         self._check_names()
 
@@ -132,7 +145,7 @@ class InspectionPlan:
         }
         return {name: p for name, p in best.items() if name not in self.uninspectable}
 
-    def simulate(self, n: int = 10_000, rng=0, progress=None):
+    def simulate(self, n: int = 10_000, rng: int = 0, progress: Progress | None = None) -> SimulationResult:
         """Draw displaced poses, measure, and count how often the accuracy is met.
 
         Parameters
@@ -153,7 +166,7 @@ class InspectionPlan:
 
         return simulate_plan(self, n, rng=rng, progress=progress)
 
-    def simulated(self, n: int = 10_000, rng=0, progress=None) -> InspectionPlan:
+    def simulated(self, n: int = 10_000, rng: int = 0, progress: Progress | None = None) -> InspectionPlan:
         """Return the same plan with the result of `simulate` attached.
 
         Parameters
@@ -172,7 +185,7 @@ class InspectionPlan:
         """
         return replace(self, simulation=self.simulate(n, rng, progress))
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain Python values that JSON can hold without loss.
 
         Returns
@@ -193,16 +206,18 @@ class InspectionPlan:
             "bound_proof": self.bound_proof,
             "minimal": self.minimal,
             "workspace": self.workspace.tolist(),
+            **({"requirements": dict(self.requirements)} if self.requirements else {}),
             "camera": self.camera.to_dict(),
             "pose_uncertainty": self.pose_uncertainty.to_dict(),
             "entities": {name: points.tolist() for name, points in self.entities.items()},
             **({"dimensions": dimensions} if dimensions else {}),
+            **({"on_grid": list(self.on_grid)} if self.on_grid else {}),
             "uninspectable": dict(self.uninspectable),
             "settings": [self._setting_dict(setting) for setting in self.settings],
             "simulation": None if self.simulation is None else self.simulation.to_dict(),
         }
 
-    def _setting_dict(self, setting: SensorSetting) -> dict:
+    def _setting_dict(self, setting: SensorSetting) -> dict[str, Any]:
         """Return a setting as plain values, with how sure its dimensions are measured."""
         if not self.dimensions:
             return setting.to_dict()
@@ -211,7 +226,7 @@ class InspectionPlan:
         return {**setting.to_dict(), "measurements": measurements_dict(self, setting)}
 
     @classmethod
-    def from_dict(cls, data: Mapping) -> InspectionPlan:
+    def from_dict(cls, data: Mapping[str, Any]) -> InspectionPlan:
         """Build from the result of `to_dict`.
 
         Parameters
@@ -232,7 +247,7 @@ class InspectionPlan:
         """
         return _from_json(cls, encoded(data))
 
-    def write(self, path) -> None:
+    def write(self, path: str | os.PathLike[str]) -> None:
         """Write the plan as JSON; the file appears whole or not at all.
 
         Parameters
@@ -247,12 +262,12 @@ class InspectionPlan:
         """
         write_text(path, json.dumps(encoded(self.to_dict()), indent=1, allow_nan=False) + "\n")
 
-    def __eq__(self, other) -> bool:
+    def __eq__(self, other: object) -> bool:
         if not isinstance(other, InspectionPlan):
             return NotImplemented
         return self.to_dict() == other.to_dict()
 
-    __hash__ = None
+    __hash__ = None  # type: ignore[assignment]
 
 
 _PLAIN_FIELDS = (
@@ -268,7 +283,7 @@ _PLAIN_FIELDS = (
 )
 
 
-def read_plan(path) -> InspectionPlan:
+def read_plan(path: str | os.PathLike[str]) -> InspectionPlan:
     """Read a plan written by `InspectionPlan.write`.
 
     Parameters
@@ -294,7 +309,7 @@ def read_plan(path) -> InspectionPlan:
         raise PlanFileError(f"{path}: {error}") from None
 
 
-def _from_json(cls, data) -> InspectionPlan:
+def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
     """Check the values of a plan file and build the plan."""
     _check_format(data)
     check_schema(data, "plan")
@@ -309,6 +324,8 @@ def _from_json(cls, data) -> InspectionPlan:
         pose_uncertainty=pose_uncertainty,
         simulation=_simulation_from(data.get("simulation")),
         dimensions=_dimensions_from(data.get("dimensions", {})),
+        on_grid=tuple(data.get("on_grid", ())),
+        requirements=data.get("requirements", {}),
         **{name: data[name] for name in _PLAIN_FIELDS},
     )
     if found.dimensions:
@@ -318,12 +335,12 @@ def _from_json(cls, data) -> InspectionPlan:
     return found
 
 
-def _without_measurements(setting: Mapping) -> dict:
+def _without_measurements(setting: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a setting holds beside what follows from the plan."""
     return {name: value for name, value in setting.items() if name != "measurements"}
 
 
-def _dimensions_from(data: Mapping) -> dict[str, PlannedDimension]:
+def _dimensions_from(data: Mapping[str, Any]) -> dict[str, PlannedDimension]:
     if not data:
         return {}
     from planner.wanted.planned import PlannedDimension
@@ -336,7 +353,7 @@ def _dimensions_from(data: Mapping) -> dict[str, PlannedDimension]:
 
 
 @contextmanager
-def _inside(field: str):
+def _inside(field: str) -> Iterator[None]:
     """Put the path in front of what is said of a part of the plan."""
     try:
         yield
@@ -344,7 +361,7 @@ def _inside(field: str):
         raise PlanFileError(f"{field}.{error}") from None
 
 
-def _check_format(data) -> None:
+def _check_format(data: Any) -> None:
     if not isinstance(data, Mapping) or data.get("format") != FORMAT:
         found = data.get("format") if isinstance(data, Mapping) else type(data).__name__
         raise PlanFileError(f"format must be {FORMAT!r}. Got {repr(found)[:60]}.")
@@ -352,7 +369,7 @@ def _check_format(data) -> None:
         raise PlanFileError(f"version must be {VERSION} or {WITH_DIMENSIONS}. Got {shown(data.get('version'))}.")
 
 
-def _simulation_from(data):
+def _simulation_from(data: Any) -> SimulationResult | None:
     if data is None:
         return None
     from planner.verify.simulate_plan import SimulationResult
@@ -360,7 +377,7 @@ def _simulation_from(data):
     return SimulationResult.from_dict(data)
 
 
-def _read_only(values, shape: tuple[int, ...]) -> np.ndarray:
+def _read_only(values: Any, shape: tuple[int, ...]) -> np.ndarray:
     array = np.array(values, dtype=np.float64)
     if array.shape != shape:
         raise PlanFileError(f"points must have the shape {shape}. Got {array.shape}.")

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TextIO
 
 Progress = Callable[[int, int, str], None]
 
@@ -25,14 +26,19 @@ def labelled(progress: Progress | None, label: str) -> Progress | None:
 
 
 @contextmanager
-def terminal_progress(stream=None) -> Iterator[Progress]:
+def terminal_progress(stream: TextIO | None = None, *, quiet: bool = False) -> Iterator[Progress | None]:
     """Show progress: a live bar per label on a terminal, otherwise one line per finished label.
 
     Parameters
     ----------
     stream : text file, optional
         Default: standard error, so that results on standard output can be piped.
+    quiet : bool
+        Show nothing.
     """
+    if quiet:
+        yield None
+        return
     stream = sys.stderr if stream is None else stream
     if stream.isatty():
         with _bars(stream) as progress:
@@ -42,14 +48,15 @@ def terminal_progress(stream=None) -> Iterator[Progress]:
 
 
 @contextmanager
-def _bars(stream) -> Iterator[Progress]:
+def _bars(stream: TextIO | None) -> Iterator[Progress]:
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as RichProgress
 
-    columns = (TextColumn("{task.description:<34}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    times = (TimeElapsedColumn(), TextColumn("left:"), TimeRemainingColumn())
+    columns = (TextColumn("{task.description:<34}"), BarColumn(), MofNCompleteColumn(), *times)
     with RichProgress(*columns, console=Console(file=stream)) as bars:
-        tasks: dict[str, int] = {}
+        tasks: dict[str, TaskID] = {}
 
         def progress(done: int, total: int, label: str) -> None:
             if label not in tasks:
@@ -62,7 +69,7 @@ def _bars(stream) -> Iterator[Progress]:
 class _Lines:
     """One line whenever all known work of a label is done: readable in a log."""
 
-    def __init__(self, stream):
+    def __init__(self, stream: TextIO | None) -> None:
         self._stream = stream
         self._started: dict[str, float] = {}
         self._finished: set[tuple[str, int]] = set()

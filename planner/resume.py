@@ -17,11 +17,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import time
 import warnings
 from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 from planner.columns.outcome import Outcome
 from planner.exceptions import OutputError, PlanFileError
@@ -59,21 +61,21 @@ class PlanningState:
         If nothing can be saved there.
     """
 
-    def __init__(self, request: dict, path=None):
+    def __init__(self, request: dict[str, Any], path: str | os.PathLike[str] | None = None) -> None:
         basis = {**request, "program": _program_version()}
         self.fingerprint = hashlib.sha256(json.dumps(basis, sort_keys=True).encode()).hexdigest()
         self.path = None if path is None else Path(path)
-        self._outcomes: dict[str, dict] = {}
-        self._checkpoint: dict | None = None
+        self._outcomes: dict[str, dict[str, Any]] = {}
+        self._checkpoint: dict[str, Any] | None = None
         self.plan: InspectionPlan | None = None
         self._seconds, self._saved_at, self._failed = 0.0, 0.0, False
         if self.path is None:
             return
         if self.path.exists():
-            data = self._read()
+            data = self._read(self.path)
             self._outcomes, self._checkpoint, self.plan = data["outcomes"], data["checkpoint"], data["plan"]
         # found out now whether that is possible, and not when there is something to lose
-        self._write()
+        self._write(self.path)
 
     def __len__(self) -> int:
         return len(self._outcomes)
@@ -93,11 +95,11 @@ class PlanningState:
         self._outcomes[_key(names)] = {"reason": outcome.reason} if found is None else {"setting": found.to_dict()}
         self._save_in_time()
 
-    def last(self) -> dict | None:
+    def last(self) -> dict[str, Any] | None:
         """Return the checkpoint, if any: what `keep` was given, with its ``step``."""
         return self._checkpoint
 
-    def keep(self, step: str, values: dict) -> None:
+    def keep(self, step: str, values: dict[str, Any]) -> None:
         """Take a checkpoint in place of the one before; save if it is time to.
 
         Parameters
@@ -126,7 +128,7 @@ class PlanningState:
             if self.plan is None and self._checkpoint is None and not self._outcomes:
                 self.path.unlink(missing_ok=True)
             else:
-                self._write()
+                self._write(self.path)
         except OSError as error:
             if not self._failed:
                 warnings.warn(f"state is no longer saved: {error}", RuntimeWarning, stacklevel=2)
@@ -137,7 +139,7 @@ class PlanningState:
         if time.monotonic() - self._saved_at > max(_SECONDS, _TIMES * self._seconds):
             self.save()
 
-    def _write(self) -> None:
+    def _write(self, path: Path) -> None:
         begin = time.monotonic()
         data = encoded(
             {
@@ -150,19 +152,19 @@ class PlanningState:
             }
         )
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise OutputError(f"{self.path} must be in a folder that can be made. Got: {error.strerror}.") from None
-        write_text(self.path, json.dumps({**data, "digest": _digest(data)}, allow_nan=False) + "\n")
+            raise OutputError(f"{path} must be in a folder that can be made. Got: {error.strerror}.") from None
+        write_text(path, json.dumps({**data, "digest": _digest(data)}, allow_nan=False) + "\n")
         self._saved_at = time.monotonic()
         self._seconds = self._saved_at - begin
 
-    def _read(self) -> dict:
+    def _read(self, path: Path) -> dict[str, Any]:
         """Read the file, and all of its fields."""
-        data = read_state(self.path)
+        data = read_state(path)
         if data["request"] != self.fingerprint:
             raise PlanFileError(
-                f"{self.path}: state file must belong to the same part, entities, camera, limits, effort, seed and "
+                f"{path}: state file must belong to the same part, entities, camera, limits, effort, seed and "
                 "version of the program. Got another request's."
             )
         return {
@@ -172,7 +174,7 @@ class PlanningState:
         }
 
 
-def read_state(path) -> dict:
+def read_state(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Return the fields of a state file as they are in the file.
 
     Raises
@@ -200,7 +202,7 @@ def read_state(path) -> dict:
     return data
 
 
-def holds_plan(path) -> bool:
+def holds_plan(path: str | os.PathLike[str]) -> bool:
     """Tell whether a file is the state of a planning that is done, so that resuming it gives the plan at once."""
     try:
         return read_state(path)["plan"] is not None
@@ -208,7 +210,7 @@ def holds_plan(path) -> bool:
         return False
 
 
-def _digest(data: dict) -> str:
+def _digest(data: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
 

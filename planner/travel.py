@@ -4,6 +4,10 @@ The distance between two poses is ``|translation| + radian_mm * |rotation angle|
 one radian counts as much as ``radian_mm`` of travel.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -11,7 +15,7 @@ RADIAN_MM = 200.0
 _EXACT_UP_TO = 12
 
 
-def pose_distances(cam2worlds, radian_mm: float = RADIAN_MM) -> np.ndarray:
+def pose_distances(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM) -> np.ndarray:
     """Compute the travel between every two poses.
 
     Parameters
@@ -37,13 +41,13 @@ def pose_distances(cam2worlds, radian_mm: float = RADIAN_MM) -> np.ndarray:
     return np.minimum(distances, distances.T)
 
 
-def path_length(distances, order) -> float:
+def path_length(distances: np.ndarray, order: Sequence[int]) -> float:
     """Add up the distances along an open path."""
-    order = np.asarray(order, dtype=int)
-    return float(np.asarray(distances)[order[:-1], order[1:]].sum())
+    path = np.asarray(order, dtype=int)
+    return float(np.asarray(distances)[path[:-1], path[1:]].sum())
 
 
-def travel_order(cam2worlds, radian_mm: float = RADIAN_MM) -> tuple[int, ...]:
+def travel_order(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM) -> tuple[int, ...]:
     """Order poses so that the robot's travel is short.
 
     **Guarantee.** A permutation of all poses; the shortest open path for up to 12 poses; beyond, a path that no
@@ -69,7 +73,7 @@ def travel_order(cam2worlds, radian_mm: float = RADIAN_MM) -> tuple[int, ...]:
     return tuple(order if order[0] < order[-1] else order[::-1])
 
 
-def shortest_path(distances) -> list[int]:
+def shortest_path(distances: np.ndarray) -> list[int]:
     """Find the shortest open path through all points by dynamic programming over subsets (Held and Karp 1962)."""
     distances = np.asarray(distances, dtype=float)
     n = len(distances)
@@ -96,7 +100,7 @@ def shortest_path(distances) -> list[int]:
     return order[::-1]
 
 
-def improved_path(distances) -> list[int]:
+def improved_path(distances: np.ndarray) -> list[int]:
     """Improve nearest-neighbour paths by reversing and relocating pieces until neither helps (2-opt, or-opt)."""
     distances = np.asarray(distances, dtype=float)
     paths = (_improve(distances, _nearest_neighbour(distances, start)) for start in range(min(len(distances), 16)))
@@ -124,7 +128,7 @@ def _improve(distances: np.ndarray, order: list[int]) -> list[int]:
     return order
 
 
-def _variations(order: list[int]):
+def _variations(order: list[int]) -> Iterator[list[int]]:
     """Yield every path that differs by one reversed or one relocated piece (of up to three points)."""
     n = len(order)
     for i in range(n):

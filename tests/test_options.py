@@ -20,8 +20,8 @@ CALLS = [
     (ga.maximize, Operators, Keywords, 21),
     (errors.simulate_success, SuccessOptions, SuccessKeywords, 9),
     (errors.simulate_measurement, MeasurementOptions, MeasurementKeywords, 10),
-    (planner.plan_setting, SettingOptions, SettingKeywords, 17),
-    (planner.plan_inspection, InspectionOptions, InspectionKeywords, 19),
+    (planner.plan_setting, SettingOptions, SettingKeywords, 18),
+    (planner.plan_inspection, InspectionOptions, InspectionKeywords, 20),
     (planner.simulate_setting, SimulationOptions, SimulationKeywords, 10),
 ]
 

@@ -34,7 +34,7 @@ def clone(tmp_path, monkeypatch):
 def test_all_that_is_shown_is_tested_here():
     """The fenced and the indented code are all there is, and of known kinds."""
     assert README.count("```") == 2 * len(SNIPPETS) > 0
-    assert [words(command)[1] for command in OWN] == ["info", "dimensions", "graph", "plan", "simulate"]
+    assert [words(command)[1] for command in OWN] == ["info", "dimensions", "graph", "plan", "simulate", "cameras"]
     rest = [words(command) for command in COMMANDS if command not in OWN]
     assert rest == [["make", "demo"], ["make", "test"], ["pip", "install", ".[step]"]]
 

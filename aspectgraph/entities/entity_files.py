@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 import sys
@@ -17,6 +18,10 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
+_IDS = re.compile(r"[era]?\d+(-[era]?\d+)?")
+_ENDS = re.compile(r"\(([^()]*)\)\s*-\s*\(([^()]*)\)")
+_LONGEST_RANGE = 100_000
+
 
 def read_entities(text_or_path: str | Path, solid: Solid, tolerance_mm: float | None = None) -> dict[str, Entity]:
     """Read entities as the command line takes them.
@@ -24,9 +29,10 @@ def read_entities(text_or_path: str | Path, solid: Solid, tolerance_mm: float | 
     Parameters
     ----------
     text_or_path : str or Path
-        ``"all"`` for every straight sharp edge; ids such as ``"17, 18"``, ``"e17 e18"`` or, of rims and arcs,
-        ``"r3, a0"``; or the path of a .toml or .json file with ``name = id``, ``name = "r3"`` or
-        ``name = [[x, y, z], [x, y, z]]``, at top level or in a table ``entities``.
+        ``"all"`` for every straight sharp edge; ids such as ``"17, 18"``, ``"e17 e18"``, ranges like ``"17-21"`` or,
+        of rims and arcs, ``"r3, a0"``; end points such as ``"(0,0,10)-(25,0,10)"``, named p1, p2 and so on; the path
+        of a .toml or .json file with ``name = id``, ``name = "r3"`` or ``name = [[x, y, z], [x, y, z]]``, at top level
+        or in a table ``entities``; or of a .csv file with rows of a name and an id, or of a name and six coordinates.
     solid : Solid
         The part.
     tolerance_mm : float, optional
@@ -47,14 +53,66 @@ def read_entities(text_or_path: str | Path, solid: Solid, tolerance_mm: float | 
         return resolve_entities(solid, [edge.id for edge in solid.straight_edges()], tolerance_mm)
     if Path(text).suffix.lower() in (".toml", ".json"):
         return resolve_entities(solid, _read_file(Path(text)), tolerance_mm)
-    words = [word for word in re.split(r"[\s,;]+", text) if word]
-    bad = [word for word in words if not re.fullmatch(r"[era]?\d+", word)]
-    if bad or not words:
+    if Path(text).suffix.lower() == ".csv":
+        return resolve_entities(solid, _read_csv(Path(text)), tolerance_mm)
+    points = [(_point(found[1]), _point(found[2])) for found in _ENDS.finditer(text)]
+    words = [word for word in re.split(r"[\s,;]+", _ENDS.sub(" ", text)) if word]
+    bad = [word for word in words if not _IDS.fullmatch(word)]
+    if bad or not (words or points):
         raise EntityError(
-            "entities must be 'all', ids such as 17,18 or r3,a0, or the path of a .toml or .json file. "
-            f"Got {bad[0] if bad else text!r}."
+            "entities must be 'all', ids such as 17,18 or r3,a0, ranges such as 17-21, end points such as "
+            f"(0,0,10)-(25,0,10), or the path of a .toml, .json or .csv file. Got {bad[0] if bad else text!r}."
         )
-    return resolve_entities(solid, [word if word[0] in "ra" else int(word.lstrip("e")) for word in words], tolerance_mm)
+    ids = list(dict.fromkeys(one for word in words for one in _ids(word)))
+    named: dict[str, Any] = {one if isinstance(one, str) else f"e{one}": one for one in ids}
+    return resolve_entities(solid, {**named, **{f"p{k}": ends for k, ends in enumerate(points, start=1)}}, tolerance_mm)
+
+
+def _point(text: str) -> list[float]:
+    """Return three numbers."""
+    try:
+        x, y, z = (float(word) for word in text.split(","))
+    except ValueError:
+        raise EntityError(f"an end point must be three numbers such as (0,0,10). Got ({text}).") from None
+    return [x, y, z]
+
+
+def _ids(word: str) -> list[int | str]:
+    """Return the ids of a word: ``17``, ``e17``, ``r3``, ``17-21`` or ``r0-r5``."""
+    first, _, last = word.partition("-")
+    kind = first[0] if first[0] in "ra" else ""
+    low = int(first.lstrip("era"))
+    high = int(last.lstrip("era")) if last else low
+    if last and (last.lstrip("e0123456789") or kind) and last[0] != kind:
+        raise EntityError(f"a range must be of one kind, such as 17-21 or r0-r5. Got {word!r}.")
+    if not low <= high <= low + _LONGEST_RANGE:
+        raise EntityError(f"a range must go upwards, by at most {_LONGEST_RANGE}. Got {word!r}.")
+    return [f"{kind}{i}" if kind else i for i in range(low, high + 1)]
+
+
+def _read_csv(path: Path) -> dict[str, Any]:
+    """Return what the rows of a CSV file name; a first row of words is a heading."""
+    try:
+        rows = [row for row in csv.reader(path.read_text(encoding="utf-8-sig").splitlines()) if any(row)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise EntityError(f"entities must name a CSV file that can be read. Got {str(path)!r}: {error}.") from None
+    found: dict[str, Any] = {}
+    for number, row in enumerate(rows, start=1):
+        name, *values = (cell.strip() for cell in row)
+        if number == 1 and values and not any(character.isdigit() for character in values[0]):
+            continue
+        if name in found:
+            raise EntityError(f"a CSV file must name an entity once. Got {name!r} again in {path.name}, row {number}.")
+        if len(values) == 1 and re.fullmatch(r"[era]?\d+", values[0]):
+            found[name] = _ids(values[0])[0]
+        elif len(values) == 6:
+            found[name] = [_point(",".join(values[:3])), _point(",".join(values[3:]))]
+        else:
+            raise EntityError(
+                "a CSV row must be a name and an id, or a name and six coordinates. "
+                f"Got {','.join(row)!r} in {path.name}, row {number}."
+            )
+    return found
 
 
 def _read_file(path: Path) -> Any:

@@ -63,6 +63,7 @@ PLACES = {
         "solid": (1, "a surface that is checked"),
         "files": (2.92, "files written whole"),
         "exceptions": (1.45, "what is refused; for every room"),
+        "processes": (2.92, "workers that end in time"),
     },
 }
 LEAVES = {"errors": "error of a measured length", "ga": "a genetic algorithm"}

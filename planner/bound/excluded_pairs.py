@@ -143,58 +143,58 @@ def _search(stack, i, j, planes, plane_start, pair, frustum):
         if size == 0:
             return False
         size -= 1
-        center, half = stack[size, _MIDDLE].copy(), stack[size, _HALF].copy()
-        if not _in_both(center, half, i, j, planes, plane_start):
+        centre, half = stack[size, _MIDDLE].copy(), stack[size, _HALF].copy()
+        if not _in_both(centre, half, i, j, planes, plane_start):
             continue
-        if not _in_view(center, math.sqrt(np.sum(half**2)), pair, frustum):
+        if not _in_view(centre, math.sqrt(np.sum(half**2)), pair, frustum):
             continue
         axis = np.argmax(half)
         if half[axis] < _SUBDIVISION.finest_mm or size + 2 > _SUBDIVISION.waiting:
             return True
         point = np.zeros(3)
-        if _in_both(center, point, i, j, planes, plane_start) and _in_view(center, 0.0, pair, frustum):
+        if _in_both(centre, point, i, j, planes, plane_start) and _in_view(centre, 0.0, pair, frustum):
             return True
         half[axis] /= 2
         for sign in (-1.0, 1.0):
-            stack[size, _MIDDLE], stack[size, _HALF] = center, half
+            stack[size, _MIDDLE], stack[size, _HALF] = centre, half
             stack[size, _MIDDLE, axis] += sign * half[axis]
             size += 1
     return True
 
 
 @nb.njit(cache=True, nogil=True)
-def _in_both(center, half, i, j, planes, plane_start):
+def _in_both(centre, half, i, j, planes, plane_start):
     """Tell whether a box may meet both cells."""
     return not (
-        outside(planes, plane_start[i], plane_start[i + 1], center, half)
-        or outside(planes, plane_start[j], plane_start[j + 1], center, half)
+        outside(planes, plane_start[i], plane_start[i + 1], centre, half)
+        or outside(planes, plane_start[j], plane_start[j + 1], centre, half)
     )
 
 
 @nb.njit(cache=True, nogil=True)
-def _in_view(center, radius, pair, frustum):
+def _in_view(centre, radius, pair, frustum):
     """Tell whether some viewpoint of a ball may have all ends in focus, within the sensor, and long enough images."""
     points = pair.ends.reshape(-1, 3)
     n = len(points)
     for k in range(n):
-        if out_of_focus(_distance(points[k], center), radius, frustum):
+        if out_of_focus(_distance(points[k], centre), radius, frustum):
             return False
     for k in range(n):
-        first_length = _distance(points[k], center)
+        first_length = _distance(points[k], centre)
         for m in range(k + 1, n):
-            second_length = _distance(points[m], center)
+            second_length = _distance(points[m], centre)
             if radius >= first_length or radius >= second_length:
                 continue
             cosine = 0.0
             for c in range(3):
-                cosine += (points[k, c] - center[c]) * (points[m, c] - center[c])
+                cosine += (points[k, c] - centre[c]) * (points[m, c] - centre[c])
             cosine /= first_length * second_length
             between = math.acos(min(1.0, max(-1.0, cosine)))
             nearer = math.asin(radius / first_length) + math.asin(radius / second_length)
             if between - nearer > 2.0 * frustum.cone + _EPS_RAD:
                 return False
     for e in range(2):
-        if too_short(pair.ends[e], pair.lengths[e], pair.length_ratio[e], center, radius, frustum):
+        if too_short(pair.ends[e], pair.lengths[e], pair.length_ratio[e], centre, radius, frustum):
             return False
     return True
 

@@ -27,7 +27,7 @@ class Nodes(NamedTuple):
 
     Attributes
     ----------
-    center, radius : array (n, 3), (n,)
+    centre, radius : array (n, 3), (n,)
         Of the ball, mm.
     axis, spread : array (n, 3), (n,)
         Of the cone, rad.
@@ -37,7 +37,7 @@ class Nodes(NamedTuple):
         How far the rolls may turn a point at the sensor's corner, rad.
     """
 
-    center: NDArray[np.float64]
+    centre: NDArray[np.float64]
     radius: NDArray[np.float64]
     axis: NDArray[np.float64]
     spread: NDArray[np.float64]
@@ -50,7 +50,7 @@ class Places(NamedTuple):
 
     Attributes
     ----------
-    center, radius : array (n, 3), (n,)
+    centre, radius : array (n, 3), (n,)
         Of the ball of positions, mm.
     axes : array (n, 3, 3)
         The camera's axes, one in each row, in the middle of the node.
@@ -58,7 +58,7 @@ class Places(NamedTuple):
         How far each of them may turn within the node, rad.
     """
 
-    center: NDArray[np.float64]
+    centre: NDArray[np.float64]
     radius: NDArray[np.float64]
     axes: NDArray[np.float64]
     turns: NDArray[np.float64]
@@ -89,20 +89,20 @@ class Pairs(NamedTuple):
 def clear_unsatisfied(nodes, segments, frustum, possible):
     """Clear ``possible[n, e]`` where no pose of node n has entity e in focus, on the sensor, and long enough there."""
     ends, lengths, length_ratio = segments
-    for n in range(len(nodes.center)):
+    for n in range(len(nodes.centre)):
         for e in range(possible.shape[1]):
             if not possible[n, e]:
                 continue
             depths = 1.0
             for i in range(2):
-                nearest = _nearest_depth(ends[e, i] - nodes.center[n], nodes, n, frustum)
+                nearest = _nearest_depth(ends[e, i] - nodes.centre[n], nodes, n, frustum)
                 if nearest < 0.0:
                     possible[n, e] = False
                     break
                 depths *= nearest
             if possible[n, e]:
-                center, radius = nodes.center[n], nodes.radius[n]
-                possible[n, e] = not too_short_at(ends[e], lengths[e], length_ratio[e], center, radius, depths)
+                centre, radius = nodes.centre[n], nodes.radius[n]
+                possible[n, e] = not too_short_at(ends[e], lengths[e], length_ratio[e], centre, radius, depths)
 
 
 @nb.njit(cache=True)
@@ -148,15 +148,15 @@ def _nearest_depth(ray, nodes, n, frustum):
 
 
 @nb.njit(cache=True)
-def clear_unmet(center, half, planes, cell_start, entity_start, possible):
+def clear_unmet(centre, half, planes, cell_start, entity_start, possible):
     """Clear ``possible[n, e]`` where box n lies wholly outside some half-space of every cell of entity e."""
-    for n in range(center.shape[0]):
+    for n in range(centre.shape[0]):
         for e in range(possible.shape[1]):
             if not possible[n, e]:
                 continue
             met = False
             for cell in range(entity_start[e], entity_start[e + 1]):
-                if not outside(planes, cell_start[cell], cell_start[cell + 1], center[n], half[n]):
+                if not outside(planes, cell_start[cell], cell_start[cell + 1], centre[n], half[n]):
                     met = True
                     break
             possible[n, e] = met
@@ -215,13 +215,13 @@ def _exclusions(members, places, k, pairs):
     the frustum between the nearest and the farthest sharp plane is wide or deep.
     """
     ends, angle, room, conflict = pairs
-    center, radius, axes, turns = places.center[k], places.radius[k], places.axes[k], places.turns[k]
+    centre, radius, axes, turns = places.centre[k], places.radius[k], places.axes[k], places.turns[k]
     m = len(members)
     rays = np.empty((m, 2, 3))
     wide = np.empty((m, 2, 3))
     for e in range(m):
         for i in range(2):
-            ray = ends[members[e], i] - center
+            ray = ends[members[e], i] - centre
             length = math.sqrt(ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2)
             rays[e, i] = ray / max(length, _EPS)
             swing = math.asin(radius / length) if length > radius else math.pi

@@ -55,7 +55,7 @@ class PoseTree:
         points = self.segments.ends.reshape(-1, 3)
         low, high = np.maximum(low, points.min(axis=0) - self.reach), np.minimum(high, points.max(axis=0) + self.reach)
         n = 6
-        self.center = np.tile((low + high) / 2, (n, 1))
+        self.centre = np.tile((low + high) / 2, (n, 1))
         self.half = np.tile((high - low) / 2, (n, 1))
         self.face = np.arange(n)
         self.patch = np.tile([-1.0, 1.0, -1.0, 1.0], (n, 1))
@@ -101,10 +101,10 @@ class PoseTree:
         turns = np.column_stack([*2 * [math.sqrt(2.0) * spread + self.roll[nodes, 1]], spread])
         radius = np.linalg.norm(self.half[nodes], axis=1)
         axes = np.ascontiguousarray(np.moveaxis(frame, 2, 1))
-        return Places(self.center[nodes], radius, axes, turns)
+        return Places(self.centre[nodes], radius, axes, turns)
 
     def _fields(self) -> list[tuple[str, NDArray[Any]]]:
-        return [(name, getattr(self, name)) for name in ("center", "half", "face", "patch", "roll", "sets")]
+        return [(name, getattr(self, name)) for name in ("centre", "half", "face", "patch", "roll", "sets")]
 
     def _halve(self, first: dict[str, NDArray[Any]], second: dict[str, NDArray[Any]], kind: NDArray[np.int_]) -> None:
         rows = np.flatnonzero(kind == _BY_POSITION)
@@ -112,7 +112,7 @@ class PoseTree:
         quarter = first["half"][rows, axis] / 2
         for child, sign in ((first, -1.0), (second, 1.0)):
             child["half"][rows, axis] = quarter
-            child["center"][rows, axis] += sign * quarter
+            child["centre"][rows, axis] += sign * quarter
         rows = np.flatnonzero(kind == _BY_DIRECTION)
         patch = first["patch"][rows]
         along = np.where(patch[:, 1] - patch[:, 0] >= patch[:, 3] - patch[:, 2], 0, 2)
@@ -138,9 +138,9 @@ class PoseTree:
             radius = np.linalg.norm(self.half[part], axis=1)
             possible = self.sets[part].copy()
             turned = self.roll[part, 1] * math.sin(self.frustum.cone)
-            views = Nodes(self.center[part], radius, axis, spread, frame, turned)
+            views = Nodes(self.centre[part], radius, axis, spread, frame, turned)
             clear_unsatisfied(views, self.segments, self.frustum, possible)
-            clear_unmet(self.center[part], self.half[part], *self.cells, possible)
+            clear_unmet(self.centre[part], self.half[part], *self.cells, possible)
             self.sets[part] = possible
             typical = 0.5 * (self.frustum.near + min(self.frustum.far, 4 * self.frustum.near))
             self._extents[part] = np.column_stack([radius / typical, 1.4 * spread, turned])

@@ -15,10 +15,11 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,10 +29,12 @@ from planner.exceptions import CameraError
 try:
     import tomllib
 except ModuleNotFoundError:  # Python 3.10
-    import tomli as tomllib
+    import tomli as tomllib  # type: ignore[no-redef]
 
 # numbers outside are slips of the pen, and what is derived from them is not finite
 _SMALLEST, _LARGEST = 1e-9, 1e9
+# some ten times the coarsest pixels of cameras: more is a pitch in um
+_LARGEST_PITCH_MM = 0.5
 
 
 @dataclass(frozen=True)
@@ -70,10 +73,14 @@ class Camera:
     largest_blur_mm: float | None = None
     name: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for field in ("focal_length_mm", "f_number", "focus_distance_mm"):
             object.__setattr__(self, field, _check_positive(field, getattr(self, field)))
         pitch = tuple(_check_positive("pixel_pitch_mm", p) for p in _check_pair("pixel_pitch_mm", self.pixel_pitch_mm))
+        if max(pitch) > _LARGEST_PITCH_MM:
+            raise CameraError(
+                f"pixel_pitch_mm must be at most {_LARGEST_PITCH_MM:g} mm; 3.45 um are 0.00345. Got {max(pitch):g}."
+            )
         object.__setattr__(self, "pixel_pitch_mm", pitch)
         counts = tuple(_check_count("resolution", n) for n in _check_pair("resolution", self.resolution))
         object.__setattr__(self, "resolution", counts)
@@ -112,7 +119,8 @@ class Camera:
     def depth_of_field_mm(self) -> tuple[float, float]:
         """Nearest and farthest depth (D_min, D_max) whose blur circle is not too large; D_max may be inf."""
         sharp = 1.0 / self.focus_distance_mm
-        spread = self.largest_blur_mm / (self.aperture_mm * self.image_distance_mm)
+        blur = float(self.largest_blur_mm or 0.0)  # never None once made
+        spread = blur / (self.aperture_mm * self.image_distance_mm)
         farthest = 1.0 / (sharp - spread) if sharp > spread else math.inf
         return 1.0 / (sharp + spread), farthest
 
@@ -144,7 +152,7 @@ class Camera:
         return replace(self, focus_distance_mm=distance_mm)
 
     @classmethod
-    def named(cls, name: str, **changes) -> Camera:
+    def named(cls, name: str, **changes: Any) -> Camera:
         """Make a camera of the catalogue.
 
         Parameters
@@ -192,7 +200,7 @@ class Camera:
         return camera
 
     @classmethod
-    def from_toml(cls, path: str | PathLike) -> Camera:
+    def from_toml(cls, path: str | PathLike[str]) -> Camera:
         """Read a camera from a TOML file whose top level holds the fields of this class.
 
         Parameters
@@ -218,7 +226,7 @@ class Camera:
             field = str(error).split(" ", 1)[0]
             raise CameraError(f"{path}:{_line_of(field, text)}: {error}") from None
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain Python values, ready for JSON or TOML.
 
         Returns
@@ -229,7 +237,7 @@ class Camera:
         return asdict(self)
 
     @classmethod
-    def from_dict(cls, data: Mapping) -> Camera:
+    def from_dict(cls, data: Mapping[str, Any]) -> Camera:
         """Build a camera from the fields of `to_dict`.
 
         Parameters
@@ -258,7 +266,7 @@ class Camera:
         return cls(**data)
 
 
-def _read_toml(path: Path) -> tuple[str, dict]:
+def _read_toml(path: Path) -> tuple[str, dict[str, Any]]:
     try:
         text = path.read_text(encoding="utf-8")
         return text, tomllib.loads(text)
@@ -285,7 +293,7 @@ def _line_of(field: str, text: str) -> int:
     return next((i for i, line in enumerate(text.splitlines(), 1) if pattern.match(line.lstrip("["))), 1)
 
 
-def _check_pair(field: str, values) -> tuple:
+def _check_pair(field: str, values: Any) -> tuple[Any, ...]:
     try:
         pair = tuple(values)
     except TypeError:
@@ -295,7 +303,7 @@ def _check_pair(field: str, values) -> tuple:
     return pair
 
 
-def _check_positive(field: str, value) -> float:
+def _check_positive(field: str, value: Any) -> float:
     try:
         number = float(value)
     except (TypeError, ValueError):
@@ -309,14 +317,14 @@ def _check_positive(field: str, value) -> float:
     return number
 
 
-def _check_count(field: str, value) -> int:
+def _check_count(field: str, value: object) -> int:
     number = _check_positive(field, value)
     if number != int(number):
         raise CameraError(f"{field} must be whole pixels. Got {_shown(value)}.")
     return int(number)
 
 
-def _shown(value, text=repr) -> str:
+def _shown(value: object, text: Callable[[Any], str] = repr) -> str:
     """Return a value as Python writes it, shortened to a readable length."""
     if isinstance(value, int) and value.bit_length() > 240:
         return f"an integer of {value.bit_length()} bits"

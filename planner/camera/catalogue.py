@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from functools import cache
 from importlib import resources
+from typing import Any
 
 try:
     import tomllib
 except ModuleNotFoundError:  # Python 3.10
-    import tomli as tomllib
+    import tomli as tomllib  # type: ignore[no-redef]
 
 
 def camera_names() -> tuple[str, ...]:
@@ -23,7 +24,7 @@ def camera_names() -> tuple[str, ...]:
 
 
 @cache
-def catalogued() -> dict[str, tuple[dict, dict]]:
+def catalogued() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
     """Read the catalogue: the fields of each camera, and its lens.
 
     Bodies and lenses hold data-sheet facts, pairs say which are mounted and how they are set.

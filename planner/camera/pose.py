@@ -17,7 +17,7 @@ import numpy as np
 _CAM_TO_PAPER = np.diag([1.0, -1.0, -1.0])
 
 
-def cross_matrix(vector) -> np.ndarray:
+def cross_matrix(vector: np.ndarray) -> np.ndarray:
     """Return the matrix (3, 3) of the map x -> vector × x."""
     x, y, z = vector
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -31,16 +31,16 @@ def paper_displacement_jacobian(image_distance_mm: float) -> np.ndarray:
     """
     jacobian = np.zeros((6, 6))
     jacobian[:3, :3] = jacobian[3:, 3:] = -_CAM_TO_PAPER
-    jacobian[:3, 3:] = -cross_matrix([0.0, 0.0, image_distance_mm]) @ _CAM_TO_PAPER
+    jacobian[:3, 3:] = -cross_matrix(np.array([0.0, 0.0, image_distance_mm])) @ _CAM_TO_PAPER
     return jacobian
 
 
-def cam_to_paper(points_cam, image_distance_mm: float) -> np.ndarray:
+def cam_to_paper(points_cam: np.ndarray, image_distance_mm: float) -> np.ndarray:
     """Convert points (..., 3) from the OpenCV camera frame to the paper's: (x, −y, f − z)."""
     return np.asarray(points_cam, dtype=float) * [1.0, -1.0, -1.0] + [0.0, 0.0, image_distance_mm]
 
 
-def world_to_cam(points, cam2world) -> np.ndarray:
+def world_to_cam(points: np.ndarray, cam2world: np.ndarray) -> np.ndarray:
     """Express world points in camera frames.
 
     Parameters
@@ -62,7 +62,7 @@ def world_to_cam(points, cam2world) -> np.ndarray:
     return local.reshape(cam2world.shape[:-2] + points.shape)
 
 
-def aim(positions, target) -> np.ndarray:
+def aim(positions: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Return rotations (n, 3, 3), cam to world, that look from positions (n, 3) to a target (3,) or (n, 3).
 
     The camera's x axis is level (perpendicular to the world's z axis) unless it looks along z; then it follows world x.
@@ -70,7 +70,13 @@ def aim(positions, target) -> np.ndarray:
     return look_at(positions, target)[:, :3, :3]
 
 
-def look_at(positions, target, pan=0.0, tilt=0.0, roll=0.0) -> np.ndarray:
+def look_at(
+    positions: np.ndarray,
+    target: np.ndarray,
+    pan: np.ndarray | float = 0.0,
+    tilt: np.ndarray | float = 0.0,
+    roll: np.ndarray | float = 0.0,
+) -> np.ndarray:
     """Return poses (n, 4, 4) that look from positions at a target, then turn.
 
     Parameters

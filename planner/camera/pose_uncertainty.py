@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +37,7 @@ class PoseUncertainty:
 
     covariance: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "covariance", _check_covariance(self.covariance))
 
     @classmethod
@@ -74,7 +75,7 @@ class PoseUncertainty:
         robot_rotation_rad: float,
         hand_eye_translation_mm: float,
         hand_eye_rotation_rad: float,
-        cam2flange,
+        cam2flange: np.ndarray,
     ) -> PoseUncertainty:
         """Combine the robot's repeatability at its flange with the uncertainty of the hand-eye calibration.
 
@@ -131,7 +132,7 @@ class PoseUncertainty:
         covariance = jacobian @ self.covariance @ jacobian.T
         return (covariance + covariance.T) / 2
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, Any]:
         """Return the covariance as nested lists, ready for JSON.
 
         Returns
@@ -142,7 +143,7 @@ class PoseUncertainty:
         return {"covariance": self.covariance.tolist()}
 
     @classmethod
-    def from_dict(cls, data: Mapping) -> PoseUncertainty:
+    def from_dict(cls, data: Mapping[str, Any]) -> PoseUncertainty:
         """Build from the result of `to_dict`.
 
         Parameters
@@ -164,7 +165,7 @@ class PoseUncertainty:
             raise UncertaintyError(f"covariance must be given. Got {', '.join(map(str, data)) or 'nothing'}.")
         return cls(data["covariance"])
 
-    def __eq__(self, other) -> bool:
+    def __eq__(self, other: object) -> bool:
         if not isinstance(other, PoseUncertainty):
             return NotImplemented
         return np.array_equal(self.covariance, other.covariance)
@@ -173,7 +174,7 @@ class PoseUncertainty:
         return hash(self.covariance.tobytes())
 
 
-def _check_covariance(covariance) -> np.ndarray:
+def _check_covariance(covariance: np.ndarray) -> np.ndarray:
     try:
         cov = np.array(covariance, dtype=np.float64)
     except (TypeError, ValueError):

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import json
+import argparse
 import os
 import warnings
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,20 +19,27 @@ from aspectgraph import (
     compute_regions,
     graph_of,
     read_dimensions,
-    read_entities,
     read_solid,
+    select_entities,
     write_edge_picture,
     write_graphml,
 )
+from aspectgraph.read.part_file import MESH_SUFFIXES
 from planner.camera.camera import Camera
+from planner.camera.catalogue import camera_names
 from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.cli.completion import completion_script
 from planner.cli.exit_codes import DONE, INCOMPLETE
+from planner.cli.folder_owner import asked_request, check_owner
 from planner.cli.signals import leave_signals_to_the_parent
-from planner.cli.wanted import read_request
-from planner.exceptions import OutputError, RequestError
+from planner.cli.wanted import chosen_entities, read_request
+from planner.exceptions import OutputError
+from planner.executors import usable_cores
 from planner.files import check_file_place, output_folder
 from planner.inspection import plan_inspection
+from planner.inspection_options import InspectionOptions
 from planner.output import terminal_tables
+from planner.output.json_records import graph_record, part_record, plan_record, print_json
 from planner.output.plan_folder import PLAN_FILES, left_out, rescue, write_outputs
 from planner.plan import read_plan
 from planner.progress import labelled, terminal_progress
@@ -38,41 +47,57 @@ from planner.request.defaults import check_fraction, default_workspace
 from planner.resume import read_state
 from planner.verify.simulate_plan import simulate_plan
 
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+
 STATE_FILE = "planning-state.json"
 
 
-def info(options) -> int:
+def info(options: argparse.Namespace) -> int:
     """Show what a part consists of and which edges, rims and arcs can be entities."""
     if options.picture:
         check_file_place(options.picture)
     solid = _read_part(options)
     edges = solid.straight_edges(min_length_mm=options.min_length)
+    curves = (*solid.rims(), *solid.arcs())
+    if options.select is not None:
+        chosen = set(select_entities(solid, options.select))
+        edges = tuple(edge for edge in edges if edge.id in chosen)
+        curves = tuple(curve for curve in curves if curve.id in chosen)
     if options.picture:
-        curves = [curve.id for curve in (*solid.rims(), *solid.arcs())]
-        write_edge_picture(solid, options.picture, [edge.id for edge in edges], curves)
-    terminal_tables.print_part(solid, edges)
+        write_edge_picture(solid, options.picture, [edge.id for edge in edges], [curve.id for curve in curves])
+    if options.json:
+        print_json(part_record(solid, edges, curves))
+        return DONE
+    terminal_tables.print_part(solid, edges, curves)
+    _print_unit(options)
     if options.picture:
         print(options.picture)
     return DONE
 
 
-def graph(options) -> int:
+def graph(options: argparse.Namespace) -> int:
     """Build the entity-based aspect graph and write it."""
     check_file_place(options.graphml)
     solid = _read_part(options)
-    entities = read_entities(options.entities, solid)
-    with terminal_progress() as progress:
-        regions = compute_regions(
-            solid, entities, workspace=_workspace(options), progress=labelled(progress, "visible regions")
-        )
+    entities, box = chosen_entities(options, solid), _workspace(options)
+    if box is None and options.camera is not None:
+        box = default_workspace(solid, read_camera(options.camera))
+    with terminal_progress(quiet=options.quiet) as progress:
+        shown = labelled(progress, "visible regions")
+        regions = compute_regions(solid, entities, workspace=box, progress=shown)
         result = graph_of(regions)
     write_graphml(result, options.graphml)
+    if options.json:
+        print_json(graph_record(result, options.graphml))
+        return DONE
     terminal_tables.print_graph(result)
+    _print_unit(options)
     print(options.graphml)
     return DONE
 
 
-def dimensions(options) -> int:
+def dimensions(options: argparse.Namespace) -> int:
     """Show the dimensions an AP242 file states, and the entities that measure them."""
     found = read_dimensions(options.part, _read_part(options))
     if not found:
@@ -80,44 +105,48 @@ def dimensions(options) -> int:
             f"the part must be a STEP file with semantic dimensions (AP242). Got {options.part}, which states none."
         )
     if options.json:
-        print(json.dumps([one.to_dict() for one in found], indent=1))
+        print_json([one.to_dict() for one in found])
     else:
         terminal_tables.print_dimensions(found)
     return DONE
 
 
-def plan(options) -> int:
+def plan(options: argparse.Namespace) -> int:
     """Plan an inspection and write everything about it."""
     check_fraction("accuracy", options.accuracy)
     check_fraction("probability", options.probability)
-    for name, least in (("seed", 0), ("simulate", 1), ("jobs", 1)):
-        if getattr(options, name) < least:
-            raise RequestError(f"--{name} must be at least {least}. Got {getattr(options, name)}.")
     with output_folder(options.out, (*PLAN_FILES, STATE_FILE), "--out") as folder, _resumable(folder / STATE_FILE):
         camera = read_camera(options.camera)
         uncertainty = PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad)
         solid = _read_part(options)
         wanted = read_request(options, solid)
+        how = _limits(options, solid, camera)
+        asked = asked_request(options, solid.name, wanted.items, camera, uncertainty, how)
+        check_owner(folder, asked, force=options.force)
         found, written = _planned(options, solid, wanted, camera, uncertainty, folder)
-    terminal_tables.print_plan(found)
-    for name, reason in wanted.left_out.items():
-        print(f"{name} is not planned: {reason}")
-    for note in left_out(len(wanted.entities)):
-        print(note)
-    for path in written:
-        print(os.path.relpath(path) if path.is_relative_to(Path.cwd()) else path)
+    files = [os.path.relpath(path) if path.is_relative_to(Path.cwd()) else str(path) for path in written]
+    if options.json:
+        print_json(plan_record(found, files, wanted.left_out))
+    else:
+        terminal_tables.print_plan(found)
+        _print_unit(options)
+        for name, reason in wanted.left_out.items():
+            print(f"{name} is not planned: {reason}")
+        print("\n".join([*left_out(len(wanted.entities), options.graph_limit), *files]))
     return DONE if found.complete and found.simulation.confirmed else INCOMPLETE
 
 
-def _planned(options, solid, wanted, camera: Camera, uncertainty: PoseUncertainty, folder: Path) -> tuple:
+def _planned(
+    options: argparse.Namespace, solid: Solid, wanted: Any, camera: Camera, uncertainty: PoseUncertainty, folder: Path
+) -> tuple[Any, ...]:
     """Plan and write; return the plan and the files. The state is deleted only after that."""
-    state, box = folder / STATE_FILE, _workspace(options)
+    state, how = folder / STATE_FILE, _limits(options, solid, camera)
     _prepare(state, options.resume)
-    with terminal_progress() as progress, _executor(options.jobs) as executor:
+    with terminal_progress(quiet=options.quiet) as progress, _executor(options.jobs) as executor:
         regions = compute_regions(
             solid,
             wanted.entities,
-            workspace=default_workspace(solid, camera) if box is None else box,
+            workspace=how.workspace,
             executor=executor,
             progress=labelled(progress, "visible regions"),
         )
@@ -129,7 +158,7 @@ def _planned(options, solid, wanted, camera: Camera, uncertainty: PoseUncertaint
             accuracy=options.accuracy,
             probability=options.probability,
             rng=options.seed,
-            stand_off_mm=options.stand_off,
+            **_limit_keywords(options),
             space=regions,
             localisation=wanted.localisation,
             state=state,
@@ -138,13 +167,32 @@ def _planned(options, solid, wanted, camera: Camera, uncertainty: PoseUncertaint
         )
         found = found.simulated(options.simulate, rng=options.seed, progress=progress)
         try:
-            written = write_outputs(found, regions, folder, progress)
+            written = write_outputs(found, regions, folder, progress, graph_limit=options.graph_limit)
         except OutputError as error:
             raise OutputError(f"{error} {rescue(found, state)}") from None
     with suppress(OSError):
         # if it stays, it does no harm: it gives this plan again
         state.unlink(missing_ok=True)
     return found, written
+
+
+def _limit_keywords(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the limits as `plan_inspection` takes them."""
+    return {
+        "stand_off_mm": options.stand_off,
+        "min_length_px": options.min_length_px,
+        "field_margin_px": options.field_margin_px,
+        "focus_margin_mm": options.focus_margin_mm,
+        "visibility_radius_mm": options.visibility_radius_mm,
+    }
+
+
+def _limits(options: argparse.Namespace, solid: Solid, camera: Camera) -> InspectionOptions:
+    """Return workspace and limits of a request."""
+    box = _workspace(options)
+    return InspectionOptions(
+        workspace=default_workspace(solid, camera) if box is None else box, **_limit_keywords(options)
+    )
 
 
 def _prepare(state: Path, resume: bool) -> None:
@@ -160,7 +208,7 @@ def _prepare(state: Path, resume: bool) -> None:
 
 
 @contextmanager
-def _resumable(state: Path):
+def _resumable(state: Path) -> Iterator[None]:
     """Tell of the state when the work is interrupted, if there is one then."""
     try:
         with warnings.catch_warnings():
@@ -173,15 +221,32 @@ def _resumable(state: Path):
         raise
 
 
-def simulate(options) -> int:
+def simulate(options: argparse.Namespace) -> int:
     """Check a plan by simulation."""
-    if options.poses < 1 or options.seed < 0:
-        raise RequestError(f"--poses must be at least 1 and --seed at least 0. Got {options.poses} and {options.seed}.")
     found = read_plan(options.plan)
-    with terminal_progress() as progress:
+    with terminal_progress(quiet=options.quiet) as progress:
         result = simulate_plan(found, options.poses, rng=options.seed, progress=progress)
-    terminal_tables.print_simulation(found, result)
+    if options.json:
+        print_json(result.to_dict())
+    else:
+        terminal_tables.print_simulation(found, result)
     return DONE if found.complete and result.confirmed else INCOMPLETE
+
+
+def cameras(options: argparse.Namespace) -> int:
+    """List the catalogue."""
+    found = [Camera.named(name) for name in camera_names()]
+    if options.json:
+        print_json([one.to_dict() for one in found])
+    else:
+        terminal_tables.print_cameras(found)
+    return DONE
+
+
+def completion(options: argparse.Namespace) -> int:
+    """Print the script for a shell."""
+    print(completion_script(options.parser, camera_names(), options.shell), end="")
+    return DONE
 
 
 def read_camera(text: str) -> Camera:
@@ -190,7 +255,7 @@ def read_camera(text: str) -> Camera:
     return Camera.from_toml(path) if path.suffix.lower() == ".toml" or path.is_file() else Camera.named(text)
 
 
-def _read_part(options):
+def _read_part(options: argparse.Namespace) -> Solid:
     """Read the part; an error names the file."""
     try:
         return read_solid(options.part, units=options.units, solids=options.solids, gap_mm=options.gap_mm)
@@ -200,17 +265,26 @@ def _read_part(options):
         raise type(error)(f"{options.part}: {error}") from None
 
 
-def _workspace(options) -> np.ndarray | None:
+def _print_unit(options: argparse.Namespace) -> None:
+    """Say which unit was assumed for a file that has none."""
+    mesh = [suffix for suffix in Path(options.part).suffixes if suffix.lower() in MESH_SUFFIXES]
+    if options.units is None and mesh and mesh[-1].lower() != ".glb":
+        print(f"note: {mesh[-1][1:].upper()} files state no unit: mm is assumed; --units says otherwise")
+
+
+def _workspace(options: argparse.Namespace) -> np.ndarray | None:
     return None if options.workspace is None else np.reshape(options.workspace, (2, 3))
 
 
 @contextmanager
-def _executor(jobs: int):
+def _executor(jobs: int) -> Iterator[Executor | None]:
     """Provide a process pool, or none for one process; work not begun is dropped at the end."""
+    # more processes than cores cost memory and gain nothing, and no result depends on their number
+    jobs = min(jobs, usable_cores())
     if jobs == 1:
         yield None
         return
-    executor = ProcessPoolExecutor(jobs, initializer=leave_signals_to_the_parent)
+    executor = ProcessPoolExecutor(jobs, initializer=leave_signals_to_the_parent, initargs=(os.getpid(),))
     try:
         yield executor
     finally:

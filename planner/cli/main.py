@@ -8,11 +8,12 @@ commands, so ``--help`` is immediate.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
+from typing import Any, NoReturn
 
 from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 from planner.cli.signals import termination_as_interruption
+from planner.executors import usable_cores
 
 _DESCRIPTION = """\
 Plan camera poses for the inspection of straight edges of a part: from where can each edge be measured to the required
@@ -25,7 +26,9 @@ examples:
   aspectgraph dimensions part.stp
   aspectgraph graph part.step --entities 12,15,31 --graphml graph.graphml
   aspectgraph plan part.step --entities edges.toml --camera basler-acA2440-20gm-25mm --out plan
+  aspectgraph plan part.step --select "length > 20 and face = top" --camera camera.toml --out plan
   aspectgraph simulate plan/plan.json
+  aspectgraph cameras
 
 An entities file (TOML or JSON) maps names to edge ids, to ids of rims and arcs, or to two end points:
   top = 17
@@ -40,10 +43,20 @@ class _UsageError(Exception):
     """A command line that does not parse."""
 
 
+class _Help(argparse.RawDescriptionHelpFormatter):
+    """Ends the help of an option with its default, unless it says it itself."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        text = action.help or ""
+        plain = isinstance(action.default, int | float | str) and not isinstance(action.default, bool)
+        told = not plain or action.default == argparse.SUPPRESS or "default" in text
+        return text if told else f"{text} (default: %(default)s)"
+
+
 class _Parser(argparse.ArgumentParser):
     """Reports usage errors like all others: one line, and no usage text in front of it."""
 
-    def error(self, message: str):
+    def error(self, message: str) -> NoReturn:
         raise _UsageError(f"{self.prog}: {message}; see {self.prog} --help")
 
 
@@ -64,7 +77,9 @@ def main(arguments: list[str] | None = None) -> int:
         options = build_parser().parse_args(arguments)
         with termination_as_interruption():
             from planner.cli import commands
+            from planner.cli.checks import check_numbers
 
+            check_numbers(options)
             return getattr(commands, options.command)(options)
     except _UsageError as error:
         return _fail(str(error), BAD_INPUT)
@@ -90,7 +105,7 @@ def build_parser() -> argparse.ArgumentParser:
         prog="aspectgraph",
         description=_DESCRIPTION,
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=_Help,
         allow_abbrev=False,
     )
     parser.add_argument("--version", action="version", version=_version())
@@ -100,38 +115,54 @@ def build_parser() -> argparse.ArgumentParser:
     _add_dimensions(commands)
     _add_plan(commands)
     _add_simulate(commands)
+    _add_cameras(commands)
+    completion = commands.add_parser(
+        "completion", help="script that completes commands and options in a shell", formatter_class=_Help
+    )
+    completion.add_argument("shell", choices=("bash", "zsh"), help='for bash: eval "$(aspectgraph completion bash)"')
+    completion.set_defaults(parser=parser)
     return parser
 
 
-def _add_info(commands) -> None:
-    info = commands.add_parser("info", help="edges, rims and arcs of a part, with ids", allow_abbrev=False)
+def _command(commands: Any, name: str, what: str) -> argparse.ArgumentParser:
+    parser: argparse.ArgumentParser = commands.add_parser(
+        name, help=what, description=what, formatter_class=_Help, allow_abbrev=False
+    )
+    parser.add_argument("--json", action="store_true", help="print records for other programs instead of tables")
+    parser.add_argument("--quiet", "-q", action="store_true", help="show no progress")
+    return parser
+
+
+def _add_info(commands: Any) -> None:
+    info = _command(commands, "info", "edges, rims and arcs of a part, with ids")
     _add_part(info)
     info.add_argument(
         "--picture", metavar="FILE", help="draw the edges with their ids: .png, or .html to turn it around"
     )
+    info.add_argument("--select", metavar="RULE", help="only edges, rims and arcs for which it holds; see plan --help")
     info.add_argument("--min-length", type=float, default=0.0, metavar="MM", help="leave out shorter edges")
 
 
-def _add_graph(commands) -> None:
-    graph = commands.add_parser("graph", help="build and export the entity-based aspect graph", allow_abbrev=False)
+def _add_graph(commands: Any) -> None:
+    graph = _command(commands, "graph", "build and export the entity-based aspect graph")
     _add_part(graph)
     _add_entities(graph)
     graph.add_argument("--graphml", metavar="FILE", required=True, help="GraphML for Gephi, yEd, Cytoscape, igraph")
+    graph.add_argument(
+        "--camera",
+        metavar="NAME|FILE",
+        help="take the workspace 'plan' takes for this camera (default: ten diagonals of room around the part)",
+    )
     _add_workspace(graph)
 
 
-def _add_dimensions(commands) -> None:
-    dimensions = commands.add_parser(
-        "dimensions", help="dimensions an AP242 file states, and how to measure them", allow_abbrev=False
-    )
+def _add_dimensions(commands: Any) -> None:
+    dimensions = _command(commands, "dimensions", "dimensions an AP242 file states, and how to measure them")
     _add_part(dimensions)
-    dimensions.add_argument("--json", action="store_true", help="as a list of records, for other programs")
 
 
-def _add_plan(commands) -> None:
-    plan = commands.add_parser(
-        "plan", help="plan the inspection and write plan, graph, report, poses", allow_abbrev=False
-    )
+def _add_plan(commands: Any) -> None:
+    plan = _command(commands, "plan", "plan the inspection and write plan, graph, report, poses")
     _add_part(plan)
     _add_entities(plan).add_argument(
         "--dimensions", metavar="FILE|all", help="TOML or JSON file of dimensions, or all that the part (AP242) states"
@@ -143,7 +174,7 @@ def _add_plan(commands) -> None:
         "(default: rounding for entities, gaussian:0.1 for dimensions)",
     )
     plan.add_argument(
-        "--share", type=float, default=0.25, metavar="S", help="of a tolerance's half width, permitted as error (0.25)"
+        "--share", type=float, default=0.25, metavar="S", help="part of a tolerance's half width, permitted as error"
     )
     plan.add_argument("--camera", metavar="NAME|FILE", required=True, help="name of the catalogue, or a TOML file")
     plan.add_argument("--accuracy", type=float, default=0.98, metavar="A", help="0.98 allows 2%% of an edge's length")
@@ -153,24 +184,62 @@ def _add_plan(commands) -> None:
     plan.add_argument(
         "--sigma-rad", type=float, default=0.002, metavar="RAD", help="camera orientation, std. deviation"
     )
-    plan.add_argument("--stand-off", type=float, default=50.0, metavar="MM", help="smallest distance from the part")
-    plan.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same plan (default 0)")
+    _add_limits(plan)
+    plan.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same plan")
     plan.add_argument("--simulate", type=int, default=10_000, metavar="N", help="displaced poses per setting")
-    plan.add_argument("--jobs", type=int, default=_cores(), metavar="N", help="processes to use (default: every core)")
+    plan.add_argument(
+        "--jobs", type=int, default=usable_cores(), metavar="N", help="processes to use, at most one per core"
+    )
     plan.add_argument("--resume", action="store_true", help="continue an interrupted plan from its state in DIR")
+    plan.add_argument(
+        "--graph-limit",
+        type=int,
+        default=24,
+        metavar="N",
+        help="write graph.graphml, the joint graph, for up to so many entities",
+    )
+    plan.add_argument("--force", action="store_true", help="replace a plan of another request in DIR")
     _add_workspace(plan)
 
 
-def _add_simulate(commands) -> None:
-    simulate = commands.add_parser("simulate", help="check a plan by drawing displaced poses", allow_abbrev=False)
+def _add_limits(plan: argparse.ArgumentParser) -> None:
+    """Add what every setting must satisfy beside the accuracy."""
+    limits = plan.add_argument_group("limits", "what every setting must satisfy; plan.json and the report tell them")
+    limits.add_argument("--stand-off", type=float, default=50.0, metavar="MM", help="smallest distance from the part")
+    limits.add_argument(
+        "--min-length-px", type=float, default=20.0, metavar="PX", help="shortest image of an edge that is measured"
+    )
+    limits.add_argument(
+        "--field-margin-px",
+        type=float,
+        metavar="PX",
+        help="strip along the sensor's sides to keep free (default: four standard deviations of the image's motion)",
+    )
+    limits.add_argument(
+        "--focus-margin-mm", type=float, default=0.0, metavar="MM", help="taken from both ends of the depth of field"
+    )
+    limits.add_argument(
+        "--visibility-radius-mm",
+        type=float,
+        metavar="MM",
+        help="all must be visible from so far around the camera, too (default: three standard deviations)",
+    )
+
+
+def _add_simulate(commands: Any) -> None:
+    simulate = _command(commands, "simulate", "check a plan by drawing displaced poses")
     simulate.add_argument("plan", metavar="PLAN", help="plan.json")
     simulate.add_argument("--poses", type=int, default=100_000, metavar="N", help="displaced poses per setting")
-    simulate.add_argument("--seed", type=int, default=0, metavar="N")
+    simulate.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same poses")
 
 
-def _add_part(parser) -> None:
+def _add_cameras(commands: Any) -> None:
+    _command(commands, "cameras", "the cameras and lenses --camera knows by name")
+
+
+def _add_part(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("part", metavar="PART", help=".step .stp .stl .obj .ply .off .glb")
-    parser.add_argument("--units", metavar="UNIT", help="units of a file that does not say: mm, inch, m, ...")
+    parser.add_argument("--units", metavar="UNIT", help="of a mesh: mm, inch, m, ... (default: mm, m for .glb)")
     parser.add_argument("--solids", type=_numbers, metavar="N,N", help="which solids of a STEP file, counted from 0")
     parser.add_argument("--gap-mm", type=float, metavar="MM", help="widest gap between a STEP file's edges and faces")
 
@@ -183,15 +252,25 @@ def _numbers(text: str) -> list[int]:
     return [int(number) for number in numbers]
 
 
-def _add_entities(parser):
+def _add_entities(parser: argparse.ArgumentParser) -> argparse._MutuallyExclusiveGroup:
     """Add the choice of entities; return the group, of which one is required."""
     which = parser.add_mutually_exclusive_group(required=True)
-    which.add_argument("--entities", metavar="FILE|IDS|all", help="TOML or JSON file, ids like 3,17,21, or all")
+    which.add_argument(
+        "--entities",
+        metavar="FILE|IDS|all",
+        help="TOML, JSON or CSV file, ids like 3,17-21,r2, end points like '(0,0,10)-(25,0,10)', or all",
+    )
+    which.add_argument(
+        "--select",
+        metavar="RULE",
+        help="by conditions joined by 'and': length > 20, turn < 100, convex, reentrant, kind = rim, direction = z, "
+        "face = top (bottom, left, right, front, back: of the part's box), near 10,20,30 < 5",
+    )
     which.add_argument("--all", dest="entities", action="store_const", const="all", help="all sharp straight edges")
     return which
 
 
-def _add_workspace(parser) -> None:
+def _add_workspace(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workspace",
         type=float,
@@ -199,11 +278,6 @@ def _add_workspace(parser) -> None:
         metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
         help="opposite corners of the box the camera may be in, mm",
     )
-
-
-def _cores() -> int:
-    """Return the number of cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _version() -> str:

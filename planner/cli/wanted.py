@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aspectgraph import ReadError, read_dimensions, read_entities
+from aspectgraph import ReadError, read_dimensions, read_entities, resolve_entities, select_entities
 from errors.exceptions import InvalidParameterError
 from errors.measurands import Localisation, kinds
 from planner.exceptions import RequestError
@@ -51,7 +51,7 @@ def read_request(options: Any, solid: Solid) -> Wanted:
     """
     if options.dimensions is None:
         localisation = read_localisation(options.localisation or "rounding")
-        entities = read_entities(options.entities, solid)
+        entities = chosen_entities(options, solid)
         return Wanted(entities, entities, localisation)
     localisation, left_out = read_localisation(options.localisation or "gaussian"), {}
     if options.dimensions.strip().lower() == "all":
@@ -65,6 +65,19 @@ def read_request(options: Any, solid: Solid) -> Wanted:
     rounded = localisation.model == "rounding"
     entities, _ = resolve_wanted(solid, items, options.accuracy, as_lengths=not rounded)
     return Wanted(items, entities, localisation, left_out)
+
+
+def chosen_entities(options: Any, solid: Solid) -> dict[str, Entity]:
+    """Return the entities that ``--entities`` or ``--select`` stand for.
+
+    Raises
+    ------
+    EntityError
+        If there are none, or the text breaks a rule.
+    """
+    if options.select is None:
+        return read_entities(options.entities, solid)
+    return resolve_entities(solid, select_entities(solid, options.select))
 
 
 def _stated(part: str, solid: Solid) -> tuple[ModelDimension, ...]:

@@ -8,8 +8,10 @@ random perturbation of the best ones.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
+from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,6 +26,9 @@ from planner.ledger import Ledger
 from planner.progress import report
 from planner.request.space import cells_of
 from planner.setting.viewpoint_sampling import ViewpointSampler
+
+if TYPE_CHECKING:
+    from planner.progress import Progress
 
 
 @dataclass(frozen=True)
@@ -67,7 +72,7 @@ class Pricing:
 PRICING = Pricing()
 
 
-def column_seed(seed: int, names) -> int:
+def column_seed(seed: int, names: Iterable[str]) -> int:
     """Derive the seed of work on a set of names from the plan's seed and the set, whatever the order of the work."""
     text = "\x1f".join([str(seed), *sorted(names)])
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:7], "big")
@@ -111,7 +116,7 @@ def _judged(shared: Shared, poses: np.ndarray, prices: np.ndarray) -> Judgement:
     return shared.value(poses, prices)
 
 
-def _targets(judge: Judge, viewpoints: np.ndarray, own: int, rng) -> np.ndarray:
+def _targets(judge: Judge, viewpoints: np.ndarray, own: int, rng: np.random.Generator) -> np.ndarray:
     """Choose points to look at: the entity's middle, or a point between it and the middle of another one near it."""
     middles = judge.ends.mean(axis=1)
     width = 2 * judge.camera.focus_distance_mm * np.tan(judge.camera.half_diagonal_rad)
@@ -141,12 +146,12 @@ class Pools(NamedTuple):
         self.realised.add(judged.inspects, poses, judged.probability)
         self.near.add(judged.nearly, poses, judged.probability)
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, Any]:
         """Return the arrays, for `from_dict`."""
         return {"realised": self.realised.to_dict(), "near": self.near.to_dict()}
 
     @classmethod
-    def from_dict(cls, data: dict) -> Pools:
+    def from_dict(cls, data: dict[str, Any]) -> Pools:
         """Build from the result of `to_dict`; other keys do not matter."""
         return cls(*(ColumnPool.from_dict(data[name]) for name in cls._fields))
 
@@ -156,8 +161,8 @@ def price_poses(
     pools: Pools,
     seed: int,
     rounds: int,
-    executor=None,
-    progress=None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
     parents: np.ndarray | None = None,
     ledger: Ledger | None = None,
 ) -> None:
@@ -186,7 +191,7 @@ def price_poses(
     if parents is not None:
         pools.add(parents, shared.value(parents))
     rng = np.random.default_rng(column_seed(seed, ["pricing"]))
-    covered = pools.realised.membership.any(axis=0)
+    covered = np.asarray(pools.realised.membership.any(axis=0))
     values: list[float] = []
     first, prices, ledger = 0, np.zeros(len(covered)), ledger or Ledger()
     if (kept := ledger("pricing")) is not None:
@@ -227,14 +232,16 @@ def _is_settled(values: list[float], membership: np.ndarray, left: int) -> bool:
     return hopeless and not exchange_columns(membership, fewest, steps=PRICING.exchanges).missing
 
 
-def _improve(shared: Shared, pools: Pools, breed, prices: np.ndarray, rng, executor) -> np.ndarray:
+def _improve(
+    shared: Shared, pools: Pools, breed: Any, prices: np.ndarray, rng: np.random.Generator, executor: Executor | None
+) -> np.ndarray:
     """Breed from the most promising poses; return the next parents."""
     pool, near = pools
     at_random = pool.poses[rng.integers(len(pool), size=PRICING.parents // 4)]
     worthy = pool.poses[np.argsort(-(pool.membership @ prices), kind="stable")[: PRICING.parents // 4]]
     # what is nearly inspected and worth more than 1 would improve the cover if only the pose were put right
-    hopeful = np.flatnonzero(near.membership @ prices > 1.0)
-    hopeful = near.poses[hopeful[rng.permutation(len(hopeful))[: PRICING.parents // 2]]]
+    rows = np.flatnonzero(near.membership @ prices > 1.0)
+    hopeful = near.poses[rows[rng.permutation(len(rows))[: PRICING.parents // 2]]]
     parents = np.concatenate([breed, at_random, worthy, hopeful])
     children = perturbed(np.repeat(parents, PRICING.children, axis=0), shared.value.camera.focus_distance_mm, rng)
     # batches of one size, whoever judges them: the last digits must not depend on the executor
@@ -244,7 +251,7 @@ def _improve(shared: Shared, pools: Pools, breed, prices: np.ndarray, rng, execu
     return children[_champions(judged.promise, prices, rng)]
 
 
-def _champions(promise: np.ndarray, prices: np.ndarray, rng) -> np.ndarray:
+def _champions(promise: np.ndarray, prices: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Choose poses of much promised worth, each for another entity, so that the search stays spread over the part."""
     worth = promise @ prices
     entities = rng.permutation(np.flatnonzero(prices > 0))[: PRICING.parents // 2]

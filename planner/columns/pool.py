@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from planner.cover.set_cover import maximal_columns
@@ -21,12 +23,12 @@ class ColumnPool:
     def __len__(self) -> int:
         return len(self.membership)
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, Any]:
         """Return the arrays, for `from_dict`; they are not changed when something is added."""
         return {"membership": self.membership, "poses": self.poses, "quality": self.quality}
 
     @classmethod
-    def from_dict(cls, data: dict) -> ColumnPool:
+    def from_dict(cls, data: dict[str, Any]) -> ColumnPool:
         """Build from the result of `to_dict`."""
         pool = cls(data["membership"].shape[1])
         pool.membership, pool.poses, pool.quality = data["membership"], data["poses"], data["quality"]

@@ -35,12 +35,15 @@ class Support:
     too_high : float
         A promise too high by no more than this is supported: stricter than what is asked of the plan, so that the
         plan's own simulation, with other draws, agrees.
+    contradicted : float
+        One too high by more is contradicted, whatever the draws: four standard errors of a frequency at most.
     """
 
     trial_poses: int = 4000
     neighbours: int = 2000
     most_trials: int = 100
     too_high: float = 0.5 * MODEL_TOLERANCE
+    contradicted: float = 3.0 * MODEL_TOLERANCE
 
 
 SUPPORT = Support()
@@ -150,6 +153,12 @@ def without_contradicted(judge: Judge, settings: Iterable[SensorSetting], seed: 
             setting = replace(fewer, generations=setting.generations)
         result.append(setting)
     return result
+
+
+def promised_too_much(judge: Judge, setting: SensorSetting, seed: int) -> dict[str, float]:
+    """Return the entities that simulation does not support in a setting, and by how much they promise too much."""
+    excess = _excess(judge, setting, np.random.default_rng([seed, SUPPORT.trial_poses]))
+    return {name: too_much for name, too_much in excess.items() if too_much > SUPPORT.contradicted}
 
 
 def _excess(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> dict[str, float]:

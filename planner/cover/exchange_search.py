@@ -37,7 +37,7 @@ class Exchange(NamedTuple):
     wanted: np.ndarray
 
 
-def exchange_columns(membership, size: int, *, steps: int, rng: int | np.random.Generator = 0) -> Exchange:
+def exchange_columns(membership: np.ndarray, size: int, *, steps: int, rng: int | np.random.Generator = 0) -> Exchange:
     """Look for a cover of a given size, or for what would make one.
 
     Parameters
@@ -61,7 +61,8 @@ def exchange_columns(membership, size: int, *, steps: int, rng: int | np.random.
     contains = membership.astype(float)
     chosen = greedy_cover(membership)[:size]
     weights, free_from = np.ones(membership.shape[1]), np.zeros(len(membership), dtype=int)
-    best, wanted = Exchange(chosen, membership.shape[1] + 1, membership[:0]), []
+    best = Exchange(chosen, membership.shape[1] + 1, membership[:0])
+    wanted: list[np.ndarray] = []
     for step in range(steps + 1):
         count = membership[chosen].sum(axis=0)
         missing = np.flatnonzero(count == 0)
@@ -99,7 +100,9 @@ def _free(columns: np.ndarray, free_from: np.ndarray, step: int) -> np.ndarray:
     return free if free.size else columns
 
 
-def _least(own, missing, contains, weights, rng) -> tuple[int, int]:
+def _least(
+    own: np.ndarray, missing: np.ndarray, contains: np.ndarray, weights: np.ndarray, rng: np.random.Generator
+) -> tuple[int, int]:
     """Return which of the chosen columns (k, e) to exchange for which other one (c, e); equal ones at random."""
     to_cover = (own | missing) * weights
     left = to_cover.sum(axis=1)[:, None] - to_cover @ contains.T

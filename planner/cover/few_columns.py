@@ -38,7 +38,9 @@ class Covering:
 COVERING = Covering()
 
 
-def few_columns(membership: np.ndarray, nodes: int, rng: np.random.Generator, quality=None) -> np.ndarray:
+def few_columns(
+    membership: np.ndarray, nodes: int, rng: np.random.Generator, quality: np.ndarray | None = None
+) -> np.ndarray:
     """Choose few columns that cover every entity; the work is limited by counting: the choice is repeatable.
 
     Parameters
@@ -130,8 +132,9 @@ def _contained(sets: np.ndarray, columns: np.ndarray) -> np.ndarray:
     return (sets @ (~columns).T.astype(float) == 0).any(axis=1)
 
 
-def _cover(membership: np.ndarray, core: np.ndarray, nodes: int, quality) -> np.ndarray:
+def _cover(membership: np.ndarray, core: np.ndarray, nodes: int, quality: np.ndarray | None) -> np.ndarray:
     """Choose few of the core columns by integer programming."""
     quality = None if quality is None else quality[core]
-    options = {"time_limit_s": np.inf, "node_limit": nodes, "slack": COVERING.quality_slack}
-    return core[list(min_cover(membership[core], quality, **options).chosen)]
+    slack = COVERING.quality_slack
+    cover = min_cover(membership[core], quality, time_limit_s=np.inf, node_limit=nodes, slack=slack)
+    return core[list(cover.chosen)]

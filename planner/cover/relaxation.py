@@ -49,7 +49,9 @@ class Relaxation:
 RELAXATION = Relaxation()
 
 
-def fractional_cover(membership, bias=None, guess=None) -> tuple[float, np.ndarray]:
+def fractional_cover(
+    membership: np.ndarray, bias: np.ndarray | None = None, guess: np.ndarray | None = None
+) -> tuple[float, np.ndarray]:
     """Solve the linear relaxation and its dual.
 
     Parameters
@@ -83,7 +85,7 @@ def fractional_cover(membership, bias=None, guess=None) -> tuple[float, np.ndarr
     return float(weights.sum()), weights
 
 
-def mean_dual(membership, bias: float, n: int) -> np.ndarray:
+def mean_dual(membership: np.ndarray, bias: float, n: int) -> np.ndarray:
     """Return the mean (e,) of several duals of the fractional cover, no column weighing more than 1.
 
     A single one often rests on few entities, and gives nearly every column the same weight.
@@ -114,7 +116,7 @@ def mean_dual(membership, bias: float, n: int) -> np.ndarray:
     return weights / max(1.0, float((membership @ weights).max(initial=0.0)))
 
 
-def columns_of_covers(membership, size: int) -> np.ndarray:
+def columns_of_covers(membership: np.ndarray, size: int) -> np.ndarray:
     """Return the columns that a cover of at most so many may use (reduced-cost fixing).
 
     With weights y that give no column more than 1, a cover with a column of weight 1 - r has at least sum(y) + r.
@@ -138,7 +140,7 @@ def columns_of_covers(membership, size: int) -> np.ndarray:
     return np.flatnonzero(membership @ weights >= 1.0 - (size - float(weights.sum())) - 1e-6)
 
 
-def core_columns(membership) -> np.ndarray:
+def core_columns(membership: np.ndarray) -> np.ndarray:
     """Return the columns worth looking at for a small cover; they contain every entity.
 
     Those of least reduced cost (the core problem of large set covers; Caprara, Fischetti & Toth 1999). Integer
@@ -173,7 +175,7 @@ def _duals(membership: np.ndarray, factors: np.ndarray) -> np.ndarray:
     return np.array([_dual(membership, factor, active) for factor in factors])
 
 
-def _first_columns(membership: np.ndarray, guess=None) -> np.ndarray:
+def _first_columns(membership: np.ndarray, guess: np.ndarray | None = None) -> np.ndarray:
     """Return which columns (c,) to start with: the heaviest by a guess or the largest, and one for every entity."""
     active = np.zeros(len(membership), dtype=bool)
     heavy = membership.sum(axis=1) if guess is None else membership @ np.asarray(guess, dtype=float)

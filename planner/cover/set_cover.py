@@ -4,6 +4,9 @@ Notation: a *column* is a set of entities that one sensor setting can inspect; `
 column c contains entity e. A cover is a set of columns that together contain every entity.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numba as nb
@@ -39,7 +42,12 @@ class Cover:
 
 
 def min_cover(
-    membership, preference=None, *, time_limit_s: float = 60.0, node_limit: int | None = None, slack: float = 0.0
+    membership: np.ndarray,
+    preference: np.ndarray | None = None,
+    *,
+    time_limit_s: float = 60.0,
+    node_limit: int | None = None,
+    slack: float = 0.0,
 ) -> Cover:
     """Find the fewest columns that cover every entity, by integer programming (HiGHS).
 
@@ -94,7 +102,7 @@ def min_cover(
     return Cover(tuple(int(c) for c in chosen), bound)
 
 
-def cover_within(membership, size: int, *, node_limit: int) -> tuple[np.ndarray | None, bool]:
+def cover_within(membership: np.ndarray, size: int, *, node_limit: int) -> tuple[np.ndarray | None, bool]:
     """Look for any cover of at most so many columns; much quicker than looking for the smallest one.
 
     Parameters
@@ -131,7 +139,7 @@ def cover_within(membership, size: int, *, node_limit: int) -> tuple[np.ndarray 
     return np.flatnonzero(result.x > 0.5), True
 
 
-def is_cover(membership, chosen) -> bool:
+def is_cover(membership: np.ndarray, chosen: Sequence[int] | np.ndarray) -> bool:
     """Tell whether the chosen columns contain every entity, however they were found.
 
     Parameters
@@ -153,7 +161,7 @@ def is_cover(membership, chosen) -> bool:
     return seen == set(range(membership.shape[1]))
 
 
-def greedy_cover(membership) -> np.ndarray:
+def greedy_cover(membership: np.ndarray) -> np.ndarray:
     """Cover by always taking the column with most entities still missing: the classical rival.
 
     Returns
@@ -170,7 +178,7 @@ def greedy_cover(membership) -> np.ndarray:
     return np.array(chosen, dtype=int)
 
 
-def maximal_columns(membership) -> np.ndarray:
+def maximal_columns(membership: np.ndarray) -> np.ndarray:
     """Return the indices of the columns contained in no other one; of equal columns the first.
 
     Parameters
@@ -242,7 +250,7 @@ def _packed(membership: np.ndarray) -> np.ndarray:
     return packed.view(np.uint64)
 
 
-def check_membership(membership) -> np.ndarray:
+def check_membership(membership: np.ndarray) -> np.ndarray:
     """Return the membership as a Boolean matrix in which every entity is in some column.
 
     Raises
@@ -259,7 +267,7 @@ def check_membership(membership) -> np.ndarray:
     return membership
 
 
-def _without_spare(membership: np.ndarray, chosen, preference: np.ndarray) -> np.ndarray:
+def _without_spare(membership: np.ndarray, chosen: Iterable[int], preference: np.ndarray) -> np.ndarray:
     """Drop chosen columns that the others make superfluous (only a stopped solver leaves any)."""
     kept = sorted(int(c) for c in chosen)
     for column in sorted(kept, key=lambda c: preference[c]):

@@ -130,7 +130,7 @@ def _nominal(dimension: PlannedDimension) -> str:
 
 def _probability(plan: InspectionPlan, k: int, name: str) -> str:
     text = f"{plan.settings[k].probability[name]:.4f}"
-    rates = plan.simulation.rates[k] if plan.simulation is not None else {}  # type: ignore[attr-defined]
+    rates = plan.simulation.rates[k] if plan.simulation is not None else {}
     if name not in rates:
         return text
     rate = rates[name]

@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from aspectgraph.plot.clip import domain_facets
 from aspectgraph.plot.traces import line_trace, part_traces, point_text, scene_figure, surface_trace, xyz
 from planner.output.outlines import polylines
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+    from aspectgraph import Solid
+    from planner.camera.camera import Camera
+    from planner.plan import InspectionPlan
+    from planner.request.space import Space
+    from planner.setting.sensor_setting import SensorSetting
 
 # after Okabe and Ito (2008), and Tol (2021): told apart with any colour vision
 COLORS = (
@@ -21,7 +33,7 @@ def color_of(setting_idx: int) -> str:
     return COLORS[setting_idx % len(COLORS)]
 
 
-def plan_figure(plan, solid, space=None):
+def plan_figure(plan: InspectionPlan, solid: Solid, space: Space | None = None) -> go.Figure:
     """Draw a plan: part, entities, camera frusta, the robot's path and (hidden until asked for) covering domains.
 
     Parameters
@@ -59,7 +71,7 @@ def plan_figure(plan, solid, space=None):
     return figure.update_layout(legend={"y": 0.93, "bgcolor": "rgba(255,255,255,0.8)"}, uirevision="plan")
 
 
-def _entity_trace(lines, color, group):
+def _entity_trace(lines: Sequence[tuple[str, np.ndarray]], color: str, group: str) -> go.Scatter3d:
     hover = [name for name, line in lines for _ in range(len(line) + 1)]
     return line_trace(
         [line for _, line in lines],
@@ -72,7 +84,7 @@ def _entity_trace(lines, color, group):
     )
 
 
-def _frustum_trace(setting, camera, k, group):
+def _frustum_trace(setting: SensorSetting, camera: Camera, k: int, group: str) -> go.Scatter3d:
     """Draw the pyramid from the nodal point to the plane in focus, and the number of the setting."""
     half = np.array(camera.sensor_size_mm) / 2 / camera.image_distance_mm * camera.focus_distance_mm
     corners = np.array([[x, y, camera.focus_distance_mm] for x, y in half * [[-1, -1], [1, -1], [1, 1], [-1, 1]]])
@@ -92,7 +104,7 @@ def _frustum_trace(setting, camera, k, group):
     )
 
 
-def _path_trace(plan):
+def _path_trace(plan: InspectionPlan) -> go.Scatter3d:
     import plotly.graph_objects as go
 
     positions = np.array([setting.position for setting in plan.settings])
@@ -109,7 +121,7 @@ def _path_trace(plan):
     )
 
 
-def _scene_box(plan, solid) -> np.ndarray:
+def _scene_box(plan: InspectionPlan, solid: Solid) -> np.ndarray:
     """Return the box (2, 3) that is worth showing: part and cameras with some air, inside the workspace."""
     points = np.vstack([solid.bounds, *(setting.position for setting in plan.settings)])
     low, high = points.min(axis=0), points.max(axis=0)

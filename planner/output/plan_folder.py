@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from aspectgraph import graph_of, write_graphml
 from planner.exceptions import OutputError
@@ -15,16 +16,28 @@ from planner.plan import InspectionPlan
 from planner.request.target_space import TargetSpace
 from planner.resume import holds_plan
 
+if TYPE_CHECKING:
+    from aspectgraph import VisibilityRegions
+    from planner.progress import Progress
+    from planner.request.space import Space
+
 # the plan first: see `staged_folder`
 PLAN_FILES = ("plan.json", "report.html", "graph.graphml", *POSE_FILES)
 # beyond this the joint graph of all entities is neither worth drawing nor worth waiting for
-_MOST_GRAPH_ENTITIES = 24
+MOST_GRAPH_ENTITIES = 24
 
 
-def write_outputs(found: InspectionPlan, regions, folder: Path, progress=None) -> list[Path]:
+def write_outputs(
+    found: InspectionPlan,
+    regions: VisibilityRegions,
+    folder: Path,
+    progress: Progress | None = None,
+    *,
+    graph_limit: int = MOST_GRAPH_ENTITIES,
+) -> list[Path]:
     """Write plan, graph, report and poses; they appear in the folder together, or not at all.
 
-    Of an earlier plan's files none stays.
+    Of an earlier plan's files none stays. Beyond ``graph_limit`` entities their joint graph is left out.
 
     Returns
     -------
@@ -39,18 +52,18 @@ def write_outputs(found: InspectionPlan, regions, folder: Path, progress=None) -
     with staged_folder(folder, PLAN_FILES, "--out") as staging:
         found.write(staging / "plan.json")
         report = report_html(
-            found, _space(found, regions), progress=progress, notes=left_out(len(regions.entity_names))
+            found, _space(found, regions), progress=progress, notes=left_out(len(regions.entity_names), graph_limit)
         )
         (staging / "report.html").write_text(report, encoding="utf-8")
         written = ["plan.json", "report.html"]
-        if len(regions.entity_names) <= _MOST_GRAPH_ENTITIES:
+        if len(regions.entity_names) <= graph_limit:
             write_graphml(graph_of(regions), staging / "graph.graphml")
             written.append("graph.graphml")
         written += [str(path.relative_to(staging)) for path in write_poses(found, staging)]
     return [folder / name for name in written]
 
 
-def _space(found: InspectionPlan, regions):
+def _space(found: InspectionPlan, regions: Space) -> Space:
     """Return where what is planned is observable from: of a dimension, where all of its entities are."""
     if not found.dimensions:
         return regions
@@ -59,9 +72,9 @@ def _space(found: InspectionPlan, regions):
     return TargetSpace(regions, needs, found.entities)
 
 
-def left_out(n: int) -> list[str]:
+def left_out(n: int, graph_limit: int = MOST_GRAPH_ENTITIES) -> list[str]:
     """Say what is left out of what a plan of n entities usually leaves."""
-    return [graph_sentence(n, _MOST_GRAPH_ENTITIES)] if n > _MOST_GRAPH_ENTITIES else []
+    return [graph_sentence(n, graph_limit)] if n > graph_limit else []
 
 
 def rescue(found: InspectionPlan, state: Path) -> str:

@@ -14,13 +14,21 @@ Every writer takes a plan and returns text; `write_poses` writes them all. Setti
 travel and their images are called ``setting_01.png`` and so on.
 """
 
+from __future__ import annotations
+
 import json
+import os
+from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.files import write_text
+
+if TYPE_CHECKING:
+    from planner.plan import InspectionPlan
 
 # what `write_poses` writes
 POSE_FILES = (
@@ -36,7 +44,7 @@ POSE_FILES = (
 _OPENCV_TO_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
-def write_poses(plan, folder) -> list[Path]:
+def write_poses(plan: InspectionPlan, folder: str | os.PathLike[str]) -> list[Path]:
     """Write the poses of a plan in every format.
 
     Parameters
@@ -72,7 +80,7 @@ def write_poses(plan, folder) -> list[Path]:
     return sorted(folder / name for name in POSE_FILES)
 
 
-def opencv_json(plan) -> str:
+def opencv_json(plan: InspectionPlan) -> str:
     """Return the poses for OpenCV: ``K``, and per setting ``R``, ``rvec`` and ``t`` with x_cam = R x_world + t, mm."""
     settings = []
     for k, setting in enumerate(plan.settings):
@@ -96,7 +104,7 @@ def opencv_json(plan) -> str:
     return json.dumps(data, indent=1) + "\n"
 
 
-def colmap_cameras(plan) -> str:
+def colmap_cameras(plan: InspectionPlan) -> str:
     """Return COLMAP's cameras.txt: one PINHOLE camera."""
     (width, height), matrix = plan.camera.resolution, np.asarray(plan.camera.matrix)
     numbers = (matrix[0, 0], matrix[1, 1], matrix[0, 2] + 0.5, matrix[1, 2] + 0.5)
@@ -104,7 +112,7 @@ def colmap_cameras(plan) -> str:
     return f"# CAMERA_ID MODEL WIDTH HEIGHT FX FY CX CY\n1 PINHOLE {width} {height} {parameters}\n"
 
 
-def colmap_images(plan) -> str:
+def colmap_images(plan: InspectionPlan) -> str:
     """Return COLMAP's images.txt: world-to-camera quaternion and translation in mm, and no observations."""
     lines = ["# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME", "# (empty line: no observed points)"]
     for k, setting in enumerate(plan.settings):
@@ -115,7 +123,7 @@ def colmap_images(plan) -> str:
     return "\n".join(lines) + "\n"
 
 
-def open3d_json(plan) -> str:
+def open3d_json(plan: InspectionPlan) -> str:
     """Return an Open3D PinholeCameraTrajectory; its matrices are stored column by column."""
     width, height = plan.camera.resolution
     version = {"version_major": 1, "version_minor": 0}
@@ -137,7 +145,7 @@ def open3d_json(plan) -> str:
     return json.dumps(data, indent=1) + "\n"
 
 
-def ros_yaml(plan, frame_id: str = "part") -> str:
+def ros_yaml(plan: InspectionPlan, frame_id: str = "part") -> str:
     """Return a ROS geometry_msgs/PoseArray: camera optical frames in the part's frame, metres, quaternion x y z w."""
     lines = ["header:", "  stamp: {sec: 0, nanosec: 0}", f"  frame_id: {json.dumps(frame_id)}"]
     lines.append("poses:" if plan.settings else "poses: []")
@@ -149,7 +157,7 @@ def ros_yaml(plan, frame_id: str = "part") -> str:
     return "\n".join(lines) + "\n"
 
 
-def nerfstudio_json(plan) -> str:
+def nerfstudio_json(plan: InspectionPlan) -> str:
     """Return a nerfstudio transforms.json: camera to world with OpenGL axes, in the part's millimetres."""
     (width, height), matrix = plan.camera.resolution, np.asarray(plan.camera.matrix)
     frames = [
@@ -178,7 +186,7 @@ def image_name(setting_idx: int) -> str:
     return f"setting_{setting_idx + 1:02d}.png"
 
 
-def inverse(cam2world) -> np.ndarray:
+def inverse(cam2world: np.ndarray) -> np.ndarray:
     """Invert a rigid motion (4, 4) without losing its exact last row."""
     cam2world = np.asarray(cam2world, dtype=float)
     world2cam = np.eye(4)
@@ -187,7 +195,7 @@ def inverse(cam2world) -> np.ndarray:
     return world2cam
 
 
-def _flow(names: str, values) -> str:
+def _flow(names: str, values: Iterable[float]) -> str:
     # YAML 1.1 reads 1e-05 as a string, so no exponents
     pairs = zip(names, values, strict=True)
     return "{" + ", ".join(f"{n}: {np.format_float_positional(float(v), trim='0')}" for n, v in pairs) + "}"

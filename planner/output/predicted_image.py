@@ -9,10 +9,10 @@ from __future__ import annotations
 import base64
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -72,14 +72,14 @@ class PictureMaker:
     camera : Camera
     """
 
-    def __init__(self, solid, camera):
+    def __init__(self, solid: Solid, camera: Camera) -> None:
         self.solid, self.camera = solid, camera
         self._scene = RayScene(solid.vertices, solid.triangles)
         self._edge_vertices = np.array([edge.vertices for edge in solid.edges])
         self._edge_faces = np.array([edge.faces for edge in solid.edges])
         self._feature = np.array([is_feature(solid, edge) for edge in solid.edges])
 
-    def image_svg(self, cam2world, entities: dict, color: str) -> str:
+    def image_svg(self, cam2world: np.ndarray, entities: dict[str, Any], color: str) -> str:
         """Return the predicted image: shaded faces, visible edges, entities in a colour.
 
         These are ends (2, 3) or segments (s, 2, 3) by name.
@@ -94,7 +94,7 @@ class PictureMaker:
             f'<path class="edge" d="{lines}"/>{self._highlights(cam2world, entities, color)}</svg>'
         )
 
-    def edge_map_svg(self, cam2world, entities: dict) -> str:
+    def edge_map_svg(self, cam2world: np.ndarray, entities: dict[str, Any]) -> str:
         """Return the edge map: visible edges as thin lines, the measured ones bold, with the ends of edges marked."""
         width, height = self.camera.resolution
         marks = []
@@ -108,10 +108,11 @@ class PictureMaker:
             f'<path class="edge" d="{_path(self.edge_lines(cam2world))}"/>{"".join(marks)}</svg>'
         )
 
-    def _highlights(self, cam2world, entities: dict, color: str) -> str:
+    def _highlights(self, cam2world: np.ndarray, entities: dict[str, Any], color: str) -> str:
         width, height = self.camera.resolution
         size = width / 42
-        parts, taken = [], []
+        parts: list[str] = []
+        taken: list[tuple[float, ...]] = []
         for name, uv in zip(entities, self._project_entities(cam2world, entities), strict=True):
             u, v = uv.reshape(-1, 2).mean(axis=0)
             anchor = "end" if u > 0.75 * width else "start"
@@ -125,14 +126,14 @@ class PictureMaker:
             )
         return "".join(parts)
 
-    def _project_entities(self, cam2world, entities: dict) -> list[np.ndarray]:
+    def _project_entities(self, cam2world: np.ndarray, entities: dict[str, Any]) -> list[np.ndarray]:
         return [self._project(world_to_cam(np.asarray(ends), cam2world)) for ends in entities.values()]
 
     def _project(self, points_cam: np.ndarray) -> np.ndarray:
         matrix = self.camera.matrix
         return points_cam[..., :2] / points_cam[..., 2:] * [matrix[0, 0], matrix[1, 1]] + matrix[:2, 2]
 
-    def edge_lines(self, cam2world) -> list[np.ndarray]:
+    def edge_lines(self, cam2world: np.ndarray) -> list[np.ndarray]:
         """Return the visible pieces of the part's edges, each (2, 2) in px.
 
         Drawn are edges where the surface turns by 20 degrees or more, and outlines of smooth surfaces.
@@ -169,14 +170,14 @@ class PictureMaker:
         points = ((1 - s) * segment[0] / segment[0, 2] + s * segment[1] / segment[1, 2]) / inverse
         return _Sampled(points, pixels[0] + s * (pixels[1] - pixels[0]))
 
-    def _visible(self, cam2world, points_cam: np.ndarray) -> np.ndarray:
+    def _visible(self, cam2world: np.ndarray, points_cam: np.ndarray) -> np.ndarray:
         directions = points_cam @ cam2world[:3, :3].T
         return self._cast(cam2world, directions)["t_hit"] >= 1.0 - _HIT_TOLERANCE
 
-    def _cast(self, cam2world, directions: np.ndarray) -> dict[str, np.ndarray]:
+    def _cast(self, cam2world: np.ndarray, directions: np.ndarray) -> dict[str, np.ndarray]:
         return self._scene.cast(cam2world[:3, 3], directions)
 
-    def shaded(self, cam2world) -> np.ndarray:
+    def shaded(self, cam2world: np.ndarray) -> np.ndarray:
         """Return a small grey image (h, w) of uint8, lit from above the camera's left shoulder."""
         (width, height), matrix = self.camera.resolution, self.camera.matrix
         scale = width / _SHADED_WIDTH
@@ -210,11 +211,11 @@ def png_grey(image: np.ndarray) -> bytes:
     )
 
 
-def _path(lines) -> str:
+def _path(lines: Iterable[np.ndarray]) -> str:
     return "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in lines)
 
 
-def _free_line(taken: list, u: float, v: float, size: float, length: float) -> float:
+def _free_line(taken: list[Any], u: float, v: float, size: float, length: float) -> float:
     """Return a height for a name at u, as near to v as leaves the names before readable; remember it."""
     steps = [v + sign * k * 1.1 * size for k in range(len(taken) + 1) for sign in (1, -1)]
 
@@ -244,7 +245,7 @@ def _clip_near(segment: np.ndarray) -> np.ndarray | None:
     return np.array([segment[0], crossing] if depth[0] > 0 else [crossing, segment[1]])
 
 
-def _clip_rectangle(pixels: np.ndarray, resolution) -> tuple[float, float] | None:
+def _clip_rectangle(pixels: np.ndarray, resolution: tuple[int, int]) -> tuple[float, float] | None:
     """Return the parameter interval of a line (2, 2) inside the image (Liang and Barsky 1984), or None."""
     low, high = 0.0, 1.0
     step = pixels[1] - pixels[0]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from html import escape
 from importlib import resources
 from string import Template
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -13,15 +15,33 @@ from planner.output.dimension_report import dimension_section, localisation_text
 from planner.output.figure import color_of, plan_figure
 from planner.output.outlines import drawn
 from planner.output.predicted_image import PictureMaker
-from planner.output.wording import bound_sentence, count, margin_texts, nouns, percent, simulation_sentence
+from planner.output.wording import (
+    bound_sentence,
+    count,
+    grid_sentence,
+    margin_texts,
+    nouns,
+    percent,
+    requirement_rows,
+    simulation_sentence,
+)
 from planner.progress import report
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+    from planner.plan import InspectionPlan
+    from planner.progress import Progress
+    from planner.request.space import Space
+    from planner.setting.sensor_setting import SensorSetting
+    from planner.verify.simulate_plan import SimulationResult
+    from planner.verify.simulate_setting import SuccessRate
 
 _STYLES = {CONFIRMED: "good", CONSERVATIVE: "good", TOLERATED: "note", CONTRADICTED: "bad", UNSTATED: "bad"}
 _EDGE, _POSE = ("edge", "edges"), "camera pose"
 
 
-def report_html(plan, space, progress=None, notes=()) -> str:
+def report_html(plan: InspectionPlan, space: Space, progress: Progress | None = None, notes: Sequence[str] = ()) -> str:
     """Return the report about a plan.
 
     Parameters
@@ -70,12 +90,12 @@ def report_html(plan, space, progress=None, notes=()) -> str:
     )
 
 
-def _named(plan) -> tuple[str, str]:
+def _named(plan: InspectionPlan) -> tuple[str, str]:
     """Return what the report calls an item of the plan, and several."""
     return nouns(plan, _EDGE)
 
 
-def _meaning(plan) -> str:
+def _meaning(plan: InspectionPlan) -> str:
     """Say what P is."""
     edges = (
         f"P is the probability that the measured length of the edge is within {100 * (1 - plan.accuracy):.3g} % of its"
@@ -90,7 +110,7 @@ def _meaning(plan) -> str:
     return own + edges.replace("P is", " Of an edge it is")
 
 
-def _lead(plan) -> str:
+def _lead(plan: InspectionPlan) -> str:
     """Say what the plan does, what is proven and what the simulation made of it."""
     n, inspected, asked = len(plan.settings), len(plan.inspected), len(plan.entities)
     if not n:
@@ -103,7 +123,7 @@ def _lead(plan) -> str:
     )
 
 
-def _figures(plan) -> str:
+def _figures(plan: InspectionPlan) -> str:
     n = len(plan.settings)
     cells = [(str(n), "camera pose" if n == 1 else "camera poses")]
     if n:
@@ -119,7 +139,7 @@ def _figures(plan) -> str:
     return "".join(f"<div><b>{escape(value)}</b><span>{escape(what)}</span></div>" for value, what in cells)
 
 
-def _uninspectable(plan) -> str:
+def _uninspectable(plan: InspectionPlan) -> str:
     if not plan.uninspectable:
         return ""
     rows = "".join(
@@ -132,7 +152,7 @@ def _uninspectable(plan) -> str:
     )
 
 
-def _summary(plan) -> str:
+def _summary(plan: InspectionPlan) -> str:
     if not plan.settings:
         return '<p class="note">The plan has no settings.</p>'
     rows = []
@@ -151,7 +171,7 @@ def _summary(plan) -> str:
     return f'<div class="scroll"><table><tr>{head}</tr>{"".join(rows)}</table></div>'
 
 
-def _settings(plan, solid, progress) -> str:
+def _settings(plan: InspectionPlan, solid: Solid, progress: Progress | None) -> str:
     maker = PictureMaker(solid, plan.camera)
     sections = []
     for k, setting in enumerate(plan.settings):
@@ -160,7 +180,7 @@ def _settings(plan, solid, progress) -> str:
     return "".join(sections)
 
 
-def _setting(plan, k: int, setting, maker: PictureMaker) -> str:
+def _setting(plan: InspectionPlan, k: int, setting: SensorSetting, maker: PictureMaker) -> str:
     entities = drawn(plan, setting.entities)
     x, y, z, w = Rotation.from_matrix(setting.cam2world[:3, :3]).as_quat(canonical=True)
     position = ", ".join(f"{value:.3f}" for value in setting.position)
@@ -177,7 +197,7 @@ def _setting(plan, k: int, setting, maker: PictureMaker) -> str:
     )
 
 
-def _map_caption(plan) -> str:
+def _map_caption(plan: InspectionPlan) -> str:
     if not plan.dimensions:
         return "Edge map: the measured edges and their ends in bold"
     edges = len(plan.dimensions) < len(plan.entities)
@@ -185,12 +205,15 @@ def _map_caption(plan) -> str:
     return told + (", edges with their ends" if edges else "")
 
 
-def _probabilities(plan, k: int, setting) -> str:
+def _probabilities(plan: InspectionPlan, k: int, setting: SensorSetting) -> str:
     rates = plan.simulation.rates[k] if plan.simulation is not None else {}
     rows = []
     for name in setting.entities:
         row = f'<td>{escape(name)}</td><td class="n">{_value(plan, name)}</td>'
-        row += f'<td class="n">{setting.probability[name]:.4f}</td>'
+        counted = (
+            ' title="counted on the pixel grid: the tolerance is under two pixels"' if name in plan.on_grid else ""
+        )
+        row += f'<td class="n"{counted}>{setting.probability[name]:.4f}{" *" if counted else ""}</td>'
         if name in rates:
             row += _rate_cells(rates[name], plan.probability)
         rows.append(f"<tr>{row}</tr>")
@@ -201,7 +224,7 @@ def _probabilities(plan, k: int, setting) -> str:
     return f"<table><tr>{head}</tr>{''.join(rows)}</table>"
 
 
-def _value(plan, name: str) -> str:
+def _value(plan: InspectionPlan, name: str) -> str:
     """Return what an item measures, with the unit where units differ."""
     length = np.linalg.norm(plan.entities[name][1] - plan.entities[name][0])
     if not plan.dimensions:
@@ -210,7 +233,7 @@ def _value(plan, name: str) -> str:
     return f"length {length:.3f} mm" if one is None else f"{one.kind.replace('_', ' ')} {one.nominal:.3f} {one.unit}"
 
 
-def _rate_cells(rate, threshold: float) -> str:
+def _rate_cells(rate: SuccessRate, threshold: float) -> str:
     """Return the simulated frequency, and the interval as numbers and as a bar with the prediction marked."""
     low_end = min(threshold, rate.low, rate.predicted) - 0.02
 
@@ -226,7 +249,7 @@ def _rate_cells(rate, threshold: float) -> str:
     return f'<td class="n">{rate.frequency:.4f}</td><td>{rate.low:.4f} to {rate.high:.4f}{bar}</td><td>{told}</td>'
 
 
-def _request(plan) -> str:
+def _request(plan: InspectionPlan) -> str:
     camera, sigmas = plan.camera, plan.pose_uncertainty.sigmas
     near, far = camera.depth_of_field_mm
     field = np.array(camera.sensor_size_mm) / camera.image_distance_mm * camera.focus_distance_mm
@@ -242,12 +265,13 @@ def _request(plan) -> str:
         "Field of view": f"{field[0]:.0f} x {field[1]:.0f} mm in the plane of focus",
         "Camera pose, std. deviations": f"{_list(sigmas[:3])} mm along x, y, z; {_list(sigmas[3:])} rad about x, y, z",
         "Workspace": f"({_list(plan.workspace[0], '.1f')}) to ({_list(plan.workspace[1], '.1f')}) mm",
+        **requirement_rows(plan.requirements),
         "Seed": str(plan.seed),
     }
     return "<dl>" + "".join(f"<dt>{escape(k)}</dt><dd>{escape(v)}</dd>" for k, v in rows.items()) + "</dl>"
 
 
-def _accuracy(plan) -> str:
+def _accuracy(plan: InspectionPlan) -> str:
     """Say what the accuracy of the request holds for."""
     edges = f"error at most {100 * (1 - plan.accuracy):.3g} % of an edge's image"
     if not plan.dimensions:
@@ -257,13 +281,13 @@ def _accuracy(plan) -> str:
     return f"{plan.accuracy:g} ({told}{'' if len(plan.dimensions) == len(plan.entities) else '; ' + edges})"
 
 
-def _localisation(plan) -> str:
+def _localisation(plan: InspectionPlan) -> str:
     models = dict.fromkeys(localisation_text(one.localisation) for one in plan.dimensions.values())
     edges = [] if len(plan.dimensions) == len(plan.entities) else ["of edges, both ends on whole pixels"]
     return "; ".join([*models, *edges])
 
 
-def _method(plan) -> str:
+def _method(plan: InspectionPlan) -> str:
     paragraphs = [
         f"{_seen(plan)} can be seen from where was computed exactly from the part's geometry. Camera poses were "
         "searched "
@@ -273,8 +297,10 @@ def _method(plan) -> str:
         "were chosen by integer programming and exchange.",
         f"Lower bound. {plan.bound_proof} {_gap(plan)}",
     ]
+    if plan.on_grid:
+        paragraphs.append(f"Pixel grid. {grid_sentence(plan)}")
     if plan.simulation is not None and plan.settings:
-        paragraphs.append(_simulated(plan))
+        paragraphs.append(_simulated(plan, plan.simulation))
     paragraphs.append(
         "Method after C. C. Yang and F. W. Ciarallo, Optimized sensor placement for active visual inspection, Journal "
         "of Robotic Systems 18(1), 1-15, 2001."
@@ -282,7 +308,7 @@ def _method(plan) -> str:
     return "".join(f"<p>{escape(text)}</p>" for text in paragraphs)
 
 
-def _gap(plan) -> str:
+def _gap(plan: InspectionPlan) -> str:
     """Say what the bound leaves open."""
     n, bound = len(plan.settings), plan.lower_bound
     if not n:
@@ -292,11 +318,11 @@ def _gap(plan) -> str:
     return f"The plan has {count(n, 'setting')}; for what it inspects, the least number is from {bound} to {n}."
 
 
-def _seen(plan) -> str:
+def _seen(plan: InspectionPlan) -> str:
     return "Which edges, rims and arcs" if plan.dimensions else "Which edges"
 
 
-def _drawn_and_measured(plan) -> str:
+def _drawn_and_measured(plan: InspectionPlan) -> str:
     """Say what a simulation does at each displaced pose."""
     edges = (
         "the edges projected, their ends rounded to pixels and measured. An end outside the image counts as a failure."
@@ -310,8 +336,8 @@ def _drawn_and_measured(plan) -> str:
     return own if len(plan.dimensions) == len(plan.entities) else f"{own} Of edges that are no dimensions: {edges}"
 
 
-def _simulated(plan) -> str:
-    simulation, one = plan.simulation, _named(plan)[0]
+def _simulated(plan: InspectionPlan, simulation: SimulationResult) -> str:
+    one = _named(plan)[0]
     return (
         f"Simulation. For each setting {count(simulation.n, 'displaced pose')} were drawn, {_drawn_and_measured(plan)} "
         f"All intervals hold together with {percent(simulation.confidence)} confidence. A stated probability is "
@@ -331,5 +357,5 @@ def _swatch(k: int) -> str:
     return f'<span class="swatch" style="background:{color_of(k)}"></span>'
 
 
-def _list(values, spec: str = ".4g") -> str:
+def _list(values: Iterable[float], spec: str = ".4g") -> str:
     return ", ".join(f"{value:{spec}}" for value in values)

@@ -4,18 +4,30 @@ from __future__ import annotations
 
 import shutil
 import sys
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from planner.output.wording import count, margin_texts, nouns, percent, simulation_sentence, verdict
+from aspectgraph import Rim
+from planner.camera.camera import Camera
+from planner.output.wording import count, grid_sentence, margin_texts, nouns, percent, simulation_sentence, verdict
 from planner.verify.simulate_setting import CONFIRMED
+
+if TYPE_CHECKING:
+    from rich.console import JustifyMethod
+
+    from aspectgraph import Edge, EntityAspectGraph, Solid
+    from planner.plan import InspectionPlan
+    from planner.verify.simulate_plan import SimulationResult
+    from planner.verify.simulate_setting import SuccessRate
 
 _MOST_ROWS = 60
 
 
-def print_part(solid, edges) -> None:
+def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> None:
     """Print what a part consists of, its straight edges, its rims and its arcs."""
     console = _console()
     size = np.ptp(solid.bounds, axis=0)
@@ -33,11 +45,11 @@ def print_part(solid, edges) -> None:
         length = f"{np.linalg.norm(end - start):.3f}"
         table.add_row(str(edge.id), _vector(start), _vector(end), length, f"{edge.dihedral_deg:+.1f}")
     console.print(table)
-    _print_curves(console, "rim", solid.rims())
-    _print_curves(console, "arc", solid.arcs())
+    for kind in ("rim", "arc"):
+        _print_curves(console, kind, [curve for curve in curves if isinstance(curve, Rim) == (kind == "rim")])
 
 
-def _print_curves(console: Console, kind: str, curves) -> None:
+def _print_curves(console: Console, kind: str, curves: Sequence[Any]) -> None:
     """Print the rims or arcs of a part, if it has any."""
     if not curves:
         return
@@ -59,7 +71,7 @@ def _print_curves(console: Console, kind: str, curves) -> None:
         console.print(f"note: circles of these {kind}s are fitted to chords, of which the mesh has no other record")
 
 
-def print_graph(graph) -> None:
+def print_graph(graph: EntityAspectGraph) -> None:
     """Print the size of an aspect graph and its domains, largest lists first."""
     console, nodes = _console(), graph.graph.nodes
     lists = {frozenset(nodes[n]["observable"]) for n in nodes}
@@ -68,6 +80,8 @@ def print_graph(graph) -> None:
         f"{count(graph.graph.number_of_edges(), 'adjacency', 'adjacencies')}, "
         f"{count(len(lists), 'distinct list')} of {count(len(graph.entity_names), 'entity', 'entities')}"
     )
+    low, high = graph.workspace
+    console.print(f"workspace: {_vector(low)} to {_vector(high)} mm")
     table = _table(("domain", "right"), ("volume (mm3)", "right"), ("observable", "left"))
     ordered = sorted(nodes, key=lambda n: (-len(nodes[n]["observable"]), n))
     for n in ordered[:_MOST_ROWS]:
@@ -78,7 +92,7 @@ def print_graph(graph) -> None:
         console.print(f"and {len(ordered) - _MOST_ROWS} more in the GraphML file")
 
 
-def print_dimensions(dimensions) -> None:
+def print_dimensions(dimensions: Sequence[Any]) -> None:
     """Print the dimensions a model states: values, and the entities that measure them or the reason why none do."""
     console = _console()
     able = sum(one.entities is not None for one in dimensions)
@@ -98,14 +112,46 @@ def print_dimensions(dimensions) -> None:
             console.print(f"note: {one.name}: {one.note}")
 
 
-def print_plan(plan) -> None:
+def print_cameras(cameras: Sequence[Camera]) -> None:
+    """Print cameras: sensor, lens as it is set, and what is sharp."""
+    console = _console()
+    table = _table(
+        ("name", "left"),
+        ("pixels", "right"),
+        ("pitch (um)", "right"),
+        ("f (mm)", "right"),
+        ("f-number", "right"),
+        ("focus (mm)", "right"),
+        ("sharp (mm)", "right"),
+        ("field at focus (mm)", "right"),
+    )
+    for one in cameras:
+        nearest, farthest = one.depth_of_field_mm
+        # similar triangles: the sensor's size by how many times farther the object is than the image
+        field = [side * one.focus_distance_mm / one.image_distance_mm for side in one.sensor_size_mm]
+        table.add_row(
+            one.name,
+            f"{one.resolution[0]} x {one.resolution[1]}",
+            " x ".join(dict.fromkeys(f"{1000 * pitch:g}" for pitch in one.pixel_pitch_mm)),
+            f"{one.focal_length_mm:g}",
+            f"{one.f_number:g}",
+            f"{one.focus_distance_mm:g}",
+            f"{nearest:.1f} .. {farthest:.1f}",
+            " x ".join(f"{side:.0f}" for side in field),
+        )
+    console.print(table)
+    console.print(f"{count(len(cameras), 'camera')}; distances are from the front nodal point")
+
+
+def print_plan(plan: InspectionPlan) -> None:
     """Print the plan: settings, probabilities, margins, and what cannot be inspected."""
     console = _console()
+    columns: list[tuple[str, JustifyMethod]] = [("measured", "left")] if plan.dimensions else []
     table = _table(
         ("setting", "right"),
         ("position (mm)", "right"),
         (nouns(plan)[0], "left"),
-        *([("measured", "left")] if plan.dimensions else []),
+        *columns,
         ("P", "right"),
         ("simulated", "left"),
         ("margins", "left"),
@@ -125,10 +171,12 @@ def print_plan(plan) -> None:
     _print_settings(console, table)
     for name, reason in plan.uninspectable.items():
         console.print(f"not inspected: {name}: {reason}")
+    if plan.on_grid:
+        console.print(f"note: {grid_sentence(plan)}")
     console.print(verdict(plan))
 
 
-def print_simulation(plan, result) -> None:
+def print_simulation(plan: InspectionPlan, result: SimulationResult) -> None:
     """Print predicted probabilities beside simulated frequencies."""
     console = _console()
     table = _table(
@@ -158,7 +206,7 @@ def _print_settings(console: Console, table: Table) -> None:
         console.print(table)
 
 
-def _measured(plan, name: str) -> tuple[str, ...]:
+def _measured(plan: InspectionPlan, name: str) -> tuple[str, ...]:
     """Return a cell that says what is measured and how wrong it may be; none in a plan of edges."""
     if not plan.dimensions:
         return ()
@@ -169,7 +217,7 @@ def _measured(plan, name: str) -> tuple[str, ...]:
     return (f"{kind} {one.nominal:.6g} {one.unit}, error up to {one.permitted_error:.4g} {one.unit}",)
 
 
-def _interval(rate) -> str:
+def _interval(rate: SuccessRate | None) -> str:
     """Return the frequency and its interval, and what they say of the prediction unless they confirm it."""
     if rate is None:
         return ""
@@ -177,11 +225,11 @@ def _interval(rate) -> str:
     return f"{rate.frequency:.4f} ({rate.low:.4f} .. {rate.high:.4f}){told}"
 
 
-def _vector(values, separator: str = " ", digits: int = 2) -> str:
-    return separator.join(f"{value + 0.0:.{digits}f}" for value in np.round(values, digits))
+def _vector(values: Iterable[float], separator: str = " ", digits: int = 2) -> str:
+    return separator.join(f"{value + 0.0:.{digits}f}" for value in np.round(list(values), digits))
 
 
-def _table(*columns: tuple[str, str]) -> Table:
+def _table(*columns: tuple[str, JustifyMethod]) -> Table:
     from rich import box
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)

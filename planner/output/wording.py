@@ -6,9 +6,14 @@ workspace, the camera and its uncertainty, the accuracy, the probability and the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
+
+if TYPE_CHECKING:
+    from planner.plan import InspectionPlan
+    from planner.verify.simulate_plan import SimulationResult
 
 
 def count(n: int, singular: str, plural: str | None = None) -> str:
@@ -16,7 +21,7 @@ def count(n: int, singular: str, plural: str | None = None) -> str:
     return f"{n} {singular if n == 1 else plural or singular + 's'}"
 
 
-def nouns(plan, edges: tuple[str, str] = ("entity", "entities")) -> tuple[str, str]:
+def nouns(plan: InspectionPlan, edges: tuple[str, str] = ("entity", "entities")) -> tuple[str, str]:
     """Return what the items of a plan are called, one and several: edges, dimensions, or both."""
     n = sum(name in plan.dimensions for name in plan.entities)
     if not n:
@@ -24,7 +29,7 @@ def nouns(plan, edges: tuple[str, str] = ("entity", "entities")) -> tuple[str, s
     return ("dimension", "dimensions") if n == len(plan.entities) else ("edge or dimension", "edges and dimensions")
 
 
-def bound_sentence(plan, what: Sequence[str] = ("entity", "entities"), place: str = "setting") -> str:
+def bound_sentence(plan: InspectionPlan, what: Sequence[str] = ("entity", "entities"), place: str = "setting") -> str:
     """Say how many settings are proven to be needed, and for what; nothing of a plan without settings."""
     n, bound, inspected = len(plan.settings), plan.lower_bound, len(plan.inspected)
     if not n:
@@ -39,7 +44,7 @@ def bound_sentence(plan, what: Sequence[str] = ("entity", "entities"), place: st
     )
 
 
-def simulation_sentence(result) -> str:
+def simulation_sentence(result: SimulationResult) -> str:
     """Say what a simulation made of the stated probabilities, every kind counted."""
     kinds = result.verdicts
     n = sum(kinds.values())
@@ -61,7 +66,7 @@ def percent(share: float) -> str:
     return f"{100 * share:.6g} %"
 
 
-def _counted(result, n: int) -> str:
+def _counted(result: SimulationResult, n: int) -> str:
     """Count the rates of each kind, and say how far off they are at most."""
     kinds = result.verdicts
     if n == 1 and kinds[CONFIRMED]:
@@ -80,7 +85,7 @@ def _counted(result, n: int) -> str:
     return ", ".join(parts)
 
 
-def _largest(result, kind: str) -> str:
+def _largest(result: SimulationResult, kind: str) -> str:
     """Return the largest difference between prediction and frequency among rates of a kind."""
     rates = [rate for rates in result.rates for rate in rates.values() if rate.verdict == kind]
     return f"{max(abs(rate.predicted - rate.frequency) for rate in rates):.2g}"
@@ -89,12 +94,24 @@ def _largest(result, kind: str) -> str:
 def graph_sentence(n_entities: int, most: int) -> str:
     """Say that the joint graph was left out, and what to do about it."""
     return (
-        f"graph.graphml was skipped: the joint graph of {n_entities} entities takes too long to build and to draw (the "
-        f"limit is {most}). For a few of them: aspectgraph graph PART --entities IDS --graphml FILE."
+        f"graph.graphml was skipped: the joint graph of {n_entities} entities may take long to build and to draw (the "
+        f"limit is {most}; --graph-limit changes it). "
+        "For a few of them: aspectgraph graph PART --entities IDS --graphml FILE."
     )
 
 
-def verdict(plan) -> str:
+def grid_sentence(plan: InspectionPlan) -> str:
+    """Say which probabilities were counted on the pixel grid; empty if none was."""
+    if not plan.on_grid:
+        return ""
+    names = ", ".join(plan.on_grid)
+    return (
+        f"The tolerance of {names} is under two pixels. There the formula for random phases of the pixel grid is wrong "
+        "for one planned pose, either way: P was counted on the grid of the sensor, lowered by three standard errors."
+    )
+
+
+def verdict(plan: InspectionPlan) -> str:
     """Say in a few sentences how good a plan is."""
     inspected, n = len(plan.inspected), len(plan.settings)
     sentences = [f"{inspected} of {count(len(plan.entities), *nouns(plan))} inspected from {count(n, 'setting')}."]
@@ -105,7 +122,21 @@ def verdict(plan) -> str:
     return " ".join(sentences)
 
 
-def margin_texts(margins) -> list[str]:
+def requirement_rows(need: Mapping[str, float]) -> dict[str, str]:
+    """Say what every setting satisfies; nothing of a plan that does not know."""
+    if not need:
+        return {}
+    return {
+        "Stand-off": f"at least {need['stand_off_mm']:g} mm from the part",
+        "Image of an edge": f"at least {need['min_length_px']:g} px long",
+        "Reserve of the field of view": f"{need['field_margin_px']:.4g} px along the sensor's sides, in which nothing "
+        "that is measured may lie",
+        "Reserve of focus": f"{need['focus_margin_mm']:.4g} mm at both ends of the depth of field",
+        "Reserve of visibility": f"visible from {need['visibility_radius_mm']:.4g} mm around the camera too",
+    }
+
+
+def margin_texts(margins: Mapping[str, float]) -> list[str]:
     """Return one text per constraint: name, margin and unit; yes-or-no constraints without a number."""
     texts = []
     for key, value in margins.items():

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from planner.exceptions import PlanFileError
 
@@ -17,7 +19,7 @@ from planner.exceptions import PlanFileError
 _DEEPEST = 40
 
 
-def read_json(path, what: str):
+def read_json(path: str | os.PathLike[str], what: str) -> Any:
     """Return what a JSON file holds.
 
     Parameters
@@ -54,7 +56,7 @@ def read_json(path, what: str):
         raise PlanFileError(f"{path}: {what} must hold numbers of a sensible length. Got a longer one.") from None
 
 
-def encoded(value):
+def encoded(value: object) -> Any:
     """Replace numbers JSON has no notation for, such as the margin of a constraint that was not set."""
     if isinstance(value, Mapping):
         return {key: encoded(item) for key, item in value.items()}
@@ -65,7 +67,7 @@ def encoded(value):
     return value
 
 
-def number(value) -> float:
+def number(value: Any) -> float:
     """Return a number as it was before `encoded`."""
     return float(value["not finite"]) if isinstance(value, Mapping) else value
 
@@ -74,7 +76,7 @@ class _Refused(Exception):
     """What is wrong with values that are JSON."""
 
 
-def _different_keys(pairs: list[tuple[str, object]]) -> dict:
+def _different_keys(pairs: list[tuple[str, object]]) -> dict[str, Any]:
     data = dict(pairs)
     if len(data) < len(pairs):
         keys = [key for key, _ in pairs]
@@ -83,7 +85,7 @@ def _different_keys(pairs: list[tuple[str, object]]) -> dict:
     return data
 
 
-def _check_depth_and_text(data) -> None:
+def _check_depth_and_text(data: Any) -> None:
     """Walk through all values without recursion, so that depth cannot hurt."""
     level, depth = [data], 0
     while level:

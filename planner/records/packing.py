@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 _TYPES = ("<f8", "<i8", "bits")
 
 
-def packed(value):
+def packed(value: object) -> Any:
     """Return a value with all arrays in it packed.
 
     Parameters
@@ -33,7 +34,7 @@ def packed(value):
     return value.item() if isinstance(value, np.generic) else value
 
 
-def unpacked(value):
+def unpacked(value: object) -> Any:
     """Return what `packed` was given; tuples come back as lists.
 
     Raises
@@ -46,7 +47,7 @@ def unpacked(value):
     return [unpacked(item) for item in value] if isinstance(value, list) else value
 
 
-def _packed_array(array: np.ndarray) -> dict:
+def _packed_array(array: np.ndarray) -> dict[str, Any]:
     if array.dtype == bool:
         kind, content = "bits", np.packbits(array.ravel()).tobytes()
     else:
@@ -55,7 +56,7 @@ def _packed_array(array: np.ndarray) -> dict:
     return {"array": kind, "shape": list(array.shape), "base64": base64.b64encode(content).decode("ascii")}
 
 
-def _unpacked_array(data: dict) -> np.ndarray:
+def _unpacked_array(data: dict[str, Any]) -> np.ndarray:
     kind, shape = data.get("array"), data.get("shape")
     if kind not in _TYPES or not isinstance(shape, list):
         raise ValueError(f"array must be one of {', '.join(_TYPES)}, with a shape. Got {kind!r} and {shape!r}")

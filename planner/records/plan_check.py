@@ -6,7 +6,8 @@ Every function takes values that are as ``schema.json`` says and raises `PlanFil
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,7 @@ _SAME = 1e-6
 _WITH_DIMENSIONS = 2
 
 
-def check_plan(data: Mapping) -> None:
+def check_plan(data: Mapping[str, Any]) -> None:
     """Refuse a plan that contradicts itself.
 
     Raises
@@ -30,6 +31,7 @@ def check_plan(data: Mapping) -> None:
     """
     _check_geometry(data)
     _check_dimensions(data)
+    _check_on_grid(data)
     for k, setting in enumerate(data["settings"]):
         check_setting(setting, "settings", k)
         if "measurements" in setting:
@@ -42,7 +44,7 @@ def check_plan(data: Mapping) -> None:
         _check_simulation(data["simulation"], data["settings"])
 
 
-def check_state(data: Mapping) -> None:
+def check_state(data: Mapping[str, Any]) -> None:
     """Refuse a planning state that contradicts itself.
 
     Raises
@@ -64,7 +66,7 @@ def check_state(data: Mapping) -> None:
             raise PlanFileError(f"plan.{error}") from None
 
 
-def check_setting(setting: Mapping, *where) -> None:
+def check_setting(setting: Mapping[str, Any], *where: object) -> None:
     """Refuse a setting whose pose is not rigid or whose probabilities are not those of its entities."""
     _check_rigid(np.array(setting["cam2world"], dtype=float)[None], field_name(*where, "cam2world"))
     _check_keys(setting["probability"], setting["entities"], *where, "probability")
@@ -87,7 +89,7 @@ def _off_rotation(turns: np.ndarray) -> float:
     return float(max(gram, np.abs(np.linalg.det(turns) - 1.0).max(initial=0.0)))
 
 
-def _check_geometry(data: Mapping) -> None:
+def _check_geometry(data: Mapping[str, Any]) -> None:
     low, high = np.array(data["workspace"], dtype=float)
     if not (low < high).all():
         _refuse("workspace", "must hold the lower corner, then the upper one", data["workspace"])
@@ -96,7 +98,7 @@ def _check_geometry(data: Mapping) -> None:
             _refuse(field_name("entities", name), "must have two different ends", [start, end])
 
 
-def _check_dimensions(data: Mapping) -> None:
+def _check_dimensions(data: Mapping[str, Any]) -> None:
     """Check that dimensions are entities of the plan, and that its version says whether there are any."""
     found = data.get("dimensions", {})
     if bool(found) != (data["version"] == _WITH_DIMENSIONS):
@@ -107,7 +109,14 @@ def _check_dimensions(data: Mapping) -> None:
             _refuse(field_name("dimensions", name), "must be one of the plan's entities", name)
 
 
-def _check_promises(setting: Mapping, data: Mapping, k: int) -> None:
+def _check_on_grid(data: Mapping[str, Any]) -> None:
+    """Check that what was counted on the pixel grid are edges of the plan."""
+    for i, name in enumerate(data.get("on_grid", [])):
+        if name not in data["entities"] or name in data.get("dimensions", {}):
+            _refuse(field_name("on_grid", i), "must be one of the plan's edges", name)
+
+
+def _check_promises(setting: Mapping[str, Any], data: Mapping[str, Any], k: int) -> None:
     """Check what the plan says of one setting: inside the workspace, all constraints met, probable enough."""
     position = np.array(setting["cam2world"], dtype=float)[:3, 3]
     low, high = np.array(data["workspace"], dtype=float)
@@ -126,7 +135,7 @@ def _check_promises(setting: Mapping, data: Mapping, k: int) -> None:
             _refuse(field_name("settings", k, "margins", name), "must not be negative: the constraint is met", value)
 
 
-def _check_everyone_once(data: Mapping) -> None:
+def _check_everyone_once(data: Mapping[str, Any]) -> None:
     inspected = {name for setting in data["settings"] for name in setting["entities"]}
     for name in data["uninspectable"]:
         if name not in data["entities"]:
@@ -137,7 +146,7 @@ def _check_everyone_once(data: Mapping) -> None:
             raise PlanFileError(f"{field_name('entities', name)} must be in a setting or uninspectable. Got {found}.")
 
 
-def _check_bound(data: Mapping) -> None:
+def _check_bound(data: Mapping[str, Any]) -> None:
     n, bound = len(data["settings"]), data["lower_bound"]
     if not min(n, 1) <= bound <= n:
         rule = f"must be 1 to {n}, the number of settings" if n else "must be 0, as there are no settings"
@@ -148,7 +157,7 @@ def _check_bound(data: Mapping) -> None:
         _refuse("minimal", rule, data["minimal"])
 
 
-def _check_simulation(simulation: Mapping, settings) -> None:
+def _check_simulation(simulation: Mapping[str, Any], settings: Sequence[Any]) -> None:
     if len(simulation["rates"]) != len(settings):
         raise PlanFileError(
             f"simulation.rates must hold one object per setting, {len(settings)}. Got {len(simulation['rates'])}."
@@ -163,7 +172,7 @@ def _check_simulation(simulation: Mapping, settings) -> None:
                 _refuse(field_name(*where, "predicted"), rule, rate["predicted"])
 
 
-def _check_rate(rate: Mapping, simulation: Mapping, *where) -> None:
+def _check_rate(rate: Mapping[str, Any], simulation: Mapping[str, Any], *where: object) -> None:
     n, together = simulation["n"], simulation["confidence"]
     if rate["confidence"] < together:
         rule = f"must be at least simulation.confidence, {together:g}"
@@ -179,7 +188,7 @@ def _check_rate(rate: Mapping, simulation: Mapping, *where) -> None:
         raise PlanFileError(f"{field_name(*where)} {rule}. Got {found}.")
 
 
-def _check_keys(values: Mapping, names, *where) -> None:
+def _check_keys(values: Mapping[str, Any], names: Sequence[str], *where: object) -> None:
     """Refuse an object that does not have exactly one field per entity of the setting."""
     for name in names:
         if name not in values:
@@ -202,5 +211,5 @@ def _names_of(key: str) -> list[str]:
     return names
 
 
-def _refuse(name: str, rule: str, value) -> None:
+def _refuse(name: str, rule: str, value: object) -> None:
     raise PlanFileError(f"{name} {rule}. Got {shown(value)}.")

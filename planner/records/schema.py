@@ -12,18 +12,19 @@ import math
 import re
 from functools import cache
 from importlib import resources
+from typing import Any
 
 from planner.exceptions import PlanFileError
 
 _LONGEST = 60
 
 
-def read_schema() -> dict:
+def read_schema() -> dict[str, Any]:
     """Return the JSON Schema of plan and state files."""
     return json.loads(resources.files("planner.records").joinpath("schema.json").read_text(encoding="utf-8"))
 
 
-def check_schema(data, kind: str) -> None:
+def check_schema(data: Any, kind: str) -> None:
     """Refuse values that are not as the schema says.
 
     Parameters
@@ -42,20 +43,20 @@ def check_schema(data, kind: str) -> None:
         raise PlanFileError(_message(error))
 
 
-def field_name(*parts) -> str:
+def field_name(*parts: object) -> str:
     """Return the path of a field as a reader would write it: ``settings[2].probability["long edge"]``."""
     text = ""
     for part in parts:
         if isinstance(part, int):
             text += f"[{part}]"
-        elif re.fullmatch(r"\w[\w-]*", part) and len(part) <= _LONGEST:
+        elif isinstance(part, str) and re.fullmatch(r"\w[\w-]*", part) and len(part) <= _LONGEST:
             text += f".{part}" if text else part
         else:
             text += f"[{shown(part)}]"
     return text
 
 
-def shown(value) -> str:
+def shown(value: object) -> str:
     """Return a value in JSON's notation, shortened to a readable length."""
     if isinstance(value, dict) and set(value) == {"not finite"}:
         value = value["not finite"]
@@ -72,7 +73,7 @@ def shown(value) -> str:
     return f"{text[: _LONGEST - 3]}..."
 
 
-def _message(error) -> str:
+def _message(error: Any) -> str:
     """Say what is wrong: the title of a definition is the rule."""
     path, value = list(error.absolute_path), error.instance
     if error.validator == "required":
@@ -87,7 +88,7 @@ def _message(error) -> str:
     return f"{field_name(*path) or 'file'} {rule}. Got {found}."
 
 
-def _shape(value) -> str:
+def _shape(value: object) -> str:
     """Return the shape of nested arrays; of arrays that differ, that of the first."""
     if not isinstance(value, list):
         return shown(value)
@@ -99,7 +100,7 @@ def _shape(value) -> str:
 
 
 @cache
-def _validator(kind: str):
+def _validator(kind: str) -> Any:
     # imported where a file is read, not wherever the package is
     from jsonschema import Draft202012Validator
     from jsonschema.validators import extend
@@ -109,11 +110,11 @@ def _validator(kind: str):
     return strict({"$ref": f"#/$defs/{kind}", "$defs": read_schema()["$defs"]})
 
 
-def _is_number(value) -> bool:
+def _is_number(value: object) -> bool:
     """Tell whether a value is a number that a float can hold."""
     return math.isfinite(value) if isinstance(value, float) else _is_integer(value)
 
 
-def _is_integer(value) -> bool:
+def _is_integer(value: object) -> bool:
     # larger ones are no floats, and limits are asked only of what is a number
     return isinstance(value, int) and not isinstance(value, bool) and value.bit_length() <= 1000

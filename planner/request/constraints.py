@@ -12,8 +12,9 @@ the unit vector between them, L_w its length, d the image distance. In the camer
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +34,8 @@ _AND_HERE = np.vstack([np.zeros(3), AROUND])
 _FEW = 40
 # Open3D's distances are good to 1e-7 of the part's size; only what is surely farther is not asked for
 _SURELY = 1.001
+# fields of `Requirements`
+_NUMBERS = ("min_length_px", "field_margin_px", "focus_margin_mm", "stand_off_mm", "visibility_radius_mm")
 
 
 def visibility_slacks(space: Space, positions: np.ndarray, names: Sequence[str], radius_mm: float = 0.0) -> np.ndarray:
@@ -50,11 +53,14 @@ def visibility_slacks(space: Space, positions: np.ndarray, names: Sequence[str],
     return np.where(visible, 1.0, -1.0)[..., None]
 
 
-def _observable_around(space: Space, positions: np.ndarray, names, radius_mm: float, around: np.ndarray) -> np.ndarray:
+def _observable_around(
+    space: Space, positions: np.ndarray, names: Sequence[str], radius_mm: float, around: np.ndarray
+) -> np.ndarray:
     """Return which entities are observable from all points around positions; (n, k)."""
     # all points in one call: asking costs more than answering
     eyes = positions[:, None] + radius_mm * around
-    return _observable(space, eyes.reshape(-1, 3), names).reshape(len(positions), len(around), -1).all(axis=1)
+    visible = _observable(space, eyes.reshape(-1, 3), names).reshape(len(positions), len(around), -1)
+    return np.asarray(visible.all(axis=1))
 
 
 def _observable(space: Space, positions: np.ndarray, names: Sequence[str]) -> np.ndarray:
@@ -65,12 +71,14 @@ def _observable(space: Space, positions: np.ndarray, names: Sequence[str]) -> np
     return visible
 
 
-def clearance_slacks(distance, positions: np.ndarray, stand_off_mm: float) -> np.ndarray:
+def clearance_slacks(
+    distance: Callable[[np.ndarray], np.ndarray], positions: np.ndarray, stand_off_mm: float
+) -> np.ndarray:
     """Signed distance from the part less the stand-off, mm; (n, 1, 1). `distance` maps (n, 3) to (n,)."""
     return (distance(positions) - stand_off_mm)[:, None, None]
 
 
-def workspace_slacks(workspace, positions: np.ndarray) -> np.ndarray:
+def workspace_slacks(workspace: np.ndarray, positions: np.ndarray) -> np.ndarray:
     """Distance from the six walls of the workspace box, mm, positive inside; (n, 1, 6)."""
     low, high = (np.asarray(corner, dtype=float) for corner in workspace)
     return np.concatenate([positions - low, high - positions], axis=-1)[:, None, :]
@@ -82,13 +90,13 @@ def enclosing_sphere(points: np.ndarray) -> tuple[np.ndarray, float]:
     The centre walks towards the farthest point by ever smaller steps (Bădoiu & Clarkson 2003); the best one is kept.
     The radius is exact for that centre, so no point is ever outside.
     """
-    center = (points.min(axis=0) + points.max(axis=0)) / 2
-    best, radius = center, np.inf
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    best, radius = centre, np.inf
     for step in range(2, 300):
-        distances = np.linalg.norm(points - center, axis=-1)
+        distances = np.linalg.norm(points - centre, axis=-1)
         if distances.max() < radius:
-            best, radius = center, float(distances.max())
-        center = center + (points[np.argmax(distances)] - center) / step
+            best, radius = centre, float(distances.max())
+        centre = centre + (points[np.argmax(distances)] - centre) / step
     return best, radius
 
 
@@ -110,6 +118,8 @@ class Requirements:
         Where the front nodal point may be, see `planner.request.reach`.
     visibility_radius_mm : float
         Distance around the front nodal point from which the entities must be observable too.
+    focus_margin_mm : float
+        What both limits of the depth of field are narrowed by, so that a displaced camera is still in focus.
 
     Raises
     ------
@@ -123,15 +133,26 @@ class Requirements:
     stand_off_mm: float = 50.0
     reach: Reach | None = field(default=None, repr=False)
     visibility_radius_mm: float = 0.0
+    focus_margin_mm: float = 0.0
 
-    def __post_init__(self):
-        for name in ("min_length_px", "field_margin_px", "stand_off_mm", "visibility_radius_mm"):
+    def __post_init__(self) -> None:
+        for name in _NUMBERS:
             value = getattr(self, name)
             if not (isinstance(value, int | float | np.number) and math.isfinite(value) and value >= 0):
                 raise RequestError(f"{name} must be finite and not negative. Got {value!r}.")
         if self.field_of_view not in ("exact", "cone"):
             raise RequestError(f"field_of_view must be 'exact' or 'cone'. Got {self.field_of_view!r}.")
         check_reach(self.reach)
+
+    def to_dict(self) -> dict[str, float]:
+        """Return the numbers as plain values, without the reach.
+
+        Returns
+        -------
+        dict of str to float
+            By field.
+        """
+        return {name: float(getattr(self, name)) for name in _NUMBERS}
 
 
 class Constraints:
@@ -177,9 +198,9 @@ class Constraints:
         sizes = [len(target.segments) for target in targets]
         self.owner = np.repeat(np.arange(len(targets)), sizes)
         self._first = np.cumsum([0, *sizes[:-1]])
-        self.sphere_center, self.sphere_radius = enclosing_sphere(self.segments.reshape(-1, 3))
+        self.sphere_centre, self.sphere_radius = enclosing_sphere(self.segments.reshape(-1, 3))
         self.min_length_mm = requirements.min_length_px * max(camera.pixel_pitch_mm)
-        self._lens = Lens.of(camera, self.min_length_mm, requirements.field_margin_px)
+        self._lens = Lens.of(camera, self.min_length_mm, requirements.field_margin_px, requirements.focus_margin_mm)
         self._exact_field = requirements.field_of_view == "exact"
         self._workspace = np.array(space.workspace, dtype=np.float64)
         self._box = np.array([np.min(space.solid.vertices, axis=0), np.max(space.solid.vertices, axis=0)])
@@ -190,16 +211,16 @@ class Constraints:
             self._columns["field_of_view_px"] = FIELD_OF_VIEW
         self._checks = self._build_checks()
 
-    def _build_checks(self) -> dict:
+    def _build_checks(self) -> dict[str, Any]:
         """Map each constraint that is no column of the image to its slacks as a function of cam2world."""
         need, checks = self.requirements, {}
         if not self._exact_field:
             checks["field_of_view_mm"] = lambda pose: cone_slacks(
-                self.camera, world_to_cam(self.sphere_center, pose), self.sphere_radius
+                self.camera, world_to_cam(self.sphere_centre, pose), self.sphere_radius
             )
         checks["workspace_mm"] = lambda pose: workspace_slacks(self._workspace, pose[:, :3, 3])
-        if need.reach is not None:
-            checks["reach"] = lambda pose: reach_margin(need.reach, pose[:, :3, 3])[:, None, None]
+        if (reach := need.reach) is not None:
+            checks["reach"] = lambda pose: reach_margin(reach, pose[:, :3, 3])[:, None, None]
         checks["clearance_mm"] = lambda pose: clearance_slacks(self._distance, pose[:, :3, 3], need.stand_off_mm)
         checks["visibility"] = lambda pose: visibility_slacks(
             self.space, pose[:, :3, 3], self.names, need.visibility_radius_mm

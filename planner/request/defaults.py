@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from numbers import Integral
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,8 +13,11 @@ from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.request.necessary import focus_reach_mm
 
+if TYPE_CHECKING:
+    from aspectgraph import Solid
 
-def default_workspace(solid, camera: Camera) -> np.ndarray:
+
+def default_workspace(solid: Solid, camera: Camera) -> np.ndarray:
     """Return the box around a part from whose walls the lens can just focus on it.
 
     Parameters
@@ -65,20 +69,51 @@ def corner_margin_px(camera: Camera, pose_uncertainty: PoseUncertainty, sigmas: 
     return min(sigmas * widest, min(camera.resolution) / 4)
 
 
-def check_fraction(name: str, value) -> float:
+def check_focus_margin(margin_mm: float, camera: Camera) -> float:
+    """Return a margin that leaves something of the depth of field, or raise `RequestError`.
+
+    Parameters
+    ----------
+    margin_mm : float
+        Taken from both ends of the depth of field, mm.
+    camera : Camera
+        Gives the depth of field.
+
+    Returns
+    -------
+    float
+        The margin.
+
+    Raises
+    ------
+    RequestError
+        If it is negative, not finite, or at least half the depth of field.
+    """
+    nearest, farthest = camera.depth_of_field_mm
+    if isinstance(margin_mm, bool) or not isinstance(margin_mm, int | float | np.number) or not margin_mm >= 0:
+        raise RequestError(f"focus_margin_mm must be finite and not negative. Got {margin_mm!r}.")
+    if not (math.isfinite(margin_mm) and 2 * margin_mm < farthest - nearest):
+        raise RequestError(
+            f"focus_margin_mm must be less than half the depth of field, {farthest - nearest:.4g} mm. "
+            f"Got {margin_mm:g}."
+        )
+    return float(margin_mm)
+
+
+def check_fraction(name: str, value: object) -> float:
     """Return a number in (0, 1) or raise `RequestError`."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0 < value < 1:
         raise RequestError(f"{name} must be in (0, 1). Got {value!r}.")
     return float(value)
 
 
-def check_count(name: str, value, least: int) -> None:
+def check_count(name: str, value: object, least: int) -> None:
     """Raise `RequestError` unless a value is an integer of at least so much."""
     if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
         raise RequestError(f"{name} must be an integer of at least {least}. Got {value!r}.")
 
 
-def check_seed(rng) -> int:
+def check_seed(rng: object) -> int:
     """Return a seed: the integer itself, or one drawn from the generator."""
     if isinstance(rng, np.random.Generator):
         return int(rng.integers(2**31))

@@ -45,6 +45,6 @@ class Effort:
         """
         return cls(bound_nodes=1_500_000)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for field in fields(self):
             check_count(field.name, getattr(self, field.name), int(field.name in ("viewpoints", "cover_nodes")))

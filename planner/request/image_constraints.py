@@ -37,18 +37,22 @@ class Lens(NamedTuple):
     farthest_mm: float
     scale_x_px: float
     scale_y_px: float
-    center_x_px: float
-    center_y_px: float
+    centre_x_px: float
+    centre_y_px: float
     width_px: float
     height_px: float
     margin_px: float
 
     @classmethod
-    def of(cls, camera: Camera, min_length_mm: float = 0.0, margin_px: float = 0.0) -> Lens:
+    def of(
+        cls, camera: Camera, min_length_mm: float = 0.0, margin_px: float = 0.0, focus_margin_mm: float = 0.0
+    ) -> Lens:
         """Return the numbers of a camera and of what is asked of its image."""
-        matrix, sides = camera.matrix, map(float, camera.resolution)
+        matrix, (width, height) = camera.matrix, camera.resolution
         scales = float(matrix[0, 0]), float(matrix[1, 1]), float(matrix[0, 2]), float(matrix[1, 2])
-        depths = map(float, camera.depth_of_field_mm)
+        near, far = map(float, camera.depth_of_field_mm)
+        depths = near + focus_margin_mm, far - focus_margin_mm
+        sides = float(width), float(height)
         return cls(camera.image_distance_mm, float(min_length_mm), *depths, *scales, *sides, float(margin_px))
 
 
@@ -95,13 +99,13 @@ def _image_slacks(lens, ends_cam, out):
                     row[5 + e] = row[7 + e] = row[9 + e] = row[11 + e] = _NOT_IMAGED_PX
                     continue
                 # pixel centres are whole numbers, so the sensor's sides are at -0.5 and count - 0.5
-                u = lens.scale_x_px * x / z + lens.center_x_px
-                v = lens.scale_y_px * y / z + lens.center_y_px
+                u = lens.scale_x_px * x / z + lens.centre_x_px
+                v = lens.scale_y_px * y / z + lens.centre_y_px
                 row[5 + e], row[7 + e] = u + 0.5 - lens.margin_px, lens.width_px - 0.5 - u - lens.margin_px
                 row[9 + e], row[11 + e] = v + 0.5 - lens.margin_px, lens.height_px - 0.5 - v - lens.margin_px
 
 
-def cone_slacks(camera: Camera, center_cam: np.ndarray, radius_mm: float) -> np.ndarray:
+def cone_slacks(camera: Camera, centre_cam: np.ndarray, radius_mm: float) -> np.ndarray:
     """Eqs 19–20: the sphere around the entities lies in the cone of the smaller sensor side; mm, (n, 1, 1).
 
     With α = 2·atan(I_min / 2d) and r_k = r_s − (R_s / sin(α/2))·v the slack is (r_k − r_v)·v − ‖r_k − r_v‖·cos(α/2).
@@ -110,11 +114,11 @@ def cone_slacks(camera: Camera, center_cam: np.ndarray, radius_mm: float) -> np.
     ----------
     camera : Camera
         Gives I_min, the smaller side of the sensor, and d.
-    center_cam : array (n, 3)
+    centre_cam : array (n, 3)
         Centre r_s of the sphere in the camera frame, mm.
     radius_mm : float
         Its radius R_s.
     """
     half = math.atan(min(camera.sensor_size_mm) / (2 * camera.image_distance_mm))
-    apex = center_cam - [0.0, 0.0, radius_mm / math.sin(half)]
+    apex = centre_cam - [0.0, 0.0, radius_mm / math.sin(half)]
     return (apex[..., 2] - np.linalg.norm(apex, axis=-1) * math.cos(half))[:, None, None]

@@ -13,7 +13,7 @@ import pickle
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import BuiltinFunctionType, FunctionType
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -39,10 +39,10 @@ class SignedDistance:
         Vertex indices, outward counter-clockwise.
     """
 
-    def __init__(self, vertices, triangles):
+    def __init__(self, vertices: np.ndarray, triangles: np.ndarray) -> None:
         self._scene = RayScene(vertices, triangles, n_threads=1)
 
-    def __call__(self, positions) -> np.ndarray:
+    def __call__(self, positions: np.ndarray) -> np.ndarray:
         """Return the distance (n,) in mm of positions (n, 3), negative inside the mesh."""
         return self._scene.signed_distance(positions)
 
@@ -67,7 +67,7 @@ class BoxRegion:
     low: tuple[float, float, float]
     high: tuple[float, float, float]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not np.all(np.asarray(self.low, dtype=float) < np.asarray(self.high, dtype=float)):
             raise RequestError(f"low must be below high in every coordinate. Got {self.low!r} and {self.high!r}.")
 
@@ -93,7 +93,7 @@ class SphereRegion:
 
     Parameters
     ----------
-    center : tuple of float
+    centre : tuple of float
         Its centre (3,), mm.
     radius_mm : float
         Its radius, mm.
@@ -104,10 +104,10 @@ class SphereRegion:
         If the radius is not positive.
     """
 
-    center: tuple[float, float, float]
+    centre: tuple[float, float, float]
     radius_mm: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not self.radius_mm > 0:
             raise RequestError(f"radius_mm must be positive. Got {self.radius_mm!r}.")
 
@@ -124,7 +124,7 @@ class SphereRegion:
         array, shape (n,)
             Distances, mm; negative outside.
         """
-        return self.radius_mm - np.linalg.norm(positions - np.asarray(self.center), axis=-1)
+        return self.radius_mm - np.linalg.norm(positions - np.asarray(self.centre), axis=-1)
 
 
 class MeshRegion:
@@ -138,7 +138,7 @@ class MeshRegion:
         Vertex indices, counter-clockwise seen from outside.
     """
 
-    def __init__(self, vertices, triangles):
+    def __init__(self, vertices: np.ndarray, triangles: np.ndarray) -> None:
         self.vertices = np.asarray(vertices, dtype=np.float64)
         self.triangles = np.asarray(triangles)
         self._distance: SignedDistance | None = None
@@ -166,7 +166,7 @@ class MeshRegion:
         content = self.vertices.tobytes() + self.triangles.astype("<i8").tobytes()
         return f"mesh {self.vertices.shape} {hashlib.sha256(content).hexdigest()}"
 
-    def __getstate__(self) -> dict:
+    def __getstate__(self) -> dict[str, Any]:
         """Leave the scene behind: it cannot cross a process boundary and is rebuilt on demand."""
         return {**self.__dict__, "_distance": None}
 

@@ -93,12 +93,12 @@ def draw_start(
         if len(positions) < REPAIR.batch:
             # viewpoints are so rare that more draws would take long
             break
-    tried = np.concatenate(tried)
-    if hits < n and len(tried):
-        tried = _least_violating(tried, encoding, constraints)
-        repaired, tried = repair(n - hits, tried, encoding, constraints, rng)
+    nearest = np.concatenate(tried)
+    if hits < n and len(nearest):
+        nearest = _least_violating(nearest, encoding, constraints)
+        repaired, nearest = repair(n - hits, nearest, encoding, constraints, rng)
         found.append(repaired)
-    return Start(np.concatenate(found)[:n], tried, drawn, hits - given)
+    return Start(np.concatenate(found)[:n], nearest, drawn, hits - given)
 
 
 def snap(parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints) -> tuple[np.ndarray, np.ndarray]:

@@ -6,6 +6,7 @@ What "cannot be met" is proven. What "was met by no pose tried" was searched for
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,11 +17,14 @@ from planner.request.space import Space, cells_of
 from planner.setting.first_poses import neighbours
 from planner.setting.pose_bits import PoseEncoding
 
+if TYPE_CHECKING:
+    from aspectgraph import CellSet
+
 _UNITS = {"mm": "mm", "px": "px"}
 _ROUNDS = np.geomspace(0.2, 1e-4, 20)
 
 
-def check_observable(space: Space, names: Sequence[str]):
+def check_observable(space: Space, names: Sequence[str]) -> CellSet:
     """Return the covering cells of the entities, or raise `InfeasibleError` naming who cannot be seen."""
     cells = cells_of(space, list(names))
     if len(cells):
@@ -49,7 +53,7 @@ def _pair_never_seen_together(space: Space, names: Sequence[str]) -> tuple[str, 
     Viewpoints drawn for one entity clear most pairs at little cost; a few of the others are looked into exactly.
     """
     if len(names) == 2:
-        return tuple(names)
+        return names[0], names[1]
     seen = np.array([space.observable(cells_of(space, [name]).sample(1000, 0), names).any(axis=0) for name in names])
     doubtful = [(names[i], names[j]) for i, j in np.argwhere(~(seen | seen.T)) if i < j]
     return next((pair for pair in doubtful[:5] if not len(cells_of(space, list(pair)))), None)
@@ -69,10 +73,11 @@ def check_resolvable(constraints: Constraints) -> None:
     longest = float(longest_image_mm(camera, lengths)[worst])
     margin = longest - constraints.min_length_mm
     if margin < 0:
+        pixel = max(camera.pixel_pitch_mm)
         raise InfeasibleError(
             f"resolution_mm cannot be met for entity {name!r}: {lengths[worst]:.6g} mm long, its "
-            f"image is at most {longest:.4g} mm where the lens focuses (nearest {nearest:.4g} mm), "
-            f"and must be at least {constraints.min_length_mm:.4g} mm.",
+            f"image is at most {longest / pixel:.4g} px where the lens focuses (nearest {nearest:.4g} mm), "
+            f"and must be at least {constraints.requirements.min_length_px:.4g} px.",
             constraint="resolution_mm",
             entity=name,
             margin=margin,
@@ -106,7 +111,7 @@ def check_extent(constraints: Constraints) -> None:
         )
 
 
-def explain_positions(constraints: Constraints, cells, rng: np.random.Generator) -> InfeasibleError:
+def explain_positions(constraints: Constraints, cells: CellSet, rng: np.random.Generator) -> InfeasibleError:
     """Explain a request whose covering domains hold no viewpoint at a distance where the lens can focus."""
     positions = np.concatenate([cells.sample(4096, rng), *(cell.vertices for cell in cells)])
     distance = np.linalg.norm(positions[:, None, None] - constraints.ends, axis=-1)
@@ -149,7 +154,9 @@ def explain_infeasible(
     return _conflict({name: margin[0] for name, margin in margins.items()}, constraints)
 
 
-def _best_margin(name, constraints, encoding, tried, rng) -> tuple[float, str]:
+def _best_margin(
+    name: str, constraints: Constraints, encoding: PoseEncoding, tried: np.ndarray, rng: np.random.Generator
+) -> tuple[float, str]:
     """Search poses for the largest margin of one constraint; return it and the entity that sets it."""
     pool = tried[:32]
     for step in _ROUNDS:

@@ -13,6 +13,7 @@ their convex cell of the covering domains and then onward as far as all constrai
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -122,7 +123,7 @@ class Ascent:
         self.nfev += nfev
         return merit, pose
 
-    def _promising(self, ends: list) -> list[np.ndarray]:
+    def _promising(self, ends: list[Any]) -> list[np.ndarray]:
         """Return the best few poses of (merit, pose), nearly equally good and apart."""
         chosen: list[np.ndarray] = []
         ranked = sorted(ends, key=lambda end: -end[0])
@@ -133,9 +134,9 @@ class Ascent:
                 chosen.append(pose)
         return chosen
 
-    def _is_apart(self, pose: np.ndarray, others: list) -> bool:
+    def _is_apart(self, pose: np.ndarray, others: list[Any]) -> bool:
         """Whether position or direction of view, or both, differ by a tenth from those of all other poses."""
-        far = STARTS.apart * np.linalg.norm(pose[:3, 3] - self.constraints.sphere_center)
+        far = STARTS.apart * np.linalg.norm(pose[:3, 3] - self.constraints.sphere_centre)
         return all(
             np.linalg.norm(pose[:3, 3] - other[:3, 3]) > far
             or np.linalg.norm(pose[:3, 2] - other[:3, 2]) > STARTS.apart
@@ -177,22 +178,22 @@ def best_apart(bits: np.ndarray, fitness: np.ndarray, encoding: PoseEncoding, n:
 
 def best_around(poses: np.ndarray, fitness: np.ndarray, n: int) -> np.ndarray:
     """Return up to n of the poses (m, 4, 4): the best of each group around positions as far apart as can be."""
-    centers, group = spread(poses[:, :3, 3], n, int(fitness.argmax()))
-    members = [np.flatnonzero(group == g) for g in range(len(centers))]
+    centres, group = spread(poses[:, :3, 3], n, int(fitness.argmax()))
+    members = [np.flatnonzero(group == g) for g in range(len(centres))]
     return poses[[own[fitness[own].argmax()] for own in members]]
 
 
 def spread(positions: np.ndarray, n: int, first: int = 0) -> tuple[list[int], np.ndarray]:
     """Choose up to n of positions (m, 3), each the farthest from those before; return them and the nearest of each."""
-    centers = [first][:n]
-    distance = np.linalg.norm(positions - positions[centers].sum(axis=0), axis=1)
+    centres = [first][:n]
+    distance = np.linalg.norm(positions - positions[centres].sum(axis=0), axis=1)
     group = np.zeros(len(positions), dtype=int)
-    while len(centers) < n and distance.max() > 0:
-        centers.append(int(distance.argmax()))
-        to_new = np.linalg.norm(positions - positions[centers[-1]], axis=1)
-        group[to_new < distance] = len(centers) - 1
+    while len(centres) < n and distance.max() > 0:
+        centres.append(int(distance.argmax()))
+        to_new = np.linalg.norm(positions - positions[centres[-1]], axis=1)
+        group[to_new < distance] = len(centres) - 1
         distance = np.minimum(distance, to_new)
-    return centers, group
+    return centres, group
 
 
 def turned_views(n: int, sampler: ViewpointSampler, encoding: PoseEncoding, rng: np.random.Generator) -> np.ndarray:

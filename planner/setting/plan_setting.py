@@ -74,6 +74,9 @@ def plan_setting(
     visibility_radius_mm : float, optional
         Distance around the pose from which the entities must be observable too. Default: three standard deviations of
         the position, so that no entity is hidden from a displaced camera.
+    focus_margin_mm : float
+        What both limits of the depth of field are narrowed by, so that a displaced camera is in focus still; four
+        standard deviations of its position make blurred images rare. Default: nothing.
     reach : Region or callable, optional
         Where the front nodal point may be: a `BoxRegion`, `SphereRegion`, `MeshRegion` or anything else with a method
         ``margin``, or ``callable(positions) -> bool`` of shape (n,). Default: anywhere.
@@ -161,10 +164,14 @@ def best_setting(
     cells = check_observable(request.space, request.names)
     outcome = search_pose(cells, constraints, goal, search or Search(), generator, _check_poses(start), callback)
     pose = outcome.cam2world[None]
+    probability = goal.probability(pose)[0]
+    if request.counted.size:
+        counted = np.isin(np.arange(len(request.names)), request.counted)
+        probability[counted] = request.objective.probability_where(pose, counted[None])
     return SensorSetting(
         cam2world=outcome.cam2world,
         entities=request.names,
-        probability=dict(zip(request.names, goal.probability(pose)[0].tolist(), strict=True)),
+        probability=dict(zip(request.names, probability.tolist(), strict=True)),
         margins={name: float(margin.min()) for name, margin in constraints.margins(pose).items()},
         fitness=outcome.fitness,
         nfev=outcome.nfev,

@@ -35,7 +35,9 @@ class PoseEncoding:
     ``decode(encode(x))`` differs from x by at most half a step, range / (2^M − 1) / 2, in every parameter.
     """
 
-    def __init__(self, bounds, target, max_turn_rad: float, gene_bits: int = 16, gray: bool = True):
+    def __init__(
+        self, bounds: np.ndarray, target: np.ndarray, max_turn_rad: float, gene_bits: int = 16, gray: bool = True
+    ) -> None:
         self.chromosome = Chromosome(6, gene_bits, gray)
         self.target = np.asarray(target, dtype=np.float64)
         turn = [max_turn_rad, max_turn_rad, np.pi]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from planner.setting.infeasible import explain_infeasible, explain_positions
 from planner.setting.multistart import Ascent, best_apart, best_around, turned_views
 from planner.setting.pose_bits import PoseEncoding
 from planner.setting.viewpoint_sampling import ViewpointSampler, WorkspaceSampler
+
+if TYPE_CHECKING:
+    from aspectgraph import CellSet
 
 # no pose is worth improving that misses the largest fitness there can be by so little, as a share
 _PERFECT = 1e-5
@@ -100,14 +104,14 @@ class Search:
     stop_at_perfect: bool = True
     sampling: str = "covering"
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.sampling not in ("covering", "workspace"):
             raise RequestError(f"sampling must be 'covering' or 'workspace'. Got {self.sampling!r}.")
         for name, least in (("refine_starts", 0), ("spread_starts", 0), ("turned_starts", 0), ("max_draws", 1)):
             check_count(name, getattr(self, name), least)
 
     @classmethod
-    def genetic(cls, **changes) -> Search:
+    def genetic(cls, **changes: Any) -> Search:
         """Choose the default genetic algorithm alone, without refinement.
 
         Parameters
@@ -128,7 +132,7 @@ class Search:
         return cls(**{**dict.fromkeys(_STARTS, 0), **changes})
 
     @classmethod
-    def paper(cls, **changes) -> Search:
+    def paper(cls, **changes: Any) -> Search:
         """Choose the paper's plain algorithm: raw fitness, plain binary, no elitism, no refinement, no early end.
 
         Parameters
@@ -162,7 +166,7 @@ class Search:
         """Whether there is any local refinement."""
         return any(getattr(self, name) for name in _STARTS)
 
-    def ga_options(self) -> dict:
+    def ga_options(self) -> dict[str, Any]:
         """Return the keyword arguments of `ga.maximize`.
 
         Returns
@@ -187,13 +191,13 @@ class Outcome:
 
 
 def search_pose(
-    cells,
+    cells: CellSet,
     constraints: Constraints,
     objective: Objective,
     search: Search,
     rng: np.random.Generator,
     known: np.ndarray | None = None,
-    callback: Callable | None = None,
+    callback: Callable[..., Any] | None = None,
 ) -> Outcome:
     """Search the best pose in the covering domains.
 
@@ -224,7 +228,7 @@ def search_pose(
     if sampler.empty:
         raise explain_positions(constraints, cells, rng)
     turn = constraints.camera.half_diagonal_rad
-    encoding = PoseEncoding(sampler.bounds, constraints.sphere_center, turn, search.gene_bits, search.gray_code)
+    encoding = PoseEncoding(sampler.bounds, constraints.sphere_centre, turn, search.gene_bits, search.gray_code)
     start = draw_start(search.population, sampler, encoding, constraints, rng, search.max_draws, known)
     known = known[constraints.feasible(known)]
     if len(start.bits):
@@ -249,7 +253,9 @@ def search_pose(
     return replace(outcome, cam2world=ascent.cam2world, fitness=ascent.fitness, nfev=nfev)
 
 
-def _starts(result: GAResult | None, first: np.ndarray, ascent: Ascent, search: Search, rng) -> np.ndarray:
+def _starts(
+    result: GAResult | None, first: np.ndarray, ascent: Ascent, search: Search, rng: np.random.Generator
+) -> np.ndarray:
     """Return the poses (m, 4, 4) to refine from, given how the genetic algorithm ended and its first chromosomes."""
     encoding, poses = ascent.encoding, [turned_views(search.turned_starts, ascent.sampler, ascent.encoding, rng)]
     if result is not None:
@@ -261,7 +267,15 @@ def _starts(result: GAResult | None, first: np.ndarray, ascent: Ascent, search: 
     return np.concatenate(poses)
 
 
-def _evolve(bits, encoding, constraints, objective, search: Search, rng, callback) -> GAResult:
+def _evolve(
+    bits: np.ndarray,
+    encoding: PoseEncoding,
+    constraints: Constraints,
+    objective: Objective,
+    search: Search,
+    rng: np.random.Generator,
+    callback: Callable[..., Any] | None,
+) -> GAResult:
     """Run the genetic algorithm from feasible chromosomes; too few of them are repeated."""
     return maximize(
         lambda population: objective.fitness(encoding.decode(population)),

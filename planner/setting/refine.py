@@ -10,6 +10,8 @@ clearance, is left out far from the part, and put in if the pose found breaks it
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.optimize import minimize
 
@@ -17,31 +19,57 @@ from planner.camera.pose import moved
 from planner.request.constraints import Constraints
 from planner.request.objective import Objective
 
-_STEP = 1e-4
-_AROUND = np.vstack([np.zeros(6), _STEP * np.eye(6), -_STEP * np.eye(6)])
-_TOLERANCE = 1e-7
-# the solver takes inequalities as satisfied that are broken by less than its tolerance in all
-_BACK_OFF = 2 * _TOLERANCE
-_LARGEST_MOVE = 0.5
-# a lens in focus to infinity leaves infinite room, of which there is no derivative
-_NEVER_BROKEN = 1e3
-# of all inequalities of one kind so many, the nearest to being broken, guide the way: the solver's time grows with them
-_MOST_SLACKS = 24
+
+@dataclass(frozen=True)
+class Climbing:
+    """How a pose climbs; lengths in units of its distance from the entities, turns in radians, both called a move.
+
+    Attributes
+    ----------
+    step : float
+        Half the step of the central differences.
+    tolerance : float
+        Where the solver stops: the change of the fitness, a probability or so, that no plan depends on.
+    back_off : float
+        Room left at every inequality: the solver takes those as satisfied that are broken by less than its tolerance in
+        all.
+    largest_move : float
+        The farthest a pose moves along each of the six directions; the cell that holds it ends sooner nearly always.
+    never_broken : float
+        The largest slack there is: a lens in focus to infinity leaves infinite room, of which there is no derivative.
+    most_slacks : int
+        Of all inequalities of one kind so many, the nearest to being broken, guide the way: the solver's time grows
+        with the square of their number.
+    """
+
+    step: float = 1e-4
+    tolerance: float = 1e-7
+    back_off: float = 2e-7
+    largest_move: float = 0.5
+    never_broken: float = 1e3
+    most_slacks: int = 24
+
+
+CLIMBING = Climbing()
+_AROUND = np.vstack([np.zeros(6), CLIMBING.step * np.eye(6), -CLIMBING.step * np.eye(6)])
 _SMOOTH = ("resolution_mm", "focus_mm", "field_of_view_px", "field_of_view_mm", "workspace_mm", "reach", "clearance_mm")
 
 
 class _Neighbourhood:
     """Fitness and slacks around a pose, with central differences, evaluated once per point."""
 
-    def __init__(self, cam2world, half_spaces, objective: Objective, constraints: Constraints):
+    def __init__(
+        self, cam2world: np.ndarray, half_spaces: np.ndarray, objective: Objective, constraints: Constraints
+    ) -> None:
         self.start, self.objective, self.constraints = cam2world, objective, constraints
-        self.distance = float(np.linalg.norm(cam2world[:3, 3] - constraints.sphere_center)) or 1.0
+        self.distance = float(np.linalg.norm(cam2world[:3, 3] - constraints.sphere_centre)) or 1.0
         norms = np.linalg.norm(half_spaces[:, :3], axis=1)
         self._normals, self._scales = half_spaces[:, :3], np.where(norms > 0, norms * self.distance, 1.0)
         self._offsets = half_spaces[:, 3] + constraints.requirements.visibility_radius_mm * norms
         self.names = [name for name in _SMOOTH if name in constraints.constraint_names]
         self._units = {name: constraints.scale(name) for name in self.names}
         self.nfev = 0
+        self._values: tuple[float, np.ndarray, np.ndarray, np.ndarray]
         self._kept: dict[str, np.ndarray] = {}
         self._x: np.ndarray | None = None
 
@@ -53,7 +81,7 @@ class _Neighbourhood:
         """Return the poses (n, 4, 4) after moves (n, 6)."""
         return moved(self.start, moves, self.distance)
 
-    def at(self, x: np.ndarray):
+    def at(self, x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
         """Return (fitness, gradient (6,), slacks (m,), their Jacobian (m, 6)) at a move x (6,)."""
         if self._x is None or (x != self._x).any():
             moves = x + _AROUND
@@ -63,9 +91,9 @@ class _Neighbourhood:
             self._x = x.copy()
             self._values = (
                 fitness[0],
-                (fitness[1:7] - fitness[7:]) / (2 * _STEP),
+                (fitness[1:7] - fitness[7:]) / (2 * CLIMBING.step),
                 slacks[0],
-                (slacks[1:7] - slacks[7:]).T / (2 * _STEP),
+                (slacks[1:7] - slacks[7:]).T / (2 * CLIMBING.step),
             )
         return self._values
 
@@ -76,15 +104,18 @@ class _Neighbourhood:
             for name, value in self.constraints.slacks(poses, self.names).items()
         ]
         inside = -(poses[:, :3, 3] @ self._normals.T + self._offsets) / self._scales
-        slacks = np.hstack([*columns, inside, _LARGEST_MOVE - moves, _LARGEST_MOVE + moves]) - _BACK_OFF
-        return np.minimum(slacks, _NEVER_BROKEN)
+        slacks = (
+            np.hstack([*columns, inside, CLIMBING.largest_move - moves, CLIMBING.largest_move + moves])
+            - CLIMBING.back_off
+        )
+        return np.minimum(slacks, CLIMBING.never_broken)
 
     def _nearest(self, name: str, slacks: np.ndarray) -> np.ndarray:
         """Return the columns of slacks (n, m) that were smallest when this was first asked."""
-        if slacks.shape[1] <= _MOST_SLACKS:
+        if slacks.shape[1] <= CLIMBING.most_slacks:
             return slacks
         if name not in self._kept:
-            self._kept[name] = np.argsort(slacks[0], kind="stable")[:_MOST_SLACKS]
+            self._kept[name] = np.argsort(slacks[0], kind="stable")[: CLIMBING.most_slacks]
         return slacks[:, self._kept[name]]
 
     def climb(self, max_iterations: int) -> np.ndarray:
@@ -95,7 +126,7 @@ class _Neighbourhood:
             jac=lambda x: -self.at(x)[1],
             constraints={"type": "ineq", "fun": lambda x: self.at(x)[2], "jac": lambda x: self.at(x)[3]},
             method="SLSQP",
-            options={"maxiter": max_iterations, "ftol": _TOLERANCE},
+            options={"maxiter": max_iterations, "ftol": CLIMBING.tolerance},
         )
         return result.x if np.isfinite(result.x).all() else np.zeros(6)
 

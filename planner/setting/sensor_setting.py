@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -49,7 +50,7 @@ class SensorSetting:
     seed: int | None = None
     history: tuple[float, ...] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         pose = np.array(self.cam2world, dtype=np.float64)
         pose.setflags(write=False)
         object.__setattr__(self, "cam2world", pose)
@@ -65,7 +66,7 @@ class SensorSetting:
         """Front nodal point (3,), mm."""
         return self.cam2world[:3, 3]
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain Python values, ready for JSON.
 
         Returns
@@ -87,7 +88,7 @@ class SensorSetting:
         }
 
     @classmethod
-    def from_dict(cls, data: Mapping) -> SensorSetting:
+    def from_dict(cls, data: Mapping[str, Any]) -> SensorSetting:
         """Build from the result of `to_dict`, also as files have it.
 
         Parameters
@@ -104,9 +105,9 @@ class SensorSetting:
         lists = {"entities": tuple(data["entities"]), "history": tuple(data.get("history", ()))}
         return cls(**{**data, **lists, "margins": margins})
 
-    def __eq__(self, other) -> bool:
+    def __eq__(self, other: object) -> bool:
         if not isinstance(other, SensorSetting):
             return NotImplemented
         return self.to_dict() == other.to_dict()
 
-    __hash__ = None
+    __hash__ = None  # type: ignore[assignment]

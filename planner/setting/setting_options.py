@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.request.constraints import Requirements
-from planner.request.defaults import pose_margin_px, position_margin_mm
+from planner.request.defaults import check_focus_margin, pose_margin_px, position_margin_mm
 from planner.request.reach import Reach
 from planner.setting.pose_search import Search
 
@@ -25,6 +25,7 @@ class SettingOptions:
     field_margin_px: float | None = None
     field_of_view: str = "exact"
     visibility_radius_mm: float | None = None
+    focus_margin_mm: float = 0.0
     reach: Reach | None = None
     objective: str = "sum"
     model: str = "joint"
@@ -42,6 +43,7 @@ class SettingOptions:
             stand_off_mm=self.stand_off_mm,
             reach=self.reach,
             visibility_radius_mm=position_margin_mm(pose_uncertainty) if radius is None else radius,
+            focus_margin_mm=check_focus_margin(self.focus_margin_mm, camera),
         )
 
 
@@ -53,6 +55,7 @@ class SettingKeywords(TypedDict, total=False):
     field_margin_px: float | None
     field_of_view: str
     visibility_radius_mm: float | None
+    focus_margin_mm: float
     reach: Reach | None
     objective: str
     model: str

@@ -12,10 +12,15 @@ outside the intersection is rejected. The way with the smallest such set is take
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from planner.camera.camera import Camera
 from planner.request.necessary import boxes_reach, focus_reach_mm
+
+if TYPE_CHECKING:
+    from aspectgraph import CellSet
 
 _BATCH = 4096
 
@@ -40,12 +45,12 @@ class ViewpointSampler:
         How viewpoints are proposed.
     """
 
-    def __init__(self, cells, ends: np.ndarray, camera: Camera):
+    def __init__(self, cells: CellSet, ends: np.ndarray, camera: Camera) -> None:
         self.cells, self.points = cells, ends.reshape(-1, 3)
         self.near, self.far = focus_reach_mm(camera)
         # a mean of the ends: no viewpoint is farther from it than from the farthest end
-        self._center = self.points.mean(axis=0)
-        spread = np.linalg.norm(self.points - self._center, axis=1).max()
+        self._centre = self.points.mean(axis=0)
+        spread = np.linalg.norm(self.points - self._centre, axis=1).max()
         self._radii = max(self.near - spread, 0.0), self.far
         self._clip_boxes()
         if not self.empty:
@@ -61,7 +66,7 @@ class ViewpointSampler:
         self._kept = np.flatnonzero((low < high).all(axis=1) & boxes_reach(low, high, self.points, self.near, self.far))
         self._low, self._high = low[self._kept], high[self._kept]
         self.empty = not len(self._kept)
-        self.bounds = None if self.empty else np.array([self._low.min(axis=0), self._high.max(axis=0)])
+        self.bounds = np.empty((2, 0)) if self.empty else np.array([self._low.min(axis=0), self._high.max(axis=0)])
 
     def _choose_proposal(self) -> None:
         inner, outer = self._radii
@@ -70,15 +75,15 @@ class ViewpointSampler:
             "shell": 4 / 3 * np.pi * (outer**3 - inner**3) if np.isfinite(outer) else np.inf,
             "boxes": float(np.prod(self._high - self._low, axis=1).sum()),
         }
-        self.proposal = min(sizes, key=sizes.get)
+        self.proposal = min(sizes, key=sizes.__getitem__)
 
     def in_shell(self, positions: np.ndarray) -> np.ndarray:
         """Return which positions (n, 3) have every end at a distance that can be in focus; (n,) bool."""
-        local, (inner, outer) = positions - self._center, self._radii
+        local, (inner, outer) = positions - self._centre, self._radii
         squared = (local**2).sum(axis=1)
         result = (squared >= inner**2) & (squared <= outer**2)
         rows = np.flatnonzero(result)
-        ends = self.points - self._center
+        ends = self.points - self._centre
         of_ends = squared[rows, None] - 2 * local[rows] @ ends.T + (ends**2).sum(axis=1)
         result[rows] = (of_ends.min(axis=1) >= self.near**2) & (of_ends.max(axis=1) <= self.far**2)
         return result
@@ -109,7 +114,7 @@ class ViewpointSampler:
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
         inner, outer = self._radii
         radius = np.cbrt(rng.uniform(inner**3, outer**3, n))
-        return self._center + radius[:, None] * direction
+        return self._centre + radius[:, None] * direction
 
     def _box_points(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """Draw from the cells' boxes by volume; keep what lies in that very cell (cells do not overlap)."""
@@ -140,7 +145,7 @@ class ViewpointSampler:
 class WorkspaceSampler(ViewpointSampler):
     """Uniform draws from the whole workspace: what the restriction to the covering domains is measured against."""
 
-    def __init__(self, cells, ends: np.ndarray, camera: Camera, workspace):
+    def __init__(self, cells: CellSet, ends: np.ndarray, camera: Camera, workspace: np.ndarray) -> None:
         super().__init__(cells, ends, camera)
         if not self.empty:
             self.bounds = np.array(workspace, dtype=np.float64)

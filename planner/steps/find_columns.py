@@ -8,6 +8,7 @@ from planner.columns.candidates import Pools, judged_poses, price_poses
 from planner.executors import in_order
 from planner.ledger import Ledger
 from planner.progress import report
+from planner.steps.pixel_grid import COUNTED, count_on_grid, decided_on_grid
 from planner.steps.run import Run
 
 _SAMPLED, _PRICED, _PROVEN = "candidate poses", "column generation", "lower bound"
@@ -21,10 +22,12 @@ def find_columns(run: Run) -> None:
         run.keep(_SAMPLED, {})
     else:
         run.pools, run.uninspectable = Pools.from_dict(last["pools"]), last["uninspectable"]
+        run.set_on_grid(last.get("on_grid", ()))
     if last is None or last["step"] == _SAMPLED:
         # before the columns are improved, so that others can join what is hard to inspect
         run.uninspectable = _try_alone(run)
-    if last is None or last["step"] != _PROVEN:
+        count_on_grid(run, decided_on_grid(run))
+    if last is None or last["step"] not in (_PROVEN, COUNTED):
         _price(run, last)
 
 

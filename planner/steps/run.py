@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -75,6 +75,21 @@ class Run:
         self.uninspectable: dict[str, str] = {}
         self._begun = 0
 
+    def set_on_grid(self, names: Sequence[str]) -> None:
+        """Let the pixel grid decide about these edges, and about no other."""
+        on_grid = tuple(dict.fromkeys(names))
+        if on_grid != self.request.on_grid:
+            self.request = replace(self.request, on_grid=on_grid)
+            self.judge = Judge(self.request)
+            self.shared = Shared(self.judge)
+
+    def count_on_grid(self, names: Sequence[str]) -> None:
+        """Let the pixel grid decide about more edges, and judge all poses found so far anew."""
+        self.set_on_grid([*self.request.on_grid, *names])
+        poses = np.concatenate([pool.poses for pool in self.pools])
+        self.pools = Pools(ColumnPool(len(self.names)), ColumnPool(len(self.names)))
+        self.pools.add(poses, self.judge(poses))
+
     @property
     def pool(self) -> ColumnPool:
         """Columns that poses inspect."""
@@ -82,7 +97,15 @@ class Run:
 
     def keep(self, step: str, values: dict[str, Any]) -> None:
         """Take a checkpoint: all that the steps from here on depend on."""
-        self.memo.keep(step, {"pools": self.pools.to_dict(), "uninspectable": dict(self.uninspectable), **values})
+        self.memo.keep(
+            step,
+            {
+                "pools": self.pools.to_dict(),
+                "uninspectable": dict(self.uninspectable),
+                "on_grid": self.request.on_grid,
+                **values,
+            },
+        )
 
     def kept(self, step: str) -> dict[str, Any] | None:
         """Return the checkpoint if it was taken in this step."""

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
 from planner.progress import Progress, report
 from planner.verify.simulate_setting import CONTRADICTED, UNSTATED, VERDICTS, SuccessRate, simulate_setting
+from planner.verify.simulated import Planned
 
 _CONFIDENCE = 0.99
 
@@ -68,7 +70,7 @@ class SimulationResult:
         """Largest absolute difference between a prediction and its frequency; 0 without settings."""
         return max((abs(r.predicted - r.frequency) for rates in self.rates for r in rates.values()), default=0.0)
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain Python values, ready for JSON.
 
         Returns
@@ -80,7 +82,7 @@ class SimulationResult:
         return {"rates": rates, "n": self.n, "seed": self.seed, "confidence": self.confidence}
 
     @classmethod
-    def from_dict(cls, data: Mapping) -> SimulationResult:
+    def from_dict(cls, data: Mapping[str, Any]) -> SimulationResult:
         """Build from the result of `to_dict`.
 
         Parameters
@@ -97,7 +99,7 @@ class SimulationResult:
         return cls(rates, data["n"], data["seed"], data["confidence"])
 
 
-def simulate_plan(plan, n: int = 10_000, rng=0, progress: Progress | None = None) -> SimulationResult:
+def simulate_plan(plan: Planned, n: int = 10_000, rng: int = 0, progress: Progress | None = None) -> SimulationResult:
     """Measure every entity of every setting from n displaced poses.
 
     Parameters

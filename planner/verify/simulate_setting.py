@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -21,6 +21,7 @@ from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.options import chosen, with_keywords_of
 from planner.verify.measure_dimension import measured_errors
+from planner.verify.simulated import Posed
 from planner.wanted.planned import PlannedDimension
 
 if TYPE_CHECKING:
@@ -111,8 +112,8 @@ class SimulationKeywords(TypedDict, total=False):
 
 @with_keywords_of(SimulationOptions)
 def simulate_setting(
-    setting,
-    entities: Mapping,
+    setting: Posed,
+    entities: Mapping[str, Any],
     camera: Camera,
     pose_uncertainty: PoseUncertainty,
     *,
@@ -188,7 +189,15 @@ def simulate_setting(
     }
 
 
-def _dimension_successes(setting, dimension, camera, pose_uncertainty, n: int, rng, how) -> tuple[int, int]:
+def _dimension_successes(
+    setting: Posed,
+    dimension: Any,
+    camera: Camera,
+    pose_uncertainty: PoseUncertainty,
+    n: int,
+    rng: np.random.Generator,
+    how: SimulationOptions,
+) -> tuple[int, int]:
     """Measure a dimension from n displaced poses; return how often that is accurate, and how often not all in view."""
     hits = lost = 0
     planned = np.asarray(setting.cam2world, dtype=float)
@@ -201,7 +210,16 @@ def _dimension_successes(setting, dimension, camera, pose_uncertainty, n: int, r
     return hits, lost
 
 
-def _edge_successes(setting, entities: Mapping, camera, pose_uncertainty, accuracy, n: int, rng, how) -> dict:
+def _edge_successes(
+    setting: Posed,
+    entities: Mapping[str, Any],
+    camera: Camera,
+    pose_uncertainty: PoseUncertainty,
+    accuracy: float,
+    n: int,
+    rng: np.random.Generator,
+    how: SimulationOptions,
+) -> dict[str, Any]:
     """The same for lengths of edges, all from the same poses."""
     if not entities:
         return {}
@@ -257,4 +275,4 @@ def _image_lengths(pixels: np.ndarray, camera: Camera) -> np.ndarray:
 def _in_image(pixels: np.ndarray, camera: Camera) -> np.ndarray:
     """Return whether both ends fall on a pixel; (n, k) bool."""
     on_sensor = (pixels >= -0.5) & (pixels <= np.array(camera.resolution) - 0.5)
-    return on_sensor.all(axis=(-1, -2))
+    return np.asarray(on_sensor.all(axis=(-1, -2)))

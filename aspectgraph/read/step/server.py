@@ -17,6 +17,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 from aspectgraph.exceptions import AspectGraphError
+from aspectgraph.processes import die_with
 
 if TYPE_CHECKING:
     from aspectgraph.read.step.part import StepPart
@@ -26,7 +27,6 @@ OUT_OF_MEMORY = 12
 """Exit code of a process without the memory to say so."""
 
 _PAGE_COUNTS = "/proc/self/statm"
-_DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG
 
 
 def serve(parent: int, memory_mb: float) -> None:
@@ -42,7 +42,7 @@ def serve(parent: int, memory_mb: float) -> None:
     if os.name == "posix":
         # an interrupt is for the parent, which ends this process
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        _die_with(parent)
+        die_with(parent)
     answers = os.fdopen(os.dup(1), "wb")
     # whatever the kernel prints must not end up between the answers
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
@@ -85,16 +85,6 @@ def _send(answers: IO[bytes], header: dict[str, Any], arrays: dict[str, Any] | N
     answers.write(LENGTHS.pack(len(text), packed.getbuffer().nbytes) + text)
     answers.write(packed.getbuffer())
     answers.flush()
-
-
-def _die_with(parent: int) -> None:
-    """Arrange that the death of the parent kills this process, even while the kernel is at work."""
-    if sys.platform == "linux":
-        import ctypes
-
-        ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
-    if os.getppid() != parent:
-        os._exit(1)
 
 
 def _limit_time(seconds: float) -> None:

@@ -156,7 +156,7 @@ def test_text():
     assert list(read_entities("all", cube())) == [f"e{i}" for i in range(12)]
     assert list(read_entities("3, e7 11", cube())) == ["e3", "e7", "e11"]
     for text in ("", "front", "1,2,x"):
-        with pytest.raises(EntityError, match="'all', ids such as 17,18 or r3,a0, or the path"):
+        with pytest.raises(EntityError, match="'all', ids such as 17,18 or r3,a0, ranges"):
             read_entities(text, cube())
 
 

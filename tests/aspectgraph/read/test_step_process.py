@@ -100,8 +100,9 @@ def wait_until(condition, seconds: float) -> bool:
 def busy_reader(fake_kernel):
     """A process that reads a STEP file whose kernel never answers, and the id of the kernel's process."""
     fake_kernel.write_text("while True: pass")
-    # without a main guard, as people write scripts
-    script = f"import sys; sys.path[:] = {sys.path!r}\nfrom aspectgraph import read_solid\nread_solid({str(PART)!r})"
+    # without a main guard, as people write scripts; a job in the background ignores interrupts, as do its children
+    script = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    script += f"import sys; sys.path[:] = {sys.path!r}\nfrom aspectgraph import read_solid\nread_solid({str(PART)!r})"
     reader = subprocess.Popen([sys.executable, "-c", script], stderr=subprocess.PIPE, text=True)
     assert wait_until(lambda: children(reader.pid), 60.0)
     time.sleep(0.5)

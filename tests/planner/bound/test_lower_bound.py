@@ -311,7 +311,7 @@ def test_cells_of_entities_one_by_one_are_those_of_all():
 
 def leaves_of(tree, pose):
     """Leaves with the position and direction of a pose; they differ by roll or by excluded entities."""
-    near = np.all(np.abs(pose[:3, 3] - tree.center) <= tree.half + 1e-9, axis=1)
+    near = np.all(np.abs(pose[:3, 3] - tree.centre) <= tree.half + 1e-9, axis=1)
     axis = pose[:3, 2]
     face = 2 * np.argmax(np.abs(axis)) + (axis[np.argmax(np.abs(axis))] < 0)
     u, v = (axis[(face // 2 + i) % 3] / abs(axis[face // 2]) for i in (1, 2))

@@ -17,7 +17,6 @@ from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 from planner.cli.main import main
 from planner.columns.outcome import Outcome
 from planner.exceptions import OutputError
-from planner.output import plan_folder
 from planner.plan import read_plan
 from planner.resume import PlanningState
 
@@ -174,7 +173,7 @@ def test_a_plan_that_cannot_be_written_is_kept_and_resumed_without_planning(fold
 
     with monkeypatch.context() as patch:
         patch.setattr("planner.output.plan_folder.write_poses", full)
-        lines = failure(capsys, [*plan, "--seed", "1"])
+        lines = failure(capsys, [*plan, "--seed", "1", "--force"])
     state = folder / "out" / commands.STATE_FILE
     assert lines[-1].endswith(
         f"--out must be a folder that can be written. Got {folder / 'out'}: No space left on device. "
@@ -184,7 +183,7 @@ def test_a_plan_that_cannot_be_written_is_kept_and_resumed_without_planning(fold
     with monkeypatch.context() as patch:
         patch.setattr("planner.steps.find_columns.judged_poses", full)
         patch.setattr("planner.steps.run.realise", full)
-        assert main([*plan, "--seed", "1", "--resume"]) == DONE
+        assert main([*plan, "--seed", "1", "--resume", "--force"]) == DONE
     assert read_plan(folder / "out" / "plan.json").seed == 1
     assert not state.exists()
 
@@ -227,11 +226,10 @@ def test_the_state_stays_until_everything_is_written(folder, quick, monkeypatch)
         assert os.listdir(folder / "out") == [commands.STATE_FILE]
 
 
-def test_an_older_graph_does_not_stay_beside_a_new_plan(folder, quick, monkeypatch):
+def test_an_older_graph_does_not_stay_beside_a_new_plan(folder, quick):
     assert main([*PLAN, "--simulate", "100"]) == DONE
     (folder / "out" / "photo.png").write_text("mine")
-    monkeypatch.setattr("planner.output.plan_folder._MOST_GRAPH_ENTITIES", 3)
-    assert main([*PLAN, "--simulate", "100", "--seed", "1"]) == DONE
+    assert main([*PLAN, "--graph-limit", "3", "--simulate", "100", "--seed", "1", "--force"]) == DONE
     names = os.listdir(folder / "out")
     assert "graph.graphml" not in names
     assert {"plan.json", "report.html", "photo.png"} < set(names)
@@ -344,10 +342,9 @@ def test_interrupted_simulation_does_not_speak_of_resuming(folder, capsys, monke
     assert failure(capsys, ["simulate", "plan.json"], INCOMPLETE) == ["aspectgraph: interrupted"]
 
 
-def test_skipped_graph_is_told_on_the_terminal_and_in_the_report(folder, quick, capsys, monkeypatch):
-    monkeypatch.setattr(plan_folder, "_MOST_GRAPH_ENTITIES", 3)
-    assert main([*PLAN, "--simulate", "100"]) == DONE
-    sentence = "graph.graphml was skipped: the joint graph of 4 entities takes too long to build and to draw"
+def test_skipped_graph_is_told_on_the_terminal_and_in_the_report(folder, quick, capsys):
+    assert main([*PLAN, "--simulate", "100", "--graph-limit", "3"]) == DONE
+    sentence = "graph.graphml was skipped: the joint graph of 4 entities may take long to build and to draw"
     assert sentence in capsys.readouterr().out
     assert sentence in (folder / "out" / "report.html").read_text()
     assert not (folder / "out" / "graph.graphml").exists()

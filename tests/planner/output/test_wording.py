@@ -6,6 +6,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import networkx as nx
+import numpy as np
 import pytest
 from grid_box import EDGES, BoxSpace
 from plan_examples import ENTITIES, plan, setting
@@ -218,5 +219,5 @@ def test_a_lens_that_focuses_up_to_infinity_is_told_without_a_number():
 def test_a_graph_of_one_domain_and_one_entity_is_told_in_the_singular(capsys):
     graph = nx.Graph()
     graph.add_node(0, observable=("rim",), volume=1.0)
-    print_graph(SimpleNamespace(graph=graph, entity_names=("rim",)))
+    print_graph(SimpleNamespace(graph=graph, entity_names=("rim",), workspace=np.array([[0, 0, 0], [1, 1, 1]])))
     assert "1 viewing domain, 0 adjacencies, 1 distinct list of 1 entity" in capsys.readouterr().out

@@ -127,13 +127,13 @@ def test_field_of_view_is_the_distance_from_the_sides_in_opencvs_image(poses, en
 def test_the_cone_holds_exactly_the_spheres_whose_tangents_stay_within_half_the_angle():
     """Independent: from the apex, a sphere spans asin(R/distance) about its centre's direction."""
     rng = np.random.default_rng(8)
-    centers = rng.normal(size=(500, 3)) * [60, 60, 1] + [0, 0, 500]
+    centres = rng.normal(size=(500, 3)) * [60, 60, 1] + [0, 0, 500]
     half = math.atan(min(CAMERA.sensor_size_mm) / 2 / CAMERA.image_distance_mm)
-    distance = np.linalg.norm(centers, axis=1)
-    off_axis = np.arccos(centers[:, 2] / distance)
+    distance = np.linalg.norm(centres, axis=1)
+    off_axis = np.arccos(centres[:, 2] / distance)
     expected = off_axis + np.arcsin(25.0 / distance) <= half
     assert 50 < expected.sum() < 400
-    assert np.array_equal(cone_slacks(CAMERA, centers, 25.0)[:, 0, 0] >= 0, expected)
+    assert np.array_equal(cone_slacks(CAMERA, centres, 25.0)[:, 0, 0] >= 0, expected)
 
 
 def test_the_cone_is_equations_19_and_20_in_world_vectors(poses):
@@ -148,9 +148,9 @@ def test_the_cone_is_equations_19_and_20_in_world_vectors(poses):
 
 def test_the_cone_is_conservative(poses, ends):
     """Whatever the cone accepts has every end inside the exact image."""
-    center, radius = enclosing_sphere(ends[:1].reshape(-1, 3))
-    far = look_at(poses[:, :3, 3] * 3, center + np.random.default_rng(1).normal(size=(40, 3)) * 100)
-    accepted = cone_slacks(CAMERA, world_to_cam(center, far), radius)[:, 0, 0] >= 0
+    centre, radius = enclosing_sphere(ends[:1].reshape(-1, 3))
+    far = look_at(poses[:, :3, 3] * 3, centre + np.random.default_rng(1).normal(size=(40, 3)) * 100)
+    accepted = cone_slacks(CAMERA, world_to_cam(centre, far), radius)[:, 0, 0] >= 0
     assert 5 < accepted.sum() < 40
     assert field_of_view_slacks(CAMERA, world_to_cam(ends[:1], far), 0.0)[accepted].min() >= 0
 
@@ -159,8 +159,8 @@ def test_enclosing_sphere_holds_all_points_and_is_small():
     rng = np.random.default_rng(9)
     directions = rng.normal(size=(200, 3))
     points = 10 * directions / np.linalg.norm(directions, axis=1, keepdims=True) + [100, 0, 0]
-    center, radius = enclosing_sphere(points)
-    assert np.linalg.norm(points - center, axis=1).max() <= radius
+    centre, radius = enclosing_sphere(points)
+    assert np.linalg.norm(points - centre, axis=1).max() <= radius
     assert radius == pytest.approx(10, rel=0.01)
     assert enclosing_sphere(np.array([[0.0, 0, 0], [6.0, 0, 0]])) == (pytest.approx([3, 0, 0]), 3.0)
 

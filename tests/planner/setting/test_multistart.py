@@ -23,7 +23,7 @@ def request(names=NAMES, camera=CAMERA, **requirements):
     constraints = Constraints(space, names, camera, Requirements(**requirements))
     objective = Objective(constraints.ends, camera, PAPER, 0.98)
     sampler = ViewpointSampler(space.covering_cells(names), constraints.ends, camera)
-    encoding = PoseEncoding(sampler.bounds, constraints.sphere_center, camera.half_diagonal_rad)
+    encoding = PoseEncoding(sampler.bounds, constraints.sphere_centre, camera.half_diagonal_rad)
     return constraints, objective, sampler, encoding
 
 
@@ -39,8 +39,8 @@ def feasible_poses(n, constraints, sampler, encoding, rng):
 def test_positions_are_chosen_farthest_first():
     """On the line 0 1 2 10 14 from the first: 14, then 10 (4 from 14, 10 from 0) and not 2, then 2."""
     positions = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [10, 0, 0], [14, 0, 0]])
-    centers, group = spread(positions, 3)
-    assert centers == [0, 4, 3]
+    centres, group = spread(positions, 3)
+    assert centres == [0, 4, 3]
     assert group.tolist() == [0, 0, 0, 2, 1]
     assert spread(positions, 4)[0] == [0, 4, 3, 2]
     assert spread(positions[[0, 0, 0]], 3)[0] == [0]
@@ -93,7 +93,7 @@ def test_refinement_is_never_worse_and_ends_feasible():
 def test_an_infeasible_pose_is_led_to_a_feasible_one():
     """Too near to be in focus, by 40 mm: the way leads back."""
     constraints, objective, *_ = request()
-    target = constraints.sphere_center
+    target = constraints.sphere_centre
     away = np.array([-1.0, -1.0, -1.0]) / np.sqrt(3)
     near = look_at([target + 230.0 * away], target)[0]
     assert constraints.margins(near[None])["focus_mm"].min() < -20
@@ -106,7 +106,7 @@ def test_an_infeasible_pose_is_led_to_a_feasible_one():
 
 def test_where_nothing_is_feasible_refinement_says_so():
     constraints, objective, *_ = request(min_length_px=2000)
-    pose = look_at([[-200.0, -200.0, -200.0]], constraints.sphere_center)[0]
+    pose = look_at([[-200.0, -200.0, -200.0]], constraints.sphere_centre)[0]
     same, fitness, _ = refine(pose, NO_WALLS, objective, constraints)
     assert fitness == -np.inf
     assert np.array_equal(same, pose)
@@ -128,7 +128,7 @@ def test_a_clearance_left_out_at_first_is_kept_all_the_same():
     deep = Camera(6.0, (0.01, 0.013), (2000, 1600), 16.0, 100.0, largest_blur_mm=0.03)
     (free, *_), (held, *_) = request(camera=deep, stand_off_mm=0.0), request(camera=deep, stand_off_mm=73.0)
     away = np.array([[-1.0, -1.0, -1.0], [-1.0, -0.5, -1.0]])
-    poses = look_at(free.sphere_center + 190.0 * away / np.linalg.norm(away, axis=1)[:, None], free.sphere_center)
+    poses = look_at(free.sphere_centre + 190.0 * away / np.linalg.norm(away, axis=1)[:, None], free.sphere_centre)
     assert held.margins(poses)["clearance_mm"].min() > 73
     ends = np.array([[refine(p, NO_WALLS, Nearness(), c)[0] for c in (free, held)] for p in poses])
     assert held.margins(ends[:, 0])["clearance_mm"].max() < 0

@@ -153,7 +153,7 @@ def test_the_first_population_is_feasible_and_inside_the_covering_domains(names)
     constraints = Constraints(space, names, CAMERA, Requirements())
     cells = space.covering_cells(names)
     sampler = ViewpointSampler(cells, ends, CAMERA)
-    encoding = PoseEncoding(sampler.bounds, constraints.sphere_center, CAMERA.half_diagonal_rad)
+    encoding = PoseEncoding(sampler.bounds, constraints.sphere_centre, CAMERA.half_diagonal_rad)
     start = draw_start(100, sampler, encoding, constraints, np.random.default_rng(0))
     assert start.bits.shape == (100, 96)
     poses = encoding.decode(start.bits)
@@ -168,7 +168,7 @@ def test_repair_finds_poses_that_draws_do_not():
     requirements = Requirements(reach=SphereRegion(spot, 8.0))
     constraints = Constraints(space, ["x00"], CAMERA, requirements)
     sampler = ViewpointSampler(space.covering_cells(["x00"]), ends, CAMERA)
-    encoding = PoseEncoding(sampler.bounds, constraints.sphere_center, CAMERA.half_diagonal_rad)
+    encoding = PoseEncoding(sampler.bounds, constraints.sphere_centre, CAMERA.half_diagonal_rad)
     start = draw_start(20, sampler, encoding, constraints, np.random.default_rng(0), max_draws=2048)
     assert start.feasible_drawn < 5
     assert len(start.bits) == 20

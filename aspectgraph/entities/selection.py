@@ -1,0 +1,160 @@
+"""Entities by rule: ``"length > 20 and face = top and convex"``.
+
+Conditions are joined by *and*. Each is one of
+
+==========================================  =======================================================================
+``length > 20``, ``turn <= 90``             mm of an edge, radius in mm of a rim or arc (``radius`` too); degrees
+``convex``, ``reentrant``                   by the sign of the turn
+``kind = edge`` (``rim``, ``arc``, ``any``)  edges unless said otherwise
+``direction = x`` (``y``, ``z``, ``1,0,2``)  parallel within half a degree, of a rim or arc its axis
+``face = top`` (``bottom``, ``left``, …)    all of it on that side of the part's box: top is +z, right +x, back +y
+``near 10,20,30 < 5``                       distance from a point, mm
+==========================================  =======================================================================
+"""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aspectgraph.exceptions import EntityError
+from aspectgraph.solid.rims import Rim
+from aspectgraph.solid.solid import Solid
+
+PARALLEL_DEG = 0.5
+"""Largest angle between an edge and a direction to which it counts as parallel, degrees."""
+
+ON_SIDE = 1e-6
+"""Largest distance from a side of the part's box, as a fraction of its diagonal, to count as on it."""
+
+_COMPARE: dict[str, Callable[[float, float], bool]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
+_SIDES = {"left": (0, 0), "right": (1, 0), "front": (0, 1), "back": (1, 1), "bottom": (0, 2), "top": (1, 2)}
+_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
+_POINT = rf"{_NUMBER}(?:\s*,\s*{_NUMBER}){{2}}"
+_Test = Callable[["_Candidate"], bool]
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """An edge, rim or arc with what rules ask of it: lengths in mm, points (n, 3) in mm, angle in degrees."""
+
+    id: int | str
+    kind: str
+    size_mm: float
+    turn_deg: float
+    points: NDArray[np.float64]
+    along: NDArray[np.float64]
+
+
+def select_entities(solid: Solid, rule: str) -> list[int | str]:
+    """Return the ids of the edges, rims and arcs a rule holds for.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    rule : str
+        Conditions joined by *and*: ``length > 20``, ``turn < 100``, ``convex``, ``reentrant``, ``kind = rim``,
+        ``direction = z``, ``face = top``, ``near 10,20,30 < 5``.
+
+    Returns
+    -------
+    list of int or str
+        Ids for `resolve_entities`: edges, then rims, then arcs, each in order.
+
+    Raises
+    ------
+    EntityError
+        If a condition is none of these, or nothing satisfies all of them.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid, select_entities
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> select_entities(block, "length >= 60 and face = bottom")
+    [0, 1, 2, 3]
+    """
+    tests = [_test(text.strip(), solid) for text in re.split(r"\s+and\s+", rule.strip(), flags=re.IGNORECASE)]
+    if not re.search(r"\bkind\b", rule, flags=re.IGNORECASE):
+        tests.append(lambda one: one.kind == "edge")
+    found = [one.id for one in _candidates(solid) if all(test(one) for test in tests)]
+    if not found:
+        raise EntityError(f"select must hold for at least one edge. Got none for {rule!r}.")
+    return found
+
+
+def _candidates(solid: Solid) -> list[_Candidate]:
+    """Return all that can be measured."""
+    found = []
+    for edge in solid.straight_edges():
+        ends = np.asarray(solid.edge_points(edge.id), dtype=np.float64)
+        along = ends[1] - ends[0]
+        found.append(_Candidate(edge.id, "edge", float(np.linalg.norm(along)), edge.dihedral_deg, ends, along))
+    for curve in (*solid.rims(), *solid.arcs()):
+        kind, turn = "rim" if isinstance(curve, Rim) else "arc", solid.edges[curve.edge_ids[0]].dihedral_deg
+        points = np.asarray(solid.vertices[list(curve.vertices)], dtype=np.float64)
+        found.append(_Candidate(curve.id, kind, float(curve.radius_mm), turn, points, np.asarray(curve.axis)))
+    return found
+
+
+def _test(text: str, solid: Solid) -> _Test:
+    """Return the test a condition stands for."""
+    lower = text.lower()
+    if lower in ("convex", "reentrant", "re-entrant"):
+        sign = 1 if lower == "convex" else -1
+        return lambda one: sign * one.turn_deg > 0
+    if found := re.fullmatch(rf"(length|radius|turn)\s*(<=|>=|<|>)\s*({_NUMBER})", lower):
+        what, compare, limit = found[1], _COMPARE[found[2]], float(found[3])
+        if what == "turn":
+            return lambda one: compare(abs(one.turn_deg), limit)
+        return lambda one: compare(one.size_mm, limit)
+    if found := re.fullmatch(r"kind\s*=\s*(edge|rim|arc|any)", lower):
+        kind = found[1]
+        return lambda one: kind in (one.kind, "any")
+    if found := re.fullmatch(rf"direction\s*=\s*([xyz]|{_POINT})", lower):
+        return _parallel(np.array(_AXES.get(found[1]) or _numbers(found[1])), text)
+    if found := re.fullmatch(rf"face\s*=\s*({'|'.join(_SIDES)})", lower):
+        return _on_side(solid, *_SIDES[found[1]])
+    if found := re.fullmatch(rf"near\s+({_POINT})\s*<\s*({_NUMBER})", lower):
+        point, radius = np.array(_numbers(found[1])), float(found[2])
+        return lambda one: _distance(one, point) < radius
+    raise EntityError(
+        "select must be conditions joined by 'and': length > 20, turn < 100, convex, reentrant, kind = rim, "
+        f"direction = z, face = top, near 10,20,30 < 5. Got {text!r}."
+    )
+
+
+def _numbers(text: str) -> list[float]:
+    return [float(word) for word in text.split(",")]
+
+
+def _parallel(direction: NDArray[np.float64], text: str) -> _Test:
+    if not direction.any():
+        raise EntityError(f"direction must have a length. Got {text!r}.")
+    unit, least = direction / np.linalg.norm(direction), np.cos(np.radians(PARALLEL_DEG))
+    return lambda one: bool(abs(one.along @ unit) >= least * np.linalg.norm(one.along))
+
+
+def _on_side(solid: Solid, which: int, axis: int) -> _Test:
+    low_high = np.asarray(solid.bounds, dtype=np.float64)
+    near, place = ON_SIDE * float(np.linalg.norm(low_high[1] - low_high[0])), low_high[which, axis]
+    return lambda one: bool((abs(one.points[:, axis] - place) <= near).all())
+
+
+def _distance(one: _Candidate, point: NDArray[np.float64]) -> float:
+    """Return the distance of a point from the nearest chord, mm."""
+    start = one.points if one.kind == "rim" else one.points[:-1]
+    step = (np.roll(one.points, -1, axis=0) if one.kind == "rim" else one.points[1:]) - start
+    share = np.clip(((point - start) * step).sum(axis=1) / (step**2).sum(axis=1), 0.0, 1.0)
+    return float(np.linalg.norm(start + share[:, None] * step - point, axis=1).min())

@@ -1,0 +1,47 @@
+"""Rules of the numbers on the command line: an error names the option as it was typed."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from planner.exceptions import RequestError
+
+_COUNTS = {"seed": 0, "simulate": 1, "jobs": 1, "poses": 1, "graph_limit": 0}
+_NOT_NEGATIVE = (
+    "sigma_mm",
+    "sigma_rad",
+    "stand_off",
+    "min_length",
+    "min_length_px",
+    "field_margin_px",
+    "focus_margin_mm",
+    "visibility_radius_mm",
+)
+
+
+def check_numbers(options: Any) -> None:
+    """Refuse numbers that break the rule of their option, before any work.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Those of one command; options it does not have are passed over.
+
+    Raises
+    ------
+    RequestError
+        If a number breaks its rule; names the option.
+    """
+    given = vars(options)
+    for name, least in _COUNTS.items():
+        if name in given and given[name] < least:
+            raise RequestError(f"{_option(name)} must be at least {least}. Got {given[name]}.")
+    for name in _NOT_NEGATIVE:
+        value = given.get(name)
+        if value is not None and not (math.isfinite(value) and value >= 0):
+            raise RequestError(f"{_option(name)} must be finite and not negative. Got {value:g}.")
+
+
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"

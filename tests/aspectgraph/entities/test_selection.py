@@ -1,0 +1,111 @@
+"""Entities by rule, range, end points and CSV: on a block whose answers can be counted by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aspectgraph import EntityError, read_entities, read_solid, select_entities
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+BLOCK = read_solid(EXAMPLES / "two_pocket_block.off")
+CTC = EXAMPLES / "nist_ctc_01_ap242.stp"
+
+
+def by_hand(keep):
+    """Return the ids of straight edges whose ends satisfy something."""
+    return [edge.id for edge in BLOCK.straight_edges() if keep(np.asarray(BLOCK.edge_points(edge.id)), edge)]
+
+
+RULES = {
+    "length > 20": lambda p, e: np.linalg.norm(p[1] - p[0]) > 20,
+    "LENGTH <= 2e1": lambda p, e: np.linalg.norm(p[1] - p[0]) <= 20,
+    "convex": lambda p, e: e.dihedral_deg > 0,
+    "re-entrant": lambda p, e: e.dihedral_deg < 0,
+    "direction = z": lambda p, e: (p[0][:2] == p[1][:2]).all(),
+    "direction = 0,-3,0": lambda p, e: (p[0][[0, 2]] == p[1][[0, 2]]).all(),
+    "face = bottom": lambda p, e: (p[:, 2] == BLOCK.vertices[:, 2].min()).all(),
+    "face = right and length >= 40": lambda p, e: (
+        (p[:, 0] == BLOCK.vertices[:, 0].max()).all() and np.linalg.norm(p[1] - p[0]) >= 40
+    ),
+    # the corner at the origin has three edges
+    "near 0,0,0 < 0.001": lambda p, e: (p == 0).all(axis=1).any(),
+    "turn < 91 and kind = any": lambda p, e: abs(e.dihedral_deg) < 91,
+}
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_rule_selects_what_it_says(rule):
+    expected = by_hand(RULES[rule])
+    assert expected
+    assert select_entities(BLOCK, rule) == expected
+
+
+def test_near_is_the_distance_from_the_segment_and_not_from_its_line():
+    # 5 mm beyond the end of the edges at the corner, along x
+    for radius, found in ((4.9, False), (5.1, True)):
+        rule = f"near -5,0,0 < {radius}"
+        if found:
+            assert select_entities(BLOCK, rule) == select_entities(BLOCK, "near 0,0,0 < 0.001")
+        else:
+            with pytest.raises(EntityError, match="must hold for at least one edge"):
+                select_entities(BLOCK, rule)
+
+
+def test_rims_are_selected_by_kind_and_radius():
+    pytest.importorskip("OCP")
+    part = read_solid(CTC)
+    expected = [rim.id for rim in part.rims() if rim.radius_mm > 10]
+    assert expected
+    assert select_entities(part, "kind = rim and radius > 10") == expected
+    assert set(select_entities(part, "kind = any")) >= {*expected, *(arc.id for arc in part.arcs())}
+
+
+@pytest.mark.parametrize("rule", ["", "length = 3", "size > 2", "length > 2 or convex", "near 1,2 < 3", "face = roof"])
+def test_other_words_are_refused(rule):
+    with pytest.raises(EntityError, match="select must be conditions joined by 'and'"):
+        select_entities(BLOCK, rule)
+
+
+def test_a_direction_needs_a_length():
+    with pytest.raises(EntityError, match="direction must have a length"):
+        select_entities(BLOCK, "direction = 0,0,0")
+
+
+def test_ranges_and_end_points():
+    assert list(read_entities("3, 8-10 e9", BLOCK)) == ["e3", "e8", "e9", "e10"]
+    ends = np.asarray(BLOCK.edge_points(17))
+    (x, y, z), (u, v, w) = ends
+    found = read_entities(f"3, ({x},{y},{z})-({u}, {v}, {w})", BLOCK)
+    assert found["p1"].edge_ids == (17,)
+    assert found["e3"].edge_ids == (3,)
+    for text, rule in (
+        ("10-8", "a range must go upwards"),
+        ("r1-3", "a range must be of one kind"),
+        ("1-r3", "a range must be of one kind"),
+        ("(0,0)-(1,1,1)", "an end point must be three numbers"),
+    ):
+        with pytest.raises(EntityError, match=rule):
+            read_entities(text, BLOCK)
+
+
+def test_a_table(tmp_path):
+    (x, y, z), (u, v, w) = np.asarray(BLOCK.edge_points(17))
+    path = tmp_path / "edges.csv"
+    path.write_text(f"name,id\nfirst, 3\n\n second,e8\nfloor,{x},{y},{z},{u},{v},{w}\n")
+    assert {name: one.edge_ids for name, one in read_entities(path, BLOCK).items()} == {
+        "first": (3,),
+        "second": (8,),
+        "floor": (17,),
+    }
+    for text, rule in (
+        ("a,1\na,2\n", "must name an entity once. Got 'a' again in edges.csv, row 2"),
+        ("a,1,2\n", "a CSV row must be a name and an id, or a name and six coordinates. Got 'a,1,2' in edges.csv"),
+    ):
+        path.write_text(text)
+        with pytest.raises(EntityError, match=rule):
+            read_entities(path, BLOCK)
+    with pytest.raises(EntityError, match=r"a CSV file that can be read. Got .*none\.csv"):
+        read_entities(tmp_path / "none.csv", BLOCK)

@@ -1,0 +1,94 @@
+"""Numbers, defaults and the small commands: what a new user types first."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from planner import Camera, camera_names
+from planner.cli.exit_codes import BAD_INPUT, DONE
+from planner.cli.main import main
+
+BLOCK = str(Path(__file__).parents[3] / "examples" / "two_pocket_block.off")
+PLAN = ["plan", BLOCK, "--entities", "8", "--camera", "basler-acA2440-20gm-8mm", "--out", "out"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([*PLAN, "--sigma-mm", "-1"], "--sigma-mm must be finite and not negative. Got -1."),
+        ([*PLAN, "--sigma-rad", "nan"], "--sigma-rad must be finite and not negative. Got nan."),
+        ([*PLAN, "--stand-off", "-1"], "--stand-off must be finite and not negative. Got -1."),
+        ([*PLAN, "--simulate", "0"], "--simulate must be at least 1. Got 0."),
+        (["info", BLOCK, "--min-length", "-3"], "--min-length must be finite and not negative. Got -3."),
+        (["simulate", "plan.json", "--poses", "0"], "--poses must be at least 1. Got 0."),
+    ],
+)
+def test_a_number_out_of_its_range_names_its_option(tmp_path, monkeypatch, capsys, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == BAD_INPUT
+    out, err = capsys.readouterr()
+    assert (out, err) == ("", f"aspectgraph: {message}\n")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_pitch_in_micrometres_is_refused(tmp_path, capsys):
+    text = "focal_length_mm = 8\npixel_pitch_mm = [3.45, 3.45]\nresolution = [64, 64]\nf_number = 8\n"
+    (tmp_path / "camera.toml").write_text(text + "focus_distance_mm = 300\n")
+    out = str(tmp_path / "out")
+    assert main(["plan", BLOCK, "--all", "--camera", str(tmp_path / "camera.toml"), "--out", out]) == BAD_INPUT
+    assert "camera.toml:2: pixel_pitch_mm must be at most 0.5 mm; 3.45 um are 0.00345. Got 3.45." in (
+        capsys.readouterr().err
+    )
+
+
+def test_help_tells_defaults_once(capsys):
+    with pytest.raises(SystemExit):
+        main(["plan", "--help"])
+    text = " ".join(capsys.readouterr().out.split())
+    for told in ("std. deviation (default: 0.2)", "from the part (default: 50.0)", "per setting (default: 10000)"):
+        assert told in text
+    assert "at most one per core" in text
+    assert "default: None" not in text
+    assert "default: False" not in text
+
+
+def test_cameras_are_listed(capsys):
+    assert main(["cameras"]) == DONE
+    lines = capsys.readouterr().out.splitlines()
+    listed = [line.split()[0] for line in lines if " x " in line]
+    assert listed == list(camera_names())
+    row = next(line for line in lines if line.startswith(" basler-acA2440-20gm-8mm"))
+    # thin lens: the field at the distance s of sharp focus is the sensor's (s - f) / f times; 2448 x 0.00345 mm wide
+    assert row.endswith(f"{2448 * 0.00345 * (300 - 8) / 8:.0f} x {2048 * 0.00345 * (300 - 8) / 8:.0f} ")
+    assert main(["cameras", "--json"]) == DONE
+    records = json.loads(capsys.readouterr().out)
+    assert [Camera.from_dict(one) for one in records] == [Camera.named(name) for name in camera_names()]
+
+
+def test_the_assumed_unit_is_told(capsys):
+    note = "note: OFF files state no unit: mm is assumed; --units says otherwise"
+    assert main(["info", BLOCK]) == DONE
+    assert note in capsys.readouterr().out.splitlines()
+    assert main(["info", BLOCK, "--units", "inch"]) == DONE
+    out = capsys.readouterr().out
+    assert note not in out
+    # 60 x 60 x 40 of 25.4 mm
+    assert "1524.00 x 1524.00 x 1016.00 mm" in out
+
+
+def test_a_rule_chooses_edges(tmp_path, capsys):
+    assert main(["info", BLOCK, "--select", "face = bottom"]) == DONE
+    # the four sides of the base, 60 mm long
+    assert "4 sharp straight edges" in capsys.readouterr().out
+    graph = str(tmp_path / "g.graphml")
+    assert main(["graph", BLOCK, "--select", "face = bottom and direction = x", "--graphml", graph]) == DONE
+    assert "of 2 entities" in capsys.readouterr().out
+    assert main(["graph", BLOCK, "--select", "length > 900", "--graphml", graph]) == BAD_INPUT
+    assert capsys.readouterr().err == (
+        "aspectgraph: select must hold for at least one edge. Got none for 'length > 900'.\n"
+    )
+    assert main(["graph", BLOCK, "--select", "convex", "--all", "--graphml", graph]) == BAD_INPUT
+    assert "not allowed with" in capsys.readouterr().err

@@ -1,0 +1,65 @@
+"""Limits of a request: the reserve of focus, and that the plan's file tells all of them."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from plan_examples import CAMERA, UNCERTAINTY, plan
+
+from planner.exceptions import PlanFileError, RequestError
+from planner.inspection_options import InspectionOptions
+from planner.output.wording import requirement_rows
+from planner.plan import InspectionPlan
+from planner.request.constraints import Requirements
+from planner.request.image_constraints import FOCUS, Lens, image_slacks
+
+LIMITS = Requirements(20.0, 27.0, stand_off_mm=50.0, visibility_radius_mm=0.6, focus_margin_mm=0.8).to_dict()
+
+
+def test_a_focus_margin_narrows_the_depth_of_field_at_both_ends():
+    near, far = CAMERA.depth_of_field_mm
+    depths = near + 0.5, far - 0.25
+    ends = np.array([[[[0.0, 0.0, depths[0]], [0.0, 0.0, depths[1]]]]])
+    slacks = image_slacks(Lens.of(CAMERA, focus_margin_mm=2.0), ends)[0, 0, FOCUS]
+    # by definition: depth - (near + 2) of both ends, then (far - 2) - depth of both
+    expected = [0.5 - 2.0, far - near - 0.25 - 2.0, far - near - 0.5 - 2.0, 0.25 - 2.0]
+    np.testing.assert_allclose(slacks, expected, atol=1e-9)
+
+
+def test_a_focus_margin_must_leave_a_depth_of_field():
+    near, far = CAMERA.depth_of_field_mm
+    just_less = InspectionOptions(focus_margin_mm=0.49 * (far - near)).requirements(CAMERA, UNCERTAINTY)
+    assert just_less.focus_margin_mm == 0.49 * (far - near)
+    for value, rule in ((0.51 * (far - near), "less than half the depth of field"), (-1.0, "not negative")):
+        with pytest.raises(RequestError, match=f"focus_margin_mm must be .*{rule}"):
+            InspectionOptions(focus_margin_mm=value).requirements(CAMERA, UNCERTAINTY)
+
+
+def test_the_file_keeps_the_limits(tmp_path):
+    found = plan(requirements=LIMITS)
+    data = json.loads(json.dumps(found.to_dict()))
+    assert data["requirements"] == {
+        "min_length_px": 20.0,
+        "field_margin_px": 27.0,
+        "focus_margin_mm": 0.8,
+        "stand_off_mm": 50.0,
+        "visibility_radius_mm": 0.6,
+    }
+    assert InspectionPlan.from_dict(data) == found
+    with pytest.raises(PlanFileError, match=r"requirements\.stand_off_mm must not be negative\. Got -1"):
+        InspectionPlan.from_dict({**data, "requirements": {**LIMITS, "stand_off_mm": -1}})
+
+
+def test_a_file_without_limits_is_read():
+    assert InspectionPlan.from_dict(plan().to_dict()).requirements == {}
+    assert "requirements" not in plan().to_dict()
+    assert requirement_rows({}) == {}
+
+
+def test_the_report_tells_the_limits():
+    rows = requirement_rows(LIMITS)
+    assert rows["Stand-off"] == "at least 50 mm from the part"
+    assert rows["Reserve of the field of view"].startswith("27 px ")
+    assert rows["Reserve of focus"].startswith("0.8 mm ")
