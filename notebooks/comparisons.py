@@ -228,3 +228,46 @@ plt.show()
 # `plan_inspection`. There, with a coarse arm and 99 %, it takes two to three times as long as the slowest rival, most
 # of it for the bound, which is not reached all the same: it does not know how little of the image is left where such
 # an arm still measures accurately.
+
+# %% [markdown]
+# ## Settings against time
+#
+# How soon is there a plan that can be used, and how soon a better one? `plan_inspection` tells of every better plan and
+# every better bound (`on_incumbent=`); a rival has one plan, at its end. All begin when the visible regions are there.
+# *narrow*: a lens of 25 mm at f/8 with little depth of field, focused at 120 mm (`mfcad-narrow`) and 250 mm
+# (`mtc-narrow`). Stored by `python benchmarks/anytime.py --folder PARTS --limit 300 --csv notebooks/anytime.csv`, wall
+# time on two cores; a plan was ended after 300 s.
+
+# %%
+anytime = grouped(load("anytime.csv"), "part")
+print(f"{'':<14}{'first whole plan':>24}{'greedy cover':>24}{'last plan':>24}{'at least':>10}")
+for (part,), runs in anytime.items():
+    ours = [r for r in runs if r["planner"] == "plan_inspection"]
+    greedy = next(r for r in runs if r["planner"].startswith("greedy"))
+    whole = next(r for r in ours if int(r["inspected"]) >= int(greedy["inspected"]))
+    told = [f"{r['settings']} of {r['inspected']} in {float(r['seconds']):.1f} s" for r in (whole, greedy, ours[-1])]
+    print(f"{part:<14}{''.join(f'{text:>24}' for text in told)}{max(int(r['bound']) for r in ours):>10}")
+
+# %%
+fig, axes = plt.subplots(2, -(-len(anytime) // 2), figsize=(11, 6.4))
+for ax, ((part,), runs) in zip(axes.flat, anytime.items(), strict=False):
+    ours = [r for r in runs if r["planner"] == "plan_inspection"]
+    most = column(ours, "inspected").max()
+    times, whole = column(ours, "seconds"), column(ours, "inspected") >= most
+    ax.step(times, column(ours, "settings"), "C0:", where="post")
+    ax.step(times[whole], column(ours, "settings")[whole], "C0-", where="post", label="plan_inspection")
+    ax.step(times, column(ours, "bound"), "k:", where="post", lw=1, label="at least (proven)")
+    for k, r in enumerate(r for r in runs if r["planner"] != "plan_inspection"):
+        x, y, seen = float(r["seconds"]), int(r["settings"]), int(r["inspected"])
+        if seen:
+            ax.plot(x, y, "os^D"[k], color=f"C{k + 1}", label=r["planner"], fillstyle="full" if seen >= most else "none")
+    ax.set(xscale="log", title=f"{part}: {most:.0f} entities", ylim=(0, None))
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.yaxis.set_major_locator(plt.MaxNLocator(6, integer=True))
+for ax in axes.flat[len(anytime) :]:
+    ax.set_visible(False)
+fig.supxlabel("seconds, wall time")
+fig.supylabel("settings")
+fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+fig.suptitle("Settings against time; dotted and hollow: not all that can be inspected is")
+plt.show()

@@ -9,12 +9,15 @@ import hashlib
 import os
 import pickle
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future, TimeoutError
 from typing import Any
 
 # what other processes have sent, by digest; a process works on few requests at a time
 _received: dict[str, object] = {}
 _MOST_RECEIVED = 4
+
+# between two calls of what is asked whether to go on
+_POLL_S = 0.1
 
 # of compiled loops that release the interpreter's lock; no result depends on it
 THREADS = 2
@@ -55,7 +58,10 @@ class Shared:
 
 
 def in_order(
-    executor: Executor | None, task: Callable[..., Any], arguments: Iterable[tuple[Any, ...]]
+    executor: Executor | None,
+    task: Callable[..., Any],
+    arguments: Iterable[tuple[Any, ...]],
+    check: Callable[[], None] | None = None,
 ) -> Iterator[Any]:
     """Run a task for each tuple of arguments; yield the results in order.
 
@@ -66,8 +72,35 @@ def in_order(
     task : callable
         At the top level of a module, so that other processes find it.
     arguments : iterable of tuple
+    check : callable, optional
+        Is called while results are waited for, or before each task; it may raise. Tasks not begun are then dropped.
     """
     if executor is None:
-        return (task(*values) for values in arguments)
+        for values in arguments:
+            _call(check)
+            yield task(*values)
+        return
     futures = [executor.submit(task, *values) for values in arguments]
-    return (future.result() for future in futures)
+    try:
+        for future in futures:
+            yield future.result() if check is None else _checked(future, check)
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+def _checked(future: Future[Any], check: Callable[[], None]) -> Any:
+    """Return the result of a task; now and then it is asked whether to go on."""
+    while True:
+        try:
+            return future.result(_POLL_S)
+        except TimeoutError:
+            # the task may have raised one itself
+            if future.done():
+                raise
+            check()
+
+
+def _call(check: Callable[[], None] | None) -> None:
+    if check is not None:
+        check()

@@ -37,16 +37,17 @@ from planner.request.request import Request
 from planner.request.space import Space
 from planner.request.target_space import TargetSpace
 from planner.resume import PlanningState
-from planner.setting.sensor_setting import SensorSetting
+from planner.steps.assemble import assembled
 from planner.steps.find_columns import find_columns
+from planner.steps.incumbents import Incumbents
 from planner.steps.pixel_grid import COUNTED, COUNTING, contradicted, count_on_grid
 from planner.steps.prove_bound import prove_bound
 from planner.steps.refute import refute
 from planner.steps.run import Run
 from planner.steps.settle import settle
-from planner.travel import travel_order
 from planner.wanted.dimension import Dimension
 from planner.wanted.targets import check_is_edge
+from planner.watch import TimeIsUpError, Watch
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -116,6 +117,15 @@ def plan_inspection(
         How long to search. Default: ``Effort()``; where dimensions are planned, ``Effort.for_dimensions()``.
     localisation : Localisation, optional
         How well points are found in the image. Default: on whole pixels, as in the paper.
+    time_limit_s : float, optional
+        Seconds until the planning ends with the best plan it has found, which is then ``unfinished``. The first plan is
+        waited for, and so is a run of the genetic algorithm that has begun in this process. Default: no limit.
+    gap : float
+        Share of the settings in [0, 1) that the bound may miss: the proof goes no further, and no saving is tried.
+        Default: as good as the effort allows.
+    on_incumbent : callable, optional
+        ``on_incumbent(plan)`` gets the best plan so far whenever it, or its bound, is better; the plan returned is the
+        last. An exception it raises cancels the work.
     state : path, optional
         File to resume from, if it exists, and to keep results in while planning. It stays when the plan is done, and
         the same call then returns the plan at once: delete it when the plan is written. If it can no longer be saved,
@@ -150,20 +160,25 @@ def plan_inspection(
     how = chosen(InspectionOptions, plan_inspection, options)
     check_fraction("accuracy", accuracy)
     check_fraction("probability", probability)
-    seed = check_seed(rng)
+    seed, watch = check_seed(rng), Watch(how.time_limit_s, how.gap)
     if not entities:
         raise RequestError("entities must hold at least one entity. Got none.")
     need = how.requirements(camera, pose_uncertainty)
     asked = _Asked(camera, pose_uncertainty, accuracy, probability, need)
     request = _request(solid, entities, asked, how)
     effort = how.effort or (Effort.for_dimensions() if request.dimensions else Effort())
-    memo = PlanningState(_basis(request, seed, effort), how.state)
+    memo = PlanningState(_basis(request, seed, effort, watch.gap), how.state)
+    incumbents = Incumbents(how.on_incumbent, watch)
     if memo.plan is None:
+        run = Run(request, seed, effort, memo, executor=how.executor, progress=how.progress, watch=watch)
         try:
-            memo.finish(_plan(Run(request, seed, effort, memo, executor=how.executor, progress=how.progress)))
+            memo.finish(_plan(run, incumbents))
+        except TimeIsUpError:
+            return incumbents.latest
         finally:
             memo.save()
     assert memo.plan is not None
+    incumbents.end(memo.plan)
     return memo.plan
 
 
@@ -207,7 +222,7 @@ def _visible(solid: Solid, entities: Mapping[str, Any], camera: Camera, how: Ins
     return compute_regions(solid, entities, workspace=box, executor=how.executor, progress=shown)
 
 
-def _basis(request: Request, seed: int, effort: Effort) -> dict[str, Any]:
+def _basis(request: Request, seed: int, effort: Effort, gap: float) -> dict[str, Any]:
     """Return what the plan depends on."""
     need = request.requirements
     return {
@@ -228,6 +243,7 @@ def _basis(request: Request, seed: int, effort: Effort) -> dict[str, Any]:
         "reach": reach_name(need.reach),
         "seed": seed,
         "effort": asdict(effort),
+        **({"gap": gap} if gap else {}),
         **_dimensions(request),
     }
 
@@ -238,42 +254,19 @@ def _dimensions(request: Request) -> dict[str, Any]:
     return {"dimensions": {name: one.to_dict() for name, one in found.items()}} if found else {}
 
 
-def _plan(run: Run) -> InspectionPlan:
+def _plan(run: Run, incumbents: Incumbents) -> InspectionPlan:
     """Do all steps."""
-    find_columns(run)
+    find_columns(run, incumbents)
     for left in reversed(range(COUNTING.rounds)):
-        bound, proof = prove_bound(run)
+        bound, proof = prove_bound(run, incumbents)
         inspected = np.asarray(run.pool.membership.any(axis=0))
-        refute(run, inspected, bound)
+        refute(run, inspected, bound, incumbents)
         settings = settle(run, inspected)
         wrong = contradicted(run, settings) if left else []
         if not wrong:
             break
         count_on_grid(run, wrong)
+        incumbents.forget()
+        incumbents.offer(run)
         run.keep(COUNTED, {})
-    return _assembled(run, settings, bound, proof)
-
-
-def _assembled(run: Run, settings: list[SensorSetting], bound: int, proof: str) -> InspectionPlan:
-    """Put the plan together, its settings in the order of travel."""
-    request = run.request
-    # a later run may have come across a view of one that had none of its own
-    seen = {name for setting in settings for name in setting.entities}
-    order = travel_order(np.array([s.cam2world for s in settings]).reshape(-1, 4, 4))
-    return InspectionPlan(
-        settings=tuple(settings[i] for i in order),
-        lower_bound=bound,
-        bound_proof=proof,
-        uninspectable={name: reason for name, reason in run.uninspectable.items() if name not in seen},
-        entities=dict(zip(request.names, request.ends, strict=True)),
-        camera=request.camera,
-        pose_uncertainty=request.pose_uncertainty,
-        accuracy=request.accuracy,
-        probability=request.probability,
-        workspace=np.asarray(request.space.workspace, dtype=float),
-        part=request.space.solid.name,
-        seed=run.seed,
-        dimensions=planned_dimensions(request),
-        on_grid=request.on_grid,
-        requirements=request.requirements.to_dict(),
-    )
+    return assembled(run, settings, bound, proof)

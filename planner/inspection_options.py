@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from errors.measurands.localisation import Localisation
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.plan import InspectionPlan
 from planner.request.constraints import Requirements
 from planner.request.defaults import check_focus_margin, corner_margin_px, position_margin_mm
 from planner.request.effort import Effort
@@ -34,6 +35,9 @@ class InspectionOptions:
     space: Space | None = None
     effort: Effort | None = None
     localisation: Localisation | None = None
+    time_limit_s: float | None = None
+    gap: float = 0.0
+    on_incumbent: Callable[[InspectionPlan], object] | None = None
     state: str | os.PathLike[str] | None = None
     executor: Executor | None = None
     progress: Callable[..., Any] | None = None
@@ -64,6 +68,9 @@ class InspectionKeywords(TypedDict, total=False):
     space: Space | None
     effort: Effort | None
     localisation: Localisation | None
+    time_limit_s: float | None
+    gap: float
+    on_incumbent: Callable[[InspectionPlan], object] | None
     state: str | os.PathLike[str] | None
     executor: Executor | None
     progress: Callable[..., Any] | None

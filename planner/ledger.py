@@ -21,6 +21,8 @@ class Ledger:
     keep : callable, optional
         ``keep(entries)`` is given all that was told so far; see `planner.resume.PlanningState.keep` for what it may
         hold.
+    raised : callable, optional
+        ``raised(bound)`` is told of every number of settings that is proven.
     """
 
     def __init__(
@@ -28,8 +30,9 @@ class Ledger:
         improve: Callable[[np.ndarray], np.ndarray] | None = None,
         kept: dict[str, Any] | None = None,
         keep: Callable[[dict[str, Any]], None] | None = None,
+        raised: Callable[[int], None] | None = None,
     ):
-        self.improve, self._keep = improve, keep
+        self.improve, self._keep, self._raised = improve, keep, raised
         self._kept = kept or {}
         # what is not told anew still holds
         self._told = dict(self._kept)
@@ -43,3 +46,8 @@ class Ledger:
         self._told = {**self._told, name: entry}
         if self._keep is not None:
             self._keep(self._told)
+
+    def proven(self, bound: int) -> None:
+        """Tell that so many settings are needed at least."""
+        if self._raised is not None:
+            self._raised(bound)

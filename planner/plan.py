@@ -76,6 +76,8 @@ class InspectionPlan:
     requirements : mapping of str to float
         What every setting satisfies beside: least length of an image and strip kept free at the sensor's sides, px;
         margin of focus, stand-off and radius of visibility, mm. Empty in plans of programs that did not store it.
+    unfinished : bool
+        The planning was ended before its end: a longer one may need fewer settings, or prove a larger bound.
     simulation : SimulationResult or None
         What drawing displaced poses gave, once `simulated` was called.
     """
@@ -96,6 +98,7 @@ class InspectionPlan:
     dimensions: Mapping[str, PlannedDimension] = field(default_factory=dict)
     on_grid: tuple[str, ...] = ()
     requirements: Mapping[str, float] = field(default_factory=dict)
+    unfinished: bool = False
 
     def __post_init__(self) -> None:
         entities = {name: _read_only(points, (2, 3)) for name, points in self.entities.items()}
@@ -135,6 +138,11 @@ class InspectionPlan:
     def minimal(self) -> bool:
         """Whether no plan that inspects the same entities has fewer settings; an empty plan is not called minimal."""
         return bool(self.settings) and len(self.settings) == self.lower_bound
+
+    @property
+    def gap(self) -> float:
+        """Share of the settings that the bound does not prove to be needed, in [0, 1); 0 if it is minimal."""
+        return 1.0 - self.lower_bound / len(self.settings) if self.settings else 0.0
 
     @property
     def inspected(self) -> dict[str, float]:
@@ -212,6 +220,7 @@ class InspectionPlan:
             "entities": {name: points.tolist() for name, points in self.entities.items()},
             **({"dimensions": dimensions} if dimensions else {}),
             **({"on_grid": list(self.on_grid)} if self.on_grid else {}),
+            **({"unfinished": True} if self.unfinished else {}),
             "uninspectable": dict(self.uninspectable),
             "settings": [self._setting_dict(setting) for setting in self.settings],
             "simulation": None if self.simulation is None else self.simulation.to_dict(),
@@ -326,6 +335,7 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
         dimensions=_dimensions_from(data.get("dimensions", {})),
         on_grid=tuple(data.get("on_grid", ())),
         requirements=data.get("requirements", {}),
+        unfinished=data.get("unfinished", False),
         **{name: data[name] for name in _PLAIN_FIELDS},
     )
     if found.dimensions:

@@ -9,7 +9,11 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as RichProgress
+    from rich.progress import TaskID
 
 Progress = Callable[[int, int, str], None]
 
@@ -18,6 +22,13 @@ def report(progress: Progress | None, done: int, total: int, label: str) -> None
     """Call the callable if there is one."""
     if progress is not None:
         progress(done, total, label)
+
+
+def note(progress: Progress | None, text: str) -> None:
+    """Show a line that stays, where progress is shown."""
+    show = getattr(progress, "note", None)
+    if show is not None:
+        show(text)
 
 
 def labelled(progress: Progress | None, label: str) -> Progress | None:
@@ -50,20 +61,29 @@ def terminal_progress(stream: TextIO | None = None, *, quiet: bool = False) -> I
 @contextmanager
 def _bars(stream: TextIO | None) -> Iterator[Progress]:
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as RichProgress
 
     times = (TimeElapsedColumn(), TextColumn("left:"), TimeRemainingColumn())
     columns = (TextColumn("{task.description:<34}"), BarColumn(), MofNCompleteColumn(), *times)
     with RichProgress(*columns, console=Console(file=stream)) as bars:
-        tasks: dict[str, TaskID] = {}
+        yield _Bars(bars)
 
-        def progress(done: int, total: int, label: str) -> None:
-            if label not in tasks:
-                tasks[label] = bars.add_task(label, total=total)
-            bars.update(tasks[label], completed=done, total=total)
 
-        yield progress
+class _Bars:
+    """One live bar per label; lines that stay appear above them."""
+
+    def __init__(self, bars: RichProgress) -> None:
+        self._bars = bars
+        self._tasks: dict[str, TaskID] = {}
+
+    def __call__(self, done: int, total: int, label: str) -> None:
+        if label not in self._tasks:
+            self._tasks[label] = self._bars.add_task(label, total=total)
+        self._bars.update(self._tasks[label], completed=done, total=total)
+
+    def note(self, text: str) -> None:
+        self._bars.console.print(text, highlight=False, markup=False)
 
 
 class _Lines:
@@ -81,3 +101,6 @@ class _Lines:
             seconds = time.monotonic() - self._started[label]
             self._finished.add((label, total))
             print(f"{label}: {done}/{total} ({seconds:.1f} s)", file=self._stream, flush=True)
+
+    def note(self, text: str) -> None:
+        print(text, file=self._stream, flush=True)

@@ -21,7 +21,7 @@ CALLS = [
     (errors.simulate_success, SuccessOptions, SuccessKeywords, 9),
     (errors.simulate_measurement, MeasurementOptions, MeasurementKeywords, 10),
     (planner.plan_setting, SettingOptions, SettingKeywords, 18),
-    (planner.plan_inspection, InspectionOptions, InspectionKeywords, 20),
+    (planner.plan_inspection, InspectionOptions, InspectionKeywords, 23),
     (planner.simulate_setting, SimulationOptions, SimulationKeywords, 10),
 ]
 

@@ -42,6 +42,7 @@ PLACES = {
         "request": (2.7, "constraints and probability"),
         "wanted": (1.4, "edges and dimensions asked for"),
         "camera": (3.25, "camera, pose, uncertainty"),
+        "watch": (4.4, "when to end"),
         "executors": (0, "work in processes"),
         "ledger": (1, "what is already computed"),
         "records": (2, "strict JSON files"),

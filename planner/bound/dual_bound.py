@@ -243,6 +243,7 @@ class LinearBound:
                 self._make_room(at, sets)
             elif parts.proven.all():
                 at.bound = max(at.bound, at.target)
+                self.ledger.proven(at.bound)
                 parts.renew()
                 at.target, at.allowed = min(at.bound + 1, n_settings), AIMING.share_of_next * max_nodes
                 at.limit, at.least = limit_for(at.y, at.target), AIMING.least_limit_of_next

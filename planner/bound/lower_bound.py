@@ -157,9 +157,10 @@ def lower_bound(
     if first is None:
         conflict = find_conflicts(judge, entity_idx, columns, regions)
         tree = PoseTree(judge, entity_idx, regions, conflict)
-        proven = _by_covers(tree, columns, n_settings, max_nodes, progress)
+        proven = _by_covers(tree, columns, n_settings, max_nodes, ledger, progress)
         first = {"conflict": conflict, "bound": proven, "made": tree.made}
     ledger.tell("covers", first)
+    ledger.proven(first["bound"])
     space = PoseSpace(judge, entity_idx, regions, first["conflict"])
     linear = LinearBound(space, columns, ledger.improve, ledger)
     nodes = max(0, max_nodes - first["made"])
@@ -170,7 +171,12 @@ def lower_bound(
 
 
 def _by_covers(
-    tree: PoseTree, columns: NDArray[np.bool_], n_settings: int, max_nodes: int, progress: Progress | None
+    tree: PoseTree,
+    columns: NDArray[np.bool_],
+    n_settings: int,
+    max_nodes: int,
+    ledger: Ledger,
+    progress: Progress | None,
 ) -> int:
     """Return how many settings covers by leaves' sets prove; the tree is grown as far as they need it."""
     weights = _Weights(np.asarray(columns, dtype=bool))
@@ -181,6 +187,7 @@ def _by_covers(
         sets_first = rounds <= COVERING.cover_rounds or rounds % COVERING.rounds_per_cover == 0
         heavy = _to_split(tree, weights.solve(tree.sets), target) if sets_first else _above(tree, guide, target)
         if heavy is None:
+            ledger.proven(target)
             target, rounds = target + 1, 0
             continue
         if not heavy.size:

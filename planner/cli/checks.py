@@ -41,6 +41,11 @@ def check_numbers(options: Any) -> None:
         value = given.get(name)
         if value is not None and not (math.isfinite(value) and value >= 0):
             raise RequestError(f"{_option(name)} must be finite and not negative. Got {value:g}.")
+    limit, gap = given.get("time_limit"), given.get("gap")
+    if limit is not None and not 0 < limit < math.inf:
+        raise RequestError(f"--time-limit must be a positive number of seconds. Got {limit:g}.")
+    if gap is not None and not 0 <= gap < 1:
+        raise RequestError(f"--gap must be in [0, 1). Got {gap:g}.")
 
 
 def _option(name: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -28,6 +28,7 @@ from aspectgraph.read.part_file import MESH_SUFFIXES
 from planner.camera.camera import Camera
 from planner.camera.catalogue import camera_names
 from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.cli.best_so_far import BestSoFar
 from planner.cli.completion import completion_script
 from planner.cli.exit_codes import DONE, INCOMPLETE
 from planner.cli.folder_owner import asked_request, check_owner
@@ -41,9 +42,10 @@ from planner.inspection_options import InspectionOptions
 from planner.output import terminal_tables
 from planner.output.json_records import graph_record, part_record, plan_record, print_json
 from planner.output.plan_folder import PLAN_FILES, left_out, rescue, write_outputs
-from planner.plan import read_plan
+from planner.plan import InspectionPlan, read_plan
 from planner.progress import labelled, terminal_progress
 from planner.request.defaults import check_fraction, default_workspace
+from planner.request.effort import Effort
 from planner.resume import read_state
 from planner.verify.simulate_plan import simulate_plan
 
@@ -123,26 +125,38 @@ def plan(options: argparse.Namespace) -> int:
         how = _limits(options, solid, camera)
         asked = asked_request(options, solid.name, wanted.items, camera, uncertainty, how)
         check_owner(folder, asked, force=options.force)
-        found, written = _planned(options, solid, wanted, camera, uncertainty, folder)
+        found, written, interrupted = _planned(options, solid, wanted, camera, uncertainty, folder)
+        _print_planned(options, found, wanted, written, folder / STATE_FILE)
+        if interrupted:
+            raise KeyboardInterrupt
+    return DONE if found.complete and found.simulation.confirmed else INCOMPLETE
+
+
+def _print_planned(
+    options: argparse.Namespace, found: InspectionPlan, wanted: Any, written: Sequence[Path], state: Path
+) -> None:
+    """Print a plan, and the files it is in."""
     files = [os.path.relpath(path) if path.is_relative_to(Path.cwd()) else str(path) for path in written]
     if options.json:
         print_json(plan_record(found, files, wanted.left_out))
-    else:
-        terminal_tables.print_plan(found)
-        _print_unit(options)
-        for name, reason in wanted.left_out.items():
-            print(f"{name} is not planned: {reason}")
-        print("\n".join([*left_out(len(wanted.entities), options.graph_limit), *files]))
-    return DONE if found.complete and found.simulation.confirmed else INCOMPLETE
+        return
+    terminal_tables.print_plan(found)
+    _print_unit(options)
+    for name, reason in wanted.left_out.items():
+        print(f"{name} is not planned: {reason}")
+    if found.unfinished and state.exists():
+        print("The same command with --resume goes on from here.")
+    print("\n".join([*left_out(len(wanted.entities), options.graph_limit), *files]))
 
 
 def _planned(
     options: argparse.Namespace, solid: Solid, wanted: Any, camera: Camera, uncertainty: PoseUncertainty, folder: Path
 ) -> tuple[Any, ...]:
-    """Plan and write; return the plan and the files. The state is deleted only after that."""
+    """Plan and write; return plan, files, and whether it was interrupted. The state is deleted only after the end."""
     state, how = folder / STATE_FILE, _limits(options, solid, camera)
     _prepare(state, options.resume)
     with terminal_progress(quiet=options.quiet) as progress, _executor(options.jobs) as executor:
+        best = BestSoFar(progress)
         regions = compute_regions(
             solid,
             wanted.entities,
@@ -150,30 +164,47 @@ def _planned(
             executor=executor,
             progress=labelled(progress, "visible regions"),
         )
-        found = plan_inspection(
-            solid,
-            wanted.items,
-            camera,
-            uncertainty,
-            accuracy=options.accuracy,
-            probability=options.probability,
-            rng=options.seed,
-            **_limit_keywords(options),
-            space=regions,
-            localisation=wanted.localisation,
-            state=state,
-            executor=executor,
-            progress=progress,
-        )
+        try:
+            found = plan_inspection(
+                solid,
+                wanted.items,
+                camera,
+                uncertainty,
+                accuracy=options.accuracy,
+                probability=options.probability,
+                rng=options.seed,
+                **_limit_keywords(options),
+                **_ends(options, best),
+                space=regions,
+                localisation=wanted.localisation,
+                state=state,
+                executor=executor,
+                progress=progress,
+            )
+        except KeyboardInterrupt:
+            found = best.instead()
         found = found.simulated(options.simulate, rng=options.seed, progress=progress)
         try:
             written = write_outputs(found, regions, folder, progress, graph_limit=options.graph_limit)
         except OutputError as error:
             raise OutputError(f"{error} {rescue(found, state)}") from None
     with suppress(OSError):
-        # if it stays, it does no harm: it gives this plan again
-        state.unlink(missing_ok=True)
-    return found, written
+        # if it stays, it does no harm: it gives this plan again, or goes on from it
+        if not found.unfinished:
+            state.unlink(missing_ok=True)
+    return found, written, best.interrupted
+
+
+def _ends(options: argparse.Namespace, best: BestSoFar) -> dict[str, Any]:
+    """Return what may end a planning, as `plan_inspection` takes it."""
+    limit = options.time_limit
+    return {
+        # the first plan is waited for, however little is left
+        "time_limit_s": None if limit is None else max(limit - best.seconds, 1e-3),
+        "gap": options.gap,
+        **({} if options.effort is None else {"effort": Effort.named(options.effort)}),
+        "on_incumbent": best,
+    }
 
 
 def _limit_keywords(options: argparse.Namespace) -> dict[str, Any]:

@@ -186,6 +186,17 @@ def _add_plan(commands: Any) -> None:
     )
     _add_limits(plan)
     plan.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same plan")
+    plan.add_argument(
+        "--time-limit", type=float, metavar="S", help="end after so many seconds with the best plan so far"
+    )
+    plan.add_argument(
+        "--gap", type=float, default=0.0, metavar="G", help="0.2: end the search when 20%% of the settings are unproven"
+    )
+    plan.add_argument(
+        "--effort",
+        choices=("quick", "standard", "thorough"),
+        help="how long to search and to prove (default: standard)",
+    )
     plan.add_argument("--simulate", type=int, default=10_000, metavar="N", help="displaced poses per setting")
     plan.add_argument(
         "--jobs", type=int, default=usable_cores(), metavar="N", help="processes to use, at most one per core"

@@ -106,6 +106,33 @@ def entity_poses(judge: Judge, name: str, n_viewpoints: int, seed: int) -> np.nd
     return look_at(viewpoints, _targets(judge, viewpoints, own, rng), roll=rng.uniform(-np.pi, np.pi, len(viewpoints)))
 
 
+def first_poses(judge: Judge, n_directions: int, seed: int) -> np.ndarray:
+    """Draw poses that look at the middle of every entity from the focus distance, from any direction.
+
+    They take no regions to draw, so most of them see nothing; but they come at once.
+
+    Parameters
+    ----------
+    judge : Judge
+    n_directions : int
+        Poses for every entity.
+    seed : int
+        The plan's seed.
+
+    Returns
+    -------
+    array (n, 4, 4)
+        Those in the workspace.
+    """
+    rng = np.random.default_rng(column_seed(seed, ["first"]))
+    middles = np.repeat(judge.ends.mean(axis=1), n_directions, axis=0)
+    away = rng.normal(size=middles.shape)
+    positions = middles + judge.camera.focus_distance_mm * away / np.linalg.norm(away, axis=1, keepdims=True)
+    low, high = np.asarray(judge.space.workspace, dtype=float)
+    inside = ((positions >= low) & (positions <= high)).all(axis=1)
+    return look_at(positions[inside], middles[inside], roll=rng.uniform(-np.pi, np.pi, int(inside.sum())))
+
+
 def judged_poses(shared: Shared, name: str, n_viewpoints: int, seed: int) -> tuple[np.ndarray, Judgement]:
     """Draw poses for an entity and judge them: `entity_poses` as a task; ``shared`` holds the judge."""
     poses = entity_poses(shared.value, name, n_viewpoints, seed)

@@ -24,6 +24,7 @@ from planner.output.wording import (
     percent,
     requirement_rows,
     simulation_sentence,
+    unfinished_sentence,
 )
 from planner.progress import report
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
@@ -119,8 +120,8 @@ def _lead(plan: InspectionPlan) -> str:
     told = "Not simulated." if plan.simulation is None else simulation_sentence(plan.simulation)
     return (
         f"{inspected} of {count(asked, *_named(plan))} {verb} measured from {count(n, _POSE)}. "
-        f"{bound_sentence(plan, _named(plan), _POSE)} {told}"
-    )
+        f"{bound_sentence(plan, _named(plan), _POSE)} {told} {unfinished_sentence(plan)}"
+    ).rstrip()
 
 
 def _figures(plan: InspectionPlan) -> str:

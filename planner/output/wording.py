@@ -44,6 +44,23 @@ def bound_sentence(plan: InspectionPlan, what: Sequence[str] = ("entity", "entit
     )
 
 
+def incumbent_line(plan: InspectionPlan, seconds: float) -> str:
+    """Say in a line of a log how good a plan is, and when that was."""
+    settings, inspected = count(len(plan.settings), "setting"), len(plan.inspected)
+    some = "" if plan.complete else f", {inspected} of {count(len(plan.entities), *nouns(plan))}"
+    return f"{seconds:8.1f} s   {settings:>12}   at least {plan.lower_bound:<3}   gap {100 * plan.gap:.0f} %{some}"
+
+
+def unfinished_sentence(plan: InspectionPlan) -> str:
+    """Say what a planning that was ended before its end may have missed; empty of one that was not."""
+    if not plan.unfinished:
+        return ""
+    more = "find surer poses" if plan.minimal and plan.complete else "need fewer settings or prove a larger bound"
+    if not plan.complete:
+        more = f"inspect more, {more}"
+    return f"The planning was ended before its end: a longer one may {more}."
+
+
 def simulation_sentence(result: SimulationResult) -> str:
     """Say what a simulation made of the stated probabilities, every kind counted."""
     kinds = result.verdicts
@@ -119,6 +136,8 @@ def verdict(plan: InspectionPlan) -> str:
         sentences.append(bound_sentence(plan, nouns(plan)))
         told = "Not simulated." if plan.simulation is None else simulation_sentence(plan.simulation)
         sentences.append(told)
+    if plan.unfinished:
+        sentences.append(unfinished_sentence(plan))
     return " ".join(sentences)
 
 

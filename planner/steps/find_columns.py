@@ -8,27 +8,34 @@ from planner.columns.candidates import Pools, judged_poses, price_poses
 from planner.executors import in_order
 from planner.ledger import Ledger
 from planner.progress import report
+from planner.steps.incumbents import IMPROVING, Incumbents
 from planner.steps.pixel_grid import COUNTED, count_on_grid, decided_on_grid
 from planner.steps.run import Run
 
 _SAMPLED, _PRICED, _PROVEN = "candidate poses", "column generation", "lower bound"
 
 
-def find_columns(run: Run) -> None:
-    """Fill the pools, or go on from the checkpoint."""
+def find_columns(run: Run, incumbents: Incumbents) -> None:
+    """Fill the pools, or go on from the checkpoint; columns that make a better plan are offered."""
     last = run.memo.last()
     if last is None:
+        incumbents.glance(run)
         _sample(run)
         run.keep(_SAMPLED, {})
     else:
         run.pools, run.uninspectable = Pools.from_dict(last["pools"]), last["uninspectable"]
         run.set_on_grid(last.get("on_grid", ()))
+    incumbents.offer(run)
     if last is None or last["step"] == _SAMPLED:
         # before the columns are improved, so that others can join what is hard to inspect
         run.uninspectable = _try_alone(run)
-        count_on_grid(run, decided_on_grid(run))
+        if on_grid := decided_on_grid(run):
+            count_on_grid(run, on_grid)
+            incumbents.forget()
+        incumbents.offer(run)
     if last is None or last["step"] not in (_PROVEN, COUNTED):
-        _price(run, last)
+        _price(run, incumbents, last)
+        incumbents.offer(run)
 
 
 def _sample(run: Run) -> None:
@@ -49,9 +56,15 @@ def _try_alone(run: Run) -> dict[str, str]:
     return reasons
 
 
-def _price(run: Run, last: dict[str, Any] | None) -> None:
+def _price(run: Run, incumbents: Incumbents, last: dict[str, Any] | None) -> None:
     """Improve the pools by column generation; ``last`` is the checkpoint this run began with."""
     entries = last["entries"] if last is not None and last["step"] == _PRICED else None
-    ledger = Ledger(kept=entries, keep=lambda told: run.keep(_PRICED, {"entries": told}))
+
+    def keep(told: dict[str, Any]) -> None:
+        run.keep(_PRICED, {"entries": told})
+        if told["pricing"]["done"] % IMPROVING.rounds == 0:
+            incumbents.offer(run)
+
+    ledger = Ledger(kept=entries, keep=keep)
     rounds = run.effort.pricing_rounds
     price_poses(run.shared, run.pools, run.seed, rounds, run.executor, run.progress, ledger=ledger)

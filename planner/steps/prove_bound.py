@@ -11,6 +11,7 @@ from planner.bound.lower_bound import lower_bound
 from planner.columns.candidates import column_seed, price_poses
 from planner.cover.few_columns import few_columns
 from planner.ledger import Ledger
+from planner.steps.incumbents import Incumbents
 from planner.steps.run import SHARES, Run
 
 _STEP = "lower bound"
@@ -42,8 +43,8 @@ class Joining:
 JOINING = Joining()
 
 
-def prove_bound(run: Run) -> tuple[int, str]:
-    """Prove a lower bound; return it, and what the proof rests on."""
+def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
+    """Prove a lower bound; return it, and what the proof rests on. Better plans and bounds are told on the way."""
     last = run.kept(_STEP)
     entries = None if last is None else last["entries"]
     values = _known(run) if last is None else {name: last[name] for name in ("known", "inspected", "joined")}
@@ -53,16 +54,20 @@ def prove_bound(run: Run) -> tuple[int, str]:
         values["joined"] += 1
         seed = column_seed(run.seed, ["joined", str(values["joined"])])
         rounds = JOINING.rounds_for(len(run.pool))
-        price_poses(run.shared, run.pools, seed, rounds, run.executor, parents=poses)
+        price_poses(run.shared, run.pools, seed, rounds, run.executor, run.silent, parents=poses)
+        incumbents.offer(run)
         return run.pool.membership[:, inspected]
 
-    ledger = Ledger(improve, entries, lambda told: run.keep(_STEP, {**values, "entries": told}))
+    def raised(bound: int) -> None:
+        incumbents.raised(run, bound, inspected)
+
+    ledger = Ledger(improve, entries, lambda told: run.keep(_STEP, {**values, "entries": told}), raised)
     proven = ledger("proven")
     if proven is None:
         proven = lower_bound(
             run.judge,
             np.flatnonzero(inspected),
-            values["known"],
+            run.watch.wanted_bound(values["known"]),
             run.pool.membership[:, inspected],
             max_nodes=run.effort.bound_nodes,
             ledger=ledger,
@@ -71,6 +76,7 @@ def prove_bound(run: Run) -> tuple[int, str]:
         )
         run.keep(_STEP, {**values, "entries": {"proven": list(proven)}})
     bound, proof = proven
+    incumbents.raised(run, bound, inspected)
     return bound, proof
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from planner.cover.few_columns import few_columns, sets_to_realise
+from planner.steps.incumbents import Incumbents
 from planner.steps.run import SHARES, Run
 
 
-def refute(run: Run, inspected: np.ndarray, bound: int) -> None:
+def refute(run: Run, inspected: np.ndarray, bound: int, incumbents: Incumbents) -> None:
     """Try to do with fewer settings, not below the bound, by optimistic columns; refute what cannot be realised.
 
     Parameters
@@ -19,6 +20,8 @@ def refute(run: Run, inspected: np.ndarray, bound: int) -> None:
         Entities that are to be covered.
     bound : int
         Settings that are needed at least.
+    incumbents : Incumbents
+        Columns that make a better plan are offered.
     """
     left, enough, rng = run.effort.refutations, None, run.rng("refutation")
     nodes, impossible = run.nodes(SHARES.refuting), np.zeros((0, len(run.names)), dtype=bool)
@@ -26,7 +29,7 @@ def refute(run: Run, inspected: np.ndarray, bound: int) -> None:
         realised = run.pool.membership[:, inspected]
         if enough is None:
             enough = len(few_columns(realised, nodes, rng))
-        if enough <= max(bound, 1):
+        if enough <= 1 or bound >= run.watch.wanted_bound(enough):
             return
         near = run.pools.near.membership[:, inspected]
         sets = sets_to_realise(realised, near, impossible[:, inspected], enough, nodes, rng)[:left]
@@ -39,3 +42,4 @@ def refute(run: Run, inspected: np.ndarray, bound: int) -> None:
             enough = None if reached else enough
             if set(names) - set(reached):
                 impossible = np.vstack([impossible, np.isin(run.names, names)])
+        incumbents.offer(run)

@@ -15,10 +15,11 @@ from planner.columns.outcome import Outcome
 from planner.columns.pool import ColumnPool
 from planner.columns.realise_column import realise
 from planner.executors import Shared, in_order
-from planner.progress import report
+from planner.progress import Progress, report
 from planner.request.effort import Effort
 from planner.request.request import Request
 from planner.resume import PlanningState
+from planner.watch import Watch
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,8 @@ class Run:
         Runs the per-entity and per-column work.
     progress : callable, optional
         ``progress(done, total, label)``.
+    watch : Watch, optional
+        Tells when to end.
     """
 
     def __init__(
@@ -66,14 +69,26 @@ class Run:
         *,
         executor: Executor | None = None,
         progress: Callable[..., Any] | None = None,
+        watch: Watch | None = None,
     ):
         self.request, self.judge, self.names = request, Judge(request), request.names
         self.shared = Shared(self.judge)
         self.seed, self.effort, self.memo = seed, effort, memo
-        self.executor, self.progress = executor, progress
+        self.watch = watch or Watch()
+        self.executor, self.progress = executor, self.watch.watched(progress)
         self.pools = Pools(ColumnPool(len(self.names)), ColumnPool(len(self.names)))
         self.uninspectable: dict[str, str] = {}
         self._begun = 0
+
+    @property
+    def check(self) -> Callable[[], None] | None:
+        """What may end long work, if anything may."""
+        return self.watch.check if self.watch.limited else None
+
+    @property
+    def silent(self) -> Progress | None:
+        """Progress of work that is not told of, but may be ended."""
+        return self.watch.watched(None)
 
     def set_on_grid(self, names: Sequence[str]) -> None:
         """Let the pixel grid decide about these edges, and about no other."""
@@ -138,7 +153,7 @@ class Run:
         todo = [names for names in dict.fromkeys(sets) if self.memo.get(names) is None]
         done, self._begun = self._begun, self._begun + len(todo)
         arguments = [(self.shared, names, column_seed(self.seed, names), self._start(names)) for names in todo]
-        for names, outcome in zip(todo, in_order(self.executor, realise, arguments), strict=True):
+        for names, outcome in zip(todo, in_order(self.executor, realise, arguments, self.check), strict=True):
             self.memo.put(names, outcome)
             done += 1
             report(self.progress, done, self._begun, "genetic algorithm")

@@ -115,13 +115,13 @@ def test_a_resumed_plan_takes_in_the_poses_that_the_proof_came_across(space, tmp
         proofs.append(ledger.improve(random_poses(judge, 300, seed=9)))
         return 1, "by assumption"
 
-    def stop(_):
+    def stop(*_):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("planner.steps.prove_bound.lower_bound", proof)
     plan = plan_box(space, rng=3)
     with monkeypatch.context() as patch:
-        patch.setattr("planner.inspection.travel_order", stop)
+        patch.setattr("planner.inspection.assembled", stop)
         with pytest.raises(KeyboardInterrupt):
             plan_box(space, rng=3, state=state)
     assert plan_box(space, rng=3, state=state) == plan

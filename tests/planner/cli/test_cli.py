@@ -130,10 +130,17 @@ def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):
 
     arguments = [*PLAN[:-1], "other", "--simulate", "100"]
     with monkeypatch.context() as patch:
-        patch.setattr("planner.inspection.travel_order", interrupt)
-        lines = failure(capsys, arguments, INCOMPLETE)
+        patch.setattr("planner.inspection.assembled", interrupt)
+        assert main(arguments) == INCOMPLETE
+    out, err = capsys.readouterr()
+    assert "The planning was ended before its end: a longer one may" in " ".join(out.split())
+    assert "The same command with --resume goes on from here." in out
+    lines = err.splitlines()
     assert lines[-1] == "aspectgraph: interrupted; 'plan' continues from where it was with --resume"
-    assert os.listdir(folder / "other") == [commands.STATE_FILE]
+    best = read_plan(folder / "other" / "plan.json")
+    assert best.unfinished
+    assert best.complete
+    assert commands.STATE_FILE in os.listdir(folder / "other")
     with monkeypatch.context() as patch:
         patch.setattr("planner.steps.run.realise", interrupt)
         patch.setattr("planner.steps.prove_bound.lower_bound", interrupt)
@@ -143,12 +150,16 @@ def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):
 
 
 def test_a_request_to_terminate_keeps_the_state_too(folder, quick, capsys, monkeypatch):
-    monkeypatch.setattr("planner.inspection.travel_order", lambda poses: os.kill(os.getpid(), signal.SIGTERM))
+    monkeypatch.setattr("planner.inspection.assembled", lambda *a, **k: os.kill(os.getpid(), signal.SIGTERM))
     before = signal.getsignal(signal.SIGTERM)
-    assert failure(capsys, PLAN, INCOMPLETE)[-1].endswith(
-        "interrupted; 'plan' continues from where it was with --resume"
+    assert main(PLAN) == INCOMPLETE
+    assert (
+        capsys.readouterr()
+        .err.splitlines()[-1]
+        .endswith("interrupted; 'plan' continues from where it was with --resume")
     )
-    assert os.listdir(folder / "out") == [commands.STATE_FILE]
+    assert read_plan(folder / "out" / "plan.json").unfinished
+    assert commands.STATE_FILE in os.listdir(folder / "out")
     assert signal.getsignal(signal.SIGTERM) == before
 
 
@@ -413,3 +424,34 @@ def test_solids_of_a_step_file_can_be_chosen(folder, capsys):
         (["block.off", "--solids", "0"], "solids applies to STEP files"),
     ):
         assert rule in failure(capsys, ["info", *arguments])[0]
+
+
+def test_time_limit_and_gap_end_a_plan(folder, quick, capsys):
+    assert main([*PLAN, "--simulate", "100", "--time-limit", "0.001"]) == DONE
+    out, err = capsys.readouterr()
+    best = read_plan(folder / "out" / "plan.json")
+    assert best.unfinished
+    lines = [line for line in err.splitlines() if "at least" in line]
+    assert len(lines) == 1
+    assert f"{len(best.settings)} setting" in lines[0]
+    assert "The same command with --resume goes on from here." in out
+    assert "ended before its end" in (folder / "out" / "report.html").read_text()
+    assert main([*PLAN, "--simulate", "100", "--resume", "--json"]) == DONE
+    record = json.loads(capsys.readouterr().out)["plan"]
+    assert "unfinished" not in record
+    assert not read_plan(folder / "out" / "plan.json").unfinished
+    assert commands.STATE_FILE not in os.listdir(folder / "out")
+    assert main([*PLAN, "--gap", "0.9", "--effort", "quick"]) == DONE
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--time-limit", "0"], "--time-limit must be a positive number of seconds. Got 0."),
+        (["--time-limit", "nan"], "--time-limit must be a positive number of seconds. Got nan."),
+        (["--gap", "1"], "--gap must be in [0, 1). Got 1."),
+        (["--gap", "-0.5"], "--gap must be in [0, 1). Got -0.5."),
+    ],
+)
+def test_ends_that_are_none(folder, capsys, options, message):
+    assert failure(capsys, [*PLAN, *options]) == [f"aspectgraph: {message}"]

@@ -15,7 +15,7 @@ from planner import SimulationResult, SuccessRate
 from planner.bound.lower_bound import _proof
 from planner.output.report import report_html
 from planner.output.terminal_tables import print_graph, print_plan, print_simulation
-from planner.output.wording import bound_sentence, graph_sentence, simulation_sentence, verdict
+from planner.output.wording import bound_sentence, graph_sentence, incumbent_line, simulation_sentence, verdict
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, TOLERATED, UNSTATED, VERDICTS
 
 # successes of 1000, low, high and prediction
@@ -221,3 +221,23 @@ def test_a_graph_of_one_domain_and_one_entity_is_told_in_the_singular(capsys):
     graph.add_node(0, observable=("rim",), volume=1.0)
     print_graph(SimpleNamespace(graph=graph, entity_names=("rim",), workspace=np.array([[0, 0, 0], [1, 1, 1]])))
     assert "1 viewing domain, 0 adjacencies, 1 distinct list of 1 entity" in capsys.readouterr().out
+
+
+def test_an_unfinished_plan_says_what_more_time_may_give():
+    for made in plans():
+        assert "ended before its end" not in verdict(made)
+        text = verdict(replace(made, unfinished=True))
+        assert "The planning was ended before its end: a longer one may" in text
+        assert ("inspect more" in text) == (not made.complete)
+        assert ("need fewer settings" in text) == (not made.minimal or not made.complete)
+
+
+def test_a_line_of_the_log():
+    made = plan(
+        settings=[setting((40.0, -180.0, 620.0), list(ENTITIES)[:2])] * 3,
+        lower_bound=2,
+        uninspectable=dict.fromkeys(list(ENTITIES)[2:3], "unobservable"),
+        entities={name: ENTITIES[name] for name in list(ENTITIES)[:3]},
+    )
+    words = " ".join(incumbent_line(made, 12.34).split())
+    assert words == "12.3 s 3 settings at least 2 gap 33 %, 2 of 3 entities"

@@ -1,0 +1,200 @@
+"""Settings against time: incumbents of plan_inspection beside what a user would write instead.
+
+Run ``python benchmarks/anytime.py [--parts ctc ...] [--limit 300] [--csv FILE]``. The notebook comparisons shows such a
+file. The rivals are those of `planners`; all are given the visible regions, whose seconds are printed apart, and all
+run in one process, so every clock starts when the regions are there. A rival has one point, at its end.
+
+A rival is *ahead* at a time if it inspects at least as many entities as the incumbent then and needs fewer settings by
+more than one, or if there is no incumbent. Printed is for how long, and where the first plan stands beside the greedy
+cover: its time as a share, its settings. Memory is the largest resident size of the process up to the end of
+plan_inspection; every part has a process of its own.
+
+Parts that are not in the examples are looked for in the folder of ``--folder``; those not found are left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+import resource
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+from cases import EXAMPLES
+from planners import PLANNERS
+
+from aspectgraph import compute_regions, read_entities, read_solid
+from planner import Camera, InspectionPlan, PoseUncertainty
+from planner.columns.judge import Judge
+from planner.inspection import plan_inspection
+from planner.request.constraints import Requirements
+from planner.request.defaults import corner_margin_px, default_workspace, position_margin_mm
+from planner.request.request import Request
+
+PROBABILITY = 0.9
+UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.2, rotation_rad=0.002)
+# for so long a rival may be ahead, s
+TOLERATED_S = 2.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """A part, its entities, and the camera."""
+
+    part: str
+    camera: Callable[[], Camera]
+    accuracy: float = 0.99
+    entities: str = ""
+
+
+def wide() -> Camera:
+    """The camera of the examples."""
+    return Camera.from_toml(EXAMPLES / "camera.toml")
+
+
+def narrow(focus_mm: float) -> Callable[[], Camera]:
+    """25 mm at f/8: little depth of field at a short distance."""
+    return lambda: Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, focus_mm)
+
+
+CASES = {
+    "demo": Case("nist_ctc_01_ap242.stp", wide, entities="nist_ctc_01_entities.toml"),
+    "ctc01": Case("nist_ctc_01_ap242.stp", wide),
+    "mfcad": Case("mfcad_2-3-3-3-3-23.step", wide),
+    "d2mi": Case("nist_d2mi_827-9999-904.stp", wide),
+    "mtc": Case("nist_mtc_plate.step", wide),
+    "mfcad-narrow": Case("mfcad_2-3-3-3-3-23.step", narrow(120.0), 0.98),
+    "mtc-narrow": Case("nist_mtc_plate.step", narrow(250.0), 0.98),
+}
+
+
+@dataclass(frozen=True)
+class Point:
+    """What a planner has at a time: settings, entities inspected, proven bound (0: none)."""
+
+    seconds: float
+    settings: int
+    inspected: int
+    bound: int = 0
+
+
+def judge_of(case: Case, folder: Path) -> tuple[Judge, float]:
+    """Return the judge of a case, and the seconds its regions took."""
+    path = next(place / case.part for place in (EXAMPLES, folder) if (place / case.part).exists())
+    solid, camera = read_solid(path), case.camera()
+    if case.entities:
+        wanted = read_entities(EXAMPLES / case.entities, solid)
+    else:
+        wanted = {f"e{edge.id}": edge.id for edge in solid.straight_edges()}
+    start = time.perf_counter()
+    space = compute_regions(solid, wanted, workspace=default_workspace(solid, camera))
+    seconds = time.perf_counter() - start
+    need = Requirements(
+        field_margin_px=corner_margin_px(camera, UNCERTAINTY), visibility_radius_mm=position_margin_mm(UNCERTAINTY)
+    )
+    return Judge(Request(space, space.entity_names, camera, UNCERTAINTY, case.accuracy, PROBABILITY, need)), seconds
+
+
+def curve(judge: Judge, limit_s: float | None) -> list[Point]:
+    """Return the incumbents of plan_inspection."""
+    points, space, start = [], judge.space, time.perf_counter()
+
+    def take(plan: InspectionPlan) -> None:
+        seconds = time.perf_counter() - start
+        points.append(Point(seconds, len(plan.settings), len(plan.inspected), plan.lower_bound))
+
+    plan_inspection(
+        space.solid,
+        {name: space.entities[name] for name in space.entity_names},
+        judge.camera,
+        UNCERTAINTY,
+        accuracy=judge.accuracy,
+        probability=PROBABILITY,
+        space=space,
+        time_limit_s=limit_s,
+        on_incumbent=take,
+    )
+    return points
+
+
+def rival(judge: Judge, name: str) -> Point:
+    """Return the one point of a rival."""
+    start = time.perf_counter()
+    poses, _ = PLANNERS[name](judge, 0)
+    seconds = time.perf_counter() - start
+    inspected = int(judge(poses).inspects.any(axis=0).sum()) if len(poses) else 0
+    return Point(seconds, len(poses), inspected)
+
+
+def ahead_s(other: Point, ours: list[Point]) -> float:
+    """Return for how many seconds a rival is ahead, from its end to that of ours."""
+    moments = sorted({other.seconds, *(p.seconds for p in ours if p.seconds > other.seconds)})
+    total = 0.0
+    for begin, end in zip(moments, [*moments[1:], moments[-1]], strict=True):
+        now = [p for p in ours if p.seconds <= begin]
+        behind = not now or (other.inspected >= now[-1].inspected and now[-1].settings - other.settings > 1)
+        total += (end - begin) * behind
+    return total
+
+
+def measure(name: str, folder: Path, limit_s: float | None) -> list[tuple[str, Point]]:
+    """Print the table of a case; return planners and points."""
+    judge, seconds = judge_of(CASES[name], folder)
+    print(f"\n{name}: {CASES[name].part}, {len(judge.names)} entities, regions {seconds:.1f} s", flush=True)
+    print(f"  {'':<36}{'seconds':>9}{'settings':>10}{'inspected':>11}{'at least':>10}{'ahead':>9}")
+    ours = curve(judge, limit_s)
+    rows = [("plan_inspection", point) for point in ours]
+    for point in ours:
+        print(_row("plan_inspection", point), flush=True)
+    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(f"  memory {used:.0f} MB", flush=True)
+    for other in PLANNERS:
+        point = rival(judge, other)
+        late = ahead_s(point, ours)
+        print(_row(other, point) + f"{late:7.1f} s" + (" !" if late > TOLERATED_S else ""), flush=True)
+        if other.startswith("greedy"):
+            full = next((p for p in ours if p.inspected >= point.inspected), ours[-1])
+            print(
+                f"  the first plan that inspects as much: {full.seconds / point.seconds:.2f} of the time of the greedy "
+                f"cover, {full.settings} settings and not {point.settings}"
+            )
+        rows.append((other, point))
+    return rows
+
+
+def _row(name: str, point: Point) -> str:
+    bound = f"{point.bound}" if point.bound else "-"
+    return f"  {name:<36}{point.seconds:9.2f}{point.settings:10d}{point.inspected:11d}{bound:>10}"
+
+
+def main() -> None:
+    """Print a table per part; write all points to a file if one is named."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--parts", nargs="+", choices=list(CASES), default=list(CASES))
+    parser.add_argument("--folder", type=Path, default=Path(), help="of parts that are not among the examples")
+    parser.add_argument("--limit", type=float, help="seconds for plan_inspection")
+    parser.add_argument("--csv", default=os.devnull, help="write every point to this file")
+    given = parser.parse_args()
+    with open(given.csv, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["part", "planner", "seconds", "settings", "inspected", "bound"])
+        for name in given.parts:
+            if not any((place / CASES[name].part).exists() for place in (EXAMPLES, given.folder)):
+                print(f"\n{name}: {CASES[name].part} is not there")
+                continue
+            with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as alone:
+                rows = alone.submit(measure, name, given.folder, given.limit).result()
+            for planner, point in rows:
+                writer.writerow(
+                    [name, planner, f"{point.seconds:.3f}", point.settings, point.inspected, point.bound or ""]
+                )
+            file.flush()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,65 @@
+"""Putting a plan together from settings, at the end of a run or on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from planner.plan import InspectionPlan
+from planner.request.measured import planned_dimensions
+from planner.setting.sensor_setting import SensorSetting
+from planner.steps.run import Run
+from planner.travel import travel_order
+
+# of entities that have neither a pose nor a reason for that yet
+_NOT_YET = "no view was found yet: the planning had not come to its end."
+
+
+def assembled(
+    run: Run, settings: Sequence[SensorSetting], bound: int, proof: str, *, unfinished: bool = False
+) -> InspectionPlan:
+    """Put the plan together, its settings in the order of travel.
+
+    Parameters
+    ----------
+    run : Run
+        Its request, and its reasons for what is not inspected.
+    settings : sequence of SensorSetting
+    bound : int
+        Settings that are needed at least.
+    proof : str
+        What that rests on.
+    unfinished : bool
+        The run goes on.
+    """
+    request = run.request
+    # a later run may have come across a view of one that had none of its own
+    seen = {name for setting in settings for name in setting.entities}
+    order = travel_order(np.array([s.cam2world for s in settings]).reshape(-1, 4, 4))
+    return InspectionPlan(
+        settings=tuple(settings[i] for i in order),
+        lower_bound=bound,
+        bound_proof=proof,
+        uninspectable=_reasons(run, unfinished, seen),
+        entities=dict(zip(request.names, request.ends, strict=True)),
+        camera=request.camera,
+        pose_uncertainty=request.pose_uncertainty,
+        accuracy=request.accuracy,
+        probability=request.probability,
+        workspace=np.asarray(request.space.workspace, dtype=float),
+        part=request.space.solid.name,
+        seed=run.seed,
+        dimensions=planned_dimensions(request),
+        on_grid=request.on_grid,
+        requirements=request.requirements.to_dict(),
+        unfinished=unfinished,
+    )
+
+
+def _reasons(run: Run, unfinished: bool, seen: set[str]) -> Mapping[str, str]:
+    """Return why entities are not inspected, in the order in which that was found out."""
+    reasons = dict(run.uninspectable)
+    if unfinished:
+        reasons = {name: reasons.get(name, _NOT_YET) for name in run.names}
+    return {name: reason for name, reason in reasons.items() if name not in seen}

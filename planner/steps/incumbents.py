@@ -1,0 +1,197 @@
+"""The best plan so far, while a run goes on: an upper bound that can be used at once.
+
+An incumbent is a whole plan: a cover by the columns found so far, each with the candidate pose it was found at,
+supported by simulation. It is told of whenever it or its bound gets better. Nothing in a run depends on it, so a run
+that is watched ends with the same plan as one that is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.columns.candidates import column_seed, first_poses
+from planner.columns.pool import ColumnPool
+from planner.columns.realise_column import best_supported, promised_too_much, without_contradicted
+from planner.cover.exchange_search import exchange_columns
+from planner.cover.few_columns import few_columns
+from planner.cover.set_cover import greedy_cover
+from planner.plan import InspectionPlan
+from planner.setting.pose_setting import setting_at
+from planner.setting.sensor_setting import SensorSetting
+from planner.steps.assemble import assembled
+from planner.steps.run import SHARES, Run
+from planner.watch import Watch
+
+_TRIVIAL = "Fewer settings than one inspect nothing; the proof of a larger bound had not begun."
+_SO_FAR = (
+    "Covering by optimistic columns, boxes of camera poses checked against necessary conditions (visibility, focus, "
+    "sensor size, length of the image), as far as the proof had got."
+)
+
+
+@dataclass(frozen=True)
+class Improving:
+    """How hard a better incumbent is looked for.
+
+    Attributes
+    ----------
+    exchanges : int
+        Steps of the exchange search for a cover of one column less.
+    rounds : int
+        Of column generation, from one look to the next.
+    directions : int
+        From so many each entity is looked at, at the first glance.
+    """
+
+    exchanges: int = 300
+    rounds: int = 5
+    directions: int = 32
+
+
+IMPROVING = Improving()
+
+
+class Incumbents:
+    """The best plan so far of one run.
+
+    Parameters
+    ----------
+    tell : callable, optional
+        ``tell(plan)`` is called whenever the plan or its bound is better.
+    watch : Watch
+        Without anybody to tell, plans are made only if the time is limited.
+
+    Attributes
+    ----------
+    best : InspectionPlan or None
+        The plan.
+    """
+
+    def __init__(self, tell: Callable[[InspectionPlan], object] | None, watch: Watch):
+        self.best: InspectionPlan | None = None
+        self._tell, self._watch = tell, watch
+        self._wanted = tell is not None or watch.limited
+        self._bound, self._bounded = 0, np.zeros(0, dtype=bool)
+        # what the best one was made of: how many entities, and in how many columns
+        self._made_of = (0, 0)
+
+    def glance(self, run: Run) -> None:
+        """Make a plan of very few poses, so that there is one at once; the run does not take these poses in."""
+        if not self._wanted:
+            return
+        pool, poses = ColumnPool(len(run.names)), first_poses(run.judge, IMPROVING.directions, run.seed)
+        judged = run.judge(poses)
+        pool.add(judged.inspects, poses, judged.probability)
+        seen = pool.membership.any(axis=0)
+        if seen.any():
+            settings = _candidates(run, pool, np.array(greedy_cover(pool.membership[:, seen])))
+            if settings := _without_promised_too_much(run, settings):
+                self.end(assembled(run, settings, *self._proven(run, settings), unfinished=True))
+
+    def offer(self, run: Run) -> None:
+        """See whether the columns of a run make a better plan."""
+        columns = self._better_columns(run) if self._wanted else None
+        if columns is None:
+            return
+        self._made_of = (int(run.pool.membership.any(axis=0).sum()), -len(columns))
+        settings = _supported(run, columns)
+        found = assembled(run, settings, *self._proven(run, settings), unfinished=True)
+        if self.best is None or _worth(found) > _worth(self.best):
+            self.end(found)
+        self._watch.arm()
+
+    def raised(self, run: Run, bound: int, inspected: NDArray[np.bool_]) -> None:
+        """Take in a bound that was proven for some entities (k,)."""
+        if bound <= self._bound and np.array_equal(inspected, self._bounded):
+            return
+        self._bound, self._bounded = bound, inspected
+        if self.best is not None:
+            known, proof = self._proven(run, self.best.settings)
+            if known > self.best.lower_bound:
+                self.end(replace(self.best, lower_bound=known, bound_proof=proof))
+
+    @property
+    def latest(self) -> InspectionPlan:
+        """The best plan, once there is one."""
+        assert self.best is not None
+        return self.best
+
+    def forget(self) -> None:
+        """What was found so far was judged by other rules than those from now on."""
+        self._watch.disarm()
+        self.best, self._made_of = None, (0, 0)
+        self._bound, self._bounded = 0, np.zeros(0, dtype=bool)
+
+    def end(self, plan: InspectionPlan) -> None:
+        """Take in the plan of the whole run, and tell of it."""
+        self.best = plan
+        if self._tell is not None:
+            self._tell(plan)
+
+    def _better_columns(self, run: Run) -> NDArray[np.int_] | None:
+        """Choose columns that cover more entities than before, or as many in fewer columns; None if none are found."""
+        membership = run.pool.membership
+        covered = membership.any(axis=0)
+        membership, (known, n) = membership[:, covered], self._made_of
+        if not covered.any():
+            return None
+        columns = None
+        if covered.sum() > known:
+            columns = few_columns(membership, run.nodes(SHARES.refuting), run.rng("incumbent"))
+            n = -len(columns)
+        while -n > 1:
+            found = exchange_columns(membership, -n - 1, steps=IMPROVING.exchanges, rng=run.rng("incumbent"))
+            if found.missing:
+                break
+            columns, n = np.sort(found.chosen), -len(found.chosen)
+        return columns
+
+    def _proven(self, run: Run, settings: tuple[SensorSetting, ...] | list[SensorSetting]) -> tuple[int, str]:
+        """Return the bound that holds for what settings inspect, and what it rests on."""
+        if not settings:
+            return 0, "No entity is inspected."
+        seen = {name for setting in settings for name in setting.entities}
+        for_these = self._bound > 1 and all(
+            name in seen for name, one in zip(run.names, self._bounded, strict=True) if one
+        )
+        return (self._bound, _SO_FAR) if for_these else (1, _TRIVIAL)
+
+
+def _worth(found: InspectionPlan) -> tuple[int, int]:
+    """Return what the better one has more of."""
+    return len(found.inspected), -len(found.settings)
+
+
+def _supported(run: Run, columns: NDArray[np.int_]) -> list[SensorSetting]:
+    """Return the candidate poses of columns as settings, without what simulation contradicts."""
+    candidates = _candidates(run, run.pool, columns)
+    settings = [
+        best_supported(run.judge, [candidate], column_seed(run.seed, candidate.entities)) for candidate in candidates
+    ]
+    return _without_promised_too_much(run, without_contradicted(run.judge, settings, run.seed))
+
+
+def _candidates(run: Run, pool: ColumnPool, columns: NDArray[np.int_]) -> list[SensorSetting]:
+    """Return the poses of columns as settings."""
+    wanted = [(pool.poses[c], run.names_of(pool.membership[c])) for c in columns]
+    return [
+        setting_at(run.request, pose, names, "candidate pose", seed=column_seed(run.seed, names))
+        for pose, names in wanted
+    ]
+
+
+def _without_promised_too_much(run: Run, settings: Sequence[SensorSetting]) -> list[SensorSetting]:
+    """Return settings without what simulation contradicts."""
+    supported = []
+    for setting in settings:
+        wrong = promised_too_much(run.judge, setting, run.seed)
+        kept = tuple(name for name in setting.entities if name not in wrong)
+        if kept == setting.entities:
+            supported.append(setting)
+        elif kept:
+            supported.append(setting_at(run.request, setting.cam2world, kept, setting.message, seed=setting.seed))
+    return supported
