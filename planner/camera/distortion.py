@@ -41,6 +41,45 @@ class Distortion:
             if not np.isfinite(getattr(self, name)):
                 raise CameraError(f"{name} must be finite. Got {getattr(self, name)!r}.")
 
+    @classmethod
+    def of(cls, values: Distortion | ArrayLike | None) -> Distortion | None:
+        """Return a distortion from coefficients in OpenCV's order, or None where all are zero.
+
+        Parameters
+        ----------
+        values : Distortion, array_like or None
+            k1, k2, p1, p2 and, if there are five, k3. More must be zero: of OpenCV's rational, thin-prism and tilted
+            models nothing is known here.
+
+        Returns
+        -------
+        Distortion or None
+            None stands for a lens without distortion.
+
+        Raises
+        ------
+        CameraError
+            If there are fewer than four numbers, or others than the first five are not zero.
+        """
+        if values is None:
+            return None
+        if isinstance(values, Distortion):
+            return values if any(values.coefficients) else None
+        try:
+            numbers = np.asarray(values, dtype=float).ravel()
+        except (TypeError, ValueError):
+            numbers = np.empty(0)
+        if len(numbers) < 4:
+            raise CameraError(f"distortion must be four or five numbers k1, k2, p1, p2, k3. Got {values!r}.")
+        if np.any(numbers[5:]):
+            raise CameraError(f"distortion must have no coefficients beyond k1, k2, p1, p2, k3. Got {values!r}.")
+        return cls.of(cls(*map(float, numbers[:5])))
+
+    @property
+    def coefficients(self) -> tuple[float, float, float, float, float]:
+        """The coefficients k1, k2, p1, p2, k3 in OpenCV's order."""
+        return self.k1, self.k2, self.p1, self.p2, self.k3
+
     def distort(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return where the lens images points of the ideal image plane.
 
