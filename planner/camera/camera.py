@@ -15,7 +15,6 @@ those of the undistorted image, and `Camera.field` says what of it the sensor ho
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -27,10 +26,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.camera.calibration import opencv_fields
-from planner.camera.catalogue import catalogued
+from planner.camera.catalogue import check_lens, find_camera
 from planner.camera.checks import check_count, check_number, check_pair, check_positive, line_of, read_toml, shown
 from planner.camera.distortion import Distortion
 from planner.camera.field import Field, field_of
+from planner.camera.readers import calibrated_fields
 from planner.exceptions import CameraError
 
 # some ten times the coarsest pixels of cameras: more is a pitch in um
@@ -292,25 +292,34 @@ class Camera:
         >>> camera.focal_length_mm, camera.focus_distance_mm, camera.resolution
         (8.0, 400.0, (2448, 2048))
         """
-        known = {key.lower(): key for key in catalogued()}
-        key = known.get(str(name).lower())
-        if key is None:
-            near = difflib.get_close_matches(str(name).lower(), known, n=3, cutoff=0.3) or sorted(known)[:3]
-            offered = ", ".join(known[n] for n in near)
-            raise CameraError(f"camera must be a name of the catalogue. Got {str(name)!r}; nearest: {offered}.")
-        fields, lens = catalogued()[key]
-        camera = cls.from_dict({**fields, "name": key, **changes})
-        widest, narrowest, closest = lens["widest_f_number"], lens["narrowest_f_number"], lens["closest_object_mm"]
-        if not widest <= camera.f_number <= narrowest:
-            raise CameraError(
-                f"f_number must be in {widest:g} to {narrowest:g}, the lens's range. Got {camera.f_number:g}."
-            )
-        if camera.focus_distance_mm < closest:
-            raise CameraError(
-                f"focus_distance_mm must be at least {closest:g}, the lens's closest object. "
-                f"Got {camera.focus_distance_mm:g}."
-            )
+        key, facts, lens = find_camera(name)
+        camera = cls.from_dict({**facts, "name": key, **changes})
+        check_lens(lens, camera.f_number, camera.focus_distance_mm)
         return camera
+
+    @classmethod
+    def from_calibration(cls, path: str | PathLike[str], **lens: Any) -> Camera:
+        """Make a camera of another program's calibration.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            COLMAP's cameras.txt with one camera; or, if it ends with .yaml or .yml, what ROS's calibration writes, or a
+            CameraInfo message.
+        **lens : float or str
+            As in `from_opencv`.
+
+        Returns
+        -------
+        Camera
+            Named after the file if no name is given.
+
+        Raises
+        ------
+        CameraError
+            If the file cannot be read or is of a camera that is not known here, or a number is missing or wrong.
+        """
+        return cls.from_dict(calibrated_fields(path, lens))
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> Camera:
@@ -319,7 +328,8 @@ class Camera:
         Parameters
         ----------
         path : str or os.PathLike
-            The file.
+            The file. Instead of focal length, resolution and both pixel pitches it may name a ``calibration``, a file
+            for `from_calibration` beside it.
 
         Returns
         -------
@@ -334,6 +344,8 @@ class Camera:
         path = Path(path)
         text, data = read_toml(path)
         try:
+            if "calibration" in data:
+                return cls.from_calibration(path.parent / str(data.pop("calibration")), **{"name": path.stem, **data})
             return cls.from_dict({"name": path.stem, **data})
         except CameraError as error:
             field = str(error).split(" ", 1)[0]
