@@ -15,6 +15,9 @@ try:
 except ModuleNotFoundError:  # Python 3.10
     import tomli as tomllib  # type: ignore[no-redef]
 
+# what a camera takes from its body
+_BODY = ("pixel_pitch_mm", "resolution")
+
 
 def camera_names() -> tuple[str, ...]:
     """Return the names of the catalogue, sorted.
@@ -27,16 +30,35 @@ def camera_names() -> tuple[str, ...]:
     return tuple(sorted(catalogued()))
 
 
+def camera_parts() -> dict[str, dict[str, dict[str, Any]]]:
+    """Return the bodies and lenses of the catalogue with the facts of their data sheets and where these were read.
+
+    Returns
+    -------
+    dict
+        ``"body"`` and ``"lens"``: by name, the facts, their ``source`` (an address), and ``maker``: whether that is the
+        maker's own page.
+    """
+    data = _data()
+    return {kind: {name: {"maker": True, **facts} for name, facts in data[kind].items()} for kind in ("body", "lens")}
+
+
+@cache
+def _data() -> dict[str, Any]:
+    text = resources.files("planner.camera").joinpath("catalogue.toml").read_text(encoding="utf-8")
+    return dict(tomllib.loads(text))
+
+
 @cache
 def catalogued() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
     """Read the catalogue: the fields of each camera, and its lens.
 
     Bodies and lenses hold data-sheet facts, pairs say which are mounted and how they are set.
     """
-    data = tomllib.loads(resources.files("planner.camera").joinpath("catalogue.toml").read_text(encoding="utf-8"))
+    data = _data()
     cameras = {}
     for name, pair in data["pair"].items():
-        body, lens = data["body"][pair["body"]], data["lens"][pair["lens"]]
+        body, lens = {k: data["body"][pair["body"]][k] for k in _BODY}, data["lens"][pair["lens"]]
         settings = {key: value for key, value in pair.items() if key not in ("body", "lens")}
         cameras[name] = {"focal_length_mm": lens["focal_length_mm"], **body, **settings}, lens
     return cameras
