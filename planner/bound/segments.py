@@ -14,7 +14,14 @@ from planner.columns.judge import Judge
 
 
 def sensor_tangents(camera: Camera, margin_px: float) -> NDArray[np.float64]:
-    """Return the tangents (2,) of the half angles of view, less a margin at the sides of the sensor."""
+    """Return the tangents (2,) of the half angles of view, less a margin at the sides of the sensor.
+
+    Off centre or with distortion the view is as wide to the one side as it is to the other, wider one: more than the
+    camera takes in, so what is proven of it holds.
+    """
+    if not camera.is_centred:
+        left, top, right, bottom = camera.field(margin_px).outer
+        return np.maximum([max(-left, right), max(-top, bottom)], 0.0)
     half = np.array(camera.sensor_size_mm) / 2 - margin_px * np.array(camera.pixel_pitch_mm)
     return np.maximum(half, 0.0) / camera.image_distance_mm
 

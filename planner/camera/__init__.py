@@ -6,11 +6,13 @@ an uncertainty that cannot be is refused when it is made.
 
 from planner.camera.camera import Camera
 from planner.camera.catalogue import camera_names
+from planner.camera.distortion import Distortion
 from planner.camera.pose import aim, cam_to_paper, look_at, moved, world_to_cam
 from planner.camera.pose_uncertainty import PoseUncertainty
 
 __all__ = [
     "Camera",
+    "Distortion",
     "PoseUncertainty",
     "aim",
     "cam_to_paper",

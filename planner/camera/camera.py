@@ -8,38 +8,38 @@ c   largest blur circle              z   depth of an object point
 
 A point at depth z would be sharp at the image distance d' with 1/f = 1/d' + 1/z. On the sensor, which stays at d, its
 cone of light has the diameter a·|d − d'|/d' = a·d·|1/s − 1/z|. Both limits of the depth of field follow from that line.
+
+A calibrated camera may have its principal point off the sensor's middle, and a lens with distortion. Lengths are then
+those of the undistorted image, and `Camera.field` says what of it the sensor holds.
 """
 
 from __future__ import annotations
 
-import difflib
 import math
-import re
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from planner.camera.catalogue import catalogued
+from planner.camera.calibration import opencv_fields
+from planner.camera.catalogue import check_lens, find_camera
+from planner.camera.checks import check_count, check_number, check_pair, check_positive, line_of, read_toml, shown
+from planner.camera.distortion import Distortion
+from planner.camera.field import Field, field_of
+from planner.camera.readers import calibrated_fields
 from planner.exceptions import CameraError
 
-try:
-    import tomllib
-except ModuleNotFoundError:  # Python 3.10
-    import tomli as tomllib  # type: ignore[no-redef]
-
-# numbers outside are slips of the pen, and what is derived from them is not finite
-_SMALLEST, _LARGEST = 1e-9, 1e9
 # some ten times the coarsest pixels of cameras: more is a pitch in um
 _LARGEST_PITCH_MM = 0.5
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A thin-lens camera with square or rectangular pixels and a centred optical axis.
+    """A thin-lens camera with square or rectangular pixels; calibrated ones may be off centre and distort.
 
     Parameters
     ----------
@@ -57,12 +57,16 @@ class Camera:
         Diameter of the largest blur circle that still counts as sharp. Default: the smaller pixel pitch.
     name : str
         For reports; the catalogue fills it in.
+    principal_point_px : tuple of float, optional
+        Where the optical axis meets the sensor, (c_x, c_y), the first pixel's centre being (0, 0). Default: the middle.
+    distortion : Distortion or sequence of float, optional
+        Coefficients k1, k2, p1, p2, k3 as OpenCV states them. Default: none.
 
     Raises
     ------
     CameraError
         If a number is not positive and of a sensible size, a count not a positive integer, the focus distance not
-        beyond f, or the name no text.
+        beyond f, the name no text, the principal point off the sensor, or the lens model folds on it.
     """
 
     focal_length_mm: float
@@ -72,28 +76,44 @@ class Camera:
     focus_distance_mm: float
     largest_blur_mm: float | None = None
     name: str = ""
+    principal_point_px: tuple[float, float] | None = None
+    distortion: Distortion | None = None
 
     def __post_init__(self) -> None:
         for field in ("focal_length_mm", "f_number", "focus_distance_mm"):
-            object.__setattr__(self, field, _check_positive(field, getattr(self, field)))
-        pitch = tuple(_check_positive("pixel_pitch_mm", p) for p in _check_pair("pixel_pitch_mm", self.pixel_pitch_mm))
+            object.__setattr__(self, field, check_positive(field, getattr(self, field)))
+        pitch = tuple(check_positive("pixel_pitch_mm", p) for p in check_pair("pixel_pitch_mm", self.pixel_pitch_mm))
         if max(pitch) > _LARGEST_PITCH_MM:
             raise CameraError(
                 f"pixel_pitch_mm must be at most {_LARGEST_PITCH_MM:g} mm; 3.45 um are 0.00345. Got {max(pitch):g}."
             )
         object.__setattr__(self, "pixel_pitch_mm", pitch)
-        counts = tuple(_check_count("resolution", n) for n in _check_pair("resolution", self.resolution))
+        counts = tuple(check_count("resolution", n) for n in check_pair("resolution", self.resolution))
         object.__setattr__(self, "resolution", counts)
         blur = min(pitch) if self.largest_blur_mm is None else self.largest_blur_mm
-        object.__setattr__(self, "largest_blur_mm", _check_positive("largest_blur_mm", blur))
+        object.__setattr__(self, "largest_blur_mm", check_positive("largest_blur_mm", blur))
         if not isinstance(self.name, str):
-            raise CameraError(f"name must be text. Got {_shown(self.name)}.")
+            raise CameraError(f"name must be text. Got {shown(self.name)}.")
         # focus a rounding error beyond f is none: the image distance would not be finite
         if not 1.0 / self.focal_length_mm > 1.0 / self.focus_distance_mm:
             raise CameraError(
                 f"focus_distance_mm must exceed focal_length_mm ({self.focal_length_mm:g}), "
                 f"else no real image forms. Got {self.focus_distance_mm:g}."
             )
+        self._check_calibration()
+
+    def _check_calibration(self) -> None:
+        object.__setattr__(self, "distortion", Distortion.of(self.distortion))
+        if self.principal_point_px is not None:
+            point = tuple(
+                check_number("principal_point_px", c) for c in check_pair("principal_point_px", self.principal_point_px)
+            )
+            object.__setattr__(self, "principal_point_px", point)
+            if not all(-0.5 < c < n - 0.5 for c, n in zip(point, self.resolution, strict=True)):
+                raise CameraError(f"principal_point_px must be on the sensor. Got {shown(point)}.")
+        if self.distortion is not None:
+            # a pixel more than there is: what is rounded to the last one lies half a pixel beyond
+            self.field(-1.0)
 
     @property
     def image_distance_mm(self) -> float:
@@ -112,7 +132,10 @@ class Camera:
 
     @property
     def half_diagonal_rad(self) -> float:
-        """Angle between the optical axis and the ray to a corner of the sensor."""
+        """Largest angle between the optical axis and a ray to the sensor, in its farthest corner."""
+        if not self.is_centred:
+            left, top, right, bottom = self.field().outer
+            return math.atan(math.hypot(max(-left, right), max(-top, bottom)))
         return math.atan(0.5 * math.hypot(*self.sensor_size_mm) / self.image_distance_mm)
 
     @property
@@ -128,8 +151,56 @@ class Camera:
     def matrix(self) -> np.ndarray:
         """Intrinsic matrix (3, 3) in pixels, OpenCV convention: the centre of the first pixel is (0, 0)."""
         (width, height), (pitch_x, pitch_y) = self.resolution, self.pixel_pitch_mm
+        across, down = self.principal_point_px or ((width - 1) / 2, (height - 1) / 2)
         d = self.image_distance_mm
-        return np.array([[d / pitch_x, 0.0, (width - 1) / 2], [0.0, d / pitch_y, (height - 1) / 2], [0.0, 0.0, 1.0]])
+        return np.array([[d / pitch_x, 0.0, across], [0.0, d / pitch_y, down], [0.0, 0.0, 1.0]])
+
+    @property
+    def is_centred(self) -> bool:
+        """Whether the optical axis is in the sensor's middle and the lens does not distort."""
+        return self.principal_point_px is None and self.distortion is None
+
+    def field(self, margin_px: float = 0.0) -> Field:
+        """Return what the sensor holds of the undistorted image, less a strip along its sides.
+
+        Parameters
+        ----------
+        margin_px : float
+            Width of the strip in pixels of the real image.
+
+        Returns
+        -------
+        Field
+            Tangents of the angles to the optical axis; see `planner.camera.field`.
+
+        Raises
+        ------
+        CameraError
+            If the lens model folds within the field.
+        """
+        matrix = self.matrix
+        low = (margin_px - 0.5 - matrix[:2, 2]) / np.diag(matrix)[:2]
+        high = (np.array(self.resolution) - 0.5 - margin_px - matrix[:2, 2]) / np.diag(matrix)[:2]
+        sides = float(low[0]), float(low[1]), float(high[0]), float(high[1])
+        return Field(sides, sides) if self.distortion is None else field_of(self.distortion, sides)
+
+    @property
+    def image_pitch_mm(self) -> tuple[float, float]:
+        """Pixel pitch in the undistorted image: with distortion the coarsest within the inner field, both ways.
+
+        Rounding to pixels has the covariance J^-1 D^2 J^-1 / 12 there, which is at most the largest pitch squared over
+        the smallest eigenvalue of J squared, over 12.
+        """
+        if self.distortion is None:
+            return self.pixel_pitch_mm
+        coarsest = max(self.pixel_pitch_mm) / self.field().least
+        return coarsest, coarsest
+
+    @property
+    def finest_pitch_mm(self) -> tuple[float, float]:
+        """Pixel pitch in the undistorted image that no pixel of the outer field is below."""
+        most = self.field().most
+        return self.pixel_pitch_mm[0] / most, self.pixel_pitch_mm[1] / most
 
     def focused_at(self, distance_mm: float) -> Camera:
         """Return the same camera and lens, focused at another distance.
@@ -150,6 +221,48 @@ class Camera:
             If the distance does not exceed the focal length.
         """
         return replace(self, focus_distance_mm=distance_mm)
+
+    @classmethod
+    def from_opencv(
+        cls, matrix: ArrayLike, distortion: ArrayLike | Distortion | None, image_size: tuple[int, int], **lens: Any
+    ) -> Camera:
+        """Make a camera of what OpenCV's calibration found.
+
+        A calibration knows focal lengths in pixels only. One number in mm, the sensor's pixel pitch, makes lengths of
+        them: d = f_x r_x, r_y = d / f_y, and f = 1 / (1/d + 1/s).
+
+        Parameters
+        ----------
+        matrix : array_like (3, 3)
+            Camera matrix K in px, without skew; the first pixel's centre is (0, 0).
+        distortion : array_like, Distortion or None
+            k1, k2, p1, p2 and k3 as ``cv2.calibrateCamera`` returns them, at the focus they were found at.
+        image_size : tuple of int
+            Width and height, px.
+        **lens : float or str
+            Must hold ``pixel_pitch_mm`` (one number, across), ``f_number`` and ``focus_distance_mm``; may hold
+            ``largest_blur_mm`` and ``name``.
+
+        Returns
+        -------
+        Camera
+            Its `matrix` is K.
+
+        Raises
+        ------
+        CameraError
+            If K is no camera matrix, or a number is missing or wrong.
+
+        Examples
+        --------
+        >>> from planner import Camera
+        >>> k = [[2320.0, 0, 1231.5], [0, 2321.5, 1019.0], [0, 0, 1]]
+        >>> lens = {"pixel_pitch_mm": 0.00345, "f_number": 8, "focus_distance_mm": 300}
+        >>> camera = Camera.from_opencv(k, [-0.12, 0.09, 4e-4, -2e-4, 0], (2448, 2048), **lens)
+        >>> round(camera.focal_length_mm, 3), camera.principal_point_px
+        (7.796, (1231.5, 1019.0))
+        """
+        return cls.from_dict(opencv_fields(matrix, distortion, image_size, lens))
 
     @classmethod
     def named(cls, name: str, **changes: Any) -> Camera:
@@ -179,25 +292,34 @@ class Camera:
         >>> camera.focal_length_mm, camera.focus_distance_mm, camera.resolution
         (8.0, 400.0, (2448, 2048))
         """
-        known = {key.lower(): key for key in catalogued()}
-        key = known.get(str(name).lower())
-        if key is None:
-            near = difflib.get_close_matches(str(name).lower(), known, n=3, cutoff=0.3) or sorted(known)[:3]
-            offered = ", ".join(known[n] for n in near)
-            raise CameraError(f"camera must be a name of the catalogue. Got {str(name)!r}; nearest: {offered}.")
-        fields, lens = catalogued()[key]
-        camera = cls.from_dict({**fields, "name": key, **changes})
-        widest, narrowest, closest = lens["widest_f_number"], lens["narrowest_f_number"], lens["closest_object_mm"]
-        if not widest <= camera.f_number <= narrowest:
-            raise CameraError(
-                f"f_number must be in {widest:g} to {narrowest:g}, the lens's range. Got {camera.f_number:g}."
-            )
-        if camera.focus_distance_mm < closest:
-            raise CameraError(
-                f"focus_distance_mm must be at least {closest:g}, the lens's closest object. "
-                f"Got {camera.focus_distance_mm:g}."
-            )
+        key, facts, lens = find_camera(name)
+        camera = cls.from_dict({**facts, "name": key, **changes})
+        check_lens(lens, camera.f_number, camera.focus_distance_mm)
         return camera
+
+    @classmethod
+    def from_calibration(cls, path: str | PathLike[str], **lens: Any) -> Camera:
+        """Make a camera of another program's calibration.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            COLMAP's cameras.txt with one camera; or, if it ends with .yaml or .yml, what ROS's calibration writes, or a
+            CameraInfo message.
+        **lens : float or str
+            As in `from_opencv`.
+
+        Returns
+        -------
+        Camera
+            Named after the file if no name is given.
+
+        Raises
+        ------
+        CameraError
+            If the file cannot be read or is of a camera that is not known here, or a number is missing or wrong.
+        """
+        return cls.from_dict(calibrated_fields(path, lens))
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> Camera:
@@ -206,7 +328,8 @@ class Camera:
         Parameters
         ----------
         path : str or os.PathLike
-            The file.
+            The file. Instead of focal length, resolution and both pixel pitches it may name a ``calibration``, a file
+            for `from_calibration` beside it.
 
         Returns
         -------
@@ -219,12 +342,14 @@ class Camera:
             If the file cannot be read, is not TOML, or a field is missing, unknown or wrong; names file and line.
         """
         path = Path(path)
-        text, data = _read_toml(path)
+        text, data = read_toml(path)
         try:
+            if "calibration" in data:
+                return cls.from_calibration(path.parent / str(data.pop("calibration")), **{"name": path.stem, **data})
             return cls.from_dict({"name": path.stem, **data})
         except CameraError as error:
             field = str(error).split(" ", 1)[0]
-            raise CameraError(f"{path}:{_line_of(field, text)}: {error}") from None
+            raise CameraError(f"{path}:{line_of(field, text)}: {error}") from None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain Python values, ready for JSON or TOML.
@@ -234,7 +359,14 @@ class Camera:
         dict
             Field names and values; pairs are tuples.
         """
-        return asdict(self)
+        data = {field.name: getattr(self, field.name) for field in fields(self)}
+        # a camera without calibration says nothing of it
+        if self.principal_point_px is None:
+            del data["principal_point_px"]
+        data.pop("distortion")
+        if self.distortion is not None:
+            data["distortion"] = self.distortion.coefficients
+        return data
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Camera:
@@ -258,75 +390,9 @@ class Camera:
         known = [field.name for field in fields(cls)]
         for key in data:
             if key not in known:
-                named = key if key.isidentifier() else _shown(key)
+                named = key if key.isidentifier() else shown(key)
                 raise CameraError(f"{named} must be one of {', '.join(known)}. Got an unknown field.")
         for key in known[:5]:
             if key not in data:
-                raise CameraError(f"{key} must be given. Got {_shown(', '.join(map(str, data)) or 'nothing', str)}.")
+                raise CameraError(f"{key} must be given. Got {shown(', '.join(map(str, data)) or 'nothing', str)}.")
         return cls(**data)
-
-
-def _read_toml(path: Path) -> tuple[str, dict[str, Any]]:
-    try:
-        text = path.read_text(encoding="utf-8")
-        return text, tomllib.loads(text)
-    except OSError as error:
-        raise CameraError(f"{path}: camera file cannot be read: {error.strerror}.") from None
-    except UnicodeDecodeError as error:
-        raise CameraError(
-            f"{path}: camera file must be UTF-8 text. Got byte {error.object[error.start]:#04x}."
-        ) from None
-    except tomllib.TOMLDecodeError as error:
-        found = re.search(r"line (\d+)", str(error))
-        line = int(found.group(1)) if found else len(text.splitlines())
-        raise CameraError(f"{path}:{line}: camera file must be TOML. {error}.") from None
-    except RecursionError:
-        raise CameraError(f"{path}: camera file must not nest arrays or tables so deep. Got too many levels.") from None
-    except ValueError:
-        # Python reads no integer of more than some thousand digits
-        raise CameraError(f"{path}: camera file must hold numbers of a sensible length. Got a longer one.") from None
-
-
-def _line_of(field: str, text: str) -> int:
-    """Return the line that assigns a field; 1 when the field is missing."""
-    pattern = re.compile(rf"\s*[\"']?{re.escape(field)}[\"']?\s*[=.\]]")
-    return next((i for i, line in enumerate(text.splitlines(), 1) if pattern.match(line.lstrip("["))), 1)
-
-
-def _check_pair(field: str, values: Any) -> tuple[Any, ...]:
-    try:
-        pair = tuple(values)
-    except TypeError:
-        pair = ()
-    if len(pair) != 2 or isinstance(values, str):
-        raise CameraError(f"{field} must be two numbers, across and down. Got {_shown(values)}.")
-    return pair
-
-
-def _check_positive(field: str, value: Any) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = math.nan
-    except OverflowError:
-        number = math.inf
-    if not (math.isfinite(number) and number > 0) or isinstance(value, str | bool):
-        raise CameraError(f"{field} must be finite and positive. Got {_shown(value)}.")
-    if not _SMALLEST <= number <= _LARGEST:
-        raise CameraError(f"{field} must be in [{_SMALLEST:g}, {_LARGEST:g}]. Got {number:g}.")
-    return number
-
-
-def _check_count(field: str, value: object) -> int:
-    number = _check_positive(field, value)
-    if number != int(number):
-        raise CameraError(f"{field} must be whole pixels. Got {_shown(value)}.")
-    return int(number)
-
-
-def _shown(value: object, text: Callable[[Any], str] = repr) -> str:
-    """Return a value as Python writes it, shortened to a readable length."""
-    if isinstance(value, int) and value.bit_length() > 240:
-        return f"an integer of {value.bit_length()} bits"
-    told = text(value)
-    return told if len(told) <= 80 else f"{told[:77]}..."

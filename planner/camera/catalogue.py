@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Mapping
 from functools import cache
 from importlib import resources
 from typing import Any
+
+from planner.exceptions import CameraError
 
 try:
     import tomllib
 except ModuleNotFoundError:  # Python 3.10
     import tomli as tomllib  # type: ignore[no-redef]
+
+# what a camera takes from its body
+_BODY = ("pixel_pitch_mm", "resolution")
 
 
 def camera_names() -> tuple[str, ...]:
@@ -23,16 +30,57 @@ def camera_names() -> tuple[str, ...]:
     return tuple(sorted(catalogued()))
 
 
+def camera_parts() -> dict[str, dict[str, dict[str, Any]]]:
+    """Return the bodies and lenses of the catalogue with the facts of their data sheets and where these were read.
+
+    Returns
+    -------
+    dict
+        ``"body"`` and ``"lens"``: by name, the facts, their ``source`` (an address), and ``maker``: whether that is the
+        maker's own page.
+    """
+    data = _data()
+    return {kind: {name: {"maker": True, **facts} for name, facts in data[kind].items()} for kind in ("body", "lens")}
+
+
+@cache
+def _data() -> dict[str, Any]:
+    text = resources.files("planner.camera").joinpath("catalogue.toml").read_text(encoding="utf-8")
+    return dict(tomllib.loads(text))
+
+
 @cache
 def catalogued() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
     """Read the catalogue: the fields of each camera, and its lens.
 
     Bodies and lenses hold data-sheet facts, pairs say which are mounted and how they are set.
     """
-    data = tomllib.loads(resources.files("planner.camera").joinpath("catalogue.toml").read_text(encoding="utf-8"))
+    data = _data()
     cameras = {}
     for name, pair in data["pair"].items():
-        body, lens = data["body"][pair["body"]], data["lens"][pair["lens"]]
+        body, lens = {k: data["body"][pair["body"]][k] for k in _BODY}, data["lens"][pair["lens"]]
         settings = {key: value for key, value in pair.items() if key not in ("body", "lens")}
         cameras[name] = {"focal_length_mm": lens["focal_length_mm"], **body, **settings}, lens
     return cameras
+
+
+def find_camera(name: str) -> tuple[str, dict[str, Any], dict[str, Any]]:
+    """Return the name of a camera as the catalogue spells it, its fields and its lens; or raise `CameraError`."""
+    known = {key.lower(): key for key in catalogued()}
+    key = known.get(str(name).lower())
+    if key is None:
+        near = difflib.get_close_matches(str(name).lower(), known, n=3, cutoff=0.3) or sorted(known)[:3]
+        offered = ", ".join(known[n] for n in near)
+        raise CameraError(f"camera must be a name of the catalogue. Got {str(name)!r}; nearest: {offered}.")
+    return key, *catalogued()[key]
+
+
+def check_lens(lens: Mapping[str, Any], f_number: float, focus_distance_mm: float) -> None:
+    """Raise `CameraError` unless a lens of the catalogue can be set so."""
+    widest, narrowest, closest = lens["widest_f_number"], lens["narrowest_f_number"], lens["closest_object_mm"]
+    if not widest <= f_number <= narrowest:
+        raise CameraError(f"f_number must be in {widest:g} to {narrowest:g}, the lens's range. Got {f_number:g}.")
+    if focus_distance_mm < closest:
+        raise CameraError(
+            f"focus_distance_mm must be at least {closest:g}, the lens's closest object. Got {focus_distance_mm:g}."
+        )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import warnings
 from collections.abc import Iterator, Sequence
@@ -28,7 +29,7 @@ from aspectgraph import (
 )
 from aspectgraph.read.part_file import MESH_SUFFIXES
 from planner.camera.camera import Camera
-from planner.camera.catalogue import camera_names
+from planner.camera.catalogue import camera_names, camera_parts
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.best_so_far import BestSoFar
 from planner.cli.completion import completion_script
@@ -276,13 +277,25 @@ def simulate(options: argparse.Namespace) -> int:
 
 
 def cameras(options: argparse.Namespace) -> int:
-    """List the catalogue."""
+    """List the catalogue: its cameras, or where the facts on their parts were read."""
+    if options.sources:
+        parts = camera_parts()
+        if options.json:
+            # JSON knows no infinity: an iris that closes fully has no narrowest aperture
+            print_json({kind: {name: _finite(one) for name, one in of.items()} for kind, of in parts.items()})
+        else:
+            terminal_tables.print_sources(parts)
+        return DONE
     found = [Camera.named(name) for name in camera_names()]
     if options.json:
         print_json([one.to_dict() for one in found])
     else:
         terminal_tables.print_cameras(found)
     return DONE
+
+
+def _finite(facts: dict[str, Any]) -> dict[str, Any]:
+    return {key: None if value == math.inf else value for key, value in facts.items()}
 
 
 def completion(options: argparse.Namespace) -> int:

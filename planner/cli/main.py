@@ -265,7 +265,9 @@ def _add_simulate(commands: Any) -> None:
 
 
 def _add_cameras(commands: Any) -> None:
-    _command(commands, "cameras", "the cameras and lenses --camera knows by name")
+    cameras = _command(commands, "cameras", "the cameras and lenses --camera knows by name")
+    told = "list bodies and lenses, and where each one's facts were read"
+    cameras.add_argument("--sources", action="store_true", help=told)
 
 
 def _add_part(parser: argparse.ArgumentParser) -> None:

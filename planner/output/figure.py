@@ -86,8 +86,9 @@ def _entity_trace(lines: Sequence[tuple[str, np.ndarray]], color: str, group: st
 
 def _frustum_trace(setting: SensorSetting, camera: Camera, k: int, group: str) -> go.Scatter3d:
     """Draw the pyramid from the nodal point to the plane in focus, and the number of the setting."""
-    half = np.array(camera.sensor_size_mm) / 2 / camera.image_distance_mm * camera.focus_distance_mm
-    corners = np.array([[x, y, camera.focus_distance_mm] for x, y in half * [[-1, -1], [1, -1], [1, 1], [-1, 1]]])
+    left, top, right, bottom = camera.field().inner
+    tangents = [[left, top, 1.0], [right, top, 1.0], [right, bottom, 1.0], [left, bottom, 1.0]]
+    corners = camera.focus_distance_mm * np.array(tangents)
     corners = corners @ setting.cam2world[:3, :3].T + setting.position
     apex = setting.position
     pieces = [(apex, c) for c in corners] + list(zip(corners, np.roll(corners, -1, axis=0), strict=True))

@@ -10,6 +10,9 @@ ROS            poses_ros.yaml         camera to world, q (xyzw)   x right y down
 nerfstudio     transforms.json        camera to world, 4x4        x right y up    mm, (0.5, 0.5)
 =============  =====================  ==========================  ==============  =================================
 
+camera_ros.yaml is the camera as ROS's calibration writes it. OpenCV, COLMAP, ROS and nerfstudio get the lens
+distortion; Open3D knows none: its file is for undistorted images.
+
 Every writer takes a plan and returns text; `write_poses` writes them all. Settings are numbered from 1 in the order of
 travel and their images are called ``setting_01.png`` and so on.
 """
@@ -35,6 +38,7 @@ POSE_FILES = (
     "poses_opencv.json",
     "poses_open3d.json",
     "poses_ros.yaml",
+    "camera_ros.yaml",
     "transforms.json",
     "colmap/cameras.txt",
     "colmap/images.txt",
@@ -69,6 +73,7 @@ def write_poses(plan: InspectionPlan, folder: str | os.PathLike[str]) -> list[Pa
         opencv_json(plan),
         open3d_json(plan),
         ros_yaml(plan),
+        ros_camera_yaml(plan),
         nerfstudio_json(plan),
         colmap_cameras(plan),
         colmap_images(plan),
@@ -97,7 +102,7 @@ def opencv_json(plan: InspectionPlan) -> str:
     data = {
         "convention": "x_cam = R x_world + t; millimetres; axes x right, y down, z forward",
         "K": np.asarray(plan.camera.matrix).tolist(),
-        "distortion": [0.0] * 5,
+        "distortion": list(_coefficients(plan)),
         "image_size": list(plan.camera.resolution),
         "settings": settings,
     }
@@ -105,11 +110,22 @@ def opencv_json(plan: InspectionPlan) -> str:
 
 
 def colmap_cameras(plan: InspectionPlan) -> str:
-    """Return COLMAP's cameras.txt: one PINHOLE camera."""
+    """Return COLMAP's cameras.txt: one camera, PINHOLE; with distortion OPENCV, or FULL_OPENCV where k3 is not 0."""
     (width, height), matrix = plan.camera.resolution, np.asarray(plan.camera.matrix)
     numbers = (matrix[0, 0], matrix[1, 1], matrix[0, 2] + 0.5, matrix[1, 2] + 0.5)
     parameters = " ".join(repr(float(x)) for x in numbers)
-    return f"# CAMERA_ID MODEL WIDTH HEIGHT FX FY CX CY\n1 PINHOLE {width} {height} {parameters}\n"
+    if plan.camera.distortion is None:
+        return f"# CAMERA_ID MODEL WIDTH HEIGHT FX FY CX CY\n1 PINHOLE {width} {height} {parameters}\n"
+    k1, k2, p1, p2, k3 = _coefficients(plan)
+    model, names, rest = "OPENCV", "K1 K2 P1 P2", [k1, k2, p1, p2]
+    if k3:
+        model, names, rest = "FULL_OPENCV", "K1 K2 P1 P2 K3 K4 K5 K6", [k1, k2, p1, p2, k3, 0.0, 0.0, 0.0]
+    parameters = " ".join([parameters, *map(repr, rest)])
+    return f"# CAMERA_ID MODEL WIDTH HEIGHT FX FY CX CY {names}\n1 {model} {width} {height} {parameters}\n"
+
+
+def _coefficients(plan: InspectionPlan) -> tuple[float, ...]:
+    return (0.0,) * 5 if plan.camera.distortion is None else plan.camera.distortion.coefficients
 
 
 def colmap_images(plan: InspectionPlan) -> str:
@@ -124,7 +140,10 @@ def colmap_images(plan: InspectionPlan) -> str:
 
 
 def open3d_json(plan: InspectionPlan) -> str:
-    """Return an Open3D PinholeCameraTrajectory; its matrices are stored column by column."""
+    """Return an Open3D PinholeCameraTrajectory; its matrices are stored column by column.
+
+    Open3D knows no distortion: the intrinsics are those of undistorted images, and a field it does not read says so.
+    """
     width, height = plan.camera.resolution
     version = {"version_major": 1, "version_minor": 0}
     intrinsic = {
@@ -141,7 +160,9 @@ def open3d_json(plan: InspectionPlan) -> str:
         }
         for setting in plan.settings
     ]
-    data = {"class_name": "PinholeCameraTrajectory", "parameters": parameters, **version}
+    data: dict[str, object] = {"class_name": "PinholeCameraTrajectory", "parameters": parameters, **version}
+    if plan.camera.distortion is not None:
+        data["comment"] = "for undistorted images: Open3D's pinhole camera has no lens distortion"
     return json.dumps(data, indent=1) + "\n"
 
 
@@ -157,6 +178,23 @@ def ros_yaml(plan: InspectionPlan, frame_id: str = "part") -> str:
     return "\n".join(lines) + "\n"
 
 
+def ros_camera_yaml(plan: InspectionPlan) -> str:
+    """Return the camera as ROS's camera_calibration writes it, model plumb_bob: what CameraInfo is filled from."""
+    camera, matrix = plan.camera, np.asarray(plan.camera.matrix)
+    tables = {
+        "camera_matrix": matrix,
+        "distortion_coefficients": np.array([_coefficients(plan)]),
+        "rectification_matrix": np.eye(3),
+        "projection_matrix": np.hstack([matrix, np.zeros((3, 1))]),
+    }
+    lines = [f"image_width: {camera.resolution[0]}", f"image_height: {camera.resolution[1]}"]
+    lines += [f"camera_name: {json.dumps(camera.name or 'camera')}", "distortion_model: plumb_bob"]
+    for name, table in tables.items():
+        rows, cols = table.shape
+        lines += [f"{name}:", f"  rows: {rows}", f"  cols: {cols}", f"  data: {json.dumps(table.ravel().tolist())}"]
+    return "\n".join(lines) + "\n"
+
+
 def nerfstudio_json(plan: InspectionPlan) -> str:
     """Return a nerfstudio transforms.json: camera to world with OpenGL axes, in the part's millimetres."""
     (width, height), matrix = plan.camera.resolution, np.asarray(plan.camera.matrix)
@@ -167,6 +205,7 @@ def nerfstudio_json(plan: InspectionPlan) -> str:
         }
         for k, setting in enumerate(plan.settings)
     ]
+    k1, k2, p1, p2, k3 = _coefficients(plan)
     data = {
         "camera_model": "OPENCV",
         "fl_x": float(matrix[0, 0]),
@@ -175,7 +214,8 @@ def nerfstudio_json(plan: InspectionPlan) -> str:
         "cy": float(matrix[1, 2]) + 0.5,
         "w": width,
         "h": height,
-        **dict.fromkeys(("k1", "k2", "p1", "p2"), 0.0),
+        **{"k1": k1, "k2": k2, "p1": p1, "p2": p2},
+        **({"k3": k3} if k3 else {}),
         "frames": frames,
     }
     return json.dumps(data, indent=1) + "\n"

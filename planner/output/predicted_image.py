@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from aspectgraph.plot.style import is_feature
 from aspectgraph.solid import RayScene
 from planner.camera.camera import Camera
+from planner.camera.imaging import image_of, tangents_of
 from planner.camera.pose import world_to_cam
 
 if TYPE_CHECKING:
@@ -34,6 +35,9 @@ _SHADED_WIDTH = 560
 _SHADOW_TOLERANCE = 1e-3
 # grey values under a lamp: what is no part, what no light reaches, and the most
 _GROUND, _AMBIENT, _BRIGHTEST = 12, 30, 235
+# pieces a highlighted segment is bent into by distortion, and where points are put that have no image
+_BENDS = 32
+_FAR_PX = 1e5
 
 
 def predicted_image(
@@ -108,8 +112,8 @@ class PictureMaker:
         """Return the edge map: visible edges as thin lines, the measured ones bold, with the ends of edges marked."""
         width, height = self.camera.resolution
         marks = []
-        for uv in self._project_entities(cam2world, entities):
-            marks.append(f'<path class="measured" d="{_path(uv.reshape(-1, 2, 2))}"/>')
+        for uv, lines in self._project_entities(cam2world, entities):
+            marks.append(f'<path class="measured" d="{_path(lines)}"/>')
             # of dimensions no ends are looked for
             ends = uv if uv.ndim == 2 else ()
             marks += [f'<circle class="end" cx="{u:.1f}" cy="{v:.1f}" r="{width / 170:.1f}"/>' for u, v in ends]
@@ -123,25 +127,40 @@ class PictureMaker:
         size = width / 42
         parts: list[str] = []
         taken: list[tuple[float, ...]] = []
-        for name, uv in zip(entities, self._project_entities(cam2world, entities), strict=True):
+        for name, (uv, lines) in zip(entities, self._project_entities(cam2world, entities), strict=True):
             u, v = uv.reshape(-1, 2).mean(axis=0)
             anchor = "end" if u > 0.75 * width else "start"
             v = min(max(v - 0.4 * size, 1.2 * size), height - 0.6 * size)
             if uv.ndim > 2:
                 v = _free_line(taken, u, v, size, 0.6 * size * len(name))
-            parts.append(f'<path class="entity" stroke="{color}" d="{_path(uv.reshape(-1, 2, 2))}"/>')
+            parts.append(f'<path class="entity" stroke="{color}" d="{_path(lines)}"/>')
             parts.append(
                 f'<text x="{u:.0f}" y="{v:.0f}" font-size="{size:.0f}" text-anchor="{anchor}" fill="{color}">'
                 f"{escape(name)}</text>"
             )
         return "".join(parts)
 
-    def _project_entities(self, cam2world: np.ndarray, entities: dict[str, Any]) -> list[np.ndarray]:
-        return [self._project(world_to_cam(np.asarray(ends), cam2world)) for ends in entities.values()]
+    def _project_entities(self, cam2world: np.ndarray, entities: dict[str, Any]) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return the images of the points of entities, and lines (l, 2, 2) to be drawn through them."""
+        return [self._bent(world_to_cam(np.asarray(ends), cam2world)) for ends in entities.values()]
+
+    def _bent(self, points_cam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        uv = self._project(points_cam)
+        if self.camera.distortion is None:
+            return uv, uv.reshape(-1, 2, 2)
+        # a straight edge is imaged as a curve
+        first, last = np.moveaxis(points_cam.reshape(-1, 2, 3), 1, 0)
+        share = np.linspace(0.0, 1.0, _BENDS + 1)[:, None, None]
+        curve = self._project((1 - share) * first + share * last)
+        return uv, np.stack([curve[:-1], curve[1:]], axis=2).reshape(-1, 2, 2)
 
     def _project(self, points_cam: np.ndarray) -> np.ndarray:
+        """Return the images of points in px; a lens with distortion has none off the sensor, where they are put."""
         matrix = self.camera.matrix
-        return points_cam[..., :2] / points_cam[..., 2:] * [matrix[0, 0], matrix[1, 1]] + matrix[:2, 2]
+        if self.camera.distortion is None:
+            return points_cam[..., :2] / points_cam[..., 2:] * [matrix[0, 0], matrix[1, 1]] + matrix[:2, 2]
+        pixels = image_of(self.camera, points_cam / points_cam[..., 2:])
+        return np.where(np.isnan(pixels), -_FAR_PX, pixels)
 
     def edge_lines(self, cam2world: np.ndarray) -> list[np.ndarray]:
         """Return the visible pieces of the part's edges, each (2, 2) in px.
@@ -161,7 +180,12 @@ class PictureMaker:
         starts = np.cumsum([0] + [len(s.points) for s in samples])
         pieces = []
         for s, a, b in zip(samples, starts[:-1], starts[1:], strict=True):
-            pieces += [s.pixels[[i, j]] for i, j in _runs(visible[a:b])]
+            runs = _runs(visible[a:b])
+            if self.camera.distortion is None:
+                pieces += [s.pixels[[i, j]] for i, j in runs]
+            else:
+                bent = self._project(s.points)
+                pieces += [bent[[k, k + 1]] for i, j in runs for k in range(i, j)]
         return pieces
 
     def _sample(self, segment_cam: np.ndarray) -> _Sampled | None:
@@ -169,8 +193,14 @@ class PictureMaker:
         segment = _clip_near(segment_cam)
         if segment is None:
             return None
-        pixels = self._project(segment)
-        span = _clip_rectangle(pixels, self.camera.resolution)
+        matrix = self.camera.matrix
+        scale, centre = np.diag(matrix)[:2], matrix[:2, 2]
+        pixels = segment[:, :2] / segment[:, 2:] * scale + centre
+        # what is clipped is the undistorted image, where the segment is straight
+        lens = self.camera.distortion
+        sides = None if lens is None else np.array(self.camera.field().outer).reshape(2, 2) * scale + centre
+        low, high = (np.full(2, -0.5), np.array(self.camera.resolution) - 0.5) if sides is None else sides
+        span = _clip_rectangle(pixels, low, high)
         if span is None:
             return None
         length = np.linalg.norm(pixels[1] - pixels[0]) * (span[1] - span[0])
@@ -192,10 +222,11 @@ class PictureMaker:
         (width, height), matrix = self.camera.resolution, self.camera.matrix
         scale = width / _SHADED_WIDTH
         u, v = np.meshgrid((np.arange(_SHADED_WIDTH) + 0.5) * scale, (np.arange(round(height / scale)) + 0.5) * scale)
-        rays = np.stack(
-            [(u - matrix[0, 2]) / matrix[0, 0], (v - matrix[1, 2]) / matrix[1, 1], np.ones_like(u)], axis=-1
-        )
-        rays = rays @ cam2world[:3, :3].T
+        if self.camera.distortion is None:
+            x, y = (u - matrix[0, 2]) / matrix[0, 0], (v - matrix[1, 2]) / matrix[1, 1]
+        else:
+            x, y = np.moveaxis(tangents_of(self.camera, np.stack([u, v], axis=-1)), -1, 0)
+        rays = np.stack([x, y, np.ones_like(u)], axis=-1) @ cam2world[:3, :3].T
         hit = self._cast(cam2world, rays)
         if lamp is not None:
             return self._lit(cam2world[:3, 3], rays, hit, lamp)
@@ -274,12 +305,12 @@ def _clip_near(segment: np.ndarray) -> np.ndarray | None:
     return np.array([segment[0], crossing] if depth[0] > 0 else [crossing, segment[1]])
 
 
-def _clip_rectangle(pixels: np.ndarray, resolution: tuple[int, int]) -> tuple[float, float] | None:
-    """Return the parameter interval of a line (2, 2) inside the image (Liang and Barsky 1984), or None."""
+def _clip_rectangle(pixels: np.ndarray, least: np.ndarray, most: np.ndarray) -> tuple[float, float] | None:
+    """Return the parameter interval of a line (2, 2) inside a rectangle (Liang and Barsky 1984), or None."""
     low, high = 0.0, 1.0
     step = pixels[1] - pixels[0]
-    for i, size in enumerate(resolution):
-        for sign, distance in ((-1.0, pixels[0, i] + 0.5), (1.0, size - 0.5 - pixels[0, i])):
+    for i in range(2):
+        for sign, distance in ((-1.0, pixels[0, i] - least[i]), (1.0, most[i] - pixels[0, i])):
             speed = sign * step[i]
             if speed == 0:
                 if distance < 0:

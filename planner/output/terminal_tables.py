@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -150,6 +151,29 @@ def print_cameras(cameras: Sequence[Camera]) -> None:
         )
     console.print(table)
     console.print(f"{count(len(cameras), 'camera')}; distances are from the front nodal point")
+
+
+def print_sources(parts: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> None:
+    """Print bodies and lenses: their facts, and where these were read."""
+    console = _console()
+    for kind, facts in (("body", _body_facts), ("lens", _lens_facts)):
+        for name, one in parts[kind].items():
+            whose = "" if one["maker"] else " (not the maker's page on it)"
+            # addresses must not be broken
+            console.print(f"{kind} {name}: {facts(one)}\n    {one['source']}{whose}", soft_wrap=True, markup=False)
+
+
+def _body_facts(one: Mapping[str, Any]) -> str:
+    pitch = " x ".join(dict.fromkeys(f"{1000 * side:g}" for side in one["pixel_pitch_mm"]))
+    return f"{one['resolution'][0]} x {one['resolution'][1]} px of {pitch} um; {one['sensor']}"
+
+
+def _lens_facts(one: Mapping[str, Any]) -> str:
+    narrowest = "closed" if one["narrowest_f_number"] == math.inf else f"f/{one['narrowest_f_number']:g}"
+    return (
+        f"{one['focal_length_mm']:g} mm, f/{one['widest_f_number']:g} to {narrowest}, "
+        f"from {one['closest_object_mm']:g} mm on, image circle {one['image_circle_mm']:g} mm"
+    )
 
 
 def print_plan(plan: InspectionPlan) -> None:

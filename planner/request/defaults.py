@@ -59,14 +59,17 @@ def corner_margin_px(camera: Camera, pose_uncertainty: PoseUncertainty, sigmas: 
         Pixels; at most a quarter of the sensor's smaller side, so that something of it is left.
     """
     z, widest = camera.depth_of_field_mm[0], 0.0
-    half = np.array(camera.sensor_size_mm) / 2 / camera.image_distance_mm
+    half, most = np.array(camera.sensor_size_mm) / 2 / camera.image_distance_mm, 1.0
+    if not camera.is_centred:
+        (left, top, right, bottom), most = camera.field().outer, camera.field().most
+        half = np.array([max(-left, right), max(-top, bottom)])
     for u, v in half * [[1, 1], [1, -1]]:
         across = [-1 / z, 0, u / z, u * v, -(1 + u * u), v]
         down = [0, -1 / z, v / z, 1 + v * v, -u * v, -u]
         for row, pitch in zip((across, down), camera.pixel_pitch_mm, strict=True):
             variance = np.array(row) @ pose_uncertainty.covariance @ row
             widest = max(widest, camera.image_distance_mm / pitch * float(np.sqrt(max(variance, 0.0))))
-    return min(sigmas * widest, min(camera.resolution) / 4)
+    return min(sigmas * most * widest, min(camera.resolution) / 4)
 
 
 def check_focus_margin(margin_mm: float, camera: Camera) -> float:

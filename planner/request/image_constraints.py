@@ -7,7 +7,8 @@ compiled pass, as a search asks for few poses very often: column by column of `i
 0       eq 16: image length minus the smallest allowed, mm; an entity not wholly in front has an image of length 0
 1–2     eq 17: depth of each end minus D_min, mm
 3–4     eq 18: D_max minus that depth, mm
-5–12    each end's image from the left, right, upper and lower side of the sensor, less a margin, px
+5–12    each end's image from the left, right, upper and lower side of the sensor, less a margin, px; with distortion
+        undistorted images, and the sides of a rectangle that the sensor surely holds (`Camera.field`)
 
 L_w·[(r1 − r_v) × u] × v of eq 16 has the length of the first two components of r1 × (r2 − r1) = r1 × r2.
 """
@@ -39,8 +40,10 @@ class Lens(NamedTuple):
     scale_y_px: float
     centre_x_px: float
     centre_y_px: float
-    width_px: float
-    height_px: float
+    left_px: float
+    top_px: float
+    right_px: float
+    bottom_px: float
     margin_px: float
 
     @classmethod
@@ -49,10 +52,16 @@ class Lens(NamedTuple):
     ) -> Lens:
         """Return the numbers of a camera and of what is asked of its image."""
         matrix, (width, height) = camera.matrix, camera.resolution
+        # pixel centres are whole numbers, so the sensor's sides are at -0.5 and count - 0.5
+        sides = -0.5, -0.5, width - 0.5, height - 0.5
+        if camera.distortion is not None:
+            # the margin is counted in pixels of the real image, the sides in those of the undistorted one
+            tangents, margin_px = np.array(camera.field(margin_px).inner).reshape(2, 2), 0.0
+            left, top, right, bottom = (tangents * np.diag(matrix)[:2] + matrix[:2, 2]).ravel().tolist()
+            sides = left, top, right, bottom
         scales = float(matrix[0, 0]), float(matrix[1, 1]), float(matrix[0, 2]), float(matrix[1, 2])
         near, far = map(float, camera.depth_of_field_mm)
         depths = near + focus_margin_mm, far - focus_margin_mm
-        sides = float(width), float(height)
         return cls(camera.image_distance_mm, float(min_length_mm), *depths, *scales, *sides, float(margin_px))
 
 
@@ -98,11 +107,10 @@ def _image_slacks(lens, ends_cam, out):
                 if z <= 0.0:
                     row[5 + e] = row[7 + e] = row[9 + e] = row[11 + e] = _NOT_IMAGED_PX
                     continue
-                # pixel centres are whole numbers, so the sensor's sides are at -0.5 and count - 0.5
                 u = lens.scale_x_px * x / z + lens.centre_x_px
                 v = lens.scale_y_px * y / z + lens.centre_y_px
-                row[5 + e], row[7 + e] = u + 0.5 - lens.margin_px, lens.width_px - 0.5 - u - lens.margin_px
-                row[9 + e], row[11 + e] = v + 0.5 - lens.margin_px, lens.height_px - 0.5 - v - lens.margin_px
+                row[5 + e], row[7 + e] = u - lens.left_px - lens.margin_px, lens.right_px - u - lens.margin_px
+                row[9 + e], row[11 + e] = v - lens.top_px - lens.margin_px, lens.bottom_px - v - lens.margin_px
 
 
 def cone_slacks(camera: Camera, centre_cam: np.ndarray, radius_mm: float) -> np.ndarray:
@@ -113,12 +121,15 @@ def cone_slacks(camera: Camera, centre_cam: np.ndarray, radius_mm: float) -> np.
     Parameters
     ----------
     camera : Camera
-        Gives I_min, the smaller side of the sensor, and d.
+        Gives I_min, the smaller side of the sensor, and d; off centre, the side nearest to the axis counts.
     centre_cam : array (n, 3)
         Centre r_s of the sphere in the camera frame, mm.
     radius_mm : float
         Its radius R_s.
     """
     half = math.atan(min(camera.sensor_size_mm) / (2 * camera.image_distance_mm))
+    if not camera.is_centred:
+        left, top, right, bottom = camera.field().inner
+        half = math.atan(min(-left, -top, right, bottom))
     apex = centre_cam - [0.0, 0.0, radius_mm / math.sin(half)]
     return (apex[..., 2] - np.linalg.norm(apex, axis=-1) * math.cos(half))[:, None, None]

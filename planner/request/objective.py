@@ -61,7 +61,7 @@ class Objective:
         self._image_distance = _IMAGE_SCALE * camera.image_distance_mm
         self._probability = errors.SuccessModel(
             focal_length_mm=self._image_distance,
-            pixel_pitch_mm=[_IMAGE_SCALE * pitch for pitch in camera.pixel_pitch_mm],
+            pixel_pitch_mm=[_IMAGE_SCALE * pitch for pitch in camera.image_pitch_mm],
             pose_covariance=pose_uncertainty.paper_covariance(self._image_distance),
             accuracy=accuracy,
             model=model,

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from planner.camera.camera import Camera
+from planner.camera.imaging import image_of, undistorted_px
 from planner.camera.pose import world_to_cam
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.request.objective import Objective
@@ -73,7 +74,7 @@ class GridObjective(Objective):
         self.__dict__.update(smooth.__dict__)
         self._smooth, self._counted, self._allowed = smooth, counted, 1.0 - accuracy
         self._pitch, self._size = np.array(camera.pixel_pitch_mm), np.array(camera.resolution, dtype=float)
-        matrix = camera.matrix
+        self._camera, matrix = camera, camera.matrix
         self._lens = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]])
         rng = np.random.default_rng(GRID.seed)
         moves = rng.multivariate_normal(np.zeros(6), pose_uncertainty.covariance, size=GRID.draws, method="eigh")
@@ -98,10 +99,28 @@ class GridObjective(Objective):
 
     def frequencies(self, ends_cam: np.ndarray) -> np.ndarray:
         """Return how often edges, given by their ends in camera frames (n, 2, 3), are measured accurately; (n,)."""
+        if self._camera.distortion is not None:
+            return np.array([self._distorted_frequency(ends) for ends in ends_cam])
         hits = np.empty(len(ends_cam))
         draws = self._turns, self._shifts
         _count(np.ascontiguousarray(ends_cam), draws, self._lens, self._pitch, self._size, self._allowed, hits)
         return hits / GRID.draws
+
+    def _distorted_frequency(self, ends_cam: np.ndarray) -> float:
+        """Return the frequency for an edge (2, 3) whose images are rounded to pixels of the distorted image."""
+        camera = self._camera
+        local = (ends_cam - self._shifts[:, None]) @ self._turns
+        depth = np.where(local[..., 2:] > 0, local[..., 2:], np.nan)
+        pixels = image_of(camera, local / depth)
+        lost = ~((pixels >= -0.5) & (pixels <= self._size - 0.5)).all(axis=(1, 2))
+        ideal = np.concatenate([undistorted_px(camera, np.rint(pixels)), self._nominal_px(ends_cam)[None]])
+        length = np.linalg.norm((ideal[:, 1] - ideal[:, 0]) * self._pitch, axis=-1)
+        accurate = np.abs(length[:-1] - length[-1]) <= self._allowed * length[-1]
+        return float((accurate & ~lost).sum() / GRID.draws)
+
+    def _nominal_px(self, ends_cam: np.ndarray) -> np.ndarray:
+        """Return the undistorted images (2, 2) of ends (2, 3) at the planned pose."""
+        return np.asarray((ends_cam / ends_cam[:, 2:] @ self._camera.matrix.T)[:, :2])
 
 
 def lowered(frequency: np.ndarray) -> np.ndarray:

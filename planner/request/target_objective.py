@@ -60,7 +60,7 @@ def dimension_model(
     return MeasurandModel(
         target.measurand,
         image_distance_mm=camera.image_distance_mm,
-        pixel_pitch_mm=camera.pixel_pitch_mm,
+        pixel_pitch_mm=camera.image_pitch_mm,
         pose_covariance=pose_uncertainty.covariance,
         localisation=localisation or Localisation.rounding(),
         permitted_error=target.permitted_error,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from errors.measurands import Circle, Geometry, Localisation
 from planner.camera.camera import Camera
+from planner.camera.imaging import image_of, undistorted_px
 from planner.camera.pose import world_to_cam
 from planner.wanted.planned import PlannedDimension, sample_points
 
@@ -56,7 +57,8 @@ def measured_errors(
         found = _localised(pixels, dimension.localisation, rng)
         if value.in_image:
             pitch = np.array(camera.pixel_pitch_mm)
-            return value.image_value(found * pitch, _pixels(points, planned[None], camera)[0] * pitch), outside
+            nominal = undistorted_px(camera, _pixels(points, planned[None], camera)[0])
+            return value.image_value(undistorted_px(camera, found) * pitch, nominal * pitch), outside
         flat = _carried_back(found, planned, camera, np.array([frame.origin, frame.x, frame.y]))
         fits.append(_circles(flat, one.radius_mm) if isinstance(one, Circle) else _lines(flat))
     return value.value(fits), outside
@@ -83,7 +85,7 @@ def _pixels(points: NDArray[np.float64], poses: NDArray[np.float64], camera: Cam
     """Return images (n, m, 2) in px of points (m, 3) from poses (n, 4, 4); nan behind the camera."""
     local = world_to_cam(points, poses)
     depth = np.where(local[..., 2:] > 0, local[..., 2:], np.nan)
-    return np.asarray(((local / depth) @ camera.matrix.T)[..., :2])
+    return image_of(camera, local / depth)
 
 
 def _on_sensor(pixels: NDArray[np.float64], camera: Camera) -> NDArray[np.bool_]:
@@ -103,7 +105,8 @@ def _carried_back(
 ) -> NDArray[np.float64]:
     """Return coordinates (n, m, 2) in a plane (3, 3: origin, x, y) where rays from the planned pose meet it."""
     ones = np.ones((*pixels.shape[:2], 1))
-    rays = np.concatenate([pixels, ones], axis=2) @ np.linalg.inv(camera.matrix).T @ planned[:3, :3].T
+    ideal = undistorted_px(camera, pixels)
+    rays = np.concatenate([ideal, ones], axis=2) @ np.linalg.inv(camera.matrix).T @ planned[:3, :3].T
     normal = np.cross(frame[1], frame[2])
     depth = ((frame[0] - planned[:3, 3]) @ normal) / (rays @ normal)
     local = planned[:3, 3] + depth[..., None] * rays - frame[0]

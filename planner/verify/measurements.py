@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from errors.measurands import Line, MeasurandModel
 from planner.camera.camera import Camera
+from planner.camera.imaging import image_of
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError
 from planner.records.schema import field_name, shown
@@ -128,7 +129,7 @@ def _measurement(plan: Any, setting: Any, name: str) -> Measurement:
     model = MeasurandModel(
         dimension.measurand,
         image_distance_mm=plan.camera.image_distance_mm,
-        pixel_pitch_mm=plan.camera.pixel_pitch_mm,
+        pixel_pitch_mm=plan.camera.image_pitch_mm,
         pose_covariance=plan.pose_uncertainty.covariance,
         localisation=dimension.localisation,
         permitted_error=dimension.permitted_error,
@@ -161,7 +162,7 @@ def _image_margins(points: NDArray[np.float64], camera: Camera) -> dict[str, flo
     near, far = camera.depth_of_field_mm
     half_depth = (far - near) / 2 if np.isfinite(far) else camera.focus_distance_mm
     depth = points[:, 2]
-    pixels = (points / depth[:, None] @ camera.matrix.T)[:, :2]
+    pixels = image_of(camera, points / depth[:, None])
     size = np.array(camera.resolution)
     sides = np.minimum(pixels + 0.5, size - 0.5 - pixels)
     return {

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import beta
 
 from planner.camera.camera import Camera
+from planner.camera.imaging import image_of, undistorted_px
 from planner.camera.pose import world_to_cam
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
@@ -262,13 +263,13 @@ def _project(ends: np.ndarray, poses: np.ndarray, camera: Camera) -> np.ndarray:
     """Return the images (n, k, 2, 2) in px of ends (k, 2, 3); nan behind the camera."""
     local = world_to_cam(ends, poses)
     depth = np.where(local[..., 2:] > 0, local[..., 2:], np.nan)
-    homogeneous = (local / depth) @ camera.matrix.T
-    return homogeneous[..., :2]
+    return image_of(camera, local / depth)
 
 
 def _image_lengths(pixels: np.ndarray, camera: Camera) -> np.ndarray:
-    """Return the lengths (n, k) in mm on the sensor between image ends (n, k, 2, 2) in px."""
-    difference = (pixels[..., 1, :] - pixels[..., 0, :]) * camera.pixel_pitch_mm
+    """Return the lengths (n, k) in mm on the sensor, without distortion, between image ends (n, k, 2, 2) in px."""
+    ideal = undistorted_px(camera, pixels)
+    difference = (ideal[..., 1, :] - ideal[..., 0, :]) * camera.pixel_pitch_mm
     return np.hypot(difference[..., 0], difference[..., 1])
 
 

@@ -73,7 +73,7 @@ def test_catalogue_has_a_dozen_cameras_whose_sensors_and_apertures_exist():
     for name in names:
         camera = Camera.named(name)
         assert camera.name == name
-        assert 3 < camera.sensor_size_mm[1] < camera.sensor_size_mm[0] < 16
+        assert 2 < camera.sensor_size_mm[1] < camera.sensor_size_mm[0] < 16
         assert name.endswith(f"-{camera.focal_length_mm:g}mm")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -66,6 +67,20 @@ def test_cameras_are_listed(capsys):
     assert main(["cameras", "--json"]) == DONE
     records = json.loads(capsys.readouterr().out)
     assert [Camera.from_dict(one) for one in records] == [Camera.named(name) for name in camera_names()]
+
+
+def test_facts_of_cameras_have_sources(capsys):
+    assert main(["cameras", "--sources", "--json"]) == DONE
+    parts = json.loads(capsys.readouterr().out)
+    assert len(parts["body"]) >= 12
+    assert len(parts["lens"]) >= 8
+    for one in (*parts["body"].values(), *parts["lens"].values()):
+        assert re.fullmatch(r"https://[\w.-]+/\S+", one["source"])
+    assert parts["body"]["flir-BFS-U3-32S4M"]["resolution"] == [2048, 1536]
+    assert parts["lens"]["falenses-FA1624M12A117"]["narrowest_f_number"] is None
+    assert main(["cameras", "--sources"]) == DONE
+    text = " ".join(capsys.readouterr().out.split())
+    assert text.count("https://") == len(parts["body"]) + len(parts["lens"])
 
 
 def test_the_assumed_unit_is_told(capsys):

@@ -105,7 +105,7 @@ def test_plan_leaves_all_its_files_and_repeats(folder, quick, capsys):
     written = {str(p.relative_to(folder / "out")) for p in (folder / "out").rglob("*") if p.is_file()}
     assert written == {
         "plan.json", "graph.graphml", "report.html", "poses_opencv.json", "poses_open3d.json", "poses_ros.yaml",
-        "transforms.json", "colmap/cameras.txt", "colmap/images.txt", "colmap/points3D.txt",
+        "camera_ros.yaml", "transforms.json", "colmap/cameras.txt", "colmap/images.txt", "colmap/points3D.txt",
     }  # fmt: skip
     for name in written:
         assert os.path.join("out", name) in captured.out

@@ -7,8 +7,10 @@ import cv2
 import numpy as np
 import open3d
 import pytest
+import yaml
 from plan_examples import CAMERA, plan
 
+from planner import Camera
 from planner.output.pose_files import image_name, inverse, write_poses
 
 POINT = np.array([37.0, 12.0, 55.0])
@@ -105,9 +107,106 @@ def test_nerfstudio(folder, k, expected):
     assert frame["file_path"].endswith(image_name(k))
 
 
+FAR = np.array([170.0, 95.0, 20.0])
+SCALES = 3000.0, 2960.0, 1240.25, 1001.5
+# a calibrated camera: off centre, unequal scales, distortion with and without k3
+CALIBRATED = {
+    k3: Camera.from_opencv(
+        [[3000.0, 0, 1240.25], [0, 2960.0, 1001.5], [0, 0, 1]],
+        [-0.3, 0.2, 1e-3, -2e-3, k3],
+        (2448, 2048),
+        pixel_pitch_mm=0.00345,
+        f_number=8.0,
+        focus_distance_mm=600.0,
+    )
+    for k3 in (0.0, 0.05)
+}
+
+
+@pytest.fixture(params=CALIBRATED, scope="module")
+def k3(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory, k3):
+    path = tmp_path_factory.mktemp("calibrated")
+    write_poses(plan(camera=CALIBRATED[k3]), path)
+    return path
+
+
+@pytest.fixture
+def distorted(k, k3):
+    """The pixel by the equations of Brown and Conrady, written out."""
+    pose = plan().settings[k].cam2world
+    local = pose[:3, :3].T @ (FAR - pose[:3, 3])
+    return pytest.approx(brown_conrady(local, SCALES, (-0.3, 0.2, 1e-3, -2e-3, k3)), abs=1e-6)
+
+
+def brown_conrady(local, scales, coefficients):
+    (fx, fy, cx, cy), (k1, k2, p1, p2, k3) = scales, coefficients
+    x, y = local[0] / local[2], local[1] / local[2]
+    r2 = x**2 + y**2
+    radial = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+    u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x**2)
+    v = y * radial + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y
+    return [fx * u + cx, fy * v + cy]
+
+
+def test_distortion_matters_here(k, k3, distorted):
+    pose = plan().settings[k].cam2world
+    plain = brown_conrady(pose[:3, :3].T @ (FAR - pose[:3, 3]), SCALES, [0.0] * 5)
+    assert np.abs(np.subtract(plain, distorted.expected)).max() > 0.2
+
+
+def test_opencv_with_distortion(calibrated, k, distorted):
+    data = json.loads((calibrated / "poses_opencv.json").read_text())
+    found = data["settings"][k]
+    lens = np.array(data["K"]), np.array(data["distortion"])
+    uv, _ = cv2.projectPoints(FAR[None], np.array(found["rvec"]), np.array(found["t"]), *lens)
+    assert uv.ravel() == distorted
+
+
+def test_colmap_with_distortion(calibrated, k, k3, distorted):
+    fields = (calibrated / "colmap/cameras.txt").read_text().splitlines()[1].split()
+    fx, fy, cx, cy, k1, k2, p1, p2, *more = map(float, fields[4:])
+    assert (fields[1], more) == (("FULL_OPENCV", [k3, 0.0, 0.0, 0.0]) if k3 else ("OPENCV", []))
+    local = inverse(plan().settings[k].cam2world) @ [*FAR, 1.0]
+    # the first pixel's centre is (0.5, 0.5)
+    assert brown_conrady(local, (fx, fy, cx - 0.5, cy - 0.5), (k1, k2, p1, p2, k3)) == distorted
+
+
+def test_ros_camera(calibrated, k, distorted):
+    data = yaml.safe_load((calibrated / "camera_ros.yaml").read_text())
+    assert (data["image_width"], data["image_height"], data["distortion_model"]) == (2448, 2048, "plumb_bob")
+    local = inverse(plan().settings[k].cam2world) @ [*FAR, 1.0]
+    matrix = np.reshape(data["camera_matrix"]["data"], (3, 3))
+    np.testing.assert_array_equal(np.reshape(data["projection_matrix"]["data"], (3, 4))[:, :3], matrix)
+    scales = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
+    assert brown_conrady(local, scales, data["distortion_coefficients"]["data"]) == distorted
+
+
+def test_nerfstudio_with_distortion(calibrated, k, distorted):
+    data = json.loads((calibrated / "transforms.json").read_text())
+    x, y, z, _ = np.linalg.inv(data["frames"][k]["transform_matrix"]) @ [*FAR, 1.0]
+    scales = data["fl_x"], data["fl_y"], data["cx"] - 0.5, data["cy"] - 0.5
+    coefficients = (*(data[name] for name in ("k1", "k2", "p1", "p2")), data.get("k3", 0.0))
+    assert brown_conrady([x, -y, -z], scales, coefficients) == distorted
+
+
+def test_open3d_is_for_undistorted_images(calibrated, k):
+    trajectory = open3d.io.read_pinhole_camera_trajectory(str(calibrated / "poses_open3d.json"))
+    pose = plan().settings[k].cam2world
+    local = pose[:3, :3].T @ (FAR - pose[:3, 3])
+    u, v, w = trajectory.parameters[k].intrinsic.intrinsic_matrix @ local
+    undistorted = brown_conrady(local, SCALES, [0.0] * 5)
+    assert [u / w, v / w] == pytest.approx(undistorted, abs=1e-6)
+    assert "undistorted" in json.loads((calibrated / "poses_open3d.json").read_text())["comment"]
+
+
 def test_plan_without_settings_is_still_well_formed(tmp_path):
     empty = plan(settings=(), lower_bound=0, uninspectable=dict.fromkeys(plan().entities, "unobservable"))
-    assert len(write_poses(empty, tmp_path)) == 7
+    assert len(write_poses(empty, tmp_path)) == 8
     assert "poses: []" in (tmp_path / "poses_ros.yaml").read_text()
     assert json.loads((tmp_path / "transforms.json").read_text())["frames"] == []
 

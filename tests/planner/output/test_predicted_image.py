@@ -2,12 +2,13 @@
 
 import re
 
+import cv2
 import numpy as np
 import pytest
 from plan_examples import CAMERA
 
 from aspectgraph import read_solid
-from planner import look_at, predicted_image
+from planner import Camera, look_at, predicted_image
 from planner.output.predicted_image import _AMBIENT, _GROUND, PictureMaker
 
 RIM = [[60.0, 20.0, 10.0], [60.0, 40.0, 10.0]]
@@ -58,3 +59,22 @@ def test_cast_shadows_and_the_ground():
     assert not (high == _AMBIENT).any()
     assert (low[0, 0], high[0, 0]) == (_GROUND, _GROUND)
     assert predicted_image(solid, CAMERA, pose, lamp=(530, 30, 20)) != predicted_image(solid, CAMERA, pose)
+
+
+def test_a_distorted_edge_is_drawn_as_the_curve_opencv_sees():
+    k, lens = np.array([[2320.0, 0, 1240.0], [0, 2320.0, 1010.0], [0, 0, 1]]), np.array([-0.2, 0.05, 1e-3, 2e-3, 0])
+    made = {"pixel_pitch_mm": 0.00345, "f_number": 8.0, "focus_distance_mm": 300.0}
+    camera = Camera.from_opencv(k, lens, (2448, 2048), **made)
+    pose = look_at([[-20.0, 130.0, 310.0]], [-20.0, 130.0, 10.0])[0]
+    rim = np.array([[0.0, 20.0, 10.0], [100.0, 20.0, 10.0]])
+    image = predicted_image(read_solid("examples/two_pocket_block.off"), camera, pose, {"rim": rim}, "#123456")
+    (path,) = re.findall(r'class="entity" stroke="#123456" d="([^"]*)"', image)
+    drawn = np.array([float(number) for number in re.findall(r"-?\d+\.?\d*", path)]).reshape(-1, 2)
+    local = np.linspace(*((rim - pose[:3, 3]) @ pose[:3, :3]), 33)
+    seen = cv2.projectPoints(local, np.zeros(3), np.zeros(3), k, lens)[0][:, 0]
+    assert drawn[::2] == pytest.approx(seen[:-1], abs=0.06)
+    assert drawn[1::2] == pytest.approx(seen[1:], abs=0.06)
+    # it is bent by pixels
+    chord = np.linspace(seen[0], seen[-1], 33)
+    assert np.abs(seen - chord).max() > 5
+    assert 'class="edge"' in image

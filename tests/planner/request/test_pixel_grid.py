@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -166,3 +167,24 @@ def test_where_the_tolerance_is_two_pixels_and_more_nothing_is_counted():
     assert plan.complete
     assert plan.on_grid == ()
     assert "on_grid" not in plan.to_dict()
+
+
+def test_distorted_images_are_rounded_where_the_sensor_is():
+    """Counted again with OpenCV's projection and its own inverse, by other displacements."""
+    k, lens = np.array([[2320.0, 0, 1230.0], [0, 2320.0, 1010.0], [0, 0, 1]]), np.array([-0.2, 0.05, 1e-3, 0, 0])
+    pitch = {"pixel_pitch_mm": 0.00345, "f_number": 8.0, "focus_distance_mm": 300.0}
+    camera = Camera.from_opencv(k, lens, (2448, 2048), **pitch)
+    uncertainty = PoseUncertainty.isotropic(translation_mm=0.3, rotation_rad=1e-5)
+    ends = np.array([[90.0, 60.0, 300.0], [98.0, 66.0, 300.0]])
+    accuracy = 0.991
+    smooth = Objective(ends[None], camera, uncertainty, accuracy)
+    counted = GridObjective(smooth, np.arange(1), camera, uncertainty, accuracy).frequencies(ends[None])[0]
+    moves = np.random.default_rng(8).normal(0.0, 0.3, (20_000, 3))
+    seen, _ = cv2.projectPoints((ends - moves[:, None]).reshape(-1, 3), np.zeros(3), np.zeros(3), k, lens)
+    ideal = cv2.undistortPoints(np.rint(seen), k, lens, P=k).reshape(-1, 2, 2)
+    length = np.linalg.norm(ideal[:, 1] - ideal[:, 0], axis=1)
+    nominal = 2320 * np.hypot(8, 6) / 300
+    expected = np.mean(np.abs(length - nominal) <= (1 - accuracy) * nominal)
+    assert 0.1 < expected < 0.95
+    # five standard errors of the fewer draws
+    assert counted == pytest.approx(expected, abs=5 * np.sqrt(0.25 / GRID.draws))

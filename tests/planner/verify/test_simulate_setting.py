@@ -7,6 +7,7 @@ from known_box import BoxSpace
 from scipy.stats import binom, norm
 
 from planner import Camera, PoseUncertainty, RequestError, look_at, plan_setting, simulate_setting
+from planner.camera.imaging import image_of
 from planner.verify.simulate_setting import clopper_pearson, displaced_poses
 
 CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 400.0, largest_blur_mm=0.03)
@@ -48,6 +49,35 @@ def test_a_pure_change_of_distance_by_hand():
     assert 0.9 < expected < 0.99
     assert rate.low <= expected <= rate.high
     assert rate.frequency == rate.successes / 50_000
+
+
+@pytest.mark.parametrize("distortion", [None, (-0.25, 0.1, 1e-3, -2e-3, 0.02)])
+def test_lengths_are_those_of_the_undistorted_image(distortion):
+    """With fine pixels an edge near the corner is measured to 3e-4; its distorted image is some per cent shorter."""
+    matrix = [[26700.0, 0, 20_100.0], [0, 26700.0, 14_900.0], [0, 0, 1]]
+    lens = {"pixel_pitch_mm": 0.001, "f_number": 8.0, "focus_distance_mm": 400.0}
+    camera = Camera.from_opencv(matrix, distortion, (40_000, 30_000), **lens)
+    entities = {"edge": np.array([[150.0, 50.0, 0], [220.0, 110.0, 0]])}
+    rates = simulate_setting(setting_at(400.0, ("edge",)), entities, camera, EXACT, accuracy=0.9997, n=100)
+    assert rates["edge"].successes == 100
+    seen = image_of(camera, np.array([[150.0, -50.0, 400.0], [220.0, -110.0, 400.0]]) / 400.0)
+    shorter = np.hypot(*(seen[1] - seen[0])) / (26700 * np.hypot(70, 60) / 400)
+    assert shorter == pytest.approx(1.0, abs=1e-9) if distortion is None else shorter < 0.97
+
+
+def test_ends_off_a_distorted_sensor_are_lost():
+    camera = Camera.from_opencv(
+        [[2000.0, 0, 999.5], [0, 2000.0, 999.5], [0, 0, 1]],
+        (-0.25, 0.1, 0, 0, 0),
+        (2000, 2000),
+        pixel_pitch_mm=0.004,
+        f_number=8.0,
+        focus_distance_mm=400.0,
+    )
+    # the side is where x (1 - 0.25 x² + 0.1 x⁴) = 0.5: x = 0.5342, 213.7 mm
+    entities = {"in": np.array([[0.0, 0, 0], [213.0, 0, 0]]), "out": np.array([[0.0, 0, 0], [214.4, 0, 0]])}
+    rates = simulate_setting(setting_at(400.0, ("in", "out")), entities, camera, EXACT, accuracy=0.99, n=50)
+    assert (rates["in"].outside, rates["out"].outside) == (0, 50)
 
 
 def test_displaced_poses_have_the_given_covariance_and_exact_rotations():
