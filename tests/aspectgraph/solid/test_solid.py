@@ -140,6 +140,23 @@ def test_a_face_may_touch_itself_in_a_vertex():
     assert solid.volume == pytest.approx(6 * 6 * 4 - 4 + 4)
 
 
+def test_a_hole_may_touch_the_outer_loop_in_a_vertex():
+    # The corner of a tapered pocket meets a straight edge of the top in its middle: one fan of faces.
+    builder = FaceBuilder()
+    builder.add([(0, 0, 0), (0, 4, 0), (4, 4, 0), (4, 0, 0)])
+    builder.add([(0, 0, 0), (4, 0, 0), (4, 0, 3), (2, 0, 3), (0, 0, 3)])
+    for (x0, y0), (x1, y1) in [((4, 0), (4, 4)), ((4, 4), (0, 4)), ((0, 4), (0, 0))]:
+        builder.add([(x0, y0, 0), (x1, y1, 0), (x1, y1, 3), (x0, y0, 3)])
+    rim, tip = [(2, 0, 3), (1, 2, 3), (3, 2, 3)], (2, 1, 1.5)
+    builder.add([(0, 0, 3), (2, 0, 3), (4, 0, 3), (4, 4, 3), (0, 4, 3)], [rim])
+    for start, end in zip(rim, [*rim[1:], rim[0]], strict=True):
+        builder.add([end, start, tip])
+    solid = builder.solid("touching the rim")
+    # a pyramid with a base of 2 mm² and a height of 1.5 mm is missing
+    assert solid.volume == pytest.approx(4 * 4 * 3 - 2 * 1.5 / 3)
+    assert len(solid.straight_edges()) == 12 + 1 + 6, "the edge of the top is two"
+
+
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10**6), st.floats(1e-3, 1e3))
 def test_moved_and_scaled_solids_stay_valid(seed, scale):
