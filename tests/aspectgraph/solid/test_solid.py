@@ -113,6 +113,21 @@ def test_curved_edges_are_no_candidates():
         Solid(vertices, faces, curved_edges=[(99, 0)])
 
 
+def test_turns_of_the_surfaces_decide_what_is_sharp():
+    vertices, faces = cube_parts()
+    a, b = faces[0][0], faces[0][1]
+    solid = Solid(vertices, faces, surface_turns={(b, a): 20.0})
+    edge = next(edge for edge in solid.edges if set(edge.vertices) == {a, b})
+    assert (edge.dihedral_deg, edge.turn_deg) == (pytest.approx(90.0), 20.0)
+    assert [one.turn_deg for one in solid.edges if one is not edge] == pytest.approx([90.0] * 11)
+    assert edge in solid.straight_edges(min_dihedral_deg=20.0)
+    assert edge not in solid.straight_edges(min_dihedral_deg=21.0)
+    with pytest.raises(SolidError, match=r"surface_turns must name edges. Got vertices \(0, 99\)"):
+        Solid(vertices, faces, surface_turns={(99, 0): 20.0})
+    with pytest.raises(SolidError, match=r"surface_turns must be in 0..180 degrees. Got 190"):
+        Solid(vertices, faces, surface_turns={(b, a): 190.0})
+
+
 def test_collinear_vertices_are_kept_and_used():
     builder = prism_faces([(0, 0), (1, 0), (2, 0), (2, 2), (0, 2)], 2.0)
     solid = builder.solid("split")
