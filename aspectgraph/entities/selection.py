@@ -100,9 +100,9 @@ def _candidates(solid: Solid) -> list[_Candidate]:
     for edge in solid.straight_edges():
         ends = np.asarray(solid.edge_points(edge.id), dtype=np.float64)
         along = ends[1] - ends[0]
-        found.append(_Candidate(edge.id, "edge", float(np.linalg.norm(along)), edge.dihedral_deg, ends, along))
+        found.append(_Candidate(edge.id, "edge", float(np.linalg.norm(along)), edge.turn_deg, ends, along))
     for curve in (*solid.rims(), *solid.arcs()):
-        kind, turn = "rim" if isinstance(curve, Rim) else "arc", solid.edges[curve.edge_ids[0]].dihedral_deg
+        kind, turn = "rim" if isinstance(curve, Rim) else "arc", solid.edges[curve.edge_ids[0]].turn_deg
         points = np.asarray(solid.vertices[list(curve.vertices)], dtype=np.float64)
         found.append(_Candidate(curve.id, kind, float(curve.radius_mm), turn, points, np.asarray(curve.axis)))
     return found

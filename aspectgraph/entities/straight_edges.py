@@ -182,10 +182,10 @@ def _check_edge(edge: Edge, name: str, min_dihedral_deg: float) -> None:
         raise EntityError(
             f"an entity must be a straight, sharp edge. Got edge {edge.id}, part of a curve, for {name!r}."
         )
-    if abs(edge.dihedral_deg) < min_dihedral_deg:
+    if abs(edge.turn_deg) < min_dihedral_deg:
         raise EntityError(
             f"an entity's faces must turn by at least {min_dihedral_deg:g} degrees. "
-            f"Got {abs(edge.dihedral_deg):.3g} at edge {edge.id} for {name!r}."
+            f"Got {abs(edge.turn_deg):.3g} at edge {edge.id} for {name!r}."
         )
 
 

@@ -103,7 +103,7 @@ def _edge_item(solid: Solid, edge_id: int) -> NamedItem:
     rows = (
         f"edge {edge_id}",
         f"length {length:.6g} mm",
-        _turn(edge.dihedral_deg),
+        _turn(edge.turn_deg),
         _faces(solid, (edge_id,)),
         f"{_point(line[0])} to {_point(line[1])}",
     )
@@ -118,7 +118,7 @@ def _curve_item(solid: Solid, curve: Arc) -> NamedItem:
     rows = (
         f"{kind} {curve.id}",
         f"{size} mm",
-        _turn(solid.edges[curve.edge_ids[0]].dihedral_deg),
+        _turn(solid.edges[curve.edge_ids[0]].turn_deg),
         _faces(solid, curve.edge_ids),
         f"centre {_point(curve.centre)}",
         f"axis {_point(curve.axis)}",

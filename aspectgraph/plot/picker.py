@@ -100,7 +100,7 @@ def _record(solid: Solid, item: NamedItem, centre: NDArray[np.float64]) -> dict[
         "kind": item.kind,
         "size": item.size_mm,
         "told": f"{symbol}{item.size_mm:.5g} mm",
-        "turn": float(solid.edges[item.edge_ids[0]].dihedral_deg),
+        "turn": float(solid.edges[item.edge_ids[0]].turn_deg),
         "faces": item_faces(solid, item),
         "rows": item.rows,
         "line": _rounded(item.line - centre),

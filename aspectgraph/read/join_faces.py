@@ -12,7 +12,7 @@ import numpy as np
 
 from aspectgraph.exceptions import SolidError
 from aspectgraph.read.coplanar import find_twins, group_coplanar
-from aspectgraph.read.loops import drop_idle_vertices, trace_loops
+from aspectgraph.read.loops import drop_idle_vertices, trace_loops, turns_of_runs
 from aspectgraph.read.tessellation import Tessellation
 from aspectgraph.solid.checks import default_planarity_mm
 from aspectgraph.solid.circles import CircularEdge
@@ -44,7 +44,7 @@ def assemble(
         The triangles do not bound a valid solid.
     """
     tolerance = default_planarity_mm(tessellation.vertices) if planarity_mm is None else planarity_mm
-    vertices, faces, curved_edges, new = _joined(tessellation, tolerance)
+    vertices, faces, curved_edges, new, turns = _joined(tessellation, tolerance)
     circular = tessellation.circular_edges
     return Solid(
         vertices,
@@ -54,6 +54,7 @@ def assemble(
         planarity_mm=2 * tolerance,
         notes=notes,
         circular_edges=None if circular is None else [_with_vertices(edge, new) for edge in circular],
+        surface_turns=turns,
     )
 
 
@@ -76,7 +77,7 @@ def join_facets(tessellation: Tessellation, tolerance_mm: float) -> tuple[np.nda
 
 
 def _joined(tessellation: Tessellation, tolerance_mm: float) -> Any:
-    """Do what `join_facets` does; return also the new index of every vertex in use."""
+    """Do what `join_facets` does; return also the new index of every vertex in use, and the turns at edges left."""
     vertices, triangles = tessellation.vertices, tessellation.triangles
     corners = [Face(tuple(row)) for row in triangles.tolist()]
     pair_edges(vertices, corners)
@@ -87,11 +88,14 @@ def _joined(tessellation: Tessellation, tolerance_mm: float) -> Any:
     joinable = (tessellation.patch[here] == tessellation.patch[there]) | (flat[here] & flat[there])
     group = group_coplanar(vertices, triangles, twin, joinable, tolerance_mm)
     curved_edges = tessellation.curved_edges | _inner_edges(tessellation, twin)
-    loops, curved_edges = drop_idle_vertices(vertices, trace_loops(triangles, twin, group), curved_edges, tolerance_mm)
+    traced = trace_loops(triangles, twin, group)
+    loops, curved_edges = drop_idle_vertices(vertices, traced, curved_edges, tolerance_mm)
+    turns = turns_of_runs(traced, loops, tessellation.surface_turns)
     curved = tessellation.curved_patch[tessellation.patch[_first_member(group)]]
     faces = [_as_face(vertices, cycles, bool(flag)) for cycles, flag in zip(loops, curved, strict=True)]
     used, faces, curved_edges = _renumber(faces, curved_edges)
-    return vertices[used], faces, curved_edges, {old: new for new, old in enumerate(used)}
+    new = {old: i for i, old in enumerate(used)}
+    return vertices[used], faces, curved_edges, new, {(new[a], new[b]): turn for (a, b), turn in turns.items()}
 
 
 def _with_vertices(edge: CircularEdge, new: dict[int, int]) -> CircularEdge:

@@ -6,6 +6,7 @@ The notation is that of `coplanar`.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import chain
 
 import numpy as np
 
@@ -80,6 +81,24 @@ def _curved_runs(cycle: list[int], kept: list[int], curved_edges: set[tuple[int,
     following = dict(zip(cycle, [*cycle[1:], cycle[0]], strict=True))
     pairs = zip(kept, [*kept[1:], kept[0]], strict=True)
     return {_pair(a, b) for a, b in pairs if _pair(a, following[a]) in curved_edges}
+
+
+def turns_of_runs(
+    traced: list[list[list[int]]], kept: list[list[list[int]]], turns: dict[tuple[int, int], float]
+) -> dict[tuple[int, int], float]:
+    """Return the turns at the edges that are left: the largest along the run of chords each stands for."""
+    left: dict[tuple[int, int], float] = {}
+    for whole, short in zip(chain.from_iterable(traced), chain.from_iterable(kept), strict=True):
+        following = dict(zip(whole, [*whole[1:], whole[0]], strict=True))
+        for a, b in zip(short, [*short[1:], short[0]], strict=True):
+            at, found = a, []
+            while at != b:
+                found.append(turns.get(_pair(at, following[at])))
+                at = following[at]
+            known = [turn for turn in found if turn is not None]
+            if known:
+                left[_pair(a, b)] = max(known)
+    return left
 
 
 def _pair(a: int, b: int) -> tuple[int, int]:

@@ -7,7 +7,8 @@ What is done, in this order
 3. If the surface is not closed then: facets without area are dropped; then vertices closer than ``weld_mm`` become one.
    A step is kept only if the surface is closed after it. A T-junction or a missing facet stays an error.
 4. Facets that disagree with their neighbours are reversed, then bodies that are inside out.
-5. Coplanar facets become faces, and facets of curved surfaces are recognised (see `curved_facets`).
+5. Facets without area that are left are taken out by turning their longest sides, where no vertex need move.
+6. Coplanar facets become faces, and facets of curved surfaces are recognised (see `curved_facets`).
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ from aspectgraph.read.join_faces import join_facets
 from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.obj_off import parse_obj, parse_off
 from aspectgraph.read.ply import parse_ply
+from aspectgraph.read.repair import drop_repetitions, drop_thin, is_closed, turn_thin, weld
 from aspectgraph.read.stl import parse_stl
 from aspectgraph.read.tessellation import Tessellation
-from aspectgraph.read.weld import drop_repetitions, drop_thin, is_closed, weld
 from aspectgraph.solid.checks import check_vertices, default_planarity_mm
 from aspectgraph.solid.shells import face_outwards
 from aspectgraph.solid.solid import Solid
@@ -35,6 +36,9 @@ from aspectgraph.solid.triangulate import newell_area_vector, triangulate_face
 
 UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "inch": 25.4, "ft": 304.8}
 """Millimetres in one of each unit."""
+
+_RELATIVE_WIDTH = 1e-3
+"""Facets narrower than this share of the planarity tolerance have no area."""
 
 
 def read_mesh(
@@ -84,7 +88,7 @@ def read_mesh(
         raise ReadError(f"a closed mesh must have at least 4 facets. Got {len(triangles)}.")
     tolerance = default_planarity_mm(vertices) if planarity_mm is None else planarity_mm
     vertices, triangles = _close(vertices, triangles, tolerance, notes)
-    triangles = _orient(vertices, triangles, notes)
+    triangles = turn_thin(vertices, _orient(vertices, triangles, notes), tolerance * _RELATIVE_WIDTH, notes)
     patch = np.zeros(len(triangles), dtype=np.int64)
     mesh = Tessellation(vertices, triangles, patch, np.zeros(1, dtype=bool))
     vertices, faces, _ = join_facets(mesh, tolerance)
@@ -156,7 +160,7 @@ def _close(
     if is_closed(triangles):
         return vertices, triangles
     attempt_notes: list[str] = []
-    attempt = drop_thin(vertices, triangles, weld_mm * 1e-3, attempt_notes)
+    attempt = drop_thin(vertices, triangles, weld_mm * _RELATIVE_WIDTH, attempt_notes)
     if is_closed(attempt):
         notes.extend(attempt_notes)
         return vertices, attempt
@@ -165,7 +169,7 @@ def _close(
         attempt_notes = [f"merged {len(vertices) - len(merged)} vertices closer than {weld_mm:.3g} mm to another"]
         attempt = drop_repetitions(new[triangles], attempt_notes)
         if not is_closed(attempt):
-            attempt = drop_thin(merged, attempt, weld_mm * 1e-3, attempt_notes)
+            attempt = drop_thin(merged, attempt, weld_mm * _RELATIVE_WIDTH, attempt_notes)
         if is_closed(attempt):
             notes.extend(attempt_notes)
             return merged, attempt

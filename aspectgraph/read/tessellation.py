@@ -27,6 +27,9 @@ class Tessellation:
         Vertex pairs, lower index first, of chords of curved or smooth edges.
     circular_edges : list of CircularEdge or None
         The circular edges of the CAD model; None where they are not known.
+    surface_turns : dict of (int, int) to float
+        Vertex pairs, lower index first, of the chords of sharp straight edges beside curved patches, and the turn of
+        the surfaces' normal there in degrees.
     """
 
     vertices: np.ndarray
@@ -35,3 +38,4 @@ class Tessellation:
     curved_patch: np.ndarray
     curved_edges: set[tuple[int, int]] = field(default_factory=set)
     circular_edges: list[CircularEdge] | None = None
+    surface_turns: dict[tuple[int, int], float] = field(default_factory=dict)

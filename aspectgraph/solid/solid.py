@@ -11,7 +11,7 @@ Rules
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -54,6 +54,8 @@ class Solid:
         What a reader repaired or chose on the way here.
     circular_edges : iterable of CircularEdge, optional
         The circular edges of the CAD model; see `rims`. Default: not known.
+    surface_turns : mapping of (int, int) to float, optional
+        Vertex pairs of straight edges beside curved faces and ``Edge.surface_turn_deg`` of each, in degrees.
 
     Attributes
     ----------
@@ -109,6 +111,7 @@ class Solid:
         planarity_mm: float | None = None,
         notes: Iterable[str] = (),
         circular_edges: Iterable[CircularEdge] | None = None,
+        surface_turns: Mapping[tuple[int, int], float] | None = None,
     ) -> None:
         self.name = name
         self.notes = tuple(notes)
@@ -125,7 +128,7 @@ class Solid:
             for i, (face, normal) in enumerate(zip(self.faces, self.normals, strict=True))
         )
         self.face_shell = label_shells(len(self.faces), edge_faces)
-        self.edges = self._build_edges(edge_vertices, edge_faces, curved_edges)
+        self.edges = self._build_edges(edge_vertices, edge_faces, curved_edges, surface_turns or {})
         self.volume = signed_volume(self.vertices, self.triangles)
         check_contacts(self)
         check_shells(self.vertices, self.triangles, self.face_shell[self.triangle_face])
@@ -139,16 +142,24 @@ class Solid:
         return normals
 
     def _build_edges(
-        self, edge_vertices: np.ndarray, edge_faces: np.ndarray, curved_edges: Iterable[tuple[int, int]]
+        self,
+        edge_vertices: np.ndarray,
+        edge_faces: np.ndarray,
+        curved_edges: Iterable[tuple[int, int]],
+        surface_turns: Mapping[tuple[int, int], float],
     ) -> tuple[Edge, ...]:
         curved = {(min(pair), max(pair)) for pair in curved_edges}
-        unknown = curved - set(map(tuple, np.sort(edge_vertices, axis=1).tolist()))
-        if unknown:
-            raise SolidError(f"curved_edges must name edges. Got vertices {min(unknown)}.")
+        behind = {(min(pair), max(pair)): float(turn) for pair, turn in surface_turns.items()}
+        known = set(map(tuple, np.sort(edge_vertices, axis=1).tolist()))
+        for label, named in (("curved_edges", curved), ("surface_turns", set(behind))):
+            if named - known:
+                raise SolidError(f"{label} must name edges. Got vertices {min(named - known)}.")
+        if not all(0.0 <= turn <= 180.0 for turn in behind.values()):
+            raise SolidError(f"surface_turns must be in 0..180 degrees. Got {sorted(behind.values())[-1]}.")
         turns = signed_dihedrals_deg(self.vertices, self.normals, edge_vertices, edge_faces)
         rows = zip(edge_vertices.tolist(), edge_faces.tolist(), turns.tolist(), strict=True)
         return tuple(
-            Edge(i, (a, b), (f, g), turn, (min(a, b), max(a, b)) in curved)
+            Edge(i, (a, b), (f, g), turn, (min(a, b), max(a, b)) in curved, behind.get((min(a, b), max(a, b))))
             for i, ((a, b), (f, g), turn) in enumerate(rows)
         )
 
@@ -209,7 +220,8 @@ class Solid:
         Parameters
         ----------
         min_dihedral_deg : float
-            Smallest turn of the normal across the edge, either way, in degrees.
+            Smallest turn of the normal across the edge, either way, in degrees; of the CAD surfaces where they are
+            known, see ``Edge.turn_deg``.
         min_length_mm : float
             Smallest length in mm.
 
@@ -222,7 +234,7 @@ class Solid:
             edge
             for edge in self.edges
             if not edge.curved
-            and abs(edge.dihedral_deg) >= min_dihedral_deg
+            and abs(edge.turn_deg) >= min_dihedral_deg
             and self.edge_length_mm(edge.id) >= min_length_mm
         )
 

@@ -8,6 +8,7 @@ surface every directed edge is traversed exactly once, and so is its reverse, by
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -72,6 +73,9 @@ class Edge:
     curved : bool
         The edge is a chord of a curved or smooth edge of the part, or lies inside a tessellated curved face; such an
         edge is never an entity.
+    surface_turn_deg : float or None
+        Largest turn of the surfaces' normal along the edge in degrees, where the CAD model is known and a face beside
+        the edge is curved: its facets turn by less.
     """
 
     id: int
@@ -79,6 +83,14 @@ class Edge:
     faces: tuple[int, int]
     dihedral_deg: float
     curved: bool
+    surface_turn_deg: float | None = None
+
+    @property
+    def turn_deg(self) -> float:
+        """The turn that decides whether the edge is sharp: that of the surfaces where known, with the facets' sign."""
+        if self.surface_turn_deg is None:
+            return self.dihedral_deg
+        return math.copysign(self.surface_turn_deg, self.dihedral_deg)
 
 
 def as_face(face: Face | Sequence[Any]) -> Face:

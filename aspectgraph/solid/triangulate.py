@@ -61,8 +61,9 @@ def triangulate_face(vertices: np.ndarray, face: Face, normal: np.ndarray, name:
     area = _signed_areas(rings)
     rings[area < 0] = rings[area < 0][:, ::-1]
     triangles = np.array([[index[x, y] for x, y in ring] for ring in rings.tolist()], dtype=np.int32)
-    n_expected = len(corners) + 2 * len(face.holes) - 2
-    if len(triangles) < n_expected - len(face.holes) or not np.isclose(np.abs(area).sum(), polygon.area, rtol=1e-9):
+    # a hole that touches another loop in a vertex is joined to it there, and two triangles fewer are needed
+    n_expected = len(corners) + 2 * len(face.holes) - 2 - 2 * (len(corners) - len(index))
+    if len(triangles) != n_expected or not np.isclose(np.abs(area).sum(), polygon.area, rtol=1e-9):
         raise SolidError(f"the loops of a face must bound one region. Got {name} with {len(face.loops)} loops.")
     return triangles
 

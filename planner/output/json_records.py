@@ -26,7 +26,7 @@ def part_record(solid: Solid, edges: Iterable[Edge], curves: Iterable[Arc]) -> d
                 "id": edge.id,
                 "ends": np.asarray(solid.edge_points(edge.id), dtype=float).tolist(),
                 "length": float(solid.edge_length_mm(edge.id)),
-                "turn": float(edge.dihedral_deg),
+                "turn": float(edge.turn_deg),
                 "faces": list(edge.faces),
             }
             for edge in edges

@@ -53,7 +53,7 @@ def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> No
     for edge in edges:
         start, end = solid.edge_points(edge.id)
         length = f"{np.linalg.norm(end - start):.3f}"
-        table.add_row(str(edge.id), _vector(start), _vector(end), length, f"{edge.dihedral_deg:+.1f}")
+        table.add_row(str(edge.id), _vector(start), _vector(end), length, f"{edge.turn_deg:+.1f}")
     console.print(table)
     for kind in ("rim", "arc"):
         _print_curves(console, kind, [curve for curve in curves if isinstance(curve, Rim) == (kind == "rim")])

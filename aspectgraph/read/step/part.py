@@ -62,6 +62,9 @@ class StepPart:
             chords = np.array(sorted(part.curved_edges), dtype=np.int64).reshape(-1, 2)
             fields: tuple[Any, ...] = (part.vertices, part.triangles, part.patch, part.curved_patch, chords)
             fields += pack_circles(part.circular_edges or [])
+            turns = sorted(part.surface_turns.items())
+            fields += (np.array([pair for pair, _ in turns], dtype=np.int64).reshape(-1, 2),)
+            fields += (np.array([turn for _, turn in turns], dtype=np.float64),)
             arrays.update({f"{k}_{i}": array for i, array in enumerate(fields)})
         return {"n": len(self.shapes)}, arrays
 

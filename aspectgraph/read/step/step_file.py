@@ -101,9 +101,13 @@ def _tessellate(kernel: StepKernel, chord_mm: float, angle_deg: float) -> list[T
     answer, arrays = kernel.ask("tessellate", chord_mm=chord_mm, angle_rad=math.radians(angle_deg))
     parts = []
     for k in range(answer["n"]):
-        vertices, triangles, patch, curved_patch, chords, *circles = (arrays[f"{k}_{i}"] for i in range(8))
+        vertices, triangles, patch, curved_patch, chords, *circles, pairs, turns = (
+            arrays[f"{k}_{i}"] for i in range(10)
+        )
         curved_edges = set(map(tuple, chords.tolist()))
-        parts.append(Tessellation(vertices, triangles, patch, curved_patch, curved_edges, unpack_circles(*circles)))
+        surface_turns = dict(zip(map(tuple, pairs.tolist()), turns.tolist(), strict=True))
+        circular = unpack_circles(*circles)
+        parts.append(Tessellation(vertices, triangles, patch, curved_patch, curved_edges, circular, surface_turns))
     return parts
 
 
@@ -136,6 +140,11 @@ def _concatenate(parts: list[Tessellation]) -> Tessellation:
     first_vertex = np.cumsum([0] + [len(part.vertices) for part in parts]).tolist()
     first_patch = np.cumsum([0] + [len(part.curved_patch) for part in parts]).tolist()
     curved = {(a + v, b + v) for part, v in zip(parts, first_vertex, strict=False) for a, b in part.curved_edges}
+    turns = {
+        (a + v, b + v): turn
+        for part, v in zip(parts, first_vertex, strict=False)
+        for (a, b), turn in part.surface_turns.items()
+    }
     circular = [
         edge._replace(vertices=tuple(a + v for a in edge.vertices))
         for part, v in zip(parts, first_vertex, strict=False)
@@ -148,6 +157,7 @@ def _concatenate(parts: list[Tessellation]) -> Tessellation:
         np.concatenate([part.curved_patch for part in parts]),
         curved,
         circular,
+        turns,
     )
 
 

@@ -108,9 +108,15 @@ class _Collector:
         patch = np.repeat(np.arange(len(blocks)), [len(block) for block in blocks])
         whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
         curved_patch = np.array([not is_planar(face, self.flat_mm) for face in self.faces])
-        curved_edges = self._curved_edges(root, curved_patch)
+        curved_edges, turns = self._sort_edges(root, curved_patch)
         return Tessellation(
-            np.array(self.points), triangles[whole], patch[whole], curved_patch, curved_edges, self._circles(root)
+            np.array(self.points),
+            triangles[whole],
+            patch[whole],
+            curved_patch,
+            curved_edges,
+            self._circles(root),
+            turns,
         )
 
     def _id(self, key: tuple[Any, ...], point: np.ndarray) -> int:
@@ -166,18 +172,26 @@ class _Collector:
             use = _Use(edge, face, face_index, tuple(int(number[node]) for node in nodes))
             self.uses.setdefault(edge_index, []).append(use)
 
-    def _curved_edges(self, root: np.ndarray, curved_patch: np.ndarray) -> set[tuple[int, int]]:
-        """Return the chords of edges that are not straight or not sharp."""
+    def _sort_edges(
+        self, root: np.ndarray, curved_patch: np.ndarray
+    ) -> tuple[set[tuple[int, int]], dict[tuple[int, int], float]]:
+        """Return the chords of edges that are not straight or not sharp, and the turns of others beside curved faces.
+
+        Facets turn by less than the surfaces they stand for, so these decide.
+        """
         chords: set[tuple[int, int]] = set()
+        turns: dict[tuple[int, int], float] = {}
         for uses in self.uses.values():
             _check_uses(uses, self.points)
             on_curved = any(curved_patch[use.face_index] for use in uses)
-            smooth = on_curved and turn_deg(*uses) < SMOOTH_DEG
-            if is_straight(uses[0].edge, self.flat_mm) and not smooth:
-                continue
+            turn = turn_deg(*uses) if on_curved else None
             chain = root[list(uses[0].nodes)].tolist()
-            chords.update((min(a, b), max(a, b)) for a, b in pairwise(chain))
-        return chords
+            pairs = [(min(a, b), max(a, b)) for a, b in pairwise(chain)]
+            if (turn is not None and turn < SMOOTH_DEG) or not is_straight(uses[0].edge, self.flat_mm):
+                chords.update(pairs)
+            elif turn is not None:
+                turns.update(dict.fromkeys(pairs, turn))
+        return chords, turns
 
     def _circles(self, root: np.ndarray) -> list[CircularEdge]:
         """Return the circular edges, in the order in which the model holds them."""

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aspectgraph import MissingExtraError, ReadError, SelfIntersectionError, Solid, read_solid
+from aspectgraph import MissingExtraError, ReadError, SelfIntersectionError, Solid, read_solid, resolve_entities
 
 pytest.importorskip("OCP")
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
@@ -125,6 +125,26 @@ def test_fillets_are_smooth_and_straight_rims_stay(tmp_path):
     # One of twelve edges is gone, its neighbours at both ends are shorter, the ends of the fillet are arcs.
     assert len(solid.straight_edges()) == 11
     assert all(abs(e.dihedral_deg) == pytest.approx(90.0) for e in solid.straight_edges())
+
+
+@pytest.mark.parametrize("chord_mm", [0.1, 0.03, 0.003])
+@pytest.mark.parametrize(("angle_deg", "n_edges"), [(8.0, 16), (4.0, 14)])
+def test_sharpness_is_that_of_the_surfaces_not_of_their_facets(tmp_path, angle_deg, n_edges, chord_mm):
+    # A groove in the top of a box, part of a cylinder that meets the plane under a known angle: twelve edges of the box,
+    # two of them in two pieces, and the two of the groove if they are sharp.
+    angle, radius = np.radians(angle_deg), 20.0
+    roller = BRepPrimAPI_MakeCylinder(
+        gp_Ax2(gp_Pnt(10, -1, 10 + radius * np.cos(angle)), gp_Dir(0, 1, 0)), radius, 22.0
+    )
+    shape = BRepAlgoAPI_Cut(box(20, 20, 10), roller.Shape()).Shape()
+    solid = read_solid(write(tmp_path / "part.step", shape), chord_tolerance_mm=chord_mm)
+    found = solid.straight_edges()
+    assert len(found) == n_edges
+    groove = [edge for edge in found if abs(edge.turn_deg) < 60.0]
+    assert [edge.turn_deg for edge in groove] == pytest.approx([angle_deg] * (n_edges - 14), abs=1e-6)
+    assert all(edge.dihedral_deg < edge.turn_deg for edge in groove), "the facets turn by less"
+    assert set(resolve_entities(solid, found)) == {f"e{edge.id}" for edge in found}
+    assert len(solid.straight_edges(min_dihedral_deg=8.5)) == 14
 
 
 def test_planes_stored_as_splines_are_planar(tmp_path):

@@ -113,6 +113,21 @@ def test_curved_edges_are_no_candidates():
         Solid(vertices, faces, curved_edges=[(99, 0)])
 
 
+def test_turns_of_the_surfaces_decide_what_is_sharp():
+    vertices, faces = cube_parts()
+    a, b = faces[0][0], faces[0][1]
+    solid = Solid(vertices, faces, surface_turns={(b, a): 20.0})
+    edge = next(edge for edge in solid.edges if set(edge.vertices) == {a, b})
+    assert (edge.dihedral_deg, edge.turn_deg) == (pytest.approx(90.0), 20.0)
+    assert [one.turn_deg for one in solid.edges if one is not edge] == pytest.approx([90.0] * 11)
+    assert edge in solid.straight_edges(min_dihedral_deg=20.0)
+    assert edge not in solid.straight_edges(min_dihedral_deg=21.0)
+    with pytest.raises(SolidError, match=r"surface_turns must name edges. Got vertices \(0, 99\)"):
+        Solid(vertices, faces, surface_turns={(99, 0): 20.0})
+    with pytest.raises(SolidError, match=r"surface_turns must be in 0..180 degrees. Got 190"):
+        Solid(vertices, faces, surface_turns={(b, a): 190.0})
+
+
 def test_collinear_vertices_are_kept_and_used():
     builder = prism_faces([(0, 0), (1, 0), (2, 0), (2, 2), (0, 2)], 2.0)
     solid = builder.solid("split")
@@ -138,6 +153,23 @@ def test_a_face_may_touch_itself_in_a_vertex():
             builder.add(wall)
     solid = builder.solid("touching rims")
     assert solid.volume == pytest.approx(6 * 6 * 4 - 4 + 4)
+
+
+def test_a_hole_may_touch_the_outer_loop_in_a_vertex():
+    # The corner of a tapered pocket meets a straight edge of the top in its middle: one fan of faces.
+    builder = FaceBuilder()
+    builder.add([(0, 0, 0), (0, 4, 0), (4, 4, 0), (4, 0, 0)])
+    builder.add([(0, 0, 0), (4, 0, 0), (4, 0, 3), (2, 0, 3), (0, 0, 3)])
+    for (x0, y0), (x1, y1) in [((4, 0), (4, 4)), ((4, 4), (0, 4)), ((0, 4), (0, 0))]:
+        builder.add([(x0, y0, 0), (x1, y1, 0), (x1, y1, 3), (x0, y0, 3)])
+    rim, tip = [(2, 0, 3), (1, 2, 3), (3, 2, 3)], (2, 1, 1.5)
+    builder.add([(0, 0, 3), (2, 0, 3), (4, 0, 3), (4, 4, 3), (0, 4, 3)], [rim])
+    for start, end in zip(rim, [*rim[1:], rim[0]], strict=True):
+        builder.add([end, start, tip])
+    solid = builder.solid("touching the rim")
+    # a pyramid with a base of 2 mm² and a height of 1.5 mm is missing
+    assert solid.volume == pytest.approx(4 * 4 * 3 - 2 * 1.5 / 3)
+    assert len(solid.straight_edges()) == 12 + 1 + 6, "the edge of the top is two"
 
 
 @settings(max_examples=25, deadline=None)
