@@ -25,7 +25,7 @@ def find_columns(run: Run, incumbents: Incumbents) -> None:
     else:
         run.pools, run.uninspectable = Pools.from_dict(last["pools"]), last["uninspectable"]
         run.set_on_grid(last.get("on_grid", ()))
-    incumbents.offer(run)
+    incumbents.sampled(run)
     if last is None or last["step"] == _SAMPLED:
         # before the columns are improved, so that others can join what is hard to inspect
         run.uninspectable = _try_alone(run)

@@ -86,11 +86,24 @@ class Incumbents:
         pool, poses = ColumnPool(len(run.names)), first_poses(run.judge, IMPROVING.directions, run.seed)
         judged = run.judge(poses)
         pool.add(judged.inspects, poses, judged.probability)
+        self._offer_greedy(run, pool)
+
+    def sampled(self, run: Run) -> None:
+        """Take in what was sampled: what comes at once, then what is better."""
+        if self._wanted:
+            self._offer_greedy(run, run.pool)
+            self.offer(run)
+
+    def _offer_greedy(self, run: Run, pool: ColumnPool) -> None:
+        """See whether the greedy cover by columns of a pool is a better plan, in no more time than it takes."""
         seen = pool.membership.any(axis=0)
-        if seen.any():
-            settings = _candidates(run, pool, np.array(greedy_cover(pool.membership[:, seen])))
-            if settings := _without_promised_too_much(run, settings):
-                self.end(assembled(run, settings, *self._proven(run, settings), unfinished=True))
+        if not seen.any():
+            return
+        settings = _candidates(run, pool, np.array(greedy_cover(pool.membership[:, seen])))
+        settings = _without_promised_too_much(run, settings)
+        found = assembled(run, settings, *self._proven(run, settings), unfinished=True)
+        if settings and (self.best is None or _worth(found) > _worth(self.best)):
+            self.end(found)
 
     def offer(self, run: Run) -> None:
         """See whether the columns of a run make a better plan."""
