@@ -130,8 +130,8 @@ def test_fillets_are_smooth_and_straight_rims_stay(tmp_path):
 @pytest.mark.parametrize("chord_mm", [0.1, 0.03, 0.003])
 @pytest.mark.parametrize(("angle_deg", "n_edges"), [(8.0, 16), (4.0, 14)])
 def test_sharpness_is_that_of_the_surfaces_not_of_their_facets(tmp_path, angle_deg, n_edges, chord_mm):
-    # A groove in the top of a box, part of a cylinder that meets the plane under a known angle: twelve edges of the box,
-    # two of them in two pieces, and the two of the groove if they are sharp.
+    # A groove in the top of a box, part of a cylinder that meets the plane under a known angle: twelve edges of the
+    # box, two of them in two pieces, and the two of the groove if they are sharp.
     angle, radius = np.radians(angle_deg), 20.0
     roller = BRepPrimAPI_MakeCylinder(
         gp_Ax2(gp_Pnt(10, -1, 10 + radius * np.cos(angle)), gp_Dir(0, 1, 0)), radius, 22.0
