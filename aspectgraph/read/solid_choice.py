@@ -44,7 +44,17 @@ class SolidChoice:
             raise ReadError(f"a solid must be measured or an occluder. Got solid {both[0]} as both.")
 
     def split(self, n: int) -> tuple[list[int], list[int]]:
-        """Return the measured solids and the occluders of a file with `n` solids; numbers are not checked."""
+        """Return the measured solids and the occluders of a file; numbers are not checked.
+
+        Parameters
+        ----------
+        n : int
+            Number of solids in the file.
+
+        Returns
+        -------
+        measured, occluders : list of int
+        """
         if self.occluders == "all":
             measured = [int(i) for i in self.measured or ()]
             return measured, [i for i in range(n) if i not in measured]
