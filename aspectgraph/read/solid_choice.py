@@ -53,7 +53,10 @@ class SolidChoice:
 
         Returns
         -------
-        measured, occluders : list of int
+        measured : list of int
+            In the order given.
+        occluders : list of int
+            Likewise.
         """
         if self.occluders == "all":
             measured = [int(i) for i in self.measured or ()]
