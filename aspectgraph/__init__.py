@@ -41,6 +41,7 @@ from aspectgraph.plot.section import SectionDrawing, plot_section
 from aspectgraph.plot.solid_view import plot_domains, plot_solid
 from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.part_file import read_solid
+from aspectgraph.read.solid_choice import SolidChoice
 from aspectgraph.solid.circles import Circle
 from aspectgraph.solid.rims import Arc, Rim
 from aspectgraph.solid.solid import Solid
@@ -81,6 +82,7 @@ __all__ = [
     "SectionDrawing",
     "SelfIntersectionError",
     "Solid",
+    "SolidChoice",
     "SolidError",
     "TouchingError",
     "VisibilityRegions",

@@ -180,7 +180,8 @@ def _curve_entity(solid: Solid, name: str, curve: Arc) -> Entity:
 def _check_edge(edge: Edge, name: str, min_dihedral_deg: float) -> None:
     if edge.curved:
         raise EntityError(
-            f"an entity must be a straight, sharp edge. Got edge {edge.id}, part of a curve, for {name!r}."
+            "an entity must be a straight, sharp edge. "
+            f"Got edge {edge.id}, part of a curve or of an occluder, for {name!r}."
         )
     if abs(edge.turn_deg) < min_dihedral_deg:
         raise EntityError(

@@ -13,6 +13,7 @@ from typing import Any
 from aspectgraph.exceptions import PartFileNotFoundError, ReadError
 from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.mesh import read_mesh
+from aspectgraph.read.solid_choice import SolidChoice
 from aspectgraph.read.step.step_file import read_step
 from aspectgraph.solid.solid import Solid
 
@@ -28,7 +29,7 @@ def read_solid(
     angular_tolerance_deg: float | None = None,
     planarity_mm: float | None = None,
     gap_mm: float | None = None,
-    solids: Sequence[int] | None = None,
+    solids: Sequence[int] | SolidChoice | None = None,
     limits: ReadLimits | None = None,
 ) -> Solid:
     """Read a part file as a validated solid in millimetres.
@@ -48,9 +49,10 @@ def read_solid(
     gap_mm : float, optional
         How far apart the vertices, edges and faces of a STEP file that should meet may lie. Default: the uncertainty
         the file states, or what is too small to change the shape; see `step_fit`.
-    solids : sequence of int, optional
-        Which solids of a STEP file to read, counted from 0 in the order of the file, damaged ones included. Default:
-        all, and all of them must be whole.
+    solids : sequence of int or SolidChoice, optional
+        Which solids of a STEP file to read, counted from 0 in the order of the file, damaged ones included; a
+        `SolidChoice` tells also which only stand in the way. Solids that touch become one body. Default: all, and all
+        of them must be whole.
     limits : ReadLimits, optional
         What reading the file may cost. Default: ``ReadLimits()``.
 

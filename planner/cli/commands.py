@@ -18,6 +18,7 @@ import numpy as np
 from aspectgraph import (
     AspectGraphError,
     ReadError,
+    SolidChoice,
     compute_light,
     compute_regions,
     graph_of,
@@ -313,7 +314,8 @@ def read_camera(text: str) -> Camera:
 def _read_part(options: argparse.Namespace) -> Solid:
     """Read the part; an error names the file."""
     try:
-        return read_solid(options.part, units=options.units, solids=options.solids, gap_mm=options.gap_mm)
+        solids = SolidChoice(options.solids, options.occluders) if options.occluders else options.solids
+        return read_solid(options.part, units=options.units, solids=solids, gap_mm=options.gap_mm)
     except AspectGraphError as error:
         if str(options.part) in str(error):
             raise

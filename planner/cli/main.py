@@ -274,6 +274,12 @@ def _add_part(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("part", metavar="PART", help=".step .stp .stl .obj .ply .off .glb")
     parser.add_argument("--units", metavar="UNIT", help="of a mesh: mm, inch, m, ... (default: mm, m for .glb)")
     parser.add_argument("--solids", type=_numbers, metavar="N,N", help="which solids of a STEP file, counted from 0")
+    parser.add_argument(
+        "--occluders",
+        type=_all_or_numbers,
+        metavar="all|N,N",
+        help="solids that only stand in the way; all: those --solids does not name",
+    )
     parser.add_argument("--gap-mm", type=float, metavar="MM", help="widest gap between a STEP file's edges and faces")
 
 
@@ -283,6 +289,10 @@ def _numbers(text: str) -> list[int]:
     if not all(number.strip().isascii() and number.strip().isdigit() for number in numbers):
         raise argparse.ArgumentTypeError(f"must be whole numbers like 0,2. Got {text!r}.")
     return [int(number) for number in numbers]
+
+
+def _all_or_numbers(text: str) -> str | list[int]:
+    return text if text == "all" else _numbers(text)
 
 
 def _add_entities(parser: argparse.ArgumentParser) -> argparse._MutuallyExclusiveGroup:
@@ -330,7 +340,9 @@ def _own_errors() -> tuple[type[Exception], ...]:
 
 
 def _fail(message: str, code: int) -> int:
-    line = " ".join(message.split())
+    from planner.cli.messages import as_typed
+
+    line = as_typed(" ".join(message.split()))
     print(line if line.startswith("aspectgraph") else f"aspectgraph: {line}", file=sys.stderr)
     return code
 

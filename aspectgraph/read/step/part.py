@@ -14,6 +14,7 @@ import numpy as np
 
 from aspectgraph.read.step.circles import pack_circles
 from aspectgraph.read.step.gaps import measure_gaps
+from aspectgraph.read.step.merge import edge_map, merge_touching
 from aspectgraph.read.step.solids import Slot, diagonal_mm, load_solids
 from aspectgraph.read.step.stated_dimensions import list_dimensions
 from aspectgraph.read.step.text import parse_entities
@@ -26,12 +27,15 @@ class StepPart:
     def __init__(self) -> None:
         self.slots: list[Slot] = []
         self.shapes: list[Any] = []
+        self.bodies: list[Any] = []
+        self.measured: Any = None
         self.flat_mm = 0.0
 
     def answer(self, do: str, **options: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the answer to a request: JSON values and arrays."""
         requests: dict[str, Callable[..., tuple[dict[str, Any], dict[str, Any]]]]
-        requests = {"load": self.load, "select": self.select, "tessellate": self.tessellate}
+        requests = {"load": self.load, "select": self.select, "merge": self.merge}
+        requests["tessellate"] = self.tessellate
         requests["dimensions"] = self.dimensions
         return requests[do](**options)
 
@@ -44,7 +48,7 @@ class StepPart:
     def select(self, solids: list[int], relative_planarity: float) -> tuple[dict[str, Any], dict[str, Any]]:
         """Choose the solids to work on; tell their size and how closely each fits together."""
         chosen = [self.slots[i] for i in solids]
-        self.shapes = [slot.shape for slot in chosen]
+        self.shapes = self.bodies = [slot.shape for slot in chosen]
         diagonal = diagonal_mm(self.shapes)
         self.flat_mm = diagonal * relative_planarity
         rows = []
@@ -54,11 +58,22 @@ class StepPart:
             rows.append({"uncertainty_mm": slot.uncertainty_mm, "gaps": widest})
         return {"diagonal_mm": diagonal, "fits": rows}, {}
 
-    def tessellate(self, chord_mm: float, angle_rad: float) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Cut the chosen solids into triangles."""
+    def merge(self, solids: list[int], measured: list[int], name: str) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Make chosen solids that touch one body, and remember what became of the edges of those to measure."""
+        found = merge_touching(self.shapes, solids, name)
+        self.bodies = found.shapes
+        if len(measured) < len(solids):
+            self.measured = edge_map(e for k, number in enumerate(solids) if number in measured for e in found.edges[k])
+        return {"merged": [[solids[k] for k in group] for group in found.merged]}, {}
+
+    def tessellate(
+        self, chord_mm: float, angle_rad: float, merged: bool = True
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Cut the bodies, or the chosen solids as they were before some became one, into triangles."""
         arrays = {}
-        for k, shape in enumerate(self.shapes):
-            part = tessellate(shape, chord_mm, angle_rad, self.flat_mm)
+        shapes = self.bodies if merged else self.shapes
+        for k, shape in enumerate(shapes):
+            part = tessellate(shape, chord_mm, angle_rad, self.flat_mm, self.measured)
             chords = np.array(sorted(part.curved_edges), dtype=np.int64).reshape(-1, 2)
             fields: tuple[Any, ...] = (part.vertices, part.triangles, part.patch, part.curved_patch, chords)
             fields += pack_circles(part.circular_edges or [])
@@ -66,7 +81,7 @@ class StepPart:
             fields += (np.array([pair for pair, _ in turns], dtype=np.int64).reshape(-1, 2),)
             fields += (np.array([turn for _, turn in turns], dtype=np.float64),)
             arrays.update({f"{k}_{i}": array for i, array in enumerate(fields)})
-        return {"n": len(self.shapes)}, arrays
+        return {"n": len(shapes)}, arrays
 
     def dimensions(self, path: str, name: str) -> tuple[dict[str, Any], dict[str, Any]]:
         """Read the semantic dimensions, as the kernel finds them and as the text states them."""

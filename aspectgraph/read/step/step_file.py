@@ -8,15 +8,20 @@ from pathlib import Path
 
 import numpy as np
 
-from aspectgraph.exceptions import NonManifoldError, ReadError, SelfIntersectionError, SolidError
+from aspectgraph.exceptions import ReadError, SolidError
 from aspectgraph.read.join_faces import assemble
 from aspectgraph.read.limits import ReadLimits
+from aspectgraph.read.solid_choice import SolidChoice, as_choice
 from aspectgraph.read.step.circles import unpack_circles
 from aspectgraph.read.step.client import StepKernel
 from aspectgraph.read.step.fit import RELATIVE_CHORD, check_fit
 from aspectgraph.read.tessellation import Tessellation
 from aspectgraph.solid.checks import RELATIVE_PLANARITY
 from aspectgraph.solid.solid import Solid
+from aspectgraph.solid.triangulate import signed_volume
+
+RELATIVE_VOLUME = 1e-9
+"""Flat solids that become one body keep their volume up to this share of it: rounding."""
 
 _MAX_REFINEMENTS = 3
 _HOW_TO_CHOOSE = "solids={0} (on the command line --solids {1})"
@@ -29,7 +34,7 @@ def read_step(
     angular_tolerance_deg: float | None = None,
     planarity_mm: float | None = None,
     gap_mm: float | None = None,
-    solids: Sequence[int] | None = None,
+    solids: Sequence[int] | SolidChoice | None = None,
     name: str = "",
     limits: ReadLimits | None = None,
 ) -> Solid:
@@ -49,8 +54,9 @@ def read_step(
         Facets this close to one plane become one face; see `assemble`.
     gap_mm : float, optional
         How far apart vertices, edges and faces that should meet may lie; default: by the rule of `step_fit`.
-    solids : sequence of int, optional
+    solids : sequence of int or SolidChoice, optional
         Which solids of the file to read, counted from 0 in the order of the file, damaged ones included; default: all.
+        Solids that touch become one body.
     name : str
         Name of the file, without its ending.
     limits : ReadLimits, optional
@@ -63,17 +69,19 @@ def read_step(
     ReadError
         The file is not a STEP file, holds no closed solid, a solid asked for is damaged, or a limit is exceeded.
     SolidError
-        A solid is not valid, or solids overlap or touch.
+        A solid is not valid, or solids overlap, or touch in a line or a point only.
     """
     angle_deg = 30.0 if angular_tolerance_deg is None else float(angular_tolerance_deg)
     with StepKernel(Path(path).name, limits or ReadLimits()) as kernel:
         loaded, _ = kernel.ask("load", path=str(Path(path).absolute()), name=Path(path).name)
-        chosen = _select(loaded["damage"], solids, Path(path).name)
+        chosen, measured = _select(loaded["damage"], as_choice(solids), Path(path).name)
         size, _ = kernel.ask("select", solids=chosen, relative_planarity=RELATIVE_PLANARITY)
         diagonal = size["diagonal_mm"]
         notes = loaded["notes"] + check_fit(size["fits"], chosen, diagonal, gap_mm, Path(path).name)
         chord = diagonal * RELATIVE_CHORD if chord_tolerance_mm is None else float(chord_tolerance_mm)
         try:
+            if len(chosen) > 1:
+                notes += _merge(kernel, chosen, measured, chord, angle_deg)
             for attempt in range(_MAX_REFINEMENTS + 1):
                 parts = _tessellate(kernel, chord / 4.0**attempt, angle_deg)
                 solid = _build(
@@ -87,7 +95,7 @@ def read_step(
                 )
                 if solid is not None:
                     return solid
-        except (SelfIntersectionError, NonManifoldError) as error:
+        except SolidError as error:
             if len(chosen) == 1:
                 raise
             hint = (
@@ -97,8 +105,40 @@ def read_step(
     raise AssertionError("the last attempt returns or raises")
 
 
-def _tessellate(kernel: StepKernel, chord_mm: float, angle_deg: float) -> list[Tessellation]:
-    answer, arrays = kernel.ask("tessellate", chord_mm=chord_mm, angle_rad=math.radians(angle_deg))
+def _merge(kernel: StepKernel, chosen: list[int], measured: list[int], chord_mm: float, angle_deg: float) -> list[str]:
+    """Make solids that touch one body; return what was done."""
+    answer, _ = kernel.ask("merge", solids=chosen, measured=measured, name=kernel.name)
+    occluders = [i for i in chosen if i not in measured]
+    notes = [f"{_listed(occluders)} {'is' if len(occluders) == 1 else 'are'} in the way only"] if occluders else []
+    if not answer["merged"]:
+        return notes
+    before = _tessellate(kernel, chord_mm, angle_deg, merged=False)
+    after = _tessellate(kernel, chord_mm, angle_deg)
+    # facets leave a curved face by the chord tolerance, before and after; flat ones do not
+    allowed = 2.0 * chord_mm * sum(_curved_area(part) for part in (*before, *after))
+    volume, kept = (sum(signed_volume(part.vertices, part.triangles) for part in parts) for parts in (before, after))
+    if not abs(kept - volume) <= max(allowed, RELATIVE_VOLUME * volume):
+        raise ReadError(
+            f"solids in contact must keep their volume when they become one body. Got {kept:.9g} of {volume:.9g} mm³ "
+            f"for {_listed(chosen)} of {kernel.name}; read some of them with {_HOW_TO_CHOOSE.format('[...]', '...')}."
+        )
+    bodies = [_listed(sorted(group)) for group in answer["merged"]]
+    return notes + [f"{body} touch and are one body; edges inside a contact are gone" for body in bodies]
+
+
+def _listed(numbers: list[int]) -> str:
+    head, tail = numbers[:-1], str(numbers[-1])
+    return f"solids {', '.join(map(str, head))} and {tail}" if head else f"solid {tail}"
+
+
+def _curved_area(part: Tessellation) -> float:
+    corners = part.vertices[part.triangles[part.curved_patch[part.patch]]]
+    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return 0.5 * float(np.linalg.norm(doubled, axis=1).sum())
+
+
+def _tessellate(kernel: StepKernel, chord_mm: float, angle_deg: float, merged: bool = True) -> list[Tessellation]:
+    answer, arrays = kernel.ask("tessellate", chord_mm=chord_mm, angle_rad=math.radians(angle_deg), merged=merged)
     parts = []
     for k in range(answer["n"]):
         vertices, triangles, patch, curved_patch, chords, *circles, pairs, turns = (
@@ -161,13 +201,14 @@ def _concatenate(parts: list[Tessellation]) -> Tessellation:
     )
 
 
-def _select(damage: list[str], wanted: Sequence[int] | None, name: str) -> list[int]:
-    """Return the solids to read; a damaged one among them is refused."""
+def _select(damage: list[str], wanted: SolidChoice, name: str) -> tuple[list[int], list[int]]:
+    """Return the solids to read, and which of them to measure; a damaged one among them is refused."""
     n = len(damage)
-    chosen = list(range(n)) if wanted is None else [int(i) for i in wanted]
+    measured, occluders = wanted.split(n)
+    chosen = measured + occluders
     bad = [i for i in chosen if not 0 <= i < n]
-    if bad or not chosen:
-        raise ReadError(f"solids must name some of 0..{n - 1} of {name}. Got {chosen}.")
+    if bad or not measured:
+        raise ReadError(f"solids must name some of 0..{n - 1} of {name}. Got {chosen if bad else measured}.")
     if len(set(chosen)) < len(chosen):
         raise ReadError(f"solids must name each solid once. Got {chosen}.")
     for i in chosen:
@@ -177,4 +218,4 @@ def _select(damage: list[str], wanted: Sequence[int] | None, name: str) -> list[
             hint = f" Ask for the whole ones with {ask}." if whole else ""
             which = f" (solid {i} of 0..{n - 1})" if n > 1 else ""
             raise ReadError(f"the geometry of a STEP file must be whole. Got {name} with {damage[i]}{which}.{hint}")
-    return chosen
+    return chosen, measured

@@ -62,7 +62,9 @@ def explore(shape: Any, kind: TopAbs_ShapeEnum, outside: TopAbs_ShapeEnum = TopA
     return found
 
 
-def tessellate(solid: Any, chord_tolerance_mm: float, angular_tolerance_rad: float, flat_mm: float) -> Tessellation:
+def tessellate(
+    solid: Any, chord_tolerance_mm: float, angular_tolerance_rad: float, flat_mm: float, measured: Any = None
+) -> Tessellation:
     """Return the triangles of an OCCT solid.
 
     Parameters
@@ -73,6 +75,8 @@ def tessellate(solid: Any, chord_tolerance_mm: float, angular_tolerance_rad: flo
         Largest distance, and largest turn between neighbouring chords, of the triangles from the true surface.
     flat_mm : float
         Surfaces and curves that leave a plane or line by less are planar or straight, however they are stored.
+    measured : map of TopoDS_Shape, optional
+        The edges that can be entities. Default: all.
 
     Raises
     ------
@@ -84,14 +88,14 @@ def tessellate(solid: Any, chord_tolerance_mm: float, angular_tolerance_rad: flo
     BRepTools.Clean_s(solid)
     # Chords of circles turn by half of the angle the mesher is given.
     BRepMesh_IncrementalMesh(solid, chord_tolerance_mm, False, 2.0 * angular_tolerance_rad, False)
-    return _Collector(solid, flat_mm).collect()
+    return _Collector(solid, flat_mm, measured).collect()
 
 
 class _Collector:
     """Gathers the mesher's nodes and triangles under shared ids."""
 
-    def __init__(self, solid: Any, flat_mm: float) -> None:
-        self.flat_mm = flat_mm
+    def __init__(self, solid: Any, flat_mm: float, measured: Any) -> None:
+        self.flat_mm, self.measured = flat_mm, measured
         self.faces = [TopoDS.Face(face) for face in explore(solid, TopAbs_ShapeEnum.TopAbs_FACE)]
         self.edge_map, self.vertex_map = ShapeMap(), ShapeMap()
         TopExp.MapShapes_s(solid, TopAbs_ShapeEnum.TopAbs_EDGE, self.edge_map)
@@ -175,8 +179,9 @@ class _Collector:
     def _sort_edges(
         self, root: np.ndarray, curved_patch: np.ndarray
     ) -> tuple[set[tuple[int, int]], dict[tuple[int, int], float]]:
-        """Return the chords of edges that are not straight or not sharp, and the turns of others beside curved faces.
+        """Return the chords of edges that are no entities, and the turns of others beside curved faces.
 
+        No entities are those that are not straight, not sharp or not to be measured.
         Facets turn by less than the surfaces they stand for, so these decide.
         """
         chords: set[tuple[int, int]] = set()
@@ -187,17 +192,21 @@ class _Collector:
             turn = turn_deg(*uses) if on_curved else None
             chain = root[list(uses[0].nodes)].tolist()
             pairs = [(min(a, b), max(a, b)) for a, b in pairwise(chain)]
-            if (turn is not None and turn < SMOOTH_DEG) or not is_straight(uses[0].edge, self.flat_mm):
+            smooth = turn is not None and turn < SMOOTH_DEG
+            if smooth or not self._is_measured(uses[0].edge) or not is_straight(uses[0].edge, self.flat_mm):
                 chords.update(pairs)
             elif turn is not None:
                 turns.update(dict.fromkeys(pairs, turn))
         return chords, turns
 
+    def _is_measured(self, edge: Any) -> bool:
+        return self.measured is None or bool(self.measured.Contains(edge))
+
     def _circles(self, root: np.ndarray) -> list[CircularEdge]:
         """Return the circular edges, in the order in which the model holds them."""
         found = []
         for _, uses in sorted(self.uses.items()):
-            circle = circle_of(uses[0].edge, self.flat_mm)
+            circle = circle_of(uses[0].edge, self.flat_mm) if self._is_measured(uses[0].edge) else None
             if circle is not None:
                 chain = root[list(uses[0].nodes)].tolist()
                 found.append(CircularEdge(circle, tuple(chain), turn_deg(*uses)))

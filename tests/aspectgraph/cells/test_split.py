@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 from cut_boxes import HALF, cut_box, random_planes
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from aspectgraph.cells.arrays import (
     EDGE_LIST,
     ENDS,
     FACE_CHILD,
     FACE_FIRST,
+    FACE_PLANE,
     FACE_SIZE,
     N_CELLS,
     N_FACES,
@@ -33,9 +36,31 @@ def test_planes_in_general_position_make_the_number_of_cells_theory_gives():
     assert len(leaves(cut_box(planes))) == 1 + 6 + 15 + 20
 
 
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(st.integers(0, 10**6), st.integers(1, 9), st.booleans())
+def test_any_planes_cut_cells_that_tile_the_box_and_share_every_face(seed, n, degenerate):
+    cx = cut_box(random_planes(n, seed, degenerate))
+    cells = leaves(cx)
+    sizes = cell_sizes(cx, cells)[:, 0]
+    assert sizes.min() > 0
+    assert sizes.sum() == pytest.approx((2 * HALF) ** 3, rel=1e-9)
+    check_polyhedra(cx)
+    # every face inside the box lies between two cells, none on its walls does
+    for f in range(cx.count[N_FACES]):
+        beside = cx.face[f, SIDES : SIDES + 2]
+        if cx.face[f, FACE_CHILD] < 0:
+            inside = {int(c) for c in beside if c >= 0}
+            assert len(inside) == (1 if cx.face[f, FACE_PLANE] < 6 else 2)
+            assert inside <= set(cells.tolist())
+
+
 @pytest.mark.parametrize("degenerate", [False, True])
 def test_every_cell_is_a_closed_polyhedron(degenerate):
-    cx = cut_box(random_planes(10, 5, degenerate))
+    check_polyhedra(cut_box(random_planes(10, 5, degenerate)))
+
+
+def check_polyhedra(cx):
+    """Check that each side of a cell's faces is shared by two, and Euler's formula."""
     for c in leaves(cx):
         faces = [
             f for f in range(cx.count[N_FACES]) if c in cx.face[f, SIDES : SIDES + 2] and cx.face[f, FACE_CHILD] < 0

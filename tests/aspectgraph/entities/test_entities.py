@@ -104,7 +104,9 @@ def test_the_edge_between_coplanar_faces_is_smooth():
 def test_a_curved_edge_is_refused():
     box = cube()
     solid = Solid(box.vertices, box.faces, curved_edges=[box.edges[5].vertices])
-    with pytest.raises(EntityError, match=r"straight, sharp edge. Got edge 5, part of a curve, for 'rim'"):
+    with pytest.raises(
+        EntityError, match=r"straight, sharp edge. Got edge 5, part of a curve or of an occluder, for 'rim'"
+    ):
         resolve_entities(solid, {"rim": 5})
 
 

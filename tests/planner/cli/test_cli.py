@@ -411,7 +411,18 @@ def test_solids_of_a_step_file_can_be_chosen(folder, capsys):
         writer.Transfer(box, STEPControl_StepModelType.STEPControl_AsIs)
     writer.Write("part.step")
     capsys.readouterr()
-    assert "solids=[...] (on the command line --solids ...)" in failure(capsys, ["info", "part.step"])[0]
+    (line,) = failure(capsys, ["info", "part.step"])
+    assert "Got solids 0 and 1 of part.step, which do. The file holds 3 solids; read some of them with --solids" in line
+    assert "solids=" not in line
+    assert main(["info", "part.step", "--solids", "2", "--occluders", "0", "--json"]) == DONE
+    record = json.loads(capsys.readouterr().out)
+    assert {edge["length"] for edge in record["edges"]} == {3.0}
+    assert len(record["edges"]) == 12
+    assert record["faces"] == 12
+    (line,) = failure(capsys, ["info", "part.step", "--solids", "2", "--occluders", "all"])
+    assert "must not overlap" in line
+    (line,) = failure(capsys, ["info", "part.step", "--occluders", "all"])
+    assert "--occluders must be numbers where no measured solids are given" in line
     assert main(["info", "part.step", "--solids", "0,2"]) == DONE
     assert "part: 2 shells, 12 faces" in capsys.readouterr().out
     assert main(["graph", "part.step", "--solids", "2", "--all", "--graphml", "g.graphml"]) == DONE
@@ -420,7 +431,7 @@ def test_solids_of_a_step_file_can_be_chosen(folder, capsys):
     for arguments, rule in (
         (["part.step", "--solids", "7"], "must name some of 0..2 of part.step. Got [7]"),
         (["part.step", "--solids", "1,x"], "argument --solids: must be whole numbers"),
-        (["part.step", "--solids", "0", "--gap-mm", "-1"], "gap_mm must be positive"),
+        (["part.step", "--solids", "0", "--gap-mm", "-1"], "--gap-mm must be positive"),
         (["block.off", "--solids", "0"], "solids applies to STEP files"),
     ):
         assert rule in failure(capsys, ["info", *arguments])[0]

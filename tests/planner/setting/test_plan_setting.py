@@ -1,4 +1,5 @@
 import pickle
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -97,6 +98,17 @@ def test_the_search_beats_random_poses_and_repeats_over_seeds(box):
     assert len(start.bits) > 4000
     random = Objective(constraints.ends, PAPER_CAMERA, PAPER, 0.98).fitness(encoding.decode(start.bits))
     assert values.min() >= random.max()
+
+
+def test_less_certain_poses_are_never_measured_better(box):
+    """Standard deviations grow threefold: the best probability falls, up to what the search leaves."""
+    best = []
+    for scale in (1.0, 3.0, 9.0):
+        uncertainty = PoseUncertainty.isotropic(translation_mm=0.3 * scale, rotation_rad=0.004 * scale)
+        found = plan_setting(box, ["x00"], REAL, uncertainty, accuracy=0.995, field_margin_px=0, rng=0)
+        best.append(found.probability["x00"])
+    assert all(later <= earlier + 1e-3 for earlier, later in pairwise(best))
+    assert best[-1] < best[0] - 0.05, "the steps are wide enough to tell"
 
 
 def test_min_objective_raises_the_weakest_entity(box):

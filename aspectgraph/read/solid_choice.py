@@ -1,0 +1,72 @@
+"""Which solids of a STEP file are measured, and which only stand in the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from aspectgraph.exceptions import ReadError
+
+
+@dataclass(frozen=True)
+class SolidChoice:
+    """Solids of a STEP file to measure, and others that hide them.
+
+    Attributes
+    ----------
+    measured : sequence of int, optional
+        Solids whose edges can be entities, counted from 0 in the order of the file. Default: all that are no occluders.
+    occluders : "all" or sequence of int
+        Solids that stand in the way; their edges are no entities. ``"all"``: all but the measured ones.
+
+    Raises
+    ------
+    ReadError
+        A solid is both, or there is nothing left to choose.
+
+    Examples
+    --------
+    >>> from aspectgraph import SolidChoice
+    >>> SolidChoice(measured=(1, 3), occluders="all")
+    SolidChoice(measured=(1, 3), occluders='all')
+    """
+
+    measured: Sequence[int] | None = None
+    occluders: str | Sequence[int] = ()
+
+    def __post_init__(self) -> None:
+        if isinstance(self.occluders, str) and self.occluders != "all":
+            raise ReadError(f"occluders must be 'all' or numbers of solids. Got {self.occluders!r}.")
+        if self.occluders == "all" and self.measured is None:
+            raise ReadError("occluders must be numbers where no measured solids are given. Got 'all'.")
+        both = sorted(set(self.measured or ()) & set(() if self.occluders == "all" else self.occluders))
+        if both:
+            raise ReadError(f"a solid must be measured or an occluder. Got solid {both[0]} as both.")
+
+    def split(self, n: int) -> tuple[list[int], list[int]]:
+        """Return the measured solids and the occluders of a file; numbers are not checked.
+
+        Parameters
+        ----------
+        n : int
+            Number of solids in the file.
+
+        Returns
+        -------
+        measured : list of int
+            In the order given.
+        occluders : list of int
+            Likewise.
+        """
+        if self.occluders == "all":
+            measured = [int(i) for i in self.measured or ()]
+            return measured, [i for i in range(n) if i not in measured]
+        occluders = [int(i) for i in self.occluders]
+        if self.measured is None:
+            return [i for i in range(n) if i not in occluders], occluders
+        return [int(i) for i in self.measured], occluders
+
+
+def as_choice(solids: Sequence[int] | SolidChoice | None) -> SolidChoice:
+    """Return a choice as a `SolidChoice`."""
+    return solids if isinstance(solids, SolidChoice) else SolidChoice(None if solids is None else tuple(solids))

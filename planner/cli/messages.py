@@ -1,0 +1,28 @@
+"""Errors as somebody at a shell needs them: options as they are typed, none that only a call in Python has."""
+
+from __future__ import annotations
+
+import re
+
+_HOW_IN_A_CALL = re.compile(r"\b\w+=(?:\[[^]]*\]|\S+) \(on the command line ([^)]*)\)")
+_ONLY_IN_A_CALL = re.compile(r"; allow more with limits=ReadLimits\([^)]*\)")
+_RULE = re.compile(r"(^|: |; |\. |')(gap_mm|occluders|solids|units)(?= (?:must (?:be|name)|applies))")
+_VALUE = re.compile(r"\b(gap_mm|occluders|solids|units)=(?=\S)")
+
+
+def as_typed(text: str) -> str:
+    """Return the message of an error with parameters named as the options of the command line.
+
+    Parameters
+    ----------
+    text : str
+        The message, as a call in Python raises it.
+    """
+    text = _HOW_IN_A_CALL.sub(r"\1", text)
+    text = _ONLY_IN_A_CALL.sub("", text)
+    text = _VALUE.sub(lambda found: f"{_option(found[1])} ", text)
+    return _RULE.sub(lambda found: found[1] + _option(found[2]), text)
+
+
+def _option(name: str) -> str:
+    return "--" + name.replace("_", "-")

@@ -1,0 +1,51 @@
+"""Errors name the options of the command line, never those of a call in Python."""
+
+from __future__ import annotations
+
+import pytest
+
+from planner.cli.main import main
+from planner.cli.messages import as_typed
+
+TOLD = [
+    (
+        "Got 3; read some of them with solids=[0, 2] (on the command line --solids 0,2).",
+        "Got 3; read some of them with --solids 0,2.",
+    ),
+    (
+        "a file must have at most file_mb=256 MB. Got x with more; allow more with limits=ReadLimits(file_mb=...).",
+        "a file must have at most file_mb=256 MB. Got x with more.",
+    ),
+    (
+        "p.step: solids must name some of 0..2 of p.step. Got [9].",
+        "p.step: --solids must name some of 0..2 of p.step. Got [9].",
+    ),
+    ("units must be one of mm, cm. Got 'em'.", "--units must be one of mm, cm. Got 'em'."),
+    ("must meet within gap_mm=0.1 mm. Got 0.2 mm", "must meet within --gap-mm 0.1 mm. Got 0.2 mm"),
+    ("allow more with gap_mm=... (on the command line --gap-mm), and look", "allow more with --gap-mm, and look"),
+    ("solids must not overlap. Got solids 0 and 1.", "solids must not overlap. Got solids 0 and 1."),
+]
+
+
+@pytest.mark.parametrize(("text", "told"), TOLD)
+def test_options_are_named_as_they_are_typed(text, told):
+    assert as_typed(text) == told
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "told"),
+    [
+        ("part.stl", ["--solids", "0"], "--solids applies to STEP files"),
+        ("part.stl", ["--gap-mm", "0.1"], "--gap-mm applies to STEP files"),
+        ("part.stl", ["--units", "ell"], "--units must be one of"),
+        ("part.step", ["--units", "mm"], "--units applies to mesh files"),
+        ("part.step", ["--gap-mm", "-1"], "--gap-mm must be positive"),
+    ],
+)
+def test_errors_of_the_reader(tmp_path, capsys, name, options, told):
+    path = tmp_path / name
+    path.write_text("ISO-10303-21;\n" if name.endswith("step") else "solid x\nendsolid x\n")
+    assert main(["info", str(path), *options]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert told in line
+    assert not any(f"{one}=" in line for one in ("solids", "units", "gap_mm", "limits"))
