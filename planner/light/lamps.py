@@ -27,6 +27,10 @@ class LampSpace(Protocol):
     """Where lamps may be placed."""
 
     @property
+    def clearance_mm(self) -> float:
+        """Distance that lamps keep from the part."""
+
+    @property
     def bounds(self) -> Array:
         """Lowest and highest corner of a box around it, (2, 3) mm."""
 
@@ -53,20 +57,24 @@ class LampBox:
         Lowest corner (3,), mm.
     high : tuple of float
         Highest corner (3,), mm.
+    clearance_mm : float
+        Distance that lamps keep from the part.
 
     Raises
     ------
     RequestError
-        If they are not finite or `low` is not below `high` in every coordinate.
+        If a number is not finite, the clearance is negative, or `low` is not below `high` in every coordinate.
     """
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
+    clearance_mm: float = 10.0
 
     def __post_init__(self) -> None:
         box = _numbers("the corners of a box of lamps", (self.low, self.high), (2, 3))
         if not (box[0] < box[1]).all():
             raise RequestError(f"low must be below high in every coordinate. Got {self.low!r} and {self.high!r}.")
+        _check_clearance(self.clearance_mm)
 
     def __str__(self) -> str:
         """Return what a sentence calls it."""
@@ -161,16 +169,19 @@ class LampDome:
         Its radius.
     lowest_mm : float
         Least height (z) of a lamp above the centre.
+    clearance_mm : float
+        Distance that lamps keep from the part.
 
     Raises
     ------
     RequestError
-        If the radius is not positive, or no place of the sphere is so high.
+        If a number is not finite, the radius is not positive, the clearance is negative, or no place is so high.
     """
 
     centre: tuple[float, float, float]
     radius_mm: float
     lowest_mm: float = 0.0
+    clearance_mm: float = 10.0
 
     def __post_init__(self) -> None:
         _numbers("the centre of a dome of lamps", self.centre, (3,))
@@ -179,6 +190,7 @@ class LampDome:
             raise RequestError(f"radius_mm must be positive. Got {self.radius_mm!r}.")
         if not self.lowest_mm < self.radius_mm:
             raise RequestError(f"lowest_mm must be below radius_mm, {self.radius_mm:g}. Got {self.lowest_mm!r}.")
+        _check_clearance(self.clearance_mm)
 
     def __str__(self) -> str:
         """Return what a sentence calls it."""
@@ -264,6 +276,11 @@ def check_lamps_given(lamps: Any) -> LampSpace | Array | None:
             return None
         raise RequestError(f"lamps must be places, a LampBox, a LampDome, or {RING!r}. Got {lamps!r}.")
     return _numbers("lamps", lamps, (-1, 3))
+
+
+def _check_clearance(value: float) -> None:
+    if not (isinstance(value, int | float) and 0 <= value < np.inf):
+        raise RequestError(f"clearance_mm must be finite and not negative. Got {value!r}.")
 
 
 def _numbers(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:

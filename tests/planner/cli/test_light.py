@@ -58,7 +58,7 @@ def test_a_ring_light_takes_part_in_the_planning(folder, capsys):
 def test_what_no_fixed_lamp_shows_makes_the_plan_incomplete(folder, capsys):
     assert main([*PLAN, "--light", "at:30,30,-100;40,40,-200"]) == INCOMPLETE
     told = " ".join(capsys.readouterr().out.split())
-    assert "not shown: p1: none of 2 lamps shows it: 2 with a contrast under 0.1, 0 not lighting all of it." in told
+    assert "not shown: p1: none of 2 lamps shows it: 2 with a contrast under 0.1, 0 with a step under 0.05" in told
     assert main([*PLAN, "--light", "lamps.toml"]) == DONE
     assert len(read_plan(folder / "out" / "plan.json").light.lamps) == 1
 
