@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from aspectgraph import read_graphml
 from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 from planner.cli.main import main
 from planner.plan import read_plan
@@ -90,3 +91,17 @@ def test_bad_lamps_are_one_line(folder, capsys, case):
     assert len(err.splitlines()) == 1
     assert message in err
     assert not (folder / "out" / "plan.json").exists()
+
+
+def test_the_graph_of_lamp_positions(folder, capsys):
+    asked = ["graph", "block.off", "--entities", "(60,20,10)-(60,40,10)", "--lamps", "--graphml", "lamps.graphml"]
+    assert main([*asked, "--contrast", "0.3", "--json"]) == DONE
+    domains = json.loads(capsys.readouterr().out)["domains"]
+    found = read_graphml("lamps.graphml")
+    assert found.graph["contrast"] == 0.3
+    assert [found.nodes[one["id"]]["showing"] for one in domains] == [tuple(one["showing"]) for one in domains]
+    assert {len(one["showing"]) for one in domains} == {0, 1}
+    assert main([*asked, "--quiet"]) == DONE
+    assert "light domains" in capsys.readouterr().out
+    assert main([*asked, "--quiet", "--contrast", "0"]) == BAD_INPUT
+    assert "contrast must lie strictly between 0 and 1. Got 0.0." in capsys.readouterr().err
