@@ -9,7 +9,7 @@ from plan_examples import plan, setting
 from aspectgraph import LightError, Solid, contrast, read_solid, resolve_entities
 from aspectgraph.light import silhouettes_from
 from aspectgraph.solid import RayScene
-from planner import RequestError
+from planner import RequestError, SphereRegion
 from planner.light.demands import seen_as
 from planner.light.lamps import LampBox, LampDome
 from planner.light.light_plan import LightPlan
@@ -180,6 +180,17 @@ def test_rays_and_the_formula_confirm_every_lamp(lamps):
                 if name not in image.silhouettes:
                     assert value == pytest.approx(abs(contrast(solid, entity, lamp)[0]))
                     assert value >= 0.2
+
+
+def test_lamps_stay_in_reach_of_a_robot():
+    """A ball about (-300, 25, 60) with a radius of 200 mm, out of reach of x > 80."""
+    reach = SphereRegion((-300.0, 25.0, 60.0), 200.0)
+    found = plan_light(side_plan(), block(), LampBox(AROUND.low, AROUND.high, reach=reach))
+    assert (reach.margin(found.lamps) > 0).all()
+    assert [sorted(unlit) for unlit in found.unlit] == [[], ["right"]]
+    assert found.unlit[1]["right"].startswith("no place that was found in the box of lamps")
+    with pytest.raises(RequestError, match="reach must have a margin method"):
+        LampBox((0, 0, 0), (1, 1, 1), reach="arm")
 
 
 def test_the_record_comes_back():
