@@ -1,6 +1,7 @@
 """Contrast of edges in rendered images against the formula that light domains rest on.
 
     python benchmarks/edge_contrast.py [--triples 100] [--seed 0] [--csv FILE] [PART ...]
+    python benchmarks/edge_contrast.py --plan plan.json PART
 
 Triples are drawn: an edge, a lamp from which it is lit as a whole, and a camera that sees both faces next to it.
 Patches of the image at points along the edge are rendered (`rendered_images`, which shares no code with `aspectgraph`:
@@ -10,6 +11,10 @@ which something else is seen: that is a matter of separation, not of light.
 
 Without noise the two differ by what the formula leaves out: the place beside the edge is under another angle to the
 lamp than the edge itself. This is computed from the places that the pixels show, and told apart (``beside``).
+
+With a plan of edges, the grey steps along its edges are told: under the lamps of the plan, or lamps planned here in a
+box around the part, and under a lamp at the camera. A pair is weak if a quarter of the places along it have under five
+levels.
 """
 
 from __future__ import annotations
@@ -26,7 +31,7 @@ from rendered_images import _PATCH, Lamp, Renderer
 
 from aspectgraph import Solid, compute_regions, contrast, read_solid
 from aspectgraph.solid import RayScene
-from planner import look_at
+from planner import LampBox, look_at, plan_light, read_plan
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 PARTS = ("nist_ctc_01_ap242.stp", "nist_ctc_03_ap242.stp.gz", "mfcad_4-5-5-6-9-23.step")
@@ -177,6 +182,40 @@ def _reached(scene, places, lamp):
     return scene.cast(lamp, places - lamp)["t_hit"] > 1 - 1e-4
 
 
+def steps_under(solid: Solid, plan, lamp_of, n: int = 9) -> dict[tuple[int, str], np.ndarray]:
+    """Return grey steps (n,), of 255, along each straight edge of a plan's settings; ``lamp_of(setting, name)`` (3,).
+
+    Noise is left out; the light from everywhere stays. Steps are told 2 to 4 px beside the edge.
+    """
+    middle = np.mean(solid.bounds, axis=0)
+    matrix = np.vstack([plan.camera.matrix[:2], [0.0, 0, 1]])
+    # about the middle: rays are float32
+    renderer = Renderer(solid.vertices - middle, solid.triangles, matrix, noise=0.0)
+    found = {}
+    for k, setting in enumerate(plan.settings):
+        pose = np.array(setting.cam2world)
+        pose[:3, 3] -= middle
+        for name in setting.entities:
+            lamp = lamp_of(k, name)
+            if lamp is None:
+                continue
+            ends = plan.entities[name] - middle
+            points = ends[0] + np.linspace(0.08, 0.92, n)[:, None] * (ends[1] - ends[0])
+            image = renderer.projected(np.vstack([points, ends]), pose)
+            along = image[-1] - image[-2]
+            across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+            corners = np.rint(image[:n]).astype(int) - _PATCH
+            grid = np.stack(np.meshgrid(*[np.arange(2 * _PATCH + 1)] * 2), axis=-1) + corners[:, None, None]
+            off = (grid - image[:n, None, None]) @ across
+            patches = renderer.patches(pose, corners, Lamp(lamp - middle, AMBIENT), np.random.default_rng(0))
+            sides = [
+                np.array([patches[i][(sign * off[i] >= 2) & (sign * off[i] <= 4)].mean() for i in range(n)])
+                for sign in (1, -1)
+            ]
+            found[k, name] = LEVELS * np.abs(sides[0] - sides[1])
+    return found
+
+
 def print_table(rows: list[Triple]) -> None:
     """Print per part how far the image is from the formula."""
     print(f"{'part':24} triples  |C| < .1  max |diff|  rms diff  rms z  |z| > 3  sign wrong  > 10⁻³ beside")
@@ -194,6 +233,36 @@ def print_table(rows: list[Triple]) -> None:
         )
 
 
+def weak(steps: dict[tuple[int, str], np.ndarray]) -> list[tuple[int, str]]:
+    """Return the pairs of which a quarter has less than five grey levels."""
+    return [pair for pair, own in steps.items() if np.mean(own < 5) > 0.25]
+
+
+def print_plan(solid: Solid, plan) -> None:
+    """Print which pairs of a plan are weak under its lamps, and under a lamp at the camera."""
+    low, high = solid.bounds
+    room = float(np.linalg.norm(high - low))
+    light = plan.light or plan_light(plan, solid, LampBox(tuple(low - room), tuple(high + room)))
+    print(light)
+    lamps = lamps_of(light)
+    for name, lamp_of in (
+        ("planned lamps", lambda k, name: lamps.get((k, name))),
+        ("at the camera", lambda k, name: plan.settings[k].position),
+    ):
+        steps = steps_under(solid, plan, lamp_of)
+        print(f"{name}: {len(weak(steps))} of {len(steps)} pairs are weak: {weak(steps)}")
+
+
+def lamps_of(light) -> dict[tuple[int, str], np.ndarray]:
+    """Return the lamp of each pair of setting and name."""
+    return {
+        (k, name): light.lamps[image.lamp]
+        for k, images in enumerate(light.images)
+        for image in images
+        for name in image.contrast
+    }
+
+
 def main() -> int:
     """Measure all parts and print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -201,7 +270,11 @@ def main() -> int:
     parser.add_argument("--triples", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--csv", metavar="FILE")
+    parser.add_argument("--plan", metavar="FILE")
     options = parser.parse_args()
+    if options.plan:
+        print_plan(read_solid(options.parts[0]), read_plan(options.plan))
+        return 0
     rows, begun = [], time.perf_counter()
     for part in options.parts:
         rows += triples(read_solid(part), options.triples, options.seed)

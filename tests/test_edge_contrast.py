@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aspectgraph import read_solid
+from aspectgraph import compute_regions, read_solid
+from planner import Camera, LampBox, PoseUncertainty, SensorSetting, look_at, plan_light
+from planner.plan import InspectionPlan
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-from edge_contrast import triples
+from edge_contrast import lamps_of, steps_under, triples, weak
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 PARTS = ["nist_ctc_01_ap242.stp", "nist_ctc_03_ap242.stp.gz", "mfcad_4-5-5-6-9-23.step"]
@@ -37,3 +39,42 @@ def test_another_lamp_is_noticed():
     rows = triples(read_solid(EXAMPLES / PARTS[2]), 30, seed=2, n_edges=6, wrong_lamp=True)
     off = [abs(row.measured - row.predicted) > 10 * row.error for row in rows]
     assert np.mean(off) > 0.5
+
+
+def drawn_plan(solid, n, seed):
+    """A plan of n settings that no search has chosen: each looks at an edge from where that is observable."""
+    rng = np.random.default_rng(seed)
+    edges = [edge for edge in solid.straight_edges() if solid.edge_length_mm(edge.id) > 5]
+    edges = {f"e{edges[i].id}": edges[i] for i in rng.permutation(len(edges))[: 2 * n]}
+    regions = compute_regions(solid, edges)
+    camera = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 600.0)
+    settings, entities = [], {}
+    for name, edge in edges.items():
+        ends = solid.edge_points(edge.id)
+        ways = rng.normal(size=(40, 3))
+        eyes = ends.mean(axis=0) + 400.0 * ways / np.linalg.norm(ways, axis=1, keepdims=True)
+        seen = eyes[regions.observable(eyes, [name])[:, 0]]
+        if len(seen) and len(settings) < n:
+            pose = look_at(seen[:1], ends.mean(axis=0))[0]
+            settings.append(SensorSetting(pose, (name,), {name: 1.0}, {}, 1.0, 0, 0, ""))
+            entities[name] = ends
+    box = np.add(solid.bounds, [[-2000.0], [2000.0]])
+    uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+    return InspectionPlan(tuple(settings), 1, {}, entities, camera, uncertainty, 0.98, 0.9, box)
+
+
+def test_what_is_planned_to_show_does():
+    """Under planned lamps nearly all steps along edges are ten levels; under one lamp at the camera many are not.
+
+    What lies nearer to an edge than the pixels that are looked at may still be another edge: separation, not light.
+    """
+    solid = read_solid(EXAMPLES / PARTS[0])
+    plan, (low, high) = drawn_plan(solid, 24, 3), solid.bounds
+    light = plan_light(plan, solid, LampBox(tuple(low - 300), tuple(high + 300)))
+    lamps = lamps_of(light)
+    planned = steps_under(solid, plan, lambda k, name: lamps.get((k, name)))
+    at_camera = steps_under(solid, plan, lambda k, name: plan.settings[k].position)
+    assert len(planned) >= 20
+
+    assert len(weak(planned)) <= 1
+    assert len(weak(at_camera)) >= 3

@@ -22,6 +22,7 @@ from aspectgraph import (
     compute_light,
     compute_regions,
     graph_of,
+    light_graph_of,
     read_dimensions,
     read_solid,
     select_entities,
@@ -56,7 +57,7 @@ from planner.resume import read_state
 from planner.verify.simulate_plan import simulate_plan
 
 if TYPE_CHECKING:
-    from aspectgraph import Solid, VisibilityRegions
+    from aspectgraph import EntityAspectGraph, Solid, VisibilityRegions
 
 STATE_FILE = "planning-state.json"
 
@@ -92,9 +93,7 @@ def graph(options: argparse.Namespace) -> int:
     if box is None and options.camera is not None:
         box = default_workspace(solid, read_camera(options.camera))
     with terminal_progress(quiet=options.quiet) as progress:
-        shown = labelled(progress, "visible regions")
-        regions = compute_regions(solid, entities, workspace=box, progress=shown)
-        result = graph_of(regions)
+        result = _graph(options, solid, entities, box, labelled(progress, "visible regions"))
     write_graphml(result, options.graphml)
     if options.json:
         print_json(graph_record(result, options.graphml))
@@ -103,6 +102,13 @@ def graph(options: argparse.Namespace) -> int:
     _print_unit(options)
     print(options.graphml)
     return DONE
+
+
+def _graph(options: argparse.Namespace, solid: Solid, entities: Any, box: Any, progress: Any) -> EntityAspectGraph:
+    """Return the graph of viewpoints, or of lamp positions."""
+    if options.lamps:
+        return light_graph_of(compute_light(solid, entities, options.contrast, box, progress=progress))
+    return graph_of(compute_regions(solid, entities, workspace=box, progress=progress))
 
 
 def dimensions(options: argparse.Namespace) -> int:

@@ -155,6 +155,12 @@ def _add_graph(commands: Any) -> None:
         metavar="NAME|FILE",
         help="take the workspace 'plan' takes for this camera (default: ten diagonals of room around the part)",
     )
+    graph.add_argument(
+        "--lamps", action="store_true", help="of lamp positions instead of viewpoints: under which lamps edges show"
+    )
+    graph.add_argument(
+        "--contrast", type=float, default=0.1, metavar="C", help="with --lamps: least contrast, (I1 - I2) / (I1 + I2)"
+    )
     _add_workspace(graph)
 
 

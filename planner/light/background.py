@@ -1,4 +1,8 @@
-"""What a camera sees beside a silhouette, on its other side: the ground, or a face of the part farther away.
+"""How bright edges are, and what a camera sees beside a silhouette: the ground, or a face of the part farther away.
+
+Two faces have a contrast though hardly any light falls on either. So the step of their grey values must be large
+enough, too: as a share of the grey value of a face that the lamp lights frontally, it is the difference of the cosines
+of the angles of incidence. This is no plane; it is computed for a lamp at a given place, and takes no part in proofs.
 
 Where the edge of a face is seen in front of another face of the part, it shows only if that one is brighter or darker
 by the contrast. This is no wedge: it depends on distances and cast shadows. So it is decided by rays at points along
@@ -22,7 +26,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 # points of an edge that are looked beside, and how far: so far that the detector's window is filled
-_SHARES = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
+_SHARES = np.linspace(0.06, 0.94, 9)
 _BESIDE_PX = 3.0
 # a ray that ends this share before the point has been stopped by something else
 _SHORT = 1e-3
@@ -38,6 +42,11 @@ class Backdrop:
     normal: Array
     behind: Array
     behind_normal: Array
+
+    @property
+    def sides(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        """Place and normal of the silhouette, and of what is behind it."""
+        return (self.point, self.normal), (self.behind, self.behind_normal)
 
 
 def backdrops(
@@ -84,25 +93,50 @@ def backdrops(
     return found
 
 
-def backdrop_contrasts(scene: RayScene, backdrop: tuple[Backdrop, ...], lamps: Array) -> Array:
-    """Return the least contrast (n,) between silhouettes and what is behind them under lamps (n, 3), in [0, 1].
+def backdrop_contrasts(scene: RayScene, backdrop: tuple[Backdrop, ...], lamps: Array) -> tuple[Array, Array]:
+    """Return least contrast (n,) and step (n,) between silhouettes and what is behind them under lamps (n, 3).
 
-    Irradiances go with the square of the distance here, as the two points differ; where both are dark it is 0.
+    The two places differ, so that irradiances of a point lamp fall with the square of the distance, those of a large or
+    far lamp less. The contrast is the smaller one with and without this, and 0 if they differ in sign.
+    """
+    contrast, step = np.ones(len(lamps)), np.ones(len(lamps))
+    for one in backdrop:
+        (seen, near), (behind, far) = (_incidence(*side, lamps) for side in one.sides)
+        behind[_shadowed(scene, one.behind, lamps)] = 0.0
+        even, falling = _michelson(seen, behind), _michelson(seen / near**2, behind / far**2)
+        least = np.where(even * falling > 0, np.minimum(np.abs(even), np.abs(falling)), 0.0)
+        contrast, step = np.minimum(contrast, least), np.minimum(step, np.abs(seen - behind))
+    return contrast, step
+
+
+def edge_steps(solid: Solid, entity: Entity, lamps: Array, silhouettes: Mapping[int, int]) -> Array:
+    """Return the least step (n,) of an entity under lamps (n, 3), at the ends and middles of its edges, [0, 1].
+
+    That of a silhouette is against a dark ground.
     """
     least = np.ones(len(lamps))
-    for one in backdrop:
-        seen = _irradiance(one.point, one.normal, lamps)
-        behind = _irradiance(one.behind, one.behind_normal, lamps)
-        behind[_shadowed(scene, one.behind, lamps)] = 0.0
-        total = seen + behind
-        least = np.minimum(least, np.abs(seen - behind) / np.where(total > 0, total, 1.0))
+    for edge in (solid.edges[i] for i in entity.edge_ids):
+        start, end = solid.vertices[list(edge.vertices)]
+        for point in (start, (start + end) / 2, end):
+            one, other = (_incidence(point, solid.normals[face], lamps)[0] for face in edge.faces)
+            if edge.id in silhouettes:
+                step = one if edge.faces[0] == silhouettes[edge.id] else other
+            else:
+                step = np.abs(one - other)
+            least = np.minimum(least, step)
     return least
 
 
-def _irradiance(point: Array, normal: Array, lamps: Array) -> Array:
+def _incidence(point: Array, normal: Array, lamps: Array) -> tuple[Array, Array]:
+    """Return the cosines of the angles of incidence, 0 behind the face, and the distances of lamps, mm; (n,) each."""
     towards = lamps - point
     distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-9)
-    return np.asarray(np.maximum(towards @ normal, 0.0) / distance**3)
+    return np.maximum(towards @ normal, 0.0) / distance, distance
+
+
+def _michelson(one: Array, other: Array) -> Array:
+    total = one + other
+    return (one - other) / np.where(total > 0, total, 1.0)
 
 
 def _shadowed(scene: RayScene, point: Array, lamps: Array) -> NDArray[np.bool_]:

@@ -14,6 +14,8 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import Bounds, LinearConstraint, milp
+from scipy.sparse import csr_matrix
 
 from planner.cover.set_cover import maximal_columns, min_cover
 
@@ -21,9 +23,10 @@ Jobs = frozenset[int]
 Decide = Callable[[Jobs], bool]
 """Looks for a place that does some jobs at once, and adds it; returns whether it is proven that there is none."""
 
-# beyond so many jobs the sets are not listed, and pairs that exclude each other bound the number
+# beyond so many jobs the sets are not listed: the jobs are shared out among ever more lamps instead
 _MOST_LISTED = 14
-_MOST_DECISIONS = 200
+_MOST_DECISIONS = 300
+_NODES = 20_000
 
 
 @dataclass
@@ -41,7 +44,7 @@ class Search:
         for i, j in combinations(range(self.n), 2):
             self._try(frozenset((i, j)))
         if self.n > _MOST_LISTED:
-            return self._clique()
+            return self._shared_out()
         while True:
             open_sets = self._optimistic()
             cover = min_cover(open_sets)
@@ -51,6 +54,56 @@ class Search:
                 return cover.lower_bound
             for jobs in new:
                 self._try(jobs)
+
+    def _shared_out(self) -> int:
+        """Raise the bound from jobs that exclude each other as long as no way to share out jobs is left."""
+        bound = self._clique()
+        while bound < len(min_cover(self.columns()).chosen):
+            groups = self._sharing(bound)
+            if groups is None:
+                bound += 1
+                continue
+            new = [jobs for jobs in groups if not self._realised(jobs) and jobs not in self.tried]
+            if not new or len(self.tried) >= _MOST_DECISIONS:
+                break
+            for jobs in new:
+                self._try(jobs)
+        return bound
+
+    def _sharing(self, n_lamps: int) -> list[Jobs] | None:
+        """Share out the jobs among lamps so that no lamp has a refuted set; None if that is proven impossible.
+
+        An integer programme in x[job, lamp]: every job has a lamp, and of every refuted set a lamp lacks a job. The
+        first jobs take the first lamps, as lamps are alike. If it is undecided, nothing is shared out.
+        """
+        n = self.n * n_lamps
+        place = np.arange(n).reshape(self.n, n_lamps)
+        rows, most = [], []
+        for jobs in sorted(self.refuted, key=sorted):
+            for lamp in range(n_lamps):
+                row = np.zeros(n)
+                row[place[sorted(jobs), lamp]] = 1
+                rows.append(row)
+                most.append(len(jobs) - 1)
+        each = np.zeros((self.n, n))
+        for job in range(self.n):
+            each[job, place[job]] = 1
+        free = np.ones((self.n, n_lamps))
+        free[np.arange(n_lamps) > np.arange(self.n)[:, None]] = 0
+        limits = [LinearConstraint(csr_matrix(each), 1, 1)]
+        if rows:
+            limits.append(LinearConstraint(csr_matrix(np.array(rows)), -np.inf, most))
+        found = milp(
+            np.zeros(n),
+            integrality=np.ones(n),
+            bounds=Bounds(0, free.ravel()),
+            constraints=limits,
+            options={"node_limit": _NODES},
+        )
+        if found.x is None:
+            return None if found.status == 2 else []
+        lamps = found.x.reshape(self.n, n_lamps) > 0.5
+        return [frozenset(np.flatnonzero(column).tolist()) for column in lamps.T if column.any()]
 
     def _realised(self, jobs: Jobs) -> bool:
         return bool(self.columns()[:, sorted(jobs)].all(axis=1).any())

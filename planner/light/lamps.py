@@ -12,6 +12,7 @@ from scipy.stats import qmc
 
 from aspectgraph.cells.cell_set import Cell
 from planner.exceptions import RequestError
+from planner.request.reach import Reach, check_reach, reach_margin
 
 Array = NDArray[np.float64]
 
@@ -21,10 +22,16 @@ RING = "ring"
 # distance, as a share of the space's size, that says apart from touching
 _APART = 1e-9
 _DOME_POINTS = 20_000
+# places drawn in a cell
+_DRAWN = 15
 
 
 class LampSpace(Protocol):
     """Where lamps may be placed."""
+
+    @property
+    def clearance_mm(self) -> float:
+        """Distance that lamps keep from the part."""
 
     @property
     def bounds(self) -> Array:
@@ -53,20 +60,28 @@ class LampBox:
         Lowest corner (3,), mm.
     high : tuple of float
         Highest corner (3,), mm.
+    clearance_mm : float
+        Distance that lamps keep from the part.
+    reach : Region or callable, optional
+        What of the box a robot with the lamp reaches, as in `plan_setting`. The proof of the bound takes the whole box.
 
     Raises
     ------
     RequestError
-        If they are not finite or `low` is not below `high` in every coordinate.
+        If a number is not finite, the clearance is negative, or `low` is not below `high` in every coordinate.
     """
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
+    clearance_mm: float = 10.0
+    reach: Reach | None = None
 
     def __post_init__(self) -> None:
         box = _numbers("the corners of a box of lamps", (self.low, self.high), (2, 3))
         if not (box[0] < box[1]).all():
             raise RequestError(f"low must be below high in every coordinate. Got {self.low!r} and {self.high!r}.")
+        _check_clearance(self.clearance_mm)
+        check_reach(self.reach)
 
     def __str__(self) -> str:
         """Return what a sentence calls it."""
@@ -78,7 +93,7 @@ class LampBox:
         return np.array([self.low, self.high], dtype=np.float64)
 
     def places(self, n: int) -> Array:
-        """Return n places of a Halton sequence.
+        """Return those of n places of a Halton sequence that are reached.
 
         Parameters
         ----------
@@ -91,7 +106,8 @@ class LampBox:
             The same in every call, mm.
         """
         low, high = self.bounds
-        return np.asarray(low + qmc.Halton(3, scramble=True, rng=np.random.default_rng(0)).random(n) * (high - low))
+        drawn = qmc.Halton(3, scramble=True, rng=np.random.default_rng(0)).random(n)
+        return self._reached(np.asarray(low + drawn * (high - low)))
 
     def misses(self, cell: Cell) -> bool:
         """Tell whether a plane of either body parts them, or no point is inside all planes.
@@ -117,7 +133,7 @@ class LampBox:
         return bool(self._deepest(cell)[1] < -apart)
 
     def places_in(self, cell: Cell) -> Array:
-        """Return the centre of the largest ball in the box and the cell.
+        """Return the centre of the largest ball in the box and the cell, and places drawn from there (hit and run).
 
         Parameters
         ----------
@@ -129,16 +145,31 @@ class LampBox:
         array, shape (m, 3)
             In mm; there may be none though the cell is not missed.
         """
-        centre, depth = self._deepest(cell)
-        return centre[None] if depth > 0 else np.empty((0, 3))
+        place, depth = self._deepest(cell)
+        if depth <= 0:
+            return np.empty((0, 3))
+        (normals, offsets), rng, low = self._planes(cell), np.random.default_rng(0), self.bounds[0]
+        found = [place - low]
+        for way in rng.normal(size=(_DRAWN, 3)):
+            speed, room = normals @ way, offsets - normals @ found[-1]
+            last = (room[speed > 0] / speed[speed > 0]).min()
+            first = (room[speed < 0] / speed[speed < 0]).max()
+            found.append(found[-1] + way * rng.uniform(first, last))
+        return self._reached(low + np.array(found))
+
+    def _reached(self, places: Array) -> Array:
+        return places if self.reach is None else places[reach_margin(self.reach, places) > 0]
+
+    def _planes(self, cell: Cell) -> tuple[Array, Array]:
+        """Return normals (k, 3) and offsets (k,) of box and cell about the box's lowest corner: n·x <= o inside."""
+        low, high = self.bounds
+        normals = np.concatenate([cell.half_spaces[:, :3], np.eye(3), -np.eye(3)])
+        own = -cell.half_spaces[:, 3] - cell.half_spaces[:, :3] @ low
+        return normals, np.concatenate([own, high - low, np.zeros(3)])
 
     def _deepest(self, cell: Cell) -> tuple[Array, float]:
         """Return the point farthest from all planes of box and cell, and how far it is inside; a linear programme."""
-        low, high = self.bounds
-        sides = np.concatenate([np.eye(3), -np.eye(3)])
-        normals = np.concatenate([cell.half_spaces[:, :3], sides])
-        offsets = np.concatenate([-cell.half_spaces[:, 3], high - low, np.zeros(3)])
-        offsets[: -len(sides)] -= normals[: -len(sides)] @ low
+        (normals, offsets), low = self._planes(cell), self.bounds[0]
         found = linprog(
             [0, 0, 0, -1],
             np.column_stack([normals, np.ones(len(normals))]),
@@ -161,16 +192,19 @@ class LampDome:
         Its radius.
     lowest_mm : float
         Least height (z) of a lamp above the centre.
+    clearance_mm : float
+        Distance that lamps keep from the part.
 
     Raises
     ------
     RequestError
-        If the radius is not positive, or no place of the sphere is so high.
+        If a number is not finite, the radius is not positive, the clearance is negative, or no place is so high.
     """
 
     centre: tuple[float, float, float]
     radius_mm: float
     lowest_mm: float = 0.0
+    clearance_mm: float = 10.0
 
     def __post_init__(self) -> None:
         _numbers("the centre of a dome of lamps", self.centre, (3,))
@@ -179,6 +213,7 @@ class LampDome:
             raise RequestError(f"radius_mm must be positive. Got {self.radius_mm!r}.")
         if not self.lowest_mm < self.radius_mm:
             raise RequestError(f"lowest_mm must be below radius_mm, {self.radius_mm:g}. Got {self.lowest_mm!r}.")
+        _check_clearance(self.clearance_mm)
 
     def __str__(self) -> str:
         """Return what a sentence calls it."""
@@ -264,6 +299,11 @@ def check_lamps_given(lamps: Any) -> LampSpace | Array | None:
             return None
         raise RequestError(f"lamps must be places, a LampBox, a LampDome, or {RING!r}. Got {lamps!r}.")
     return _numbers("lamps", lamps, (-1, 3))
+
+
+def _check_clearance(value: float) -> None:
+    if not (isinstance(value, int | float) and 0 <= value < np.inf):
+        raise RequestError(f"clearance_mm must be finite and not negative. Got {value!r}.")
 
 
 def _numbers(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:

@@ -40,6 +40,8 @@ class LightPlan:
         "fixed", "ring" or "placed".
     contrast : float
         Least contrast.
+    step : float
+        Least step of grey values, as a share of the value of a face that is lit frontally.
     ground : str
         "dark", or "bright" for a back light.
     lamps : array (n, 3)
@@ -56,6 +58,7 @@ class LightPlan:
 
     kind: str
     contrast: float
+    step: float
     ground: str
     lamps: NDArray[np.float64]
     images: tuple[tuple[LitImage, ...], ...]
@@ -95,6 +98,7 @@ class LightPlan:
         return {
             "kind": self.kind,
             "contrast": self.contrast,
+            "step": self.step,
             "ground": self.ground,
             "lamps": self.lamps.tolist(),
             "lower_bound": self.lower_bound,
@@ -125,7 +129,8 @@ class LightPlan:
         LightPlan
             Equal to the one written.
         """
-        plain = {name: data[name] for name in ("kind", "contrast", "ground", "lamps", "lower_bound", "bound_proof")}
+        names = ("kind", "contrast", "step", "ground", "lamps", "lower_bound", "bound_proof")
+        plain = {name: data[name] for name in names}
         images = tuple(
             tuple(LitImage(one["lamp"], dict(one["contrast"]), tuple(one["silhouettes"])) for one in setting["images"])
             for setting in data["settings"]

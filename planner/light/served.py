@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.light.background import backdrop_contrasts
+from planner.light.background import backdrop_contrasts, edge_steps
 from planner.light.demands import Pair
 from planner.light.lamps import LampSpace
 
@@ -28,7 +28,7 @@ _AROUND /= np.linalg.norm(_AROUND, axis=1, keepdims=True)
 
 @dataclass
 class Served:
-    """Places of lamps (n, 3), and the contrast (n, pairs) with which they show each pair; 0 where they do not.
+    """Places of lamps (n, 3), the contrast and the step (n, pairs) with which they show each pair; 0 where they do not.
 
     Attributes
     ----------
@@ -38,8 +38,8 @@ class Served:
         Of the part.
     pairs : sequence of Pair
         What is to show.
-    least : float
-        Least contrast.
+    least, least_step : float
+        Least contrast, and least step of grey values.
     clearance_mm : float
         Places nearer to the part are left out.
     tolerance_mm : float
@@ -50,55 +50,67 @@ class Served:
     scene: RayScene
     pairs: Sequence[Pair]
     least: float
+    least_step: float
     clearance_mm: float = 0.0
     tolerance_mm: float = 0.0
     places: Array = field(default_factory=lambda: np.empty((0, 3)))
     contrast: Array = field(init=False)
+    step: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        self.contrast = np.empty((0, len(self.pairs)))
+        self.contrast = self.step = np.empty((0, len(self.pairs)))
 
     def add(self, places: Array) -> int:
         """Add places that are clear of the part, and return how many that are."""
         clear = places[self.scene.signed_distance(places) >= max(self.clearance_mm, self.tolerance_mm)]
-        self.keep(clear, self.contrasts(clear))
+        self.keep(clear)
         return len(clear)
 
-    def keep(self, places: Array, contrast: Array) -> None:
-        """Add places and what they show."""
+    def keep(self, places: Array) -> None:
+        """Add places, wherever they are."""
+        contrast, step = self.shown(places)
         self.places = np.concatenate([self.places, places])
-        self.contrast = np.concatenate([self.contrast, contrast])
+        self.contrast, self.step = np.concatenate([self.contrast, contrast]), np.concatenate([self.step, step])
 
-    def contrasts(self, places: Array) -> Array:
-        """Return the contrast (n, pairs) under lamps at places (n, 3), 0 where a pair does not show."""
-        found = self._at(places)
-        if self.tolerance_mm > 0:
-            for step in self.tolerance_mm * _AROUND:
-                good = np.flatnonzero((found > 0).any(axis=1))
-                found[good] = np.minimum(found[good], self._at(places[good] + step))
-        return found
+    def shown(self, places: Array) -> tuple[Array, Array]:
+        """Return contrast and step (n, pairs) under lamps at places (n, 3), both 0 where a pair does not show."""
+        contrast, step = self._at(places)
+        for off in self.tolerance_mm * _AROUND if self.tolerance_mm > 0 else ():
+            good = np.flatnonzero((contrast > 0).any(axis=1))
+            beside = self._at(places[good] + off)
+            contrast[good], step[good] = np.minimum(contrast[good], beside[0]), np.minimum(step[good], beside[1])
+        return contrast, step
 
-    def _at(self, places: Array) -> Array:
-        result = np.ones((len(places), len(self.pairs)))
-        values: dict[str, Array] = {}
+    def _at(self, places: Array) -> tuple[Array, Array]:
+        contrast, step = np.ones((2, len(places), len(self.pairs)))
+        regions: dict[str, tuple[Array, Array]] = {}
         for k, pair in enumerate(self.pairs):
             for name in pair.regions:
-                if name not in values:
-                    values[name] = self._region(name, places)
-                result[:, k] = np.minimum(result[:, k], values[name])
-            showing = np.flatnonzero(result[:, k])
+                if name not in regions:
+                    regions[name] = self._region(name, places)
+                contrast[:, k] = np.minimum(contrast[:, k], regions[name][0])
+                step[:, k] = np.minimum(step[:, k], regions[name][1])
+            some = np.flatnonzero(contrast[:, k])
             if pair.backdrops:
-                behind = backdrop_contrasts(self.scene, pair.backdrops, places[showing])
-                result[showing, k] = np.where(behind >= self.least, np.minimum(result[showing, k], behind), 0.0)
-        return result
+                behind = backdrop_contrasts(self.scene, pair.backdrops, places[some])
+                contrast[some, k] = np.minimum(contrast[some, k], behind[0])
+                step[some, k] = np.minimum(step[some, k], behind[1])
+        shown = (contrast >= self.least) & (step >= self.least_step)
+        return np.where(shown, contrast, 0.0), np.where(shown, step, 0.0)
 
-    def _region(self, name: str, places: Array) -> Array:
+    def _region(self, name: str, places: Array) -> tuple[Array, Array]:
         assert self.light is not None
         low, high = self.light.workspace
         inside = ((places >= low) & (places <= high)).all(axis=1)
         found = np.zeros(len(places))
         found[inside] = np.abs(self.light.contrasts(places[inside], [name])[:, 0])
-        return found
+        return found, self.steps(name, places)
+
+    def steps(self, name: str, places: Array) -> Array:
+        """Return the step (n,) of a region's entity, without shadows."""
+        assert self.light is not None
+        entity, silhouettes = self.light.entities[name], self.light.silhouettes.get(name, {})
+        return edge_steps(self.light.solid, entity, places, silhouettes)
 
     def search(self, space: LampSpace, pairs: Sequence[int]) -> bool:
         """Look for places of a space that show some pairs at once, and add them; return whether there are none.

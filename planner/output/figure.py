@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from aspectgraph import Solid
     from planner.camera.camera import Camera
+    from planner.light.light_plan import LightPlan
     from planner.plan import InspectionPlan
     from planner.request.space import Space
     from planner.setting.sensor_setting import SensorSetting
@@ -25,7 +26,7 @@ COLORS = (
     "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#56b4e9",
     "#882255", "#44aa99", "#332288", "#999933", "#aa4499", "#117733",
 )  # fmt: skip
-_RED = "#c0152f"
+_RED, _YELLOW = "#c0152f", "#f0c800"
 
 
 def color_of(setting_idx: int) -> str:
@@ -60,6 +61,8 @@ def plan_figure(plan: InspectionPlan, solid: Solid, space: Space | None = None) 
     if hidden:
         traces.append(line_trace(hidden, color=_RED, width=7, name="not inspected", dash="dot"))
     traces.append(_path_trace(plan))
+    if plan.light is not None and plan.light.kind != "ring" and len(plan.light.lamps):
+        traces.append(_lamp_trace(plan.light))
     if space is not None:
         box = _scene_box(plan, solid)
         for k, setting in enumerate(plan.settings):
@@ -119,6 +122,31 @@ def _path_trace(plan: InspectionPlan) -> go.Scatter3d:
         textfont={"size": 14},
         name="order of travel",
         hoverinfo="skip",
+    )
+
+
+def _lamp_trace(light: LightPlan) -> go.Scatter3d:
+    """Draw the lamps with their numbers; what each shows is told when it is pointed at."""
+    import plotly.graph_objects as go
+
+    shown = [
+        "<br>".join(
+            f"setting {k + 1}: {', '.join(image.contrast)}"
+            for k, images in enumerate(light.images)
+            for image in images
+            if image.lamp == lamp
+        )
+        for lamp in range(len(light.lamps))
+    ]
+    return go.Scatter3d(
+        **xyz(light.lamps),
+        mode="markers+text",
+        marker={"size": 8, "symbol": "diamond", "color": _YELLOW, "line": {"color": "#333", "width": 1}},
+        text=[f"lamp {lamp + 1}" for lamp in range(len(light.lamps))],
+        textposition="top center",
+        hovertext=[f"lamp at {point_text(place)} mm<br>{told}" for place, told in zip(light.lamps, shown, strict=True)],
+        hoverinfo="text",
+        name="lamps",
     )
 
 

@@ -46,13 +46,11 @@ def part_record(solid: Solid, edges: Iterable[Edge], curves: Iterable[Arc]) -> d
 
 def graph_record(result: EntityAspectGraph, path: str | Path) -> dict[str, Any]:
     """Return the viewing domains of a graph, which are adjacent, and where the GraphML is."""
-    nodes = result.graph.nodes
+    nodes, listed = result.graph.nodes, result.regions.listed_as
     return {
         "entities": list(result.entity_names),
         "workspace": np.asarray(result.workspace, dtype=float).tolist(),
-        "domains": [
-            {"id": n, "volume": float(nodes[n]["volume"]), "observable": sorted(nodes[n]["observable"])} for n in nodes
-        ],
+        "domains": [{"id": n, "volume": float(nodes[n]["volume"]), listed: sorted(nodes[n][listed])} for n in nodes],
         "adjacent": [list(pair) for pair in result.graph.edges()],
         "file": str(path),
     }

@@ -83,19 +83,19 @@ def _print_curves(console: Console, kind: str, curves: Sequence[Any]) -> None:
 
 def print_graph(graph: EntityAspectGraph) -> None:
     """Print the size of an aspect graph and its domains, largest lists first."""
-    console, nodes = _console(), graph.graph.nodes
-    lists = {frozenset(nodes[n]["observable"]) for n in nodes}
+    console, nodes, listed = _console(), graph.graph.nodes, graph.regions.listed_as
+    lists = {frozenset(nodes[n][listed]) for n in nodes}
     console.print(
-        f"{count(len(nodes), 'viewing domain')}, "
+        f"{count(len(nodes), 'viewing domain' if listed == 'observable' else 'light domain')}, "
         f"{count(graph.graph.number_of_edges(), 'adjacency', 'adjacencies')}, "
         f"{count(len(lists), 'distinct list')} of {count(len(graph.entity_names), 'entity', 'entities')}"
     )
     low, high = graph.workspace
     console.print(f"workspace: {_vector(low)} to {_vector(high)} mm")
-    table = _table(("domain", "right"), ("volume (mm3)", "right"), ("observable", "left"))
-    ordered = sorted(nodes, key=lambda n: (-len(nodes[n]["observable"]), n))
+    table = _table(("domain", "right"), ("volume (mm3)", "right"), (listed, "left"))
+    ordered = sorted(nodes, key=lambda n: (-len(nodes[n][listed]), n))
     for n in ordered[:_MOST_ROWS]:
-        names = ", ".join(nodes[n]["observable"]) or "none"
+        names = ", ".join(nodes[n][listed]) or "none"
         table.add_row(str(n), f"{nodes[n]['volume']:.4g}", names)
     console.print(table)
     if len(ordered) > _MOST_ROWS:

@@ -142,7 +142,7 @@ def light_sentence(plan: InspectionPlan) -> str:
     lamps = f"{count(n, 'lamp')} of the given ones {'shows' if n == 1 else 'show'}"
     if light.kind == "placed":
         lamps = f"{count(n, 'place')} of a lamp {'shows' if n == 1 else 'show'}"
-    told = "proven to be the fewest" if light.minimal else f"at least {light.lower_bound} are needed"
+    told = "proven to be the fewest" if light.minimal else f"proven lower bound: {light.lower_bound}"
     more = sum(max(0, len(images) - 1) for images in light.images)
     images = f" {count(more, 'setting takes', 'settings take')} more than one image." if more else ""
     return f"{lamps} {shown} {of}, one lamp at a time{f' ({told})' if n else ''}.{images}"

@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from aspectgraph import read_graphml
 from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 from planner.cli.main import main
 from planner.plan import read_plan
@@ -58,7 +59,7 @@ def test_a_ring_light_takes_part_in_the_planning(folder, capsys):
 def test_what_no_fixed_lamp_shows_makes_the_plan_incomplete(folder, capsys):
     assert main([*PLAN, "--light", "at:30,30,-100;40,40,-200"]) == INCOMPLETE
     told = " ".join(capsys.readouterr().out.split())
-    assert "not shown: p1: none of 2 lamps shows it: 2 with a contrast under 0.1, 0 not lighting all of it." in told
+    assert "not shown: p1: none of 2 lamps shows it: 2 with a contrast under 0.1, 0 with a step under 0.05" in told
     assert main([*PLAN, "--light", "lamps.toml"]) == DONE
     assert len(read_plan(folder / "out" / "plan.json").light.lamps) == 1
 
@@ -90,3 +91,17 @@ def test_bad_lamps_are_one_line(folder, capsys, case):
     assert len(err.splitlines()) == 1
     assert message in err
     assert not (folder / "out" / "plan.json").exists()
+
+
+def test_the_graph_of_lamp_positions(folder, capsys):
+    asked = ["graph", "block.off", "--entities", "(60,20,10)-(60,40,10)", "--lamps", "--graphml", "lamps.graphml"]
+    assert main([*asked, "--contrast", "0.3", "--json"]) == DONE
+    domains = json.loads(capsys.readouterr().out)["domains"]
+    found = read_graphml("lamps.graphml")
+    assert found.graph["contrast"] == 0.3
+    assert [found.nodes[one["id"]]["showing"] for one in domains] == [tuple(one["showing"]) for one in domains]
+    assert {len(one["showing"]) for one in domains} == {0, 1}
+    assert main([*asked, "--quiet"]) == DONE
+    assert "light domains" in capsys.readouterr().out
+    assert main([*asked, "--quiet", "--contrast", "0"]) == BAD_INPUT
+    assert "contrast must lie strictly between 0 and 1. Got 0.0." in capsys.readouterr().err

@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 
 from aspectgraph.cells.cell_set import Cell
+from planner.light import fewest
 from planner.light.fewest import Search
 from planner.light.lamps import LampBox, LampDome
 
 
+@pytest.mark.parametrize("listed", [14, 0])
 @pytest.mark.parametrize("seed", range(40))
-def test_the_bound_is_the_least_cover_by_all_places(seed):
+def test_the_bound_is_the_least_cover_by_all_places(seed, listed, monkeypatch):
     """Only some places are known at first; ``decide`` finds another, or says truly that there is none."""
+    monkeypatch.setattr(fewest, "_MOST_LISTED", listed)
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 8))
     places = np.concatenate([rng.random((12, n)) < rng.uniform(0.1, 0.6), np.eye(n, dtype=bool)])
@@ -35,14 +38,32 @@ def test_what_stays_open_does_not_raise_the_bound():
 
 
 @pytest.mark.parametrize("n", [15, 20])
-def test_of_many_jobs_those_that_exclude_each_other_count(n):
-    """Jobs exclude each other unless their numbers agree modulo 3."""
+def test_many_jobs(n):
+    """A place does jobs whose numbers agree modulo 3: three places for all, and none needs to be known at first."""
+    known = list(np.eye(n, dtype=bool))
 
-    def refuted(jobs):
-        i, j = jobs
-        return i % 3 != j % 3
+    def decide(jobs):
+        rest = {job % 3 for job in jobs}
+        if len(rest) == 1:
+            known.append(np.arange(n) % 3 == rest.pop())
+        return len(rest) > 1
 
-    assert Search(n, lambda: np.eye(n, dtype=bool), refuted).bound() == 3
+    assert Search(n, lambda: np.array(known), decide).bound() == 3
+    assert len(fewest.min_cover(np.array(known)).chosen) == 3
+
+
+def test_many_jobs_of_which_all_pairs_but_no_three_go_together():
+    """Sixteen jobs in pairs: eight places; no two exclude each other."""
+    n = 16
+    known = list(np.eye(n, dtype=bool))
+
+    def decide(jobs):
+        if len(jobs) > 2:
+            return True
+        known.append(np.isin(np.arange(n), list(jobs)))
+        return False
+
+    assert 2 <= Search(n, lambda: np.array(known), decide).bound() <= 8
 
 
 def random_cell(rng):

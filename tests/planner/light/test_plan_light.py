@@ -9,7 +9,7 @@ from plan_examples import plan, setting
 from aspectgraph import LightError, Solid, contrast, read_solid, resolve_entities
 from aspectgraph.light import silhouettes_from
 from aspectgraph.solid import RayScene
-from planner import RequestError
+from planner import RequestError, SphereRegion
 from planner.light.demands import seen_as
 from planner.light.lamps import LampBox, LampDome
 from planner.light.light_plan import LightPlan
@@ -73,7 +73,7 @@ def test_what_no_place_shows_is_told():
     found = plan_light(side_plan(), block(), LampBox((90, -50, 0), (300, 90, 300)))
     assert not found.complete
     assert found.unlit[0] == {
-        "left": "no place in the box of lamps lights its seen face with a contrast of at least 0.1."
+        "left": "no place in the box of lamps lights its seen face with contrast and step enough."
     }
     assert found.images[0] == ()
     assert len(found.lamps) == found.lower_bound == 1
@@ -90,13 +90,27 @@ def test_fixed_lamps_by_the_formula():
     one = plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), uninspectable={"top right": "", "bottom": ""})
     even, good, behind = (40.0, -300.0, 360.0), (40.0, -100.0, 360.0), (40.0, 100.0, -10.0)
     assert plan_light(one, block(), [even, behind]).unlit[0] == {
-        "top front": "none of 2 lamps shows it: 2 with a contrast under 0.1, 0 not lighting all of it."
+        "top front": "none of 2 lamps shows it: 2 with a contrast under 0.1, 0 with a step under 0.05, "
+        "0 not lighting all of it."
     }
     found = plan_light(one, block(), [even, behind, good])
     assert found.lamps.tolist() == [list(good)]
     assert found.images[0][0].contrast == {"top front": pytest.approx((300 - 100) / (300 + 100))}
     assert found.images[0][0].silhouettes == ()
     assert found.lower_bound == 1
+
+
+def test_what_hardly_any_light_falls_on_does_not_show():
+    """Heights of 40 and 10 mm over the faces give a contrast of .6, but in 5 m both are lit with .008 and less."""
+    one = plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), uninspectable={"top right": "", "bottom": ""})
+    grazing = [(5000.0, -40.0, 70.0)]
+    assert plan_light(one, block(), grazing).unlit[0] == {
+        "top front": "none of 1 lamps shows it: 0 with a contrast under 0.1, 1 with a step under 0.05, "
+        "0 not lighting all of it."
+    }
+    assert plan_light(one, block(), grazing, step=0.007).unlit[0]
+    found = plan_light(one, block(), grazing, step=0.005)
+    assert found.images[0][0].contrast["top front"] == pytest.approx(0.6)
 
 
 def test_ring_light():
@@ -168,6 +182,17 @@ def test_rays_and_the_formula_confirm_every_lamp(lamps):
                     assert value >= 0.2
 
 
+def test_lamps_stay_in_reach_of_a_robot():
+    """A ball about (-300, 25, 60) with a radius of 200 mm, out of reach of x > 80."""
+    reach = SphereRegion((-300.0, 25.0, 60.0), 200.0)
+    found = plan_light(side_plan(), block(), LampBox(AROUND.low, AROUND.high, reach=reach))
+    assert (reach.margin(found.lamps) > 0).all()
+    assert [sorted(unlit) for unlit in found.unlit] == [[], ["right"]]
+    assert found.unlit[1]["right"].startswith("no place that was found in the box of lamps")
+    with pytest.raises(RequestError, match="reach must have a margin method"):
+        LampBox((0, 0, 0), (1, 1, 1), reach="arm")
+
+
 def test_the_record_comes_back():
     found = plan_light(side_plan(), block(), AROUND)
     assert LightPlan.from_dict(found.to_dict()) == found
@@ -182,7 +207,7 @@ def test_the_record_comes_back():
         ([[1, 2]], {}, "lamps must be finite numbers in mm, shape (n, 3). Got [[1, 2]]."),
         ([[np.nan, 0, 0]], {}, "lamps must be finite"),
         (AROUND, {"ground": "grey"}, "ground must be one of dark, bright. Got 'grey'."),
-        (AROUND, {"clearance_mm": -1}, "clearance_mm must be finite and not negative. Got -1."),
+        (AROUND, {"step": 1}, "step must be in [0, 1). Got 1."),
         (AROUND, {"tolerance_mm": np.inf}, "tolerance_mm must be finite and not negative. Got inf."),
     ],
 )
@@ -197,6 +222,7 @@ def test_bad_requests(lamps, options, text):
     [
         (lambda: LampBox((0, 0, 0), (1, 0, 1)), "low must be below high"),
         (lambda: LampBox((0, 0), (1, 0, 1)), "corners of a box of lamps must be finite"),
+        (lambda: LampBox((0, 0, 0), (1, 1, 1), -1), "clearance_mm must be finite and not negative. Got -1."),
         (lambda: LampDome((0, 0, 0), 0.0), "radius_mm must be positive. Got 0.0."),
         (lambda: LampDome((0, 0, 0), 5.0, 5.0), "lowest_mm must be below radius_mm, 5. Got 5.0."),
         (lambda: LampDome((0, 0, np.inf), 5.0), "the centre of a dome of lamps must be finite"),

@@ -8,7 +8,7 @@ import pytest
 from grid_box import EDGES, BoxSpace
 from plan_examples import CAMERA, plan, setting
 
-from planner import look_at
+from planner import LightPlan, LitImage, look_at
 from planner.output.figure import color_of, plan_figure
 from planner.output.predicted_image import PictureMaker, png_grey
 from planner.output.report import report_html
@@ -164,6 +164,23 @@ def test_png_is_what_was_encoded():
     rows = np.frombuffer(zlib.decompress(data[start + 4 : start + 4 + size]), np.uint8).reshape(5, 8)
     assert np.all(rows[:, 0] == 1)
     assert np.array_equal(np.cumsum(rows[:, 1:], axis=1, dtype=np.uint8), image)
+
+
+def test_lamps_are_drawn_and_told():
+    names = {"+z-y": 0.3, "+z+x": 1.0}
+    images = ((LitImage(0, names, ("+z+x",)),), (LitImage(1, {"+z+x": 0.76}),))
+    light = LightPlan(
+        "placed", 0.1, 0.05, "dark", np.array([[40.0, -300, 500], [300, 25, 90]]), images, ({}, {}), 1, "so"
+    )
+    lit = box_plan(light=light)
+    lamps = next(trace for trace in plan_figure(lit, SPACE.solid).data if trace.name == "lamps")
+    assert np.column_stack([lamps.x, lamps.y, lamps.z]).tolist() == light.lamps.tolist()
+    assert lamps.hovertext[0].endswith("mm<br>setting 1: +z-y, +z+x")
+    page = report_html(lit, SPACE)
+    assert "under lamp 2</figcaption>" in page
+    assert "Lamp 1 at (40.0, -300.0, 500.0) mm: contrast of +z-y 0.30, +z+x 1.00 (silhouette)" in page
+    assert "2 places of a lamp show all that is measured in its setting" in page
+    assert "(proven lower bound: 1)" in page
 
 
 def test_figure_holds_part_settings_and_domains():

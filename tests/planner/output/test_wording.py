@@ -219,7 +219,8 @@ def test_a_lens_that_focuses_up_to_infinity_is_told_without_a_number():
 def test_a_graph_of_one_domain_and_one_entity_is_told_in_the_singular(capsys):
     graph = nx.Graph()
     graph.add_node(0, observable=("rim",), volume=1.0)
-    print_graph(SimpleNamespace(graph=graph, entity_names=("rim",), workspace=np.array([[0, 0, 0], [1, 1, 1]])))
+    regions, box = SimpleNamespace(listed_as="observable"), np.array([[0, 0, 0], [1, 1, 1]])
+    print_graph(SimpleNamespace(graph=graph, entity_names=("rim",), workspace=box, regions=regions))
     assert "1 viewing domain, 0 adjacencies, 1 distinct list of 1 entity" in capsys.readouterr().out
 
 
