@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from errors.measurands import Localisation
     from planner.camera.camera import Camera
     from planner.camera.catalogue import camera_names
+    from planner.camera.distortion import Distortion
     from planner.camera.pose import look_at
     from planner.camera.pose_uncertainty import PoseUncertainty
     from planner.cover.set_cover import Cover, is_cover, min_cover
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
         UncertaintyError,
     )
     from planner.inspection import plan_inspection
+    from planner.optics.proposal import OpticsProposal, optics_table
+    from planner.optics.propose import propose_optics
     from planner.output.figure import plan_figure
     from planner.output.pose_files import write_poses
     from planner.output.predicted_image import predicted_image
@@ -53,6 +56,12 @@ _NAMES = {
     "planner.wanted.planned": ("PlannedDimension",),
     "planner.camera.camera": ("Camera",),
     "planner.camera.catalogue": ("camera_names",),
+    "planner.camera.distortion": ("Distortion",),
+    "planner.optics.proposal": (
+        "OpticsProposal",
+        "optics_table",
+    ),
+    "planner.optics.propose": ("propose_optics",),
     "planner.camera.pose": ("look_at",),
     "planner.camera.pose_uncertainty": ("PoseUncertainty",),
     "planner.cover.set_cover": (
@@ -109,11 +118,13 @@ __all__ = [
     "Cover",
     "CoverError",
     "Dimension",
+    "Distortion",
     "Effort",
     "InfeasibleError",
     "InspectionPlan",
     "Localisation",
     "MeshRegion",
+    "OpticsProposal",
     "OutputError",
     "PlanFileError",
     "PlannedDimension",
@@ -133,11 +144,13 @@ __all__ = [
     "is_cover",
     "look_at",
     "min_cover",
+    "optics_table",
     "plan_figure",
     "plan_inspection",
     "plan_setting",
     "predict",
     "predicted_image",
+    "propose_optics",
     "read_plan",
     "report_html",
     "simulate_plan",
