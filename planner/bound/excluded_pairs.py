@@ -49,7 +49,7 @@ class Subdivision(NamedTuple):
 
 _SUBDIVISION = Subdivision()
 # of angles, rad
-_EPS_RAD = 1e-9
+_EPS_RAD = 1e-7
 # places of a box in the stack
 _MIDDLE, _HALF = range(2)
 
@@ -179,24 +179,64 @@ def _in_view(centre, radius, pair, frustum):
     for k in range(n):
         if out_of_focus(_distance(points[k], centre), radius, frustum):
             return False
+    away, deep = np.empty(n), frustum.far - frustum.near + TOUCH_MM
     for k in range(n):
-        first_length = _distance(points[k], centre)
+        away[k] = _from_axis(_distance(points[k], centre), radius, frustum)
+    for k in range(n):
         for m in range(k + 1, n):
-            second_length = _distance(points[m], centre)
-            if radius >= first_length or radius >= second_length:
-                continue
-            cosine = 0.0
-            for c in range(3):
-                cosine += (points[k, c] - centre[c]) * (points[m, c] - centre[c])
-            cosine /= first_length * second_length
-            between = math.acos(min(1.0, max(-1.0, cosine)))
-            nearer = math.asin(radius / first_length) + math.asin(radius / second_length)
-            if between - nearer > 2.0 * frustum.cone + _EPS_RAD:
+            if _apart_in_view(points[k], points[m], centre, away[k] + away[m]):
+                return False
+            if _one_behind_the_other(points[k], points[m], centre, deep, away[k]):
+                return False
+            if _one_behind_the_other(points[m], points[k], centre, deep, away[m]):
                 return False
     for e in range(2):
         if too_short(pair.ends[e], pair.lengths[e], pair.length_ratio[e], centre, radius, frustum):
             return False
     return True
+
+
+@nb.njit(cache=True, nogil=True)
+def _from_axis(distance, radius, frustum):
+    """Return how far off the axis, rad, a point may be seen, given its distance from the middle of a ball of eyes.
+
+    The angle is that at the middle. A point is no farther off than a corner of the sensor, and than where its depth,
+    which is its distance times the cosine, falls below the nearest sharp one.
+    """
+    if radius >= distance:
+        return math.pi
+    off = math.acos(min(1.0, (frustum.near - TOUCH_MM) / (distance + radius)))
+    return min(frustum.cone, off) + math.asin(radius / distance)
+
+
+@nb.njit(cache=True, nogil=True)
+def _apart_in_view(point, other, centre, most):
+    """Tell whether two points are seen farther apart than an angle, rad."""
+    cosine = 0.0
+    for c in range(3):
+        cosine += (point[c] - centre[c]) * (other[c] - centre[c])
+    cosine /= max(_distance(point, centre) * _distance(other, centre), TOUCH_MM)
+    return math.acos(min(1.0, max(-1.0, cosine))) > most + _EPS_RAD
+
+
+@nb.njit(cache=True, nogil=True)
+def _one_behind_the_other(point, other, centre, deep, off):
+    """Tell whether no axis that is at most ``off`` the first point, rad, has both within a depth of ``deep``, mm.
+
+    Such an axis is nearly square to the line through both.
+    """
+    between = _distance(point, other)
+    if between <= deep:
+        return False
+    square = 0.0
+    for c in range(3):
+        square += (point[c] - centre[c]) * (other[c] - point[c])
+    first = _distance(point, centre)
+    if first <= TOUCH_MM:
+        return False
+    slant = math.asin(deep / between)
+    turned = math.asin(min(1.0, abs(square) / (first * between)))
+    return turned > slant + off + _EPS_RAD
 
 
 @nb.njit(cache=True, nogil=True)

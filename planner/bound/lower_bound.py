@@ -9,7 +9,8 @@ S(node)    its optimistic set: every entity that *may* be inspected by *some* po
 y          weights of the entities, y >= 0
 
 Every pose lies in some leaf of the subdivision, so what it inspects is part of that leaf's S, and no plan has fewer
-settings than a cover by leaves' sets has columns. For each number of settings, the leaves of a cover by fewer are
+settings than a cover by leaves' sets has columns. What a clique of entities that exclude each other proves
+(`planner.bound.cliques`) is known at once. For each larger number of settings, the leaves of a cover by fewer are
 split, some rounds long: quick where pairs that exclude each other decide. If nothing in any leaf's S weighs more than
 1, at least sum(y) settings are needed (linear programming duality), and only leaves of weight at least 1 - (K - sum(y))
 can be in a cover of K columns (reduced-cost fixing). Where this gets no further, weights alone go on: those of the
@@ -35,6 +36,7 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
 from planner.bound.boxes.cells import Cells, entity_cells
+from planner.bound.cliques import large_clique
 from planner.bound.dual_bound import LinearBound
 from planner.bound.excluded_pairs import find_conflicts
 from planner.bound.pose_space import PoseSpace
@@ -157,7 +159,10 @@ def lower_bound(
     if first is None:
         conflict = find_conflicts(judge, entity_idx, columns, regions)
         tree = PoseTree(judge, entity_idx, regions, conflict)
-        proven = _by_covers(tree, columns, n_settings, max_nodes, ledger, progress)
+        # a pair excludes each other for a reason of its own; so do the pairs of a clique
+        alone = max(1, len(large_clique(conflict)))
+        ledger.proven(min(alone, n_settings))
+        proven = _by_covers(tree, columns, (alone, n_settings), max_nodes, ledger, progress)
         first = {"conflict": conflict, "bound": proven, "made": tree.made}
     ledger.tell("covers", first)
     ledger.proven(first["bound"])
@@ -173,14 +178,18 @@ def lower_bound(
 def _by_covers(
     tree: PoseTree,
     columns: NDArray[np.bool_],
-    n_settings: int,
+    between: tuple[int, int],
     max_nodes: int,
     ledger: Ledger,
     progress: Progress | None,
 ) -> int:
-    """Return how many settings covers by leaves' sets prove; the tree is grown as far as they need it."""
+    """Return how many settings covers by leaves' sets prove; the tree is grown as far as they need it.
+
+    ``between`` is the bound that is proven already, and the one that is aimed at in the end.
+    """
     weights = _Weights(np.asarray(columns, dtype=bool))
-    target, rounds = 2, 0
+    known, n_settings = between
+    target, rounds = known + 1, 0
     guide = fractional_cover(columns)[1]
     while target <= n_settings and tree.made < min(COVERING.nodes, max_nodes):
         rounds += 1
@@ -194,7 +203,7 @@ def _by_covers(
             break
         tree.split(heavy, sets_first)
         report(progress, min(tree.made, max_nodes), max_nodes, "lower bound")
-    return target - 1
+    return min(target - 1, n_settings)
 
 
 def _proof(boxes: int, pairs: int, what: str = "edges") -> str:

@@ -1,0 +1,81 @@
+"""No view that a pose has of two entities is called impossible; some that none has are."""
+
+import math
+
+import numpy as np
+import pytest
+
+from planner import Camera
+from planner.bound.boxes.view import Frustum, Segments
+from planner.bound.excluded_pairs import _in_view
+from planner.camera.pose import look_at
+
+# a short distance and a wide aperture: 1 mm of depth
+CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 120.0)
+
+
+def frustum(camera=CAMERA, far=None):
+    near, deep = camera.depth_of_field_mm
+    tan_x, tan_y = (n / 2 * camera.pixel_pitch_mm[0] / camera.image_distance_mm for n in camera.resolution)
+    return Frustum(near, far or deep, tan_x, tan_y, math.atan(math.hypot(tan_x, tan_y)))
+
+
+def pair(points):
+    ends = np.asarray(points, dtype=float).reshape(2, 2, 3)
+    return Segments(ends, np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), np.zeros(2))
+
+
+@pytest.mark.parametrize("far", [None, 180.0, 1e4])
+@pytest.mark.parametrize("at_limits", [False, True])
+def test_what_a_pose_sees_is_possible_for_every_ball_around_its_eye(far, at_limits):
+    view, rng = frustum(far=far), np.random.default_rng(5)
+    for _ in range(3000):
+        eye = rng.uniform(-200, 200, 3)
+        pose = look_at(eye, eye + rng.normal(size=3), roll=rng.uniform(-np.pi, np.pi)).reshape(4, 4)
+        share = rng.uniform(-1, 1, (4, 3))
+        if at_limits:
+            share = np.sign(share) * (1 - 1e-9)
+        depth = view.near + (share[:, 2] + 1) / 2 * (view.far - view.near)
+        seen = np.column_stack([share[:, 0] * view.tan_x * depth, share[:, 1] * view.tan_y * depth, depth])
+        points = seen @ pose[:3, :3].T + eye
+        radius = rng.choice([0.0, 1e-6, 1.0, 30.0, 200.0])
+        away = rng.normal(size=3)
+        centre = eye + radius * rng.uniform(0, 1) * away / np.linalg.norm(away)
+        assert _in_view(centre, radius, pair(points), view)
+
+
+def at(view_angle_deg, distance):
+    """A point seen from the origin at an angle from the z axis."""
+    turn = math.radians(view_angle_deg)
+    return [distance * math.sin(turn), 0.0, distance * math.cos(turn)]
+
+
+def possible(*points, radius=0.0):
+    return _in_view(np.zeros(3), radius, pair(points), frustum())
+
+
+def test_points_at_the_nearest_distance_are_sharp_only_on_the_axis():
+    """Depth is distance times cosine, so at z- / cos(5°) the axis is at most 5° off."""
+    near = CAMERA.depth_of_field_mm[0]
+    for distance, together in (
+        (near / math.cos(math.radians(5.01)), True),
+        (near / math.cos(math.radians(4.99)), False),
+    ):
+        ends = at(-5, distance), at(5, distance)
+        assert possible(*ends, *ends) == together
+    # a ball so large that the eye may be farther away
+    ends = at(-5, near + 0.1), at(5, near + 0.1)
+    assert not possible(*ends, *ends)
+    assert possible(*ends, *ends, radius=1.0)
+
+
+def test_an_axis_along_a_line_longer_than_the_depth_of_field_has_one_end_out_of_focus():
+    """Of two points 4 mm apart in 1 mm of depth the axis is at most asin(1/4) from square to their line."""
+    near, far = CAMERA.depth_of_field_mm
+    limit = math.degrees(math.asin((far - near) / 4))
+    middle = np.array(at(0, (near + far) / 2))
+    for tilt, together in ((limit - 0.5, True), (limit + 25, False), (89, False)):
+        turn = math.radians(tilt)
+        half = 2 * np.array([math.cos(turn), 0.0, math.sin(turn)])
+        ends = middle - half, middle + half
+        assert possible(*ends, *ends) == together
