@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from errors.measurands import Localisation
     from planner.camera.camera import Camera
     from planner.camera.catalogue import camera_names
+    from planner.camera.distortion import Distortion
     from planner.camera.pose import look_at
     from planner.camera.pose_uncertainty import PoseUncertainty
     from planner.cover.set_cover import Cover, is_cover, min_cover
@@ -27,9 +28,14 @@ if TYPE_CHECKING:
         UncertaintyError,
     )
     from planner.inspection import plan_inspection
+<<<<<<< HEAD
     from planner.light.lamps import LampBox, LampDome
     from planner.light.light_plan import LightPlan, LitImage
     from planner.light.plan_light import plan_light
+=======
+    from planner.optics.proposal import OpticsProposal, optics_table
+    from planner.optics.propose import propose_optics
+>>>>>>> 1afb00ef04488996dd85b06d0239a78be99d30c0
     from planner.output.figure import plan_figure
     from planner.output.pose_files import write_poses
     from planner.output.predicted_image import predicted_image
@@ -56,6 +62,12 @@ _NAMES = {
     "planner.wanted.planned": ("PlannedDimension",),
     "planner.camera.camera": ("Camera",),
     "planner.camera.catalogue": ("camera_names",),
+    "planner.camera.distortion": ("Distortion",),
+    "planner.optics.proposal": (
+        "OpticsProposal",
+        "optics_table",
+    ),
+    "planner.optics.propose": ("propose_optics",),
     "planner.camera.pose": ("look_at",),
     "planner.camera.pose_uncertainty": ("PoseUncertainty",),
     "planner.cover.set_cover": (
@@ -121,6 +133,7 @@ __all__ = [
     "Cover",
     "CoverError",
     "Dimension",
+    "Distortion",
     "Effort",
     "InfeasibleError",
     "InspectionPlan",
@@ -130,6 +143,7 @@ __all__ = [
     "LitImage",
     "Localisation",
     "MeshRegion",
+    "OpticsProposal",
     "OutputError",
     "PlanFileError",
     "PlannedDimension",
@@ -149,12 +163,14 @@ __all__ = [
     "is_cover",
     "look_at",
     "min_cover",
+    "optics_table",
     "plan_figure",
     "plan_inspection",
     "plan_light",
     "plan_setting",
     "predict",
     "predicted_image",
+    "propose_optics",
     "read_plan",
     "report_html",
     "simulate_plan",

@@ -28,6 +28,7 @@ PLACES = {
         "cli": (2.75, "options, commands, exit codes"),
         "inspection": (1.5, "the whole plan, step by step"),
         "pose_prediction": (0.2, "how sure from one pose"),
+        "optics": (1.5, "which lens can do it"),
         "output": (4, "report, pose files, words"),
         "steps": (1.5, "columns, bound, cover"),
         "resume": (4, "go on where it stopped"),

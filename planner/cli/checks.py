@@ -7,7 +7,7 @@ from typing import Any
 
 from planner.exceptions import RequestError
 
-_COUNTS = {"seed": 0, "simulate": 1, "jobs": 1, "poses": 1, "graph_limit": 0}
+_COUNTS = {"seed": 0, "simulate": 1, "jobs": 1, "poses": 1, "graph_limit": 0, "rows": 1}
 _NOT_NEGATIVE = (
     "sigma_mm",
     "sigma_rad",

@@ -45,7 +45,12 @@ from planner.executors import usable_cores
 from planner.files import check_file_place, output_folder
 from planner.inspection import plan_inspection
 from planner.inspection_options import InspectionOptions
+<<<<<<< HEAD
 from planner.light.lamps import RING
+=======
+from planner.optics.proposal import optics_table
+from planner.optics.propose import DISTANCES_MM, propose_optics
+>>>>>>> 1afb00ef04488996dd85b06d0239a78be99d30c0
 from planner.output import terminal_tables
 from planner.output.json_records import graph_record, part_record, plan_record, print_json
 from planner.output.plan_folder import PLAN_FILES, left_out, rescue, write_outputs
@@ -299,6 +304,31 @@ def cameras(options: argparse.Namespace) -> int:
     else:
         terminal_tables.print_cameras(found)
     return DONE
+
+
+def optics(options: argparse.Namespace) -> int:
+    """Rank bodies and lenses of the catalogue by how well they measure what is wanted."""
+    solid = _read_part(options)
+    wanted = read_request(options, solid)
+    found = propose_optics(
+        solid,
+        wanted.items,
+        PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad),
+        bodies=options.body,
+        accuracy=options.accuracy,
+        probability=options.probability,
+        distances_mm=options.distances or DISTANCES_MM,
+        options=InspectionOptions(
+            workspace=_workspace(options), localisation=wanted.localisation, **_limit_keywords(options)
+        ),
+    )
+    able = bool(found) and len(found[0].able) == len(wanted.items)
+    if options.json:
+        print_json([one.to_dict() for one in found[: options.rows]])
+    else:
+        print(optics_table(found, options.rows))
+        _print_unit(options)
+    return DONE if able else INCOMPLETE
 
 
 def _finite(facts: dict[str, Any]) -> dict[str, Any]:

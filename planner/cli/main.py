@@ -29,6 +29,7 @@ examples:
   aspectgraph plan part.step --select "length > 20 and face = top" --camera camera.toml --out plan
   aspectgraph simulate plan/plan.json
   aspectgraph cameras
+  aspectgraph optics part.step --select "length > 20" --body basler-acA2440-20gm
 
 An entities file (TOML or JSON) maps names to edge ids, to ids of rims and arcs, or to two end points:
   top = 17
@@ -116,6 +117,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_plan(commands)
     _add_simulate(commands)
     _add_cameras(commands)
+    _add_optics(commands)
     completion = commands.add_parser(
         "completion", help="script that completes commands and options in a shell", formatter_class=_Help
     )
@@ -172,26 +174,10 @@ def _add_dimensions(commands: Any) -> None:
 def _add_plan(commands: Any) -> None:
     plan = _command(commands, "plan", "plan the inspection and write plan, graph, report, poses")
     _add_part(plan)
-    _add_entities(plan).add_argument(
-        "--dimensions", metavar="FILE|all", help="TOML or JSON file of dimensions, or all that the part (AP242) states"
-    )
-    plan.add_argument(
-        "--localisation",
-        metavar="MODEL",
-        help="how well points are found: rounding, gaussian[:SIGMA] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px "
-        "(default: rounding for entities, gaussian:0.1 for dimensions)",
-    )
-    plan.add_argument(
-        "--share", type=float, default=0.25, metavar="S", help="part of a tolerance's half width, permitted as error"
-    )
+    _add_wanted(plan)
     plan.add_argument("--camera", metavar="NAME|FILE", required=True, help="name of the catalogue, or a TOML file")
-    plan.add_argument("--accuracy", type=float, default=0.98, metavar="A", help="0.98 allows 2%% of an edge's length")
-    plan.add_argument("--probability", type=float, default=0.9, metavar="P", help="required probability of it")
     plan.add_argument("--out", metavar="DIR", required=True, help="folder to write to")
-    plan.add_argument("--sigma-mm", type=float, default=0.2, metavar="MM", help="camera position, std. deviation")
-    plan.add_argument(
-        "--sigma-rad", type=float, default=0.002, metavar="RAD", help="camera orientation, std. deviation"
-    )
+    _add_promise(plan)
     _add_limits(plan)
     _add_light(plan)
     plan.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same plan")
@@ -220,6 +206,32 @@ def _add_plan(commands: Any) -> None:
     )
     plan.add_argument("--force", action="store_true", help="replace a plan of another request in DIR")
     _add_workspace(plan)
+
+
+def _add_wanted(parser: argparse.ArgumentParser) -> None:
+    """Add what is to be measured, and how points are found."""
+    _add_entities(parser).add_argument(
+        "--dimensions", metavar="FILE|all", help="TOML or JSON file of dimensions, or all that the part (AP242) states"
+    )
+    parser.add_argument(
+        "--localisation",
+        metavar="MODEL",
+        help="how well points are found: rounding, gaussian[:SIGMA] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px "
+        "(default: rounding for entities, gaussian:0.1 for dimensions)",
+    )
+    parser.add_argument(
+        "--share", type=float, default=0.25, metavar="S", help="part of a tolerance's half width, permitted as error"
+    )
+
+
+def _add_promise(parser: argparse.ArgumentParser) -> None:
+    """Add what is to be promised of a measurement, and how far the camera may be from its planned pose."""
+    parser.add_argument("--accuracy", type=float, default=0.98, metavar="A", help="0.98 allows 2%% of an edge's length")
+    parser.add_argument("--probability", type=float, default=0.9, metavar="P", help="required probability of it")
+    parser.add_argument("--sigma-mm", type=float, default=0.2, metavar="MM", help="camera position, std. deviation")
+    parser.add_argument(
+        "--sigma-rad", type=float, default=0.002, metavar="RAD", help="camera orientation, std. deviation"
+    )
 
 
 def _add_limits(plan: argparse.ArgumentParser) -> None:
@@ -274,6 +286,28 @@ def _add_cameras(commands: Any) -> None:
     cameras = _command(commands, "cameras", "the cameras and lenses --camera knows by name")
     told = "list bodies and lenses, and where each one's facts were read"
     cameras.add_argument("--sources", action="store_true", help=told)
+
+
+def _add_optics(commands: Any) -> None:
+    optics = _command(commands, "optics", "which body, lens, distance and aperture measure a part, and how well")
+    _add_part(optics)
+    _add_wanted(optics)
+    told = "only this body; can be given again (default: all of 'cameras --sources')"
+    optics.add_argument("--body", action="append", metavar="NAME", help=told)
+    told = "working distances to be tried, from the front nodal point (default: 100 to 1600 in seven steps)"
+    optics.add_argument("--distances", type=_lengths, metavar="MM,MM", help=told)
+    optics.add_argument("--rows", type=int, default=10, metavar="N", help="rows of the table, at most")
+    _add_promise(optics)
+    _add_limits(optics)
+    _add_workspace(optics)
+
+
+def _lengths(text: str) -> list[float]:
+    """Return numbers separated by commas."""
+    try:
+        return [float(number) for number in text.split(",")]
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"must be numbers like 250,400. Got {text!r}.") from None
 
 
 def _add_part(parser: argparse.ArgumentParser) -> None:

@@ -1,0 +1,122 @@
+"""A proposal of optics, and a table of several."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.camera.camera import Camera
+
+
+@dataclass(frozen=True, repr=False)
+class OpticsProposal:
+    """A body, a lens and their setting, and how well they measure each item from the best pose that was tried.
+
+    Attributes
+    ----------
+    body, lens : str
+        Names of the catalogue.
+    camera : Camera
+        The two, set: aperture, and focus at the working distance.
+    required : float
+        The required probability.
+    probability : dict of str to float
+        By item, P(error at most the permitted one); 0 where no pose tried meets every constraint.
+    share : dict of str to float
+        By item that a pose was found for, expanded uncertainty U (k = 2) over the permitted error.
+    poses : dict of str to array (4, 4)
+        Those poses, cam2world, mm.
+    """
+
+    body: str
+    lens: str
+    camera: Camera
+    required: float
+    probability: dict[str, float]
+    share: dict[str, float]
+    poses: dict[str, NDArray[np.float64]] = field(compare=False)
+
+    def __repr__(self) -> str:
+        """Show the optics and how many items they measure as required."""
+        how = f"f/{self.camera.f_number:g} at {self.working_distance_mm:g} mm"
+        return f"<OpticsProposal: {self.camera.name}, {how}: {len(self.able)} of {len(self.probability)} items>"
+
+    @property
+    def working_distance_mm(self) -> float:
+        """Distance from the front nodal point to the plane in focus."""
+        return self.camera.focus_distance_mm
+
+    @property
+    def able(self) -> tuple[str, ...]:
+        """Items measured with the required probability."""
+        return tuple(name for name, p in self.probability.items() if p >= self.required)
+
+    @property
+    def worst_share(self) -> float:
+        """Largest share of the permitted error that uncertainty takes of an item of `able`; inf without any."""
+        return max((self.share[name] for name in self.able), default=float("inf"))
+
+    @property
+    def field_mm(self) -> tuple[float, float]:
+        """Width and height of what is seen at the working distance."""
+        left, top, right, bottom = self.camera.field().inner
+        return (right - left) * self.working_distance_mm, (bottom - top) * self.working_distance_mm
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the proposal as plain values, without the poses.
+
+        Returns
+        -------
+        dict
+            Ready for JSON.
+        """
+        return {
+            "body": self.body,
+            "lens": self.lens,
+            "camera": self.camera.to_dict(),
+            "able": list(self.able),
+            "probability": dict(self.probability),
+            "share": dict(self.share),
+        }
+
+
+def optics_table(proposals: Sequence[OpticsProposal], most: int = 10) -> str:
+    """Return proposals as a table of plain text.
+
+    Parameters
+    ----------
+    proposals : sequence of OpticsProposal
+        In the order of `propose_optics`: the best first.
+    most : int
+        Rows, at most.
+
+    Returns
+    -------
+    str
+        A line per proposal: how many of the items it measures as required, the largest U over the permitted error among
+        them, body, lens, f-number, working distance, depth of field and field of view.
+    """
+    rows = [("items", "U/error", "body", "lens", "f/", "distance", "sharp (mm)", "field (mm)")]
+    for one in proposals[:most]:
+        near, far = one.camera.depth_of_field_mm
+        width, height = one.field_mm
+        rows.append(
+            (
+                f"{len(one.able)}/{len(one.probability)}",
+                f"{one.worst_share:.2f}" if one.able else "-",
+                one.body,
+                one.lens,
+                f"{one.camera.f_number:g}",
+                f"{one.working_distance_mm:g} mm",
+                f"{near:.0f} to {far:.0f}",
+                f"{width:.0f} x {height:.0f}",
+            )
+        )
+    sizes = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return "\n".join(
+        "  ".join(cell.ljust(size) for cell, size in zip(row, sizes, strict=True)).rstrip() for row in rows
+    )

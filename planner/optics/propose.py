@@ -1,0 +1,307 @@
+"""Which optics can do it: bodies and lenses of the catalogue, tried at several working distances.
+
+Every item that is wanted is looked at from fixed directions, its middle in focus, with the sensor level and on end.
+What a pose must satisfy beside the image does not depend on the camera and is asked once. The aperture is not searched
+for: depth of field grows as it closes, until diffraction blurs as much as is allowed. An Airy disk has the diameter
+2.44 λ N d / f at the image distance d (Born and Wolf, Principles of Optics, 8.5.2). Three standard deviations of the
+camera's position are kept from the ends of the depth of field: close up it can be less than a robot's error.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.camera.camera import Camera
+from planner.camera.catalogue import camera_parts
+from planner.camera.pose import look_at, world_to_cam
+from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.exceptions import RequestError
+from planner.inspection_options import InspectionOptions
+from planner.optics.proposal import OpticsProposal
+from planner.request.constraints import Constraints, Requirements
+from planner.request.defaults import check_fraction, position_margin_mm
+from planner.request.image_constraints import RESOLUTION, Lens, image_slacks
+from planner.request.target_objective import dimension_model
+from planner.request.target_space import TargetSpace
+from planner.wanted.targets import Target
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+    from errors.measurands import Localisation
+
+
+@dataclass(frozen=True)
+class OpticsRule:
+    """What is tried.
+
+    Attributes
+    ----------
+    wavelength_mm : float
+        Of the light: green.
+    blur_px : float
+        Largest blur that counts as sharp, of defocus and of diffraction each, in pixels of the smaller pitch.
+    stops : tuple of float
+        F-numbers.
+    directions : int
+        Viewing directions on a sphere, beside the axes and the diagonals of the part's frame.
+    """
+
+    wavelength_mm: float = 0.00055
+    blur_px: float = 2.0
+    stops: tuple[float, ...] = (1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0)
+    directions: int = 48
+
+
+RULE = OpticsRule()
+# steps of about 1.6, as of preferred numbers
+DISTANCES_MM = (100.0, 160.0, 250.0, 400.0, 630.0, 1000.0, 1600.0)
+_OF_IMAGE = ("resolution_mm", "focus_mm", "field_of_view_px")
+
+
+def propose_optics(
+    solid: Solid,
+    wanted: Mapping[str, Any],
+    pose_uncertainty: PoseUncertainty,
+    *,
+    bodies: Sequence[str] | None = None,
+    accuracy: float = 0.98,
+    probability: float = 0.9,
+    distances_mm: Sequence[float] = DISTANCES_MM,
+    options: InspectionOptions | None = None,
+) -> tuple[OpticsProposal, ...]:
+    """Rank bodies and lenses of the catalogue by how well they measure what is wanted.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    wanted : mapping
+        Name to `Dimension`, or to an edge, whose length is measured.
+    pose_uncertainty : PoseUncertainty
+        How far the camera's real pose may be from the planned one.
+    bodies : sequence of str, optional
+        Bodies of the catalogue. Default: all.
+    accuracy : float
+        Required accuracy A in (0, 1) where a dimension has no requirement of its own.
+    probability : float
+        Required probability of it, in (0, 1).
+    distances_mm : sequence of float
+        Working distances to be tried, from the front nodal point to the middle of an item.
+    options : InspectionOptions, optional
+        Constraints, workspace and localisation, as of `plan_inspection`.
+
+    Returns
+    -------
+    tuple of OpticsProposal
+        Of each body and lens that fit each other the best working distance. First is what measures most items as
+        required; among equals, whose largest U over the permitted error is smallest. What is not able from the poses
+        tried may be from others.
+
+    Raises
+    ------
+    RequestError
+        If an argument breaks its rule.
+    EntityError
+        If an entity is not one of the part's.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> from planner import PoseUncertainty, propose_optics
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> sigma = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+    >>> rim = {"rim": [[60, 20, 10], [60, 40, 10]]}
+    >>> best = propose_optics(block, rim, sigma, bodies=["basler-acA2440-20gm"], distances_mm=[250.0])[0]
+    >>> best.able
+    ('rim',)
+    """
+    from planner.wanted.resolve import resolve_wanted
+
+    check_fraction("accuracy", accuracy)
+    check_fraction("probability", probability)
+    if not wanted:
+        raise RequestError("wanted must hold at least one item. Got none.")
+    distances = _checked(distances_mm)
+    fitting = _fitting(bodies)
+    how = options or InspectionOptions()
+    entities, targets = resolve_wanted(solid, wanted, accuracy, as_lengths=True)
+    space = _space(solid, entities, targets, max(distances), how)
+    views = _views(space, targets, distances, _limits(how, pose_uncertainty))
+    found: dict[tuple[str, str], OpticsProposal] = {}
+    for (body, lens), distance in itertools.product(fitting, distances):
+        camera = _set(body, lens, distance)
+        if camera is None:
+            continue
+        one = _judged((body, lens), camera, views, (pose_uncertainty, probability, how))
+        if (body, lens) not in found or _rank(one) < _rank(found[body, lens]):
+            found[body, lens] = one
+    return tuple(sorted(found.values(), key=_rank))
+
+
+def _checked(distances_mm: Sequence[float]) -> list[float]:
+    distances = [float(distance) for distance in distances_mm]
+    if not distances or not all(math.isfinite(one) and one > 0 for one in distances):
+        raise RequestError(f"distances_mm must be finite and positive, at least one. Got {distances_mm!r}.")
+    return distances
+
+
+def _fitting(bodies: Sequence[str] | None) -> list[tuple[str, str]]:
+    """Return the pairs of body and lens whose image circle covers the sensor."""
+    parts = camera_parts()
+    chosen = list(parts["body"]) if bodies is None else list(bodies)
+    for name in chosen:
+        if name not in parts["body"]:
+            raise RequestError(f"bodies must be of the catalogue: {', '.join(parts['body'])}. Got {name!r}.")
+    return [
+        (body, lens)
+        for body, lens in itertools.product(chosen, parts["lens"])
+        if _diagonal_mm(parts["body"][body]) <= parts["lens"][lens]["image_circle_mm"]
+    ]
+
+
+def _diagonal_mm(body: Mapping[str, Any]) -> float:
+    return math.hypot(*(n * pitch for n, pitch in zip(body["resolution"], body["pixel_pitch_mm"], strict=True)))
+
+
+def _set(body: str, lens: str, distance: float) -> Camera | None:
+    """Return a body and a lens focused at a distance, as far closed as diffraction allows; None if it is too close."""
+    parts = camera_parts()
+    sensor, glass = parts["body"][body], parts["lens"][lens]
+    f = glass["focal_length_mm"]
+    if distance < glass["closest_object_mm"]:
+        return None
+    blur = RULE.blur_px * min(sensor["pixel_pitch_mm"])
+    # d / f = s / (s - f)
+    limit = blur * (distance - f) / (2.44 * RULE.wavelength_mm * distance)
+    widest, narrowest = glass["widest_f_number"], glass["narrowest_f_number"]
+    sharp = [stop for stop in RULE.stops if widest <= stop <= min(narrowest, limit)]
+    return Camera(
+        focal_length_mm=f,
+        pixel_pitch_mm=tuple(sensor["pixel_pitch_mm"]),
+        resolution=tuple(sensor["resolution"]),
+        f_number=max(sharp, default=widest),
+        focus_distance_mm=distance,
+        largest_blur_mm=blur,
+        name=f"{body} with {lens}",
+    )
+
+
+def _space(
+    solid: Solid, entities: Mapping[str, Any], targets: Sequence[Target], farthest: float, how: InspectionOptions
+) -> TargetSpace:
+    from aspectgraph import compute_regions
+
+    size = float(np.linalg.norm(solid.bounds[1] - solid.bounds[0]))
+    box = solid.bounds + np.array([[-1.0], [1.0]]) * (farthest + size)
+    regions = how.space or compute_regions(
+        solid, entities, workspace=box if how.workspace is None else how.workspace, executor=how.executor
+    )
+    return TargetSpace(regions, {t.name: t.entities for t in targets}, {t.name: t.ends for t in targets})
+
+
+def _limits(how: InspectionOptions, pose_uncertainty: PoseUncertainty) -> Requirements:
+    """Return the limits that do not depend on the camera; it stands in for all."""
+    camera = Camera(25.0, (0.005, 0.005), (2000, 2000), 8.0, 400.0)
+    return InspectionOptions(
+        stand_off_mm=how.stand_off_mm,
+        min_length_px=how.min_length_px,
+        field_margin_px=0.0,
+        visibility_radius_mm=how.visibility_radius_mm,
+        reach=how.reach,
+    ).requirements(camera, pose_uncertainty)
+
+
+@dataclass(frozen=True)
+class _View:
+    """An item, what of it must be in the picture, and by distance the poses that see it."""
+
+    target: Target
+    constraints: Constraints
+    poses: dict[float, NDArray[np.float64]]
+
+
+def _views(
+    space: TargetSpace, targets: Sequence[Target], distances: Sequence[float], need: Requirements
+) -> list[_View]:
+    camera = Camera(25.0, (0.005, 0.005), (2000, 2000), 8.0, 400.0)
+    views = []
+    for target in targets:
+        constraints = Constraints(space, [target.name], camera, need, [target])
+        others = [name for name in constraints.constraint_names if name not in _OF_IMAGE]
+        poses = {}
+        for distance in distances:
+            tried = _around(constraints.sphere_centre, distance)
+            slacks = constraints.slacks(tried, others)
+            poses[distance] = tried[np.all([one.min(axis=(1, 2)) >= 0 for one in slacks.values()], axis=0)]
+        views.append(_View(target, constraints, poses))
+    return views
+
+
+def _around(centre: NDArray[np.float64], distance: float) -> NDArray[np.float64]:
+    """Return poses (n, 4, 4) that look at a point from a distance: the sensor level, and a quarter turned."""
+    k = np.arange(RULE.directions) + 0.5
+    # Fibonacci's lattice: equal steps of height, turned by the golden angle
+    z, turn = 1.0 - 2.0 * k / RULE.directions, math.pi * (3.0 - math.sqrt(5.0)) * k
+    across = np.sqrt(1.0 - z**2)
+    lattice = np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=-1)
+    diagonals = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) / math.sqrt(3.0)
+    eyes = centre + distance * np.concatenate([np.eye(3), -np.eye(3), diagonals, lattice])
+    return np.concatenate([look_at(eyes, centre, roll=roll) for roll in (0.0, math.pi / 2)])
+
+
+def _judged(
+    names: tuple[str, str],
+    camera: Camera,
+    views: Sequence[_View],
+    asked: tuple[PoseUncertainty, float, InspectionOptions],
+) -> OpticsProposal:
+    pose_uncertainty, required, how = asked
+    near, far = camera.depth_of_field_mm
+    margin = max(how.focus_margin_mm, position_margin_mm(pose_uncertainty))
+    if 2 * margin >= far - near:
+        nothing = {view.target.name: 0.0 for view in views}
+        return OpticsProposal(*names, camera, required, nothing, {}, {})
+    need = replace(how, focus_margin_mm=margin).requirements(camera, pose_uncertainty)
+    lens = Lens.of(camera, need.min_length_px * max(camera.pixel_pitch_mm), need.field_margin_px, need.focus_margin_mm)
+    probability, share, poses = {}, {}, {}
+    for view in views:
+        name = view.target.name
+        best = _best(view, camera, lens, pose_uncertainty, how.localisation)
+        probability[name] = 0.0 if best is None else best[0]
+        if best is not None:
+            _, share[name], poses[name] = best
+    return OpticsProposal(*names, camera, required, probability, share, poses)
+
+
+def _best(
+    view: _View,
+    camera: Camera,
+    lens: Lens,
+    pose_uncertainty: PoseUncertainty,
+    localisation: Localisation | None,
+) -> tuple[float, float, NDArray[np.float64]] | None:
+    """Return the probability, U over the permitted error and the pose of what sees an item best; None if none does."""
+    tried = view.poses[camera.focus_distance_mm]
+    slacks = image_slacks(lens, world_to_cam(view.constraints.segments, tried))
+    slacks[:, ~view.constraints.resolved, RESOLUTION] = np.inf
+    poses = tried[slacks.min(axis=(1, 2), initial=np.inf) >= 0]
+    if not len(poses):
+        return None
+    model = dimension_model(view.target, camera, pose_uncertainty, localisation)
+    inverse = np.linalg.inv(poses)
+    probability = model.probability(inverse)
+    best = int(np.argmax(probability))
+    told = model.describe(inverse[best])
+    return float(probability[best]), told.expanded_uncertainty / told.permitted_error, poses[best]
+
+
+def _rank(one: OpticsProposal) -> tuple[Any, ...]:
+    least = min(one.probability.values())
+    return -len(one.able), one.worst_share, -least, one.working_distance_mm, one.body, one.lens

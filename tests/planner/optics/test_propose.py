@@ -1,0 +1,116 @@
+"""Proposals are confirmed pose by pose by `predict`, and apertures by the formula of the Airy disk."""
+
+import json
+import math
+
+import pytest
+
+from aspectgraph import read_solid
+from planner import Dimension, PoseUncertainty, RequestError, optics_table, predict, propose_optics
+from planner.camera.catalogue import camera_parts
+from planner.inspection_options import InspectionOptions
+from planner.optics.propose import DISTANCES_MM
+
+BLOCK = read_solid("examples/two_pocket_block.off")
+SIGMA = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+RIM, OTHER = [[60, 20, 10], [60, 40, 10]], [[20, 60, 10], [40, 60, 10]]
+WANTED = {"rim": RIM, "height": Dimension.distance([[60, 20, 30], [60, 40, 30]], RIM, max_error_mm=0.05)}
+BODIES = ["basler-acA2440-20gm", "flir-BFS-U3-244S8M"]
+
+
+@pytest.fixture(scope="module")
+def proposals():
+    return propose_optics(BLOCK, WANTED, SIGMA, bodies=BODIES, distances_mm=[250.0, 400.0])
+
+
+def test_predict_says_the_same_of_every_pose_proposed(proposals):
+    able = [one for one in proposals if one.able]
+    assert len(able) >= 5
+    for one in able[:5]:
+        for name, pose in one.poses.items():
+            told = predict(BLOCK, {name: WANTED[name]}, pose, one.camera, SIGMA)[name]
+            assert told.observable
+            assert min(told.margins.values()) >= 0
+            # three standard deviations, 0.15 mm, are kept from the ends of the depth of field
+            assert told.margins["focus_mm"] >= 0.15
+            assert one.probability[name] == pytest.approx(told.probability, abs=1e-9)
+            assert one.share[name] == pytest.approx(told.expanded_uncertainty / told.permitted_error, rel=1e-9)
+
+
+def test_the_best_comes_first(proposals):
+    keys = [(-len(one.able), one.worst_share) for one in proposals]
+    assert keys == sorted(keys)
+    assert len({(one.body, one.lens) for one in proposals}) == len(proposals)
+    assert all(one.working_distance_mm in (250.0, 400.0) for one in proposals)
+
+
+def test_apertures_are_closed_until_diffraction_blurs_two_pixels(proposals):
+    lenses, stops = camera_parts()["lens"], [1.4, 2, 2.8, 4, 5.6, 8, 11, 16]
+    for one in proposals:
+        camera = one.camera
+        airy = 2.44 * 550e-6 * camera.image_distance_mm / camera.aperture_mm
+        allowed = 2 * camera.pixel_pitch_mm[0]
+        widest = lenses[one.lens]["widest_f_number"]
+        assert airy <= allowed or camera.f_number == widest
+        closer = [stop for stop in stops if camera.f_number < stop <= lenses[one.lens]["narrowest_f_number"]]
+        assert not closer or airy * closer[0] / camera.f_number > allowed
+
+
+def test_image_circles_cover_the_sensor_and_lenses_can_focus(proposals):
+    lenses = camera_parts()["lens"]
+    for one in proposals:
+        assert math.hypot(*one.camera.sensor_size_mm) <= lenses[one.lens]["image_circle_mm"]
+    close = propose_optics(BLOCK, {"rim": RIM}, SIGMA, bodies=BODIES[:1], distances_mm=[150.0])
+    # lenses that focus from 200 mm on are not among them
+    assert {lenses[one.lens]["closest_object_mm"] for one in close} == {100.0}
+
+
+def test_depth_of_field_must_hold_the_error_of_the_position():
+    # the depth of field at 250 mm is some millimetres, and 3 standard deviations are 30 mm
+    rough = PoseUncertainty.isotropic(translation_mm=10.0, rotation_rad=0.001)
+    found = propose_optics(BLOCK, {"rim": RIM}, rough, bodies=BODIES[:1], distances_mm=[250.0])
+    assert all(one.able == () and one.probability == {"rim": 0.0} for one in found)
+    assert found[0].worst_share == math.inf
+
+
+def test_images_too_short_are_no_proposals():
+    # 20 mm are less than 5000 px from anywhere: the sensor has 2448
+    options = InspectionOptions(min_length_px=5000.0)
+    found = propose_optics(BLOCK, {"rim": RIM}, SIGMA, bodies=BODIES[:1], distances_mm=[250.0], options=options)
+    assert not any(one.able for one in found)
+
+
+def test_table_and_records(proposals):
+    lines = optics_table(proposals, most=3).splitlines()
+    assert len(lines) == 4
+    assert lines[1].split()[0] == f"{len(proposals[0].able)}/2"
+    assert proposals[0].lens in lines[1]
+    record = json.loads(json.dumps(proposals[0].to_dict()))
+    assert record["able"] == list(proposals[0].able)
+    assert record["camera"]["focus_distance_mm"] == proposals[0].working_distance_mm
+
+
+def test_a_proposal_shows_itself(proposals):
+    one = proposals[0]
+    told = f"{one.body} with {one.lens}, f/{one.camera.f_number:g} at {one.working_distance_mm:g} mm: 2 of 2 items"
+    assert repr(one) == f"<OpticsProposal: {told}>"
+
+
+def test_the_same_again(proposals):
+    assert propose_optics(BLOCK, WANTED, SIGMA, bodies=BODIES, distances_mm=[250.0, 400.0]) == proposals
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"bodies": ["box camera"]}, "bodies must be of the catalogue.*Got 'box camera'"),
+        ({"wanted": {}}, "wanted must hold at least one item"),
+        ({"distances_mm": []}, "distances_mm must be finite and positive"),
+        ({"distances_mm": [-1.0]}, "distances_mm must be finite and positive"),
+        ({"probability": 1.0}, "probability must be in"),
+    ],
+)
+def test_bad_requests_are_refused(changes, message):
+    given = {"solid": BLOCK, "wanted": {"rim": OTHER}, "pose_uncertainty": SIGMA, "distances_mm": DISTANCES_MM}
+    with pytest.raises(RequestError, match=message):
+        propose_optics(**{**given, **changes})
