@@ -27,6 +27,7 @@ from aspectgraph.exceptions import (
     WidthError,
     WorkspaceError,
 )
+from aspectgraph.graph.analysis import Crossing, ListOfEntities, domain_path, richest_domains, stability
 from aspectgraph.graph.aspect_graph import EntityAspectGraph, build_aspect_graph, graph_of
 from aspectgraph.graph.complete_graph import complete_aspect_graph
 from aspectgraph.graph.graphml import read_graphml, write_graphml
@@ -50,6 +51,7 @@ __all__ = [
     "CellSet",
     "Circle",
     "ContradictionError",
+    "Crossing",
     "Edge",
     "Entity",
     "EntityAspectGraph",
@@ -57,6 +59,7 @@ __all__ = [
     "Face",
     "GraphDrawing",
     "GraphMLError",
+    "ListOfEntities",
     "MissingExtraError",
     "ModelDimension",
     "NonManifoldError",
@@ -82,6 +85,7 @@ __all__ = [
     "build_aspect_graph",
     "complete_aspect_graph",
     "compute_regions",
+    "domain_path",
     "edge_figure",
     "plot_domains",
     "plot_graph",
@@ -93,7 +97,9 @@ __all__ = [
     "read_graphml",
     "read_solid",
     "resolve_entities",
+    "richest_domains",
     "select_entities",
+    "stability",
     "write_edge_picture",
     "write_graphml",
 ]

@@ -31,6 +31,14 @@ _NEAREST_MM = 1.0
 _HIT_TOLERANCE = 4e-4
 _SHADED_WIDTH = 560
 
+# what the report's style sheet says of its pictures, for one by itself
+_NAMESPACE = 'xmlns="http://www.w3.org/2000/svg"'
+_ALONE = (
+    ".edge{fill:none;stroke:#2c343d;stroke-width:1px;vector-effect:non-scaling-stroke}"
+    ".entity{fill:none;stroke-width:3.5px;stroke-linecap:round;vector-effect:non-scaling-stroke}"
+    "text{font-family:sans-serif;font-weight:600;paint-order:stroke;stroke:#fff;stroke-width:14px}"
+)
+
 
 def predicted_image(
     solid: Solid,
@@ -57,10 +65,11 @@ def predicted_image(
     Returns
     -------
     str
-        An SVG element, in pixels of the sensor.
+        An SVG picture in pixels of the sensor, a file by itself, such as ``IPython.display.SVG`` shows in a notebook.
     """
     ends = {name: np.asarray(one, dtype=np.float64) for name, one in (entities or {}).items()}
-    return PictureMaker(solid, camera).image_svg(np.asarray(cam2world, dtype=np.float64), ends, color)
+    picture = PictureMaker(solid, camera).image_svg(np.asarray(cam2world, dtype=np.float64), ends, color)
+    return picture.replace("<svg ", f"<svg {_NAMESPACE} ", 1).replace(">", f"><style>{_ALONE}</style>", 1)
 
 
 class PictureMaker:
