@@ -28,6 +28,7 @@ from aspectgraph.exceptions import (
     WidthError,
     WorkspaceError,
 )
+from aspectgraph.graph.analysis import Crossing, ListOfEntities, domain_path, richest_domains, stability
 from aspectgraph.graph.aspect_graph import EntityAspectGraph, build_aspect_graph, graph_of
 from aspectgraph.graph.complete_graph import complete_aspect_graph
 from aspectgraph.graph.graphml import read_graphml, write_graphml
@@ -55,6 +56,7 @@ __all__ = [
     "CellSet",
     "Circle",
     "ContradictionError",
+    "Crossing",
     "Edge",
     "Entity",
     "EntityAspectGraph",
@@ -65,6 +67,7 @@ __all__ = [
     "LightError",
     "LightGraph",
     "LightRegions",
+    "ListOfEntities",
     "MissingExtraError",
     "ModelDimension",
     "NonManifoldError",
@@ -94,6 +97,7 @@ __all__ = [
     "compute_light",
     "compute_regions",
     "contrast",
+    "domain_path",
     "edge_figure",
     "light_graph_of",
     "light_region",
@@ -107,7 +111,9 @@ __all__ = [
     "read_graphml",
     "read_solid",
     "resolve_entities",
+    "richest_domains",
     "select_entities",
+    "stability",
     "write_edge_picture",
     "write_graphml",
 ]

@@ -28,14 +28,11 @@ if TYPE_CHECKING:
         UncertaintyError,
     )
     from planner.inspection import plan_inspection
-<<<<<<< HEAD
     from planner.light.lamps import LampBox, LampDome
     from planner.light.light_plan import LightPlan, LitImage
     from planner.light.plan_light import plan_light
-=======
     from planner.optics.proposal import OpticsProposal, optics_table
     from planner.optics.propose import propose_optics
->>>>>>> 1afb00ef04488996dd85b06d0239a78be99d30c0
     from planner.output.figure import plan_figure
     from planner.output.pose_files import write_poses
     from planner.output.predicted_image import predicted_image

@@ -19,6 +19,7 @@ from planner.files import write_text
 from planner.records.json_file import encoded, read_json
 from planner.records.plan_check import check_plan
 from planner.records.schema import check_schema, field_name, shown
+from planner.records.tables import PlanTables
 from planner.setting.sensor_setting import SensorSetting
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ _UNITS = {"length": "mm", "angle": "rad", "pose": "camera to world, OpenCV axes 
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class InspectionPlan:
+class InspectionPlan(PlanTables):
     """Sensor settings from which every entity that can be inspected is inspected.
 
     **Guarantee.** Every entity is either inspected by a setting with at least ``probability``, or listed in

@@ -47,7 +47,7 @@ PLACES = {
         "watch": (4.4, "when to end"),
         "executors": (0, "work in processes"),
         "ledger": (1, "what is already computed"),
-        "records": (2, "strict JSON files"),
+        "records": (2.6, "strict files, rows"),
         "options": (3, "keywords in dataclasses"),
         "progress": (4, "how far it is"),
         "files": (5, "files written whole"),

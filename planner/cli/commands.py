@@ -45,12 +45,9 @@ from planner.executors import usable_cores
 from planner.files import check_file_place, output_folder
 from planner.inspection import plan_inspection
 from planner.inspection_options import InspectionOptions
-<<<<<<< HEAD
 from planner.light.lamps import RING
-=======
 from planner.optics.proposal import optics_table
 from planner.optics.propose import DISTANCES_MM, propose_optics
->>>>>>> 1afb00ef04488996dd85b06d0239a78be99d30c0
 from planner.output import terminal_tables
 from planner.output.json_records import graph_record, part_record, plan_record, print_json
 from planner.output.plan_folder import PLAN_FILES, left_out, rescue, write_outputs

@@ -39,6 +39,14 @@ _GROUND, _AMBIENT, _BRIGHTEST = 12, 30, 235
 _BENDS = 32
 _FAR_PX = 1e5
 
+# what the report's style sheet says of its pictures, for one by itself
+_NAMESPACE = 'xmlns="http://www.w3.org/2000/svg"'
+_ALONE = (
+    ".edge{fill:none;stroke:#2c343d;stroke-width:1px;vector-effect:non-scaling-stroke}"
+    ".entity{fill:none;stroke-width:3.5px;stroke-linecap:round;vector-effect:non-scaling-stroke}"
+    "text{font-family:sans-serif;font-weight:600;paint-order:stroke;stroke:#fff;stroke-width:14px}"
+)
+
 
 def predicted_image(
     solid: Solid,
@@ -68,11 +76,12 @@ def predicted_image(
     Returns
     -------
     str
-        An SVG element, in pixels of the sensor.
+        An SVG picture in pixels of the sensor, a file by itself, such as ``IPython.display.SVG`` shows in a notebook.
     """
     ends = {name: np.asarray(one, dtype=np.float64) for name, one in (entities or {}).items()}
     place = None if lamp is None else np.asarray(lamp, dtype=np.float64)
-    return PictureMaker(solid, camera).image_svg(np.asarray(cam2world, dtype=np.float64), ends, color, place)
+    picture = PictureMaker(solid, camera).image_svg(np.asarray(cam2world, dtype=np.float64), ends, color, place)
+    return picture.replace("<svg ", f"<svg {_NAMESPACE} ", 1).replace(">", f"><style>{_ALONE}</style>", 1)
 
 
 class PictureMaker:

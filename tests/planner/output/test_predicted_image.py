@@ -1,6 +1,7 @@
 """The predicted image: what is highlighted is where a pinhole camera sees it."""
 
 import re
+from xml.etree import ElementTree
 
 import cv2
 import numpy as np
@@ -78,3 +79,15 @@ def test_a_distorted_edge_is_drawn_as_the_curve_opencv_sees():
     chord = np.linspace(seen[0], seen[-1], 33)
     assert np.abs(seen - chord).max() > 5
     assert 'class="edge"' in image
+
+
+def test_it_is_a_picture_by_itself():
+    """As a file of its own it has the namespace that viewers ask for, and tells how lines are drawn."""
+    pose = look_at([[60.0, 30.0, 610.0]], [60.0, 30.0, 10.0])[0]
+    image = predicted_image(read_solid("examples/two_pocket_block.off"), CAMERA, pose, {"rim": RIM})
+    root = ElementTree.fromstring(image)
+    assert root.tag == "{http://www.w3.org/2000/svg}svg"
+    drawn = {one.get("class") for one in root.iter("{http://www.w3.org/2000/svg}path")}
+    (style,) = root.iter("{http://www.w3.org/2000/svg}style")
+    assert drawn == {"edge", "entity"}
+    assert all(f".{kind}{{" in style.text for kind in drawn)

@@ -1,0 +1,162 @@
+"""What an aspect graph says of its part: the domains that see most, how stable lists are, ways between domains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import networkx as nx
+import numpy as np
+
+from aspectgraph.exceptions import EntityError
+from aspectgraph.graph.aspect_graph import EntityAspectGraph
+
+
+@dataclass(frozen=True)
+class ListOfEntities:
+    """The domains that have one list of observable entities.
+
+    Attributes
+    ----------
+    observable : tuple of str
+        The list.
+    volume : float
+        Of these domains together, mm³, inside the workspace.
+    share : float
+        Of the volume of all domains: the probability that a viewpoint drawn at random has this list.
+    domains : tuple of int
+        Their numbers, largest first.
+    clearance : float
+        Radius of the largest ball that was found in one of their cells, mm: so far a camera may be displaced.
+    """
+
+    observable: tuple[str, ...]
+    volume: float
+    share: float
+    domains: tuple[int, ...]
+    clearance: float
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A step from one viewing domain to the next.
+
+    Attributes
+    ----------
+    domain : int
+        The domain that is entered.
+    appear, vanish : tuple of str
+        Entities that become observable, and that cease to be.
+    """
+
+    domain: int
+    appear: tuple[str, ...]
+    vanish: tuple[str, ...]
+
+
+def stability(eag: EntityAspectGraph | nx.Graph) -> list[ListOfEntities]:
+    """Group the domains of an aspect graph by their lists, the list of the largest volume first.
+
+    Parameters
+    ----------
+    eag : EntityAspectGraph or networkx.Graph
+        From `build_aspect_graph` or `read_graphml`.
+
+    Returns
+    -------
+    list of ListOfEntities
+        The volumes depend on the workspace where domains reach its boundary.
+    """
+    nodes = _graph(eag).nodes
+    total = sum(volume for _, volume in nodes(data="volume"))
+    groups: dict[tuple[str, ...], list[int]] = {}
+    for node, names in nodes(data="observable"):
+        groups.setdefault(tuple(names), []).append(node)
+    found = []
+    for names, members in groups.items():
+        volume = sum(nodes[node]["volume"] for node in members)
+        ordered = tuple(sorted(members, key=lambda node: (-nodes[node]["volume"], node)))
+        clearance = max(nodes[node]["clearance"] for node in members)
+        found.append(ListOfEntities(names, volume, volume / total, ordered, clearance))
+    return sorted(found, key=lambda one: (-one.volume, one.domains))
+
+
+def richest_domains(eag: EntityAspectGraph | nx.Graph, n: int | None = None) -> list[int]:
+    """Return the domains from which most entities are observable; of equal ones, those with more room first.
+
+    Parameters
+    ----------
+    eag : EntityAspectGraph or networkx.Graph
+        From `build_aspect_graph` or `read_graphml`.
+    n : int, optional
+        How many at most. Default: all.
+
+    Returns
+    -------
+    list of int
+        Numbers of nodes. Room is the attribute ``clearance``, then ``volume``.
+
+    Raises
+    ------
+    EntityError
+        If `n` is not a positive whole number.
+    """
+    if n is not None and (isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1):
+        raise EntityError(f"n must be a positive whole number. Got {n!r}.")
+    nodes = _graph(eag).nodes
+
+    def key(node: int) -> tuple[Any, ...]:
+        one = nodes[node]
+        return -len(one["observable"]), -one["clearance"], -one["volume"], node
+
+    return sorted(nodes, key=key)[:n]
+
+
+def domain_path(eag: EntityAspectGraph | nx.Graph, start: int, goal: int) -> list[Crossing]:
+    """Return a way between two domains that crosses as few partition surfaces as possible.
+
+    Of several such ways it is one whose viewpoints are the least distance apart in all.
+
+    Parameters
+    ----------
+    eag : EntityAspectGraph or networkx.Graph
+        From `build_aspect_graph` or `read_graphml`.
+    start, goal : int
+        Numbers of nodes.
+
+    Returns
+    -------
+    list of Crossing
+        One for each domain after `start`; the last is `goal`. Domains are connected, but a straight line between their
+        viewpoints may leave them, or pass through the part.
+
+    Raises
+    ------
+    EntityError
+        If there is no such domain, or no way between the two.
+    """
+    graph = _graph(eag)
+    for name, node in (("start", start), ("goal", goal)):
+        if node not in graph:
+            raise EntityError(f"{name} must be a domain of the graph, 0 to {len(graph) - 1}. Got {node!r}.")
+    place = {node: np.array(point) for node, point in graph.nodes(data="viewpoint")}
+    # a crossing weighs more than every way together is long, so that crossings decide first
+    crossing = 1.0 + len(place) * float(np.linalg.norm(np.ptp(list(place.values()), axis=0)))
+
+    def weight(i: int, j: int, _: Any) -> float:
+        return crossing + float(np.linalg.norm(place[i] - place[j]))
+
+    try:
+        way: Sequence[int] = nx.dijkstra_path(graph, start, goal, weight)
+    except nx.NetworkXNoPath:
+        raise EntityError(f"start and goal must be connected by domains. Got {start} and {goal}.") from None
+    lists = [graph.nodes[node]["observable"] for node in way]
+    return [
+        Crossing(node, tuple(n for n in new if n not in old), tuple(n for n in old if n not in new))
+        for node, old, new in zip(way[1:], lists, lists[1:], strict=False)
+    ]
+
+
+def _graph(eag: EntityAspectGraph | nx.Graph) -> nx.Graph:
+    return eag.graph if isinstance(eag, EntityAspectGraph) else eag

@@ -1,0 +1,138 @@
+"""A plan as rows: for data frames, for CSV files, and as a table that notebooks show."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import os
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from planner.files import write_text
+
+_STYLE = "text-align:left;padding:2px 10px"
+_DEG = math.degrees(1.0)
+_SURE = ("probability", "simulated", "verdict")
+
+
+class PlanTables:
+    """What an `InspectionPlan` shows of itself; it brings the fields."""
+
+    part: str
+    settings: tuple[Any, ...]
+    entities: Mapping[str, np.ndarray]
+    dimensions: Mapping[str, Any]
+    uninspectable: Mapping[str, str]
+    accuracy: float
+    probability: float
+    lower_bound: int
+    simulation: Any
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return all that is measured, one row per setting and entity; ``pandas.DataFrame(plan.rows())`` takes them.
+
+        Returns
+        -------
+        list of dict
+            ``setting`` (from 1), ``name``, ``kind``, ``nominal``, ``permitted_error`` and ``unit``, ``probability``;
+            ``simulated`` and ``verdict`` if the plan was simulated, else None; the camera's place ``x``, ``y``, ``z``
+            in mm and its turn ``rx``, ``ry``, ``rz`` in degrees (rotation vector, camera to part); ``reason``, None
+            here; and ``margin_`` with the name of each constraint, the smallest margin of the setting. Entities that
+            are not inspected follow with their reason; what is not known is None. All rows have the same keys.
+        """
+        found = [
+            {"setting": k + 1, **self._wanted(name), **self._sure(k, name), "reason": None, **_pose(setting)}
+            for k, setting in enumerate(self.settings)
+            for name in setting.entities
+        ]
+        for name, reason in self.uninspectable.items():
+            found.append({"setting": None, **self._wanted(name), **dict.fromkeys(_SURE), "reason": reason})
+        keys = dict.fromkeys(key for row in found for key in row)
+        return [{**keys, **row} for row in found]
+
+    def to_csv(self, path: str | os.PathLike[str] | None = None) -> str:
+        """Return `rows` as comma-separated values with a heading (RFC 4180), and write them if a file is named.
+
+        Parameters
+        ----------
+        path : str or os.PathLike, optional
+            The file; an existing one is replaced.
+
+        Returns
+        -------
+        str
+            The text. What is None in `rows` is empty; numbers are written without loss.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+        """
+        rows = self.rows()
+        text = io.StringIO()
+        writer = csv.DictWriter(text, list(rows[0]) if rows else ["setting", "name"])
+        writer.writeheader()
+        writer.writerows(rows)
+        if path is not None:
+            write_text(path, text.getvalue())
+        return text.getvalue()
+
+    def _repr_html_(self) -> str:
+        """Return a table of the settings, as notebooks show it; see also `plan_figure` for the plan in 3-D."""
+        head = ("", "camera at (mm)", "entities", "smallest P", "simulated")
+        lines = [_line(head, "th")]
+        for k, setting in enumerate(self.settings):
+            place = ", ".join(f"{c:.1f}" for c in setting.position)
+            sure = [self._sure(k, name) for name in setting.entities]
+            drawn = [one["simulated"] for one in sure if one["simulated"] is not None]
+            least = min(one["probability"] for one in sure)
+            simulated = f"{min(drawn):.4f}" if drawn else "not yet"
+            lines.append(_line((str(k + 1), place, ", ".join(setting.entities), f"{least:.4f}", simulated)))
+        n, total = len(self.entities) - len(self.uninspectable), len(self.entities)
+        caption = (
+            f"{self.part or 'part'}: {n} of {total} inspected in {len(self.settings)} settings (at least "
+            f"{self.lower_bound} needed), A = {self.accuracy:g}, P ≥ {self.probability:g}"
+        )
+        reasons = "".join(f"<li>{escape(name)}: {escape(why)}</li>" for name, why in self.uninspectable.items())
+        missing = f"<p>Not inspected:</p><ul>{reasons}</ul>" if reasons else ""
+        caption = f'<caption style="text-align:left">{escape(caption)}</caption>'
+        return f"<div><table>{caption}{''.join(lines)}</table>{missing}</div>"
+
+    def _wanted(self, name: str) -> dict[str, Any]:
+        """Return what is to be measured, and how well."""
+        if name in self.dimensions:
+            one = self.dimensions[name]
+            kind, nominal, error, unit = one.kind, one.nominal, one.permitted_error, one.unit
+        else:
+            start, end = self.entities[name]
+            kind, nominal, unit = "length", float(np.linalg.norm(end - start)), "mm"
+            error = (1.0 - self.accuracy) * nominal
+        return {"name": name, "kind": kind, "nominal": nominal, "permitted_error": error, "unit": unit}
+
+    def _sure(self, k: int, name: str) -> dict[str, Any]:
+        """Return how sure the measurement from a setting is, as stated and as simulated."""
+        rate = self.simulation.rates[k].get(name) if self.simulation is not None else None
+        return {
+            "probability": self.settings[k].probability[name],
+            "simulated": None if rate is None else rate.frequency,
+            "verdict": None if rate is None else rate.verdict,
+        }
+
+
+def _pose(setting: Any) -> dict[str, Any]:
+    """Return place and turn of a camera, and its margins."""
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_matrix(setting.cam2world[:3, :3]).as_rotvec() * _DEG
+    place = dict(zip(("x", "y", "z"), map(float, setting.position), strict=True))
+    turns = dict(zip(("rx", "ry", "rz"), map(float, turn), strict=True))
+    return {**place, **turns, **{f"margin_{name}": float(value) for name, value in setting.margins.items()}}
+
+
+def _line(cells: Sequence[str], tag: str = "td") -> str:
+    inside = "".join(f'<{tag} style="{_STYLE}">{escape(cell)}</{tag}>' for cell in cells)
+    return f"<tr>{inside}</tr>"
