@@ -1,12 +1,14 @@
 """Settings against time: incumbents of plan_inspection beside what a user would write instead.
 
-Run ``python benchmarks/anytime.py [--parts ctc ...] [--limit 300] [--csv FILE]``. The notebook comparisons shows such a
+Run ``python benchmarks/anytime.py [--parts ctc01 ...] [--limit 300] [--csv FILE]``. The notebook comparisons shows such a
 file. The rivals are those of `planners`; all are given the visible regions, whose seconds are printed apart, and all
 run in one process, so every clock starts when the regions are there. A rival has one point, at its end.
 
 A rival is *ahead* at a time if it inspects at least as many entities as the incumbent then and needs fewer settings by
 more than one, or if there is no incumbent. Printed is for how long, and where the first plan stands beside the greedy
-cover: its time as a share, its settings. Memory is the largest resident size of the process up to the end of
+cover: its time as a share, its settings. Seconds
+are processor time, threads added up, so that other work on the machine does not count; the limit is of wall time. Memory is the
+largest resident size of the process up to the end of
 plan_inspection; every part has a process of its own.
 
 Parts that are not in the examples are looked for in the folder of ``--folder``; those not found are left out.
@@ -91,9 +93,9 @@ def judge_of(case: Case, folder: Path) -> tuple[Judge, float]:
         wanted = read_entities(EXAMPLES / case.entities, solid)
     else:
         wanted = {f"e{edge.id}": edge.id for edge in solid.straight_edges()}
-    start = time.perf_counter()
+    start = time.process_time()
     space = compute_regions(solid, wanted, workspace=default_workspace(solid, camera))
-    seconds = time.perf_counter() - start
+    seconds = time.process_time() - start
     need = Requirements(
         field_margin_px=corner_margin_px(camera, UNCERTAINTY), visibility_radius_mm=position_margin_mm(UNCERTAINTY)
     )
@@ -102,10 +104,10 @@ def judge_of(case: Case, folder: Path) -> tuple[Judge, float]:
 
 def curve(judge: Judge, limit_s: float | None) -> list[Point]:
     """Return the incumbents of plan_inspection."""
-    points, space, start = [], judge.space, time.perf_counter()
+    points, space, start = [], judge.space, time.process_time()
 
     def take(plan: InspectionPlan) -> None:
-        seconds = time.perf_counter() - start
+        seconds = time.process_time() - start
         points.append(Point(seconds, len(plan.settings), len(plan.inspected), plan.lower_bound))
 
     plan_inspection(
@@ -124,9 +126,9 @@ def curve(judge: Judge, limit_s: float | None) -> list[Point]:
 
 def rival(judge: Judge, name: str) -> Point:
     """Return the one point of a rival."""
-    start = time.perf_counter()
+    start = time.process_time()
     poses, _ = PLANNERS[name](judge, 0)
-    seconds = time.perf_counter() - start
+    seconds = time.process_time() - start
     inspected = int(judge(poses).inspects.any(axis=0).sum()) if len(poses) else 0
     return Point(seconds, len(poses), inspected)
 
@@ -177,7 +179,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--parts", nargs="+", choices=list(CASES), default=list(CASES))
     parser.add_argument("--folder", type=Path, default=Path(), help="of parts that are not among the examples")
-    parser.add_argument("--limit", type=float, help="seconds for plan_inspection")
+    parser.add_argument("--limit", type=float, help="seconds for plan_inspection, wall time")
     parser.add_argument("--csv", default=os.devnull, help="write every point to this file")
     given = parser.parse_args()
     with open(given.csv, "w", newline="", encoding="utf-8") as file:
