@@ -1,14 +1,13 @@
 """Settings against time: incumbents of plan_inspection beside what a user would write instead.
 
-Run ``python benchmarks/anytime.py [--parts ctc01 ...] [--limit 300] [--csv FILE]``. The notebook comparisons shows such a
-file. The rivals are those of `planners`; all are given the visible regions, whose seconds are printed apart, and all
+Run ``python benchmarks/anytime.py [--parts ctc01 ...] [--limit 300] [--csv FILE]``. The notebook comparisons shows such
+a file. The rivals are those of `planners`; all are given the visible regions, whose seconds are printed apart, and all
 run in one process, so every clock starts when the regions are there. A rival has one point, at its end.
 
 A rival is *ahead* at a time if it inspects at least as many entities as the incumbent then and needs fewer settings by
 more than one, or if there is no incumbent. Printed is for how long, and where the first plan stands beside the greedy
-cover: its time as a share, its settings. Seconds
-are processor time, threads added up, so that other work on the machine does not count; the limit is of wall time. Memory is the
-largest resident size of the process up to the end of
+cover: its time as a share, its settings. Seconds are processor time, threads added up, so that other work on the
+machine does not count; the limit is of wall time. Memory is the largest resident size of the process up to the end of
 plan_inspection; every part has a process of its own.
 
 Parts that are not in the examples are looked for in the folder of ``--folder``; those not found are left out.
