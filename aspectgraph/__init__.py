@@ -38,6 +38,7 @@ from aspectgraph.plot.solid_view import plot_domains, plot_solid
 from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.part_file import read_solid
 from aspectgraph.solid.circles import Circle
+from aspectgraph.solid.edge_ends import EdgeEnd
 from aspectgraph.solid.rims import Arc, Rim
 from aspectgraph.solid.solid import Solid
 from aspectgraph.solid.topology import Edge, Face
@@ -51,6 +52,7 @@ __all__ = [
     "Circle",
     "ContradictionError",
     "Edge",
+    "EdgeEnd",
     "Entity",
     "EntityAspectGraph",
     "EntityError",

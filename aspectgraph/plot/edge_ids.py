@@ -171,7 +171,8 @@ def _edge_item(solid: Solid, edge_id: int) -> _Item:
     line = solid.edge_points(edge_id)
     text = (
         f"edge {edge_id}<br>length {solid.edge_length_mm(edge_id):.6g} mm<br>"
-        f"angle {solid.edges[edge_id].dihedral_deg:.4g}°<br>{_point(line[0])} to {_point(line[1])}"
+        f"angle {solid.edges[edge_id].dihedral_deg:.4g}°<br>{_point(line[0])} to {_point(line[1])}<br>"
+        f"ends: {', '.join(end.text for end in solid.edge_ends(edge_id))}"
     )
     return _Item(str(edge_id), line, (edge_id,), text)
 
