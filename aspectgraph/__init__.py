@@ -44,6 +44,7 @@ from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.part_file import read_solid
 from aspectgraph.read.solid_choice import SolidChoice
 from aspectgraph.solid.circles import Circle
+from aspectgraph.solid.edge_ends import EdgeEnd
 from aspectgraph.solid.rims import Arc, Rim
 from aspectgraph.solid.solid import Solid
 from aspectgraph.solid.topology import Edge, Face
@@ -58,6 +59,7 @@ __all__ = [
     "ContradictionError",
     "Crossing",
     "Edge",
+    "EdgeEnd",
     "Entity",
     "EntityAspectGraph",
     "EntityError",

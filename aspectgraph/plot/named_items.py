@@ -106,6 +106,7 @@ def _edge_item(solid: Solid, edge_id: int) -> NamedItem:
         _turn(edge.turn_deg),
         _faces(solid, (edge_id,)),
         f"{_point(line[0])} to {_point(line[1])}",
+        f"ends: {', '.join(end.text for end in solid.edge_ends(edge_id))}",
     )
     return NamedItem(str(edge_id), "edge", line, (edge_id,), length, rows)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import networkx as nx
 
 from aspectgraph.exceptions import MissingExtraError
+from aspectgraph.solid.edge_ends import CURVED_FEATURE_DEG, FEATURE_DEG
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,13 +29,12 @@ INK = "#2b3138"
 # the golden angle, as a share of the circle: hues that follow each other are far apart
 _NEXT_HUE = 0.381966
 _RUN = 3
-_FEATURE_DEG, _CURVED_FEATURE_DEG = 15.0, 40.0
 
 
 def is_feature(solid: Solid, edge: Edge) -> bool:
     """Whether an edge is drawn: it turns enough, and more than facets of one curved face do."""
     inside_curve = all(solid.faces[face].curved for face in edge.faces)
-    return abs(edge.dihedral_deg) >= (_CURVED_FEATURE_DEG if inside_curve else _FEATURE_DEG)
+    return abs(edge.dihedral_deg) >= (CURVED_FEATURE_DEG if inside_curve else FEATURE_DEG)
 
 
 def listed_on(data: Mapping[str, Any]) -> tuple[str, ...] | None:

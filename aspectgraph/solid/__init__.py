@@ -7,6 +7,7 @@ What breaks a rule is refused with its place.
 
 from aspectgraph.solid.checks import check_vertices, default_planarity_mm, face_area_vectors
 from aspectgraph.solid.circles import Circle, CircularEdge, fit_circle
+from aspectgraph.solid.edge_ends import CORNER_DEG, EdgeEnd
 from aspectgraph.solid.places import describe_point
 from aspectgraph.solid.ray_scene import RayScene
 from aspectgraph.solid.rims import SHARP_DEG, Arc, Rim
@@ -25,11 +26,13 @@ from aspectgraph.solid.topology import (
 from aspectgraph.solid.triangulate import newell_area_vector, triangulate_face
 
 __all__ = [
+    "CORNER_DEG",
     "SHARP_DEG",
     "Arc",
     "Circle",
     "CircularEdge",
     "Edge",
+    "EdgeEnd",
     "Face",
     "RayScene",
     "Rim",

@@ -28,6 +28,7 @@ from aspectgraph.solid.checks import (
     face_area_vectors,
 )
 from aspectgraph.solid.circles import CircularEdge
+from aspectgraph.solid.edge_ends import EdgeEnd, edges_at_vertices, find_edge_ends
 from aspectgraph.solid.rims import SHARP_DEG, Arc, Rim, find_arcs
 from aspectgraph.solid.self_contact import check_contacts
 from aspectgraph.solid.shells import check_shells
@@ -270,6 +271,36 @@ class Solid:
             In the order of their ids, which do not depend on `min_dihedral_deg`.
         """
         return tuple(a for a in self._arcs if not isinstance(a, Rim) and a.dihedral_deg >= min_dihedral_deg)
+
+    def edge_ends(self, edge: Edge | int) -> tuple[EdgeEnd, ...]:
+        """Return how a straight edge ends: at a corner, or smoothly in an arc.
+
+        The length of an edge is measured to its corners; where it runs on smoothly there is no point to measure to.
+
+        Parameters
+        ----------
+        edge : Edge or int
+            One of the solid's edges, or its id.
+
+        Returns
+        -------
+        tuple of EdgeEnd
+            Two, in the order of ``Edge.vertices``.
+
+        Raises
+        ------
+        SolidError
+            If there is no such edge.
+        """
+        edge_id = edge.id if isinstance(edge, Edge) else edge
+        if isinstance(edge_id, bool) or not isinstance(edge_id, int | np.integer) or not 0 <= edge_id < len(self.edges):
+            raise SolidError(f"an edge must be one of the solid's, 0..{len(self.edges) - 1}. Got {edge_id!r}.")
+        return find_edge_ends(self, self.edges[edge_id], *self._ends)
+
+    @cached_property
+    def _ends(self) -> tuple[dict[int, list[Edge]], dict[int, str]]:
+        """What `find_edge_ends` needs to know."""
+        return edges_at_vertices(self), {edge_id: arc.id for arc in self._arcs for edge_id in arc.edge_ids}
 
     @cached_property
     def _arcs(self) -> tuple[Arc, ...]:

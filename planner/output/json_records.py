@@ -28,6 +28,7 @@ def part_record(solid: Solid, edges: Iterable[Edge], curves: Iterable[Arc]) -> d
                 "length": float(solid.edge_length_mm(edge.id)),
                 "turn": float(edge.turn_deg),
                 "faces": list(edge.faces),
+                "end_kinds": [{"kind": end.kind, "arc": end.arc} for end in solid.edge_ends(edge)],
             }
             for edge in edges
         ],

@@ -29,7 +29,7 @@ from planner.verify.simulate_setting import CONFIRMED
 if TYPE_CHECKING:
     from rich.console import JustifyMethod
 
-    from aspectgraph import Edge, EntityAspectGraph, Solid
+    from aspectgraph import Edge, EdgeEnd, EntityAspectGraph, Solid
     from planner.plan import InspectionPlan
     from planner.verify.simulate_plan import SimulationResult
     from planner.verify.simulate_setting import SuccessRate
@@ -48,15 +48,34 @@ def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> No
     for note in solid.notes:
         console.print(f"note: {note}")
     table = _table(
-        ("id", "right"), ("from (mm)", "right"), ("to (mm)", "right"), ("length", "right"), ("turn (deg)", "right")
+        ("id", "right"),
+        ("from (mm)", "right"),
+        ("to (mm)", "right"),
+        ("length", "right"),
+        ("turn (deg)", "right"),
+        ("ends", "left"),
     )
+    tangent = 0
     for edge in edges:
         start, end = solid.edge_points(edge.id)
+        ends = solid.edge_ends(edge)
+        tangent += any(one.kind == "tangent" for one in ends)
         length = f"{np.linalg.norm(end - start):.3f}"
-        table.add_row(str(edge.id), _vector(start), _vector(end), length, f"{edge.turn_deg:+.1f}")
+        table.add_row(str(edge.id), _vector(start), _vector(end), length, f"{edge.turn_deg:+.1f}", _ends_text(ends))
     console.print(table)
+    if tangent:
+        console.print(
+            f"note: {tangent} of {count(len(edges), 'edge')} run on smoothly at an end (tangent): there is no corner "
+            "to measure a length to; distance and angle need none"
+        )
     for kind in ("rim", "arc"):
         _print_curves(console, kind, [curve for curve in curves if isinstance(curve, Rim) == (kind == "rim")])
+
+
+def _ends_text(ends: Sequence[EdgeEnd]) -> str:
+    """Return both ends of an edge in words, one word if both are corners."""
+    words = [end.text for end in ends]
+    return words[0] if words[0] == words[1] == "corner" else ", ".join(words)
 
 
 def _print_curves(console: Console, kind: str, curves: Sequence[Any]) -> None:
