@@ -1,4 +1,4 @@
-.PHONY: demo test lint docs setup-demo setup-test setup-docs clean
+.PHONY: demo test lint docs fuzz setup-demo setup-test setup-docs clean
 VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO_OUT ?= demo-output
@@ -31,6 +31,11 @@ test: lint
 	$(BIN)/mkdocs build --strict --quiet
 	$(BIN)/python -m pytest
 	$(BIN)/python -m pytest --nbmake notebooks
+
+FUZZ_SECONDS ?= 600
+
+fuzz: setup-test
+	$(BIN)/python benchmarks/fuzz.py --seconds $(FUZZ_SECONDS)
 
 clean:
 	rm -rf $(DEMO_OUT) build site *.egg-info
