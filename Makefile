@@ -1,4 +1,4 @@
-.PHONY: demo test lint docs wheel setup-demo setup-test setup-docs clean
+.PHONY: demo test lint docs wheel fuzz setup-demo setup-test setup-docs clean
 VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO_OUT ?= demo-output
@@ -34,6 +34,11 @@ test: lint
 
 wheel:
 	.ci/wheel
+
+FUZZ_SECONDS ?= 600
+
+fuzz: setup-test
+	$(BIN)/python benchmarks/fuzz.py --seconds $(FUZZ_SECONDS)
 
 clean:
 	rm -rf $(DEMO_OUT) build site *.egg-info

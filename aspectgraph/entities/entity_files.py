@@ -115,13 +115,39 @@ def _read_csv(path: Path) -> dict[str, Any]:
     return found
 
 
+def parse_names(path: Path) -> Any:
+    """Return what a .toml or .json file holds.
+
+    Parameters
+    ----------
+    path : Path
+        The file; without the ending .json it is TOML.
+
+    Raises
+    ------
+    ValueError
+        It cannot be read, or is not of its format; the message is the reason alone.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+        return json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
+    except OSError as error:
+        raise ValueError(error.strerror or str(error)) from error
+    except RecursionError as error:
+        raise ValueError("it is nested too deep") from error
+    except (json.JSONDecodeError, tomllib.TOMLDecodeError, UnicodeDecodeError):
+        raise
+    except ValueError as error:
+        # Python reads no integer of more than some thousand digits
+        raise ValueError("it holds a number of too many digits") from error
+
+
 def _read_file(path: Path) -> Any:
     if not path.is_file():
         raise EntityError(f"entities must name an existing file. Got {str(path)!r}.")
     try:
-        text = path.read_text(encoding="utf-8")
-        content = json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
-    except (json.JSONDecodeError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        content = parse_names(path)
+    except ValueError as error:
         raise EntityError(
             f"an entity file must be valid {path.suffix[1:].upper()}. Got {path.name}: {error}."
         ) from error

@@ -10,6 +10,7 @@ import numpy as np
 
 from aspectgraph.entities.curves import curve_ends, curve_points, find_curve, is_curve_id
 from aspectgraph.exceptions import EntityError
+from aspectgraph.solid.checks import FARTHEST_MM
 from aspectgraph.solid.circles import Circle
 from aspectgraph.solid.places import describe_point
 from aspectgraph.solid.rims import Arc, Rim
@@ -160,10 +161,10 @@ def _resolve(solid: Solid, name: str, target: Any, tolerance_mm: float, min_dihe
         return Entity(name, solid.edge_points(int(target)), (int(target),))
     try:
         ends = np.array(target, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise EntityError(f"{_MAY_BE} Got {target!r} for {name!r}.") from error
-    if ends.shape != (2, 3) or not np.isfinite(ends).all():
-        raise EntityError(f"{_MAY_BE} Got {target!r} for {name!r}.")
+    except (OverflowError, TypeError, ValueError) as error:
+        raise EntityError(f"{_MAY_BE} Got {repr(target)[:200]} for {name!r}.") from error
+    if ends.shape != (2, 3) or not (np.abs(ends) <= FARTHEST_MM).all():
+        raise EntityError(f"{_MAY_BE} Got {repr(target)[:200]} for {name!r}.")
     if np.linalg.norm(ends[1] - ends[0]) <= tolerance_mm:
         raise EntityError(
             f"an entity must have a length. Got two end points at {describe_point(ends[0])} for {name!r}."

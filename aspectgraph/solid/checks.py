@@ -15,6 +15,9 @@ from aspectgraph.solid.triangulate import newell_area_vector
 RELATIVE_PLANARITY = 1e-6
 """Default planarity tolerance as a fraction of the bounding box diagonal."""
 
+FARTHEST_MM = 1e60
+"""Coordinates beyond are refused: products of several would overflow."""
+
 
 def check_vertices(vertices: ArrayLike) -> np.ndarray:
     """Return `vertices` as a read-only float64 array of shape (n, 3).
@@ -30,7 +33,7 @@ def check_vertices(vertices: ArrayLike) -> np.ndarray:
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
         raise SolidError(f"vertices must be finite. Got {points[bad[0]].tolist()} at vertex {bad[0]}.")
-    if np.abs(points).max() > 1e60:
+    if np.abs(points).max() > FARTHEST_MM:
         raise SolidError(f"coordinates must be below 1e60 mm. Got {np.abs(points).max():.3g}.")
     points.flags.writeable = False
     return points

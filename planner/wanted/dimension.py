@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -280,13 +281,13 @@ def _renamed(asked: dict[str, Any], unit: str) -> dict[str, Any]:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def _checked_tolerance(given: Sequence[float]) -> tuple[float, float]:
     try:
         lower, upper = (float(value) for value in given)
-    except (TypeError, ValueError) as error:
+    except (OverflowError, TypeError, ValueError) as error:
         raise RequestError(f"tolerance must be two numbers, lower and upper deviation. Got {given!r}.") from error
     if not (math.isfinite(lower) and math.isfinite(upper)):
         raise RequestError(f"tolerance must be finite. Got {given!r}.")
@@ -296,7 +297,10 @@ def _checked_tolerance(given: Sequence[float]) -> tuple[float, float]:
 
 
 def _checked_direction(given: Sequence[float]) -> tuple[float, float, float]:
-    values = tuple(float(value) for value in given)
+    try:
+        values = tuple(float(value) for value in given)
+    except (OverflowError, TypeError, ValueError) as error:
+        raise RequestError(f"direction must be three numbers. Got {given!r}.") from error
     size = math.hypot(*values)
     if len(values) != 3 or not (math.isfinite(size) and size > 0):
         raise RequestError(f"direction must be three numbers, not all of them 0. Got {given!r}.")

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import json
-import sys
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from aspectgraph.entities.entity_files import parse_names
 from planner.exceptions import RequestError
 from planner.wanted.dimension import Dimension
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 _OPTIONS = ("tolerance", "max_error", "accuracy", "share", "direction", "unit")
 # in the unit of the values, mm or degrees
@@ -58,9 +53,8 @@ def _content(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise RequestError(f"dimensions must be 'all' or name an existing file. Got {str(path)!r}.")
     try:
-        text = path.read_text(encoding="utf-8")
-        content = json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
-    except (json.JSONDecodeError, tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
+        content = parse_names(path)
+    except ValueError as error:
         raise RequestError(f"a file of dimensions must be valid TOML or JSON. Got {path.name}: {error}.") from error
     if not isinstance(content, dict):
         raise RequestError(f"a file of dimensions must hold names. Got {path.name} with {type(content).__name__}.")
@@ -101,7 +95,13 @@ def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
 
 
 def _scaled(value: Any, factor: float) -> Any:
-    return value * factor if isinstance(value, int | float) and not isinstance(value, bool) else value
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return value
+    try:
+        return value * factor
+    except OverflowError:
+        # a whole number beyond all others is refused like one that is infinite
+        return math.inf if value > 0 else -math.inf
 
 
 def _is_end_points(value: list[Any]) -> bool:

@@ -1,0 +1,43 @@
+"""Every reader gives a result or one of the package's own errors of one line, whatever the file; see `make fuzz`."""
+
+from __future__ import annotations
+
+import pytest
+from fuzzing import READERS, mutant, outcome
+
+MUTANTS = 40
+
+# mutants that once ended otherwise
+KEPT = {
+    "entities.toml": (1292, 1308, 1504),
+    "entities.json": (129, 1136, 1385, 1996),
+    "entities.csv": (1325,),
+    "wanted.toml": (1069, 1231, 1539),
+    "wanted.json": (143, 147, 670, 752, 1120),
+}
+
+
+@pytest.mark.parametrize("name", [name for name in READERS if name != "part.step"])
+def test_damaged_files_are_read_or_refused(tmp_path, name):
+    path, good = tmp_path / name, READERS[name].good()
+    path.write_bytes(good)
+    assert outcome(name, path) == "read"
+    found = []
+    for seed in (*range(MUTANTS), *KEPT.get(name, ())):
+        path.write_bytes(mutant(name, seed, good))
+        found.append(outcome(name, path))
+    assert found.count("refused") > MUTANTS / 3
+
+
+def test_mutants_are_the_same_everywhere():
+    good = READERS["part.off"].good()
+    assert mutant("part.off", 7, good) == mutant("part.off", 7, good) != good
+    assert len({mutant("part.off", seed, good) for seed in range(100)}) > 90
+
+
+def test_a_damaged_step_file_is_read_or_refused(tmp_path):
+    pytest.importorskip("OCP")
+    path, good = tmp_path / "part.step", READERS["part.step"].good()
+    for seed in range(2):
+        path.write_bytes(mutant("part.step", seed, good))
+        assert outcome("part.step", path) in ("read", "refused")
