@@ -304,8 +304,8 @@ class Camera:
         Parameters
         ----------
         path : str or os.PathLike
-            COLMAP's cameras.txt with one camera; or, if it ends with .yaml or .yml, what ROS's calibration writes, or a
-            CameraInfo message.
+            COLMAP's cameras.txt with one camera; or, as .yaml or .yml, what the calibration programs of ROS
+            and OpenCV write, or a CameraInfo message.
         **lens : float or str
             As in `from_opencv`.
 

@@ -1,4 +1,4 @@
-"""Calibrations written by other programs: COLMAP's cameras.txt, and ROS's camera calibration or CameraInfo as YAML."""
+"""Calibrations of other programs: COLMAP's cameras.txt; as YAML those of ROS and OpenCV, and ROS's CameraInfo."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def read_colmap(path: Path) -> Calibration:
 
 
 def read_ros(path: Path) -> Calibration:
-    """Read a camera of ROS: the YAML file of a calibration, or a CameraInfo message as ROS prints it.
+    """Read a camera of ROS or OpenCV: the YAML file of a calibration, or a CameraInfo message as ROS prints it.
 
     Parameters
     ----------

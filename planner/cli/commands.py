@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import warnings
 from collections.abc import Iterator, Sequence
@@ -31,9 +30,11 @@ from aspectgraph import (
 )
 from aspectgraph.read.part_file import MESH_SUFFIXES
 from planner.camera.camera import Camera
-from planner.camera.catalogue import camera_names, camera_parts
+from planner.camera.catalogue import camera_names
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.best_so_far import BestSoFar
+from planner.cli.catalogue import cameras as cameras
+from planner.cli.catalogue import rank_optics
 from planner.cli.completion import completion_script
 from planner.cli.exit_codes import DONE, INCOMPLETE
 from planner.cli.folder_owner import asked_request, check_owner
@@ -46,8 +47,6 @@ from planner.files import check_file_place, output_folder
 from planner.inspection import plan_inspection
 from planner.inspection_options import InspectionOptions
 from planner.light.lamps import RING
-from planner.optics.proposal import optics_table
-from planner.optics.propose import DISTANCES_MM, propose_optics
 from planner.output import terminal_tables
 from planner.output.json_records import graph_record, part_record, plan_record, print_json
 from planner.output.plan_folder import PLAN_FILES, left_out, rescue, write_outputs
@@ -285,51 +284,15 @@ def simulate(options: argparse.Namespace) -> int:
     return DONE if found.complete and result.confirmed else INCOMPLETE
 
 
-def cameras(options: argparse.Namespace) -> int:
-    """List the catalogue: its cameras, or where the facts on their parts were read."""
-    if options.sources:
-        parts = camera_parts()
-        if options.json:
-            # JSON knows no infinity: an iris that closes fully has no narrowest aperture
-            print_json({kind: {name: _finite(one) for name, one in of.items()} for kind, of in parts.items()})
-        else:
-            terminal_tables.print_sources(parts)
-        return DONE
-    found = [Camera.named(name) for name in camera_names()]
-    if options.json:
-        print_json([one.to_dict() for one in found])
-    else:
-        terminal_tables.print_cameras(found)
-    return DONE
-
-
 def optics(options: argparse.Namespace) -> int:
     """Rank bodies and lenses of the catalogue by how well they measure what is wanted."""
     solid = _read_part(options)
     wanted = read_request(options, solid)
-    found = propose_optics(
-        solid,
-        wanted.items,
-        PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad),
-        bodies=options.body,
-        accuracy=options.accuracy,
-        probability=options.probability,
-        distances_mm=options.distances or DISTANCES_MM,
-        options=InspectionOptions(
-            workspace=_workspace(options), localisation=wanted.localisation, **_limit_keywords(options)
-        ),
-    )
-    able = bool(found) and len(found[0].able) == len(wanted.items)
-    if options.json:
-        print_json([one.to_dict() for one in found[: options.rows]])
-    else:
-        print(optics_table(found, options.rows))
+    given = {"workspace": _workspace(options), "localisation": wanted.localisation, **_limit_keywords(options)}
+    code = rank_optics(options, solid, wanted.items, InspectionOptions(**given))
+    if not options.json:
         _print_unit(options)
-    return DONE if able else INCOMPLETE
-
-
-def _finite(facts: dict[str, Any]) -> dict[str, Any]:
-    return {key: None if value == math.inf else value for key, value in facts.items()}
+    return code
 
 
 def completion(options: argparse.Namespace) -> int:

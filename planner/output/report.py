@@ -17,6 +17,7 @@ from planner.output.outlines import drawn
 from planner.output.predicted_image import PictureMaker
 from planner.output.wording import (
     bound_sentence,
+    calibration_rows,
     count,
     grid_sentence,
     lamp_texts,
@@ -33,7 +34,6 @@ from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTE
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
-    from planner.camera.camera import Camera
     from planner.light.light_plan import LightPlan
     from planner.plan import InspectionPlan
     from planner.progress import Progress
@@ -272,7 +272,7 @@ def _request(plan: InspectionPlan) -> str:
         "Camera": f"{camera.name or 'camera'}: f = {camera.focal_length_mm:g} mm, f/{camera.f_number:g}",
         "Sensor": f"{camera.resolution[0]} x {camera.resolution[1]} pixels of "
         f"{1000 * camera.pixel_pitch_mm[0]:g} x {1000 * camera.pixel_pitch_mm[1]:g} um",
-        **_calibration(camera),
+        **calibration_rows(camera),
         "Focus": f"{camera.focus_distance_mm:g} mm; sharp from {near:.1f} mm "
         + (f"to {far:.1f} mm" if np.isfinite(far) else "on"),
         "Field of view": f"{field[0]:.0f} x {field[1]:.0f} mm in the plane of focus",
@@ -282,17 +282,6 @@ def _request(plan: InspectionPlan) -> str:
         "Seed": str(plan.seed),
     }
     return "<dl>" + "".join(f"<dt>{escape(k)}</dt><dd>{escape(v)}</dd>" for k, v in rows.items()) + "</dl>"
-
-
-def _calibration(camera: Camera) -> dict[str, str]:
-    """Return rows on what a calibration said of a camera."""
-    rows = {}
-    if camera.principal_point_px is not None:
-        rows["Principal point"] = f"({_list(camera.principal_point_px, '.2f')}) px"
-    if camera.distortion is not None:
-        told = ", ".join(f"{c:g}" for c in camera.distortion.coefficients)
-        rows["Lens distortion"] = f"k1, k2, p1, p2, k3 = {told}; lengths are those of the undistorted image"
-    return rows
 
 
 def _accuracy(plan: InspectionPlan) -> str:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
 
 if TYPE_CHECKING:
+    from planner.camera.camera import Camera
     from planner.plan import InspectionPlan
     from planner.verify.simulate_plan import SimulationResult
 
@@ -176,6 +177,17 @@ def verdict(plan: InspectionPlan) -> str:
     if plan.light is not None and n:
         sentences.append(light_sentence(plan))
     return " ".join(sentences)
+
+
+def calibration_rows(camera: Camera) -> dict[str, str]:
+    """Say what a calibration found of a camera; nothing of one that was not calibrated."""
+    rows = {}
+    if camera.principal_point_px is not None:
+        rows["Principal point"] = "({:.2f}, {:.2f}) px".format(*camera.principal_point_px)
+    if camera.distortion is not None:
+        told = ", ".join(f"{c:g}" for c in camera.distortion.coefficients)
+        rows["Lens distortion"] = f"k1, k2, p1, p2, k3 = {told}; lengths are those of the undistorted image"
+    return rows
 
 
 def requirement_rows(need: Mapping[str, float]) -> dict[str, str]:

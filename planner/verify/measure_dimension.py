@@ -74,7 +74,8 @@ def _points(
     if how.model != "fit":
         return sample_points(one, how.points)
     outline = _pixels(sample_points(one, 200), planned[None], camera)[0]
-    along = float(np.linalg.norm(np.diff(outline, axis=0), axis=1).sum())
+    # of what is outside the field of a lens with distortion there is no image
+    along = float(np.nansum(np.linalg.norm(np.diff(outline, axis=0), axis=1)))
     independent = max(3, round(along / how.correlation_px))
     if how.floor_px > 0:
         independent = min(independent, max(3, round((how.sigma_px / how.floor_px) ** 2)))

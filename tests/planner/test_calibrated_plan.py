@@ -7,7 +7,17 @@ import numpy as np
 import pytest
 
 from aspectgraph import Solid
-from planner import Camera, Dimension, Effort, PoseUncertainty, look_at, plan_inspection, predict, read_plan
+from planner import (
+    Camera,
+    Dimension,
+    Effort,
+    Localisation,
+    PoseUncertainty,
+    look_at,
+    plan_inspection,
+    predict,
+    read_plan,
+)
 from planner.inspection_options import InspectionOptions
 from planner.verify.measure_dimension import measured_errors
 from planner.verify.simulate_setting import displaced_poses
@@ -54,6 +64,18 @@ def test_plan_is_read_back(plan, tmp_path):
     again = read_plan(tmp_path / "plan.json")
     assert again.camera == CAMERA
     assert again == plan
+
+
+def test_what_is_half_outside_the_image_is_never_measured():
+    wanted = {"width": Dimension.distance(EDGES["top"], [[0, 30, 20], [40, 30, 20]], max_error_mm=0.1)}
+    _, targets = resolve_wanted(BOX, wanted, 0.98, as_lengths=True)
+    planned = PlannedDimension.of(targets[0], Localisation.fit(0.1))
+    # x = 0 is seen at the tangent 0.5, x = 40 at 0.63; the side is at 0.55
+    pose = look_at([[-150.0, 15.0, 320.0]], [-150.0, 15.0, 20.0])[0]
+    poses = np.repeat(pose[None], 10, axis=0)
+    error, outside = measured_errors(planned, pose, poses, CAMERA, np.random.default_rng(0))
+    assert outside.all()
+    assert not np.isfinite(error).any()
 
 
 def test_a_length_measured_near_the_corner_is_undistorted():

@@ -1,5 +1,6 @@
 """Calibrations of other programs: the numbers arrive in their places, and what is not understood is refused."""
 
+import cv2
 import numpy as np
 import pytest
 import yaml
@@ -85,6 +86,22 @@ def test_ros_cameras(tmp_path, text):
     # they are YAML indeed
     assert isinstance(yaml.safe_load(text.removesuffix("---\n")), dict)
     camera = read(tmp_path, text, "left.yaml")
+    np.testing.assert_allclose(camera.matrix.ravel(), MATRIX, rtol=1e-13)
+    assert camera.distortion.coefficients == tuple(FIVE)
+    assert camera.resolution == (2448, 2048)
+
+
+def test_files_of_opencvs_own_calibration_program(tmp_path):
+    path = tmp_path / "out_camera_data.yml"
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    storage.write("calibration_time", "Mon Nov 23 12:00:00")
+    storage.write("image_width", 2448)
+    storage.write("image_height", 2048)
+    storage.write("camera_matrix", np.reshape(MATRIX, (3, 3)))
+    storage.write("distortion_coefficients", np.reshape(FIVE, (5, 1)))
+    storage.write("avg_reprojection_error", 0.21)
+    storage.release()
+    camera = Camera.from_calibration(path, **LENS)
     np.testing.assert_allclose(camera.matrix.ravel(), MATRIX, rtol=1e-13)
     assert camera.distortion.coefficients == tuple(FIVE)
     assert camera.resolution == (2448, 2048)

@@ -11,11 +11,18 @@ import pytest
 from grid_box import EDGES, BoxSpace
 from plan_examples import ENTITIES, plan, setting
 
-from planner import SimulationResult, SuccessRate
+from planner import Camera, SimulationResult, SuccessRate
 from planner.bound.lower_bound import _proof
 from planner.output.report import report_html
 from planner.output.terminal_tables import print_graph, print_plan, print_simulation
-from planner.output.wording import bound_sentence, graph_sentence, incumbent_line, simulation_sentence, verdict
+from planner.output.wording import (
+    bound_sentence,
+    calibration_rows,
+    graph_sentence,
+    incumbent_line,
+    simulation_sentence,
+    verdict,
+)
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, TOLERATED, UNSTATED, VERDICTS
 
 # successes of 1000, low, high and prediction
@@ -242,3 +249,18 @@ def test_a_line_of_the_log():
     )
     words = " ".join(incumbent_line(made, 12.34).split())
     assert words == "12.3 s 3 settings at least 2 gap 33 %, 2 of 3 entities"
+
+
+def test_a_calibration_is_told_and_nothing_of_other_cameras():
+    camera = Camera.from_opencv(
+        [[2320.0, 0, 1251.456], [0, 2326.0, 1009.0], [0, 0, 1]],
+        [-0.21, 0.08, 1e-3, -6e-4, 0],
+        (2448, 2048),
+        pixel_pitch_mm=0.00345,
+        f_number=8.0,
+        focus_distance_mm=300.0,
+    )
+    rows = calibration_rows(camera)
+    assert rows["Principal point"] == "(1251.46, 1009.00) px"
+    assert rows["Lens distortion"].startswith("k1, k2, p1, p2, k3 = -0.21, 0.08, 0.001, -0.0006, 0;")
+    assert calibration_rows(plan().camera) == {}
