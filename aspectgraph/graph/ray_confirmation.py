@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+import networkx as nx
 import numba as nb
 import numpy as np
 
@@ -22,6 +23,7 @@ from aspectgraph.solid.ray_scene import RayScene
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.blocked_sets import blockers
 from aspectgraph.visibility.scene import Scene
+from aspectgraph.visibility.visibility_regions import VisibilityRegions
 
 RAYS_PER_ENTITY = 32
 
@@ -138,3 +140,21 @@ def confirm(
                     f"Its list {'holds' if observable[row, column] else 'lacks'} {name!r}."
                 )
     return Confirmation(RAYS_PER_ENTITY * len(entities), doubts.sum(axis=1))
+
+
+def confirm_nodes(graph: nx.Graph, regions: VisibilityRegions, scene: Scene) -> None:
+    """Cast rays from near every node's viewpoint and note the result on the node.
+
+    Not from the viewpoint itself: in symmetric parts it lies on partition planes and on seams between blocked sets. Any
+    other point of its ball, which lies in one cell, is as good a witness.
+    """
+    names = regions.entity_names
+    viewpoints, clearances = (np.array([graph.nodes[k][key] for k in graph]) for key in ("viewpoint", "clearance"))
+    aside = np.random.default_rng(0).normal(size=viewpoints.shape)
+    viewpoints = viewpoints + 0.25 * clearances[:, None] * aside / np.linalg.norm(aside, axis=1, keepdims=True)
+    observable = np.array([[name in graph.nodes[node]["observable"] for name in names] for node in graph])
+    found = confirm(
+        regions.solid, regions.entities, scene, regions.grid, viewpoints, observable.reshape(len(graph), -1)
+    )
+    for node in graph:
+        graph.nodes[node].update(confirmed=True, n_rays=found.n_rays, n_arbitrated=int(found.n_arbitrated[node]))

@@ -88,7 +88,8 @@ def graph(options: argparse.Namespace) -> int:
     with terminal_progress(quiet=options.quiet) as progress:
         shown = labelled(progress, "visible regions")
         regions = compute_regions(solid, entities, workspace=box, progress=shown)
-        result = graph_of(regions)
+        limit = None if options.memory_limit is None else options.memory_limit * 2**30
+        result = graph_of(regions, memory_limit_bytes=limit, progress=progress)
     write_graphml(result, options.graphml)
     if options.json:
         print_json(graph_record(result, options.graphml))

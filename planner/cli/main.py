@@ -153,6 +153,12 @@ def _add_graph(commands: Any) -> None:
         metavar="NAME|FILE",
         help="take the workspace 'plan' takes for this camera (default: ten diagonals of room around the part)",
     )
+    graph.add_argument(
+        "--memory-limit",
+        type=float,
+        metavar="GIB",
+        help="end with an estimate if the graph takes more than about so much memory (default: what is free)",
+    )
     _add_workspace(graph)
 
 
