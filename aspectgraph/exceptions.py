@@ -79,3 +79,7 @@ class WidthError(AspectGraphError, ValueError):
 
 class ContradictionError(AspectGraphError, ArithmeticError):
     """Ray casting and exact arbitration refute a viewing domain's list."""
+
+
+class MemoryLimitError(AspectGraphError, MemoryError):
+    """The work would take more memory than it may, or than there is."""

@@ -10,6 +10,7 @@ import numba as nb
 import numpy as np
 
 from aspectgraph.exact.predicates import LIMBS, meet
+from aspectgraph.exceptions import MemoryLimitError
 
 # columns of Complex.vertex: plane of the remembered sign, that sign, mark
 SIGN_PLANE, SIGN, VERTEX_MARK = range(3)
@@ -79,21 +80,44 @@ def allocate(planes: np.ndarray, n_cells: int, n_words: int = 1) -> Complex:
     )
 
 
+def bytes_in_use(cx: Complex) -> int:
+    """Return the memory of the rows in use: what the operating system had to commit."""
+    vertices, edges, faces, cells = (int(cx.count[which]) for which in (N_VERTICES, N_EDGES, N_FACES, N_CELLS))
+    of_vertex = sum(part[:1].nbytes for part in (cx.vertices, cx.coordinates, cx.vertex))
+    of_cell = cx.cell[:1].nbytes + cx.label[:1].nbytes
+    listed = cx.lists.itemsize * int(cx.count[N_LIST:].sum())
+    return vertices * of_vertex + edges * cx.edge[:1].nbytes + faces * cx.face[:1].nbytes + cells * of_cell + listed
+
+
 def with_room(build: Callable[[int], Complex], n_cells: int = 1024, limit: int = 1 << 24) -> Complex:
-    """Call `build(n_cells)` with doubled room until it fits.
+    """Call `build(n_cells)` until the room suffices: with more room if it was full, with less if there is no more.
 
     Raises
     ------
-    MemoryError
-        If `limit` cells are not enough.
+    MemoryLimitError
+        If `limit` cells are not enough, or the process gets no memory for enough of them.
     """
+    # the largest room known to be too small
+    full = 0
     while True:
         try:
             return build(n_cells)
-        except MemoryError:
-            n_cells *= 4
-            if n_cells > limit:
-                raise MemoryError(f"the cell complex needs more than {limit} cells.") from None
+        except MemoryLimitError:
+            raise
+        except MemoryError as error:
+            if _is_full(error):
+                full, n_cells = n_cells, 4 * n_cells
+                reason = f"needs more than {limit} cells"
+            else:
+                limit = n_cells = n_cells // 2
+                reason = f"gets no memory for more than {limit} cells"
+            if n_cells > limit or n_cells <= full:
+                raise MemoryLimitError(f"the cell complex must fit the memory. Got one that {reason}.") from None
+
+
+def _is_full(error: MemoryError) -> bool:
+    """Tell a room that is full from a process that gets no more memory; `_require` gives no reason, others do."""
+    return type(error) is MemoryError and not error.args
 
 
 @nb.njit(cache=True)

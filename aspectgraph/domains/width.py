@@ -15,9 +15,13 @@ from scipy.spatial.distance import cdist
 
 from aspectgraph.cells.arrays import Complex
 from aspectgraph.cells.measure import cell_sizes, half_spaces, inner_balls
+from aspectgraph.exceptions import WidthError
 
 # A strip that slivers leave where two boundaries cross is as wide as they are thick, times the cosecant of the angle.
 _CONTACT_WIDTHS = 1.5
+
+# domains next to a displaced part that are thinner than this share of its extent are slivers
+_MIN_WIDTH_SHARE = 1e-4
 
 # gaps this share of the least width do not part the pieces of a contact
 _GAP_SHARE = 0.1
@@ -233,3 +237,28 @@ class CellWidths:
                 break
             best = max(best, largest_ball(half_spaces(self._cx, cell), ruler), key=lambda ball: ball[1])
         return best
+
+
+def check_min_width(min_width_mm: float | None, extent_mm: float, displaced_mm: float) -> float:
+    """Return the width below which a domain next to the part is a sliver, in mm.
+
+    Parameters
+    ----------
+    min_width_mm : float, optional
+        As asked for. Default: a share of the part's extent, and 0 where snapping displaced nothing.
+    extent_mm, displaced_mm : float
+        Extent of the part, and by how much snapping may displace a partition plane.
+
+    Raises
+    ------
+    WidthError
+        If it is out of range.
+    """
+    if min_width_mm is None:
+        return _MIN_WIDTH_SHARE * extent_mm if displaced_mm else 0.0
+    if not displaced_mm <= min_width_mm < extent_mm:
+        raise WidthError(
+            f"min_width_mm must be at least {displaced_mm:g} mm, by which snapping may displace a partition plane, and "
+            f"below the part's {extent_mm:g} mm. Got {min_width_mm}."
+        )
+    return float(min_width_mm)

@@ -17,19 +17,17 @@ from aspectgraph.cells.measure import measured
 from aspectgraph.cells.point_location import locate, tree_of
 from aspectgraph.domains.carve import carve, surface_facets
 from aspectgraph.domains.find_domains import Domain, Domains, find_domains
-from aspectgraph.domains.width import Ruler, largest_extent
+from aspectgraph.domains.width import Ruler, check_min_width, largest_extent
 from aspectgraph.entities.straight_edges import Entity
-from aspectgraph.exceptions import EntityError, WidthError
+from aspectgraph.exceptions import EntityError
 from aspectgraph.graph.curve_attributes import curve_attributes
+from aspectgraph.graph.joint_memory import JointMemory
 from aspectgraph.graph.partition_surfaces import Provenance
 from aspectgraph.graph.ray_confirmation import confirm_nodes
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.overlay import overlay, share_planes
 from aspectgraph.visibility.scene import own_order
 from aspectgraph.visibility.visibility_regions import Progress, VisibilityRegions, compute_regions
-
-# domains next to a displaced part that are thinner than this share of its extent are slivers
-_MIN_WIDTH_SHARE = 1e-4
 
 
 class EntityAspectGraph:
@@ -225,6 +223,7 @@ def build_aspect_graph(
     progress: Progress | None = None,
     *,
     min_width_mm: float | None = None,
+    memory_limit_bytes: float | None = None,
 ) -> EntityAspectGraph:
     """Build the entity-based aspect graph of a solid.
 
@@ -239,11 +238,14 @@ def build_aspect_graph(
     executor : concurrent.futures.Executor, optional
         Computes the entities' regions in parallel.
     progress : callable, optional
-        ``progress(done, total, label)`` after each of the entities; the label is the name of the entity.
+        ``progress(done, total, label)`` after each of the entities; the label is the name of the entity, and then
+        "joint graph" while their regions are joined.
     min_width_mm : float, optional
         Thinner domains are slivers, and contacts must be wider by half (see `domains`); away from the part in
         proportion to the distance, because snapping turns planes. Default: 10⁻⁴ of the largest distance between two
         vertices; 0 where snapping displaced nothing.
+    memory_limit_bytes : float, optional
+        About how much memory joining the regions may take. Default: what the machine has left.
 
     Returns
     -------
@@ -255,6 +257,8 @@ def build_aspect_graph(
     ------
     EntityError, WorkspaceError, WidthError
         For bad input.
+    MemoryLimitError
+        If the graph takes more memory than it may; a smaller workspace does not help, fewer entities do.
     ContradictionError
         If ray casting and exact arbitration refute a domain's list.
 
@@ -271,11 +275,16 @@ def build_aspect_graph(
     ('top', 'side')
     """
     regions = compute_regions(solid, entities, workspace, executor=executor, progress=progress)
-    return graph_of(regions, min_width_mm=min_width_mm)
+    return graph_of(regions, min_width_mm=min_width_mm, memory_limit_bytes=memory_limit_bytes, progress=progress)
 
 
 def graph_of(
-    regions: VisibilityRegions, names: Sequence[str] | None = None, *, min_width_mm: float | None = None
+    regions: VisibilityRegions,
+    names: Sequence[str] | None = None,
+    *,
+    min_width_mm: float | None = None,
+    memory_limit_bytes: float | None = None,
+    progress: Progress | None = None,
 ) -> EntityAspectGraph:
     """Build the graph of some entities from regions already computed; see `build_aspect_graph`.
 
@@ -285,8 +294,10 @@ def graph_of(
         From `compute_regions`.
     names : sequence of str, optional
         Names of the entities. Default: all.
-    min_width_mm : float, optional
+    min_width_mm, memory_limit_bytes : float, optional
         As in `build_aspect_graph`.
+    progress : callable, optional
+        ``progress(done, total, "joint graph")`` after each of the entities.
 
     Returns
     -------
@@ -299,18 +310,29 @@ def graph_of(
         If a name is unknown.
     WidthError
         If `min_width_mm` is out of range.
+    MemoryLimitError
+        If the graph takes more memory than it may.
     ContradictionError
         If ray casting and exact arbitration refute a domain's list.
     """
     chosen = regions.subset(regions.entity_names if names is None else names)
+    displaced = float(chosen.grid.resolution * chosen.grid.step_mm)
+    min_width_mm = check_min_width(min_width_mm, largest_extent(chosen.solid.vertices), displaced)
+    memory = JointMemory(list(chosen._regions.values()), memory_limit_bytes, progress)
+    try:
+        return _joined(chosen, min_width_mm, memory)
+    except MemoryError as error:
+        raise memory.refused(error) from None
+
+
+def _joined(chosen: VisibilityRegions, min_width_mm: float, memory: JointMemory) -> EntityAspectGraph:
     grid, scene = chosen.grid, chosen._scene
-    min_width_mm = _check_min_width(min_width_mm, chosen)
     own = [chosen._regions[name] for name in chosen.entity_names]
     cube, limits = grid.cube_planes(chosen.workspace), grid.box_planes(chosen.workspace)
     order = own_order(scene, chosen.solid, chosen.entities.values())
     shared = share_planes(own, scene, cube, order)
     facets = surface_facets(scene)
-    cx = overlay(own, shared.extended(limits).extended(facets.planes), order=order)
+    cx = overlay(own, shared.extended(limits).extended(facets.planes), order=order, watch=memory)
     carve(cx, scene, facets, len(cube))
     crop(cx, len(shared.planes))
     extent = largest_extent(grid.points * grid.scale)
@@ -320,20 +342,6 @@ def graph_of(
     graph.graph["min_width_mm"] = min_width_mm
     confirm_nodes(chosen, graph)
     return EntityAspectGraph(chosen, graph, cx, domains)
-
-
-def _check_min_width(min_width_mm: float | None, regions: VisibilityRegions) -> float:
-    """Return the width below which a domain next to the part is a sliver, in mm; see `build_aspect_graph`."""
-    extent = largest_extent(regions.solid.vertices)
-    displaced = regions.grid.resolution * regions.grid.step_mm
-    if min_width_mm is None:
-        return _MIN_WIDTH_SHARE * extent if displaced else 0.0
-    if not displaced <= min_width_mm < extent:
-        raise WidthError(
-            f"min_width_mm must be at least {displaced:g} mm, by which snapping may displace a partition plane, and "
-            f"below the part's {extent:g} mm. Got {min_width_mm}."
-        )
-    return float(min_width_mm)
 
 
 def _networkx(

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from aspectgraph.graph.aspect_graph import EntityAspectGraph, graph_of
 from aspectgraph.light.light_regions import DEFAULT_CONTRAST, LightRegions, compute_light
 from aspectgraph.solid.solid import Solid
+from aspectgraph.visibility.visibility_regions import Progress
 
 
 class LightGraph(EntityAspectGraph):
@@ -126,7 +127,12 @@ def build_light_graph(
 
 
 def light_graph_of(
-    regions: LightRegions, names: Sequence[str] | None = None, *, min_width_mm: float | None = None
+    regions: LightRegions,
+    names: Sequence[str] | None = None,
+    *,
+    min_width_mm: float | None = None,
+    memory_limit_bytes: float | None = None,
+    progress: Progress | None = None,
 ) -> LightGraph:
     """Build the graph of some entities from light regions already computed; see `build_light_graph`.
 
@@ -136,8 +142,10 @@ def light_graph_of(
         From `compute_light`.
     names : sequence of str, optional
         Names of the entities. Default: all.
-    min_width_mm : float, optional
+    min_width_mm, memory_limit_bytes : float, optional
         As in `build_aspect_graph`.
+    progress : callable, optional
+        ``progress(done, total, "joint graph")`` after each of the entities.
 
     Returns
     -------
@@ -150,9 +158,11 @@ def light_graph_of(
         If a name is unknown.
     WidthError
         If `min_width_mm` is out of range.
+    MemoryLimitError
+        If the graph takes more memory than it may.
     ContradictionError
         If ray casting and exact arbitration refute a domain's list.
     """
-    made = graph_of(regions, names, min_width_mm=min_width_mm)
+    made = graph_of(regions, names, min_width_mm=min_width_mm, memory_limit_bytes=memory_limit_bytes, progress=progress)
     made.graph.graph["contrast"] = regions.contrast
     return LightGraph(regions.subset(made.entity_names), made.graph, made._cx, made._domains)

@@ -7,13 +7,23 @@ the result is simplified whenever the cells have multiplied.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numba as nb
 import numpy as np
 
-from aspectgraph.cells.arrays import CELL_CHILD, CROSSED, N_CELLS, POSITIVE, Complex, add_box, allocate, with_room
+from aspectgraph.cells.arrays import (
+    CELL_CHILD,
+    CROSSED,
+    N_CELLS,
+    POSITIVE,
+    Complex,
+    add_box,
+    allocate,
+    bytes_in_use,
+    with_room,
+)
 from aspectgraph.cells.simplify import n_leaves, simplify
 from aspectgraph.cells.split import cell_side, split_cell
 from aspectgraph.exact.planes import find_parallel, find_plane
@@ -25,6 +35,9 @@ _BOX = np.arange(6)
 # cells from which simplifying pays, and cells to reserve room for at first
 _SIMPLIFY_ABOVE = 1024
 _ROOM = 1 << 12
+
+Watch = Callable[[int, int], None]
+"""``watch(done, held)``: regions laid over each other so far, and bytes this holds; it may raise to end the work."""
 
 
 class SharedPlanes(NamedTuple):
@@ -109,6 +122,7 @@ def overlay(
     *,
     order: Sequence[int] | None = None,
     covering_only: bool = False,
+    watch: Watch | None = None,
 ) -> Complex:
     """Lay regions over each other.
 
@@ -121,6 +135,8 @@ def overlay(
         In which they are laid over each other; it changes no label. Default: as given, as `covering_only` needs it.
     covering_only : bool
         Leave cells uncut from which some entity is not observable: enough to find where all of them are.
+    watch : callable, optional
+        Is told of every region, and of every step that takes memory.
 
     Returns
     -------
@@ -130,18 +146,23 @@ def overlay(
     """
     order = range(len(regions)) if order is None else order
     return with_room(
-        lambda n_cells: _overlay(regions, shared, order, covering_only, n_cells),
+        lambda n_cells: _overlay(regions, shared, order, covering_only, n_cells, watch),
         n_cells=max(_ROOM, 64 * sum(region.n_leaves for region in regions)),
     )
 
 
 def _overlay(
-    regions: Sequence[Region], shared: SharedPlanes, order: Sequence[int], covering_only: bool, n_cells: int
+    regions: Sequence[Region],
+    shared: SharedPlanes,
+    order: Sequence[int],
+    covering_only: bool,
+    n_cells: int,
+    watch: Watch | None,
 ) -> Complex:
     cx = allocate(shared.planes, n_cells, n_words(len(regions)))
     add_box(cx, _BOX)
     limit = _SIMPLIFY_ABOVE
-    for k in order:
+    for done, k in enumerate(order, start=1):
         tree = regions[k].tree
         inner = tree.plane >= 0
         plane = np.where(inner, shared.number[k][tree.plane], -1).astype(np.int32)
@@ -151,6 +172,8 @@ def _overlay(
         _add_region(cx, plane, child, regions[k].observable, k, covering_only)
         if covering_only:
             _forget_uncovered(cx, k + 1)
+        if watch is not None:
+            watch(done, bytes_in_use(cx))
         if n_leaves(cx) > limit:
             cx = simplify(cx, _BOX, n_cells)
             limit = max(_SIMPLIFY_ABOVE, 4 * n_leaves(cx))

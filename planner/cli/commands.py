@@ -94,7 +94,7 @@ def graph(options: argparse.Namespace) -> int:
     if box is None and options.camera is not None:
         box = default_workspace(solid, read_camera(options.camera))
     with terminal_progress(quiet=options.quiet) as progress:
-        result = _graph(options, solid, entities, box, labelled(progress, "visible regions"))
+        result = _graph(options, solid, entities, box, progress)
     write_graphml(result, options.graphml)
     if options.json:
         print_json(graph_record(result, options.graphml))
@@ -107,9 +107,13 @@ def graph(options: argparse.Namespace) -> int:
 
 def _graph(options: argparse.Namespace, solid: Solid, entities: Any, box: Any, progress: Any) -> EntityAspectGraph:
     """Return the graph of viewpoints, or of lamp positions."""
+    shown = labelled(progress, "visible regions")
+    limit = None if options.memory_limit is None else options.memory_limit * 2**30
     if options.lamps:
-        return light_graph_of(compute_light(solid, entities, options.contrast, box, progress=progress))
-    return graph_of(compute_regions(solid, entities, workspace=box, progress=progress))
+        lit = compute_light(solid, entities, options.contrast, box, progress=shown)
+        return light_graph_of(lit, memory_limit_bytes=limit, progress=progress)
+    regions = compute_regions(solid, entities, workspace=box, progress=shown)
+    return graph_of(regions, memory_limit_bytes=limit, progress=progress)
 
 
 def dimensions(options: argparse.Namespace) -> int:

@@ -163,6 +163,12 @@ def _add_graph(commands: Any) -> None:
     graph.add_argument(
         "--contrast", type=float, default=0.1, metavar="C", help="with --lamps: least contrast, (I1 - I2) / (I1 + I2)"
     )
+    graph.add_argument(
+        "--memory-limit",
+        type=float,
+        metavar="GIB",
+        help="end with an estimate if the graph takes more than about so much memory (default: what is free)",
+    )
     _add_workspace(graph)
 
 

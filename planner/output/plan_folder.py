@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from aspectgraph import graph_of, write_graphml
+from aspectgraph import MemoryLimitError, graph_of, write_graphml
 from planner.exceptions import OutputError
 from planner.files import staged_folder
 from planner.output.pose_files import POSE_FILES, write_poses
@@ -17,7 +17,7 @@ from planner.request.target_space import TargetSpace
 from planner.resume import holds_plan
 
 if TYPE_CHECKING:
-    from aspectgraph import VisibilityRegions
+    from aspectgraph import EntityAspectGraph, VisibilityRegions
     from planner.progress import Progress
     from planner.request.space import Space
 
@@ -51,16 +51,25 @@ def write_outputs(
     """
     with staged_folder(folder, PLAN_FILES, "--out") as staging:
         found.write(staging / "plan.json")
-        report = report_html(
-            found, _space(found, regions), progress=progress, notes=left_out(len(regions.entity_names), graph_limit)
-        )
+        graph, notes = _joint_graph(regions, graph_limit)
+        report = report_html(found, _space(found, regions), progress=progress, notes=notes)
         (staging / "report.html").write_text(report, encoding="utf-8")
         written = ["plan.json", "report.html"]
-        if len(regions.entity_names) <= graph_limit:
-            write_graphml(graph_of(regions), staging / "graph.graphml")
+        if graph is not None:
+            write_graphml(graph, staging / "graph.graphml")
             written.append("graph.graphml")
         written += [str(path.relative_to(staging)) for path in write_poses(found, staging)]
     return [folder / name for name in written]
+
+
+def _joint_graph(regions: VisibilityRegions, graph_limit: int) -> tuple[EntityAspectGraph | None, list[str]]:
+    """Return the joint graph, or none and why it is left out."""
+    notes = left_out(len(regions.entity_names), graph_limit)
+    try:
+        return (None, notes) if notes else (graph_of(regions), [])
+    except MemoryLimitError as error:
+        # a plan that is done must not be lost for its picture
+        return None, [f"graph.graphml is left out: {error}"]
 
 
 def _space(found: InspectionPlan, regions: Space) -> Space:

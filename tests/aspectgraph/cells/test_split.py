@@ -16,10 +16,12 @@ from aspectgraph.cells.arrays import (
     N_CELLS,
     N_FACES,
     SIDES,
+    bytes_in_use,
     with_room,
 )
 from aspectgraph.cells.measure import cell_centre, cell_sizes, interfaces
 from aspectgraph.cells.split import leaves
+from aspectgraph.exceptions import MemoryLimitError
 
 
 @pytest.mark.parametrize("degenerate", [False, True])
@@ -106,5 +108,32 @@ def test_room_grows_until_it_suffices():
 
     assert with_room(build, n_cells=8).count[N_CELLS] == cut_box(planes).count[N_CELLS]
     assert len(asked) > 1
-    with pytest.raises(MemoryError, match="more than 32 cells"):
+    with pytest.raises(MemoryLimitError, match="more than 32 cells"):
         with_room(build, n_cells=8, limit=32)
+
+
+def test_room_shrinks_where_the_process_gets_no_memory():
+    planes = random_planes(12, 3)
+    asked = []
+
+    def build(n_cells):
+        asked.append(n_cells)
+        if n_cells > 4096:
+            # what NumPy says, in a class of its own
+            raise type("ArrayMemoryError", (MemoryError,), {})("Unable to allocate 1. EiB")
+        return cut_box(planes, n_cells)
+
+    assert with_room(build, n_cells=1 << 14).count[N_CELLS] == cut_box(planes).count[N_CELLS]
+    assert asked == [1 << 14, 1 << 13, 1 << 12]
+    with pytest.raises(MemoryLimitError, match="gets no memory for more than"):
+        with_room(lambda n_cells: (_ for _ in ()).throw(MemoryError("Unable to allocate")), n_cells=8)
+
+
+def test_bytes_in_use_are_those_of_the_rows_in_use():
+    cx = cut_box(random_planes(12, 3))
+    counts = cx.count.tolist()
+    rows = dict(
+        zip(("vertices", "coordinates", "vertex", "edge", "face", "cell", "label"), [0, 0, 0, 1, 2, 3, 3], strict=True)
+    )
+    of_rows = sum(getattr(cx, name)[: counts[k]].nbytes for name, k in rows.items())
+    assert bytes_in_use(cx) == of_rows + sum(row[:n].nbytes for row, n in zip(cx.lists, counts[5:], strict=True))

@@ -97,6 +97,17 @@ def test_graph_is_written(folder, capsys):
     assert len(graph) > 3
 
 
+def test_a_graph_beyond_the_memory_limit_is_one_line(folder, capsys):
+    arguments = ["graph", "block.off", "--entities", "edges.toml", "--graphml", "g.graphml", "--quiet"]
+    assert main([*arguments, "--memory-limit", "1e-9"]) == BAD_INPUT
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert "the joint graph of 4 entities must fit memory_limit_bytes" in err
+    assert "Ask for fewer entities" in err
+    assert not (folder / "g.graphml").exists()
+
+
 def test_plan_leaves_all_its_files_and_repeats(folder, quick, capsys):
     assert main([*PLAN, "--simulate", "500"]) == DONE
     captured = capsys.readouterr()

@@ -1,0 +1,59 @@
+"""Memory of a joint graph: refused with an estimate before the work or while it grows, never a bare MemoryError."""
+
+import numpy as np
+import pytest
+
+from aspectgraph import AspectGraphError, MemoryLimitError, build_aspect_graph, compute_regions, graph_of, read_solid
+from aspectgraph.graph import aspect_graph
+from aspectgraph.graph.joint_memory import ERROR, estimate_joint_graph
+
+PART = "examples/two_pocket_block.off"
+_MIB = 2**20
+
+
+@pytest.fixture(scope="module")
+def regions():
+    solid = read_solid(PART)
+    return compute_regions(solid, {f"e{edge.id}": edge.id for edge in solid.straight_edges()[:12]})
+
+
+def test_a_graph_that_fits_is_the_same_with_and_without_a_limit(regions):
+    told = []
+    free = graph_of(regions)
+    limited = graph_of(regions, memory_limit_bytes=1e12, progress=lambda *values: told.append(values))
+    assert list(limited.graph.nodes(data="observable")) == list(free.graph.nodes(data="observable"))
+    assert [done for done, _, _ in told] == list(range(1, 13))
+    assert {tuple(rest) for _, *rest in told} == {(12, "joint graph")}
+
+
+def test_a_graph_far_too_large_is_refused_before_the_work(regions, monkeypatch):
+    monkeypatch.setattr(aspect_graph, "overlay", lambda *_, **__: pytest.fail("the work has begun"))
+    with pytest.raises(MemoryLimitError, match=r"12 entities must fit memory_limit_bytes.*estimated.*fewer entities"):
+        graph_of(regions, memory_limit_bytes=1000)
+
+
+def test_a_graph_that_grows_beyond_the_limit_ends_on_the_way(regions, monkeypatch):
+    within = estimate_joint_graph(list(regions._regions.values())).memory_bytes / ERROR
+    monkeypatch.setattr("aspectgraph.graph.joint_memory._OF_OVERLAY", 1e6)
+    with pytest.raises(MemoryLimitError, match=r"about .* GiB after \d+ of 12 entities"):
+        graph_of(regions, memory_limit_bytes=2 * within)
+
+
+def test_running_out_of_memory_is_an_error_of_the_package(regions, monkeypatch):
+    def exhausted(*_, **__):
+        raise MemoryError("Unable to allocate 7 GiB")
+
+    monkeypatch.setattr(aspect_graph, "carve", exhausted)
+    with pytest.raises(AspectGraphError, match=r"12 entities must fit.*Unable to allocate 7 GiB\).*fewer entities"):
+        graph_of(regions)
+
+
+@pytest.mark.parametrize("limit", [0, -1.0, np.nan])
+def test_a_limit_must_be_positive(regions, limit):
+    with pytest.raises(MemoryLimitError, match="memory_limit_bytes must be a positive number"):
+        graph_of(regions, memory_limit_bytes=limit)
+
+
+def test_building_takes_a_limit(regions):
+    with pytest.raises(MemoryLimitError, match="joint graph of 2 entities"):
+        build_aspect_graph(regions.solid, dict(list(regions.entities.items())[:2]), memory_limit_bytes=1)
