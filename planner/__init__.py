@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from planner.light.lamps import LampBox, LampDome
     from planner.light.light_plan import LightPlan, LitImage
     from planner.light.plan_light import plan_light
+    from planner.light.ring_space import RingSpace
     from planner.output.figure import plan_figure
     from planner.output.pose_files import write_poses
     from planner.output.predicted_image import predicted_image
@@ -83,6 +84,7 @@ _NAMES = {
         "LitImage",
     ),
     "planner.light.plan_light": ("plan_light",),
+    "planner.light.ring_space": ("RingSpace",),
     "planner.output.figure": ("plan_figure",),
     "planner.output.pose_files": ("write_poses",),
     "planner.output.predicted_image": ("predicted_image",),
@@ -138,6 +140,7 @@ __all__ = [
     "PoseUncertainty",
     "RequestError",
     "Requirements",
+    "RingSpace",
     "Search",
     "SensorSetting",
     "SimulationResult",
