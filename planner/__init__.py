@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from planner.light.lamps import LampBox, LampDome
     from planner.light.light_plan import LightPlan, LitImage
     from planner.light.plan_light import plan_light
+    from planner.light.ring_space import RingSpace
     from planner.optics.proposal import OpticsProposal, optics_table
     from planner.optics.propose import propose_optics
     from planner.output.figure import plan_figure
@@ -92,6 +93,7 @@ _NAMES = {
         "LitImage",
     ),
     "planner.light.plan_light": ("plan_light",),
+    "planner.light.ring_space": ("RingSpace",),
     "planner.output.figure": ("plan_figure",),
     "planner.output.pose_files": ("write_poses",),
     "planner.output.predicted_image": ("predicted_image",),
@@ -149,6 +151,7 @@ __all__ = [
     "PoseUncertainty",
     "RequestError",
     "Requirements",
+    "RingSpace",
     "Search",
     "SensorSetting",
     "SimulationResult",

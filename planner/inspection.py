@@ -112,8 +112,8 @@ def plan_inspection(
     reach : Region or callable, optional
         As in `plan_setting`.
     space : VisibilityRegions or EntityAspectGraph, optional
-        Visibility computed before, for these entities and this workspace. Or `compute_light` of them: then each edge
-        shows with its contrast under a ring light on the camera, wherever it counts as observable.
+        Visibility computed before, for these entities and this workspace. Or a `RingSpace` of them: then each edge
+        shows under a ring light on the camera, wherever it counts as observable.
     effort : Effort, optional
         How long to search. Default: ``Effort()``; where dimensions are planned, ``Effort.for_dimensions()``.
     localisation : Localisation, optional
@@ -251,9 +251,10 @@ def _basis(request: Request, seed: int, effort: Effort, gap: float) -> dict[str,
 
 
 def _ring(space: Space) -> dict[str, Any]:
-    """Return the contrast of a space in which the lamp is at the camera."""
-    contrast = getattr(getattr(space, "space", space), "contrast", None)
-    return {} if contrast is None else {"ring": contrast}
+    """Return contrast and step of a space in which the lamp is at the camera."""
+    own = getattr(space, "space", space)
+    contrast = getattr(own, "contrast", None)
+    return {} if contrast is None else {"ring": [contrast, getattr(own, "step", None)]}
 
 
 def _dimensions(request: Request) -> dict[str, Any]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from aspectgraph import (
     AspectGraphError,
+    LightRegions,
     ReadError,
     SolidChoice,
     compute_light,
@@ -47,6 +48,7 @@ from planner.files import check_file_place, output_folder
 from planner.inspection import plan_inspection
 from planner.inspection_options import InspectionOptions
 from planner.light.lamps import RING
+from planner.light.ring_space import RingSpace
 from planner.output import terminal_tables
 from planner.output.json_records import graph_record, part_record, plan_record, print_json
 from planner.output.plan_folder import PLAN_FILES, left_out, rescue, write_outputs
@@ -188,7 +190,7 @@ def _planned(
                 rng=options.seed,
                 **_limit_keywords(options),
                 **_ends(options, best),
-                space=regions,
+                space=RingSpace(regions, camera) if isinstance(regions, LightRegions) else regions,
                 localisation=wanted.localisation,
                 state=state,
                 executor=executor,

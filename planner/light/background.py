@@ -25,8 +25,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+DEFAULT_STEP = 0.05
+"""Ten grey levels where a face lit frontally has 200; a detector misses edges of five levels in noise of 1.5 %."""
+
 # points of an edge that are looked beside, and how far: so far that the detector's window is filled
-_SHARES = np.linspace(0.06, 0.94, 9)
+SHARES = np.linspace(0.06, 0.94, 9)
 _BESIDE_PX = 3.0
 # a ray that ends this share before the point has been stopped by something else
 _SHORT = 1e-3
@@ -79,18 +82,35 @@ def backdrops(
         edge = solid.edges[edge_id]
         start, end = solid.vertices[list(edge.vertices)]
         hidden = solid.normals[edge.faces[1 - edge.faces.index(face)]]
-        points = start + _SHARES[:, None] * (end - start)
-        sight = points - eye
-        # the edge is convex, as one face of it is hidden and it is not: outside of the seen face is before the other
-        across = np.cross(sight, end - start)
-        across *= np.where(across @ hidden < 0, -1.0, 1.0)[:, None] / np.linalg.norm(across, axis=1, keepdims=True)
-        rays = sight + _BESIDE_PX * pixel_rad * np.linalg.norm(sight, axis=1, keepdims=True) * across
+        points = start + SHARES[:, None] * (end - start)
+        rays = rays_beside(points - eye, end - start, hidden, pixel_rad)
         hit = scene.cast(eye, rays)
         for i in np.flatnonzero(np.isfinite(hit["t_hit"])):
             normal = hit["primitive_normals"][i].astype(np.float64)
             normal *= -np.sign(normal @ rays[i]) or 1.0
             found.append(Backdrop(points[i], solid.normals[face], eye + float(hit["t_hit"][i]) * rays[i], normal))
     return found
+
+
+def rays_beside(sight: Array, along: Array, hidden: Array, pixel_rad: float) -> Array:
+    """Return rays (..., 3) that pass silhouettes on their outer side.
+
+    Parameters
+    ----------
+    sight : array (..., 3)
+        From the camera to points of an edge, mm.
+    along : array (3,)
+        Along the edge.
+    hidden : array (3,) or (..., 3)
+        Normal of the face of it that is not seen. The edge is convex, as this is hidden and the edge is not: so beside
+        the face that is seen is before this one.
+    pixel_rad : float
+        Angle of a pixel.
+    """
+    across = np.cross(sight, along)
+    across *= np.where((across * hidden).sum(axis=-1) < 0, -1.0, 1.0)[..., None]
+    across /= np.linalg.norm(across, axis=-1, keepdims=True)
+    return np.asarray(sight + _BESIDE_PX * pixel_rad * np.linalg.norm(sight, axis=-1, keepdims=True) * across)
 
 
 def backdrop_contrasts(scene: RayScene, backdrop: tuple[Backdrop, ...], lamps: Array) -> tuple[Array, Array]:
@@ -103,10 +123,16 @@ def backdrop_contrasts(scene: RayScene, backdrop: tuple[Backdrop, ...], lamps: A
     for one in backdrop:
         (seen, near), (behind, far) = (_incidence(*side, lamps) for side in one.sides)
         behind[_shadowed(scene, one.behind, lamps)] = 0.0
-        even, falling = _michelson(seen, behind), _michelson(seen / near**2, behind / far**2)
-        least = np.where(even * falling > 0, np.minimum(np.abs(even), np.abs(falling)), 0.0)
-        contrast, step = np.minimum(contrast, least), np.minimum(step, np.abs(seen - behind))
+        contrast = np.minimum(contrast, sure_contrast((seen, near), (behind, far)))
+        step = np.minimum(step, np.abs(seen - behind))
     return contrast, step
+
+
+def sure_contrast(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
+    """Return the smaller contrast of two places, each with cosine and distance, with the fall of light and without."""
+    (seen, near), (behind, far) = one, other
+    even, falling = _michelson(seen, behind), _michelson(seen / near**2, behind / far**2)
+    return np.where(even * falling > 0, np.minimum(np.abs(even), np.abs(falling)), 0.0)
 
 
 def edge_steps(solid: Solid, entity: Entity, lamps: Array, silhouettes: Mapping[int, int]) -> Array:

@@ -14,6 +14,7 @@ from aspectgraph.light.light_regions import DEFAULT_CONTRAST, LightRegions, comp
 from aspectgraph.solid.ray_scene import RayScene
 from planner.cover.set_cover import min_cover
 from planner.exceptions import RequestError
+from planner.light.background import DEFAULT_STEP
 from planner.light.demands import Demands, Planned, demands_of
 from planner.light.fewest import Jobs, Search
 from planner.light.lamps import LampSpace, check_lamps_given
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
     from aspectgraph import Solid
 
 GROUNDS = ("dark", "bright")
-DEFAULT_STEP = 0.05
-"""Ten grey levels where a face lit frontally has 200; a detector misses edges of five levels in noise of 1.5 %."""
 _FIRST_PLACES = 3000
 # the workspace of the regions is so much larger than the lamps' space, as a share of it
 _ROOM = 0.01
