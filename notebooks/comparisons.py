@@ -260,7 +260,9 @@ for ax, ((part,), runs) in zip(axes.flat, anytime.items(), strict=False):
     for k, r in enumerate(r for r in runs if r["planner"] != "plan_inspection"):
         x, y, seen = float(r["seconds"]), int(r["settings"]), int(r["inspected"])
         if seen:
-            ax.plot(x, y, "os^D"[k], color=f"C{k + 1}", label=r["planner"], fillstyle="full" if seen >= most else "none")
+            ax.plot(
+                x, y, "os^D"[k], color=f"C{k + 1}", label=r["planner"], fillstyle="full" if seen >= most else "none"
+            )
     ax.set(xscale="log", title=f"{part}: {most:.0f} entities", ylim=(0, None))
     ax.xaxis.set_major_formatter("{x:g}")
     ax.yaxis.set_major_locator(plt.MaxNLocator(6, integer=True))
