@@ -15,7 +15,7 @@ The way
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 @with_keywords_of(InspectionOptions)
 def plan_inspection(
     solid: Solid,
-    entities: Mapping[str, Any],
+    entities: Mapping[str, Any] | Sequence[Any],
     camera: Camera,
     pose_uncertainty: PoseUncertainty,
     *,
@@ -77,8 +77,9 @@ def plan_inspection(
     ----------
     solid : Solid
         The part.
-    entities : mapping
-        Name to edge id or to two end points, whose length is measured; or to a `Dimension`.
+    entities : mapping or sequence
+        Name to edge id or to two end points, whose length is measured; or to a `Dimension`. Ids without names, such as
+        `select_entities` returns, are named ``"e<id>"``.
     camera : Camera
         The camera.
     pose_uncertainty : PoseUncertainty
@@ -166,7 +167,8 @@ def plan_inspection(
         raise RequestError("entities must hold at least one entity. Got none.")
     need = how.requirements(camera, pose_uncertainty)
     asked = _Asked(camera, pose_uncertainty, accuracy, probability, need)
-    request = _request(solid, entities, asked, how)
+    wanted = entities if isinstance(entities, Mapping) else _named(solid, entities)
+    request = _request(solid, wanted, asked, how)
     effort = how.effort or (Effort.for_dimensions() if request.dimensions else Effort())
     memo = PlanningState(_basis(request, seed, effort, watch.gap), how.state)
     incumbents = Incumbents(how.on_incumbent, watch)
@@ -212,6 +214,13 @@ def _request(solid: Solid, wanted: Mapping[str, Any], asked: _Asked, how: Inspec
     needs = {target.name: target.entities for target in targets}
     ends = {target.name: target.ends for target in targets}
     return Request(TargetSpace(space, needs, ends), tuple(needs), *asked, targets, localisation)
+
+
+def _named(solid: Solid, entities: Sequence[Any]) -> Mapping[str, Any]:
+    """Return entities without names under their ids."""
+    from aspectgraph import resolve_entities
+
+    return resolve_entities(solid, entities)
 
 
 def _visible(solid: Solid, entities: Mapping[str, Any], camera: Camera, how: InspectionOptions) -> Space:

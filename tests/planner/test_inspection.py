@@ -13,7 +13,8 @@ import pytest
 from box_requests import CAMERA, UNCERTAINTY, WORKSPACE, random_poses
 from grid_box import EDGES, BoxSpace
 
-from planner import PoseUncertainty
+from aspectgraph import read_solid
+from planner import Camera, PoseUncertainty
 from planner.bound.boxes.cells import Cells
 from planner.bound.excluded_pairs import find_conflicts
 from planner.bound.lower_bound import lower_bound
@@ -395,3 +396,13 @@ def promised_too_much(setting, judge):
     ends = dict(zip(judge.names, judge.ends, strict=True))
     rates = simulate_setting(setting, ends, CAMERA, UNCERTAINTY, accuracy=judge.accuracy, n=20_000, rng=7)
     return any(promises_too_much(rate) for rate in rates.values())
+
+
+def test_ids_without_names_are_named_by_them():
+    block = read_solid("examples/two_pocket_block.off")
+    effort = Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000)
+    camera = Camera.named("basler-acA2440-20gm-8mm")
+    uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+    plans = [plan_inspection(block, wanted, camera, uncertainty, effort=effort) for wanted in ([17], {"e17": 17})]
+    assert plans[0] == plans[1]
+    assert list(plans[0].entities) == ["e17"]

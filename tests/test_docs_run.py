@@ -1,0 +1,160 @@
+"""The commands and snippets of the tutorial and the guides run as printed; see also test_readme.py."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from planner import read_plan
+from planner.cli.main import build_parser, main
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "docs/tutorial.md", ROOT / "docs/dimensions.md", *sorted((ROOT / "docs/guides").glob("*.md"))]
+SNIPPET = re.compile(r"^```python\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
+COMMAND = re.compile(r"^    (aspectgraph .*)$", flags=re.MULTILINE)
+# minutes rather than seconds: read by the command line, but not run
+LONG = ("--dimensions",)
+
+
+def shown(page):
+    """The text of a page, its commands on a line each."""
+    return re.sub(r" *\\\n *", " ", page.read_text("utf-8"))
+
+
+def commands(page):
+    return [shlex.split(line, comments=True)[1:] for line in COMMAND.findall(shown(page))]
+
+
+def snippets(page):
+    return SNIPPET.findall(page.read_text("utf-8"))
+
+
+@pytest.fixture
+def clone(tmp_path, monkeypatch):
+    """A folder with the examples, to write to."""
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_all_that_is_shown_is_known_here(page):
+    """Of fenced blocks only Python and TOML are shown, and of commands only ours."""
+    text = shown(page)
+    kinds = re.findall(r"^```(\w*)$", text, flags=re.MULTILINE)[::2]
+    assert set(kinds) <= {"python", "toml"}
+    assert kinds.count("python") == len(snippets(page))
+    outside = re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL)
+    indented = [line for line in outside.splitlines() if line.startswith("    ")]
+    assert len(indented) == len(commands(page))
+    for words in commands(page):
+        options = build_parser().parse_args(words)
+        for name in ("part", "camera", "entities"):
+            value = getattr(options, name, None)
+            assert not str(value).startswith("examples/") or (ROOT / value).is_file()
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.stem)
+def test_commands_run_as_printed(page, clone, capsys):
+    run = [words for words in commands(page) if not any(option in words for option in LONG)]
+    assert run
+    for words in run:
+        assert main(words) == 0, words
+    if page.stem == "tutorial":
+        out = capsys.readouterr().out
+        assert "12 of 12 entities inspected from 1 setting" in out
+        assert "Proven minimal" in out
+        assert read_plan("plan/plan.json").complete
+        assert Path("edges.html").stat().st_size > 1e6
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if snippets(page)], ids=lambda page: page.stem)
+def test_snippets_run_as_printed(page, clone, capsys):
+    names = {"__name__": page.stem}
+    for snippet in snippets(page):
+        exec(compile(snippet, page.name, "exec"), names)
+    names["printed"] = capsys.readouterr().out
+    CHECKS[page.stem](names)
+
+
+def tutorial(names):
+    assert names["plan"].complete
+    assert len(names["plan"].entities) == 12
+    assert Path("plan.csv").read_text().count("\n") >= 13
+    assert "<svg" in Path("image.svg").read_text()
+    assert Path("poses_ros.yaml").is_file()
+
+
+def dimensions(names):
+    assert set(names["plan"].dimensions) == {"bore", "width", "front"}
+    # a quarter of half the tolerance's width
+    assert names["plan"].dimensions["bore"].permitted_error == 0.125
+    # the file states 12 dimensions, see the table on that page
+    assert names["printed"].count("\n") == 12
+
+
+def camera_and_tolerance(names):
+    # the thin lens: 1/8 = 1/300 + 1/d gives d = 8.219 mm; 50 mm at 300 mm in pixels of 3.45 um
+    assert names["pixels"] == pytest.approx(50 / 300 * (8 * 300 / 292) / 0.00345)
+
+
+def margins_and_budgets(names):
+    rows = names["plan"].rows()
+    assert {row["name"] for row in rows} == {"rim", "width"}
+    assert all(value >= 0 for row in rows for key, value in row.items() if key.startswith("margin_"))
+
+
+def pose_uncertainty(names):
+    import numpy as np
+
+    # of a normal displacement the distance is Maxwell's: mean 2 s sqrt(2/pi), variance s^2 (3 - 8/pi)
+    assert 2 * (2 / np.pi) ** 0.5 + 3 * (3 - 8 / np.pi) ** 0.5 == pytest.approx(3.62, abs=0.005)
+    # 20 poses: a standard deviation is off by 16 % itself, and four of these are rarely exceeded
+    assert names["measured"].sigmas == pytest.approx([0.1] * 3 + [0.0005] * 3, rel=0.64)
+    # rotations of 0.2 mrad about the flange move the camera by that times its lever arm, per axis by at most all of it
+    lever = float(np.hypot(60, 120)) * 0.0002
+    assert np.all(names["uncertainty"].sigmas[:3] <= (0.1**2 + (0.05 / 3.62) ** 2 + lever**2) ** 0.5 + 1e-12)
+
+
+def robot_programs(names):
+    import numpy as np
+
+    pose = names["pose"]
+    assert np.allclose(names["part2base"] @ names["plan"].settings[0].cam2world, pose @ names["cam2flange"])
+    cos, sin = (lambda t: np.cos(np.radians(t))), (lambda t: np.sin(np.radians(t)))
+
+    def about(axis, t):
+        i, j = [(1, 2), (2, 0), (0, 1)][axis]
+        turn = np.eye(3)
+        turn[[i, i, j, j], [i, j, i, j]] = cos(t), -sin(t), sin(t), cos(t)
+        return turn
+
+    # about z, then the new y, then the new x; and W, P, R about the fixed x, then y, then z
+    assert np.allclose(about(2, names["a"]) @ about(1, names["b"]) @ about(0, names["c"]), pose[:3, :3])
+    assert np.allclose(about(2, names["r"]) @ about(1, names["p"]) @ about(0, names["w"]), pose[:3, :3])
+    # the rotation vector is the axis, which the rotation leaves alone
+    axis = np.array([names["rx"], names["ry"], names["rz"]])
+    assert np.allclose(pose[:3, :3] @ axis, axis)
+    assert np.trace(pose[:3, :3]) == pytest.approx(1 + 2 * np.cos(np.linalg.norm(axis)))
+    # the matrix of a quaternion w x y z: its first column
+    w, x, y, z = names["qw"], names["qx"], names["qy"], names["qz"]
+    assert np.allclose(pose[:3, 0], [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)])
+
+
+def many_cores(names):
+    assert names["together"] == names["alone"]
+
+
+CHECKS = {
+    function.__name__.replace("_", "-"): function
+    for function in (
+        tutorial,
+        dimensions,
+        camera_and_tolerance,
+        margins_and_budgets,
+        pose_uncertainty,
+        robot_programs,
+        many_cores,
+    )
+}
