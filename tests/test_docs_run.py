@@ -66,7 +66,7 @@ def test_commands_run_as_printed(page, clone, capsys):
         assert "12 of 12 entities inspected from 1 setting" in out
         assert "Proven minimal" in out
         assert read_plan("plan/plan.json").complete
-        assert Path("edges.html").stat().st_size > 1e6
+        assert "<html" in Path("edges.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if snippets(page)], ids=lambda page: page.stem)

@@ -174,7 +174,7 @@ def test_a_request_to_terminate_keeps_the_state_too(folder, quick, capsys, monke
     assert signal.getsignal(signal.SIGTERM) == before
 
 
-@pytest.mark.parametrize("work", ["planner.cli.commands.compute_regions", "planner.steps.find_columns.judged_poses"])
+@pytest.mark.parametrize("work", ["planner.cli.commands.compute_regions", "planner.steps.incumbents.first_poses"])
 def test_resuming_is_not_offered_where_there_is_no_state(folder, quick, capsys, monkeypatch, work):
     def interrupt(*arguments, **options):
         raise KeyboardInterrupt
