@@ -249,7 +249,7 @@ for (part,), runs in anytime.items():
     print(f"{part:<14}{''.join(f'{text:>24}' for text in told)}{max(int(r['bound']) for r in ours):>10}")
 
 # %%
-fig, axes = plt.subplots(2, -(-len(anytime) // 2), figsize=(11, 6.4))
+fig, axes = plt.subplots(2, -(-len(anytime) // 2), figsize=(11, 6.4), squeeze=False)
 for ax, ((part,), runs) in zip(axes.flat, anytime.items(), strict=False):
     ours = [r for r in runs if r["planner"] == "plan_inspection"]
     most = column(ours, "inspected").max()
