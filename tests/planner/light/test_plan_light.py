@@ -1,12 +1,11 @@
 """Lamps for plans: known answers on a block and a step, bad input, and a check by rays."""
 
-from itertools import product
-
 import numpy as np
 import pytest
+from lit_parts import RIM, block, step
 from plan_examples import plan, setting
 
-from aspectgraph import LightError, Solid, contrast, read_solid, resolve_entities
+from aspectgraph import LightError, contrast, read_solid, resolve_entities
 from aspectgraph.light import silhouettes_from
 from aspectgraph.solid import RayScene
 from planner import RequestError, SphereRegion
@@ -15,24 +14,7 @@ from planner.light.lamps import LampBox, LampDome
 from planner.light.light_plan import LightPlan
 from planner.light.plan_light import plan_light
 
-QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 AROUND = LampBox((-500, -500, -500), (580, 550, 560))
-
-
-def block():
-    """The part of the hand-made plans."""
-    return Solid(list(product((0.0, 80), (0.0, 50), (0.0, 60))), QUADS, name="block")
-
-
-def step():
-    """Two flat floors, z = 10 for x < 30 and z = 0 beyond, both seen from above."""
-    outline = [(0, -5), (60, -5), (60, 0), (30, 0), (30, 10), (0, 10)]
-    n = len(outline)
-    vertices = [(x, y, z) for y in (0.0, 40.0) for x, z in outline]
-    sides = [(k, (k + 1) % n, n + (k + 1) % n, n + k) for k in range(n)]
-    return Solid(
-        vertices, [tuple(range(n)), tuple(range(2 * n - 1, n - 1, -1)), *[q[::-1] for q in sides]], name="step"
-    )
 
 
 def one_setting(position, names, entities, target):
@@ -44,7 +26,6 @@ def one_setting(position, names, entities, target):
     )
 
 
-RIM = {"rim": [[30.0, 0, 10], [30.0, 40, 10]]}
 ABOVE = one_setting((10.0, 20.0, 400.0), ["rim"], RIM, (30.0, 20.0, 10.0))
 
 

@@ -4,8 +4,8 @@ import pickle
 
 import numpy as np
 import pytest
+from lit_parts import RIM, block, step
 from plan_examples import CAMERA, plan, setting
-from test_plan_light import RIM, block, step
 
 from aspectgraph import compute_light, read_solid, resolve_entities
 from planner import RequestError, RingSpace, plan_light
