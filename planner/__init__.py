@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from errors.measurands import Localisation
+    from planner.batch.part_request import PartRequest
+    from planner.batch.part_result import PartResult
+    from planner.batch.plan_folder import plan_folder
     from planner.camera.camera import Camera
     from planner.camera.catalogue import camera_names
     from planner.camera.pose import look_at
@@ -47,6 +50,9 @@ if TYPE_CHECKING:
     from planner.wanted.planned import PlannedDimension
 
 _NAMES = {
+    "planner.batch.part_request": ("PartRequest",),
+    "planner.batch.part_result": ("PartResult",),
+    "planner.batch.plan_folder": ("plan_folder",),
     "errors.measurands": ("Localisation",),
     "planner.pose_prediction": ("PosePrediction", "predict"),
     "planner.wanted.dimension": ("Dimension",),
@@ -115,6 +121,8 @@ __all__ = [
     "Localisation",
     "MeshRegion",
     "OutputError",
+    "PartRequest",
+    "PartResult",
     "PlanFileError",
     "PlannedDimension",
     "PlannerError",
@@ -134,6 +142,7 @@ __all__ = [
     "look_at",
     "min_cover",
     "plan_figure",
+    "plan_folder",
     "plan_inspection",
     "plan_setting",
     "predict",

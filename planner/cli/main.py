@@ -27,6 +27,7 @@ examples:
   aspectgraph graph part.step --entities 12,15,31 --graphml graph.graphml
   aspectgraph plan part.step --entities edges.toml --camera basler-acA2440-20gm-25mm --out plan
   aspectgraph plan part.step --select "length > 20 and face = top" --camera camera.toml --out plan
+  aspectgraph batch parts --camera camera.toml --out plans
   aspectgraph simulate plan/plan.json
   aspectgraph cameras
 
@@ -114,6 +115,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_graph(commands)
     _add_dimensions(commands)
     _add_plan(commands)
+    _add_batch(commands)
     _add_simulate(commands)
     _add_cameras(commands)
     completion = commands.add_parser(
@@ -182,28 +184,7 @@ def _add_plan(commands: Any) -> None:
     plan.add_argument(
         "--share", type=float, default=0.25, metavar="S", help="part of a tolerance's half width, permitted as error"
     )
-    plan.add_argument("--camera", metavar="NAME|FILE", required=True, help="name of the catalogue, or a TOML file")
-    plan.add_argument("--accuracy", type=float, default=0.98, metavar="A", help="0.98 allows 2%% of an edge's length")
-    plan.add_argument("--probability", type=float, default=0.9, metavar="P", help="required probability of it")
-    plan.add_argument("--out", metavar="DIR", required=True, help="folder to write to")
-    plan.add_argument("--sigma-mm", type=float, default=0.2, metavar="MM", help="camera position, std. deviation")
-    plan.add_argument(
-        "--sigma-rad", type=float, default=0.002, metavar="RAD", help="camera orientation, std. deviation"
-    )
-    _add_limits(plan)
-    plan.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same plan")
-    plan.add_argument(
-        "--time-limit", type=float, metavar="S", help="end after so many seconds with the best plan so far"
-    )
-    plan.add_argument(
-        "--gap", type=float, default=0.0, metavar="G", help="0.2: end the search when 20%% of the settings are unproven"
-    )
-    plan.add_argument(
-        "--effort",
-        choices=("quick", "standard", "thorough"),
-        help="how long to search and to prove (default: standard)",
-    )
-    plan.add_argument("--simulate", type=int, default=10_000, metavar="N", help="displaced poses per setting")
+    _add_asked(plan)
     plan.add_argument(
         "--jobs", type=int, default=usable_cores(), metavar="N", help="processes to use, at most one per core"
     )
@@ -217,6 +198,51 @@ def _add_plan(commands: Any) -> None:
     )
     plan.add_argument("--force", action="store_true", help="replace a plan of another request in DIR")
     _add_workspace(plan)
+
+
+def _add_batch(commands: Any) -> None:
+    batch = _command(commands, "batch", "plan every part of a folder, on many processes")
+    batch.add_argument("folder", metavar="FOLDER", help="part files, in it or in folders of it")
+    which = batch.add_mutually_exclusive_group()
+    which.add_argument("--select", metavar="RULE", help="edges for which it holds, see plan --help (default: all)")
+    which.add_argument("--all", action="store_true", help="all sharp straight edges, as without it")
+    batch.add_argument("--units", metavar="UNIT", help="of meshes: mm, inch, m, ... (default: mm, m for .glb)")
+    _add_asked(batch)
+    batch.add_argument(
+        "--graph-limit", type=int, default=0, metavar="N", help="write the joint graph for up to so many entities"
+    )
+    batch.add_argument(
+        "--jobs", type=int, default=usable_cores(), metavar="N", help="parts at a time, at most one per core"
+    )
+    batch.add_argument(
+        "--scheduler", metavar="ADDRESS", help="of a Dask scheduler, like tcp://host:8786, to work there"
+    )
+
+
+def _add_asked(parser: argparse.ArgumentParser) -> None:
+    """Add what is asked of every plan."""
+    parser.add_argument("--camera", metavar="NAME|FILE", required=True, help="name of the catalogue, or a TOML file")
+    parser.add_argument("--accuracy", type=float, default=0.98, metavar="A", help="0.98 allows 2%% of an edge's length")
+    parser.add_argument("--probability", type=float, default=0.9, metavar="P", help="required probability of it")
+    parser.add_argument("--out", metavar="DIR", required=True, help="folder to write to")
+    parser.add_argument("--sigma-mm", type=float, default=0.2, metavar="MM", help="camera position, std. deviation")
+    parser.add_argument(
+        "--sigma-rad", type=float, default=0.002, metavar="RAD", help="camera orientation, std. deviation"
+    )
+    _add_limits(parser)
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same plan")
+    parser.add_argument(
+        "--time-limit", type=float, metavar="S", help="end after so many seconds with the best plan so far"
+    )
+    parser.add_argument(
+        "--gap", type=float, default=0.0, metavar="G", help="0.2: end the search when 20%% of the settings are unproven"
+    )
+    parser.add_argument(
+        "--effort",
+        choices=("quick", "standard", "thorough"),
+        help="how long to search and to prove (default: standard)",
+    )
+    parser.add_argument("--simulate", type=int, default=10_000, metavar="N", help="displaced poses per setting")
 
 
 def _add_limits(plan: argparse.ArgumentParser) -> None:
