@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from errors.measurands import Localisation
+    from planner.batch.part_request import PartRequest
+    from planner.batch.part_result import PartResult
+    from planner.batch.plan_folder import plan_folder
     from planner.camera.camera import Camera
     from planner.camera.catalogue import camera_names
     from planner.camera.distortion import Distortion
@@ -54,6 +57,9 @@ if TYPE_CHECKING:
     from planner.wanted.planned import PlannedDimension
 
 _NAMES = {
+    "planner.batch.part_request": ("PartRequest",),
+    "planner.batch.part_result": ("PartResult",),
+    "planner.batch.plan_folder": ("plan_folder",),
     "errors.measurands": ("Localisation",),
     "planner.pose_prediction": ("PosePrediction", "predict"),
     "planner.wanted.dimension": ("Dimension",),
@@ -144,6 +150,8 @@ __all__ = [
     "MeshRegion",
     "OpticsProposal",
     "OutputError",
+    "PartRequest",
+    "PartResult",
     "PlanFileError",
     "PlannedDimension",
     "PlannerError",
@@ -165,6 +173,7 @@ __all__ = [
     "min_cover",
     "optics_table",
     "plan_figure",
+    "plan_folder",
     "plan_inspection",
     "plan_light",
     "plan_setting",

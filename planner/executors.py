@@ -6,8 +6,10 @@ Results do not depend on the executor, so a task must depend on its arguments on
 from __future__ import annotations
 
 import hashlib
+import multiprocessing
 import os
 import pickle
+import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, TimeoutError
 from typing import Any
@@ -18,6 +20,9 @@ _MOST_RECEIVED = 4
 
 # between two calls of what is asked whether to go on
 _POLL_S = 0.1
+
+# signals that ask a process to end; not everywhere is there a terminal to be hung up
+TERMINATING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 # of compiled loops that release the interpreter's lock; no result depends on it
 THREADS = 2
@@ -104,3 +109,21 @@ def _checked(future: Future[Any], check: Callable[[], None]) -> Any:
 def _call(check: Callable[[], None] | None) -> None:
     if check is not None:
         check()
+
+
+def leave_signals_to_the_parent(parent: int) -> None:
+    """In a worker process, ignore an interruption from the keyboard, which every process gets; terminate at once.
+
+    Parameters
+    ----------
+    parent : int
+        Id of the process it works for. A forked worker dies with it: nobody else would end it.
+    """
+    # here, as the command line asks for help without it
+    from aspectgraph.processes import die_with
+
+    if multiprocessing.get_start_method() == "fork":
+        die_with(parent)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for one in TERMINATING:
+        signal.signal(one, signal.SIG_DFL)

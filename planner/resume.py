@@ -62,7 +62,7 @@ class PlanningState:
     """
 
     def __init__(self, request: dict[str, Any], path: str | os.PathLike[str] | None = None) -> None:
-        basis = {**request, "program": _program_version()}
+        basis = {**request, "program": program_version()}
         self.fingerprint = hashlib.sha256(json.dumps(basis, sort_keys=True).encode()).hexdigest()
         self.path = None if path is None else Path(path)
         self._outcomes: dict[str, dict[str, Any]] = {}
@@ -218,7 +218,8 @@ def _key(names: Iterable[str]) -> str:
     return json.dumps(sorted(names))
 
 
-def _program_version() -> str:
+def program_version() -> str:
+    """Return the version of the installed program."""
     try:
         return version("aspectgraph")
     except PackageNotFoundError:

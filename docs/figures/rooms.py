@@ -26,6 +26,7 @@ COLOURS = {"planner": "#dcebf7", "aspectgraph": "#e2f0dc", "errors": "#fbead2", 
 PLACES = {
     "planner": {
         "cli": (2.75, "options, commands, exit codes"),
+        "batch": (2.75, "all parts of a folder"),
         "inspection": (1.5, "the whole plan, step by step"),
         "pose_prediction": (0.2, "how sure from one pose"),
         "optics": (1.5, "which lens can do it"),

@@ -7,8 +7,8 @@ import os
 import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager, suppress
-from dataclasses import replace
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +30,10 @@ from aspectgraph import (
     write_graphml,
 )
 from aspectgraph.read.part_file import MESH_SUFFIXES
+from planner.batch.part_request import PartRequest
+from planner.batch.part_result import PLANNED, TABLES
+from planner.batch.plan_folder import plan_folder
+from planner.batch.scheduler import dask_executor
 from planner.camera.camera import Camera
 from planner.camera.catalogue import camera_names
 from planner.camera.pose_uncertainty import PoseUncertainty
@@ -40,10 +44,9 @@ from planner.cli.completion import completion_script
 from planner.cli.exit_codes import DONE, INCOMPLETE
 from planner.cli.folder_owner import asked_request, check_owner
 from planner.cli.light import check_places, lamps_for, read_lamps
-from planner.cli.signals import leave_signals_to_the_parent
 from planner.cli.wanted import chosen_entities, read_request
 from planner.exceptions import OutputError
-from planner.executors import usable_cores
+from planner.executors import leave_signals_to_the_parent, usable_cores
 from planner.files import check_file_place, output_folder
 from planner.inspection import plan_inspection
 from planner.inspection_options import InspectionOptions
@@ -276,6 +279,37 @@ def _resumable(state: Path) -> Iterator[None]:
         if state.exists():
             raise KeyboardInterrupt("'plan' continues from where it was with --resume") from None
         raise
+
+
+def batch(options: argparse.Namespace) -> int:
+    """Plan every part of a folder."""
+    uncertainty = PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad)
+    request = PartRequest(
+        read_camera(options.camera),
+        uncertainty,
+        accuracy=options.accuracy,
+        probability=options.probability,
+        seed=options.seed,
+        select=options.select,
+        units=options.units,
+        simulate=options.simulate,
+        graph_limit=options.graph_limit,
+        effort=Effort.named(options.effort or "standard"),
+        limits={**_limit_keywords(options), "time_limit_s": options.time_limit, "gap": options.gap},
+    )
+    workers = nullcontext() if options.scheduler is None else dask_executor(options.scheduler)
+    try:
+        with workers as executor, terminal_progress(quiet=options.quiet) as progress:
+            jobs = min(options.jobs, usable_cores())
+            results = plan_folder(options.folder, options.out, request, jobs=jobs, executor=executor, progress=progress)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("the same command goes on with the parts that are not done") from None
+    if options.json:
+        print_json([asdict(one) for one in results])
+    else:
+        terminal_tables.print_batch(results)
+        print("\n".join(os.path.relpath(Path(options.out) / name) for name in TABLES))
+    return DONE if all(one.status == PLANNED for one in results) else INCOMPLETE
 
 
 def simulate(options: argparse.Namespace) -> int:

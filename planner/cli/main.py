@@ -11,6 +11,17 @@ import argparse
 import sys
 from typing import Any, NoReturn
 
+from planner.cli.arguments import (
+    add_asked,
+    add_entities,
+    add_light,
+    add_limits,
+    add_part,
+    add_promise,
+    add_wanted,
+    add_workspace,
+    lengths,
+)
 from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 from planner.cli.signals import termination_as_interruption
 from planner.executors import usable_cores
@@ -27,6 +38,7 @@ examples:
   aspectgraph graph part.step --entities 12,15,31 --graphml graph.graphml
   aspectgraph plan part.step --entities edges.toml --camera basler-acA2440-20gm-25mm --out plan
   aspectgraph plan part.step --select "length > 20 and face = top" --camera camera.toml --out plan
+  aspectgraph batch parts --camera camera.toml --out plans
   aspectgraph simulate plan/plan.json
   aspectgraph cameras
   aspectgraph optics part.step --select "length > 20" --body basler-acA2440-20gm
@@ -115,6 +127,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_graph(commands)
     _add_dimensions(commands)
     _add_plan(commands)
+    _add_batch(commands)
     _add_simulate(commands)
     _add_cameras(commands)
     _add_optics(commands)
@@ -137,7 +150,7 @@ def _command(commands: Any, name: str, what: str) -> argparse.ArgumentParser:
 
 def _add_info(commands: Any) -> None:
     info = _command(commands, "info", "edges, rims and arcs of a part, with ids")
-    _add_part(info)
+    add_part(info)
     info.add_argument(
         "--picture",
         metavar="FILE",
@@ -149,8 +162,8 @@ def _add_info(commands: Any) -> None:
 
 def _add_graph(commands: Any) -> None:
     graph = _command(commands, "graph", "build and export the entity-based aspect graph")
-    _add_part(graph)
-    _add_entities(graph)
+    add_part(graph)
+    add_entities(graph)
     graph.add_argument("--graphml", metavar="FILE", required=True, help="GraphML for Gephi, yEd, Cytoscape, igraph")
     graph.add_argument(
         "--camera",
@@ -169,36 +182,20 @@ def _add_graph(commands: Any) -> None:
         metavar="GIB",
         help="end with an estimate if the graph takes more than about so much memory (default: what is free)",
     )
-    _add_workspace(graph)
+    add_workspace(graph)
 
 
 def _add_dimensions(commands: Any) -> None:
     dimensions = _command(commands, "dimensions", "dimensions an AP242 file states, and how to measure them")
-    _add_part(dimensions)
+    add_part(dimensions)
 
 
 def _add_plan(commands: Any) -> None:
     plan = _command(commands, "plan", "plan the inspection and write plan, graph, report, poses")
-    _add_part(plan)
-    _add_wanted(plan)
-    plan.add_argument("--camera", metavar="NAME|FILE", required=True, help="name of the catalogue, or a TOML file")
-    plan.add_argument("--out", metavar="DIR", required=True, help="folder to write to")
-    _add_promise(plan)
-    _add_limits(plan)
-    _add_light(plan)
-    plan.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same plan")
-    plan.add_argument(
-        "--time-limit", type=float, metavar="S", help="end after so many seconds with the best plan so far"
-    )
-    plan.add_argument(
-        "--gap", type=float, default=0.0, metavar="G", help="0.2: end the search when 20%% of the settings are unproven"
-    )
-    plan.add_argument(
-        "--effort",
-        choices=("quick", "standard", "thorough"),
-        help="how long to search and to prove (default: standard)",
-    )
-    plan.add_argument("--simulate", type=int, default=10_000, metavar="N", help="displaced poses per setting")
+    add_part(plan)
+    add_wanted(plan)
+    add_asked(plan)
+    add_light(plan)
     plan.add_argument(
         "--jobs", type=int, default=usable_cores(), metavar="N", help="processes to use, at most one per core"
     )
@@ -211,73 +208,25 @@ def _add_plan(commands: Any) -> None:
         help="write graph.graphml, the joint graph, for up to so many entities",
     )
     plan.add_argument("--force", action="store_true", help="replace a plan of another request in DIR")
-    _add_workspace(plan)
+    add_workspace(plan)
 
 
-def _add_wanted(parser: argparse.ArgumentParser) -> None:
-    """Add what is to be measured, and how points are found."""
-    _add_entities(parser).add_argument(
-        "--dimensions", metavar="FILE|all", help="TOML or JSON file of dimensions, or all that the part (AP242) states"
+def _add_batch(commands: Any) -> None:
+    batch = _command(commands, "batch", "plan every part of a folder, on many processes")
+    batch.add_argument("folder", metavar="FOLDER", help="part files, in it or in folders of it")
+    which = batch.add_mutually_exclusive_group()
+    which.add_argument("--select", metavar="RULE", help="edges for which it holds, see plan --help (default: all)")
+    which.add_argument("--all", action="store_true", help="all sharp straight edges, as without it")
+    batch.add_argument("--units", metavar="UNIT", help="of meshes: mm, inch, m, ... (default: mm, m for .glb)")
+    add_asked(batch)
+    batch.add_argument(
+        "--graph-limit", type=int, default=0, metavar="N", help="write the joint graph for up to so many entities"
     )
-    parser.add_argument(
-        "--localisation",
-        metavar="MODEL",
-        help="how well points are found: rounding, gaussian[:SIGMA] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px "
-        "(default: rounding for entities, gaussian:0.1 for dimensions)",
+    batch.add_argument(
+        "--jobs", type=int, default=usable_cores(), metavar="N", help="parts at a time, at most one per core"
     )
-    parser.add_argument(
-        "--share", type=float, default=0.25, metavar="S", help="part of a tolerance's half width, permitted as error"
-    )
-
-
-def _add_promise(parser: argparse.ArgumentParser) -> None:
-    """Add what is to be promised of a measurement, and how far the camera may be from its planned pose."""
-    parser.add_argument("--accuracy", type=float, default=0.98, metavar="A", help="0.98 allows 2%% of an edge's length")
-    parser.add_argument("--probability", type=float, default=0.9, metavar="P", help="required probability of it")
-    parser.add_argument("--sigma-mm", type=float, default=0.2, metavar="MM", help="camera position, std. deviation")
-    parser.add_argument(
-        "--sigma-rad", type=float, default=0.002, metavar="RAD", help="camera orientation, std. deviation"
-    )
-
-
-def _add_limits(plan: argparse.ArgumentParser) -> None:
-    """Add what every setting must satisfy beside the accuracy."""
-    limits = plan.add_argument_group("limits", "what every setting must satisfy; plan.json and the report tell them")
-    limits.add_argument("--stand-off", type=float, default=50.0, metavar="MM", help="smallest distance from the part")
-    limits.add_argument(
-        "--min-length-px", type=float, default=20.0, metavar="PX", help="shortest image of an edge that is measured"
-    )
-    limits.add_argument(
-        "--field-margin-px",
-        type=float,
-        metavar="PX",
-        help="strip along the sensor's sides to keep free (default: four standard deviations of the image's motion)",
-    )
-    limits.add_argument(
-        "--focus-margin-mm", type=float, default=0.0, metavar="MM", help="taken from both ends of the depth of field"
-    )
-    limits.add_argument(
-        "--visibility-radius-mm",
-        type=float,
-        metavar="MM",
-        help="all must be visible from so far around the camera, too (default: three standard deviations)",
-    )
-
-
-def _add_light(plan: argparse.ArgumentParser) -> None:
-    """Add which lamps there are."""
-    light = plan.add_argument_group("light", "lamps that make the edges show; matt parts, one lamp at a time")
-    light.add_argument(
-        "--light",
-        metavar="LAMPS",
-        help="ring (on the camera); lamps to be placed in box:X0,Y0,Z0,X1,Y1,Z1 or on dome:X,Y,Z,RADIUS[,LOWEST]; "
-        "fixed ones at:X,Y,Z[;X,Y,Z...] or a TOML file with lamps = [[X, Y, Z], ...]; in mm (default: no lamps)",
-    )
-    light.add_argument(
-        "--contrast", type=float, default=0.1, metavar="C", help="least contrast of an edge, (I1 - I2) / (I1 + I2)"
-    )
-    light.add_argument(
-        "--ground", choices=("dark", "bright"), default="dark", help="what is behind the part; bright: a back light"
+    batch.add_argument(
+        "--scheduler", metavar="ADDRESS", help="of a Dask scheduler, like tcp://host:8786, to work there"
     )
 
 
@@ -296,77 +245,16 @@ def _add_cameras(commands: Any) -> None:
 
 def _add_optics(commands: Any) -> None:
     optics = _command(commands, "optics", "which body, lens, distance and aperture measure a part, and how well")
-    _add_part(optics)
-    _add_wanted(optics)
+    add_part(optics)
+    add_wanted(optics)
     told = "only this body; can be given again (default: all of 'cameras --sources')"
     optics.add_argument("--body", action="append", metavar="NAME", help=told)
     told = "working distances to be tried, from the front nodal point (default: 100 to 1600 in seven steps)"
-    optics.add_argument("--distances", type=_lengths, metavar="MM,MM", help=told)
+    optics.add_argument("--distances", type=lengths, metavar="MM,MM", help=told)
     optics.add_argument("--rows", type=int, default=10, metavar="N", help="rows of the table, at most")
-    _add_promise(optics)
-    _add_limits(optics)
-    _add_workspace(optics)
-
-
-def _lengths(text: str) -> list[float]:
-    """Return numbers separated by commas."""
-    try:
-        return [float(number) for number in text.split(",")]
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"must be numbers like 250,400. Got {text!r}.") from None
-
-
-def _add_part(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("part", metavar="PART", help=".step .stp .stl .obj .ply .off .glb")
-    parser.add_argument("--units", metavar="UNIT", help="of a mesh: mm, inch, m, ... (default: mm, m for .glb)")
-    parser.add_argument("--solids", type=_numbers, metavar="N,N", help="which solids of a STEP file, counted from 0")
-    parser.add_argument(
-        "--occluders",
-        type=_all_or_numbers,
-        metavar="all|N,N",
-        help="solids that only stand in the way; all: those --solids does not name",
-    )
-    parser.add_argument("--gap-mm", type=float, metavar="MM", help="widest gap between a STEP file's edges and faces")
-
-
-def _numbers(text: str) -> list[int]:
-    """Return whole numbers separated by commas."""
-    numbers = text.split(",")
-    if not all(number.strip().isascii() and number.strip().isdigit() for number in numbers):
-        raise argparse.ArgumentTypeError(f"must be whole numbers like 0,2. Got {text!r}.")
-    return [int(number) for number in numbers]
-
-
-def _all_or_numbers(text: str) -> str | list[int]:
-    return text if text == "all" else _numbers(text)
-
-
-def _add_entities(parser: argparse.ArgumentParser) -> argparse._MutuallyExclusiveGroup:
-    """Add the choice of entities; return the group, of which one is required."""
-    which = parser.add_mutually_exclusive_group(required=True)
-    which.add_argument(
-        "--entities",
-        metavar="FILE|IDS|all",
-        help="TOML, JSON or CSV file, ids like 3,17-21,r2, end points like '(0,0,10)-(25,0,10)', or all",
-    )
-    which.add_argument(
-        "--select",
-        metavar="RULE",
-        help="by conditions joined by 'and': length > 20, turn < 100, convex, reentrant, kind = rim, direction = z, "
-        "face = top (bottom, left, right, front, back: of the part's box), near 10,20,30 < 5",
-    )
-    which.add_argument("--all", dest="entities", action="store_const", const="all", help="all sharp straight edges")
-    return which
-
-
-def _add_workspace(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--workspace",
-        type=float,
-        nargs=6,
-        metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
-        help="opposite corners of the box the camera may be in, mm",
-    )
+    add_promise(optics)
+    add_limits(optics)
+    add_workspace(optics)
 
 
 def _version() -> str:

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from planner.verify.simulate_setting import SuccessRate
 
 _MOST_ROWS = 60
+# of a part in a batch, the best first
+_STATUSES = ("planned", "incomplete", "refused", "failed")
 
 
 def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> None:
@@ -291,6 +293,19 @@ def _table(*columns: tuple[str, JustifyMethod]) -> Table:
     for title, justify in columns:
         table.add_column(title, justify=justify, overflow="fold")
     return table
+
+
+def print_batch(results: Sequence[Any]) -> None:
+    """Print how many parts are planned, and of the others the reasons (`PartResult`)."""
+    console = _console()
+    counts = {status: sum(one.status == status for one in results) for status in _STATUSES}
+    told = ", ".join(f"{n} {status}" for status, n in counts.items() if n)
+    console.print(f"{count(len(results), 'part')}: {told}")
+    lacking = [one for one in results if one.status != _STATUSES[0]]
+    for one in lacking[:_MOST_ROWS]:
+        console.print(f"{one.part} is {one.status}: {one.reason}", markup=False, highlight=False)
+    if len(lacking) > _MOST_ROWS:
+        console.print(f"and {len(lacking) - _MOST_ROWS} more, see the tables")
 
 
 def _console() -> Console:

@@ -1,0 +1,95 @@
+"""What came of a part: a record beside its plan, and the table of all parts."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from planner.exceptions import PlanFileError
+from planner.files import write_text
+from planner.records.json_file import read_json
+
+RECORD, PLAN, TABLES = "result.json", "plan.json", ("results.json", "results.csv")
+PLANNED, INCOMPLETE, REFUSED, FAILED = "planned", "incomplete", "refused", "failed"
+
+
+@dataclass(frozen=True)
+class PartResult:
+    """What came of a part.
+
+    Attributes
+    ----------
+    part : str
+        Its file, relative to the folder of the parts.
+    status : {"planned", "incomplete", "refused", "failed"}
+        Incomplete: some entity cannot be inspected, or the simulation contradicts the plan. Refused: the part or the
+        request breaks a rule, and would again. Failed: something else went wrong; the next call tries again.
+    reason : str
+        Why there is no plan, or what it lacks; else empty.
+    entities, settings, lower_bound : int
+        Numbers of the plan, 0 without one.
+    seconds : float
+        What it took.
+    file_sha256, request, plan_sha256 : str
+        Digests of the part file, the request and ``plan.json``: they say whether the result is still valid.
+    """
+
+    part: str
+    status: str
+    reason: str = ""
+    entities: int = 0
+    settings: int = 0
+    lower_bound: int = 0
+    seconds: float = 0.0
+    file_sha256: str = ""
+    request: str = ""
+    plan_sha256: str = ""
+
+    def write(self, folder: Path) -> None:
+        """Write the record beside the plan."""
+        write_text(folder / RECORD, json.dumps(asdict(self), indent=1) + "\n")
+
+
+def found_again(part: str, folder: Path, file_sha256: str, request: str) -> PartResult | None:
+    """Return the result of an earlier call, if it holds for this file and this request; else None.
+
+    A failure is no result. A plan that is gone, or is not the one that was written, is made again.
+    """
+    try:
+        data = read_json(folder / RECORD, "result")
+        result = PartResult(**data)
+    except (PlanFileError, TypeError):
+        return None
+    asked = (part, file_sha256, request)
+    if (result.part, result.file_sha256, result.request) != asked or result.status == FAILED:
+        return None
+    return result if result.status == REFUSED or digest_of(folder / PLAN) == result.plan_sha256 else None
+
+
+def digest_of(path: Path) -> str:
+    """Return the SHA-256 of a file, or nothing if it cannot be read."""
+    digest = hashlib.sha256()
+    try:
+        with open(path, "rb") as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
+    except OSError:
+        return ""
+    return digest.hexdigest()
+
+
+def write_tables(results: Iterable[PartResult], out: Path) -> None:
+    """Write ``results.json`` and ``results.csv``, a row per part, in the order of their names."""
+    rows: list[dict[str, Any]] = [asdict(one) for one in sorted(results, key=lambda one: one.part)]
+    write_text(out / TABLES[0], json.dumps(rows, indent=1) + "\n")
+    text = io.StringIO()
+    table = csv.DictWriter(text, [one.name for one in fields(PartResult)], lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    write_text(out / TABLES[1], text.getvalue())

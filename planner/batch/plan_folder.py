@@ -1,0 +1,130 @@
+"""Every part of a folder planned; what was done before is found again."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from pathlib import Path
+
+from aspectgraph.read.part_file import MESH_SUFFIXES, STEP_SUFFIXES
+from planner.batch.part_request import PartRequest
+from planner.batch.part_result import PartResult, digest_of, found_again, write_tables
+from planner.batch.workers import Task, on_executor, on_own_processes
+from planner.exceptions import RequestError
+from planner.files import output_folder
+from planner.progress import Progress, report
+from planner.request.defaults import check_count
+
+# between two writings of the table while parts are planned
+_TABLE_S = 10.0
+
+
+def plan_folder(
+    folder: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    request: PartRequest,
+    *,
+    jobs: int = 1,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> list[PartResult]:
+    """Plan every part of a folder, each in a folder of its own.
+
+    **Guarantee.** There is a result for every part: a plan, or one reason. What is done stays, whatever happens then:
+    the same call finds it again, as long as file, request and program are the same. The plans do not depend on the
+    executor.
+
+    Parameters
+    ----------
+    folder : path
+        Its part files, and those of the folders in it.
+    out : path
+        Where ``results.json``, ``results.csv`` and, for every part, a folder with the name of its file are written.
+    request : PartRequest
+        What is asked for every part.
+    jobs : int
+        Processes of this machine. One that dies is replaced; a part on which it dies alone is given up.
+    executor : concurrent.futures.Executor, optional
+        Plans the parts instead: ``dask.distributed.Client(...).get_executor()``. Its workers must see both folders
+        under the same names.
+    progress : callable, optional
+        ``progress(done, total, "parts")``; an exception it raises ends the work.
+
+    Returns
+    -------
+    list of PartResult
+        In the order of the names of the parts.
+
+    Raises
+    ------
+    RequestError
+        If the folder holds no part file, or a number breaks its rule.
+    OutputError
+        If nothing can be written.
+    """
+    check_count("jobs", jobs, 1)
+    source = Path(folder).absolute()
+    with output_folder(out, (), "out") as target:
+        results: dict[str, PartResult] = {}
+        waiting: list[Task] = []
+        for path in part_files(source, target):
+            name, place = _as_text(path.relative_to(source)), target / path.relative_to(source)
+            known = found_again(name, place, digest_of(path), request.fingerprint)
+            if known is None:
+                waiting.append(Task(request, name, path, place))
+            else:
+                results[name] = known
+        total, told = len(results) + len(waiting), time.monotonic()
+        report(progress, len(results), total, "parts")
+        try:
+            for result in _planned(waiting, jobs, executor):
+                results[result.part] = result
+                report(progress, len(results), total, "parts")
+                if time.monotonic() - told > _TABLE_S:
+                    write_tables(results.values(), target)
+                    told = time.monotonic()
+        finally:
+            write_tables(results.values(), target)
+    return sorted(results.values(), key=lambda one: one.part)
+
+
+def part_files(folder: Path, out: Path) -> list[Path]:
+    """Return the part files in a folder and those in it, but for those of the output, in order.
+
+    Raises
+    ------
+    RequestError
+        If there are none.
+    """
+    found = [
+        path
+        for path in sorted(folder.rglob("*"))
+        if _is_part(path) and path.is_file() and (out == folder or out not in path.parents)
+    ]
+    if not found:
+        raise RequestError(f"the folder of parts must hold part files ({_kinds()}). Got {_as_text(folder)}.")
+    return found
+
+
+def _is_part(path: Path) -> bool:
+    suffixes = [suffix.lower() for suffix in path.suffixes]
+    packed = suffixes[-1:] == [".gz"]
+    return bool(suffixes) and suffixes[-1 - packed :][:1][0] in (*STEP_SUFFIXES, *MESH_SUFFIXES)
+
+
+def _kinds() -> str:
+    return " ".join((*STEP_SUFFIXES, *MESH_SUFFIXES))
+
+
+def _as_text(path: Path) -> str:
+    """Return a path as text that can be written; names of files need not be Unicode."""
+    return os.fsencode(path).decode("utf-8", "backslashreplace")
+
+
+def _planned(waiting: list[Task], jobs: int, executor: Executor | None) -> Iterator[PartResult]:
+    if executor is not None:
+        yield from on_executor(waiting, executor)
+    else:
+        yield from on_own_processes(waiting, jobs)

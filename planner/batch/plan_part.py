@@ -1,0 +1,117 @@
+"""One part of a folder, from its file to its plan: what a worker does."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from aspectgraph import AspectGraphError, compute_regions, read_entities, read_solid, resolve_entities, select_entities
+from errors.exceptions import MeasurementModelError
+from ga.exceptions import GAError
+from planner.batch.part_request import PartRequest
+from planner.batch.part_result import (
+    FAILED,
+    INCOMPLETE,
+    PLAN,
+    PLANNED,
+    REFUSED,
+    PartResult,
+    digest_of,
+    found_again,
+)
+from planner.exceptions import PlanFileError, PlannerError
+from planner.inspection import plan_inspection
+from planner.output.plan_folder import write_outputs
+from planner.plan import InspectionPlan
+from planner.request.defaults import default_workspace
+
+STATE = "planning-state.json"
+_OWN = (AspectGraphError, MeasurementModelError, GAError, PlannerError)
+# of ours, too, but not the fault of part or request: a disk that is full, a package that is not there
+_OUTER = (OSError, MemoryError, ImportError)
+
+
+def plan_part(request: PartRequest, part: str, path: Path, folder: Path) -> PartResult:
+    """Plan one part and write everything about it; whatever goes wrong is the result's reason.
+
+    Parameters
+    ----------
+    request : PartRequest
+    part : str
+        What the result calls the part.
+    path, folder : pathlib.Path
+        Its file, and where to write. A state that is there is resumed.
+
+    Returns
+    -------
+    PartResult
+        It is written, too, if that is possible.
+    """
+    file_sha256, fingerprint, begun = digest_of(path), request.fingerprint, time.monotonic()
+    known = found_again(part, folder, file_sha256, fingerprint)
+    if known is not None:
+        return known
+    blank = PartResult(part, FAILED, file_sha256=file_sha256, request=fingerprint)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        result = _described(blank, _planned(request, path, folder), folder)
+    except Exception as error:
+        refused = isinstance(error, _OWN) and not isinstance(error, _OUTER)
+        result = replace(blank, status=REFUSED if refused else FAILED, reason=reason_of(error))
+    result = replace(result, seconds=round(time.monotonic() - begun, 3))
+    try:
+        result.write(folder)
+    except OSError as error:
+        return replace(blank, reason=reason_of(error))
+    return result
+
+
+def reason_of(error: BaseException) -> str:
+    """Return an error in one line; of errors that are not ours with the kind."""
+    text = " ".join(str(error).split()).encode("utf-8", "backslashreplace").decode("utf-8")
+    return text if isinstance(error, _OWN) and text else f"{type(error).__name__}: {text}".rstrip(": ")
+
+
+def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
+    """Read, plan, simulate and write."""
+    solid = read_solid(path, units=request.units)
+    if request.select is None:
+        entities = read_entities("all", solid)
+    else:
+        entities = resolve_entities(solid, select_entities(solid, request.select))
+    regions = compute_regions(solid, entities, workspace=default_workspace(solid, request.camera))
+    state = folder / STATE
+    keywords: dict[str, Any] = {name: value for name, value in request.limits.items() if value is not None}
+    keywords |= {"workspace": regions.workspace, "space": regions, "effort": request.effort, "state": state}
+    keywords |= {"accuracy": request.accuracy, "probability": request.probability, "rng": request.seed}
+    plan = partial(plan_inspection, solid, entities, request.camera, request.pose_uncertainty, **keywords)
+    try:
+        found = plan()
+    except PlanFileError:
+        # of another request, or damaged
+        state.unlink(missing_ok=True)
+        found = plan()
+    found = found.simulated(request.simulate, rng=request.seed)
+    write_outputs(found, regions, folder, graph_limit=request.graph_limit)
+    state.unlink(missing_ok=True)
+    return found
+
+
+def _described(blank: PartResult, found: InspectionPlan, folder: Path) -> PartResult:
+    """Return the result of a plan that is written."""
+    reasons = [f"{name}: {reason}" for name, reason in found.uninspectable.items()]
+    simulation = found.simulation
+    if simulation is not None and not simulation.confirmed:
+        reasons.append("the simulation contradicts the plan")
+    return replace(
+        blank,
+        status=INCOMPLETE if reasons else PLANNED,
+        reason="; ".join(reasons),
+        entities=len(found.entities),
+        settings=len(found.settings),
+        lower_bound=int(found.lower_bound),
+        plan_sha256=digest_of(folder / PLAN),
+    )

@@ -1,0 +1,180 @@
+"""A folder of parts: every part has a result, what is done is found again, and a worker that dies costs nothing."""
+
+import csv
+import json
+import multiprocessing
+import os
+import signal
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import pytest
+
+from planner import Camera, Effort, OutputError, PartRequest, PoseUncertainty, RequestError, plan_folder
+from planner.batch import plan_part as plan_part_module
+from planner.batch import workers
+from planner.batch.part_result import digest_of
+from planner.cli.exit_codes import BAD_INPUT, INCOMPLETE
+from planner.cli.main import main
+from planner.plan import read_plan
+
+forked = pytest.mark.skipif(multiprocessing.get_start_method() != "fork", reason="workers inherit what is patched")
+
+
+def box(x, y, z):
+    corners = [(i, j, k) for k in (0, z) for i, j in ((0, 0), (x, 0), (x, y), (0, y))]
+    faces = ("3 2 1 0", "4 5 6 7", "0 1 5 4", "2 3 7 6", "1 2 6 5", "0 4 7 3")
+    lines = ["OFF", "8 6 12", *(" ".join(map(str, corner)) for corner in corners), *(f"4 {face}" for face in faces)]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.fixture
+def parts(tmp_path):
+    folder = tmp_path / "parts"
+    (folder / "more").mkdir(parents=True)
+    (folder / "a.off").write_text(box(80, 50, 40))
+    (folder / "more" / "a.off").write_text(box(70, 50, 40))
+    (folder / "torn.stl").write_text("solid")
+    (folder / "readme.txt").write_text("no part")
+    return folder
+
+
+@pytest.fixture
+def request_():
+    return PartRequest(
+        Camera.named("basler-acA2440-20gm-8mm"),
+        PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001),
+        accuracy=0.95,
+        select="length > 60 and face = top",
+        simulate=100,
+        effort=Effort(viewpoints=5, pricing_rounds=1, refutations=0, bound_nodes=10),
+    )
+
+
+def test_every_part_has_a_result_and_is_found_again(parts, request_, tmp_path, monkeypatch):
+    out, told = tmp_path / "out", []
+    results = plan_folder(parts, out, request_, progress=lambda *values: told.append(values))
+    assert [(one.part, one.status) for one in results] == [
+        ("a.off", "planned"),
+        ("more/a.off", "planned"),
+        ("torn.stl", "refused"),
+    ]
+    assert "STL file must end with endsolid" in results[2].reason
+    assert told[-1] == (3, 3, "parts")
+    for one in results[:2]:
+        found = read_plan(out / one.part / "plan.json")
+        assert (one.entities, one.settings, one.lower_bound) == (2, len(found.settings), found.lower_bound)
+        assert one.file_sha256 == digest_of(parts / one.part)
+    rows = json.loads((out / "results.json").read_text())
+    assert [row["part"] for row in rows] == [one.part for one in results]
+    with open(out / "results.csv", newline="") as table:
+        assert [row["status"] for row in csv.DictReader(table)] == ["planned", "planned", "refused"]
+    assert not list(out.rglob("planning-state.json"))
+
+    monkeypatch.setattr(workers, "plan_part", lambda *_: pytest.fail("planned again"))
+    assert plan_folder(parts, out, request_, executor=ThreadPoolExecutor(1)) == results
+
+
+def test_what_changed_is_planned_again(parts, request_, tmp_path, monkeypatch):
+    out, again = tmp_path / "out", []
+    with ThreadPoolExecutor(1) as executor:
+        plan_folder(parts, out, request_, executor=executor)
+        before = (out / "a.off" / "plan.json").read_bytes()
+        true_plan = workers.plan_part
+        monkeypatch.setattr(workers, "plan_part", lambda *task: again.append(task[1]) or true_plan(*task))
+
+        def planned(request=request_):
+            again.clear()
+            plan_folder(parts, out, request, executor=executor)
+            return again
+
+        assert planned() == []
+        (out / "a.off" / "plan.json").write_text("{}")
+        assert planned() == ["a.off"]
+        assert (out / "a.off" / "plan.json").read_bytes() == before
+        (parts / "more" / "a.off").write_text(box(75, 50, 40))
+        assert planned() == ["more/a.off"]
+        (out / "torn.stl" / "result.json").write_text("{")
+        assert planned() == ["torn.stl"]
+        assert planned(replace(request_, seed=1)) == ["a.off", "more/a.off", "torn.stl"]
+
+
+def _planned_by_a_mortal(request, part, path, folder):
+    """Kill the process: on one part always, on another the first time."""
+    fell = folder.parent / f"{folder.name}.fell"
+    if part == "torn.stl" or (part == "a.off" and not fell.exists()):
+        fell.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return plan_part_module.plan_part(request, part, path, folder)
+
+
+@forked
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_worker_that_dies_costs_only_the_part_that_kills_it(parts, request_, tmp_path, monkeypatch, jobs):
+    monkeypatch.setattr(workers, "plan_part", _planned_by_a_mortal)
+    out = tmp_path / "out"
+    results = plan_folder(parts, out, request_, jobs=jobs)
+    assert [one.status for one in results] == ["planned", "planned", "failed"]
+    assert "the process that planned it died" in results[2].reason
+    monkeypatch.undo()
+    # a failure is tried again, the rest is found
+    again = plan_folder(parts, out, request_, jobs=jobs)
+    assert again[:2] == results[:2]
+    assert again[2].status == "refused"
+
+
+def test_errors_that_are_not_ours_are_failures_with_their_kind(parts, request_, tmp_path, monkeypatch):
+    def wrong(*_, **__):
+        raise ZeroDivisionError("by nought")
+
+    monkeypatch.setattr(plan_part_module, "read_solid", wrong)
+    with ThreadPoolExecutor(1) as executor:
+        results = plan_folder(parts, tmp_path / "out", request_, executor=executor)
+    assert {(one.status, one.reason) for one in results} == {("failed", "ZeroDivisionError: by nought")}
+
+
+def test_an_interruption_keeps_what_is_done(parts, request_, tmp_path):
+    def interrupt(done, *_):
+        if done == 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        plan_folder(parts, tmp_path / "out", request_, progress=interrupt)
+    assert [row["part"] for row in json.loads((tmp_path / "out" / "results.json").read_text())] == ["a.off"]
+
+
+def test_bad_input(parts, request_, tmp_path):
+    with pytest.raises(RequestError, match=r"must hold part files \(\.step"):
+        plan_folder(tmp_path / "none", tmp_path / "out", request_)
+    with pytest.raises(RequestError, match="jobs must be an integer of at least 1"):
+        plan_folder(parts, tmp_path / "out", request_, jobs=0)
+    with pytest.raises(OutputError, match="out must be a folder"):
+        plan_folder(parts, parts / "a.off", request_)
+    with pytest.raises(RequestError, match="limits must be of stand_off_mm"):
+        replace(request_, limits={"colour": 1.0})
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_command(parts, tmp_path, capsys):
+    command = ["batch", str(parts), "--camera", "basler-acA2440-20gm-8mm", "--out", str(tmp_path / "out")]
+    command += ["--select", "length > 1000", "--jobs", "1"]
+    assert main([*command, "--quiet"]) == INCOMPLETE
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "3 parts: 3 refused" in out
+    assert "a.off is refused: select must hold for at least one edge" in out
+    assert main([*command, "--quiet", "--json"]) == INCOMPLETE
+    assert [row["status"] for row in json.loads(capsys.readouterr().out)] == ["refused"] * 3
+    assert main([*command[:1], str(tmp_path / "none"), *command[2:]]) == BAD_INPUT
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_dask_plans_the_same(parts, request_, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        there = plan_folder(parts, tmp_path / "there", request_, executor=client.get_executor(pure=False))
+    here = plan_folder(parts, tmp_path / "here", request_)
+    assert [replace(one, seconds=0) for one in there] == [replace(one, seconds=0) for one in here]
