@@ -52,7 +52,13 @@ class PartResult:
     plan_sha256: str = ""
 
     def write(self, folder: Path) -> None:
-        """Write the record beside the plan."""
+        """Write the record beside the plan.
+
+        Parameters
+        ----------
+        folder : Path
+            Of the part's plan.
+        """
         write_text(folder / RECORD, json.dumps(asdict(self), indent=1) + "\n")
 
 

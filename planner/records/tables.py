@@ -93,8 +93,9 @@ class PlanTables:
             simulated = f"{min(drawn):.4f}" if drawn else "not yet"
             lines.append(_line((str(k + 1), place, ", ".join(setting.entities), f"{least:.4f}", simulated)))
         n, total = len(self.entities) - len(self.uninspectable), len(self.entities)
+        settings = "1 setting" if len(self.settings) == 1 else f"{len(self.settings)} settings"
         caption = (
-            f"{self.part or 'part'}: {n} of {total} inspected in {len(self.settings)} settings (at least "
+            f"{self.part or 'part'}: {n} of {total} inspected in {settings} (at least "
             f"{self.lower_bound} needed), A = {self.accuracy:g}, P ≥ {self.probability:g}"
         )
         reasons = "".join(f"<li>{escape(name)}: {escape(why)}</li>" for name, why in self.uninspectable.items())

@@ -78,7 +78,7 @@ def test_notebooks_show_a_table_with_names_escaped():
     html = found._repr_html_()
     assert "<script>" not in html
     assert "&lt;script&gt;" in html
-    assert "x&lt;y: 1 of 2 inspected in 1 settings (at least 1 needed), A = 0.98, P ≥ 0.9" in html
+    assert "x&lt;y: 1 of 2 inspected in 1 setting (at least 1 needed), A = 0.98, P ≥ 0.9" in html
     assert "<li>b&amp;d: &lt;no&gt;</li>" in html
     assert html.count("<tr>") == 2
     assert "40.0, -180.0, 620.0" in html
