@@ -65,10 +65,10 @@ def narrow(focus_mm: float) -> Callable[[], Camera]:
 
 CASES = {
     "demo": Case("nist_ctc_01_ap242.stp", wide, entities="nist_ctc_01_entities.toml"),
-    "ctc01": Case("nist_ctc_01_ap242.stp", wide),
-    "mfcad": Case("mfcad_2-3-3-3-3-23.step", wide),
-    "d2mi": Case("nist_d2mi_827-9999-904.stp", wide),
-    "mtc": Case("nist_mtc_plate.step", wide),
+    "ctc01": Case("nist_ctc_01_ap242.stp", wide, 0.98),
+    "mfcad": Case("mfcad_2-3-3-3-3-23.step", wide, 0.98),
+    "d2mi": Case("nist_d2mi_827-9999-904.stp", wide, 0.98),
+    "mtc": Case("nist_mtc_plate.step", wide, 0.98),
     "mfcad-narrow": Case("mfcad_2-3-3-3-3-23.step", narrow(120.0), 0.98),
     "mtc-narrow": Case("nist_mtc_plate.step", narrow(250.0), 0.98),
 }

@@ -163,7 +163,7 @@ def lower_bound(
         alone = max(1, len(large_clique(conflict)))
         ledger.proven(min(alone, n_settings))
         proven = _by_covers(tree, columns, (alone, n_settings), max_nodes, ledger, progress)
-        first = {"conflict": conflict, "bound": proven, "made": tree.made}
+        first = {"conflict": conflict, "bound": proven, "made": tree.made, "alone": alone}
     ledger.tell("covers", first)
     ledger.proven(first["bound"])
     space = PoseSpace(judge, entity_idx, regions, first["conflict"])
@@ -172,6 +172,8 @@ def lower_bound(
     bound = linear.raise_from(first["bound"], n_settings, max_nodes=nodes, progress=progress)
     report(progress, max_nodes, max_nodes, "lower bound")
     what = "items" if judge.request.dimensions else "edges"
+    if bound <= first["alone"]:
+        return bound, _proof_of_clique(bound, what)
     return bound, _proof(first["made"] + linear.made, int(first["conflict"].sum()) // 2, what)
 
 
@@ -204,6 +206,16 @@ def _by_covers(
         tree.split(heavy, sets_first)
         report(progress, min(tree.made, max_nodes), max_nodes, "lower bound")
     return min(target - 1, n_settings)
+
+
+def _proof_of_clique(n: int, what: str) -> str:
+    """Say what a bound rests on that needs no search."""
+    if n == 1:
+        return "Fewer settings than one inspect nothing."
+    return (
+        f"Of {n} {what} no two can be inspected together, as no viewpoint meets the necessary conditions (visibility, "
+        "focus, sensor size, length of the image) for both, so each needs a setting of its own."
+    )
 
 
 def _proof(boxes: int, pairs: int, what: str = "edges") -> str:

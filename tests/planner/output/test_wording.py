@@ -12,7 +12,7 @@ from grid_box import EDGES, BoxSpace
 from plan_examples import ENTITIES, plan, setting
 
 from planner import Camera, SimulationResult, SuccessRate
-from planner.bound.lower_bound import _proof
+from planner.bound.lower_bound import _proof, _proof_of_clique
 from planner.output.report import report_html
 from planner.output.terminal_tables import print_graph, print_plan, print_simulation
 from planner.output.wording import (
@@ -207,6 +207,8 @@ def test_proof_counts_in_good_english():
     assert "and no pairs of edges were found" in _proof(1, 0)
     assert "20 boxes of camera poses were checked" in _proof(20, 1)
     assert "and 1 pair of edges was found" in _proof(20, 1)
+    assert _proof_of_clique(3, "edges").startswith("Of 3 edges no two can be inspected together")
+    assert _proof_of_clique(1, "edges") == "Fewer settings than one inspect nothing."
 
 
 def test_a_skipped_graph_is_told_with_what_to_do():
