@@ -33,7 +33,9 @@ class PartRequest:
     Parameters
     ----------
     camera : Camera
+        The camera.
     pose_uncertainty : PoseUncertainty
+        How far its real pose may be from the planned one.
     accuracy, probability : float
         What is required, in (0, 1).
     seed : int

@@ -52,7 +52,18 @@ class PartResult:
     plan_sha256: str = ""
 
     def write(self, folder: Path) -> None:
-        """Write the record beside the plan."""
+        """Write the record beside the plan.
+
+        Parameters
+        ----------
+        folder : pathlib.Path
+            The folder of the part.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+        """
         write_text(folder / RECORD, json.dumps(asdict(self), indent=1) + "\n")
 
 
