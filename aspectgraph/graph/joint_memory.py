@@ -16,8 +16,8 @@ from aspectgraph.visibility.entity_region import Region
 from aspectgraph.visibility.visibility_regions import Progress
 
 # Bytes and seconds of a graph for (cells of all regions)^_POWER; how many times as much as the overlay's cells it takes
-# in the end; and the factor by which the estimate may err. Measured by `benchmarks/joint_memory.py` with 10, 20 and 60
-# edges of nist_ctc_01: 1.56, 1.37 and 0.88 of the estimated memory; other parts may lie farther off.
+# in the end; and the factor by which the estimate may err. With 10, 20 and 60 edges of nist_ctc_01 the memory was 1.56,
+# 1.37 and 0.88 of the estimate (the last by hand, the others by `benchmarks/joint_memory.py`). No other part is measured.
 _BYTES, _SECONDS, _POWER = 5.0, 2.5e-7, 2.0
 _OF_OVERLAY = 4.0
 ERROR = 3.0
@@ -30,14 +30,14 @@ _GIB = 2**30
 
 
 class JointEstimate(NamedTuple):
-    """About what a joint graph costs, within a factor of three.
+    """About what a joint graph costs.
 
     Attributes
     ----------
     memory_bytes : float
         Most memory it takes, beside what the process holds already.
     seconds : float
-        Time on one core of a machine of 2023.
+        Rough: a busy machine took four to five times as long.
     """
 
     memory_bytes: float
