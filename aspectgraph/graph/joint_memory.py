@@ -15,8 +15,9 @@ from aspectgraph.exceptions import MemoryLimitError
 from aspectgraph.visibility.entity_region import Region
 from aspectgraph.visibility.visibility_regions import Progress
 
-# Measured with parts of the examples; see `benchmarks/joint_memory.py`. Bytes and seconds of a graph for (cells of all
-# regions)^_POWER, the share of its memory that the overlay holds, and the factor within which the measurements lie.
+# Bytes and seconds of a graph for (cells of all regions)^_POWER; how many times as much as the overlay's cells it takes
+# in the end; and the factor by which the estimate may err. With 10, 20 and 60 edges of nist_ctc_01 the memory was 1.56,
+# 1.37 and 0.88 of the estimate (the last by hand, the others by `benchmarks/joint_memory.py`). No other part is known.
 _BYTES, _SECONDS, _POWER = 5.0, 2.5e-7, 2.0
 _OF_OVERLAY = 4.0
 ERROR = 3.0
@@ -29,14 +30,14 @@ _GIB = 2**30
 
 
 class JointEstimate(NamedTuple):
-    """About what a joint graph costs, within a factor of three.
+    """About what a joint graph costs.
 
     Attributes
     ----------
     memory_bytes : float
         Most memory it takes, beside what the process holds already.
     seconds : float
-        Time on one core of a machine of 2023.
+        Rough: a busy machine took four to five times as long.
     """
 
     memory_bytes: float

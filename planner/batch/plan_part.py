@@ -40,6 +40,7 @@ def plan_part(request: PartRequest, part: str, path: Path, folder: Path) -> Part
     Parameters
     ----------
     request : PartRequest
+        What is asked.
     part : str
         What the result calls the part.
     path, folder : pathlib.Path
