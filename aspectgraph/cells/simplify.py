@@ -142,7 +142,7 @@ def _choose(cx, facets):
     return facets[best]
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, _nrt=False)
 def _retire(cx, f):
     """Take a free facet that did its work out of everybody's sight: its sides are not cells of this complex."""
     cx.face[f, SIDES : SIDES + 2] = -1

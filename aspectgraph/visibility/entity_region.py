@@ -89,7 +89,7 @@ def _cut(planes: np.ndarray, shadows: Blockers, n_cells: int) -> Complex:
         limit = max(_SIMPLIFY_ABOVE, 16 * n_leaves(cx))
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, _nrt=False)
 def _disjoint(cx, c, plane, side):
     """Whether one of the set's own planes separates it from cell c."""
     for j in range(len(plane)):
