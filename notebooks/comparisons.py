@@ -234,9 +234,9 @@ plt.show()
 #
 # How soon is there a plan that can be used, and how soon a better one? `plan_inspection` tells of every better plan and
 # every better bound (`on_incumbent=`); a rival has one plan, at its end. All begin when the visible regions are there.
-# *narrow*: a lens of 25 mm at f/8 with little depth of field, focused at 120 mm (`mfcad-narrow`) and 250 mm
-# (`mtc-narrow`). Stored by `python benchmarks/anytime.py --folder PARTS --limit 400 --csv notebooks/anytime.csv`.
-# Seconds are processor time, threads added up; plans were ended after 400 s of wall time.
+# *narrow*: a lens of 25 mm at f/8 with 1 mm of depth of field, focused at 120 mm. Stored by
+# `python benchmarks/anytime.py --folder PARTS --limit 200 --parts demo ctc01 mfcad-narrow --csv notebooks/anytime.csv`.
+# Seconds are processor time, threads added up; plans were ended after 200 s of wall time.
 
 # %%
 anytime = grouped(load("anytime.csv"), "part")

@@ -120,8 +120,8 @@ def _is_full(error: MemoryError) -> bool:
     return type(error) is MemoryError and not error.args
 
 
-# Loops that allocate nothing are compiled without reference counts (`_nrt=False`), here and in `split`, `predicates` and
-# `blocked_sets`: counting those of a complex's arrays at every call takes longer than the work.
+# Loops that allocate nothing are compiled without reference counts (`_nrt=False`), here and in `split`, `predicates`
+# and `blocked_sets`: counting those of a complex's arrays at every call takes longer than the work.
 @nb.njit(cache=True, _nrt=False)
 def _require(used, extra, room):
     if used + extra > room:
