@@ -263,13 +263,12 @@ for ax, ((part,), runs) in zip(axes.flat, anytime.items(), strict=False):
             ax.plot(
                 x, y, "os^D"[k], color=f"C{k + 1}", label=r["planner"], fillstyle="full" if seen >= most else "none"
             )
-    ax.set(xscale="log", title=f"{part}: {most:.0f} entities", ylim=(0, None))
+    ax.set(xscale="log", xlabel="seconds of processor time", ylabel="settings", ylim=(0, None))
+    ax.set_title(f"{part}: {most:.0f} entities")
     ax.xaxis.set_major_formatter("{x:g}")
     ax.yaxis.set_major_locator(plt.MaxNLocator(6, integer=True))
 for ax in axes.flat[len(anytime) :]:
     ax.set_visible(False)
-fig.supxlabel("seconds of processor time")
-fig.supylabel("settings")
 fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
 fig.suptitle("Settings against time; dotted and hollow: not all that can be inspected is")
 plt.show()
