@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
+from aspectgraph.exact.lean import lean
 from aspectgraph.exact.predicates import LIMBS, meet
 from aspectgraph.exceptions import MemoryLimitError
 
@@ -120,15 +121,13 @@ def _is_full(error: MemoryError) -> bool:
     return type(error) is MemoryError and not error.args
 
 
-# Loops that allocate nothing are compiled without reference counts (`_nrt=False`), here and in `split`, `predicates`
-# and `blocked_sets`: counting those of a complex's arrays at every call takes longer than the work.
-@nb.njit(cache=True, _nrt=False)
+@lean
 def _require(used, extra, room):
     if used + extra > room:
         raise MemoryError
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def add_vertex(cx, p, q, r):
     """Append the common point of planes p, q and r."""
     v = cx.count[N_VERTICES]
@@ -140,7 +139,7 @@ def add_vertex(cx, p, q, r):
     return v
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def add_edge(cx, v, w, p, q):
     """Append the edge from vertex v to w on the line of planes p and q."""
     e = cx.count[N_EDGES]
@@ -153,7 +152,7 @@ def add_edge(cx, v, w, p, q):
     return e
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def add_face(cx, plane, positive, negative):
     """Append a face without edges; `push_edge` fills the newest face."""
     f = cx.count[N_FACES]
@@ -166,7 +165,7 @@ def add_face(cx, plane, positive, negative):
     return f
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def push_edge(cx, f, e):
     """Append edge e to the face whose list was opened last."""
     k = cx.count[N_LIST + EDGE_LIST]
@@ -176,7 +175,7 @@ def push_edge(cx, f, e):
     cx.count[N_LIST + EDGE_LIST] = k + 1
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def add_cell(cx):
     """Append a cell without faces; `push_face` fills the newest cell."""
     c = cx.count[N_CELLS]
@@ -190,7 +189,7 @@ def add_cell(cx):
     return c
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def push_face(cx, c, f):
     """Append face f to the cell whose list was opened last."""
     k = cx.count[N_LIST + FACE_LIST]
@@ -200,7 +199,7 @@ def push_face(cx, c, f):
     cx.count[N_LIST + FACE_LIST] = k + 1
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def push_corner(cx, c, v):
     """Append vertex v to the corners of the newest cell."""
     k = cx.count[N_LIST + CORNER_LIST]

@@ -37,6 +37,7 @@ from aspectgraph.cells.arrays import (
     push_edge,
 )
 from aspectgraph.cells.split import cell_side, face_side, leaves, refresh_cell, refresh_face, split_cell, split_face
+from aspectgraph.exact.lean import lean
 
 _CANDIDATES = 10
 
@@ -142,7 +143,7 @@ def _choose(cx, facets):
     return facets[best]
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def _retire(cx, f):
     """Take a free facet that did its work out of everybody's sight: its sides are not cells of this complex."""
     cx.face[f, SIDES : SIDES + 2] = -1

@@ -54,10 +54,11 @@ from aspectgraph.cells.arrays import (
     push_edge,
     push_face,
 )
+from aspectgraph.exact.lean import lean
 from aspectgraph.exact.predicates import sign_at_vertex
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def vertex_sign(cx, h, v):
     """Sign of plane h at vertex v, remembered until another plane asks."""
     if cx.vertex[v, SIGN_PLANE] != h:
@@ -66,7 +67,7 @@ def vertex_sign(cx, h, v):
     return cx.vertex[v, SIGN]
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def _push_edge_leaves(cx, f, e):
     if cx.edge[e, EDGE_CHILD] < 0:
         push_edge(cx, f, e)
@@ -75,7 +76,7 @@ def _push_edge_leaves(cx, f, e):
         _push_edge_leaves(cx, f, cx.edge[e, EDGE_CHILD + 1])
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def refresh_face(cx, f):
     """Replace edges of face f that were split since by their parts."""
     first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
@@ -90,7 +91,7 @@ def refresh_face(cx, f):
             _push_edge_leaves(cx, f, cx.lists[EDGE_LIST, k])
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def _push_face_leaves(cx, c, f):
     if cx.face[f, FACE_CHILD] < 0:
         push_face(cx, c, f)
@@ -99,7 +100,7 @@ def _push_face_leaves(cx, c, f):
         _push_face_leaves(cx, c, cx.face[f, FACE_CHILD + 1])
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def refresh_cell(cx, c):
     """Replace faces of cell c that were split since by their parts, and refresh those."""
     first, size = cx.cell[c, CELL_FIRST], cx.cell[c, CELL_SIZE]
@@ -116,7 +117,7 @@ def refresh_cell(cx, c):
         refresh_face(cx, cx.lists[FACE_LIST, k])
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def face_side(cx, f, h):
     """POSITIVE, NEGATIVE, CROSSED, or 0 where face f lies in plane h."""
     side = 0
@@ -133,7 +134,7 @@ def face_side(cx, f, h):
     return side
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def cell_side(cx, c, h):
     """POSITIVE, NEGATIVE or CROSSED: where the open cell c lies from plane h."""
     side = 0
@@ -148,7 +149,7 @@ def cell_side(cx, c, h):
     return side
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def _split_edge(cx, e, h):
     """Split edge e, whose ends lie on opposite sides of h, into its positive and negative part."""
     v, w = cx.edge[e, ENDS], cx.edge[e, ENDS + 1]
@@ -163,7 +164,7 @@ def _split_edge(cx, e, h):
     cx.edge[e, EDGE_CHILD], cx.edge[e, EDGE_CHILD + 1] = positive, negative
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def split_face(cx, f, h):
     """Split face f, crossed by plane h, into its positive and negative part; return their common edge.
 
@@ -199,7 +200,7 @@ def split_face(cx, f, h):
     return cut
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def _push_cut_edges(cx, cap, f, h, mark):
     """Append the edges of face f that lie in plane h to the face `cap`, each once."""
     for k in range(cx.face[f, FACE_FIRST], cx.face[f, FACE_FIRST] + cx.face[f, FACE_SIZE]):
@@ -213,14 +214,14 @@ def _push_cut_edges(cx, cap, f, h, mark):
             push_edge(cx, cap, e)
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def _own(cx, f, old, new):
     for side in range(2):
         if cx.face[f, SIDES + side] == old:
             cx.face[f, SIDES + side] = new
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def _push_corners(cx, c, part, cap, h, side):
     """Corners of the part of cell c on one side of h: those of c on that side, and those of the cap."""
     cx.count[MARK] += 1
@@ -237,7 +238,7 @@ def _push_corners(cx, c, part, cap, h, side):
                 push_corner(cx, part, v)
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def split_cell(cx, c, h):
     """Split cell c, crossed by plane h, into its positive and its negative part."""
     refresh_cell(cx, c)

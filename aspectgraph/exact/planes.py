@@ -11,6 +11,7 @@ import numba as nb
 import numpy as np
 
 from aspectgraph.exact.grid import Grid
+from aspectgraph.exact.lean import lean
 from aspectgraph.exceptions import SolidError
 
 
@@ -29,13 +30,13 @@ def plane_through(p, q, r):
     return plane
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def height(plane, point):
     """a·x + b·y + c·z - d at an integer point of the part, exact in int64."""
     return plane[0] * point[0] + plane[1] * point[1] + plane[2] * point[2] - plane[3]
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def side_of(plane, point, resolution):
     """Sign of a plane at an integer point of the part; 0 within `resolution` steps of it."""
     h = height(plane, point)
@@ -46,7 +47,7 @@ def side_of(plane, point, resolution):
     return 1 if h > 0 else (-1 if h < 0 else 0)
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def find_plane(planes, n, points, trio, resolution):
     """Number of the first of the first n planes through all three points, or -1."""
     for k in range(n):

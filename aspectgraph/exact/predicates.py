@@ -14,11 +14,12 @@ Guarantee: with |a|, |b|, |c| < 2**43 and |d| < 2**63 no intermediate exceeds 2*
 are decided by a floating-point filter with a proven error bound first, and by 256-bit integers where that fails.
 """
 
-import numba as nb
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
+
+from aspectgraph.exact.lean import lean
 
 POINT_BITS = 20
 LIMBS = 4
@@ -130,7 +131,7 @@ def _sign_at_point_exact(typingctx, planes, h, x, y, z):
     return signature, codegen
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def _magnitude(limbs):
     """Double nearest to a 256-bit integer, to a relative error below 4 ulp."""
     negative = limbs[LIMBS - 1] < 0
@@ -147,7 +148,7 @@ def _magnitude(limbs):
     return -total if negative else total
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def meet(planes, p, q, r, vertices, coordinates, v):
     """Write the common point of three planes as vertex v, exactly and in doubles; False where they have none."""
     if _meet(planes, p, q, r, vertices, v) == 0:
@@ -158,7 +159,7 @@ def meet(planes, p, q, r, vertices, coordinates, v):
     return True
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def sign_at_vertex(planes, h, vertices, coordinates, v):
     """Sign (-1, 0, 1) of plane h at vertex v."""
     x = planes[h, 0] * coordinates[v, 0]
@@ -174,7 +175,7 @@ def sign_at_vertex(planes, h, vertices, coordinates, v):
     return _sign_at_vertex_exact(planes, h, vertices, v)
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def sign_at_point(planes, h, point):
     """Sign (-1, 0, 1) of plane h at an int64 point of denominator 2**POINT_BITS."""
     scale = 1.0 / (1 << POINT_BITS)

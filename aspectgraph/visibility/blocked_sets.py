@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING
 import numba as nb
 import numpy as np
 
+from aspectgraph.exact.lean import lean
 from aspectgraph.exact.planes import find_plane, height, plane_through, side_of
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.scene import Scene, chords, entity_ends
@@ -153,7 +154,7 @@ def _apparent_size(points, pieces, chosen, a, b):
     return size
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def _separates(plane, points, loop, others, settle_thin, resolution):
     """Side of the plane on which the loop lies with `others` on the opposite side or on the plane; 0 if none."""
     positive = negative = False
@@ -175,7 +176,7 @@ def _separates(plane, points, loop, others, settle_thin, resolution):
     return side
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def _side_of_loop(plane, points, loop):
     """Side of the plane on which the loop's farthest vertex lies."""
     farthest = np.int64(0)
@@ -186,7 +187,7 @@ def _side_of_loop(plane, points, loop):
     return 1 if farthest > 0 else -1
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def _side_of_set(plane, points, loop, others, settle_thin, resolution):
     """Side of the plane on which the set lies: that of O, or where O lies in the plane, away from the other end."""
     if settle_thin and resolution > 0.0 and len(others) == 1:

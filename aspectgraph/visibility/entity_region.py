@@ -15,6 +15,7 @@ from aspectgraph.cells.arrays import CELL_CHILD, CROSSED, N_CELLS, Complex, add_
 from aspectgraph.cells.point_location import Tree, tree_of
 from aspectgraph.cells.simplify import n_leaves, simplify
 from aspectgraph.cells.split import cell_side, split_cell
+from aspectgraph.exact.lean import lean
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.blocked_sets import blockers
 from aspectgraph.visibility.scene import Scene
@@ -89,7 +90,7 @@ def _cut(planes: np.ndarray, shadows: Blockers, n_cells: int) -> Complex:
         limit = max(_SIMPLIFY_ABOVE, 16 * n_leaves(cx))
 
 
-@nb.njit(cache=True, _nrt=False)
+@lean
 def _disjoint(cx, c, plane, side):
     """Whether one of the set's own planes separates it from cell c."""
     for j in range(len(plane)):
