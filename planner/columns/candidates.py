@@ -54,6 +54,8 @@ class Pricing:
         That is too little, as a share of the relaxation's value.
     exchanges : int
         Steps of the search for a cover that would end it.
+    whole : int
+        At the first glance, the whole part is looked at from so many times as many directions as an entity.
     promising : float
         A pose is bred for an entity only if it promises so much of it (1 is inspected).
     """
@@ -66,6 +68,7 @@ class Pricing:
     checks: int = 5
     least_gain: float = 2e-3
     exchanges: int = 300
+    whole: int = 16
     promising: float = 0.3
 
 
@@ -107,7 +110,7 @@ def entity_poses(judge: Judge, name: str, n_viewpoints: int, seed: int) -> np.nd
 
 
 def first_poses(judge: Judge, n_directions: int, seed: int) -> np.ndarray:
-    """Draw poses that look at the middle of every entity from the focus distance, from any direction.
+    """Draw poses that look at the middle of every entity from the focus distance, and at the whole part, from anywhere.
 
     They take no regions to draw, so most of them see nothing; but they come at once.
 
@@ -115,7 +118,7 @@ def first_poses(judge: Judge, n_directions: int, seed: int) -> np.ndarray:
     ----------
     judge : Judge
     n_directions : int
-        Poses for every entity.
+        Poses for every entity; `PRICING.whole` times as many for the part.
     seed : int
         The plan's seed.
 
@@ -125,12 +128,19 @@ def first_poses(judge: Judge, n_directions: int, seed: int) -> np.ndarray:
         Those in the workspace.
     """
     rng = np.random.default_rng(column_seed(seed, ["first"]))
-    middles = np.repeat(judge.ends.mean(axis=1), n_directions, axis=0)
-    away = rng.normal(size=middles.shape)
-    positions = middles + judge.camera.focus_distance_mm * away / np.linalg.norm(away, axis=1, keepdims=True)
+    low, high = np.asarray(judge.space.solid.bounds, dtype=float)
+    radius, (nearest, farthest) = float(np.linalg.norm(high - low)) / 2, judge.camera.depth_of_field_mm
+    focus = judge.camera.focus_distance_mm
+    # as close as all of the part is in focus, if it ever is
+    whole = nearest + radius if nearest + 2 * radius <= farthest else focus
+    targets = np.concatenate([judge.ends.mean(axis=1), np.repeat([(low + high) / 2], PRICING.whole, axis=0)])
+    distances = np.repeat(np.append(np.full(len(judge.ends), focus), np.full(PRICING.whole, whole)), n_directions)
+    targets = np.repeat(targets, n_directions, axis=0)
+    away = rng.normal(size=targets.shape)
+    positions = targets + (distances / np.linalg.norm(away, axis=1))[:, None] * away
     low, high = np.asarray(judge.space.workspace, dtype=float)
     inside = ((positions >= low) & (positions <= high)).all(axis=1)
-    return look_at(positions[inside], middles[inside], roll=rng.uniform(-np.pi, np.pi, int(inside.sum())))
+    return look_at(positions[inside], targets[inside], roll=rng.uniform(-np.pi, np.pi, int(inside.sum())))
 
 
 def judged_poses(shared: Shared, name: str, n_viewpoints: int, seed: int) -> tuple[np.ndarray, Judgement]:
