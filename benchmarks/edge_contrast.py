@@ -256,7 +256,7 @@ def print_plan(solid: Solid, plan) -> None:
 def lamps_of(light) -> dict[tuple[int, str], np.ndarray]:
     """Return the lamp of each pair of setting and name."""
     return {
-        (k, name): light.lamps[image.lamp]
+        (k, name): light.lamps[image.lamps[0]]
         for k, images in enumerate(light.images)
         for image in images
         for name in image.contrast

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
         UncertaintyError,
     )
     from planner.inspection import plan_inspection
-    from planner.light.lamps import LampBox, LampDome
+    from planner.light.lamps import LampBox, LampDome, LampsTogether
     from planner.light.light_plan import LightPlan, LitImage
     from planner.light.plan_light import plan_light
     from planner.light.ring_space import RingSpace
@@ -93,6 +93,7 @@ _NAMES = {
     "planner.light.lamps": (
         "LampBox",
         "LampDome",
+        "LampsTogether",
     ),
     "planner.light.light_plan": (
         "LightPlan",
@@ -144,6 +145,7 @@ __all__ = [
     "InspectionPlan",
     "LampBox",
     "LampDome",
+    "LampsTogether",
     "LightPlan",
     "LitImage",
     "Localisation",

@@ -78,7 +78,7 @@ def add_limits(plan: argparse.ArgumentParser) -> None:
 
 def add_light(plan: argparse.ArgumentParser) -> None:
     """Add which lamps there are."""
-    light = plan.add_argument_group("light", "lamps that make the edges show; matt parts, one lamp at a time")
+    light = plan.add_argument_group("light", "lamps that make the edges show; matt parts")
     light.add_argument(
         "--light",
         metavar="LAMPS",
@@ -90,6 +90,11 @@ def add_light(plan: argparse.ArgumentParser) -> None:
     )
     light.add_argument(
         "--ground", choices=("dark", "bright"), default="dark", help="what is behind the part; bright: a back light"
+    )
+    light.add_argument(
+        "--together",
+        action="store_true",
+        help="all lamps are on in every image; as few as show all (default: one by one)",
     )
 
 

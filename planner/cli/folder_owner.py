@@ -93,7 +93,16 @@ def check_owner(folder: Path, asked: Mapping[str, Any], *, force: bool) -> None:
 def _light_of(plan: InspectionPlan) -> dict[str, Any]:
     """Return what was asked of the lamps of a plan; nothing if it has none, as any may be added."""
     light = plan.light
-    return {} if light is None else {"kind": light.kind, "contrast": light.contrast, "ground": light.ground}
+    return (
+        {}
+        if light is None
+        else {
+            "kind": light.kind,
+            "contrast": light.contrast,
+            "ground": light.ground,
+            "together": light.together,
+        }
+    )
 
 
 def _same(first: Any, second: Any) -> bool:

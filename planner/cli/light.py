@@ -10,7 +10,7 @@ import numpy as np
 
 from aspectgraph.light.contrast import check_contrast, check_lamps
 from planner.exceptions import RequestError
-from planner.light.lamps import RING, LampBox, LampDome, check_lamps_given
+from planner.light.lamps import RING, LampBox, LampDome, LampsTogether, check_lamps_given
 from planner.light.plan_light import plan_light
 
 if sys.version_info >= (3, 11):
@@ -39,7 +39,14 @@ def read_lamps(options: Any) -> Any:
         If the words have no meaning, or a number breaks its rule.
     """
     check_contrast(options.contrast)
-    text = options.light
+    if not options.together:
+        return _lamps(options.light)
+    if options.light in (None, RING):
+        raise RequestError(f"--together needs lamps by --light at, box or dome. Got --light {options.light or 'not'}.")
+    return LampsTogether(_lamps(options.light))
+
+
+def _lamps(text: str | None) -> Any:
     if text is None or text == RING:
         return text
     name, _, numbers = text.partition(":")
@@ -60,6 +67,7 @@ def read_lamps(options: Any) -> Any:
 
 def check_places(solid: Solid, lamps: Any) -> None:
     """Refuse fixed lamps inside the part before any work."""
+    lamps = lamps.lamps if isinstance(lamps, LampsTogether) else lamps
     if isinstance(lamps, np.ndarray):
         check_lamps(solid, lamps)
 
@@ -70,7 +78,7 @@ def light_request(options: Any) -> dict[str, Any]:
         return {}
     kind = options.light.partition(":")[0]
     kind = kind if kind == RING else "placed" if kind in ("box", "dome") else "fixed"
-    return {"kind": kind, "contrast": options.contrast, "ground": options.ground}
+    return {"kind": kind, "contrast": options.contrast, "ground": options.ground, "together": options.together}
 
 
 def lamps_for(

@@ -121,8 +121,8 @@ def backdrop_contrasts(scene: RayScene, backdrop: tuple[Backdrop, ...], lamps: A
     """
     contrast, step = np.ones(len(lamps)), np.ones(len(lamps))
     for one in backdrop:
-        (seen, near), (behind, far) = (_incidence(*side, lamps) for side in one.sides)
-        behind[_shadowed(scene, one.behind, lamps)] = 0.0
+        (seen, near), (behind, far) = (incidence(*side, lamps) for side in one.sides)
+        behind[shadowed(scene, one.behind, lamps)] = 0.0
         contrast = np.minimum(contrast, sure_contrast((seen, near), (behind, far)))
         step = np.minimum(step, np.abs(seen - behind))
     return contrast, step
@@ -144,7 +144,7 @@ def edge_steps(solid: Solid, entity: Entity, lamps: Array, silhouettes: Mapping[
     for edge in (solid.edges[i] for i in entity.edge_ids):
         start, end = solid.vertices[list(edge.vertices)]
         for point in (start, (start + end) / 2, end):
-            one, other = (_incidence(point, solid.normals[face], lamps)[0] for face in edge.faces)
+            one, other = (incidence(point, solid.normals[face], lamps)[0] for face in edge.faces)
             if edge.id in silhouettes:
                 step = one if edge.faces[0] == silhouettes[edge.id] else other
             else:
@@ -153,7 +153,7 @@ def edge_steps(solid: Solid, entity: Entity, lamps: Array, silhouettes: Mapping[
     return least
 
 
-def _incidence(point: Array, normal: Array, lamps: Array) -> tuple[Array, Array]:
+def incidence(point: Array, normal: Array, lamps: Array) -> tuple[Array, Array]:
     """Return the cosines of the angles of incidence, 0 behind the face, and the distances of lamps, mm; (n,) each."""
     towards = lamps - point
     distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-9)
@@ -165,7 +165,7 @@ def _michelson(one: Array, other: Array) -> Array:
     return (one - other) / np.where(total > 0, total, 1.0)
 
 
-def _shadowed(scene: RayScene, point: Array, lamps: Array) -> NDArray[np.bool_]:
+def shadowed(scene: RayScene, point: Array, lamps: Array) -> NDArray[np.bool_]:
     """Return under which lamps a point is in the shadow of the part; rays from the lamp, but for their last bit."""
     found = np.zeros(len(lamps), dtype=bool)
     for first in range(0, len(lamps), _BLOCK):

@@ -284,15 +284,39 @@ class LampDome:
         return places[inside][:: max(1, int(inside.sum()) // 64)]
 
 
-def check_lamps_given(lamps: Any) -> LampSpace | Array | None:
-    """Return a space of lamps, the places (n, 3) of fixed ones, or None for a ring light.
+@dataclass(frozen=True, eq=False)
+class LampsTogether:
+    """Lamps of one strength that are all on in every image: those of a cell without switches, or to be placed so.
+
+    Parameters
+    ----------
+    lamps : array_like, shape (n, 3), or LampBox or LampDome
+        Places of lamps, mm, of which some may be left out; or where they may be placed.
+
+    Raises
+    ------
+    RequestError
+        If it is neither of these.
+    """
+
+    lamps: Any
+
+    def __post_init__(self) -> None:
+        given = check_lamps_given(self.lamps)
+        if given is None or isinstance(given, LampsTogether):
+            raise RequestError(f"lamps together must be places, a LampBox or a LampDome. Got {self.lamps!r}.")
+        object.__setattr__(self, "lamps", given)
+
+
+def check_lamps_given(lamps: Any) -> LampSpace | LampsTogether | Array | None:
+    """Return a space of lamps, the places (n, 3) of fixed ones, lamps that are on together, or None for a ring light.
 
     Raises
     ------
     RequestError
         If it is none of these.
     """
-    if isinstance(lamps, LampBox | LampDome):
+    if isinstance(lamps, LampBox | LampDome | LampsTogether):
         return lamps
     if isinstance(lamps, str):
         if lamps == RING:

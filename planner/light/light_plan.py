@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class LitImage:
-    """One image of a setting, under one lamp.
+    """One image of a setting.
 
     Attributes
     ----------
-    lamp : int
-        Number of the lamp.
+    lamps : tuple of int
+        Numbers of the lamps that are on, in rising order: one, or all of those that are on together.
     contrast : dict of str to float
         What it shows by name: least contrast of its edges, see `aspectgraph.contrast`; of silhouettes, that with what
         is behind them.
@@ -25,7 +25,7 @@ class LitImage:
         Names whose edges the camera sees, at least one of them, as silhouettes.
     """
 
-    lamp: int
+    lamps: tuple[int, ...]
     contrast: Mapping[str, float]
     silhouettes: tuple[str, ...] = ()
 
@@ -45,7 +45,7 @@ class LightPlan:
     ground : str
         "dark", or "bright" for a back light.
     lamps : array (n, 3)
-        Places of the lamps that are used, mm; one is on at a time.
+        Places of the lamps that are used, mm; one is on at a time, or all are.
     images : tuple of tuple of LitImage
         Per setting, the images to take; one, unless no lamp shows everything at once.
     unlit : tuple of dict of str to str
@@ -54,6 +54,8 @@ class LightPlan:
         Proven: so many lamps are needed at least.
     bound_proof : str
         What the bound rests on.
+    together : bool
+        Whether all lamps are on in every image.
     """
 
     kind: str
@@ -65,6 +67,7 @@ class LightPlan:
     unlit: tuple[Mapping[str, str], ...]
     lower_bound: int
     bound_proof: str = field(default="")
+    together: bool = False
 
     def __post_init__(self) -> None:
         places = np.array(self.lamps, dtype=np.float64).reshape(-1, 3)
@@ -100,13 +103,14 @@ class LightPlan:
             "contrast": self.contrast,
             "step": self.step,
             "ground": self.ground,
+            "together": self.together,
             "lamps": self.lamps.tolist(),
             "lower_bound": self.lower_bound,
             "bound_proof": self.bound_proof,
             "settings": [
                 {
                     "images": [
-                        {"lamp": one.lamp, "contrast": dict(one.contrast), "silhouettes": list(one.silhouettes)}
+                        {"lamps": list(one.lamps), "contrast": dict(one.contrast), "silhouettes": list(one.silhouettes)}
                         for one in images
                     ],
                     "unlit": dict(unlit),
@@ -129,10 +133,13 @@ class LightPlan:
         LightPlan
             Equal to the one written.
         """
-        names = ("kind", "contrast", "step", "ground", "lamps", "lower_bound", "bound_proof")
+        names = ("kind", "contrast", "step", "ground", "lamps", "lower_bound", "bound_proof", "together")
         plain = {name: data[name] for name in names}
         images = tuple(
-            tuple(LitImage(one["lamp"], dict(one["contrast"]), tuple(one["silhouettes"])) for one in setting["images"])
+            tuple(
+                LitImage(tuple(one["lamps"]), dict(one["contrast"]), tuple(one["silhouettes"]))
+                for one in setting["images"]
+            )
             for setting in data["settings"]
         )
         return cls(**plain, images=images, unlit=tuple(dict(setting["unlit"]) for setting in data["settings"]))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,9 +17,10 @@ from planner.exceptions import RequestError
 from planner.light.background import DEFAULT_STEP
 from planner.light.demands import Demands, Planned, demands_of
 from planner.light.fewest import Jobs, Search
-from planner.light.lamps import LampSpace, check_lamps_given
+from planner.light.lamps import LampSpace, LampsTogether, check_lamps_given
 from planner.light.light_plan import LightPlan, LitImage
 from planner.light.served import Served
+from planner.light.together import LampSets, fewest_together, sites_of
 from planner.progress import Progress, labelled
 
 if TYPE_CHECKING:
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
 GROUNDS = ("dark", "bright")
 _FIRST_PLACES = 3000
+# of lamps that are on together, as all their pairs are tried
+_TOGETHER_PLACES = 300
 # the workspace of the regions is so much larger than the lamps' space, as a share of it
 _ROOM = 0.01
 
@@ -42,12 +45,15 @@ def plan_light(
     tolerance_mm: float = 0.0,
     progress: Progress | None = None,
 ) -> LightPlan:
-    """Choose lamps that make all that a plan measures show, in every setting, one lamp at a time.
+    """Choose lamps that make all that a plan measures show, in every setting: one lamp at a time, or all together.
 
     The part is matt and of one albedo, lamps are points, and no face lights another; polished metal is another matter.
     Where the camera sees both faces of an edge, the lamp must light all of it with the contrast between the faces.
     Where it sees one, the edge is a silhouette: that face must be lit, and be brighter or darker by the contrast than
     what is seen beside it; this is checked by rays at nine points of the edge.
+
+    Of lamps that are on together (`LampsTogether`), light adds up. Then this is decided at nine points of every edge,
+    for lamps of one strength; see `planner.light.together`.
 
     **Guarantee.** Every setting has an image for each name it measures, or the name is in ``unlit`` with the reason.
     No choice of lamps shows as much with fewer than ``lower_bound`` lamps, one lamp for all of a setting where one is
@@ -59,8 +65,9 @@ def plan_light(
         The plan.
     solid : Solid
         Its part.
-    lamps : array_like, shape (n, 3), or LampBox, LampDome or "ring"
-        Places of the lamps of a cell, mm; or where lamps may be placed; or a ring light on the camera.
+    lamps : array_like, shape (n, 3), or LampBox, LampDome, LampsTogether or "ring"
+        Places of the lamps of a cell, mm; or where lamps may be placed; or such that are on together; or a ring light
+        on the camera.
     contrast : float
         Least contrast, strictly between 0 and 1; see `aspectgraph.contrast`.
     step : float
@@ -85,7 +92,9 @@ def plan_light(
     LightError
         If the contrast is out of range, or a fixed lamp is inside the part.
     """
-    least, given = check_contrast(contrast), check_lamps_given(lamps)
+    least, asked = check_contrast(contrast), check_lamps_given(lamps)
+    together = isinstance(asked, LampsTogether)
+    given = asked.lamps if isinstance(asked, LampsTogether) else asked
     if ground not in GROUNDS:
         raise RequestError(f"ground must be one of {', '.join(GROUNDS)}. Got {ground!r}.")
     if not (isinstance(tolerance_mm, int | float) and 0 <= tolerance_mm < np.inf):
@@ -106,6 +115,8 @@ def plan_light(
     work = _Work(served, len(plan.settings), ground)
     if given is None:
         return _ring(work, eyes)
+    if together:
+        return _all_on(work, given)
     if isinstance(given, np.ndarray):
         served.keep(given)
         return _fixed(work)
@@ -150,14 +161,30 @@ class _Work:
             found += [tuple(own)] if together else [(i,) for i in own]
         return found
 
+    def image(self, lamps: Sequence[int], pairs: Sequence[int], contrast: NDArray[np.float64]) -> LitImage:
+        """Return an image of some pairs under lamps, with contrasts (pairs,) of all."""
+        own = [self.served.pairs[i] for i in pairs]
+        values = {pair.name: float(contrast[i]) for i, pair in zip(pairs, own, strict=True)}
+        return LitImage(tuple(lamps), values, tuple(pair.name for pair in own if pair.silhouette))
+
     def result(self, kind: str, chosen: Sequence[int], images: Any, bound: int, proof: str, reasons: Any) -> LightPlan:
         """Return the plan of lamps; ``images`` (setting, place, pairs), ``reasons`` by pair."""
         served, number = self.served, {place: i for i, place in enumerate(chosen)}
         shots: list[list[LitImage]] = [[] for _ in range(self.n_settings)]
         for setting, place, pairs in images:
-            values = {served.pairs[i].name: float(served.contrast[place, i]) for i in pairs}
-            outlines = tuple(served.pairs[i].name for i in pairs if served.pairs[i].silhouette)
-            shots[setting].append(LitImage(number[place], values, outlines))
+            shots[setting].append(self.image((number[place],), pairs, served.contrast[place]))
+        return self.plan(kind, served.places[list(chosen)], shots, (bound, proof), reasons)
+
+    def plan(
+        self,
+        kind: str,
+        places: NDArray[np.float64],
+        shots: Sequence[Sequence[LitImage]],
+        proven: tuple[int, str],
+        reasons: Mapping[int, str],
+    ) -> LightPlan:
+        """Return the plan of lamps at places, ``shots`` by setting, ``reasons`` by pair."""
+        served = self.served
         unlit: list[dict[str, str]] = [{} for _ in range(self.n_settings)]
         for i, reason in reasons.items():
             unlit[served.pairs[i].setting][served.pairs[i].name] = reason
@@ -166,11 +193,10 @@ class _Work:
             served.least,
             served.least_step,
             self.ground,
-            served.places[list(chosen)],
+            places,
             tuple(map(tuple, shots)),
             tuple(unlit),
-            bound,
-            proof,
+            *proven,
         )
 
 
@@ -238,6 +264,40 @@ def _placed(work: _Work, space: LampSpace) -> LightPlan:
         "serves the set. No fewer sets that are left cover all."
     )
     return work.result("placed", chosen, images, bound, proof, dark)
+
+
+def _all_on(work: _Work, given: LampSpace | NDArray[np.float64]) -> LightPlan:
+    """The fewest lamps that show all when they are on together."""
+    served, every = work.served, range(len(work.served.pairs))
+    fixed = isinstance(given, np.ndarray)
+    if isinstance(given, np.ndarray):
+        served.keep(given)
+    else:
+        served.add(given.places(_TOGETHER_PLACES))
+        served.search(given, list(every))
+    # those that show most alone first, where there are too many
+    order = np.argsort(-(served.contrast > 0).sum(axis=1), kind="stable")
+    places = served.places if fixed else served.places[np.sort(order[:_TOGETHER_PLACES])]
+    sets = LampSets(served.scene, sites_of(served.light, served.pairs), places, served.offsets)
+    found = fewest_together(sets, served.least, served.least_step)
+    lit = [i for i in every if found.contrast[i] > 0]
+    told = "of the given lamps" if fixed else f"of {len(places)} places in {given}"
+    dark = {i: f"no set that was tried {told} shows it together with the most others." for i in every if i not in lit}
+    n = len(found.chosen)
+    bound, proof = min(n, found.listed + 1), f"All sets of fewer than {min(n, found.listed + 1)} {told} were tried."
+    if not isinstance(given, np.ndarray):
+        alone = n > 1 and served.search(given, lit)
+        bound, proof = min(n, 1 + alone), "One lamp at least is needed."
+        if alone:
+            proof = (
+                f"No single lamp in {given} lights all of it with the contrast: the exact regions have no cell there."
+            )
+    shots: list[list[LitImage]] = [[] for _ in range(work.n_settings)]
+    for k in range(work.n_settings):
+        if own := [i for i in lit if served.pairs[i].setting == k]:
+            shots[k].append(work.image(range(n), own, found.contrast))
+    kind = "fixed" if fixed else "placed"
+    return replace(work.plan(kind, places[list(found.chosen)], shots, (bound, proof), dark), together=True)
 
 
 def _columns(served: Served, jobs: Sequence[tuple[int, ...]]) -> NDArray[np.bool_]:

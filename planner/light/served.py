@@ -60,6 +60,12 @@ class Served:
     def __post_init__(self) -> None:
         self.contrast = self.step = np.empty((0, len(self.pairs)))
 
+    @property
+    def offsets(self) -> Array:
+        """Where a lamp may be, relative to its place, (n, 3) mm; the first is (0, 0, 0)."""
+        none = np.zeros((1, 3))
+        return np.concatenate([none, self.tolerance_mm * _AROUND]) if self.tolerance_mm > 0 else none
+
     def add(self, places: Array) -> int:
         """Add places that are clear of the part, and return how many that are."""
         clear = places[self.scene.signed_distance(places) >= max(self.clearance_mm, self.tolerance_mm)]
@@ -75,7 +81,7 @@ class Served:
     def shown(self, places: Array) -> tuple[Array, Array]:
         """Return contrast and step (n, pairs) under lamps at places (n, 3), both 0 where a pair does not show."""
         contrast, step = self._at(places)
-        for off in self.tolerance_mm * _AROUND if self.tolerance_mm > 0 else ():
+        for off in self.offsets[1:]:
             good = np.flatnonzero((contrast > 0).any(axis=1))
             beside = self._at(places[good] + off)
             contrast[good], step[good] = np.minimum(contrast[good], beside[0]), np.minimum(step[good], beside[1])

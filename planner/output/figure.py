@@ -134,7 +134,7 @@ def _lamp_trace(light: LightPlan) -> go.Scatter3d:
             f"setting {k + 1}: {', '.join(image.contrast)}"
             for k, images in enumerate(light.images)
             for image in images
-            if image.lamp == lamp
+            if lamp in image.lamps
         )
         for lamp in range(len(light.lamps))
     ]

@@ -70,8 +70,9 @@ def predicted_image(
         Ends of an edge, or segments of a dimension's lines and circles, that are to be highlighted, mm, by name.
     color : str
         The highlights' colour, as SVG names it.
-    lamp : array_like, shape (3,), optional
-        Place of the lamp, mm: matt faces under it, with cast shadows. Default: shades that only tell faces apart.
+    lamp : array_like, shape (3,) or (n, 3), optional
+        Place of the lamp, or of lamps of one strength that are on together, mm: matt faces with cast shadows.
+        Default: shades that only tell faces apart.
 
     Returns
     -------
@@ -227,7 +228,7 @@ class PictureMaker:
         return self._scene.cast(cam2world[:3, 3], directions)
 
     def shaded(self, cam2world: np.ndarray, lamp: np.ndarray | None = None) -> np.ndarray:
-        """Return a small grey image (h, w) of uint8, lit by a lamp (3,) or from above the camera's left shoulder."""
+        """Return a small grey image (h, w) of uint8, by lamps (3,) or (n, 3), or from its left shoulder."""
         (width, height), matrix = self.camera.resolution, self.camera.matrix
         scale = width / _SHADED_WIDTH
         u, v = np.meshgrid((np.arange(_SHADED_WIDTH) + 0.5) * scale, (np.arange(round(height / scale)) + 0.5) * scale)
@@ -245,16 +246,18 @@ class PictureMaker:
         return np.where(np.isfinite(hit["t_hit"]), 255 * brightness, 250).astype(np.uint8)
 
     def _lit(self, eye: np.ndarray, rays: np.ndarray, hit: dict[str, np.ndarray], lamp: np.ndarray) -> np.ndarray:
-        """Return grey values under a point lamp, with cast shadows, before a dark ground; the brightest is 235."""
+        """Return grey values under point lamps, with cast shadows, before a dark ground; the brightest is 235."""
         seen = np.isfinite(hit["t_hit"])
         points = eye + hit["t_hit"][seen, None] * rays[seen]
-        towards = lamp - points
         normals = hit["primitive_normals"][seen].astype(np.float64)
         # of the side that is seen, however the triangle is turned
         normals *= -np.sign(np.einsum("ni,ni->n", normals, rays[seen]))[:, None]
-        irradiance = np.maximum(np.einsum("ni,ni->n", normals, towards), 0.0) / np.linalg.norm(towards, axis=1) ** 3
-        reached = self._scene.cast(lamp, -towards)["t_hit"] >= 1.0 - _SHADOW_TOLERANCE
-        irradiance = np.where(reached, irradiance, 0.0)
+        irradiance = np.zeros(len(points))
+        for place in np.atleast_2d(lamp):
+            towards = place - points
+            own = np.maximum(np.einsum("ni,ni->n", normals, towards), 0.0) / np.linalg.norm(towards, axis=1) ** 3
+            reached = self._scene.cast(place, -towards)["t_hit"] >= 1.0 - _SHADOW_TOLERANCE
+            irradiance += np.where(reached, own, 0.0)
         # a little of all sides' light, so that shadows are no holes
         grey = np.full(seen.shape, _GROUND, np.uint8)
         grey[seen] = _AMBIENT + (_BRIGHTEST - _AMBIENT) * irradiance / max(irradiance.max(initial=0.0), 1e-300)

@@ -21,6 +21,7 @@ from planner.output.wording import (
     count,
     grid_sentence,
     lamp_texts,
+    lamps_named,
     light_sentence,
     margin_texts,
     nouns,
@@ -191,8 +192,8 @@ def _setting(plan: InspectionPlan, k: int, setting: SensorSetting, maker: Pictur
     position = ", ".join(f"{value:.3f}" for value in setting.position)
     lamps = "".join(f'<p class="note">{escape(text[0].upper() + text[1:])}</p>' for text in lamp_texts(plan, k))
     images = plan.light.images[k] if plan.light is not None else ()
-    lamp = plan.light.lamps[images[0].lamp] if plan.light is not None and images else None
-    shaded = "Predicted image, hidden lines removed" + (f", under lamp {images[0].lamp + 1}" if images else "")
+    lamp = plan.light.lamps[list(images[0].lamps)] if plan.light is not None and images else None
+    shaded = "Predicted image, hidden lines removed" + (f", under {lamps_named(images[0])}" if images else "")
     return (
         f'<section class="setting" id="setting-{k + 1}"><div class="head"><h3>{_swatch(k)}Setting {k + 1}</h3>'
         f'<span class="note">camera at ({position}) mm, '
@@ -368,9 +369,15 @@ def _lit(light: LightPlan) -> str:
     return (
         "Light. Where both faces of an edge are seen, its contrast is that between their shades; of a silhouette it is "
         f"that with what is seen beside it, and the ground is taken as {light.ground}. The part is taken as matt and "
-        "of one albedo, lamps as points, one of them on at a time, and no face as lighting another; polished metal is "
+        f"of one albedo, lamps as points, {_switched(light)}, and no face as lighting another; polished metal is "
         f"out of scope. {light.bound_proof}"
     )
+
+
+def _switched(light: LightPlan) -> str:
+    if not light.together:
+        return "one of them on at a time"
+    return "of one strength and all on together, which was decided at nine points of every edge"
 
 
 def _down(value: float, digits: int) -> str:

@@ -13,6 +13,7 @@ from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTE
 
 if TYPE_CHECKING:
     from planner.camera.camera import Camera
+    from planner.light.light_plan import LitImage
     from planner.plan import InspectionPlan
     from planner.verify.simulate_plan import SimulationResult
 
@@ -146,7 +147,14 @@ def light_sentence(plan: InspectionPlan) -> str:
     told = "proven to be the fewest" if light.minimal else f"proven lower bound: {light.lower_bound}"
     more = sum(max(0, len(images) - 1) for images in light.images)
     images = f" {count(more, 'setting takes', 'settings take')} more than one image." if more else ""
-    return f"{lamps} {shown} {of}, one lamp at a time{f' ({told})' if n else ''}.{images}"
+    switched = "all on together" if light.together else "one lamp at a time"
+    return f"{lamps} {shown} {of}, {switched}{f' ({told})' if n else ''}.{images}"
+
+
+def lamps_named(image: LitImage) -> str:
+    """Return which lamps are on in an image, such as "lamp 1" or "lamps 1, 2"."""
+    numbers = ", ".join(str(lamp + 1) for lamp in image.lamps)
+    return f"lamp{'s' * (len(image.lamps) > 1)} {numbers}"
 
 
 def lamp_texts(plan: InspectionPlan, k: int) -> list[str]:
@@ -155,12 +163,13 @@ def lamp_texts(plan: InspectionPlan, k: int) -> list[str]:
         return []
     texts = []
     for image in plan.light.images[k]:
-        place = ", ".join(f"{x:.1f}" for x in plan.light.lamps[image.lamp])
+        places = [", ".join(f"{x:.1f}" for x in place) for place in plan.light.lamps[list(image.lamps)]]
+        at = " and ".join(f"({place})" for place in places)
         parts = [
             f"{name} {value:.2f}{' (silhouette)' if name in image.silhouettes else ''}"
             for name, value in image.contrast.items()
         ]
-        texts.append(f"lamp {image.lamp + 1} at ({place}) mm: contrast of {', '.join(parts)}")
+        texts.append(f"{lamps_named(image)} at {at} mm: contrast of {', '.join(parts)}")
     return texts + [f"not shown: {name}: {reason}" for name, reason in plan.light.unlit[k].items()]
 
 

@@ -189,8 +189,10 @@ def _check_light(light: Mapping[str, Any], settings: Sequence[Any]) -> None:
         for i, image in enumerate(lit["images"]):
             told += image["contrast"]
             own = (*where, "images", i)
-            if image["lamp"] >= n:
-                _refuse(field_name(*own, "lamp"), f"must be below {n}, the number of lamps", image["lamp"])
+            on = image["lamps"]
+            if not on or on != sorted(set(on)) or on[-1] >= n or (len(on) > 1) > light["together"]:
+                rule = f"must be numbers of lamps below {n} in rising order, more than one only if they are on together"
+                _refuse(field_name(*own, "lamps"), rule, on)
             for name, value in image["contrast"].items():
                 if value < light["contrast"] - _SAME:
                     rule = f"must be at least light.contrast, {light['contrast']:g}"

@@ -1,18 +1,22 @@
 """Lamps for plans: known answers on a block and a step, bad input, and a check by rays."""
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 from lit_parts import RIM, block, step
 from plan_examples import plan, setting
 
 from aspectgraph import LightError, contrast, read_solid, resolve_entities
-from aspectgraph.light import silhouettes_from
+from aspectgraph.light import compute_light, silhouettes_from
 from aspectgraph.solid import RayScene
 from planner import RequestError, SphereRegion
-from planner.light.demands import seen_as
-from planner.light.lamps import LampBox, LampDome
+from planner.light.demands import demands_of, seen_as
+from planner.light.lamps import LampBox, LampDome, LampsTogether
 from planner.light.light_plan import LightPlan
 from planner.light.plan_light import plan_light
+from planner.light.served import Served
+from planner.light.together import LampSets, sites_of
 
 AROUND = LampBox((-500, -500, -500), (580, 550, 560))
 
@@ -45,7 +49,7 @@ def test_opposite_faces_need_two_lamps():
     assert (len(found.lamps), found.lower_bound, found.minimal, found.complete) == (2, 2, True, True)
     for images, inside in zip(found.images, (lambda x: x < 0, lambda x: x > 80), strict=True):
         (image,) = images
-        assert inside(found.lamps[image.lamp, 0])
+        assert inside(found.lamps[image.lamps[0], 0])
         assert image.silhouettes == tuple(image.contrast)
     assert plan_light(side_plan(), block(), AROUND) == found
 
@@ -151,7 +155,7 @@ def test_rays_and_the_formula_confirm_every_lamp(lamps):
     for one, images in zip(asked.settings, found.images, strict=True):
         assert sorted(name for image in images for name in image.contrast) == sorted(one.entities)
         for image in images:
-            lamp = found.lamps[image.lamp]
+            lamp = found.lamps[image.lamps[0]]
             assert scene.signed_distance(lamp[None])[0] >= 10
             for name, value in image.contrast.items():
                 ends = np.array(asked.entities[name])
@@ -180,6 +184,78 @@ def test_the_record_comes_back():
     assert repr(found) == "<LightPlan: 2 placed lamps (at least 2 needed), contrast 0.1, 2 images, 0 unlit>"
 
 
+def test_lamps_that_are_on_together_add_up():
+    """Lamps square to either face, as far away: each alone has the contrast 1, both together 0."""
+    one = plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), uninspectable={"top right": "", "bottom": ""})
+    front, top = (40.0, -1000.0, 60.0), (40.0, 0.0, 1060.0)
+    for lamp in (front, top):
+        found = plan_light(one, block(), LampsTogether([lamp]))
+        assert found.images[0][0].contrast["top front"] == pytest.approx(1.0)
+        assert found.together
+    scene, light = RayScene(block().vertices, block().triangles), _light(one)
+    sets = LampSets(scene, sites_of(light.light, light.pairs), np.array([front, top]), np.zeros((1, 3)))
+    assert sets.shown(np.array([[0, 1]]))[0] == pytest.approx(0.0, abs=1e-12)
+    # one of them may be left out, so the plan takes one
+    found = plan_light(one, block(), LampsTogether([front, top]))
+    assert (len(found.lamps), found.lower_bound, found.complete) == (1, 1, True)
+
+
+def test_together_by_the_formula():
+    """Sums of n·(p - x) / |p - x|³ and of n·(p - x) / |p - x| at nine points; the smaller contrast counts."""
+    one = plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), uninspectable={"top right": "", "bottom": ""})
+    lamps = np.array([(-200.0, -700.0, 160.0), (300.0, -150.0, 900.0), (40.0, -250.0, 300.0)])
+    values = []
+    for power in (3, 1):
+        for x in np.linspace(0.06, 0.94, 9) * 80.0:
+            way = lamps - (x, 0.0, 60.0)
+            share = 1.0 / np.linalg.norm(way, axis=1) ** power
+            front, top = (-way[:, 1] * share).sum(), (way[:, 2] * share).sum()
+            values.append(abs(front - top) / (front + top))
+    light = _light(one)
+    scene = RayScene(block().vertices, block().triangles)
+    sets = LampSets(scene, sites_of(light.light, light.pairs), lamps, np.zeros((1, 3)))
+    assert sets.shown(np.array([[0, 1, 2]]))[0][0, 0] == pytest.approx(min(values))
+    # lamps that may be off by a little show no more
+    off = LampSets(scene, sites_of(light.light, light.pairs), lamps, np.array([[0.0, 0, 0], [0, 20, 0], [0, 0, -20]]))
+    assert off.shown(np.array([[0, 1, 2]]))[0][0, 0] < min(values)
+
+
+def test_opposite_faces_need_two_lamps_together_too():
+    """One image each, both lamps on; that a single one does it is refuted by the exact regions."""
+    found = plan_light(side_plan(), block(), LampsTogether(AROUND))
+    assert (len(found.lamps), found.lower_bound, found.complete, found.together) == (2, 2, True, True)
+    assert [[image.lamps for image in images] for images in found.images] == [[(0, 1)], [(0, 1)]]
+    assert sorted(found.lamps[:, 0] < 0) == sorted(found.lamps[:, 0] <= 80) == [False, True]
+    fixed = plan_light(side_plan(), block(), LampsTogether([[-300, 25, 90], [40, -300, 90], [380, 25, 90]]))
+    assert fixed.lamps[:, 0].tolist() == [-300, 380]
+    assert fixed.minimal
+    assert fixed.bound_proof == "All sets of fewer than 2 of the given lamps were tried."
+    assert LightPlan.from_dict(fixed.to_dict()) == fixed
+    dark = plan_light(side_plan(), block(), LampsTogether([[-300, 25, 90], [40, -300, 90]]))
+    assert dark.unlit[1] == {
+        "right": "no set that was tried of the given lamps shows it together with the most others."
+    }
+
+
+def test_the_mean_contrast_is_never_the_largest():
+    """The mediant: of any lamps together, no contrast is larger than the largest of theirs."""
+    one = plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), uninspectable={"top right": "", "bottom": ""})
+    rng = np.random.default_rng(4)
+    lamps = np.array([40.0, -300.0, 400.0]) + rng.uniform(-300, 300, (12, 3)) * (1, 0.9, 0.9)
+    light, scene = _light(one), RayScene(block().vertices, block().triangles)
+    sets = LampSets(scene, sites_of(light.light, light.pairs), lamps, np.zeros((1, 3)))
+    alone = sets.shown(np.arange(12)[:, None])[0][:, 0]
+    trios = np.array(list(combinations(range(12), 3)))
+    assert (sets.shown(trios)[0][:, 0] <= alone[trios].max(axis=1) + 1e-12).all()
+
+
+def _light(one):
+    solid = block()
+    scene = RayScene(solid.vertices, solid.triangles)
+    demands = demands_of(one, solid, scene, "dark")
+    return Served(compute_light(solid, demands.entities, 0.1), scene, demands.pairs, 0.1, 0.05)
+
+
 @pytest.mark.parametrize(
     ("lamps", "options", "text"),
     [
@@ -206,6 +282,9 @@ def test_bad_requests(lamps, options, text):
         (lambda: LampBox((0, 0, 0), (1, 1, 1), -1), "clearance_mm must be finite and not negative. Got -1."),
         (lambda: LampDome((0, 0, 0), 0.0), "radius_mm must be positive. Got 0.0."),
         (lambda: LampDome((0, 0, 0), 5.0, 5.0), "lowest_mm must be below radius_mm, 5. Got 5.0."),
+        (lambda: LampsTogether("ring"), "lamps together must be places, a LampBox or a LampDome. Got 'ring'."),
+        (lambda: LampsTogether(LampsTogether([[0, 0, 0]])), "lamps together must be places"),
+        (lambda: LampsTogether([[0, 0]]), "lamps must be finite numbers in mm, shape (n, 3)"),
         (lambda: LampDome((0, 0, np.inf), 5.0), "the centre of a dome of lamps must be finite"),
     ],
 )

@@ -105,7 +105,12 @@ WRONG = {
     "kind of lamps": (("light", "kind"), "torch", 'must be fixed, ring or placed. Got "torch".'),
     "contrast 1": (("light", "contrast"), 1, "must be in (0, 1). Got 1."),
     "lamp in the plane": (("light", "lamps", 0), [1, 2], "must have the shape (3,). Got (2,)."),
-    "lamp 2": ((*LIT, "images", 0, "lamp"), 2, "must be below 2, the number of lamps. Got 2."),
+    "lamp 2": ((*LIT, "images", 0, "lamps"), [2], "must be numbers of lamps below 2 in rising order, more than one"),
+    "two lamps": (
+        (*LIT, "images", 0, "lamps"),
+        [0, 1],
+        "must be numbers of lamps below 2 in rising order, more than one",
+    ),
     "more lamps needed": (("light", "lower_bound"), 3, "must be at most 2, the number of lamps. Got 3."),
     "too even": ((*LIT, "images", 0, "contrast", "top right"), 0.05, "must be at least light.contrast, 0.1. Got 0.05."),
     "lit settings": (("light", "settings"), [], "must hold one object per setting, 2. Got 0."),
