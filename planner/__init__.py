@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from planner.setting.plan_setting import plan_setting
     from planner.setting.pose_search import Search
     from planner.setting.sensor_setting import SensorSetting
+    from planner.showing.showing import Showing
     from planner.travel import travel_order
     from planner.verify.simulate_plan import SimulationResult, simulate_plan
     from planner.verify.simulate_setting import SuccessRate, simulate_setting
@@ -118,6 +119,7 @@ _NAMES = {
         "SphereRegion",
     ),
     "planner.setting.plan_setting": ("plan_setting",),
+    "planner.showing.showing": ("Showing",),
     "planner.setting.pose_search": ("Search",),
     "planner.setting.sensor_setting": ("SensorSetting",),
     "planner.travel": ("travel_order",),
@@ -164,6 +166,7 @@ __all__ = [
     "RingSpace",
     "Search",
     "SensorSetting",
+    "Showing",
     "SimulationResult",
     "SphereRegion",
     "SuccessRate",

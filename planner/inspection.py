@@ -110,6 +110,8 @@ def plan_inspection(
     focus_margin_mm : float
         What both limits of the depth of field are narrowed by, so that a displaced camera is in focus still; four
         standard deviations of its position make blurred images rare. Default: nothing.
+    showing : Showing, optional
+        What the image needs so that edges can be found in it. Default: nothing, as in the paper.
     reach : Region or callable, optional
         As in `plan_setting`.
     space : VisibilityRegions or EntityAspectGraph, optional
@@ -254,6 +256,7 @@ def _basis(request: Request, seed: int, effort: Effort, gap: float) -> dict[str,
         "seed": seed,
         "effort": asdict(effort),
         **({"gap": gap} if gap else {}),
+        **({} if need.showing.asks_nothing else {"showing": asdict(need.showing)}),
         **_ring(request.space),
         **_dimensions(request),
     }

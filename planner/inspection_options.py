@@ -15,10 +15,11 @@ from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.plan import InspectionPlan
 from planner.request.constraints import Requirements
-from planner.request.defaults import check_focus_margin, corner_margin_px, position_margin_mm
+from planner.request.defaults import check_focus_margin, check_showing, corner_margin_px, position_margin_mm
 from planner.request.effort import Effort
 from planner.request.reach import Reach
 from planner.request.space import Space
+from planner.showing.showing import Showing
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ class InspectionOptions:
     field_margin_px: float | None = None
     visibility_radius_mm: float | None = None
     focus_margin_mm: float = 0.0
+    showing: Showing | None = None
     reach: Reach | None = None
     space: Space | None = None
     effort: Effort | None = None
@@ -52,6 +54,7 @@ class InspectionOptions:
             reach=self.reach,
             visibility_radius_mm=position_margin_mm(pose_uncertainty) if radius is None else radius,
             focus_margin_mm=check_focus_margin(self.focus_margin_mm, camera),
+            showing=check_showing(self.showing, camera),
         )
 
 
@@ -64,6 +67,7 @@ class InspectionKeywords(TypedDict, total=False):
     field_margin_px: float | None
     visibility_radius_mm: float | None
     focus_margin_mm: float
+    showing: Showing | None
     reach: Reach | None
     space: Space | None
     effort: Effort | None

@@ -14,6 +14,7 @@ from planner.exceptions import RequestError
 from planner.request.defaults import check_count, check_fraction
 from planner.request.effort import Effort
 from planner.resume import program_version
+from planner.showing.showing import NOT_ASKED, Showing
 
 _LIMITS = (
     "stand_off_mm",
@@ -21,6 +22,7 @@ _LIMITS = (
     "field_margin_px",
     "visibility_radius_mm",
     "focus_margin_mm",
+    "showing",
     "time_limit_s",
     "gap",
 )
@@ -50,9 +52,10 @@ class PartRequest:
         The joint graph is written for up to so many entities.
     effort : Effort
         How long to search.
-    limits : mapping of str to float
+    limits : mapping
         ``stand_off_mm``, ``min_length_px``, ``field_margin_px``, ``visibility_radius_mm``, ``focus_margin_mm``,
-        ``time_limit_s`` and ``gap`` as `plan_inspection` takes them, where not the default; the time is per part.
+        ``showing``, ``time_limit_s`` and ``gap`` as `plan_inspection` takes them, where not the default;
+        the time is per part.
 
     Raises
     ------
@@ -70,7 +73,7 @@ class PartRequest:
     simulate: int = 10_000
     graph_limit: int = 0
     effort: Effort = field(default_factory=Effort)
-    limits: Mapping[str, float | None] = field(default_factory=dict)
+    limits: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_fraction("accuracy", self.accuracy)
@@ -88,7 +91,11 @@ class PartRequest:
             "camera": self.camera.to_dict(),
             "pose_uncertainty": self.pose_uncertainty.to_dict(),
             "effort": asdict(self.effort),
-            "limits": {name: value for name, value in self.limits.items() if value is not None},
+            "limits": {
+                name: asdict(value) if isinstance(value, Showing) else value
+                for name, value in self.limits.items()
+                if value not in (None, NOT_ASKED)
+            },
             "program": program_version(),
         }
         for name in ("accuracy", "probability", "seed", "select", "units", "simulate", "graph_limit"):

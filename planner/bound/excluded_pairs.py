@@ -76,7 +76,7 @@ def find_conflicts(judge: Judge, entity_idx: NDArray[np.int_], columns: ArrayLik
     known = np.asarray(columns, dtype=bool)
     segments, frustum, cells = segments_of(judge, entity_idx), frustum_of(judge), regions.arrays
     together = known.T.astype(int) @ known.astype(int) > 0
-    tangents = sensor_tangents(judge.camera, judge.requirements.field_margin_px)
+    tangents = sensor_tangents(judge.camera, judge.requirements.border_px)
     conflict = too_far_apart(judge.camera, segments.ends, tangents) & ~together
 
     def excludes(pair: NDArray[np.int_]) -> bool:

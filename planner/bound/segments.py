@@ -29,7 +29,7 @@ def sensor_tangents(camera: Camera, margin_px: float) -> NDArray[np.float64]:
 def frustum_of(judge: Judge) -> Frustum:
     """Return what the camera of a request takes in; the depth of field may have no end."""
     near, far = judge.camera.depth_of_field_mm
-    tan_x, tan_y = sensor_tangents(judge.camera, judge.requirements.field_margin_px).tolist()
+    tan_x, tan_y = sensor_tangents(judge.camera, judge.requirements.border_px).tolist()
     return Frustum(float(near), float(far), tan_x, tan_y, math.atan(math.hypot(tan_x, tan_y)))
 
 

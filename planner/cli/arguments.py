@@ -74,6 +74,25 @@ def add_limits(plan: argparse.ArgumentParser) -> None:
         metavar="MM",
         help="all must be visible from so far around the camera, too (default: three standard deviations)",
     )
+    add_showing(plan)
+
+
+def add_showing(plan: argparse.ArgumentParser) -> None:
+    """Add what the image needs so that edges can be found in it."""
+    shows = plan.add_argument_group("showing", "what edges need to be found in the image, and 0 where they need not")
+    shows.add_argument(
+        "--separation-px",
+        type=float,
+        default=0.0,
+        metavar="PX",
+        help="no other visible line within (5 is a good value)",
+    )
+    shows.add_argument(
+        "--surround-px", type=float, default=0.0, metavar="PX", help="of the image around each end (40 is a good value)"
+    )
+    shows.add_argument(
+        "--min-corner-deg", type=float, default=0.0, metavar="DEG", help="at each end with another line (25)"
+    )
 
 
 def add_light(plan: argparse.ArgumentParser) -> None:

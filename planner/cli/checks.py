@@ -17,6 +17,9 @@ _NOT_NEGATIVE = (
     "field_margin_px",
     "focus_margin_mm",
     "visibility_radius_mm",
+    "separation_px",
+    "surround_px",
+    "min_corner_deg",
 )
 
 

@@ -60,6 +60,7 @@ from planner.progress import labelled, terminal_progress
 from planner.request.defaults import check_fraction, default_workspace
 from planner.request.effort import Effort
 from planner.resume import read_state
+from planner.showing.showing import Showing
 from planner.verify.simulate_plan import simulate_plan
 
 if TYPE_CHECKING:
@@ -244,6 +245,7 @@ def _limit_keywords(options: argparse.Namespace) -> dict[str, Any]:
         "field_margin_px": options.field_margin_px,
         "focus_margin_mm": options.focus_margin_mm,
         "visibility_radius_mm": options.visibility_radius_mm,
+        "showing": Showing(options.separation_px, options.surround_px, options.min_corner_deg),
     }
 
 

@@ -28,6 +28,10 @@ class Nearness:
         Of the image's length, as a share of the smallest allowed.
     focus : float
         Of the depth, as a share of the depth of field (of at most nine times its near limit, as it may be infinite).
+    separation : float
+        Of the separation, as a share of what is asked for.
+    corner_deg : float
+        Of the angle of corners.
     probability : float
         Of the probability.
     hopeless : float
@@ -40,6 +44,8 @@ class Nearness:
     field: float = 0.06
     length: float = 0.1
     focus: float = 0.1
+    separation: float = 0.5
+    corner_deg: float = 5.0
     probability: float = 0.05
     hopeless: float = 6.0
     batch: int = 2048
@@ -95,6 +101,8 @@ class Judge:
             "resolution_mm": NEARNESS.length * self.constraints.min_length_mm,
             "focus_mm": NEARNESS.focus * depth,
             "field_of_view_px": NEARNESS.field * max(self.camera.resolution),
+            "separation_px": NEARNESS.separation * self.requirements.showing.separation_px,
+            "corner_deg": NEARNESS.corner_deg,
         }
 
     def __getstate__(self) -> dict[str, Request]:
@@ -132,13 +140,16 @@ class Judge:
             probability[nearly] = self.request.objective.probability_where(cam2world, nearly)
         nearly &= probability >= self.threshold - NEARNESS.probability
         self._hide_around(cam2world, nearly, probability)
-        inspects = (missed == 0.0) & nearly & (probability >= self.threshold)
+        shown = self._show(cam2world, nearly, probability)
+        inspects = (missed == 0.0) & nearly & shown & (probability >= self.threshold)
         return Judgement(inspects, nearly, probability, np.exp(-missed))
 
     def _missed(self, cam2world: np.ndarray) -> np.ndarray:
         """Return how far the worst constraint of each entity is missed, in units of its tolerance; (n, k), 0 is met."""
         missed = np.zeros((len(cam2world), len(self.names)))
         for name in self.constraints.constraint_names:
+            if name in self.constraints.shows:
+                continue
             left = np.flatnonzero((missed < NEARNESS.hopeless).any(axis=1))
             if not left.size:
                 break
@@ -171,3 +182,16 @@ class Judge:
                 hidden = visibility_slacks(self.space, positions[rows], [name], radius)[:, 0, 0] < 0
                 nearly[rows[hidden], k] = False
                 probability[rows[hidden], k] = 0.0
+
+    def _show(self, cam2world: np.ndarray, nearly: np.ndarray, probability: np.ndarray) -> np.ndarray:
+        """Return who can be found in the image (n, k), asked only of what would otherwise be inspected."""
+        shown = np.ones_like(nearly)
+        for name in self.constraints.shows if nearly.any() else ():
+            image = self.constraints.image
+            margin = (
+                image.corners(cam2world, nearly) if name == "corner_deg" else image.separations(cam2world, nearly, 0.0)
+            )
+            shown &= margin >= 0.0
+            hopeless = nearly & (margin < -self._tolerance[name])
+            nearly[hopeless], probability[hopeless] = False, 0.0
+        return shown

@@ -14,6 +14,7 @@ from planner.columns.perturb import perturbed
 from planner.exceptions import InfeasibleError
 from planner.executors import Shared
 from planner.request.measured import measured_items
+from planner.setting.infeasible import missing_corners
 from planner.setting.plan_setting import best_setting
 from planner.setting.pose_setting import setting_at
 from planner.setting.sensor_setting import SensorSetting
@@ -58,6 +59,8 @@ _MEANING = {
     "workspace_mm": "out of reach",
     "reach": "out of reach",
     "clearance_mm": "in view only too near the part",
+    "corner_deg": "without a corner to measure to",
+    "separation_px": "too near to another line in the image",
 }
 
 
@@ -92,6 +95,11 @@ def realise(shared: Shared, names: Sequence[str], seed: int, start: np.ndarray |
         if min(found.probability.values()) >= request.probability or len(names) == 1:
             break
     return Outcome(found)
+
+
+def without_corners(judge: Judge) -> dict[str, str]:
+    """Return the entities that no pose can inspect as they lack a corner that is asked for, and the reason."""
+    return {name: f"{meaning(error)}: {error}" for name, error in missing_corners(judge.constraints).items()}
 
 
 def meaning(error: InfeasibleError) -> str:

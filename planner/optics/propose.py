@@ -269,7 +269,7 @@ def _judged(
         nothing = {view.target.name: 0.0 for view in views}
         return OpticsProposal(*names, camera, required, nothing, {}, {})
     need = replace(how, focus_margin_mm=margin).requirements(camera, pose_uncertainty)
-    lens = Lens.of(camera, need.min_length_px * max(camera.pixel_pitch_mm), need.field_margin_px, need.focus_margin_mm)
+    lens = Lens.of(camera, need.min_length_px * max(camera.pixel_pitch_mm), need.border_px, need.focus_margin_mm)
     probability, share, poses = {}, {}, {}
     for view in views:
         name = view.target.name

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from planner.showing.image_check import MOST_PX
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
 
 if TYPE_CHECKING:
@@ -203,7 +204,15 @@ def requirement_rows(need: Mapping[str, float]) -> dict[str, str]:
     """Say what every setting satisfies; nothing of a plan that does not know."""
     if not need:
         return {}
+    asked = {}
+    if need.get("separation_px"):
+        asked["Separation"] = f"no other visible line within {need['separation_px']:g} px of an edge"
+    if need.get("surround_px"):
+        asked["Surroundings"] = f"{need['surround_px']:g} px of the image around each end, beside the reserve"
+    if need.get("min_corner_deg"):
+        asked["Corners"] = f"another line leaves each end at {need['min_corner_deg']:g}° or more"
     return {
+        **asked,
         "Stand-off": f"at least {need['stand_off_mm']:g} mm from the part",
         "Image of an edge": f"at least {need['min_length_px']:g} px long",
         "Reserve of the field of view": f"{need['field_margin_px']:.4g} px along the sensor's sides, in which nothing "
@@ -218,8 +227,9 @@ def margin_texts(margins: Mapping[str, float]) -> list[str]:
     texts = []
     for key, value in margins.items():
         name, _, unit = key.rpartition("_")
-        if unit not in ("mm", "px"):
+        if unit not in ("mm", "px", "deg"):
             texts.append(f"{key.replace('_', ' ')} {'met' if value >= 0 else 'missed'}")
         else:
-            texts.append(f"{name.replace('_', ' ')} {value:+.4g} {unit}")
+            more = " or more" if key == "separation_px" and value >= MOST_PX else ""
+            texts.append(f"{name.replace('_', ' ')} {value:+.4g} {unit.replace('deg', '°')}{more}")
     return texts

@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ from planner.exceptions import RequestError
 from planner.request.image_constraints import FIELD_OF_VIEW, FOCUS, RESOLUTION, Lens, cone_slacks, image_slacks
 from planner.request.reach import Reach, SignedDistance, check_reach, reach_margin
 from planner.request.space import Space
+from planner.showing.image_check import ImageCheck, edges_of
+from planner.showing.showing import NOT_ASKED, Showing
 from planner.wanted.targets import Target, edge_target
 
 # the axes, and the diagonals of a cube: around a position, an entity must be visible in these directions
@@ -120,6 +123,8 @@ class Requirements:
         Distance around the front nodal point from which the entities must be observable too.
     focus_margin_mm : float
         What both limits of the depth of field are narrowed by, so that a displaced camera is still in focus.
+    showing : Showing
+        What the image needs so that edges can be found in it.
 
     Raises
     ------
@@ -134,6 +139,7 @@ class Requirements:
     reach: Reach | None = field(default=None, repr=False)
     visibility_radius_mm: float = 0.0
     focus_margin_mm: float = 0.0
+    showing: Showing = NOT_ASKED
 
     def __post_init__(self) -> None:
         for name in _NUMBERS:
@@ -152,7 +158,13 @@ class Requirements:
         dict of str to float
             By field.
         """
-        return {name: float(getattr(self, name)) for name in _NUMBERS}
+        asked = {} if self.showing.asks_nothing else asdict(self.showing)
+        return {name: float(value) for name, value in {**{n: getattr(self, n) for n in _NUMBERS}, **asked}.items()}
+
+    @property
+    def border_px(self) -> float:
+        """Strip along the sensor's sides that nothing measured may enter: the reserve, and what surrounds an end."""
+        return self.field_margin_px + self.showing.surround_px
 
 
 class Constraints:
@@ -200,7 +212,7 @@ class Constraints:
         self._first = np.cumsum([0, *sizes[:-1]])
         self.sphere_centre, self.sphere_radius = enclosing_sphere(self.segments.reshape(-1, 3))
         self.min_length_mm = requirements.min_length_px * max(camera.pixel_pitch_mm)
-        self._lens = Lens.of(camera, self.min_length_mm, requirements.field_margin_px, requirements.focus_margin_mm)
+        self._lens = Lens.of(camera, self.min_length_mm, requirements.border_px, requirements.focus_margin_mm)
         self._exact_field = requirements.field_of_view == "exact"
         self._workspace = np.array(space.workspace, dtype=np.float64)
         self._box = np.array([np.min(space.solid.vertices, axis=0), np.max(space.solid.vertices, axis=0)])
@@ -210,6 +222,11 @@ class Constraints:
         if self._exact_field:
             self._columns["field_of_view_px"] = FIELD_OF_VIEW
         self._checks = self._build_checks()
+        self._edge_ids = [
+            edges_of(space, name) if target.measurand is None else None
+            for name, target in zip(self.names, targets, strict=True)
+        ]
+        self._shows = self._build_shows()
 
     def _build_checks(self) -> dict[str, Any]:
         """Map each constraint that is no column of the image to its slacks as a function of cam2world."""
@@ -227,18 +244,39 @@ class Constraints:
         )
         return checks
 
+    def _build_shows(self) -> dict[str, Any]:
+        """Map the conditions on the image that cost most to their slacks; see `Showing`."""
+        asked, k = self.requirements.showing, len(self.names)
+        shows: dict[str, Any] = {}
+        if asked.min_corner_deg > 0:
+            shows["corner_deg"] = lambda pose: self.image.corners(pose, np.ones((len(pose), k), bool))[..., None]
+        if asked.separation_px > 0:
+            shows["separation_px"] = lambda pose: self.image.separations(pose, np.ones((len(pose), k), bool))[..., None]
+        return shows
+
+    @cached_property
+    def image(self) -> ImageCheck:
+        """Whether edges can be found in the images of poses."""
+        return ImageCheck(self.space.solid, self._edge_ids, self.ends, self.camera, self.requirements.showing)
+
+    @property
+    def shows(self) -> tuple[str, ...]:
+        """Names of those constraints that `image` tells of."""
+        return tuple(self._shows)
+
     @property
     def constraint_names(self) -> tuple[str, ...]:
         """Names of the constraints; each ends with the unit of its margin."""
-        return (*self._columns, *self._checks)
+        return (*self._columns, *self._checks, *self._shows)
 
     def slacks(self, cam2world: np.ndarray, only: Sequence[str] | None = None) -> dict[str, np.ndarray]:
         """Return the slacks (n, k or 1, s) of poses (n, 4, 4) per constraint."""
         names = self.constraint_names if only is None else only
+        checks = {**self._checks, **self._shows}
         if any(name in self._columns for name in names):
             image = self._image_slacks(cam2world)
         return {
-            name: image[..., self._columns[name]] if name in self._columns else self._checks[name](cam2world)
+            name: image[..., self._columns[name]] if name in self._columns else checks[name](cam2world)
             for name in names
         }
 
@@ -268,6 +306,8 @@ class Constraints:
                 left = left[self._may_be_near(cam2world[left, :3, 3])]
             if left.size:
                 mask[left] = check(cam2world[left]).min(axis=(1, 2)) >= 0
+        if self._shows and (left := np.flatnonzero(mask)).size:
+            mask[left] = self.image.shown(cam2world[left], np.ones((left.size, len(self.names)), bool)).all(axis=1)
         return mask
 
     def _may_be_near(self, positions: np.ndarray) -> np.ndarray:
@@ -289,6 +329,8 @@ class Constraints:
             # a region's margin is a distance, a callable's is +1 or -1
             "reach": diagonal if hasattr(self.requirements.reach, "margin") else 1.0,
             "visibility": 1.0,
+            "separation_px": max(self.requirements.showing.separation_px, 1.0),
+            "corner_deg": max(self.requirements.showing.min_corner_deg, 1.0),
         }[name]
 
     def violation(self, cam2world: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.request.necessary import focus_reach_mm
+from planner.showing.showing import NOT_ASKED, Showing
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -140,3 +141,35 @@ def pose_margin_px(camera: Camera, pose_uncertainty: PoseUncertainty) -> float:
 def position_margin_mm(pose_uncertainty: PoseUncertainty) -> float:
     """Return three standard deviations of the position, in mm, in the direction where it is least certain."""
     return 3.0 * math.sqrt(max(float(np.linalg.eigvalsh(pose_uncertainty.covariance[:3, :3]).max()), 0.0))
+
+
+def check_showing(showing: Showing | None, camera: Camera) -> Showing:
+    """Return conditions that fit into the image, or raise `RequestError`.
+
+    Parameters
+    ----------
+    showing : Showing or None
+        None asks nothing.
+    camera : Camera
+        Gives the image.
+
+    Returns
+    -------
+    Showing
+        The conditions.
+
+    Raises
+    ------
+    RequestError
+        If it is something else, or lines or surroundings are wider than the image.
+    """
+    if showing is None:
+        return NOT_ASKED
+    if not isinstance(showing, Showing):
+        raise RequestError(f"showing must be a Showing. Got {showing!r}.")
+    side = min(camera.resolution)
+    for name in ("separation_px", "surround_px"):
+        value = getattr(showing, name)
+        if 2 * value >= side:
+            raise RequestError(f"{name} must be less than half the image's smaller side, {side} px. Got {value:g}.")
+    return showing

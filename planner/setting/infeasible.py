@@ -20,7 +20,7 @@ from planner.setting.pose_bits import PoseEncoding
 if TYPE_CHECKING:
     from aspectgraph import CellSet
 
-_UNITS = {"mm": "mm", "px": "px"}
+_UNITS = {"mm": "mm", "px": "px", "deg": "degrees"}
 _ROUNDS = np.geomspace(0.2, 1e-4, 20)
 
 
@@ -109,6 +109,24 @@ def check_extent(constraints: Constraints) -> None:
             entity=names[-1],
             margin=float(margin),
         )
+
+
+def missing_corners(constraints: Constraints) -> dict[str, InfeasibleError]:
+    """Return the edges that run on smoothly in an arc although corners are asked for, and what to say of each."""
+    found = {}
+    for k, name in enumerate(constraints.names if "corner_deg" in constraints.shows else ()):
+        end = constraints.image.without_corner(k)
+        if end is not None:
+            place, least = ", ".join(f"{x:.6g}" for x in end), constraints.requirements.showing.min_corner_deg
+            found[name] = InfeasibleError(
+                f"corner_deg cannot be met for entity {name!r}: at ({place}) mm the edge runs on smoothly, so its "
+                "length has no corner to be measured to; a distance or an angle can be measured of it, and so can its "
+                f"length where corners are not asked for (0, not {least:g} degrees).",
+                constraint="corner_deg",
+                entity=name,
+                margin=-least,
+            )
+    return found
 
 
 def explain_positions(constraints: Constraints, cells: CellSet, rng: np.random.Generator) -> InfeasibleError:

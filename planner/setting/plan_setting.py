@@ -15,7 +15,7 @@ from planner.exceptions import RequestError
 from planner.options import chosen, with_keywords_of
 from planner.request.request import Request
 from planner.request.space import Space
-from planner.setting.infeasible import check_extent, check_observable, check_resolvable
+from planner.setting.infeasible import check_extent, check_observable, check_resolvable, missing_corners
 from planner.setting.pose_search import Search, search_pose
 from planner.setting.sensor_setting import SensorSetting
 from planner.setting.setting_options import SettingKeywords, SettingOptions
@@ -77,6 +77,8 @@ def plan_setting(
     focus_margin_mm : float
         What both limits of the depth of field are narrowed by, so that a displaced camera is in focus still; four
         standard deviations of its position make blurred images rare. Default: nothing.
+    showing : Showing, optional
+        What the image needs so that edges can be found in it. Default: nothing, as in the paper.
     reach : Region or callable, optional
         Where the front nodal point may be: a `BoxRegion`, `SphereRegion`, `MeshRegion` or anything else with a method
         ``margin``, or ``callable(positions) -> bool`` of shape (n,). Default: anywhere.
@@ -161,6 +163,8 @@ def best_setting(
     constraints, goal = request.constraints, request.objective_of(objective, model)
     check_resolvable(constraints)
     check_extent(constraints)
+    for error in missing_corners(constraints).values():
+        raise error
     cells = check_observable(request.space, request.names)
     outcome = search_pose(cells, constraints, goal, search or Search(), generator, _check_poses(start), callback)
     pose = outcome.cam2world[None]

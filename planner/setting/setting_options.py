@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.request.constraints import Requirements
-from planner.request.defaults import check_focus_margin, pose_margin_px, position_margin_mm
+from planner.request.defaults import check_focus_margin, check_showing, pose_margin_px, position_margin_mm
 from planner.request.reach import Reach
 from planner.setting.pose_search import Search
+from planner.showing.showing import Showing
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,7 @@ class SettingOptions:
     field_of_view: str = "exact"
     visibility_radius_mm: float | None = None
     focus_margin_mm: float = 0.0
+    showing: Showing | None = None
     reach: Reach | None = None
     objective: str = "sum"
     model: str = "joint"
@@ -44,6 +46,7 @@ class SettingOptions:
             reach=self.reach,
             visibility_radius_mm=position_margin_mm(pose_uncertainty) if radius is None else radius,
             focus_margin_mm=check_focus_margin(self.focus_margin_mm, camera),
+            showing=check_showing(self.showing, camera),
         )
 
 
@@ -56,6 +59,7 @@ class SettingKeywords(TypedDict, total=False):
     field_of_view: str
     visibility_radius_mm: float | None
     focus_margin_mm: float
+    showing: Showing | None
     reach: Reach | None
     objective: str
     model: str

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from planner.columns.candidates import Pools, judged_poses, price_poses
+from planner.columns.realise_column import without_corners
 from planner.executors import in_order
 from planner.ledger import Ledger
 from planner.progress import report
@@ -19,6 +20,7 @@ def find_columns(run: Run, incumbents: Incumbents) -> None:
     """Fill the pools, or go on from the checkpoint; columns that make a better plan are offered."""
     last = run.memo.last()
     if last is None:
+        run.uninspectable = without_corners(run.judge)
         incumbents.glance(run)
         _sample(run)
         run.keep(_SAMPLED, {})
@@ -40,10 +42,11 @@ def find_columns(run: Run, incumbents: Incumbents) -> None:
 
 def _sample(run: Run) -> None:
     """Fill the pools from viewpoints of every entity."""
-    arguments = [(run.shared, name, run.effort.viewpoints, run.seed) for name in run.names]
+    names = [name for name in run.names if name not in run.uninspectable]
+    arguments = [(run.shared, name, run.effort.viewpoints, run.seed) for name in names]
     for k, (poses, judged) in enumerate(in_order(run.executor, judged_poses, arguments)):
         run.pools.add(poses, judged)
-        report(run.progress, k + 1, len(run.names), _SAMPLED)
+        report(run.progress, k + 1, len(names), _SAMPLED)
 
 
 def _try_alone(run: Run) -> dict[str, str]:

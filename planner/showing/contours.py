@@ -1,0 +1,105 @@
+"""Lines that a part may show in an image: its sharp edges, and contours where curved faces turn away.
+
+A *contour* is an edge that shows from a viewpoint: a sharp one, unless a face beside it hides it there, or one between
+two facets of a curved surface, the one facing the camera and the other not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aspectgraph.solid.edge_ends import edges_that_show
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+
+# what an edge of the part is to an entity
+OTHER, OWN, CONNECTED = 0, 1, 2
+# bits of `Contours.kinds`
+SHARP, CONVEX = 1, 2
+
+
+class Contours(NamedTuple):
+    """Edges (m) of a part that may be contours.
+
+    Attributes
+    ----------
+    vertices : array (v, 3)
+        Corners of the part, mm.
+    ends : array of int (m, 2)
+        Vertex numbers.
+    planes : array (m, 2, 4)
+        Unit normals and offsets of both faces: n·x > o in front.
+    kinds : array of uint8 (m,)
+        Bits `SHARP` and `CONVEX`.
+    ids : array of int (m,)
+        Numbers in ``solid.edges``.
+    """
+
+    vertices: NDArray[np.float64]
+    ends: NDArray[np.int64]
+    planes: NDArray[np.float64]
+    kinds: NDArray[np.uint8]
+    ids: NDArray[np.int64]
+
+
+def contours_of(solid: Solid) -> Contours:
+    """Return the edges of a part that may be contours from some viewpoint.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+
+    Returns
+    -------
+    Contours
+        Without the smooth edges of hollows, which are hidden wherever one of their faces turns away.
+    """
+    shows = edges_that_show(solid)
+    turns = np.array([edge.dihedral_deg for edge in solid.edges])
+    ids = np.flatnonzero(shows | (turns > 0))
+    edges = [solid.edges[i] for i in ids]
+    ends = np.array([edge.vertices for edge in edges], np.int64).reshape(-1, 2)
+    normals = np.asarray(solid.normals, np.float64)[np.array([edge.faces for edge in edges], int).reshape(-1, 2)]
+    vertices = np.ascontiguousarray(solid.vertices, np.float64)
+    offsets = np.einsum("efk,ek->ef", normals, vertices[ends[:, 0]])
+    kinds = np.where(shows[ids], SHARP, 0) | np.where(turns[ids] > 0, CONVEX, 0)
+    planes = np.ascontiguousarray(np.concatenate([normals, offsets[..., None]], axis=2))
+    return Contours(vertices, ends, planes, kinds.astype(np.uint8), ids.astype(np.int64))
+
+
+def relation_to(contours: Contours, edge_ids: Sequence[int], radius_mm: float) -> NDArray[np.uint8]:
+    """Return what each edge (m,) is to an entity: another one, its own, or connected to it near a common vertex.
+
+    Parameters
+    ----------
+    contours : Contours
+        Of the part.
+    edge_ids : sequence of int
+        Edges of the entity.
+    radius_mm : float
+        How far from the common vertex an edge still counts as connected: such as the chords of an arc.
+    """
+    relation = np.full(len(contours.ids), OTHER, np.uint8)
+    own = np.isin(contours.ids, list(edge_ids))
+    at: dict[int, list[int]] = {}
+    for e, (a, b) in enumerate(contours.ends.tolist()):
+        at.setdefault(a, []).append(e)
+        at.setdefault(b, []).append(e)
+    for vertex in np.unique(contours.ends[own]).tolist():
+        distance = np.linalg.norm(contours.vertices - contours.vertices[vertex], axis=1)
+        reached, waiting = {vertex}, [vertex]
+        while waiting:
+            for e in at[waiting.pop()]:
+                relation[e] = CONNECTED
+                for other in contours.ends[e].tolist():
+                    if other not in reached and distance[other] <= radius_mm:
+                        reached.add(other)
+                        waiting.append(other)
+    relation[own] = OWN
+    return relation

@@ -1,0 +1,175 @@
+"""Whether edges can be found in the images of poses: how far other visible lines are, and how wide corners are.
+
+Notation: n poses, k entities, p pairs of a pose and an entity. Lines are those of the part (`planner.showing.contours`)
+that rays find visible. Images are without distortion, which changes distances of a few pixels by far less than one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aspectgraph.solid.ray_scene import RayScene
+from planner.camera.camera import Camera
+from planner.showing.contours import OTHER, OWN, Contours, contours_of, relation_to
+from planner.showing.corners import arms_of, corner_arms
+from planner.showing.near_contours import near_contours
+from planner.showing.showing import Showing
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+
+Array = NDArray[np.float64]
+Pairs = NDArray[np.int64]
+
+# a ray that ends this share before a point has been stopped by something else
+_SHORT = 1e-4
+# margins of separation are told up to so many px
+MOST_PX = 20.0
+_NEVER = 1e6
+# points at first, and pairs at a time
+_ROOM, _BATCH = 100_000, 20_000
+# of a depth of field without end so many times its near limit counts
+_FAR = 10.0
+
+
+class ImageCheck:
+    """Separation and corners of entities in the images of a camera.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    edge_ids : sequence of (sequence of int or None)
+        The edges of each entity (k); None for what has no ends and is asked for nothing, such as dimensions.
+    ends : array (k, 2, 3)
+        Their ends, mm.
+    camera : Camera
+        The camera.
+    showing : Showing
+        What is asked.
+    """
+
+    def __init__(
+        self, solid: Solid, edge_ids: Sequence[Sequence[int] | None], ends: Array, camera: Camera, showing: Showing
+    ) -> None:
+        self.showing, self._ends = showing, np.ascontiguousarray(ends, np.float64)
+        matrix, (near, far) = camera.matrix, camera.depth_of_field_mm
+        self._scale = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]])
+        self._asked = np.array([one is not None for one in edge_ids])
+        self._contours = contours_of(solid)
+        self._scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
+        # neighbours leave the strip beside an edge at so many px from the corner, if they leave at the angle asked for
+        angle = math.radians(max(showing.min_corner_deg, 5.0))
+        self._near_own_px = showing.separation_px / math.sin(angle)
+        radius = 2.0 * self._near_own_px * min(far, _FAR * near) / float(self._scale[:2].min())
+        self._relations = np.full((len(edge_ids), len(self._contours.ids)), OTHER, np.uint8)
+        for k, one in enumerate(edge_ids):
+            if one is not None:
+                self._relations[k] = relation_to(self._contours, one, radius)
+        own = [self._vertices_of(k) for k in range(len(edge_ids))]
+        self._own = np.concatenate([np.zeros(0, np.int64), *own])
+        self._first = np.cumsum([0, *map(len, own)]).astype(np.int64)
+        self._arms = arms_of(self._contours, self._relations, self._ends, self._asked)
+
+    def _vertices_of(self, k: int) -> NDArray[np.int64]:
+        return np.unique(self._contours.ends[self._relations[k] == OWN]).astype(np.int64)
+
+    def separations(self, cam2world: Array, wanted: NDArray[np.bool_], most_px: float = MOST_PX) -> Array:
+        """Return how far other visible lines are from entities in the image, less what is asked for, px; (n, k).
+
+        Parameters
+        ----------
+        cam2world : array (n, 4, 4)
+            Poses.
+        wanted : array of bool (n, k)
+            For which entities; the others get `most_px`.
+        most_px : float
+            Lines beyond what is asked for and so much more are not looked at.
+        """
+        margin = np.full(wanted.shape, most_px)
+        if self.showing.separation_px > 0:
+            for pairs in self._batches(wanted):
+                apart = self._separations(cam2world, pairs, self.showing.separation_px + most_px)
+                margin[tuple(pairs.T)] = apart - self.showing.separation_px
+        return margin
+
+    def corners(self, cam2world: Array, wanted: NDArray[np.bool_]) -> Array:
+        """Return how wide the narrower corner of entities is in the image, less what is asked for, degrees; (n, k).
+
+        Parameters
+        ----------
+        cam2world : array (n, 4, 4)
+            Poses.
+        wanted : array of bool (n, k)
+            For which entities; the others get 90 less what is asked for.
+        """
+        least = self.showing.min_corner_deg
+        margin = np.full(wanted.shape, 90.0 - least)
+        if least > 0:
+            for pairs in self._batches(wanted):
+                margin[tuple(pairs.T)] = self._corners(cam2world, pairs) - least
+        return margin
+
+    def shown(self, cam2world: Array, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which of the wanted entities (n, k) meet both conditions in the images of poses (n, 4, 4)."""
+        found = wanted & (self.corners(cam2world, wanted) >= 0)
+        return found & (self.separations(cam2world, found, 0.0) >= 0)
+
+    def without_corner(self, k: int) -> Array | None:
+        """Return an end (3,) of an entity where no edge of the part makes a corner with it, mm; None without one."""
+        if self.showing.min_corner_deg > 0 and self._asked[k]:
+            own = (self._arms.entity == k) & self._arms.wide
+            for end in range(2):
+                if not (own & (self._arms.end == end)).any():
+                    return self._ends[k, end]
+        return None
+
+    def _batches(self, wanted: NDArray[np.bool_]) -> list[Pairs]:
+        pairs = np.argwhere(wanted & self._asked)
+        return [pairs[i : i + _BATCH] for i in range(0, len(pairs), _BATCH)]
+
+    def _separations(self, cam2world: Array, pairs: Pairs, reach: float) -> Array:
+        one: Contours = self._contours
+        lines = one.vertices, one.ends, one.planes, one.kinds
+        entities = self._ends, self._relations, self._own, self._first
+        room, poses = _ROOM, np.ascontiguousarray(cam2world, np.float64)
+        while True:
+            found = np.empty(room, np.int64), np.empty(room), np.empty((room, 3))
+            n = near_contours(poses, pairs, self._scale, lines, entities, (reach, self._near_own_px), found)
+            if n <= room:
+                break
+            room = n
+        apart = np.full(len(pairs), reach)
+        pair, distance, place = (values[:n] for values in found)
+        visible = self._visible(poses[pairs[pair, 0], :3, 3], place)
+        np.minimum.at(apart, pair[visible], distance[visible])
+        return apart
+
+    def _corners(self, cam2world: Array, pairs: Pairs) -> Array:
+        angles, places, of, wide = corner_arms(cam2world, pairs, self._scale, self._contours, self._arms)
+        visible = self._visible(cam2world[pairs[of // 2, 0], :3, 3], places)
+        of, angles, wide = of[visible], angles[visible], wide[visible]
+        # per end: a visible line far enough from the edge's own, and none too near to the edge
+        widest, sharpest = np.zeros(2 * len(pairs)), np.full(2 * len(pairs), 90.0)
+        np.maximum.at(widest, of[wide], np.minimum(angles, 180.0 - angles)[wide])
+        np.minimum.at(sharpest, of, angles)
+        return np.minimum(widest, sharpest).reshape(-1, 2).min(axis=1)
+
+    def _visible(self, eyes: Array, places: Array) -> NDArray[np.bool_]:
+        if not len(places):
+            return np.zeros(0, bool)
+        return np.asarray(self._scene.cast(eyes, places - eyes)["t_hit"] >= 1.0 - _SHORT)
+
+
+def edges_of(space: Any, name: str) -> tuple[int, ...] | None:
+    """Return the edges of an entity of a space, or None for what is no straight edge."""
+    entity = space.entities[name]
+    if not hasattr(entity, "edge_ids"):
+        needs = getattr(space, "needs", {}).get(name, ())
+        return edges_of(space.space, needs[0]) if len(needs) == 1 else None
+    return tuple(entity.edge_ids) if entity.kind == "edge" else None
