@@ -25,7 +25,7 @@ from planner.exceptions import RequestError
 from planner.request.image_constraints import FIELD_OF_VIEW, FOCUS, RESOLUTION, Lens, cone_slacks, image_slacks
 from planner.request.reach import Reach, SignedDistance, check_reach, reach_margin
 from planner.request.space import Space
-from planner.showing.image_check import ImageCheck, edges_of
+from planner.showing.image_check import MOST_PX, ImageCheck, edges_of
 from planner.showing.showing import NOT_ASKED, Showing
 from planner.wanted.targets import Target, edge_target
 
@@ -245,13 +245,18 @@ class Constraints:
         return checks
 
     def _build_shows(self) -> dict[str, Any]:
-        """Map the conditions on the image that cost most to their slacks; see `Showing`."""
+        """Map the conditions on the image that cost most to their slacks; see `Showing`.
+
+        Of many poses only what they miss matters, so lines that are far enough are not looked at.
+        """
         asked, k = self.requirements.showing, len(self.names)
         shows: dict[str, Any] = {}
         if asked.min_corner_deg > 0:
             shows["corner_deg"] = lambda pose: self.image.corners(pose, np.ones((len(pose), k), bool))[..., None]
         if asked.separation_px > 0:
-            shows["separation_px"] = lambda pose: self.image.separations(pose, np.ones((len(pose), k), bool))[..., None]
+            shows["separation_px"] = lambda pose: self.image.separations(
+                pose, np.ones((len(pose), k), bool), MOST_PX if len(pose) <= _FEW else 0.0
+            )[..., None]
         return shows
 
     @cached_property
@@ -336,6 +341,17 @@ class Constraints:
     def violation(self, cam2world: np.ndarray) -> np.ndarray:
         """Return how far poses (n, 4, 4) are from feasible: 0 is feasible, else a sum over constraints; (n,)."""
         total = np.zeros(len(cam2world))
-        for name, margin in self.margins(cam2world).items():
-            total += np.minimum(np.maximum(-margin, 0.0) / self.scale(name), 10.0).sum(axis=1) / margin.shape[1]
+        cheap = [name for name in self.constraint_names if name not in self._shows]
+        for name, slacks in self.slacks(cam2world, cheap).items():
+            total += self._share_missed(name, slacks.min(axis=-1))
+        # what costs most is asked only of poses that miss nothing else; the others miss it as far as it goes
+        met = np.flatnonzero(total == 0.0)
+        total[total > 0.0] += len(self._shows)
+        for name in self._shows if met.size else ():
+            total[met] += self._share_missed(name, self._shows[name](cam2world[met])[..., 0])
         return total
+
+    def _share_missed(self, name: str, margin: np.ndarray) -> np.ndarray:
+        """Return the violation (n,) of one constraint from its margins (n, k or 1)."""
+        missed = np.minimum(np.maximum(-margin, 0.0) / self.scale(name), 10.0)
+        return np.asarray(missed.sum(axis=1) / margin.shape[1])
