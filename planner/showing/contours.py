@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 # what an edge of the part is to an entity
 OTHER, OWN, CONNECTED = 0, 1, 2
 # bits of `Contours.kinds`
-SHARP, CONVEX = 1, 2
+SHARP, CONVEX, CURVED = 1, 2, 4
 
 
 class Contours(NamedTuple):
@@ -35,7 +35,7 @@ class Contours(NamedTuple):
     planes : array (m, 2, 4)
         Unit normals and offsets of both faces: n·x > o in front.
     kinds : array of uint8 (m,)
-        Bits `SHARP` and `CONVEX`.
+        Bits `SHARP`, `CONVEX` and `CURVED`, which are chords.
     ids : array of int (m,)
         Numbers in ``solid.edges``.
     """
@@ -68,13 +68,16 @@ def contours_of(solid: Solid) -> Contours:
     normals = np.asarray(solid.normals, np.float64)[np.array([edge.faces for edge in edges], int).reshape(-1, 2)]
     vertices = np.ascontiguousarray(solid.vertices, np.float64)
     offsets = np.einsum("efk,ek->ef", normals, vertices[ends[:, 0]])
-    kinds = np.where(shows[ids], SHARP, 0) | np.where(turns[ids] > 0, CONVEX, 0)
+    curved = np.array([edge.curved for edge in edges], bool)
+    kinds = np.where(shows[ids], SHARP, 0) | np.where(turns[ids] > 0, CONVEX, 0) | np.where(curved, CURVED, 0)
     planes = np.ascontiguousarray(np.concatenate([normals, offsets[..., None]], axis=2))
     return Contours(vertices, ends, planes, kinds.astype(np.uint8), ids.astype(np.int64))
 
 
 def relation_to(contours: Contours, edge_ids: Sequence[int], radius_mm: float) -> NDArray[np.uint8]:
-    """Return what each edge (m,) is to an entity: another one, its own, or connected to it near a common vertex.
+    """Return what each edge (m,) is to an entity: another one, its own, or connected to it at a vertex.
+
+    Connected are the edges that meet it, and of curves that meet it the next chords.
 
     Parameters
     ----------
@@ -83,7 +86,7 @@ def relation_to(contours: Contours, edge_ids: Sequence[int], radius_mm: float) -
     edge_ids : sequence of int
         Edges of the entity.
     radius_mm : float
-        How far from the common vertex an edge still counts as connected: such as the chords of an arc.
+        How far from the vertex chords still count as connected.
     """
     relation = np.full(len(contours.ids), OTHER, np.uint8)
     own = np.isin(contours.ids, list(edge_ids))
@@ -95,9 +98,12 @@ def relation_to(contours: Contours, edge_ids: Sequence[int], radius_mm: float) -
         distance = np.linalg.norm(contours.vertices - contours.vertices[vertex], axis=1)
         reached, waiting = {vertex}, [vertex]
         while waiting:
-            for e in at[waiting.pop()]:
+            here = waiting.pop()
+            for e in at[here]:
+                if here != vertex and not contours.kinds[e] & CURVED:
+                    continue
                 relation[e] = CONNECTED
-                for other in contours.ends[e].tolist():
+                for other in contours.ends[e].tolist() if contours.kinds[e] & CURVED else ():
                     if other not in reached and distance[other] <= radius_mm:
                         reached.add(other)
                         waiting.append(other)

@@ -67,13 +67,12 @@ def arms_of(contours: Contours, relations: NDArray[np.uint8], ends: Array, asked
             for e in np.flatnonzero(sharp & (contours.ends == vertex).any(axis=1) & (relations[k] != OWN)):
                 tip = int(contours.ends[e].sum()) - vertex
                 rows.append((k, end, e, vertex, tip))
-    table = np.array(rows, np.int64).reshape(-1, 5)
-    k, end, e, vertex, tip = table.T
-    corner, tips, inward = contours.vertices[vertex], contours.vertices[tip], ends[k, 1 - end]
+    entity, which, contour, start, stop = np.array(rows, np.int64).reshape(-1, 5).T
+    corner, tips, inward = contours.vertices[start], contours.vertices[stop], ends[entity, 1 - which]
     along, edge = tips - corner, inward - corner
     length = np.linalg.norm(along, axis=1) * np.linalg.norm(edge, axis=1)
     wide = np.abs((along * edge).sum(axis=1)) <= np.cos(np.radians(CORNER_DEG)) * length
-    return Arms(k, end, e, corner, tips, inward, wide)
+    return Arms(entity, which, contour, corner, tips, inward, wide)
 
 
 def corner_arms(

@@ -139,13 +139,14 @@ class ImageCheck:
         entities = self._ends, self._relations, self._own, self._first
         room, poses = _ROOM, np.ascontiguousarray(cam2world, np.float64)
         while True:
-            found = np.empty(room, np.int64), np.empty(room), np.empty((room, 3))
-            n = near_contours(poses, pairs, self._scale, lines, entities, (reach, self._near_own_px), found)
+            pair, distance, place = np.empty(room, np.int64), np.empty(room), np.empty((room, 3))
+            limits, found = (reach, self._near_own_px), (pair, distance, place)
+            n = near_contours(poses, pairs, self._scale, lines, entities, limits, found)
             if n <= room:
                 break
             room = n
         apart = np.full(len(pairs), reach)
-        pair, distance, place = (values[:n] for values in found)
+        pair, distance, place = pair[:n], distance[:n], place[:n]
         visible = self._visible(poses[pairs[pair, 0], :3, 3], place)
         np.minimum.at(apart, pair[visible], distance[visible])
         return apart

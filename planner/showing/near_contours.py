@@ -12,6 +12,8 @@ from planner.showing.contours import CONNECTED, CONVEX, OWN, SHARP
 
 # points looked at on the piece of a contour that is near
 _SAMPLES = 12
+# of a neighbour, whose nearest points are excepted
+_MORE = 48
 _STEPS = 30
 # what is nearer than this to the plane of the nodal point is cut off, mm
 _NEAREST_MM = 1e-3
@@ -68,8 +70,9 @@ def near_contours(poses: Any, pairs: Any, scale: Any, contours: Any, entities: A
             if _apart(line, best, a, b) >= reach:
                 continue
             low, high = _edge_of(line, best, 0.0, a, b, reach), _edge_of(line, best, 1.0, a, b, reach)
-            for s in range(_SAMPLES + 1):
-                t = best if s == _SAMPLES else low + (high - low) * s / (_SAMPLES - 1)
+            samples = _MORE if relation == CONNECTED else _SAMPLES
+            for s in range(samples + 1):
+                t = best if s == samples else low + (high - low) * s / (samples - 1)
                 if relation == CONNECTED:
                     x, y = line[0] + t * (line[2] - line[0]), line[1] + t * (line[3] - line[1])
                     excepted = False
