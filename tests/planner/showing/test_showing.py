@@ -94,10 +94,10 @@ NAMED = {
 }
 
 
-def dense_separation(solid, scene, entity, pose, camera, near_px, all_px):
+def dense_separation(solid, scene, entity, pose, camera, near_px, chords):
     """The distance of the nearest visible point of all lines, 0.2 mm apart, up to 8 px.
 
-    Near the edge's own ends, points of lines that may be connected to it are left out, and of all other lines.
+    Near the edge's own ends, points of lines that meet it are left out; with ``chords`` those of all curves, too.
     """
     reach = 8.0
     eye, own = pose[:3, 3], LineString(image(entity.endpoints, pose, camera))
@@ -115,7 +115,7 @@ def dense_separation(solid, scene, entity, pose, camera, near_px, all_px):
         rays = np.concatenate([np.broadcast_to(eye, points.shape), points - eye], axis=1).astype(np.float32)
         hit = scene.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy()
         at_own = set(edge.vertices) & {v for i in entity.edge_ids for v in solid.edges[i].vertices}
-        least = near_px if at_own or edge.curved else all_px
+        least = near_px if at_own or (chords and edge.curved) else 0.0
         for point in image(points[hit >= 1 - 1e-4], pose, camera):
             spot = Point(point)
             if min(spot.distance(end) for end in ends) >= least:
@@ -140,9 +140,9 @@ def test_separation_on_a_real_part_by_dense_points(ctc01):
             wanted = np.zeros((1, len(found)), dtype=bool)
             wanted[0, k] = True
             ours = check.separations(pose, wanted, 0.0)[0, k] + 8.0
-            few, more = (dense_separation(ctc01, scene, entity, pose[0], camera, near, px) for px in (near, 0.0))
-            # chords that are not connected to the edge after all count with ours
-            assert min(few, more) - 0.5 <= ours <= few + 0.5
+            few, more = (dense_separation(ctc01, scene, entity, pose[0], camera, near, one) for one in (True, False))
+            # of curves, ours leaves out those that meet the edge
+            assert more - 0.5 <= ours <= few + 0.5
             compared += ours < 8.0
     assert compared >= 3
 
