@@ -13,7 +13,7 @@ setup-docs:
 	@VENV=$(VENV) .ci/setup docs
 
 demo: setup-demo
-	$(BIN)/aspectgraph plan examples/nist_ctc_01_ap242.stp --entities examples/nist_ctc_01_entities.toml \
+	$(BIN)/aspectgraph plan examples/nist_ctc_01_ap242.stp --entities examples/nist_ctc_01_corners.toml \
 	    --camera examples/camera.toml --accuracy 0.99 --probability 0.9 --out $(DEMO_OUT)
 	$(BIN)/aspectgraph plan examples/nist_ctc_01_ap242.stp --dimensions all --camera examples/camera.toml \
 	    --accuracy 0.999 --probability 0.9 --sigma-mm 0.05 --sigma-rad 0.001 --out $(DEMO_OUT)/dimensions

@@ -40,6 +40,7 @@ from planner.request.defaults import position_margin_mm
 from planner.request.request import Request
 from planner.setting.pose_bits import PoseEncoding
 from planner.setting.viewpoint_sampling import ViewpointSampler
+from planner.showing.showing import NOT_ASKED
 
 THRESHOLD = 0.9
 _ROLLS = 4
@@ -216,6 +217,7 @@ def measure_ours(judge: Judge, setup: str, seed: int) -> Outcome:
         rng=seed,
         field_margin_px=chosen.field_margin_px,
         space=space,
+        showing=NOT_ASKED,
     )
     seconds = time.process_time() - start
     poses = np.array([setting.cam2world for setting in plan.settings]).reshape(-1, 4, 4)

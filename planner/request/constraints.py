@@ -246,7 +246,7 @@ class Constraints:
 
         Of many poses only what they miss matters, so lines that are far enough are not looked at.
         """
-        asked, k = self.requirements.showing, len(self.names)
+        asked, k = self.requirements.showing if any(self._lengths) else NOT_ASKED, len(self.names)
         shows: dict[str, Any] = {}
         if asked.min_corner_deg > 0:
             shows["corner_deg"] = lambda pose: self.image.corners(pose, np.ones((len(pose), k), bool))[..., None]
