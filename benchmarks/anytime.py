@@ -1,7 +1,7 @@
 """Settings against time: incumbents of plan_inspection beside what a user would write instead.
 
 Run ``python benchmarks/anytime.py [--parts ctc01 ...] [--limit 300] [--csv FILE]``. The notebook comparisons shows such
-a file. The rivals are those of `planners`; all are given the visible regions, whose seconds are printed apart, and all
+a file. The constraints are the paper's. The rivals are those of `planners`; all are given the visible regions, whose seconds are printed apart, and all
 run in one process, so every clock starts when the regions are there. A rival has one point, at its end.
 
 A rival is *ahead* at a time if it inspects at least as many entities as the incumbent then and needs fewer settings by
@@ -36,6 +36,7 @@ from planner.inspection import plan_inspection
 from planner.request.constraints import Requirements
 from planner.request.defaults import corner_margin_px, default_workspace, position_margin_mm
 from planner.request.request import Request
+from planner.showing.showing import NOT_ASKED
 
 PROBABILITY = 0.9
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.2, rotation_rad=0.002)
@@ -117,6 +118,7 @@ def curve(judge: Judge, limit_s: float | None) -> list[Point]:
         accuracy=judge.accuracy,
         probability=PROBABILITY,
         space=space,
+        showing=NOT_ASKED,
         time_limit_s=limit_s,
         on_incumbent=take,
     )
