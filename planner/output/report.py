@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Sequence
 from html import escape
 from importlib import resources
 from string import Template
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.output.dimension_report import dimension_section, localisation_text
-from planner.output.figure import color_of, plan_figure
+from planner.output.figure import color_of, figure_views, plan_figure
 from planner.output.outlines import drawn
 from planner.output.predicted_image import PictureMaker
 from planner.output.wording import (
@@ -30,7 +31,11 @@ from planner.output.wording import (
     unfinished_sentence,
 )
 from planner.progress import report
-from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
+from planner.report.setting_table import binding_sentence, setting_table
+from planner.report.tables import attention, download, results, robot
+from planner.report.views import view_buttons
+from planner.rows.measured import Row, measured_rows
+from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, MODEL_TOLERANCE
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -40,9 +45,9 @@ if TYPE_CHECKING:
     from planner.request.space import Space
     from planner.setting.sensor_setting import SensorSetting
     from planner.verify.simulate_plan import SimulationResult
-    from planner.verify.simulate_setting import SuccessRate
 
-_STYLES = {CONFIRMED: "good", CONSERVATIVE: "good", TOLERATED: "note", CONTRADICTED: "bad", UNSTATED: "bad"}
+# what fills more of the image is shown once
+_WORTH_ENLARGING = 1.25
 _EDGE, _POSE = ("edge", "edges"), "camera pose"
 
 
@@ -68,6 +73,7 @@ def report_html(plan: InspectionPlan, space: Space, progress: Progress | None = 
     from plotly.offline import get_plotlyjs
 
     figure = plan_figure(plan, space.solid, space)
+    views, rows = figure_views(plan, space.solid), measured_rows(plan)
     template = Template(resources.files("planner.output").joinpath("report.html").read_text(encoding="utf-8"))
     return template.substitute(
         title=escape(f"Inspection plan: {plan.part}"),
@@ -83,12 +89,18 @@ def report_html(plan: InspectionPlan, space: Space, progress: Progress | None = 
             config={"displaylogo": False, "responsive": True, "scrollZoom": True},
         ),
         uninspectable=_uninspectable(plan),
+        views=json.dumps(views, sort_keys=True),
+        buttons=view_buttons(views),
+        attention=attention(rows),
+        results=results(plan, rows, _named(plan)[0]),
+        csv=download(plan.to_csv(), "measurements.csv", "measurements.csv"),
+        robot=robot(plan),
         meaning=_meaning(plan),
         dimensions=dimension_section(plan),
         singular=_named(plan)[0],
         plural=_named(plan)[1],
         summary=_summary(plan),
-        settings=_settings(plan, space.solid, progress),
+        settings=_settings(plan, space.solid, progress, rows),
         request=_request(plan),
         method=_method(plan) + "".join(f"<p>{escape(note)}</p>" for note in notes),
         footer="Lengths in millimetres, in the part's own frame. Camera axes: x right, y down, z forward.",
@@ -176,17 +188,18 @@ def _summary(plan: InspectionPlan) -> str:
     return f'<div class="scroll"><table><tr>{head}</tr>{"".join(rows)}</table></div>'
 
 
-def _settings(plan: InspectionPlan, solid: Solid, progress: Progress | None) -> str:
+def _settings(plan: InspectionPlan, solid: Solid, progress: Progress | None, rows: Sequence[Sequence[Row]]) -> str:
     maker = PictureMaker(solid, plan.camera)
     sections = []
     for k, setting in enumerate(plan.settings):
-        sections.append(_setting(plan, k, setting, maker))
+        sections.append(_setting(plan, k, setting, maker, rows[k]))
         report(progress, k + 1, len(plan.settings), "predicted images")
     return "".join(sections)
 
 
-def _setting(plan: InspectionPlan, k: int, setting: SensorSetting, maker: PictureMaker) -> str:
+def _setting(plan: InspectionPlan, k: int, setting: SensorSetting, maker: PictureMaker, rows: Sequence[Row]) -> str:
     entities = drawn(plan, setting.entities)
+    near_image, near_map = _enlarged(maker, setting, entities, color_of(k))
     x, y, z, w = Rotation.from_matrix(setting.cam2world[:3, :3]).as_quat(canonical=True)
     position = ", ".join(f"{value:.3f}" for value in setting.position)
     lamps = "".join(f'<p class="note">{escape(text[0].upper() + text[1:])}</p>' for text in lamp_texts(plan, k))
@@ -196,13 +209,30 @@ def _setting(plan: InspectionPlan, k: int, setting: SensorSetting, maker: Pictur
     return (
         f'<section class="setting" id="setting-{k + 1}"><div class="head"><h3>{_swatch(k)}Setting {k + 1}</h3>'
         f'<span class="note">camera at ({position}) mm, '
-        f"quaternion x y z w = ({x:.6f}, {y:.6f}, {z:.6f}, {w:.6f})</span></div>"
+        f"quaternion x y z w = ({x:.6f}, {y:.6f}, {z:.6f}, {w:.6f})</span>"
+        f'<button data-view="setting-{k + 1}">Show in 3-D</button></div>'
         f'<div class="shots"><figure>{maker.image_svg(setting.cam2world, entities, color_of(k), lamp)}'
         f"<figcaption>{shaded}</figcaption></figure>"
-        f"<figure>{maker.edge_map_svg(setting.cam2world, entities)}"
-        f"<figcaption>{_map_caption(plan)}</figcaption></figure></div>"
-        f'<div class="scroll">{_probabilities(plan, k, setting)}</div>'
+        f"{near_image}<figure>{maker.edge_map_svg(setting.cam2world, entities)}"
+        f"<figcaption>{_map_caption(plan)}</figcaption></figure>{near_map}</div>"
+        f'<div class="scroll">{setting_table(plan, rows, _named(plan)[0])}</div>'
+        f"<p>{escape(binding_sentence(plan, setting))}</p>"
         f'<p class="note">Margins: {escape("; ".join(margin_texts(setting.margins)))}.</p>{lamps}</section>'
+    )
+
+
+def _enlarged(maker: PictureMaker, setting: SensorSetting, entities: dict[str, Any], color: str) -> tuple[str, str]:
+    """Return image and edge map of what is measured, enlarged; nothing where it fills the image anyway."""
+    window, pose = maker.window(setting.cam2world, entities), setting.cam2world
+    times = maker.camera.resolution[0] / window[2]
+    if times < _WORTH_ENLARGING:
+        return "", ""
+    told = f"enlarged {times:.3g} times: {window[2]} x {window[3]} px"
+    return (
+        f"<figure>{maker.image_svg(pose, entities, color, window=window)}"
+        f"<figcaption>The same, {told}</figcaption></figure>",
+        f"<figure>{maker.edge_map_svg(pose, entities, window=window)}"
+        f"<figcaption>Edge map, {told}</figcaption></figure>",
     )
 
 
@@ -212,50 +242,6 @@ def _map_caption(plan: InspectionPlan) -> str:
     edges = len(plan.dimensions) < len(plan.entities)
     told = "Edge map: the lines and circles that are measured in bold"
     return told + (", edges with their ends" if edges else "")
-
-
-def _probabilities(plan: InspectionPlan, k: int, setting: SensorSetting) -> str:
-    rates = plan.simulation.rates[k] if plan.simulation is not None else {}
-    rows = []
-    for name in setting.entities:
-        row = f'<td>{escape(name)}</td><td class="n">{_value(plan, name)}</td>'
-        counted = (
-            ' title="counted on the pixel grid: the tolerance is under two pixels"' if name in plan.on_grid else ""
-        )
-        row += f'<td class="n"{counted}>{setting.probability[name]:.4f}{" *" if counted else ""}</td>'
-        if name in rates:
-            row += _rate_cells(rates[name], plan.probability)
-        rows.append(f"<tr>{row}</tr>")
-    what = "Nominal" if plan.dimensions else "Length (mm)"
-    head = f'<th>{_named(plan)[0].capitalize()}</th><th class="n">{what}</th><th class="n">P</th>'
-    if rates:
-        head += '<th class="n">Simulated</th><th>Interval</th><th></th>'
-    return f"<table><tr>{head}</tr>{''.join(rows)}</table>"
-
-
-def _value(plan: InspectionPlan, name: str) -> str:
-    """Return what an item measures, with the unit where units differ."""
-    length = np.linalg.norm(plan.entities[name][1] - plan.entities[name][0])
-    if not plan.dimensions:
-        return f"{length:.3f}"
-    one = plan.dimensions.get(name)
-    return f"length {length:.3f} mm" if one is None else f"{one.kind.replace('_', ' ')} {one.nominal:.3f} {one.unit}"
-
-
-def _rate_cells(rate: SuccessRate, threshold: float) -> str:
-    """Return the simulated frequency, and the interval as numbers and as a bar with the prediction marked."""
-    low_end = min(threshold, rate.low, rate.predicted) - 0.02
-
-    def place(value: float) -> float:
-        return 100 * (value - low_end) / (1.0 - low_end)
-
-    width = max(place(rate.high) - place(rate.low), 1.5)
-    bar = (
-        f'<span class="bar"><i style="left:{place(rate.low):.1f}%;width:{width:.1f}%"></i>'
-        f'<u style="left:calc({place(rate.predicted):.1f}% - 1px)"></u></span>'
-    )
-    told = f'<span class="{_STYLES[rate.verdict]}">{escape(rate.verdict)}</span>'
-    return f'<td class="n">{rate.frequency:.4f}</td><td>{rate.low:.4f} to {rate.high:.4f}{bar}</td><td>{told}</td>'
 
 
 def _request(plan: InspectionPlan) -> str:
