@@ -52,7 +52,7 @@ def write_outputs(
     with staged_folder(folder, PLAN_FILES, "--out") as staging:
         found.write(staging / "plan.json")
         graph, notes = _joint_graph(regions, graph_limit)
-        report = report_html(found, _space(found, regions), progress=progress, notes=notes)
+        report = report_html(found, _space(found, regions), progress=progress, notes=notes, graph=graph)
         (staging / "report.html").write_text(report, encoding="utf-8")
         # lines end as the format says, on every system
         (staging / "measurements.csv").write_bytes(found.to_csv().encode())

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.report.binding import nearest_limits
-from planner.report.tables import budget_bar, permitted
+from planner.report.tables import budget_bar, cells, heads, permitted
 from planner.rows.measured import Row
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, TOLERATED, UNSTATED
 
@@ -34,25 +34,29 @@ def setting_table(plan: InspectionPlan, told: Sequence[Row], noun: str) -> str:
         What an item is called.
     """
     simulated = any(one.rate is not None for one in told)
-    rows = []
-    for one in told:
-        row = f'<td>{escape(one.name)}</td><td class="n">{_value(plan, one.name)}</td>'
-        row += f'<td class="n">{permitted(one)}</td><td>{budget_bar(one)}</td>'
-        counted = (
-            ' title="counted on the pixel grid: the tolerance is under two pixels"' if one.name in plan.on_grid else ""
-        )
-        row += f'<td class="n"{counted}>{one.probability:.4f}{" *" if counted else ""}</td>'
-        if one.rate is not None:
-            row += _rate_cells(one.rate, plan.probability)
-        rows.append(f"<tr>{row}</tr>")
-        if one.warnings:
-            rows.append(f'<tr class="warning"><td colspan="8">{escape("; ".join(one.warnings))}</td></tr>')
     what = "Nominal" if plan.dimensions else "Length (mm)"
-    head = f'<th>{noun.capitalize()}</th><th class="n">{what}</th>'
-    head += '<th class="n">Permitted error</th><th>Budget</th><th class="n">P</th>'
-    if simulated:
-        head += '<th class="n">Simulated</th><th>Interval</th><th></th>'
-    return f"<table><tr>{head}</tr>{''.join(rows)}</table>"
+    names = [noun.capitalize(), f"n:{what}", "n:Permitted error", "Budget", "n:P"]
+    names += ["n:Simulated", "Interval", ""] if simulated else []
+    rows = "".join(_rows(plan, one, what) for one in told)
+    return f'<table class="stack">{heads(names)}<tbody>{rows}</tbody></table>'
+
+
+def _rows(plan: InspectionPlan, one: Row, what: str) -> str:
+    """Return the row of an item, and that of what it warns of."""
+    probability = f"{one.probability:.4f}"
+    if one.name in plan.on_grid:
+        title = "counted on the pixel grid: the tolerance is under two pixels"
+        probability = f'<span title="{title}">{probability} *</span>'
+    values = {
+        "": escape(one.name),
+        f"n:{what}": _value(plan, one.name),
+        "n:Permitted error": permitted(one),
+        "Budget": budget_bar(one),
+        "n:P": probability,
+        **({} if one.rate is None else _rate(one.rate, plan.probability)),
+    }
+    warned = f'<tr class="warning"><td colspan="8">{escape("; ".join(one.warnings))}</td></tr>'
+    return cells(values) + (warned if one.warnings else "")
 
 
 def binding_sentence(plan: InspectionPlan, setting: SensorSetting) -> str:
@@ -71,7 +75,7 @@ def _value(plan: InspectionPlan, name: str) -> str:
     return f"length {length:.3f} mm" if one is None else f"{one.kind.replace('_', ' ')} {one.nominal:.3f} {one.unit}"
 
 
-def _rate_cells(rate: SuccessRate, threshold: float) -> str:
+def _rate(rate: SuccessRate, threshold: float) -> dict[str, str]:
     """Return the simulated frequency, and the interval as numbers and as a bar with the prediction marked."""
     low_end = min(threshold, rate.low, rate.predicted) - 0.02
 
@@ -84,4 +88,5 @@ def _rate_cells(rate: SuccessRate, threshold: float) -> str:
         f'<u style="left:calc({place(rate.predicted):.1f}% - 1px)"></u></span>'
     )
     told = f'<span class="{_STYLES[rate.verdict]}">{escape(rate.verdict)}</span>'
-    return f'<td class="n">{rate.frequency:.4f}</td><td>{rate.low:.4f} to {rate.high:.4f}{bar}</td><td>{told}</td>'
+    interval = f"{rate.low:.4f} to {rate.high:.4f}{bar}"
+    return {"n:Simulated": f"{rate.frequency:.4f}", "Interval": interval, "Verdict": told}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -42,13 +42,12 @@ def results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], noun: str) -> s
         return ""
     where = {name: [row.setting for setting in rows for row in setting if row.name == name] for name in best}
     body = "".join(_result(best[name], where[name]) for name in plan.entities if name in best)
-    head = (
-        f"<th>{noun.capitalize()}</th><th>What</th><th class='n'>Nominal</th><th class='n'>Permitted error</th>"
-        "<th>Setting</th><th class='n'>P</th><th class='n'>u</th><th>Budget of the variance</th>"
+    head = heads(
+        (noun.capitalize(), "What", "n:Nominal", "n:Permitted error", "Setting", "n:P", "n:u", "Budget of the variance")
     )
     legend = " ".join(f'<span class="source"><i style="background:{COLOURS[s]}"></i>{s}</span>' for s in SOURCES)
     return (
-        f'<div class="scroll"><table class="results"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+        f'<div class="scroll"><table class="stack results">{head}<tbody>{body}</tbody></table></div>'
         f'<p class="note">{legend} &nbsp; u: standard uncertainty of the measured value. P and u are those of the '
         "surest setting.</p>"
     )
@@ -57,12 +56,40 @@ def results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], noun: str) -> s
 def _result(row: Row, where: Sequence[int]) -> str:
     links = ", ".join(map(_link, where))
     mark = f' <span class="bad" title="{escape("; ".join(row.warnings))}">!</span>' if row.warnings else ""
-    return (
-        f"<tr><td>{escape(row.name)}{mark}</td><td>{escape(row.kind)}</td>"
-        f'<td class="n">{row.nominal:.6g} {row.unit}</td><td class="n">{permitted(row)}</td><td>{links}</td>'
-        f'<td class="n">{row.probability:.4f}</td><td class="n">{row.standard_uncertainty:.3g} {row.unit}</td>'
-        f"<td>{budget_bar(row)}</td></tr>"
+    return cells(
+        {
+            "": f"{escape(row.name)}{mark}",
+            "What": escape(row.kind.replace("_", " ")),
+            "n:Nominal": f"{row.nominal:.6g} {row.unit}",
+            "n:Permitted error": permitted(row),
+            "Setting": links,
+            "n:P": f"{row.probability:.4f}",
+            "n:u": f"{row.standard_uncertainty:.3g} {row.unit}",
+            "Budget": budget_bar(row),
+        }
     )
+
+
+def heads(names: Sequence[str]) -> str:
+    """Return the head of a table; names of columns of numbers start with ``n:``."""
+    told = "".join(f"<th{_kind(name)}>{_plain(name)}</th>" for name in names)
+    return f"<thead><tr>{told}</tr></thead>"
+
+
+def cells(values: Mapping[str, str]) -> str:
+    """Return a row of a table from HTML by column; each cell knows its column, for pages too narrow for a head."""
+    told = "".join(
+        f'<td{_kind(name)} data-label="{escape(_plain(name))}">{value}</td>' for name, value in values.items()
+    )
+    return f"<tr>{told}</tr>"
+
+
+def _kind(name: str) -> str:
+    return ' class="n"' if name.startswith("n:") else ""
+
+
+def _plain(name: str) -> str:
+    return name.removeprefix("n:")
 
 
 def permitted(row: Row) -> str:
