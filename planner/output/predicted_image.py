@@ -47,6 +47,9 @@ _ALONE = (
     "text{font-family:sans-serif;font-weight:600;paint-order:stroke;stroke:#fff;stroke-width:14px}"
 )
 
+# beyond so many names in a picture they are smaller
+_MANY_NAMES = 8
+
 Window = tuple[int, int, int, int]
 """Part of the sensor: its left and upper side, width and height, px."""
 
@@ -111,19 +114,24 @@ class PictureMaker:
         lamp: np.ndarray | None = None,
         *,
         window: Window | None = None,
+        outlined: Window | None = None,
     ) -> str:
         """Return the predicted image: shaded faces, visible edges, entities in a colour.
 
-        These are ends (2, 3) or segments (s, 2, 3) by name. With a window only that part of the sensor.
+        These are ends (2, 3) or segments (s, 2, 3) by name. With a window only that part of the sensor; with one that
+        is outlined the whole, without names, as they are for the picture of that window.
         """
         x, y, width, height = window or (0, 0, *self.camera.resolution)
         lines = _path(self.edge_lines(cam2world))
+        names = self._highlights(cam2world, entities, color, window)
+        if outlined:
+            names = self._highlights(cam2world, entities, color, named=False) + _frame(outlined)
         shades = base64.b64encode(png_grey(self.shaded(cam2world, lamp, window=window))).decode()
         return (
             f'<svg class="shot" viewBox="{x} {y} {width} {height}" role="img" aria-label="predicted image">'
             f'<image href="data:image/png;base64,{shades}" x="{x}" y="{y}" width="{width}" height="{height}" '
             'preserveAspectRatio="none"/>'
-            f'<path class="edge" d="{lines}"/>{self._highlights(cam2world, entities, color, window)}</svg>'
+            f'<path class="edge" d="{lines}"/>{names}</svg>'
         )
 
     def window(self, cam2world: np.ndarray, entities: dict[str, Any]) -> Window:
@@ -151,21 +159,30 @@ class PictureMaker:
         )
 
     def _highlights(
-        self, cam2world: np.ndarray, entities: dict[str, Any], color: str, window: Window | None = None
+        self,
+        cam2world: np.ndarray,
+        entities: dict[str, Any],
+        color: str,
+        window: Window | None = None,
+        *,
+        named: bool = True,
     ) -> str:
         left, top, width, height = window or (0, 0, *self.camera.resolution)
-        size = width / 42
+        size = width / (42 if len(entities) <= _MANY_NAMES else 54)
         parts: list[str] = []
         taken: list[tuple[float, ...]] = []
         for name, (uv, lines) in zip(entities, self._project_entities(cam2world, entities), strict=True):
+            parts.append(f'<path class="entity" stroke="{color}" d="{_path(lines)}"/>')
+            if not named:
+                continue
             u, v = uv.reshape(-1, 2).mean(axis=0)
-            anchor = "end" if u > left + 0.75 * width else "start"
+            length = 0.6 * size * len(name)
+            anchor = "end" if u > left + 0.75 * width or left + width - u < length < u - left else "start"
             v = min(max(v - 0.4 * size, top + 1.2 * size), top + height - 0.6 * size)
             if uv.ndim > 2 or window:
-                v = _free_line(taken, u, v, size, 0.6 * size * len(name))
-            parts.append(f'<path class="entity" stroke="{color}" d="{_path(lines)}"/>')
+                v = _free_line(taken, u, v, size, length)
             parts.append(
-                f'<text x="{u:.0f}" y="{v:.0f}" font-size="{size:.4g}" style="stroke-width:{0.24 * size:.3g}px" '
+                f'<text x="{u:.5g}" y="{v:.5g}" font-size="{size:.4g}" style="stroke-width:{0.24 * size:.3g}px" '
                 f'text-anchor="{anchor}" fill="{color}">'
                 f"{escape(name)}</text>"
             )
@@ -309,12 +326,18 @@ def _path(lines: Iterable[np.ndarray]) -> str:
     return "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in lines)
 
 
+def _frame(window: Window) -> str:
+    """Return the outline of a part of the sensor."""
+    x, y, width, height = window
+    return f'<rect class="frame" x="{x}" y="{y}" width="{width}" height="{height}"/>'
+
+
 def _free_line(taken: list[Any], u: float, v: float, size: float, length: float) -> float:
     """Return a height for a name at u, as near to v as leaves the names before readable; remember it."""
-    steps = [v + sign * k * 1.1 * size for k in range(len(taken) + 1) for sign in (1, -1)]
+    steps = [v + sign * k * 1.3 * size for k in range(len(taken) + 1) for sign in (1, -1)]
 
     def is_free(height: float) -> bool:
-        return all(abs(height - y) >= 1.05 * size or abs(u - x) >= max(length, wide) for x, y, wide in taken)
+        return all(abs(height - y) >= 1.25 * size or abs(u - x) >= max(length, wide) for x, y, wide in taken)
 
     found = next((height for height in steps if height > size and is_free(height)), v)
     taken.append((u, found, length))

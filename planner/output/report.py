@@ -26,8 +26,9 @@ from planner.output.wording import (
     simulation_sentence,
     unfinished_sentence,
 )
+from planner.report.attention import attention, not_inspected, reasons_section
 from planner.report.graph_picture import graph_picture
-from planner.report.tables import attention, download, results, robot
+from planner.report.tables import download, results, robot
 from planner.report.views import view_buttons
 from planner.rows.measured import measured_rows
 from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, MODEL_TOLERANCE
@@ -90,7 +91,8 @@ def report_html(
             default_height="100%",
             config={"displaylogo": False, "responsive": True, "scrollZoom": True},
         ),
-        uninspectable=_uninspectable(plan),
+        uninspectable=not_inspected(plan.uninspectable, _named(plan)[0]),
+        reasons=reasons_section(plan.uninspectable, _named(plan)[0]),
         views=json.dumps(views, sort_keys=True),
         buttons=view_buttons(views),
         graph=picture,
@@ -170,19 +172,6 @@ def _figures(plan: InspectionPlan) -> str:
     return "".join(f"<div><b>{escape(value)}</b><span>{escape(what)}</span></div>" for value, what in cells)
 
 
-def _uninspectable(plan: InspectionPlan) -> str:
-    if not plan.uninspectable:
-        return ""
-    rows = "".join(
-        f"<tr><td>{escape(name)}</td><td>{escape(why)}</td></tr>" for name, why in plan.uninspectable.items()
-    )
-    return (
-        '<h2 class="bad">Not inspected</h2><p class="note">What is in no setting, and why.</p>'
-        f'<div class="scroll"><table><tr><th>{_named(plan)[0].capitalize()}</th><th>Reason</th></tr>{rows}'
-        "</table></div>"
-    )
-
-
 def _request(plan: InspectionPlan) -> str:
     camera, sigmas = plan.camera, plan.pose_uncertainty.sigmas
     near, far = camera.depth_of_field_mm
@@ -203,7 +192,7 @@ def _request(plan: InspectionPlan) -> str:
         "Field of view": f"{field[0]:.0f} x {field[1]:.0f} mm in the plane of focus",
         "Camera pose, std. deviations": f"{_list(sigmas[:3])} mm along x, y, z; {_list(sigmas[3:])} rad about x, y, z",
         "Workspace": f"({_list(plan.workspace[0], '.1f')}) to ({_list(plan.workspace[1], '.1f')}) mm",
-        **requirement_rows(plan.requirements),
+        **requirement_rows(plan),
         "Seed": str(plan.seed),
     }
     return "<dl>" + "".join(f"<dt>{escape(k)}</dt><dd>{escape(v)}</dd>" for k, v in rows.items()) + "</dl>"

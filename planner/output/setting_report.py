@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from scipy.spatial.transform import Rotation
 
@@ -13,7 +13,7 @@ from planner.output.outlines import drawn
 from planner.output.predicted_image import PictureMaker
 from planner.output.wording import lamp_texts, margin_texts
 from planner.progress import report
-from planner.report.setting_table import binding_sentence, setting_table
+from planner.report.setting_table import binding_sentence, focus_note, setting_table
 from planner.report.tables import cells, heads
 
 if TYPE_CHECKING:
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from planner.plan import InspectionPlan
     from planner.progress import Progress
     from planner.rows.measured import Row
-    from planner.setting.sensor_setting import SensorSetting
 
 # what fills more of the image is shown once
 _WORTH_ENLARGING = 1.25
@@ -86,42 +85,43 @@ def settings_section(
 
 def _setting(plan: InspectionPlan, k: int, table: str, maker: PictureMaker) -> str:
     setting = plan.settings[k]
-    entities = drawn(plan, setting.entities)
-    near_image, near_map = _enlarged(maker, setting, entities, color_of(k))
     x, y, z, w = Rotation.from_matrix(setting.cam2world[:3, :3]).as_quat(canonical=True)
     position = ", ".join(f"{value:.3f}" for value in setting.position)
     lamps = "".join(f'<p class="note">{escape(text[0].upper() + text[1:])}</p>' for text in lamp_texts(plan, k))
-    images = plan.light.images[k] if plan.light is not None else ()
-    lamp = plan.light.lamps[images[0].lamp] if plan.light is not None and images else None
-    shaded = "Predicted image, hidden lines removed" + (f", under lamp {images[0].lamp + 1}" if images else "")
     return (
         f'<section class="setting" id="setting-{k + 1}"><div class="head"><h3>{_swatch(k)}Setting {k + 1}</h3>'
         f'<span class="note">camera at ({position}) mm, '
         f"quaternion x y z w = ({x:.6f}, {y:.6f}, {z:.6f}, {w:.6f})</span>"
         f'<button data-view="setting-{k + 1}">Show in 3-D</button></div>'
-        f'<div class="shots"><figure>{maker.image_svg(setting.cam2world, entities, color_of(k), lamp)}'
-        f"<figcaption>{shaded}</figcaption></figure>"
-        f"{near_image}<figure>{maker.edge_map_svg(setting.cam2world, entities)}"
-        f"<figcaption>{_map_caption(plan)}</figcaption></figure>{near_map}</div>"
+        f'<div class="shots">{_shots(plan, k, maker)}</div>'
         f'<div class="scroll">{table}</div>'
-        f"<p>{escape(binding_sentence(plan, setting))}</p>"
+        f"<p>{escape(binding_sentence(plan, setting))} {escape(focus_note(plan, setting))}</p>"
         f'<p class="note">Margins: {escape("; ".join(margin_texts(setting.margins)))}.</p>{lamps}</section>'
     )
 
 
-def _enlarged(maker: PictureMaker, setting: SensorSetting, entities: dict[str, Any], color: str) -> tuple[str, str]:
-    """Return image and edge map of what is measured, enlarged; nothing where it fills the image anyway."""
-    window, pose = maker.window(setting.cam2world, entities), setting.cam2world
+def _shots(plan: InspectionPlan, k: int, maker: PictureMaker) -> str:
+    """Return predicted image and edge map; beside each, enlarged, what is measured, where that is worth it."""
+    pose, entities, color = plan.settings[k].cam2world, drawn(plan, plan.settings[k].entities), color_of(k)
+    images = plan.light.images[k] if plan.light is not None else ()
+    lamp = plan.light.lamps[images[0].lamp] if plan.light is not None and images else None
+    shaded = "Predicted image, hidden lines removed" + (f", under lamp {images[0].lamp + 1}" if images else "")
+    window = maker.window(pose, entities)
     times = maker.camera.resolution[0] / window[2]
     if times < _WORTH_ENLARGING:
-        return "", ""
-    told = f"enlarged {times:.3g} times: {window[2]} x {window[3]} px"
+        image = maker.image_svg(pose, entities, color, lamp)
+        return _figure(image, shaded) + _figure(maker.edge_map_svg(pose, entities), _map_caption(plan))
+    told = f"the frame enlarged {times:.3g} times: {window[2]} x {window[3]} px"
     return (
-        f"<figure>{maker.image_svg(pose, entities, color, window=window)}"
-        f"<figcaption>The same, {told}</figcaption></figure>",
-        f"<figure>{maker.edge_map_svg(pose, entities, window=window)}"
-        f"<figcaption>Edge map, {told}</figcaption></figure>",
+        _figure(maker.image_svg(pose, entities, color, lamp, outlined=window), shaded)
+        + _figure(maker.image_svg(pose, entities, color, lamp, window=window), f"Predicted image, {told}")
+        + _figure(maker.edge_map_svg(pose, entities), _map_caption(plan))
+        + _figure(maker.edge_map_svg(pose, entities, window=window), f"Edge map, {told}")
     )
+
+
+def _figure(picture: str, caption: str) -> str:
+    return f"<figure>{picture}<figcaption>{caption}</figcaption></figure>"
 
 
 def _map_caption(plan: InspectionPlan) -> str:

@@ -209,7 +209,10 @@ def _text(plan: InspectionPlan, graph: EntityAspectGraph, node: int, shown: _Sho
 
 
 def _volume(mm3: float) -> str:
-    return f"{mm3 / 1e6:.3g} dm³" if mm3 >= 1e5 else f"{mm3:.3g} mm³"
+    for unit, size in (("m³", 1e9), ("dm³", 1e6), ("cm³", 1e3)):
+        if mm3 >= size:
+            return f"{mm3 / size:.3g} {unit}"
+    return f"{mm3:.3g} mm³"
 
 
 def _numbers(settings: Sequence[int]) -> str:

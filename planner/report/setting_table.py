@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.report.binding import nearest_limits
-from planner.report.tables import budget_bar, cells, heads, permitted
+from planner.report.tables import budget_bar, cells, heads, permitted, warned
 from planner.rows.measured import Row
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, TOLERATED, UNSTATED
 
@@ -55,8 +55,8 @@ def _rows(plan: InspectionPlan, one: Row, what: str) -> str:
         "n:P": probability,
         **({} if one.rate is None else _rate(one.rate, plan.probability)),
     }
-    warned = f'<tr class="warning"><td colspan="8">{escape("; ".join(one.warnings))}</td></tr>'
-    return cells(values) + (warned if one.warnings else "")
+    below = f'<tr class="warning"><td colspan="8">{escape(warned(one))}</td></tr>' if one.warnings else ""
+    return cells(values) + below
 
 
 def binding_sentence(plan: InspectionPlan, setting: SensorSetting) -> str:
@@ -64,6 +64,27 @@ def binding_sentence(plan: InspectionPlan, setting: SensorSetting) -> str:
     first, *rest = nearest_limits(plan, setting)
     told = f"Nearest to its limit: {first.name}, with {100 * first.share:.3g} % of its room left; {first.meaning}."
     return told + (f" Next: {', '.join(f'{one.name} {100 * one.share:.3g} %' for one in rest)}." if rest else "")
+
+
+def focus_note(plan: InspectionPlan, setting: SensorSetting) -> str:
+    """Say so where displaced poses may be out of focus: less is left than three standard deviations along the axis.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        Gives uncertainty of the pose and reserve of focus.
+    setting : SensorSetting
+        One of its settings.
+    """
+    sigma = float(plan.pose_uncertainty.sigmas[2])
+    left = setting.margins.get("focus_mm", np.inf) + plan.requirements.get("focus_margin_mm", 0.0)
+    if not left < 3 * sigma:
+        return ""
+    return (
+        f"Focus: {left:.2g} mm of the depth of field are left, and the standard deviation of the camera's place along "
+        f"its axis is {sigma:.2g} mm, so images from displaced poses may be less sharp than is asked for; a reserve of "
+        "focus keeps more."
+    )
 
 
 def _value(plan: InspectionPlan, name: str) -> str:

@@ -1,4 +1,4 @@
-"""Tables of a report as HTML: results by entity, what to look at, and poses for the robot's programmer."""
+"""Tables of a report as HTML: results by entity, and poses for the robot's programmer."""
 
 from __future__ import annotations
 
@@ -17,19 +17,6 @@ if TYPE_CHECKING:
 
 COLOURS = {"translation": "#56b4e9", "rotation": "#d58a00", "localisation": "#7a8794"}
 """Of the sources of variance, in every bar."""
-
-
-def attention(rows: Sequence[Sequence[Row]]) -> str:
-    """Return a list of all warnings, by entity; nothing if there are none."""
-    lines = [
-        f"<li><b>{escape(row.name)}</b> (setting {_link(row.setting)}): {escape('; '.join(row.warnings))}</li>"
-        for setting in rows
-        for row in setting
-        if row.warnings
-    ]
-    if not lines:
-        return ""
-    return f'<h2 id="look">Worth a look</h2><ul class="warnings">{"".join(lines)}</ul>'
 
 
 def results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], noun: str) -> str:
@@ -54,8 +41,8 @@ def results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], noun: str) -> s
 
 
 def _result(row: Row, where: Sequence[int]) -> str:
-    links = ", ".join(map(_link, where))
-    mark = f' <span class="bad" title="{escape("; ".join(row.warnings))}">!</span>' if row.warnings else ""
+    links = ", ".join(map(setting_link, where))
+    mark = f' <span class="bad" title="{escape(warned(row))}">!</span>' if row.warnings else ""
     return cells(
         {
             "": f"{escape(row.name)}{mark}",
@@ -92,6 +79,11 @@ def _plain(name: str) -> str:
     return name.removeprefix("n:")
 
 
+def warned(row: Row) -> str:
+    """Return what a row warns of, in one line."""
+    return "; ".join(warning.text for warning in row.warnings)
+
+
 def permitted(row: Row) -> str:
     """Return the permitted error with its size in the image."""
     px = "" if row.permitted_error_px is None else f" ({row.permitted_error_px:.3g} px)"
@@ -121,7 +113,7 @@ def robot(plan: InspectionPlan) -> str:
             # of two angles about one axis, one is 0 then
             warnings.filterwarnings("ignore", "Gimbal lock", UserWarning)
             cells += [f"{c:.3f}" for c in turn.as_euler("xyz", degrees=True)]
-        body.append(f"<tr><td>{_link(k)}</td>{''.join(f'<td class=n>{cell}</td>' for cell in cells)}</tr>")
+        body.append(f"<tr><td>{setting_link(k)}</td>{''.join(f'<td class=n>{cell}</td>' for cell in cells)}</tr>")
     names = ("x", "y", "z", "qx", "qy", "qz", "qw", "Rx", "Ry", "Rz")
     head = "<th>Setting</th>" + "".join(f'<th class="n">{name}</th>' for name in names)
     return (
@@ -140,5 +132,6 @@ def download(text: str, name: str, label: str) -> str:
     return f'<a download="{escape(name)}" href="data:text/csv;charset=utf-8;base64,{data}">{escape(label)}</a>'
 
 
-def _link(number: int) -> str:
+def setting_link(number: int) -> str:
+    """Return a link to a setting, counted from 1."""
     return f'<a href="#setting-{number}">{number}</a>'

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,21 @@ LARGE_DIFFERENCE = 0.02
 
 SOURCES = ("translation", "rotation", "localisation")
 """What the variance of a measured value comes from."""
+
+
+FINE, DIFFERS, BETTER = (
+    "tolerance under two pixels",
+    "simulation differs from what is stated",
+    "simulation is better than what is stated",
+)
+"""Kinds of warnings."""
+
+
+class Warned(NamedTuple):
+    """What to look at: one of the kinds above, and a sentence."""
+
+    kind: str
+    text: str
 
 
 @dataclass(frozen=True)
@@ -50,8 +65,8 @@ class Row:
         u in `unit`.
     budget : dict of str to float
         Variance by source, `unit` squared; empty where it is none, of short arcs.
-    warnings : tuple of str
-        What to look at, a sentence each.
+    warnings : tuple of Warned
+        What to look at.
     """
 
     setting: int
@@ -65,7 +80,7 @@ class Row:
     rate: SuccessRate | None
     standard_uncertainty: float
     budget: Mapping[str, float] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Warned, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -104,7 +119,8 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
     for name in setting.entities:
         value = _dimension(plan.dimensions[name], measured[name]) if name in measured else _edge(plan, setting, name)
         rate, probability = rates.get(name), setting.probability[name]
-        warnings = _warnings(value.permitted_error_px, name in plan.on_grid, probability, rate)
+        coarse = value.permitted_error_px if _is_rounded(plan, name) else None
+        warnings = _warnings(coarse, name in plan.on_grid, probability, rate)
         rows.append(Row(k + 1, name, probability=probability, rate=rate, warnings=warnings, **vars(value)))
     return rows
 
@@ -137,15 +153,21 @@ def _edge(plan: Any, setting: Any, name: str) -> _Value:
     return _Value("length", length, "mm", permitted, px, told.standard_uncertainty, dict(told.budget))
 
 
-def _warnings(px: float | None, on_grid: bool, probability: float, rate: SuccessRate | None) -> tuple[str, ...]:
+def _is_rounded(plan: Any, name: str) -> bool:
+    """Say if points are found on whole pixels, as the ends of edges are; else there is no grid to be wary of."""
+    return name not in plan.dimensions or plan.dimensions[name].localisation.model == "rounding"
+
+
+def _warnings(px: float | None, on_grid: bool, probability: float, rate: SuccessRate | None) -> tuple[Warned, ...]:
     found = []
     if px is not None and px < TRUSTED_PX:
         told = f"tolerance of {px:.2g} px, under two pixels"
-        found.append(told + (": P was counted on the sensor's grid" if on_grid else ""))
+        found.append(Warned(FINE, told + (": P was counted on the sensor's grid" if on_grid else "")))
     if rate is not None:
         off = rate.frequency - probability
         if rate.verdict in (CONTRADICTED, TOLERATED, UNSTATED):
-            found.append(f"simulation gives {rate.frequency:.4f} instead of {probability:.4f}: {rate.verdict}")
+            told = f"simulation gives {rate.frequency:.4f} instead of {probability:.4f}: {rate.verdict}"
+            found.append(Warned(DIFFERS, told))
         elif rate.verdict != CONFIRMED and abs(off) > LARGE_DIFFERENCE:
-            found.append(f"simulation gives {rate.frequency:.4f}, {off:.2g} better than stated")
+            found.append(Warned(BETTER, f"simulation gives {rate.frequency:.4f}, {off:.2g} better than stated"))
     return tuple(found)

@@ -141,7 +141,7 @@ def _values(row: Row) -> dict[str, Any]:
         "verdict": None if rate is None else rate.verdict,
         "standard_uncertainty": row.standard_uncertainty,
         **{f"variance_{source}": row.budget.get(source) for source in ("translation", "rotation", "localisation")},
-        "warnings": "; ".join(row.warnings) or None,
+        "warnings": "; ".join(warning.text for warning in row.warnings) or None,
     }
 
 

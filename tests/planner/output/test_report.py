@@ -65,7 +65,8 @@ def test_page_is_well_formed_and_needs_nothing_from_outside(page):
     assert all(ref.startswith(("#", "data:")) for ref in structure.references)
     # image and edge map of two settings, whole and enlarged
     assert structure.counts["svg"] == 8
-    assert page.count("<figcaption>The same, enlarged") == 2
+    assert page.count("<figcaption>Predicted image, the frame enlarged") == 2
+    assert page.count('<rect class="frame"') == 2
     assert "url(http" not in page
 
 

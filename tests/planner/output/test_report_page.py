@@ -131,9 +131,10 @@ def test_a_click_on_a_domain_shows_it_and_the_next_hides_it(page):
     assert page.complaints == []
 
 
+# A4 less 10 mm at each side
 def test_on_paper_nothing_is_wider_than_the_page(page):
     page.call("Emulation.setEmulatedMedia", media="print")
-    page.call("Emulation.setDeviceMetricsOverride", width=794, height=1123, deviceScaleFactor=1, mobile=False)
+    page.call("Emulation.setDeviceMetricsOverride", width=718, height=1047, deviceScaleFactor=1, mobile=False)
     wide = page.run(
         "[...document.querySelectorAll('main *')].filter((one) => !one.closest('#plan3d') && !one.closest('svg')"
         " && one.getBoundingClientRect().right > innerWidth + 1).map((one) => one.tagName + '.' + one.className)"

@@ -5,9 +5,11 @@ import pytest
 from plan_examples import CAMERA, UNCERTAINTY, plan, setting
 from scipy.spatial.transform import Rotation
 
-from planner.rows.measured import SOURCES, measured_rows
+from errors.measurands import Line, Localisation
+from planner.rows.measured import FINE, SOURCES, measured_rows
 from planner.verify.simulate_plan import SimulationResult
 from planner.verify.simulate_setting import SuccessRate
+from planner.wanted.planned import PlannedDimension
 
 LENGTH_MM, DEPTH_MM = 80.0, 560.0
 
@@ -26,6 +28,14 @@ def square_on(**changes):
     )
 
 
+def with_dimension(how):
+    """The same as a dimension, with a permitted error of a thousandth."""
+    found = square_on()
+    ends = found.entities["top front"]
+    one = PlannedDimension("length", ("top front",), (Line(*ends),), LENGTH_MM / 1000, how)
+    return type(found)(**{**vars(found), "dimensions": {"top front": one}})
+
+
 def rate(frequency, predicted, n=1000):
     successes = round(frequency * n)
     half = 0.01
@@ -36,7 +46,7 @@ def warnings_with(simulated, **changes):
     found = square_on(**changes)
     result = SimulationResult(({"top front": rate(simulated, 0.95)},), 1000, 0, 0.99)
     (row,) = measured_rows(type(found)(**{**vars(found), "simulation": result}))[0]
-    return row.warnings
+    return tuple(warning.text for warning in row.warnings)
 
 
 def test_permitted_error_in_the_image_is_that_of_the_lens():
@@ -70,9 +80,9 @@ def test_standard_uncertainty_is_the_spread_over_displaced_poses():
 def test_a_tolerance_under_two_pixels_is_told():
     assert measured_rows(square_on())[0][0].warnings == ()
     (row,) = measured_rows(square_on(accuracy=0.999))[0]
-    assert row.warnings == ("tolerance of 1.1 px, under two pixels",)
+    assert row.warnings == ((FINE, "tolerance of 1.1 px, under two pixels"),)
     (row,) = measured_rows(square_on(accuracy=0.999, on_grid=("top front",)))[0]
-    assert row.warnings[0].endswith("under two pixels: P was counted on the sensor's grid")
+    assert row.warnings[0].text.endswith("under two pixels: P was counted on the sensor's grid")
 
 
 def test_a_simulation_that_differs_is_told():
@@ -90,3 +100,14 @@ def test_rows_stand_in_the_order_of_the_settings():
         [(1, "top front"), (1, "top right")],
         [(2, "top right")],
     ]
+
+
+def test_only_whole_pixels_make_a_small_tolerance_doubtful():
+    rounded, fitted = (
+        measured_rows(with_dimension(how))[0][0] for how in (Localisation.rounding(), Localisation.gaussian(0.1))
+    )
+    # one thousandth of the image of 80 mm, in the coarser pixels, the same for both
+    wanted = 0.001 * LENGTH_MM * CAMERA.image_distance_mm / DEPTH_MM / 0.0035
+    assert rounded.permitted_error_px == fitted.permitted_error_px == pytest.approx(wanted)
+    assert [warning.kind for warning in rounded.warnings] == [FINE]
+    assert fitted.warnings == ()
