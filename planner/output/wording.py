@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from planner.request.defaults import corner_margin_px
 from planner.showing.image_check import MOST_PX
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
 
@@ -200,8 +201,9 @@ def calibration_rows(camera: Camera) -> dict[str, str]:
     return rows
 
 
-def requirement_rows(need: Mapping[str, float]) -> dict[str, str]:
-    """Say what every setting satisfies; nothing of a plan that does not know."""
+def requirement_rows(plan: InspectionPlan) -> dict[str, str]:
+    """Say what every setting satisfies, and how much that is beside the pose uncertainty; nothing if not known."""
+    need, uncertainty = plan.requirements, plan.pose_uncertainty
     if not need:
         return {}
     asked = {}
@@ -211,15 +213,24 @@ def requirement_rows(need: Mapping[str, float]) -> dict[str, str]:
         asked["Surroundings"] = f"{need['surround_px']:g} px of the image around each end, beside the reserve"
     if need.get("min_corner_deg"):
         asked["Corners"] = f"another line leaves each end at {need['min_corner_deg']:g}° or more"
+    corner = corner_margin_px(plan.camera, uncertainty, 1.0)
+    along, anyway = float(uncertainty.sigmas[2]), float(uncertainty.sigmas[:3].max())
     return {
         **asked,
         "Stand-off": f"at least {need['stand_off_mm']:g} mm from the part",
         "Image of an edge": f"at least {need['min_length_px']:g} px long",
         "Reserve of the field of view": f"{need['field_margin_px']:.4g} px along the sensor's sides, in which nothing "
-        "that is measured may lie",
-        "Reserve of focus": f"{need['focus_margin_mm']:.4g} mm at both ends of the depth of field",
-        "Reserve of visibility": f"visible from {need['visibility_radius_mm']:.4g} mm around the camera too",
+        f"that is measured may lie{_in_sigmas(need['field_margin_px'], corner, 'an image point in the corners')}",
+        "Reserve of focus": f"{need['focus_margin_mm']:.4g} mm at both ends of the depth of field"
+        f"{_in_sigmas(need['focus_margin_mm'], along, 'the camera along its axis')}",
+        "Reserve of visibility": f"visible from {need['visibility_radius_mm']:.4g} mm around the camera too"
+        f"{_in_sigmas(need['visibility_radius_mm'], anyway, 'its place')}",
     }
+
+
+def _in_sigmas(value: float, sigma: float, of: str) -> str:
+    """Return a reserve in standard deviations of what the uncertain pose moves; nothing where there are none."""
+    return f"; {value / sigma:.2g} standard deviations of {of}" if sigma > 0 else ""
 
 
 def margin_texts(margins: Mapping[str, float]) -> list[str]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from plan_examples import CAMERA, UNCERTAINTY, plan
 
+from planner import PoseUncertainty
 from planner.exceptions import PlanFileError, RequestError
 from planner.inspection_options import InspectionOptions
 from planner.output.wording import requirement_rows
@@ -55,11 +56,22 @@ def test_the_file_keeps_the_limits(tmp_path):
 def test_a_file_without_limits_is_read():
     assert InspectionPlan.from_dict(plan().to_dict()).requirements == {}
     assert "requirements" not in plan().to_dict()
-    assert requirement_rows({}) == {}
+    assert requirement_rows(plan()) == {}
 
 
 def test_the_report_tells_the_limits():
-    rows = requirement_rows(LIMITS)
+    rows = requirement_rows(plan(requirements=LIMITS))
     assert rows["Stand-off"] == "at least 50 mm from the part"
     assert rows["Reserve of the field of view"].startswith("27 px ")
     assert rows["Reserve of focus"].startswith("0.8 mm ")
+    # the camera's place has a standard deviation of 0.05 mm along every axis
+    assert rows["Reserve of focus"].endswith("; 16 standard deviations of the camera along its axis")
+    assert rows["Reserve of visibility"].endswith("; 12 standard deviations of its place")
+
+
+def test_the_report_tells_the_field_of_views_usual_reserve_in_standard_deviations():
+    usual = InspectionOptions().requirements(CAMERA, UNCERTAINTY).to_dict()
+    told = requirement_rows(plan(requirements=usual))["Reserve of the field of view"]
+    assert told.endswith("; 4 standard deviations of an image point in the corners")
+    exact = PoseUncertainty(np.zeros((6, 6)))
+    assert "deviation" not in " ".join(requirement_rows(plan(requirements=usual, pose_uncertainty=exact)).values())

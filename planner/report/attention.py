@@ -1,0 +1,90 @@
+"""What a reader should look at first: what is not inspected, and what a measurement warns of; details follow below."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import TYPE_CHECKING
+
+from planner.report.tables import setting_link
+
+if TYPE_CHECKING:
+    from planner.rows.measured import Row
+
+FEW = 6
+"""So many warnings of a kind, or entities without a setting, are told one by one at the head of the page."""
+
+
+def attention(rows: Sequence[Sequence[Row]]) -> str:
+    """Return all warnings, by kind; nothing if there are none.
+
+    Parameters
+    ----------
+    rows : sequence of sequence of Row
+        The rows of each setting.
+    """
+    kinds: dict[str, list[tuple[Row, str]]] = {}
+    for row in (row for setting in rows for row in setting):
+        for warning in row.warnings:
+            kinds.setdefault(warning.kind, []).append((row, warning.text))
+    if not kinds:
+        return ""
+    lines = "".join(f"<li>{_kind(kind, found)}</li>" for kind, found in kinds.items())
+    return f'<h2 id="look">Worth a look</h2><ul class="warnings">{lines}</ul>'
+
+
+def _kind(kind: str, found: Sequence[tuple[Row, str]]) -> str:
+    if len(found) <= FEW:
+        parts = [f"<b>{escape(row.name)}</b> (setting {setting_link(row.setting)}): {escape(t)}" for row, t in found]
+        return "; ".join(parts)
+    settings: dict[str, list[int]] = {}
+    for row, _ in found:
+        settings.setdefault(row.name, []).append(row.setting)
+    names = ", ".join(f"{escape(name)} ({', '.join(map(setting_link, where))})" for name, where in settings.items())
+    return f"<b>{escape(kind)}</b> in {len(found)} measurements: {names}"
+
+
+def not_inspected(reasons: Mapping[str, str], noun: str) -> str:
+    """Return what is in no setting: each with its reason, or of many their number and names by kind of reason.
+
+    Parameters
+    ----------
+    reasons : mapping of str to str
+        By name; before a colon stands the kind.
+    noun : str
+        What an item is called.
+    """
+    if not reasons:
+        return ""
+    head = '<h2 class="bad">Not inspected</h2>'
+    if len(reasons) <= FEW:
+        return head + '<p class="note">What is in no setting, and why.</p>' + _table(reasons, noun)
+    kinds: dict[str, list[str]] = {}
+    for name, why in reasons.items():
+        kinds.setdefault(why.partition(":")[0], []).append(name)
+    lines = "".join(
+        f"<li><b>{escape(kind)}</b> ({len(names)}): {escape(', '.join(names))}</li>" for kind, names in kinds.items()
+    )
+    told = '<p class="note">What is in no setting. <a href="#reasons">Why, one by one</a></p>'
+    return f'{head}{told}<ul class="warnings">{lines}</ul>'
+
+
+def reasons_section(reasons: Mapping[str, str], noun: str) -> str:
+    """Return why each is not inspected, where the head of the page tells only how many; else nothing.
+
+    Parameters
+    ----------
+    reasons : mapping of str to str
+        By name.
+    noun : str
+        What an item is called.
+    """
+    if len(reasons) <= FEW:
+        return ""
+    return f'<h2 id="reasons">Why something is not inspected</h2>{_table(reasons, noun)}'
+
+
+def _table(reasons: Mapping[str, str], noun: str) -> str:
+    rows = "".join(f"<tr><td>{escape(name)}</td><td>{escape(why)}</td></tr>" for name, why in reasons.items())
+    head = f"<thead><tr><th>{noun.capitalize()}</th><th>Reason</th></tr></thead>"
+    return f'<div class="scroll"><table>{head}<tbody>{rows}</tbody></table></div>'

@@ -1,0 +1,54 @@
+"""The head of a report: few warnings are told one by one, many by kind; nothing is lost either way."""
+
+import re
+
+from planner.report.attention import FEW, attention, not_inspected, reasons_section
+from planner.rows.measured import BETTER, FINE, Row, Warned
+
+
+def row(number, name, *warnings):
+    return Row(number, name, "length", 80.0, "mm", 1.6, 1.0, 0.95, None, 0.1, {}, warnings)
+
+
+def text(html):
+    return re.sub(r"<[^>]*>", "", html)
+
+
+def test_nothing_to_look_at_takes_no_room():
+    assert attention([[row(1, "a")], []]) == ""
+    assert not_inspected({}, "edge") == ""
+    assert reasons_section({}, "edge") == ""
+
+
+def test_few_warnings_are_told_one_by_one():
+    html = attention(
+        [[row(1, "a&b", Warned(FINE, "tolerance of 1.1 px"))], [row(2, "c", Warned(BETTER, "0.04 better"))]]
+    )
+    assert html.count("<li>") == 2
+    assert "a&amp;b (setting 1): tolerance of 1.1 px" in text(html)
+    assert "c (setting 2): 0.04 better" in text(html)
+
+
+def test_many_warnings_of_a_kind_are_one_line_with_every_name_once():
+    fine = Warned(FINE, "tolerance of 1.1 px")
+    names = [f"e{i}" for i in range(FEW)]
+    html = attention([[row(1, name, fine) for name in names], [row(2, "e0", fine)]])
+    assert html.count("<li>") == 1
+    assert f"{FINE} in {FEW + 1} measurements: e0 (1, 2), e1 (1), " in text(html)
+    assert 'href="#setting-2"' in html
+
+
+def test_few_reasons_stand_at_the_head():
+    html = not_inspected({"a": "unobservable: <b>"}, "edge")
+    assert "unobservable: &lt;b&gt;" in html
+    assert reasons_section({"a": "unobservable: <b>"}, "edge") == ""
+
+
+def test_many_reasons_are_counted_at_the_head_and_listed_below():
+    reasons = {f"e{i}": f"probability too low: P = 0.{i}" for i in range(FEW)} | {"x": "unobservable"}
+    head, below = text(not_inspected(reasons, "edge")), reasons_section(reasons, "edge")
+    assert f"probability too low ({FEW}): e0, e1, " in head
+    assert "unobservable (1): x" in head
+    assert "P = 0.3" not in head
+    assert all(f"<td>{name}</td><td>{why}</td>" in below for name, why in reasons.items())
+    assert 'id="reasons"' in below
