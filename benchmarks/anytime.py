@@ -2,7 +2,8 @@
 
 Run ``python benchmarks/anytime.py [--parts ctc01 ...] [--limit 300] [--csv FILE]``. The notebook comparisons shows such
 a file. The constraints are the paper's. The rivals are those of `planners`; all are given the visible regions, whose
-seconds are printed apart, and all run in one process, so every clock starts when the regions are there. A rival has one point, at its end.
+seconds are printed apart, and all run in one process, so every clock starts when the regions are there. A rival has one
+point, at its end.
 
 A rival is *ahead* at a time if it inspects at least as many entities as the incumbent then and needs fewer settings by
 more than one, or if there is no incumbent. Printed is for how long, and where the first plan stands beside the greedy

@@ -46,6 +46,7 @@ PLACES = {
         "verify": (3.8, "promises, simulated"),
         "request": (2.7, "constraints and probability"),
         "wanted": (1.4, "edges and dimensions asked for"),
+        "showing": (2.9, "what an image needs"),
         "camera": (3.25, "camera, pose, uncertainty"),
         "watch": (4.4, "when to end"),
         "executors": (0, "work in processes"),
@@ -54,6 +55,7 @@ PLACES = {
         "options": (3, "keywords in dataclasses"),
         "progress": (4, "how far it is"),
         "files": (5, "files written whole"),
+        "compiling": (4, "told at the first run"),
         "exceptions": (2.5, "what is refused; for every room"),
     },
     "aspectgraph": {

@@ -34,9 +34,8 @@ def nearest_limits(plan: InspectionPlan, setting: SensorSetting) -> list[Nearnes
     """Return constraints by what they leave, the one that binds first.
 
     The room of each is: half the depth of field; half the sensor's shorter side; the image's length, of the shortest;
-    half the workspace's shortest side; the distance from the part; the separation and the angle asked for; 1 − p for the
-    probability. What is met or missed
-    without a number, such as visibility, is not among them.
+    half the workspace's shortest side; the distance from the part; the separation and the angle asked for, which may be
+    exceeded; 1 − p for the probability. What is met or missed without a number, such as visibility, is not among them.
 
     Parameters
     ----------
