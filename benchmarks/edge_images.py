@@ -1,0 +1,308 @@
+"""Promised against measured: lengths of edges in rendered images from displaced poses, by what the image is like.
+
+    python benchmarks/edge_images.py PLAN.json PART [--poses 30] [--seed 0] [--csv FILE]
+
+For every setting and edge of a plan, the camera is displaced, patches of the image are rendered (`rendered_images`:
+matt faces, cast shadows, blur 0.8 px, noise 1.5 %) under the lamp that the plan names, or one at the camera, and the
+edge is measured as an image program does: a line is fitted to points found along the edge, another one to points along
+the line that leaves each end, and the two are intersected. The length may differ from that in the planned image by the
+fraction 1 - A; how often it does not is compared with what the plan promises.
+
+What the image is like is found out here, from the triangles and by rays, without `planner.showing`: whether another
+line leaves both ends at 25 degrees (*corner*), whether another visible line is within 5 px (*near line*), whether 40 px
+around the ends are in the image (*border*), and the grey step across the edge (*weak* below 5 of 255). A pair with none
+of these is *clean*: its promise must hold.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import open3d as o3d
+from dimension_images import triangles_of
+from rendered_images import Lamp, Renderer, found_points
+from scipy.spatial.transform import Rotation
+
+from aspectgraph import Solid, read_solid, resolve_entities
+from planner import InspectionPlan, read_plan
+from planner.request.objective import Objective
+
+ACCURACIES = (0.98, 0.99, 0.995)
+NEAR_PX, AROUND_PX, CORNER_DEG, WEAK = 5.0, 40.0, 25.0, 5.0
+# turns below these are no lines of the part but seams and facets of curved surfaces: between flat faces, beside one
+# curved face, and between two (degrees)
+SHARP_DEG, CHORD_DEG, FACET_DEG = 5.0, 20.0, 40.0
+ALONG, ARM_PX, ARM_POINTS = 24, (4.0, 28.0), 12
+# near a corner, so many px of a line say nothing of it: as far as 5 px to its side are reached at 25 degrees
+LEAVES_PX = NEAR_PX / np.sin(np.radians(CORNER_DEG))
+
+
+@dataclass
+class Pair:
+    """One edge from one setting: what was promised and measured at each accuracy, and what the image is like."""
+
+    part: str
+    setting: int
+    name: str
+    kind: str
+    near_px: float
+    step: float
+    n: int
+    promised: tuple[float, ...]
+    measured: tuple[float, ...]
+
+    @property
+    def worst(self) -> float:
+        """Largest promise above the measured frequency, in standard errors of the promise, at A = .98 and .99."""
+        return max(
+            (p - m) / np.sqrt(max(p * (1 - p), 1 / self.n) / self.n)
+            for p, m in zip(self.promised[:2], self.measured[:2], strict=True)
+        )
+
+
+class Lines:
+    """The lines that a part shows, as dense points, found from faces and triangles alone."""
+
+    def __init__(self, solid: Solid) -> None:
+        self.solid = solid
+        self.scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+        self.scene.add_triangles(np.asarray(solid.vertices, np.float32), np.asarray(solid.triangles, np.uint32))
+        self.ends = np.array([edge.vertices for edge in solid.edges])
+        self.faces = np.array([edge.faces for edge in solid.edges])
+        self.turn = np.array([abs(edge.turn_deg) for edge in solid.edges])
+        self.curved = np.array([edge.curved for edge in solid.edges])
+        self.convex = np.array([edge.dihedral_deg > 0 for edge in solid.edges])
+        both = np.array([all(solid.faces[face].curved for face in edge.faces) for edge in solid.edges])
+        self.line = self.turn >= np.where(both, FACET_DEG, np.where(self.curved, CHORD_DEG, SHARP_DEG))
+
+    def shown(self, eye: np.ndarray) -> np.ndarray:
+        """Return which edges (e,) show from a place, but for what hides them."""
+        start = self.solid.vertices[self.ends[:, 0]]
+        front = (np.einsum("efk,ek->ef", self.solid.normals[self.faces], eye - start) > 1e-9).sum(axis=1)
+        return np.where(self.line, front > 0, self.convex & (front == 1))
+
+    def visible(self, eye: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Return which points (n, 3) are hidden by nothing."""
+        rays = np.concatenate([np.broadcast_to(eye, points.shape), points - eye], axis=1).astype(np.float32)
+        return self.scene.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy() >= 1 - 2e-4
+
+    def nearest_px(self, renderer: Renderer, pose: np.ndarray, ends: np.ndarray, own: set[int]) -> float:
+        """Return how near another visible line comes to an edge, without what meets it beside its ends."""
+        a, b = renderer.projected(ends, pose)
+        mine = {v for e in own for v in self.ends[e].tolist()}
+        best = 100.0
+        for e in np.flatnonzero(self.shown(pose[:3, 3])):
+            if e in own:
+                continue
+            p, q = self.solid.vertices[self.ends[e]]
+            points = p + np.linspace(0, 1, max(2, int(np.linalg.norm(q - p) / 0.25)))[:, None] * (q - p)
+            image = renderer.projected(points, pose)
+            apart = _from_segment(image, a, b)
+            if set(self.ends[e].tolist()) & mine:
+                beside = np.minimum(np.linalg.norm(image - a, axis=1), np.linalg.norm(image - b, axis=1))
+                apart = np.where(beside < LEAVES_PX, 100.0, apart)
+            close = apart < min(best, 12.0)
+            if close.any():
+                seen = self.visible(pose[:3, 3], points[close])
+                best = min(best, apart[close][seen].min(initial=100.0))
+        return float(best)
+
+    def arms(self, pose: np.ndarray, renderer: Renderer, corner: np.ndarray, inward: np.ndarray, own: set[int]) -> list:
+        """Return the ends (3,) of lines that leave a corner visibly, and their angles with the edge in the image."""
+        vertex = int(np.linalg.norm(self.solid.vertices - corner, axis=1).argmin())
+        shown, found = self.shown(pose[:3, 3]), []
+        for e in np.flatnonzero((self.ends == vertex).any(axis=1) & self.line & shown):
+            if e in own:
+                continue
+            tip = self.solid.vertices[self.ends[e].sum() - vertex]
+            if not self.visible(pose[:3, 3], (0.97 * corner + 0.03 * tip)[None])[0]:
+                continue
+            wide = _angle(tip - corner, inward - corner)
+            image = renderer.projected(np.array([corner, tip, inward]), pose)
+            seen = _angle(image[1] - image[0], image[2] - image[0])
+            if min(wide, 180 - wide) >= CORNER_DEG:
+                found.append((tip, seen))
+        return found
+
+
+def _angle(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.degrees(np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1, 1))))
+
+
+def _from_segment(points: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    share = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
+    return np.linalg.norm(points - a - share[:, None] * (b - a), axis=1)
+
+
+def fitted(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a point and the direction of a line through points (n, 2); those farther off than the others are left."""
+    kept = np.ones(len(points), bool)
+    for _ in range(3):
+        middle = points[kept].mean(axis=0)
+        way = np.linalg.svd(points[kept] - middle)[2][0]
+        off = np.abs((points - middle) @ [-way[1], way[0]])
+        kept = off <= max(3 * np.median(off), 0.2)
+    return middle, way
+
+
+def crossing(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Return where two lines of the image meet."""
+    share = np.linalg.solve(np.column_stack([one[1], -other[1]]), other[0] - one[0])
+    return one[0] + share[0] * one[1]
+
+
+def measured_px(renderer: Renderer, pose: np.ndarray, ends: np.ndarray, tips: list, lamp: Lamp, rng) -> float:
+    """Return the length of an edge in px as found in the image from a pose; nan without grey steps to find it by."""
+    line = _line(renderer, pose, ends[0], ends[1], (0.06, 0.94), ALONG, lamp, rng)
+    if line is None:
+        return np.nan
+    corners = []
+    for end, tip in zip(ends, tips, strict=True):
+        arm = _line(renderer, pose, end, tip, arm_shares(renderer, pose, end, tip), ARM_POINTS, lamp, rng)
+        if arm is None:
+            return np.nan
+        corners.append(crossing(line, arm))
+    return float(np.linalg.norm(corners[1] - corners[0]))
+
+
+def arm_step(renderer: Renderer, pose: np.ndarray, corner: np.ndarray, tip: np.ndarray, lamp: Lamp, rng) -> float:
+    """Return the grey step across a line that leaves a corner, where it is weakest but for a few points."""
+    points = corner + np.linspace(*arm_shares(renderer, pose, corner, tip), ARM_POINTS)[:, None] * (tip - corner)
+    tangents = np.tile((tip - corner) / np.linalg.norm(tip - corner), (ARM_POINTS, 1))
+    return float(np.quantile(found_points(renderer, pose, points, tangents, lamp, rng)[1], 0.2))
+
+
+def arm_shares(renderer: Renderer, pose: np.ndarray, corner: np.ndarray, tip: np.ndarray) -> np.ndarray:
+    """Return between which shares of its length a line that leaves a corner is looked for."""
+    length = np.linalg.norm(np.diff(renderer.projected(np.array([corner, tip]), pose), axis=0))
+    return np.minimum(np.array(ARM_PX), (0.3 * length, 0.9 * length)) / length
+
+
+def _line(renderer, pose, start, end, shares, n, lamp, rng):
+    points = start + np.linspace(*shares, n)[:, None] * (end - start)
+    tangents = np.tile((end - start) / np.linalg.norm(end - start), (n, 1))
+    pixels, step = found_points(renderer, pose, points, tangents, lamp, rng)
+    strong = step >= WEAK
+    return fitted(pixels[strong]) if strong.sum() >= n // 2 else None
+
+
+def pairs(plan: InspectionPlan, solid: Solid, n: int, seed: int, triangles=None) -> Iterator[Pair]:
+    """Measure every edge of every setting from n displaced poses; ``triangles`` (vertices, triangles) are rendered."""
+    lines = Lines(solid)
+    renderer = Renderer(*(triangles or (solid.vertices, solid.triangles)), plan.camera.matrix, samples=4, noise=0.015)
+    for k, setting in enumerate(plan.settings):
+        pose = np.asarray(setting.cam2world)
+        for name in setting.entities:
+            rng = np.random.default_rng([seed, k, *map(ord, name)])
+            ends = np.asarray(plan.entities[name])
+            own = set(resolve_entities(solid, {name: ends})[name].edge_ids)
+            lamp = Lamp(lamp_place(plan, k, name))
+            tips, kind = [], "clean"
+            for i in range(2):
+                arms = lines.arms(pose, renderer, ends[i], ends[1 - i], own)
+                wide = [tip for tip, seen in arms if CORNER_DEG <= seen <= 180 - CORNER_DEG]
+                if not wide or min(seen for _, seen in arms) < CORNER_DEG:
+                    kind = "no corner"
+                steps = [arm_step(renderer, pose, ends[i], tip, lamp, rng) for tip in wide]
+                tips.append(wide[int(np.argmax(steps))] if wide else _onward(lines, ends[i], ends[1 - i], own))
+                if wide and max(steps) < WEAK and kind == "clean":
+                    kind = "weak corner"
+            near = lines.nearest_px(renderer, pose, ends, own)
+            points = ends[0] + np.linspace(0.1, 0.9, 9)[:, None] * (ends[1] - ends[0])
+            tangents = np.tile((ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0]), (9, 1))
+            step = float(np.quantile(found_points(renderer, pose, points, tangents, lamp, rng)[1], 0.1))
+            image = renderer.projected(ends, pose)
+            room = min(image.min(), (np.array(plan.camera.resolution) - image).min())
+            if kind == "clean":
+                kind = (
+                    "near line" if near < NEAR_PX else "weak" if step < WEAK else "border" if room < AROUND_PX else kind
+                )
+            yield _measured(plan, k, name, (renderer, pose, ends, tips, lamp, rng), n, (kind, near, step))
+
+
+def _onward(lines: Lines, end: np.ndarray, inward: np.ndarray, own: set[int]) -> np.ndarray:
+    """Return where the line that an edge runs on in goes: what a corner detector would take for the other side."""
+    vertex = int(np.linalg.norm(lines.solid.vertices - end, axis=1).argmin())
+    others = [e for e in np.flatnonzero((lines.ends == vertex).any(axis=1) & lines.line) if e not in own]
+    tips = [lines.solid.vertices[lines.ends[e].sum() - vertex] for e in others]
+    return min(tips, key=lambda tip: abs(_angle(tip - end, inward - end) - 90)) if tips else 2 * end - inward
+
+
+def _measured(plan, k, name, how, n, kind) -> Pair:
+    renderer, pose, ends, tips, lamp, rng = how
+    camera, sigmas = plan.camera, np.asarray(plan.pose_uncertainty.covariance)
+    image = renderer.projected(ends, pose)
+    nominal = np.linalg.norm((image[1] - image[0]) * camera.pixel_pitch_mm)
+    errors = np.empty(n)
+    for i in range(n):
+        move, draw = np.eye(4), rng.multivariate_normal(np.zeros(6), sigmas)
+        move[:3, 3], move[:3, :3] = draw[:3], Rotation.from_rotvec(draw[3:]).as_matrix()
+        length = measured_px(renderer, pose @ move, ends, tips, lamp, rng) * camera.pixel_pitch_mm[0]
+        errors[i] = abs(length / nominal - 1) if np.isfinite(length) else np.inf
+    promised = [
+        float(Objective(ends[None], camera, plan.pose_uncertainty, a).probability(pose[None])[0, 0]) for a in ACCURACIES
+    ]
+    met = tuple(float((errors <= 1 - a).mean()) for a in ACCURACIES)
+    return Pair(plan.part, k, name, kind[0], kind[1], kind[2], n, tuple(promised), met)
+
+
+def lamp_place(plan: InspectionPlan, k: int, name: str) -> np.ndarray:
+    """Return where the lamp of a pair is: the planned one, or beside the camera."""
+    for image in plan.light.images[k] if plan.light is not None else ():
+        if name in image.contrast:
+            return np.asarray(plan.light.lamps[image.lamps[0]])
+    pose = np.asarray(plan.settings[k].cam2world)
+    return pose[:3, 3] + pose[:3, :3] @ np.array([-150.0, -150.0, 0.0])
+
+
+def show(found: list[Pair]) -> None:
+    """Print a table by class, and the pairs whose promise is too high."""
+    print(f"{'class':<12}{'pairs':>6}{'poses':>7}" + "".join(f"   A = {a:<5} promised measured" for a in ACCURACIES))
+    for kind in sorted({one.kind for one in found}):
+        own = [one for one in found if one.kind == kind]
+        means = [
+            (np.mean([one.promised[i] for one in own]), np.mean([one.measured[i] for one in own])) for i in range(3)
+        ]
+        cells = "".join(f"{p:21.3f}{m:9.3f}" for p, m in means)
+        print(f"{kind:<12}{len(own):>6}{sum(one.n for one in own):>7}{cells}")
+    for one in found:
+        if one.worst > 3:
+            told = f"{one.kind}, line at {one.near_px:.1f} px, step {one.step:.0f}"
+            print(f"promised too much: {one.part} setting {one.setting + 1} {one.name} ({told}):", end=" ")
+            print(f"{one.promised} against {one.measured}, {one.worst:.1f} standard errors")
+
+
+def main() -> int:
+    """Measure the edges of a plan; 1 if a clean pair was promised more than was measured."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("plan", type=Path)
+    parser.add_argument("part", type=Path)
+    parser.add_argument("--poses", type=int, default=30)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--csv", type=Path)
+    options = parser.parse_args()
+    began, found = time.time(), []
+    fine = triangles_of(options.part) if ".st" in options.part.name and ".stl" not in options.part.name else None
+    for pair in pairs(read_plan(options.plan), read_solid(options.part), options.poses, options.seed, fine):
+        found.append(pair)
+        print(f"{pair.setting + 1} {pair.name:<24}{pair.kind:<10}{pair.near_px:6.1f} px step {pair.step:5.1f}", end=" ")
+        print("  ".join(f"{p:.3f}/{m:.3f}" for p, m in zip(pair.promised, pair.measured, strict=True)), flush=True)
+    show(found)
+    print(f"{time.time() - began:.0f} s")
+    if options.csv:
+        with options.csv.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, [*asdict(found[0])])
+            writer.writeheader()
+            writer.writerows(map(asdict, found))
+    return int(any(one.kind == "clean" and one.worst > 3 for one in found))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
