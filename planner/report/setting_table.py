@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.report.binding import nearest_limits
+from planner.report.binding import Nearness, nearest_limits
 from planner.report.tables import budget_bar, cells, heads, permitted, warned
 from planner.rows.measured import Row
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, TOLERATED, UNSTATED
@@ -62,8 +62,13 @@ def _rows(plan: InspectionPlan, one: Row, what: str) -> str:
 def binding_sentence(plan: InspectionPlan, setting: SensorSetting) -> str:
     """Say which constraint fixes the pose, and what comes next."""
     first, *rest = nearest_limits(plan, setting)
-    told = f"Nearest to its limit: {first.name}, with {100 * first.share:.3g} % of its room left; {first.meaning}."
-    return told + (f" Next: {', '.join(f'{one.name} {100 * one.share:.3g} %' for one in rest)}." if rest else "")
+    told = f"Nearest to its limit: {first.name}, with {_share(first)} of its room left; {first.meaning}."
+    return told + (f" Next: {', '.join(f'{one.name} {_share(one)}' for one in rest)}." if rest else "")
+
+
+def _share(one: Nearness) -> str:
+    """Return a share in percent; further digits of what is as good as nothing say nothing."""
+    return "less than 0.01 %" if 0 <= one.share < 1e-4 else f"{100 * one.share:.3g} %"
 
 
 def focus_note(plan: InspectionPlan, setting: SensorSetting) -> str:
