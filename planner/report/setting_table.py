@@ -71,8 +71,8 @@ def _share(one: Nearness) -> str:
     return "less than 0.01 %" if 0 <= one.share < 1e-4 else f"{100 * one.share:.3g} %"
 
 
-def focus_note(plan: InspectionPlan, setting: SensorSetting) -> str:
-    """Say so where displaced poses may be out of focus: less is left than three standard deviations along the axis.
+def may_be_unsharp(plan: InspectionPlan, setting: SensorSetting) -> bool:
+    """Say if less room in focus is left than three standard deviations of the camera's place along its axis.
 
     Parameters
     ----------
@@ -81,15 +81,31 @@ def focus_note(plan: InspectionPlan, setting: SensorSetting) -> str:
     setting : SensorSetting
         One of its settings.
     """
-    sigma = float(plan.pose_uncertainty.sigmas[2])
-    left = setting.margins.get("focus_mm", np.inf) + plan.requirements.get("focus_margin_mm", 0.0)
-    if not left < 3 * sigma:
+    return bool(_focus_left(plan, setting) < 3 * plan.pose_uncertainty.sigmas[2])
+
+
+def focus_note(plan: InspectionPlan, setting: SensorSetting) -> str:
+    """Say so where displaced poses may be out of focus.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    setting : SensorSetting
+        One of its settings.
+    """
+    if not may_be_unsharp(plan, setting):
         return ""
     return (
-        f"Focus: {left:.2g} mm of the depth of field are left, and the standard deviation of the camera's place along "
-        f"its axis is {sigma:.2g} mm, so images from displaced poses may be less sharp than is asked for; a reserve of "
-        "focus keeps more."
+        f"Focus: {_focus_left(plan, setting):.2g} mm of the depth of field are left, and the standard deviation of the "
+        f"camera's place along its axis is {plan.pose_uncertainty.sigmas[2]:.2g} mm, so images from displaced poses "
+        "may be less sharp than is asked for."
     )
+
+
+def _focus_left(plan: InspectionPlan, setting: SensorSetting) -> float:
+    """Return how far a camera may move along its axis before something is out of focus, mm."""
+    return setting.margins.get("focus_mm", np.inf) + plan.requirements.get("focus_margin_mm", 0.0)
 
 
 def _value(plan: InspectionPlan, name: str) -> str:
