@@ -28,6 +28,7 @@ from planner.output.wording import (
 )
 from planner.report.attention import attention, not_inspected, reasons_section
 from planner.report.graph_picture import graph_picture
+from planner.report.setting_table import may_be_unsharp
 from planner.report.tables import download, results, robot
 from planner.report.views import view_buttons
 from planner.rows.measured import measured_rows
@@ -97,7 +98,7 @@ def report_html(
         buttons=view_buttons(views),
         graph=picture,
         domains=domains,
-        attention=attention(rows),
+        attention=attention(rows, [k for k, one in enumerate(plan.settings, 1) if may_be_unsharp(plan, one)]),
         results=results(plan, rows, _named(plan)[0]),
         csv=download(plan.to_csv(), "measurements.csv", "measurements.csv"),
         robot=robot(plan),

@@ -15,21 +15,30 @@ FEW = 6
 """So many warnings of a kind, or entities without a setting, are told one by one at the head of the page."""
 
 
-def attention(rows: Sequence[Sequence[Row]]) -> str:
+def attention(rows: Sequence[Sequence[Row]], unsharp: Sequence[int] = ()) -> str:
     """Return all warnings, by kind; nothing if there are none.
 
     Parameters
     ----------
     rows : sequence of sequence of Row
         The rows of each setting.
+    unsharp : sequence of int
+        Settings, from 1, with less room in focus than their place is uncertain, see `may_be_unsharp`.
     """
     kinds: dict[str, list[tuple[Row, str]]] = {}
     for row in (row for setting in rows for row in setting):
         for warning in row.warnings:
             kinds.setdefault(warning.kind, []).append((row, warning.text))
-    if not kinds:
+    told = [_kind(kind, found) for kind, found in kinds.items()]
+    if unsharp:
+        which = ", ".join(map(setting_link, unsharp))
+        told.append(
+            f"<b>Little room in focus</b> in setting{'s' * (len(unsharp) > 1)} {which}: less than three standard "
+            "deviations of the camera's place along its axis; a reserve of focus (--focus-margin-mm) keeps more"
+        )
+    if not told:
         return ""
-    lines = "".join(f"<li>{_kind(kind, found)}</li>" for kind, found in kinds.items())
+    lines = "".join(f"<li>{one}</li>" for one in told)
     return f'<h2 id="look">Worth a look</h2><ul class="warnings">{lines}</ul>'
 
 

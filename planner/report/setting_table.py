@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.report.binding import nearest_limits
+from planner.report.binding import Nearness, nearest_limits
 from planner.report.tables import budget_bar, cells, heads, permitted, warned
 from planner.rows.measured import Row
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, TOLERATED, UNSTATED
@@ -62,12 +62,17 @@ def _rows(plan: InspectionPlan, one: Row, what: str) -> str:
 def binding_sentence(plan: InspectionPlan, setting: SensorSetting) -> str:
     """Say which constraint fixes the pose, and what comes next."""
     first, *rest = nearest_limits(plan, setting)
-    told = f"Nearest to its limit: {first.name}, with {100 * first.share:.3g} % of its room left; {first.meaning}."
-    return told + (f" Next: {', '.join(f'{one.name} {100 * one.share:.3g} %' for one in rest)}." if rest else "")
+    told = f"Nearest to its limit: {first.name}, with {_share(first)} of its room left; {first.meaning}."
+    return told + (f" Next: {', '.join(f'{one.name} {_share(one)}' for one in rest)}." if rest else "")
 
 
-def focus_note(plan: InspectionPlan, setting: SensorSetting) -> str:
-    """Say so where displaced poses may be out of focus: less is left than three standard deviations along the axis.
+def _share(one: Nearness) -> str:
+    """Return a share in percent; further digits of what is as good as nothing say nothing."""
+    return "less than 0.01 %" if 0 <= one.share < 1e-4 else f"{100 * one.share:.3g} %"
+
+
+def may_be_unsharp(plan: InspectionPlan, setting: SensorSetting) -> bool:
+    """Say if less room in focus is left than three standard deviations of the camera's place along its axis.
 
     Parameters
     ----------
@@ -76,15 +81,31 @@ def focus_note(plan: InspectionPlan, setting: SensorSetting) -> str:
     setting : SensorSetting
         One of its settings.
     """
-    sigma = float(plan.pose_uncertainty.sigmas[2])
-    left = setting.margins.get("focus_mm", np.inf) + plan.requirements.get("focus_margin_mm", 0.0)
-    if not left < 3 * sigma:
+    return bool(_focus_left(plan, setting) < 3 * plan.pose_uncertainty.sigmas[2])
+
+
+def focus_note(plan: InspectionPlan, setting: SensorSetting) -> str:
+    """Say so where displaced poses may be out of focus.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    setting : SensorSetting
+        One of its settings.
+    """
+    if not may_be_unsharp(plan, setting):
         return ""
     return (
-        f"Focus: {left:.2g} mm of the depth of field are left, and the standard deviation of the camera's place along "
-        f"its axis is {sigma:.2g} mm, so images from displaced poses may be less sharp than is asked for; a reserve of "
-        "focus keeps more."
+        f"Focus: {_focus_left(plan, setting):.2g} mm of the depth of field are left, and the standard deviation of the "
+        f"camera's place along its axis is {plan.pose_uncertainty.sigmas[2]:.2g} mm, so images from displaced poses "
+        "may be less sharp than is asked for."
     )
+
+
+def _focus_left(plan: InspectionPlan, setting: SensorSetting) -> float:
+    """Return how far a camera may move along its axis before something is out of focus, mm."""
+    return setting.margins.get("focus_mm", np.inf) + plan.requirements.get("focus_margin_mm", 0.0)
 
 
 def _value(plan: InspectionPlan, name: str) -> str:

@@ -91,3 +91,60 @@ def test_it_is_a_picture_by_itself():
     (style,) = root.iter("{http://www.w3.org/2000/svg}style")
     assert drawn == {"edge", "entity"}
     assert all(f".{kind}{{" in style.text for kind in drawn)
+
+
+def test_a_window_holds_what_is_measured_and_has_the_sensors_shape():
+    maker, pose = (
+        PictureMaker(read_solid("examples/two_pocket_block.off"), CAMERA),
+        look_at([[260, 30, 610]], RIM[0])[0],
+    )
+    x, y, width, height = maker.window(pose, {"rim": np.array(RIM)})
+    pixels, _ = cv2.projectPoints(np.array(RIM), *_opencv(pose), CAMERA.matrix, np.zeros(5))
+    assert ((pixels.reshape(-1, 2) > (x, y)) & (pixels.reshape(-1, 2) < (x + width, y + height))).all()
+    assert width / height == pytest.approx(2448 / 2048, rel=0.01)
+    # the larger side of what is measured, and three tenths for names
+    assert (np.ptp(pixels.reshape(-1, 2), axis=0) / (width, height)).max() == pytest.approx(1 / 1.3, rel=0.02)
+    assert min(x, y) >= 0
+    assert (x + width, y + height) <= (2448, 2048)
+
+
+def _opencv(pose):
+    """Rotation vector and translation of the part in the camera's axes."""
+    inverse = np.linalg.inv(pose)
+    return cv2.Rodrigues(inverse[:3, :3])[0], inverse[:3, 3]
+
+
+@pytest.mark.parametrize("lamp", [None, np.array([-200.0, 30, 440])])
+def test_shades_of_a_window_are_those_of_the_whole_image(lamp):
+    maker, pose = (
+        PictureMaker(read_solid("examples/two_pocket_block.off"), CAMERA),
+        look_at([[260, 30, 610]], RIM[0])[0],
+    )
+    whole = maker.shaded(pose, lamp).astype(int)
+    # a half of the sensor each way, so that four of its pixels lie in one of the whole picture
+    window = (612, 512, 1224, 1024)
+    near = maker.shaded(pose, lamp, window=window).astype(int)
+    rows, columns = np.arange(0, near.shape[0] - 1, 2), np.arange(0, near.shape[1] - 1, 2)
+    coarse = near[np.ix_(rows, columns)]
+    place = np.ix_(rows // 2 + whole.shape[0] // 4, columns // 2 + whole.shape[1] // 4)
+    # under a lamp the brightest of each picture is the same grey
+    lit = (coarse > _AMBIENT) & (whole[place] > _AMBIENT)
+    share = 1.0 if lamp is None else np.median((coarse[lit] - _AMBIENT) / (whole[place][lit] - _AMBIENT))
+    # but for pixels on edges
+    differ = np.abs(coarse[lit] - _AMBIENT - share * (whole[place][lit] - _AMBIENT)) > 8
+    assert differ.mean() < 0.03
+    assert (lit == ((coarse > _AMBIENT) | (whole[place] > _AMBIENT))).mean() > 0.97
+
+
+def test_of_what_is_enlarged_the_whole_image_shows_the_frame_and_no_names():
+    maker, pose = (
+        PictureMaker(read_solid("examples/two_pocket_block.off"), CAMERA),
+        look_at([[260, 30, 610]], RIM[0])[0],
+    )
+    window = maker.window(pose, {"rim": np.array(RIM)})
+    whole = maker.image_svg(pose, {"rim": np.array(RIM)}, "#123456", outlined=window)
+    near = maker.image_svg(pose, {"rim": np.array(RIM)}, "#123456", window=window)
+    assert 'x="{}" y="{}" width="{}" height="{}"/>'.format(*window) in whole
+    assert ">rim</text>" not in whole
+    assert ">rim</text>" in near
+    assert f'viewBox="{" ".join(map(str, window))}"' in near

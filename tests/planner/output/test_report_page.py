@@ -133,6 +133,7 @@ def test_a_click_on_a_domain_shows_it_and_the_next_hides_it(page):
 
 # A4 less 10 mm at each side
 def test_on_paper_nothing_is_wider_than_the_page(page):
+    page.run("dispatchEvent(new Event('beforeprint'))")
     page.call("Emulation.setEmulatedMedia", media="print")
     page.call("Emulation.setDeviceMetricsOverride", width=718, height=1047, deviceScaleFactor=1, mobile=False)
     wide = page.run(
@@ -141,6 +142,11 @@ def test_on_paper_nothing_is_wider_than_the_page(page):
     )
     assert wide == []
     assert page.run("getComputedStyle(document.querySelector('nav')).display") == "none"
+    # the picture in 3-D as it was drawn for the screen, legend and all
+    inside = "((a, b) => a.right <= b.right + 1 && a.bottom <= b.bottom + 1)"
+    svg, frame = (f"plan3d.{part}.getBoundingClientRect()" for part in ("querySelector('svg')", "closest('.scene')"))
+    assert page.run(f"{inside}({svg}, {frame})")
+    page.run("dispatchEvent(new Event('afterprint'))")
     page.call("Emulation.setEmulatedMedia", media="")
     page.call("Emulation.setDeviceMetricsOverride", width=1400, height=900, deviceScaleFactor=1, mobile=False)
 

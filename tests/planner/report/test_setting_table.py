@@ -22,6 +22,8 @@ def test_the_nearest_limit_comes_first():
     # 10.24 px of half of 2048, 90 mm of half of 1800
     assert told.startswith("Nearest to its limit: field of view, with 1 % of its room left; what is measured would")
     assert told.endswith("Next: workspace 10 %, probability 50 %.")
+    told = binding_sentence(*with_margins({"field_of_view_px": 0.0003}))
+    assert told.startswith("Nearest to its limit: field of view, with less than 0.01 % of its room left;")
 
 
 def test_a_margin_of_focus_within_the_uncertainty_of_the_place_is_told():
