@@ -19,7 +19,7 @@ from planner.files import write_text
 from planner.records.json_file import encoded, read_json
 from planner.records.plan_check import check_plan
 from planner.records.schema import check_schema, field_name, shown
-from planner.records.tables import PlanTables
+from planner.rows.plan_tables import PlanTables
 from planner.setting.sensor_setting import SensorSetting
 
 if TYPE_CHECKING:

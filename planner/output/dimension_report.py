@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 from errors.measurands import Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.fitted import is_short
+from planner.report.tables import COLOURS
 from planner.verify.measurements import Measurement, measurements
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
     from planner.wanted.planned import PlannedDimension
 
-_SOURCES = {"translation": "#56b4e9", "rotation": "#d58a00", "localisation": "#7a8794"}
 _HEAD = (
     "<th>Dimension</th><th>Nominal, tolerance</th><th>Permitted error</th><th>Setting</th><th>P</th>"
     "<th>u</th><th>U (k = 2)</th><th>U/T</th><th>Budget of the variance</th><th>Accepted between</th><th>Binds</th>"
@@ -142,7 +142,7 @@ def _budget(dimension: PlannedDimension, one: Measurement) -> str:
         return "short arc: quantiles, no variance"
     percents = budget_percents(one.budget)
     bars = "".join(
-        f'<i style="display:inline-block;height:9px;width:{max(0.0, 1.2 * value):.1f}px;background:{_SOURCES[source]}">'
+        f'<i style="display:inline-block;height:9px;width:{max(0.0, 1.2 * value):.1f}px;background:{COLOURS[source]}">'
         "</i>"
         for source, value in percents.items()
     )

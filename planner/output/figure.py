@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from itertools import product
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from aspectgraph.plot.clip import domain_facets
 from aspectgraph.plot.traces import line_trace, part_traces, point_text, scene_figure, surface_trace, xyz
 from planner.output.outlines import polylines
+from planner.report.views import EVERYTHING, SceneFrame, box_around, plan_views
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -61,16 +63,17 @@ def plan_figure(plan: InspectionPlan, solid: Solid, space: Space | None = None) 
     if hidden:
         traces.append(line_trace(hidden, color=_RED, width=7, name="not inspected", dash="dot"))
     traces.append(_path_trace(plan))
-    if plan.light is not None and plan.light.kind != "ring" and len(plan.light.lamps):
+    if plan.light is not None and _lamps(plan):
         traces.append(_lamp_trace(plan.light))
+    frame = scene_frame(plan, solid)
     if space is not None:
-        box = _scene_box(plan, solid)
         for k, setting in enumerate(plan.settings):
-            facets = domain_facets(space.covering_cells(list(setting.entities)), solid, box)
+            facets = domain_facets(space.covering_cells(list(setting.entities)), solid, frame.box)
             name = f"domains of setting {k + 1}"
             traces.append(surface_trace(facets, color=color_of(k), opacity=0.16, name=name, visible="legendonly"))
-    figure = scene_figure(traces, eye=(1.1, -1.3, 0.75))
-    figure.update_scenes(camera_projection_type="perspective")
+    figure = scene_figure(traces, eye=EVERYTHING)
+    camera = {**figure_views(plan, solid, frame)["everything"], "projection": {"type": "perspective"}}
+    figure.update_scenes({**frame.layout, "camera": camera})
     return figure.update_layout(legend={"y": 0.93, "bgcolor": "rgba(255,255,255,0.8)"}, uirevision="plan")
 
 
@@ -89,10 +92,7 @@ def _entity_trace(lines: Sequence[tuple[str, np.ndarray]], color: str, group: st
 
 def _frustum_trace(setting: SensorSetting, camera: Camera, k: int, group: str) -> go.Scatter3d:
     """Draw the pyramid from the nodal point to the plane in focus, and the number of the setting."""
-    left, top, right, bottom = camera.field().inner
-    tangents = [[left, top, 1.0], [right, top, 1.0], [right, bottom, 1.0], [left, bottom, 1.0]]
-    corners = camera.focus_distance_mm * np.array(tangents)
-    corners = corners @ setting.cam2world[:3, :3].T + setting.position
+    corners = _corners(setting, camera)
     apex = setting.position
     pieces = [(apex, c) for c in corners] + list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
     probabilities = "<br>".join(f"{name}: P = {p:.4f}" for name, p in setting.probability.items())
@@ -106,6 +106,14 @@ def _frustum_trace(setting: SensorSetting, camera: Camera, k: int, group: str) -
         hovertext=f"setting {k + 1}, camera at {point_text(apex)} mm<br>{probabilities}",
         hoverinfo="text",
     )
+
+
+def _corners(setting: SensorSetting, camera: Camera) -> np.ndarray:
+    """Return the corners (4, 3) of what the camera sees in the plane in focus, mm."""
+    left, top, right, bottom = camera.field().inner
+    tangents = [[left, top, 1.0], [right, top, 1.0], [right, bottom, 1.0], [left, bottom, 1.0]]
+    corners = camera.focus_distance_mm * np.array(tangents)
+    return np.asarray(corners @ setting.cam2world[:3, :3].T + setting.position)
 
 
 def _path_trace(plan: InspectionPlan) -> go.Scatter3d:
@@ -150,9 +158,25 @@ def _lamp_trace(light: LightPlan) -> go.Scatter3d:
     )
 
 
-def _scene_box(plan: InspectionPlan, solid: Solid) -> np.ndarray:
-    """Return the box (2, 3) that is worth showing: part and cameras with some air, inside the workspace."""
-    points = np.vstack([solid.bounds, *(setting.position for setting in plan.settings)])
-    low, high = points.min(axis=0), points.max(axis=0)
-    air = 0.15 * np.linalg.norm(high - low)
-    return np.array([np.maximum(low - air, plan.workspace[0]), np.minimum(high + air, plan.workspace[1])])
+def scene_frame(plan: InspectionPlan, solid: Solid) -> SceneFrame:
+    """Return how the figure is laid out: part, cameras and what they see, with some air inside the workspace."""
+    limits = np.asarray(plan.workspace, dtype=np.float64)
+    return SceneFrame(box_around(_shown(plan, solid), limits))
+
+
+def figure_views(plan: InspectionPlan, solid: Solid, frame: SceneFrame | None = None) -> dict[str, dict[str, Any]]:
+    """Return plotly's cameras by name: everything, the part, and each setting's view of it."""
+    corners = np.array(list(product(*np.asarray(solid.bounds).T)))
+    return plan_views(plan, frame or scene_frame(plan, solid), corners, _shown(plan, solid))
+
+
+def _shown(plan: InspectionPlan, solid: Solid) -> np.ndarray:
+    """Return points (n, 3) around all that is shown at first, mm."""
+    corners = np.array(list(product(*np.asarray(solid.bounds).T)))
+    pyramids = [point for setting in plan.settings for point in (setting.position, *_corners(setting, plan.camera))]
+    return np.vstack([corners, *pyramids, *_lamps(plan)])
+
+
+def _lamps(plan: InspectionPlan) -> Sequence[np.ndarray]:
+    """Return the places of lamps that have places of their own, mm."""
+    return () if plan.light is None or plan.light.kind == "ring" else tuple(plan.light.lamps)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from planner.request.space import Space
 
 # the plan first: see `staged_folder`
-PLAN_FILES = ("plan.json", "report.html", "graph.graphml", *POSE_FILES)
+PLAN_FILES = ("plan.json", "report.html", "measurements.csv", "graph.graphml", *POSE_FILES)
 # beyond this the joint graph of all entities is neither worth drawing nor worth waiting for
 MOST_GRAPH_ENTITIES = 24
 
@@ -52,9 +52,11 @@ def write_outputs(
     with staged_folder(folder, PLAN_FILES, "--out") as staging:
         found.write(staging / "plan.json")
         graph, notes = _joint_graph(regions, graph_limit)
-        report = report_html(found, _space(found, regions), progress=progress, notes=notes)
+        report = report_html(found, _space(found, regions), progress=progress, notes=notes, graph=graph)
         (staging / "report.html").write_text(report, encoding="utf-8")
-        written = ["plan.json", "report.html"]
+        # lines end as the format says, on every system
+        (staging / "measurements.csv").write_bytes(found.to_csv().encode())
+        written = ["plan.json", "report.html", "measurements.csv"]
         if graph is not None:
             write_graphml(graph, staging / "graph.graphml")
             written.append("graph.graphml")

@@ -47,6 +47,9 @@ _ALONE = (
     "text{font-family:sans-serif;font-weight:600;paint-order:stroke;stroke:#fff;stroke-width:14px}"
 )
 
+Window = tuple[int, int, int, int]
+"""Part of the sensor: its left and upper side, width and height, px."""
+
 
 def predicted_image(
     solid: Solid,
@@ -102,50 +105,69 @@ class PictureMaker:
         self._feature = np.array([is_feature(solid, edge) for edge in solid.edges])
 
     def image_svg(
-        self, cam2world: np.ndarray, entities: dict[str, Any], color: str, lamp: np.ndarray | None = None
+        self,
+        cam2world: np.ndarray,
+        entities: dict[str, Any],
+        color: str,
+        lamp: np.ndarray | None = None,
+        *,
+        window: Window | None = None,
     ) -> str:
         """Return the predicted image: shaded faces, visible edges, entities in a colour.
 
-        These are ends (2, 3) or segments (s, 2, 3) by name.
+        These are ends (2, 3) or segments (s, 2, 3) by name. With a window only that part of the sensor.
         """
-        width, height = self.camera.resolution
+        x, y, width, height = window or (0, 0, *self.camera.resolution)
         lines = _path(self.edge_lines(cam2world))
-        shades = base64.b64encode(png_grey(self.shaded(cam2world, lamp))).decode()
+        shades = base64.b64encode(png_grey(self.shaded(cam2world, lamp, window=window))).decode()
         return (
-            f'<svg class="shot" viewBox="0 0 {width} {height}" role="img" aria-label="predicted image">'
-            f'<image href="data:image/png;base64,{shades}" width="{width}" height="{height}" '
+            f'<svg class="shot" viewBox="{x} {y} {width} {height}" role="img" aria-label="predicted image">'
+            f'<image href="data:image/png;base64,{shades}" x="{x}" y="{y}" width="{width}" height="{height}" '
             'preserveAspectRatio="none"/>'
-            f'<path class="edge" d="{lines}"/>{self._highlights(cam2world, entities, color)}</svg>'
+            f'<path class="edge" d="{lines}"/>{self._highlights(cam2world, entities, color, window)}</svg>'
         )
 
-    def edge_map_svg(self, cam2world: np.ndarray, entities: dict[str, Any]) -> str:
-        """Return the edge map: visible edges as thin lines, the measured ones bold, with the ends of edges marked."""
+    def window(self, cam2world: np.ndarray, entities: dict[str, Any]) -> Window:
+        """Return the part of the sensor around entities, of the sensor's shape and with room for their names."""
         width, height = self.camera.resolution
+        pixels = np.concatenate([uv.reshape(-1, 2) for uv, _ in self._project_entities(cam2world, entities)])
+        low, high = np.clip(pixels.min(axis=0), 0, (width, height)), np.clip(pixels.max(axis=0), 0, (width, height))
+        share = float(np.clip(1.3 * ((high - low) / (width, height)).max(), 40 / width, 1.0))
+        size = np.round([share * width, share * height])
+        corner = np.clip(np.round((low + high - size) / 2), 0, np.array([width, height]) - size)
+        return int(corner[0]), int(corner[1]), int(size[0]), int(size[1])
+
+    def edge_map_svg(self, cam2world: np.ndarray, entities: dict[str, Any], *, window: Window | None = None) -> str:
+        """Return the edge map: visible edges as thin lines, the measured ones bold, with the ends of edges marked."""
+        left, top, width, height = window or (0, 0, *self.camera.resolution)
         marks = []
         for uv, lines in self._project_entities(cam2world, entities):
             marks.append(f'<path class="measured" d="{_path(lines)}"/>')
             # of dimensions no ends are looked for
             ends = uv if uv.ndim == 2 else ()
-            marks += [f'<circle class="end" cx="{u:.1f}" cy="{v:.1f}" r="{width / 170:.1f}"/>' for u, v in ends]
+            marks += [f'<circle class="end" cx="{u:.1f}" cy="{v:.1f}" r="{width / 170:.2f}"/>' for u, v in ends]
         return (
-            f'<svg class="shot map" viewBox="0 0 {width} {height}" role="img" aria-label="edge map">'
+            f'<svg class="shot map" viewBox="{left} {top} {width} {height}" role="img" aria-label="edge map">'
             f'<path class="edge" d="{_path(self.edge_lines(cam2world))}"/>{"".join(marks)}</svg>'
         )
 
-    def _highlights(self, cam2world: np.ndarray, entities: dict[str, Any], color: str) -> str:
-        width, height = self.camera.resolution
+    def _highlights(
+        self, cam2world: np.ndarray, entities: dict[str, Any], color: str, window: Window | None = None
+    ) -> str:
+        left, top, width, height = window or (0, 0, *self.camera.resolution)
         size = width / 42
         parts: list[str] = []
         taken: list[tuple[float, ...]] = []
         for name, (uv, lines) in zip(entities, self._project_entities(cam2world, entities), strict=True):
             u, v = uv.reshape(-1, 2).mean(axis=0)
-            anchor = "end" if u > 0.75 * width else "start"
-            v = min(max(v - 0.4 * size, 1.2 * size), height - 0.6 * size)
-            if uv.ndim > 2:
+            anchor = "end" if u > left + 0.75 * width else "start"
+            v = min(max(v - 0.4 * size, top + 1.2 * size), top + height - 0.6 * size)
+            if uv.ndim > 2 or window:
                 v = _free_line(taken, u, v, size, 0.6 * size * len(name))
             parts.append(f'<path class="entity" stroke="{color}" d="{_path(lines)}"/>')
             parts.append(
-                f'<text x="{u:.0f}" y="{v:.0f}" font-size="{size:.0f}" text-anchor="{anchor}" fill="{color}">'
+                f'<text x="{u:.0f}" y="{v:.0f}" font-size="{size:.4g}" style="stroke-width:{0.24 * size:.3g}px" '
+                f'text-anchor="{anchor}" fill="{color}">'
                 f"{escape(name)}</text>"
             )
         return "".join(parts)
@@ -227,11 +249,14 @@ class PictureMaker:
     def _cast(self, cam2world: np.ndarray, directions: np.ndarray) -> dict[str, np.ndarray]:
         return self._scene.cast(cam2world[:3, 3], directions)
 
-    def shaded(self, cam2world: np.ndarray, lamp: np.ndarray | None = None) -> np.ndarray:
+    def shaded(
+        self, cam2world: np.ndarray, lamp: np.ndarray | None = None, *, window: Window | None = None
+    ) -> np.ndarray:
         """Return a small grey image (h, w) of uint8, by lamps (3,) or (n, 3), or from its left shoulder."""
-        (width, height), matrix = self.camera.resolution, self.camera.matrix
+        matrix, (left, top, width, height) = self.camera.matrix, window or (0, 0, *self.camera.resolution)
         scale = width / _SHADED_WIDTH
         u, v = np.meshgrid((np.arange(_SHADED_WIDTH) + 0.5) * scale, (np.arange(round(height / scale)) + 0.5) * scale)
+        u, v = u + left, v + top
         if self.camera.distortion is None:
             x, y = (u - matrix[0, 2]) / matrix[0, 0], (v - matrix[1, 2]) / matrix[1, 1]
         else:

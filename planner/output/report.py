@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Sequence
 from html import escape
 from importlib import resources
@@ -9,45 +10,47 @@ from string import Template
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from planner.output.dimension_report import dimension_section, localisation_text
-from planner.output.figure import color_of, plan_figure
-from planner.output.outlines import drawn
-from planner.output.predicted_image import PictureMaker
+from planner.output.figure import color_of, figure_views, plan_figure, scene_frame
+from planner.output.setting_report import settings_section, settings_table
 from planner.output.wording import (
     bound_sentence,
     calibration_rows,
     count,
     grid_sentence,
-    lamp_texts,
-    lamps_named,
     light_sentence,
-    margin_texts,
     nouns,
     percent,
     requirement_rows,
     simulation_sentence,
     unfinished_sentence,
 )
-from planner.progress import report
-from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
+from planner.report.graph_picture import graph_picture
+from planner.report.tables import attention, download, results, robot
+from planner.report.views import view_buttons
+from planner.rows.measured import measured_rows
+from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, MODEL_TOLERANCE
 
 if TYPE_CHECKING:
-    from aspectgraph import Solid
+    from aspectgraph import EntityAspectGraph
     from planner.light.light_plan import LightPlan
     from planner.plan import InspectionPlan
     from planner.progress import Progress
     from planner.request.space import Space
-    from planner.setting.sensor_setting import SensorSetting
     from planner.verify.simulate_plan import SimulationResult
-    from planner.verify.simulate_setting import SuccessRate
 
-_STYLES = {CONFIRMED: "good", CONSERVATIVE: "good", TOLERATED: "note", CONTRADICTED: "bad", UNSTATED: "bad"}
 _EDGE, _POSE = ("edge", "edges"), "camera pose"
 
 
-def report_html(plan: InspectionPlan, space: Space, progress: Progress | None = None, notes: Sequence[str] = ()) -> str:
+def report_html(
+    plan: InspectionPlan,
+    space: Space,
+    progress: Progress | None = None,
+    notes: Sequence[str] = (),
+    *,
+    graph: EntityAspectGraph | None = None,
+) -> str:
     """Return the report about a plan.
 
     Parameters
@@ -60,6 +63,8 @@ def report_html(plan: InspectionPlan, space: Space, progress: Progress | None = 
         ``progress(done, total, label)``.
     notes : sequence of str
         What else the reader should know, such as a file that was not written.
+    graph : EntityAspectGraph, optional
+        Of all the entities that the plan needs; its domains are drawn, and shown in 3-D when they are clicked on.
 
     Returns
     -------
@@ -69,6 +74,8 @@ def report_html(plan: InspectionPlan, space: Space, progress: Progress | None = 
     from plotly.offline import get_plotlyjs
 
     figure = plan_figure(plan, space.solid, space)
+    picture, domains = _graph(plan, graph)
+    views, rows = figure_views(plan, space.solid), measured_rows(plan)
     template = Template(resources.files("planner.output").joinpath("report.html").read_text(encoding="utf-8"))
     return template.substitute(
         title=escape(f"Inspection plan: {plan.part}"),
@@ -79,21 +86,39 @@ def report_html(plan: InspectionPlan, space: Space, progress: Progress | None = 
         scene=figure.to_html(
             full_html=False,
             include_plotlyjs=False,
-            div_id="scene",
+            div_id="plan3d",
             default_height="100%",
             config={"displaylogo": False, "responsive": True, "scrollZoom": True},
         ),
         uninspectable=_uninspectable(plan),
+        views=json.dumps(views, sort_keys=True),
+        buttons=view_buttons(views),
+        graph=picture,
+        domains=domains,
+        attention=attention(rows),
+        results=results(plan, rows, _named(plan)[0]),
+        csv=download(plan.to_csv(), "measurements.csv", "measurements.csv"),
+        robot=robot(plan),
         meaning=_meaning(plan),
         dimensions=dimension_section(plan),
         singular=_named(plan)[0],
         plural=_named(plan)[1],
-        summary=_summary(plan),
-        settings=_settings(plan, space.solid, progress),
+        summary=settings_table(plan, _named(plan)),
+        settings=settings_section(plan, space.solid, rows, _named(plan)[0], progress),
         request=_request(plan),
         method=_method(plan) + "".join(f"<p>{escape(note)}</p>" for note in notes),
         footer="Lengths in millimetres, in the part's own frame. Camera axes: x right, y down, z forward.",
     )
+
+
+def _graph(plan: InspectionPlan, graph: EntityAspectGraph | None) -> tuple[str, str]:
+    """Return the figure of the aspect graph, and its domains as JSON; nothing of none."""
+    if graph is None:
+        return "", "{}"
+    colors = [color_of(k) for k in range(len(plan.settings))]
+    picture = graph_picture(plan, graph, scene_frame(plan, graph.solid).box, colors)
+    told = '<p id="domain" class="note" aria-live="polite"></p>'
+    return f"<figure>{picture.svg}{told}<figcaption>{picture.note}</figcaption></figure>", picture.domains
 
 
 def _named(plan: InspectionPlan) -> tuple[str, str]:
@@ -156,107 +181,6 @@ def _uninspectable(plan: InspectionPlan) -> str:
         f'<div class="scroll"><table><tr><th>{_named(plan)[0].capitalize()}</th><th>Reason</th></tr>{rows}'
         "</table></div>"
     )
-
-
-def _summary(plan: InspectionPlan) -> str:
-    if not plan.settings:
-        return '<p class="note">The plan has no settings.</p>'
-    rows = []
-    for k, setting in enumerate(plan.settings):
-        probabilities = setting.probability.values()
-        position = " ".join(f"{x:.1f}" for x in setting.position)
-        rows.append(
-            f'<tr><td><a href="#setting-{k + 1}">{_swatch(k)}{k + 1}</a></td><td class="n">{position}</td>'
-            f'<td class="n">{len(setting.entities)}</td><td class="n">{min(probabilities):.4f}</td>'
-            f"<td>{escape(', '.join(setting.entities))}</td></tr>"
-        )
-    head = (
-        f'<th>Setting</th><th class="n">Position (mm)</th><th class="n">{_named(plan)[1].capitalize()}</th>'
-        '<th class="n">Smallest P</th><th>Which</th>'
-    )
-    return f'<div class="scroll"><table><tr>{head}</tr>{"".join(rows)}</table></div>'
-
-
-def _settings(plan: InspectionPlan, solid: Solid, progress: Progress | None) -> str:
-    maker = PictureMaker(solid, plan.camera)
-    sections = []
-    for k, setting in enumerate(plan.settings):
-        sections.append(_setting(plan, k, setting, maker))
-        report(progress, k + 1, len(plan.settings), "predicted images")
-    return "".join(sections)
-
-
-def _setting(plan: InspectionPlan, k: int, setting: SensorSetting, maker: PictureMaker) -> str:
-    entities = drawn(plan, setting.entities)
-    x, y, z, w = Rotation.from_matrix(setting.cam2world[:3, :3]).as_quat(canonical=True)
-    position = ", ".join(f"{value:.3f}" for value in setting.position)
-    lamps = "".join(f'<p class="note">{escape(text[0].upper() + text[1:])}</p>' for text in lamp_texts(plan, k))
-    images = plan.light.images[k] if plan.light is not None else ()
-    lamp = plan.light.lamps[list(images[0].lamps)] if plan.light is not None and images else None
-    shaded = "Predicted image, hidden lines removed" + (f", under {lamps_named(images[0])}" if images else "")
-    return (
-        f'<section class="setting" id="setting-{k + 1}"><div class="head"><h3>{_swatch(k)}Setting {k + 1}</h3>'
-        f'<span class="note">camera at ({position}) mm, '
-        f"quaternion x y z w = ({x:.6f}, {y:.6f}, {z:.6f}, {w:.6f})</span></div>"
-        f'<div class="shots"><figure>{maker.image_svg(setting.cam2world, entities, color_of(k), lamp)}'
-        f"<figcaption>{shaded}</figcaption></figure>"
-        f"<figure>{maker.edge_map_svg(setting.cam2world, entities)}"
-        f"<figcaption>{_map_caption(plan)}</figcaption></figure></div>"
-        f'<div class="scroll">{_probabilities(plan, k, setting)}</div>'
-        f'<p class="note">Margins: {escape("; ".join(margin_texts(setting.margins)))}.</p>{lamps}</section>'
-    )
-
-
-def _map_caption(plan: InspectionPlan) -> str:
-    if not plan.dimensions:
-        return "Edge map: the measured edges and their ends in bold"
-    edges = len(plan.dimensions) < len(plan.entities)
-    told = "Edge map: the lines and circles that are measured in bold"
-    return told + (", edges with their ends" if edges else "")
-
-
-def _probabilities(plan: InspectionPlan, k: int, setting: SensorSetting) -> str:
-    rates = plan.simulation.rates[k] if plan.simulation is not None else {}
-    rows = []
-    for name in setting.entities:
-        row = f'<td>{escape(name)}</td><td class="n">{_value(plan, name)}</td>'
-        counted = (
-            ' title="counted on the pixel grid: the tolerance is under two pixels"' if name in plan.on_grid else ""
-        )
-        row += f'<td class="n"{counted}>{setting.probability[name]:.4f}{" *" if counted else ""}</td>'
-        if name in rates:
-            row += _rate_cells(rates[name], plan.probability)
-        rows.append(f"<tr>{row}</tr>")
-    what = "Nominal" if plan.dimensions else "Length (mm)"
-    head = f'<th>{_named(plan)[0].capitalize()}</th><th class="n">{what}</th><th class="n">P</th>'
-    if rates:
-        head += '<th class="n">Simulated</th><th>Interval</th><th></th>'
-    return f"<table><tr>{head}</tr>{''.join(rows)}</table>"
-
-
-def _value(plan: InspectionPlan, name: str) -> str:
-    """Return what an item measures, with the unit where units differ."""
-    length = np.linalg.norm(plan.entities[name][1] - plan.entities[name][0])
-    if not plan.dimensions:
-        return f"{length:.3f}"
-    one = plan.dimensions.get(name)
-    return f"length {length:.3f} mm" if one is None else f"{one.kind.replace('_', ' ')} {one.nominal:.3f} {one.unit}"
-
-
-def _rate_cells(rate: SuccessRate, threshold: float) -> str:
-    """Return the simulated frequency, and the interval as numbers and as a bar with the prediction marked."""
-    low_end = min(threshold, rate.low, rate.predicted) - 0.02
-
-    def place(value: float) -> float:
-        return 100 * (value - low_end) / (1.0 - low_end)
-
-    width = max(place(rate.high) - place(rate.low), 1.5)
-    bar = (
-        f'<span class="bar"><i style="left:{place(rate.low):.1f}%;width:{width:.1f}%"></i>'
-        f'<u style="left:calc({place(rate.predicted):.1f}% - 1px)"></u></span>'
-    )
-    told = f'<span class="{_STYLES[rate.verdict]}">{escape(rate.verdict)}</span>'
-    return f'<td class="n">{rate.frequency:.4f}</td><td>{rate.low:.4f} to {rate.high:.4f}{bar}</td><td>{told}</td>'
 
 
 def _request(plan: InspectionPlan) -> str:
@@ -383,10 +307,6 @@ def _switched(light: LightPlan) -> str:
 def _down(value: float, digits: int) -> str:
     """Return a number rounded down, so that it does not seem to reach what it misses."""
     return f"{np.floor(value * 10**digits + 1e-6) / 10**digits:.{digits}f}"
-
-
-def _swatch(k: int) -> str:
-    return f'<span class="swatch" style="background:{color_of(k)}"></span>'
 
 
 def _list(values: Iterable[float], spec: str = ".4g") -> str:

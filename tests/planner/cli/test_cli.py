@@ -115,12 +115,14 @@ def test_plan_leaves_all_its_files_and_repeats(folder, quick, capsys):
     assert "lower bound" in captured.err
     written = {str(p.relative_to(folder / "out")) for p in (folder / "out").rglob("*") if p.is_file()}
     assert written == {
-        "plan.json", "graph.graphml", "report.html", "poses_opencv.json", "poses_open3d.json", "poses_ros.yaml",
-        "camera_ros.yaml", "transforms.json", "colmap/cameras.txt", "colmap/images.txt", "colmap/points3D.txt",
+        "plan.json", "graph.graphml", "report.html", "measurements.csv", "poses_opencv.json", "poses_open3d.json",
+        "poses_ros.yaml", "camera_ros.yaml", "transforms.json",
+        "colmap/cameras.txt", "colmap/images.txt", "colmap/points3D.txt",
     }  # fmt: skip
     for name in written:
         assert os.path.join("out", name) in captured.out
     first = (folder / "out" / "plan.json").read_bytes()
+    assert (folder / "out" / "measurements.csv").read_bytes().decode() == read_plan(folder / "out/plan.json").to_csv()
     assert main([*PLAN, "--simulate", "500"]) == DONE
     assert (folder / "out" / "plan.json").read_bytes() == first
 

@@ -1,3 +1,4 @@
+import base64
 import re
 import struct
 import zlib
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 from grid_box import EDGES, BoxSpace
 from plan_examples import CAMERA, plan, setting
+from scipy.spatial.transform import Rotation
 
 from planner import LightPlan, LitImage, look_at
 from planner.output.figure import color_of, plan_figure
@@ -61,7 +63,9 @@ def test_page_is_well_formed_and_needs_nothing_from_outside(page):
     assert structure.open == []
     assert structure.references
     assert all(ref.startswith(("#", "data:")) for ref in structure.references)
-    assert structure.counts["svg"] == 4
+    # image and edge map of two settings, whole and enlarged
+    assert structure.counts["svg"] == 8
+    assert page.count("<figcaption>The same, enlarged") == 2
     assert "url(http" not in page
 
 
@@ -74,6 +78,31 @@ def test_page_says_what_matters(page):
     assert "0.9500" in text
     for name in ("+z-y", "+z+x"):
         assert f">{name}</text>" in text
+
+
+def test_the_rows_can_be_saved_from_the_page(page):
+    (data,) = re.findall(r'download="measurements.csv" href="data:text/csv;charset=utf-8;base64,([^"]*)"', page)
+    assert base64.b64decode(data).decode() == box_plan().simulated(500).to_csv()
+
+
+def test_poses_for_the_robot_are_those_of_the_plan(page):
+    table = page[page.index('<table class="poses">') :]
+    cells = re.findall(r"<td class=n>([^<]*)</td>", table[: table.index("</table>")])
+    values = np.array(cells, dtype=float).reshape(2, 10)
+    for row, one in zip(values, box_plan().settings, strict=True):
+        assert row[:3] == pytest.approx(one.position, abs=5e-4)
+        assert Rotation.from_quat(row[3:7]).as_matrix() == pytest.approx(one.cam2world[:3, :3], abs=1e-5)
+        turn = Rotation.from_euler("xyz", row[7:], degrees=True)
+        assert turn.as_matrix() == pytest.approx(one.cam2world[:3, :3], abs=1e-4)
+
+
+def test_what_deserves_a_look_comes_first():
+    page = report_html(box_plan(accuracy=0.9995), SPACE)
+    text = re.sub(r"<script.*?</script>", "", page, flags=re.S)
+    assert text.index("Worth a look") < text.index("What is measured")
+    assert "<b>+z+x</b> (setting <a" in text
+    assert "under two pixels" in text
+    assert "Worth a look" not in report_html(box_plan(), SPACE)
 
 
 def test_page_is_the_same_for_the_same_plan(page):

@@ -8,15 +8,17 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.files import write_text
 
+if TYPE_CHECKING:
+    from planner.rows.measured import Row
+
 _STYLE = "text-align:left;padding:2px 10px"
 _DEG = math.degrees(1.0)
-_SURE = ("probability", "simulated", "verdict")
 
 
 class PlanTables:
@@ -38,19 +40,25 @@ class PlanTables:
         Returns
         -------
         list of dict
-            ``setting`` (from 1), ``name``, ``kind``, ``nominal``, ``permitted_error`` and ``unit``, ``probability``;
-            ``simulated`` and ``verdict`` if the plan was simulated, else None; the camera's place ``x``, ``y``, ``z``
-            in mm and its turn ``rx``, ``ry``, ``rz`` in degrees (rotation vector, camera to part); ``reason``, None
-            here; and ``margin_`` with the name of each constraint, the smallest margin of the setting. Entities that
-            are not inspected follow with their reason; what is not known is None. All rows have the same keys.
+            ``setting`` (from 1), ``name``, ``kind``, ``nominal``, ``permitted_error`` and ``unit``, and
+            ``permitted_error_px``, its size in the image (None of angles); ``probability``; of a simulation the
+            frequency ``simulated``, its interval ``simulated_low`` and ``simulated_high`` and the ``verdict``, None
+            without one; ``standard_uncertainty`` u of the measured value, and what u² consists of,
+            ``variance_translation``, ``variance_rotation`` and ``variance_localisation`` (None of short arcs);
+            ``warnings``, sentences about what to look at, or None; ``reason``, None here; the camera's place ``x``,
+            ``y``, ``z`` in mm and its turn ``rx``, ``ry``, ``rz`` in degrees (rotation vector, camera to part); and
+            ``margin_`` with the name of each constraint, the smallest margin of the setting. Entities that are not
+            inspected follow with their reason; what is not known is None. All rows have the same keys.
         """
+        from planner.rows.measured import measured_rows
+
         found = [
-            {"setting": k + 1, **self._wanted(name), **self._sure(k, name), "reason": None, **_pose(setting)}
-            for k, setting in enumerate(self.settings)
-            for name in setting.entities
+            {**_values(row), "reason": None, **_pose(setting)}
+            for setting, rows in zip(self.settings, measured_rows(self), strict=True)
+            for row in rows
         ]
         for name, reason in self.uninspectable.items():
-            found.append({"setting": None, **self._wanted(name), **dict.fromkeys(_SURE), "reason": reason})
+            found.append({"setting": None, **self._wanted(name), "reason": reason})
         keys = dict.fromkeys(key for row in found for key in row)
         return [{**keys, **row} for row in found]
 
@@ -87,9 +95,9 @@ class PlanTables:
         lines = [_line(head, "th")]
         for k, setting in enumerate(self.settings):
             place = ", ".join(f"{c:.1f}" for c in setting.position)
-            sure = [self._sure(k, name) for name in setting.entities]
-            drawn = [one["simulated"] for one in sure if one["simulated"] is not None]
-            least = min(one["probability"] for one in sure)
+            rates = self.simulation.rates[k].values() if self.simulation is not None else ()
+            drawn = [rate.frequency for rate in rates]
+            least = min(setting.probability[name] for name in setting.entities)
             simulated = f"{min(drawn):.4f}" if drawn else "not yet"
             lines.append(_line((str(k + 1), place, ", ".join(setting.entities), f"{least:.4f}", simulated)))
         n, total = len(self.entities) - len(self.uninspectable), len(self.entities)
@@ -114,14 +122,27 @@ class PlanTables:
             error = (1.0 - self.accuracy) * nominal
         return {"name": name, "kind": kind, "nominal": nominal, "permitted_error": error, "unit": unit}
 
-    def _sure(self, k: int, name: str) -> dict[str, Any]:
-        """Return how sure the measurement from a setting is, as stated and as simulated."""
-        rate = self.simulation.rates[k].get(name) if self.simulation is not None else None
-        return {
-            "probability": self.settings[k].probability[name],
-            "simulated": None if rate is None else rate.frequency,
-            "verdict": None if rate is None else rate.verdict,
-        }
+
+def _values(row: Row) -> dict[str, Any]:
+    """Return a row without what it is made of."""
+    rate = row.rate
+    return {
+        "setting": row.setting,
+        "name": row.name,
+        "kind": row.kind,
+        "nominal": row.nominal,
+        "permitted_error": row.permitted_error,
+        "unit": row.unit,
+        "permitted_error_px": row.permitted_error_px,
+        "probability": row.probability,
+        "simulated": None if rate is None else rate.frequency,
+        "simulated_low": None if rate is None else rate.low,
+        "simulated_high": None if rate is None else rate.high,
+        "verdict": None if rate is None else rate.verdict,
+        "standard_uncertainty": row.standard_uncertainty,
+        **{f"variance_{source}": row.budget.get(source) for source in ("translation", "rotation", "localisation")},
+        "warnings": "; ".join(row.warnings) or None,
+    }
 
 
 def _pose(setting: Any) -> dict[str, Any]:

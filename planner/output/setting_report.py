@@ -1,0 +1,136 @@
+"""The part of the report that is about settings: a table of all, then each with its predicted images."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from scipy.spatial.transform import Rotation
+
+from planner.output.figure import color_of
+from planner.output.outlines import drawn
+from planner.output.predicted_image import PictureMaker
+from planner.output.wording import lamp_texts, lamps_named, margin_texts
+from planner.progress import report
+from planner.report.setting_table import binding_sentence, setting_table
+from planner.report.tables import cells, heads
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+    from planner.plan import InspectionPlan
+    from planner.progress import Progress
+    from planner.rows.measured import Row
+    from planner.setting.sensor_setting import SensorSetting
+
+# what fills more of the image is shown once
+_WORTH_ENLARGING = 1.25
+
+
+def settings_table(plan: InspectionPlan, named: tuple[str, str]) -> str:
+    """Return a table with a row per setting.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    named : tuple of str
+        What an item is called, and several.
+    """
+    if not plan.settings:
+        return '<p class="note">The plan has no settings.</p>'
+    rows, several = [], named[1].capitalize()
+    for k, setting in enumerate(plan.settings):
+        probabilities = setting.probability.values()
+        position = " ".join(f"{x:.1f}" for x in setting.position)
+        rows.append(
+            cells(
+                {
+                    "": f'<a href="#setting-{k + 1}">{_swatch(k)}{k + 1}</a>',
+                    "n:Position (mm)": position,
+                    f"n:{several}": str(len(setting.entities)),
+                    "n:Smallest P": f"{min(probabilities):.4f}",
+                    "Which": escape(", ".join(setting.entities)),
+                }
+            )
+        )
+    head = heads(("Setting", "n:Position (mm)", f"n:{several}", "n:Smallest P", "Which"))
+    return f'<div class="scroll"><table class="stack">{head}<tbody>{"".join(rows)}</tbody></table></div>'
+
+
+def settings_section(
+    plan: InspectionPlan, solid: Solid, rows: Sequence[Sequence[Row]], noun: str, progress: Progress | None = None
+) -> str:
+    """Return each setting: pose, predicted images, how sure each measurement is, what binds, margins and lamps.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    solid : Solid
+        Its part.
+    rows : sequence of sequence of Row
+        As of `measured_rows`.
+    noun : str
+        What an item is called.
+    progress : callable, optional
+        ``progress(done, total, label)``.
+    """
+    maker = PictureMaker(solid, plan.camera)
+    sections = []
+    for k in range(len(plan.settings)):
+        sections.append(_setting(plan, k, setting_table(plan, rows[k], noun), maker))
+        report(progress, k + 1, len(plan.settings), "predicted images")
+    return "".join(sections)
+
+
+def _setting(plan: InspectionPlan, k: int, table: str, maker: PictureMaker) -> str:
+    setting = plan.settings[k]
+    entities = drawn(plan, setting.entities)
+    near_image, near_map = _enlarged(maker, setting, entities, color_of(k))
+    x, y, z, w = Rotation.from_matrix(setting.cam2world[:3, :3]).as_quat(canonical=True)
+    position = ", ".join(f"{value:.3f}" for value in setting.position)
+    lamps = "".join(f'<p class="note">{escape(text[0].upper() + text[1:])}</p>' for text in lamp_texts(plan, k))
+    images = plan.light.images[k] if plan.light is not None else ()
+    lamp = plan.light.lamps[list(images[0].lamps)] if plan.light is not None and images else None
+    shaded = "Predicted image, hidden lines removed" + (f", under {lamps_named(images[0])}" if images else "")
+    return (
+        f'<section class="setting" id="setting-{k + 1}"><div class="head"><h3>{_swatch(k)}Setting {k + 1}</h3>'
+        f'<span class="note">camera at ({position}) mm, '
+        f"quaternion x y z w = ({x:.6f}, {y:.6f}, {z:.6f}, {w:.6f})</span>"
+        f'<button data-view="setting-{k + 1}">Show in 3-D</button></div>'
+        f'<div class="shots"><figure>{maker.image_svg(setting.cam2world, entities, color_of(k), lamp)}'
+        f"<figcaption>{shaded}</figcaption></figure>"
+        f"{near_image}<figure>{maker.edge_map_svg(setting.cam2world, entities)}"
+        f"<figcaption>{_map_caption(plan)}</figcaption></figure>{near_map}</div>"
+        f'<div class="scroll">{table}</div>'
+        f"<p>{escape(binding_sentence(plan, setting))}</p>"
+        f'<p class="note">Margins: {escape("; ".join(margin_texts(setting.margins)))}.</p>{lamps}</section>'
+    )
+
+
+def _enlarged(maker: PictureMaker, setting: SensorSetting, entities: dict[str, Any], color: str) -> tuple[str, str]:
+    """Return image and edge map of what is measured, enlarged; nothing where it fills the image anyway."""
+    window, pose = maker.window(setting.cam2world, entities), setting.cam2world
+    times = maker.camera.resolution[0] / window[2]
+    if times < _WORTH_ENLARGING:
+        return "", ""
+    told = f"enlarged {times:.3g} times: {window[2]} x {window[3]} px"
+    return (
+        f"<figure>{maker.image_svg(pose, entities, color, window=window)}"
+        f"<figcaption>The same, {told}</figcaption></figure>",
+        f"<figure>{maker.edge_map_svg(pose, entities, window=window)}"
+        f"<figcaption>Edge map, {told}</figcaption></figure>",
+    )
+
+
+def _map_caption(plan: InspectionPlan) -> str:
+    if not plan.dimensions:
+        return "Edge map: the measured edges and their ends in bold"
+    edges = len(plan.dimensions) < len(plan.entities)
+    told = "Edge map: the lines and circles that are measured in bold"
+    return told + (", edges with their ends" if edges else "")
+
+
+def _swatch(k: int) -> str:
+    return f'<span class="swatch" style="background:{color_of(k)}"></span>'

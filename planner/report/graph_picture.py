@@ -1,0 +1,278 @@
+"""The aspect graph as a picture beside the plan in 3-D: viewing domains to click on, and the surface of each.
+
+Of a large graph the domains that matter most to the plan are drawn, never more than `MOST_DOMAINS`.
+"""
+
+from __future__ import annotations
+
+import heapq
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import networkx as nx
+import numpy as np
+from numpy.typing import NDArray
+
+from aspectgraph.plot.clip import domain_facets
+from aspectgraph.plot.node_places import layout
+
+if TYPE_CHECKING:
+    from aspectgraph import EntityAspectGraph
+    from planner.plan import InspectionPlan
+    from planner.setting.sensor_setting import SensorSetting
+
+MOST_DOMAINS = 60
+"""More circles are no picture any more, and each takes about 0.05 s."""
+
+_WIDTH, _HEIGHT, _AIR = 420.0, 560.0, 26.0
+_RADII = (6.0, 15.0)
+_PLAIN = "#c3cbd4"
+# digits kept of the size of what is shown
+_DIGITS = 4
+
+
+class GraphPicture(NamedTuple):
+    """An aspect graph for a page.
+
+    Attributes
+    ----------
+    svg : str
+        The picture; its circles are in groups with the attribute ``data-domain``.
+    note : str
+        What it shows.
+    domains : str
+        What is shown of a domain that is clicked on, as JSON that is safe inside a page: by number of the domain its
+        ``text``, its ``color`` and its surface: coordinates ``x``, ``y``, ``z`` in mm of the corners of triangles
+        ``i``, ``j``, ``k``.
+    """
+
+    svg: str
+    note: str
+    domains: str
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """Domains that are drawn, and what the plan has to do with each."""
+
+    nodes: list[int]
+    standing: dict[int, list[int]]
+    covering: dict[int, list[int]]
+
+    def setting(self, node: int) -> int | None:
+        """Return the setting whose colour a domain has: one whose camera is in it, or one it would do for."""
+        return next(iter([*self.standing.get(node, ()), *self.covering.get(node, ())]), None)
+
+
+def graph_picture(
+    plan: InspectionPlan, graph: EntityAspectGraph, box: NDArray[np.float64], colors: Sequence[str]
+) -> GraphPicture:
+    """Draw the aspect graph that a plan rests on.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        Gives the settings.
+    graph : EntityAspectGraph
+        Of the entities that the plan needs.
+    box : ndarray, shape (2, 3)
+        What the picture in 3-D shows, mm; domains are cut off there.
+    colors : sequence of str
+        One for each setting.
+
+    Returns
+    -------
+    GraphPicture
+        The picture and what belongs to it.
+    """
+    shown = _chosen(plan, graph, box)
+    told = {
+        str(node): {
+            "text": _text(plan, graph, node, shown),
+            "color": _color(shown, node, colors),
+            **_surface(graph, node, box),
+        }
+        for node in shown.nodes
+    }
+    domains = json.dumps(told, separators=(",", ":")).replace("<", "\\u003c")
+    return GraphPicture(_svg(graph, shown, colors), _note(len(shown.nodes), len(graph.graph)), domains)
+
+
+def _note(drawn: int, n: int) -> str:
+    of = f"All {n} viewing domains"
+    if drawn < n:
+        of = (
+            f"{drawn} of {n} viewing domains: those with a camera, ways between them, and the largest around these, "
+            "first of those from which all that a setting measures can be seen"
+        )
+    return (
+        f"The aspect graph. {of}. A line joins neighbours; the more is seen from a domain, the higher it tends to be. "
+        "A number: that camera is in it; a colour: all that this setting measures can be seen from there. Click on a "
+        "domain to show it in 3-D, again to hide it."
+    )
+
+
+def needed_entities(plan: InspectionPlan, setting: SensorSetting) -> list[str]:
+    """Return the entities that a setting must see: of a dimension all that it is measured from.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        Gives the dimensions.
+    setting : SensorSetting
+        One of its settings.
+    """
+    dimensions = plan.dimensions
+    lists = (dimensions[name].entities if name in dimensions else (name,) for name in setting.entities)
+    return list(dict.fromkeys(entity for one in lists for entity in one))
+
+
+def _chosen(plan: InspectionPlan, graph: EntityAspectGraph, box: NDArray[np.float64]) -> _Shown:
+    """Choose what is drawn: the domains with cameras, shortest ways between them, and the largest around these."""
+    standing: dict[int, list[int]] = {}
+    covering: dict[int, list[int]] = {}
+    for k, setting in enumerate(plan.settings):
+        (node,) = graph.domain_of(setting.position).tolist()
+        if node >= 0:
+            standing.setdefault(node, []).append(k)
+        for node in graph.covering(needed_entities(plan, setting)):
+            covering.setdefault(node, []).append(k)
+    inside = [node for node, data in graph.graph.nodes(data=True) if _is_inside(data, box)]
+    seen = graph.graph.subgraph([*inside, *standing])
+    chosen = _ways(seen, list(standing) or inside[:1])[:MOST_DOMAINS]
+    half = (MOST_DOMAINS + len(chosen)) // 2
+    chosen = _grown(seen.subgraph([*chosen, *covering]), chosen, half)
+    return _Shown(sorted(_grown(seen, chosen, MOST_DOMAINS)), standing, covering)
+
+
+def _ways(graph: nx.Graph, ends: Sequence[int]) -> list[int]:
+    """Return nodes, and those on a shortest way from the first to each of the others; the nodes first."""
+    found = dict.fromkeys(ends)
+    for node in ends[1:]:
+        if nx.has_path(graph, ends[0], node):
+            found.update(dict.fromkeys(nx.shortest_path(graph, ends[0], node)))
+    return list(found)
+
+
+def _grown(graph: nx.Graph, nodes: Sequence[int], most: int) -> list[int]:
+    """Return nodes and their neighbours, the largest first, and the neighbours of these, up to a number."""
+    found = dict.fromkeys(nodes)
+    waiting = [(-graph.nodes[other]["volume"], other) for node in nodes for other in graph[node]]
+    heapq.heapify(waiting)
+    while waiting and len(found) < most:
+        _, node = heapq.heappop(waiting)
+        if node not in found:
+            found[node] = None
+            for other in graph[node]:
+                heapq.heappush(waiting, (-graph.nodes[other]["volume"], other))
+    return list(found)
+
+
+def _is_inside(data: dict[str, Any], box: NDArray[np.float64]) -> bool:
+    """Say if something of a domain may lie in the box."""
+    return bool((np.array(data["bbox_max"]) > box[0]).all() and (np.array(data["bbox_min"]) < box[1]).all())
+
+
+def _surface(graph: EntityAspectGraph, node: int, box: NDArray[np.float64]) -> dict[str, Any]:
+    """Return the surface of a domain as plotly takes it, rounded to what can be seen."""
+    facets = domain_facets(graph.cells(node), graph.solid, box)
+    triangles = np.concatenate([np.zeros((0, 3, 3)), *(facet.triangles for facet in facets)])
+    decimals = _DIGITS - math.floor(math.log10(float(np.linalg.norm(box[1] - box[0]))))
+    corners, index = np.unique(triangles.reshape(-1, 3).round(decimals) + 0.0, axis=0, return_inverse=True)
+    index = index.reshape(-1, 3)
+    return {
+        **{name: corners[:, i].round(decimals).tolist() for i, name in enumerate("xyz")},
+        **{name: index[:, i].tolist() for i, name in enumerate("ijk")},
+    }
+
+
+def _text(plan: InspectionPlan, graph: EntityAspectGraph, node: int, shown: _Shown) -> str:
+    """Say what is seen from a domain, how large it is, and what the plan has to do with it."""
+    data = graph.graph.nodes[node]
+    listed = data[graph.regions.listed_as]
+    names = ", ".join(listed) if listed else "nothing that was asked for"
+    place = ", ".join(f"{c:.4g}" for c in data["viewpoint"])
+    wall = ", and reaches the wall of the workspace" if data["unbounded"] else ""
+    told = (
+        f"Domain {node} sees {len(listed)} of {len(graph.entity_names)}: {names}. It has {_volume(data['volume'])}"
+        f"{wall}; widest at ({place}) mm, {data['clearance']:.3g} mm from its nearest side."
+    )
+    inside = shown.standing.get(node, [])
+    if inside:
+        told += f" Camera {_numbers(inside)} {'is' if len(inside) == 1 else 'are'} in it."
+    others = [k for k in shown.covering.get(node, []) if k not in inside]
+    return told + (f" All that setting {_numbers(others)} measures can be seen from here." if others else "")
+
+
+def _volume(mm3: float) -> str:
+    return f"{mm3 / 1e6:.3g} dm³" if mm3 >= 1e5 else f"{mm3:.3g} mm³"
+
+
+def _numbers(settings: Sequence[int]) -> str:
+    return ", ".join(str(k + 1) for k in settings)
+
+
+def _color(shown: _Shown, node: int, colors: Sequence[str]) -> str:
+    k = shown.setting(node)
+    return _PLAIN if k is None else colors[k]
+
+
+def _svg(graph: EntityAspectGraph, shown: _Shown, colors: Sequence[str]) -> str:
+    drawn = graph.graph.subgraph(shown.nodes)
+    places = _places(drawn)
+    lines = "".join(
+        f'<line x1="{places[a][0]:.1f}" y1="{places[a][1]:.1f}" x2="{places[b][0]:.1f}" y2="{places[b][1]:.1f}"/>'
+        for a, b in sorted(map(sorted, drawn.edges))
+    )
+    radius = _radii(drawn)
+    # small ones are not covered by large ones
+    order = sorted(shown.nodes, key=lambda node: (-radius[node], node))
+    circles = "".join(_circle(graph, shown, node, places[node], radius[node], colors) for node in order)
+    return (
+        f'<svg class="graph" viewBox="0 0 {_WIDTH:g} {_HEIGHT:g}" role="group" aria-label="aspect graph">'
+        f"<g>{lines}</g>{circles}</svg>"
+    )
+
+
+def _places(drawn: nx.Graph) -> dict[int, NDArray[np.float64]]:
+    """Return where the circles are in the picture, y down, filling it."""
+    if not len(drawn):
+        return {}
+    found = layout(drawn)
+    points = np.array([found[node] for node in drawn]) * [1, -1]
+    low, size = points.min(axis=0), np.ptp(points, axis=0)
+    share = np.where(size > 1e-9, (points - low) / np.where(size > 1e-9, size, 1.0), 0.5)
+    return dict(zip(drawn, _AIR + share * (np.array([_WIDTH, _HEIGHT]) - 2 * _AIR), strict=True))
+
+
+def _radii(drawn: nx.Graph) -> dict[int, float]:
+    """Return radii that grow with the logarithm of the volume."""
+    logs = {node: math.log(max(volume, 1e-300)) for node, volume in drawn.nodes(data="volume")}
+    low, span = min(logs.values(), default=0.0), max(np.ptp(list(logs.values())), 1e-9) if logs else 1.0
+    return {node: _RADII[0] + (_RADII[1] - _RADII[0]) * (value - low) / span for node, value in logs.items()}
+
+
+def _circle(
+    graph: EntityAspectGraph,
+    shown: _Shown,
+    node: int,
+    place: NDArray[np.float64],
+    radius: float,
+    colors: Sequence[str],
+) -> str:
+    x, y = place
+    cameras = shown.standing.get(node, [])
+    radius = max(radius, 5 + 2.6 * len(_numbers(cameras))) if cameras else radius
+    listed = graph.graph.nodes[node][graph.regions.listed_as]
+    title = escape(f"domain {node}: {', '.join(listed) or 'nothing'}")
+    number = f'<text x="{x:.1f}" y="{y:.1f}" dy="0.36em">{_numbers(cameras)}</text>' if cameras else ""
+    kind = ' class="stands"' if cameras else ""
+    return (
+        f'<g data-domain="{node}" tabindex="0" role="button" aria-label="{title}"{kind}><title>{title}</title>'
+        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}" '
+        f'fill="{_color(shown, node, colors)}"/>{number}</g>'
+    )

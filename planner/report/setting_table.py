@@ -1,0 +1,92 @@
+"""What a report says of one setting: a table of probabilities, and which constraint fixes the pose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.report.binding import nearest_limits
+from planner.report.tables import budget_bar, cells, heads, permitted
+from planner.rows.measured import Row
+from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, TOLERATED, UNSTATED
+
+if TYPE_CHECKING:
+    from planner.plan import InspectionPlan
+    from planner.setting.sensor_setting import SensorSetting
+    from planner.verify.simulate_setting import SuccessRate
+
+_STYLES = {CONFIRMED: "good", CONSERVATIVE: "good", TOLERATED: "note", CONTRADICTED: "bad", UNSTATED: "bad"}
+
+
+def setting_table(plan: InspectionPlan, told: Sequence[Row], noun: str) -> str:
+    """Return the table of a setting: permitted error, budget, probability, what simulation gave, and warnings.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    told : sequence of Row
+        The rows of the setting.
+    noun : str
+        What an item is called.
+    """
+    simulated = any(one.rate is not None for one in told)
+    what = "Nominal" if plan.dimensions else "Length (mm)"
+    names = [noun.capitalize(), f"n:{what}", "n:Permitted error", "Budget", "n:P"]
+    names += ["n:Simulated", "Interval", ""] if simulated else []
+    rows = "".join(_rows(plan, one, what) for one in told)
+    return f'<table class="stack">{heads(names)}<tbody>{rows}</tbody></table>'
+
+
+def _rows(plan: InspectionPlan, one: Row, what: str) -> str:
+    """Return the row of an item, and that of what it warns of."""
+    probability = f"{one.probability:.4f}"
+    if one.name in plan.on_grid:
+        title = "counted on the pixel grid: the tolerance is under two pixels"
+        probability = f'<span title="{title}">{probability} *</span>'
+    values = {
+        "": escape(one.name),
+        f"n:{what}": _value(plan, one.name),
+        "n:Permitted error": permitted(one),
+        "Budget": budget_bar(one),
+        "n:P": probability,
+        **({} if one.rate is None else _rate(one.rate, plan.probability)),
+    }
+    warned = f'<tr class="warning"><td colspan="8">{escape("; ".join(one.warnings))}</td></tr>'
+    return cells(values) + (warned if one.warnings else "")
+
+
+def binding_sentence(plan: InspectionPlan, setting: SensorSetting) -> str:
+    """Say which constraint fixes the pose, and what comes next."""
+    first, *rest = nearest_limits(plan, setting)
+    told = f"Nearest to its limit: {first.name}, with {100 * first.share:.3g} % of its room left; {first.meaning}."
+    return told + (f" Next: {', '.join(f'{one.name} {100 * one.share:.3g} %' for one in rest)}." if rest else "")
+
+
+def _value(plan: InspectionPlan, name: str) -> str:
+    """Return what an item measures, with the unit where units differ."""
+    length = np.linalg.norm(plan.entities[name][1] - plan.entities[name][0])
+    if not plan.dimensions:
+        return f"{length:.3f}"
+    one = plan.dimensions.get(name)
+    return f"length {length:.3f} mm" if one is None else f"{one.kind.replace('_', ' ')} {one.nominal:.3f} {one.unit}"
+
+
+def _rate(rate: SuccessRate, threshold: float) -> dict[str, str]:
+    """Return the simulated frequency, and the interval as numbers and as a bar with the prediction marked."""
+    low_end = min(threshold, rate.low, rate.predicted) - 0.02
+
+    def place(value: float) -> float:
+        return 100 * (value - low_end) / (1.0 - low_end)
+
+    width = max(place(rate.high) - place(rate.low), 1.5)
+    bar = (
+        f'<span class="bar"><i style="left:{place(rate.low):.1f}%;width:{width:.1f}%"></i>'
+        f'<u style="left:calc({place(rate.predicted):.1f}% - 1px)"></u></span>'
+    )
+    told = f'<span class="{_STYLES[rate.verdict]}">{escape(rate.verdict)}</span>'
+    interval = f"{rate.low:.4f} to {rate.high:.4f}{bar}"
+    return {"n:Simulated": f"{rate.frequency:.4f}", "Interval": interval, "Verdict": told}

@@ -1,0 +1,144 @@
+"""Tables of a report as HTML: results by entity, what to look at, and poses for the robot's programmer."""
+
+from __future__ import annotations
+
+import base64
+import warnings
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import TYPE_CHECKING
+
+from scipy.spatial.transform import Rotation
+
+from planner.rows.measured import SOURCES, Row
+
+if TYPE_CHECKING:
+    from planner.plan import InspectionPlan
+
+COLOURS = {"translation": "#56b4e9", "rotation": "#d58a00", "localisation": "#7a8794"}
+"""Of the sources of variance, in every bar."""
+
+
+def attention(rows: Sequence[Sequence[Row]]) -> str:
+    """Return a list of all warnings, by entity; nothing if there are none."""
+    lines = [
+        f"<li><b>{escape(row.name)}</b> (setting {_link(row.setting)}): {escape('; '.join(row.warnings))}</li>"
+        for setting in rows
+        for row in setting
+        if row.warnings
+    ]
+    if not lines:
+        return ""
+    return f'<h2 id="look">Worth a look</h2><ul class="warnings">{"".join(lines)}</ul>'
+
+
+def results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], noun: str) -> str:
+    """Return a table of what is measured, from where and how sure: the surest setting of each, in the order asked."""
+    best: dict[str, Row] = {}
+    for row in (row for setting in rows for row in setting):
+        if row.name not in best or row.probability > best[row.name].probability:
+            best[row.name] = row
+    if not best:
+        return ""
+    where = {name: [row.setting for setting in rows for row in setting if row.name == name] for name in best}
+    body = "".join(_result(best[name], where[name]) for name in plan.entities if name in best)
+    head = heads(
+        (noun.capitalize(), "What", "n:Nominal", "n:Permitted error", "Setting", "n:P", "n:u", "Budget of the variance")
+    )
+    legend = " ".join(f'<span class="source"><i style="background:{COLOURS[s]}"></i>{s}</span>' for s in SOURCES)
+    return (
+        f'<div class="scroll"><table class="stack results">{head}<tbody>{body}</tbody></table></div>'
+        f'<p class="note">{legend} &nbsp; u: standard uncertainty of the measured value. P and u are those of the '
+        "surest setting.</p>"
+    )
+
+
+def _result(row: Row, where: Sequence[int]) -> str:
+    links = ", ".join(map(_link, where))
+    mark = f' <span class="bad" title="{escape("; ".join(row.warnings))}">!</span>' if row.warnings else ""
+    return cells(
+        {
+            "": f"{escape(row.name)}{mark}",
+            "What": escape(row.kind.replace("_", " ")),
+            "n:Nominal": f"{row.nominal:.6g} {row.unit}",
+            "n:Permitted error": permitted(row),
+            "Setting": links,
+            "n:P": f"{row.probability:.4f}",
+            "n:u": f"{row.standard_uncertainty:.3g} {row.unit}",
+            "Budget": budget_bar(row),
+        }
+    )
+
+
+def heads(names: Sequence[str]) -> str:
+    """Return the head of a table; names of columns of numbers start with ``n:``."""
+    told = "".join(f"<th{_kind(name)}>{_plain(name)}</th>" for name in names)
+    return f"<thead><tr>{told}</tr></thead>"
+
+
+def cells(values: Mapping[str, str]) -> str:
+    """Return a row of a table from HTML by column; each cell knows its column, for pages too narrow for a head."""
+    told = "".join(
+        f'<td{_kind(name)} data-label="{escape(_plain(name))}">{value}</td>' for name, value in values.items()
+    )
+    return f"<tr>{told}</tr>"
+
+
+def _kind(name: str) -> str:
+    return ' class="n"' if name.startswith("n:") else ""
+
+
+def _plain(name: str) -> str:
+    return name.removeprefix("n:")
+
+
+def permitted(row: Row) -> str:
+    """Return the permitted error with its size in the image."""
+    px = "" if row.permitted_error_px is None else f" ({row.permitted_error_px:.3g} px)"
+    return f"±{row.permitted_error:.3g} {row.unit}{px}"
+
+
+def budget_bar(row: Row) -> str:
+    """Return a bar of what the variance comes from, in shares; its title has the numbers."""
+    total = sum(row.budget.values())
+    if not total > 0:
+        return ""
+    shares = {source: 100 * row.budget.get(source, 0.0) / total for source in SOURCES}
+    title = ", ".join(f"{source} {share:.0f} %" for source, share in shares.items())
+    parts = "".join(f'<i style="width:{share:.1f}%;background:{COLOURS[s]}"></i>' for s, share in shares.items())
+    return f'<span class="budget" title="{title}">{parts}</span>'
+
+
+def robot(plan: InspectionPlan) -> str:
+    """Return the poses in the order of travel: front nodal point, quaternion, and roll, pitch, yaw."""
+    if not plan.settings:
+        return ""
+    body = []
+    for k, setting in enumerate(plan.settings, start=1):
+        turn = Rotation.from_matrix(setting.cam2world[:3, :3])
+        cells = [*(f"{c:.3f}" for c in setting.position), *(f"{c:.6f}" for c in turn.as_quat(canonical=True))]
+        with warnings.catch_warnings():
+            # of two angles about one axis, one is 0 then
+            warnings.filterwarnings("ignore", "Gimbal lock", UserWarning)
+            cells += [f"{c:.3f}" for c in turn.as_euler("xyz", degrees=True)]
+        body.append(f"<tr><td>{_link(k)}</td>{''.join(f'<td class=n>{cell}</td>' for cell in cells)}</tr>")
+    names = ("x", "y", "z", "qx", "qy", "qz", "qw", "Rx", "Ry", "Rz")
+    head = "<th>Setting</th>" + "".join(f'<th class="n">{name}</th>' for name in names)
+    return (
+        f'<div class="scroll"><table class="poses"><thead><tr>{head}</tr></thead><tbody>{"".join(body)}</tbody></table>'
+        "</div><p class='note'>Camera to part: x, y, z of the front nodal point in mm, in the part's frame; quaternion "
+        "with w last; Rx, Ry, Rz: degrees about the fixed axes x, y, z, turned in this order. The camera looks "
+        "along its own z axis, x to the right and y down in the image. The same poses are in "
+        "<code>poses_opencv.json</code>, <code>poses_ros.yaml</code>, <code>transforms.json</code>, "
+        "<code>poses_open3d.json</code> and <code>colmap/</code> beside this file.</p>"
+    )
+
+
+def download(text: str, name: str, label: str) -> str:
+    """Return a link that saves a text without asking anything outside the page."""
+    data = base64.b64encode(text.encode()).decode()
+    return f'<a download="{escape(name)}" href="data:text/csv;charset=utf-8;base64,{data}">{escape(label)}</a>'
+
+
+def _link(number: int) -> str:
+    return f'<a href="#setting-{number}">{number}</a>'

@@ -1,0 +1,151 @@
+"""What is measured from where and how sure: a row per setting and entity, with the warnings it deserves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from errors.measurands import Line, Localisation, MeasurandModel, measurand
+from errors.measurands.fitted import is_short
+from planner.camera.pose import world_to_cam
+from planner.verify.measurements import measurements
+from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, TOLERATED, UNSTATED, SuccessRate
+
+TRUSTED_PX = 2.0
+"""Permitted errors below this are told: there the phases of the pixel grid are not random for one planned pose."""
+
+LARGE_DIFFERENCE = 0.02
+"""A simulated frequency that differs from the stated probability by more than this is told, even if it is better."""
+
+SOURCES = ("translation", "rotation", "localisation")
+"""What the variance of a measured value comes from."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One entity or dimension, measured from one setting.
+
+    Attributes
+    ----------
+    setting : int
+        Number of the setting, from 1.
+    name : str
+        The entity or dimension.
+    kind : str
+        The dimension's kind; ``"length"`` of an edge.
+    nominal, permitted_error : float
+        In `unit`.
+    unit : str
+        "mm" or "deg".
+    permitted_error_px : float or None
+        The permitted error in the image; None of an angle.
+    probability : float
+        P as stated.
+    rate : SuccessRate or None
+        What simulation gave.
+    standard_uncertainty : float
+        u in `unit`.
+    budget : dict of str to float
+        Variance by source, `unit` squared; empty where it is none, of short arcs.
+    warnings : tuple of str
+        What to look at, a sentence each.
+    """
+
+    setting: int
+    name: str
+    kind: str
+    nominal: float
+    unit: str
+    permitted_error: float
+    permitted_error_px: float | None
+    probability: float
+    rate: SuccessRate | None
+    standard_uncertainty: float
+    budget: Mapping[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Value:
+    """What is to be measured, and how sure it is before anything is drawn."""
+
+    kind: str
+    nominal: float
+    unit: str
+    permitted_error: float
+    permitted_error_px: float | None
+    standard_uncertainty: float
+    budget: Mapping[str, float]
+
+
+def measured_rows(plan: Any) -> list[list[Row]]:
+    """Return the rows of each setting, in the order of its entities.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        With or without the result of its simulation.
+
+    Returns
+    -------
+    list of list of Row
+        One list per setting.
+    """
+    return [_setting_rows(plan, k, setting) for k, setting in enumerate(plan.settings)]
+
+
+def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
+    rates = plan.simulation.rates[k] if plan.simulation is not None else {}
+    measured = measurements(plan, setting)
+    rows = []
+    for name in setting.entities:
+        value = _dimension(plan.dimensions[name], measured[name]) if name in measured else _edge(plan, setting, name)
+        rate, probability = rates.get(name), setting.probability[name]
+        warnings = _warnings(value.permitted_error_px, name in plan.on_grid, probability, rate)
+        rows.append(Row(k + 1, name, probability=probability, rate=rate, warnings=warnings, **vars(value)))
+    return rows
+
+
+def _dimension(one: Any, told: Any) -> _Value:
+    # the quantiles of a short arc are no variance
+    budget = {} if any(map(is_short, one.geometry)) else dict(told.budget)
+    u, px = told.standard_uncertainty, told.permitted_error_px
+    return _Value(one.kind, one.nominal, one.unit, one.permitted_error, px, u, budget)
+
+
+def _edge(plan: Any, setting: Any, name: str) -> _Value:
+    """Return the length of an edge: the nominal one times the ratio of the images' lengths, measured and planned."""
+    ends = np.asarray(plan.entities[name], dtype=np.float64)
+    length = float(np.linalg.norm(ends[1] - ends[0]))
+    permitted = (1 - plan.accuracy) * length
+    camera = plan.camera
+    model = MeasurandModel(
+        measurand("length", [Line(ends[0], ends[1])]),
+        image_distance_mm=camera.image_distance_mm,
+        pixel_pitch_mm=camera.image_pitch_mm,
+        pose_covariance=plan.pose_uncertainty.covariance,
+        localisation=Localisation.rounding(),
+        permitted_error=permitted,
+    )
+    told = model.describe(np.linalg.inv(setting.cam2world))
+    in_camera = world_to_cam(ends, setting.cam2world)
+    pixels = (in_camera / in_camera[:, 2:] @ camera.matrix.T)[:, :2]
+    px = (1 - plan.accuracy) * float(np.linalg.norm(pixels[1] - pixels[0]))
+    return _Value("length", length, "mm", permitted, px, told.standard_uncertainty, dict(told.budget))
+
+
+def _warnings(px: float | None, on_grid: bool, probability: float, rate: SuccessRate | None) -> tuple[str, ...]:
+    found = []
+    if px is not None and px < TRUSTED_PX:
+        told = f"tolerance of {px:.2g} px, under two pixels"
+        found.append(told + (": P was counted on the sensor's grid" if on_grid else ""))
+    if rate is not None:
+        off = rate.frequency - probability
+        if rate.verdict in (CONTRADICTED, TOLERATED, UNSTATED):
+            found.append(f"simulation gives {rate.frequency:.4f} instead of {probability:.4f}: {rate.verdict}")
+        elif rate.verdict != CONFIRMED and abs(off) > LARGE_DIFFERENCE:
+            found.append(f"simulation gives {rate.frequency:.4f}, {off:.2g} better than stated")
+    return tuple(found)

@@ -1,0 +1,80 @@
+"""Views of the 3-D picture: all that shall be seen lies inside it, by the projection that plotly documents."""
+
+import math
+
+import numpy as np
+import pytest
+from grid_box import EDGES, BoxSpace
+from plan_examples import plan, setting
+
+from planner.output.figure import figure_views, plan_figure, scene_frame
+from planner.report.views import SceneFrame, box_around
+
+SPACE = BoxSpace((80.0, 50.0, 60.0), [[-900.0] * 3, [900.0] * 3], EDGES)
+
+
+def in_picture(camera, placed):
+    """Return places (n, 2) in the picture, whose upper and lower sides are at 1 and −1; the field is 45 degrees."""
+    eye, centre, up = (np.array([camera[key][i] for i in "xyz"]) for key in ("eye", "center", "up"))
+    forward = (centre - eye) / np.linalg.norm(centre - eye)
+    right = np.cross(forward, up) / np.linalg.norm(np.cross(forward, up))
+    seen = (placed - eye) @ np.array([right, np.cross(right, forward), forward]).T
+    assert (seen[:, 2] > 0).all()
+    return seen[:, :2] / seen[:, 2:] / math.tan(math.radians(22.5))
+
+
+def one_setting():
+    entities = {"top front": [[0.0, 0.0, 60.0], [80.0, 0.0, 60.0]]}
+    return plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), entities=entities, uninspectable={})
+
+
+@pytest.mark.parametrize("made", [plan, one_setting])
+def test_the_first_view_holds_every_camera_and_the_part(made):
+    found = made()
+    frame = scene_frame(found, SPACE.solid)
+    shown = frame.placed(np.vstack([SPACE.solid.vertices, *(one.position[None] for one in found.settings)]))
+    places = in_picture(figure_views(found, SPACE.solid)["everything"], shown)
+    assert np.abs(places).max() < 0.9
+    # and nothing is lost in the distance
+    assert np.ptp(places, axis=0).max() > 0.8
+    assert (frame.box[0] < np.array([one.position for one in found.settings]).min(axis=0)).all()
+
+
+def test_a_setting_is_seen_from_its_cameras_side_and_the_right_way_up():
+    found = one_setting()
+    camera = figure_views(found, SPACE.solid)["setting-1"]
+    eye, centre = (np.array([camera[key][i] for i in "xyz"]) for key in ("eye", "center"))
+    towards = found.settings[0].position - [40.0, 0.0, 60.0]
+    assert (eye - centre) / np.linalg.norm(eye - centre) == pytest.approx(towards / np.linalg.norm(towards))
+    # up in the image is -y of the camera
+    up = np.array([camera["up"][i] for i in "xyz"])
+    assert up @ -found.settings[0].cam2world[:3, 1] > 0.9
+    corners = scene_frame(found, SPACE.solid).placed(SPACE.solid.vertices)
+    assert np.abs(in_picture(camera, corners)).max() < 0.9
+
+
+def test_a_view_straight_along_up_is_a_view():
+    frame = SceneFrame(np.array([[0.0, 0.0, 0.0], [10.0, 20.0, 20.0]]))
+    camera = frame.camera([[0.0, 0.0, 0.0], [10.0, 20.0, 20.0]], (0, 0, 1), (0, 0, 1))
+    assert np.isfinite(in_picture(camera, frame.placed([[5.0, 5.0, 5.0]]))).all()
+
+
+def test_lengths_are_the_same_along_all_axes():
+    frame = SceneFrame(np.array([[0.0, 0.0, 0.0], [10.0, 20.0, 20.0]]))
+    sides = np.array([frame.layout["aspectratio"][i] for i in "xyz"])
+    # the diagonal of 30 mm is 2 units long
+    assert sides == pytest.approx(np.array([10, 20, 20]) / 15)
+    assert frame.placed([[5.0, 10.0, 10.0]]) == pytest.approx(np.zeros((1, 3)))
+
+
+def test_air_ends_at_the_limits_but_points_are_never_cut_off():
+    box = box_around(np.array([[0.0, 0, 0], [300.0, 0, 400.0]]), np.array([[-10.0, -100, -100], [200.0, 100, 600]]))
+    # 8 % of 500 mm, but 10 mm to the first wall, and a point beyond the second
+    assert box == pytest.approx(np.array([[-10.0, -40, -40], [300.0, 40, 440]]))
+
+
+def test_the_figure_starts_with_everything_in_view():
+    figure = plan_figure(one_setting(), SPACE.solid)
+    assert figure.layout.scene.camera.eye.x == pytest.approx(
+        figure_views(one_setting(), SPACE.solid)["everything"]["eye"]["x"]
+    )

@@ -1,0 +1,92 @@
+"""Rows of what is measured: sizes in the image from a lens's own formula, u from displaced poses, warnings by hand."""
+
+import numpy as np
+import pytest
+from plan_examples import CAMERA, UNCERTAINTY, plan, setting
+from scipy.spatial.transform import Rotation
+
+from planner.rows.measured import SOURCES, measured_rows
+from planner.verify.simulate_plan import SimulationResult
+from planner.verify.simulate_setting import SuccessRate
+
+LENGTH_MM, DEPTH_MM = 80.0, 560.0
+
+
+def square_on(**changes):
+    """An edge of 80 mm, seen square-on from 560 mm, along the image's x."""
+    one = setting((40.0, 0.0, 60.0 + DEPTH_MM), ["top front"], target=(40.0, 0.0, 60.0))
+    turned = np.array(one.cam2world)
+    turned[:3, :3] = [[1, 0, 0], [0, -1, 0], [0, 0, -1]]
+    one = type(one)(**{**vars(one), "cam2world": turned})
+    return plan(
+        settings=(one,),
+        entities={"top front": [[0.0, 0.0, 60.0], [LENGTH_MM, 0.0, 60.0]]},
+        uninspectable={},
+        **changes,
+    )
+
+
+def rate(frequency, predicted, n=1000):
+    successes = round(frequency * n)
+    half = 0.01
+    return SuccessRate(successes, n, max(0.0, frequency - half), min(1.0, frequency + half), 0.99, 0, predicted)
+
+
+def warnings_with(simulated, **changes):
+    found = square_on(**changes)
+    result = SimulationResult(({"top front": rate(simulated, 0.95)},), 1000, 0, 0.99)
+    (row,) = measured_rows(type(found)(**{**vars(found), "simulation": result}))[0]
+    return row.warnings
+
+
+def test_permitted_error_in_the_image_is_that_of_the_lens():
+    (row,) = measured_rows(square_on())[0]
+    # two hundredths of the image of 80 mm at 560 mm
+    assert row.permitted_error_px == pytest.approx(
+        0.02 * LENGTH_MM * CAMERA.image_distance_mm / DEPTH_MM / 0.00345, rel=1e-9
+    )
+    assert row.permitted_error == pytest.approx(1.6)
+    assert (row.kind, row.unit, row.nominal) == ("length", "mm", LENGTH_MM)
+
+
+def test_standard_uncertainty_is_the_spread_over_displaced_poses():
+    (row,) = measured_rows(square_on())[0]
+    rng = np.random.default_rng(0)
+    n = 40_000
+    moved = rng.multivariate_normal(np.zeros(6), UNCERTAINTY.covariance, n)
+    ends = np.array([[-LENGTH_MM / 2, 0.0, DEPTH_MM], [LENGTH_MM / 2, 0.0, DEPTH_MM]])
+    turns = Rotation.from_rotvec(moved[:, 3:]).as_matrix()
+    seen = np.einsum("nij,ej->nei", turns, ends) + moved[:, None, :3]
+    pixels = CAMERA.image_distance_mm * seen[..., :2] / seen[..., 2:] / CAMERA.pixel_pitch_mm
+    # whole pixels of a grid whose phase is random
+    pixels += rng.uniform(-0.5, 0.5, pixels.shape)
+    planned = LENGTH_MM * CAMERA.image_distance_mm / DEPTH_MM
+    measured = LENGTH_MM * np.linalg.norm((pixels[:, 1] - pixels[:, 0]) * CAMERA.pixel_pitch_mm, axis=1) / planned
+    assert row.standard_uncertainty == pytest.approx(measured.std(), rel=0.02)
+    assert sum(row.budget.values()) == pytest.approx(row.standard_uncertainty**2)
+    assert tuple(row.budget) == SOURCES
+
+
+def test_a_tolerance_under_two_pixels_is_told():
+    assert measured_rows(square_on())[0][0].warnings == ()
+    (row,) = measured_rows(square_on(accuracy=0.999))[0]
+    assert row.warnings == ("tolerance of 1.1 px, under two pixels",)
+    (row,) = measured_rows(square_on(accuracy=0.999, on_grid=("top front",)))[0]
+    assert row.warnings[0].endswith("under two pixels: P was counted on the sensor's grid")
+
+
+def test_a_simulation_that_differs_is_told():
+    assert warnings_with(0.95) == ()
+    # better by more than the interval but by no more than two hundredths: nothing to look at
+    assert warnings_with(0.965) == ()
+    assert warnings_with(0.99) == ("simulation gives 0.9900, 0.04 better than stated",)
+    (told,) = warnings_with(0.8)
+    assert told == "simulation gives 0.8000 instead of 0.9500: contradicted"
+
+
+def test_rows_stand_in_the_order_of_the_settings():
+    rows = measured_rows(plan())
+    assert [[(row.setting, row.name) for row in one] for one in rows] == [
+        [(1, "top front"), (1, "top right")],
+        [(2, "top right")],
+    ]
