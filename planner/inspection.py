@@ -110,8 +110,9 @@ def plan_inspection(
     focus_margin_mm : float
         What both limits of the depth of field are narrowed by, so that a displaced camera is in focus still; four
         standard deviations of its position make blurred images rare. Default: nothing.
-    showing : Showing, optional
-        What the image needs so that edges can be found in it. Default: nothing, as in the paper.
+    showing : Showing
+        What the image needs so that edges can be found in it. Edges that run on smoothly in an arc are not inspected
+        then; ``Showing(0, 0, 0)`` asks for nothing, as the paper. Default: ``Showing()``.
     reach : Region or callable, optional
         As in `plan_setting`.
     space : VisibilityRegions or EntityAspectGraph, optional

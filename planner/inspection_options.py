@@ -19,7 +19,7 @@ from planner.request.defaults import check_focus_margin, check_showing, corner_m
 from planner.request.effort import Effort
 from planner.request.reach import Reach
 from planner.request.space import Space
-from planner.showing.showing import Showing
+from planner.showing.showing import USUAL, Showing
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class InspectionOptions:
     field_margin_px: float | None = None
     visibility_radius_mm: float | None = None
     focus_margin_mm: float = 0.0
-    showing: Showing | None = None
+    showing: Showing = USUAL
     reach: Reach | None = None
     space: Space | None = None
     effort: Effort | None = None
@@ -67,7 +67,7 @@ class InspectionKeywords(TypedDict, total=False):
     field_margin_px: float | None
     visibility_radius_mm: float | None
     focus_margin_mm: float
-    showing: Showing | None
+    showing: Showing
     reach: Reach | None
     space: Space | None
     effort: Effort | None

@@ -48,14 +48,26 @@ def terminal_progress(stream: TextIO | None = None, *, quiet: bool = False) -> I
         Show nothing.
     """
     if quiet:
-        yield None
+        with _compiling(None):
+            yield None
         return
     stream = sys.stderr if stream is None else stream
     if stream.isatty():
-        with _bars(stream) as progress:
+        with _bars(stream) as progress, _compiling(progress):
             yield progress
     else:
-        yield _Lines(stream)
+        lines = _Lines(stream)
+        with _compiling(lines):
+            yield lines
+
+
+@contextmanager
+def _compiling(progress: Progress | None) -> Iterator[None]:
+    """Show that loops are compiled, if they are."""
+    from planner.compiling import compiling_told
+
+    with compiling_told(lambda text: note(progress, text), lambda *told: report(progress, *told)):
+        yield
 
 
 @contextmanager

@@ -20,8 +20,8 @@ CALLS = [
     (ga.maximize, Operators, Keywords, 21),
     (errors.simulate_success, SuccessOptions, SuccessKeywords, 9),
     (errors.simulate_measurement, MeasurementOptions, MeasurementKeywords, 10),
-    (planner.plan_setting, SettingOptions, SettingKeywords, 18),
-    (planner.plan_inspection, InspectionOptions, InspectionKeywords, 23),
+    (planner.plan_setting, SettingOptions, SettingKeywords, 19),
+    (planner.plan_inspection, InspectionOptions, InspectionKeywords, 24),
     (planner.simulate_setting, SimulationOptions, SimulationKeywords, 10),
 ]
 

@@ -81,17 +81,13 @@ def add_showing(plan: argparse.ArgumentParser) -> None:
     """Add what the image needs so that edges can be found in it."""
     shows = plan.add_argument_group("showing", "what edges need to be found in the image, and 0 where they need not")
     shows.add_argument(
-        "--separation-px",
-        type=float,
-        default=0.0,
-        metavar="PX",
-        help="no other visible line within (5 is a good value)",
+        "--separation-px", type=float, default=5.0, metavar="PX", help="no other visible line comes so near to an edge"
     )
     shows.add_argument(
-        "--surround-px", type=float, default=0.0, metavar="PX", help="of the image around each end (40 is a good value)"
+        "--surround-px", type=float, default=40.0, metavar="PX", help="so much of the image lies around each end"
     )
     shows.add_argument(
-        "--min-corner-deg", type=float, default=0.0, metavar="DEG", help="at each end with another line (25)"
+        "--min-corner-deg", type=float, default=25.0, metavar="DEG", help="another line leaves each end at this angle"
     )
 
 

@@ -222,10 +222,7 @@ class Constraints:
         if self._exact_field:
             self._columns["field_of_view_px"] = FIELD_OF_VIEW
         self._checks = self._build_checks()
-        self._edge_ids = [
-            edges_of(space, name) if target.measurand is None else None
-            for name, target in zip(self.names, targets, strict=True)
-        ]
+        self._lengths = [target.measurand is None for target in targets]
         self._shows = self._build_shows()
 
     def _build_checks(self) -> dict[str, Any]:
@@ -262,7 +259,11 @@ class Constraints:
     @cached_property
     def image(self) -> ImageCheck:
         """Whether edges can be found in the images of poses."""
-        return ImageCheck(self.space.solid, self._edge_ids, self.ends, self.camera, self.requirements.showing)
+        edge_ids = [
+            edges_of(self.space, name) if length else None
+            for name, length in zip(self.names, self._lengths, strict=True)
+        ]
+        return ImageCheck(self.space.solid, edge_ids, self.ends, self.camera, self.requirements.showing)
 
     @property
     def shows(self) -> tuple[str, ...]:

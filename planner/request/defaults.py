@@ -12,7 +12,7 @@ from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.request.necessary import focus_reach_mm
-from planner.showing.showing import NOT_ASKED, Showing
+from planner.showing.showing import Showing
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -143,13 +143,13 @@ def position_margin_mm(pose_uncertainty: PoseUncertainty) -> float:
     return 3.0 * math.sqrt(max(float(np.linalg.eigvalsh(pose_uncertainty.covariance[:3, :3]).max()), 0.0))
 
 
-def check_showing(showing: Showing | None, camera: Camera) -> Showing:
+def check_showing(showing: Showing, camera: Camera) -> Showing:
     """Return conditions that fit into the image, or raise `RequestError`.
 
     Parameters
     ----------
-    showing : Showing or None
-        None asks nothing.
+    showing : Showing
+        What is asked of the image.
     camera : Camera
         Gives the image.
 
@@ -163,8 +163,6 @@ def check_showing(showing: Showing | None, camera: Camera) -> Showing:
     RequestError
         If it is something else, or lines or surroundings are wider than the image.
     """
-    if showing is None:
-        return NOT_ASKED
     if not isinstance(showing, Showing):
         raise RequestError(f"showing must be a Showing. Got {showing!r}.")
     side = min(camera.resolution)

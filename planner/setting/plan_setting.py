@@ -77,7 +77,7 @@ def plan_setting(
     focus_margin_mm : float
         What both limits of the depth of field are narrowed by, so that a displaced camera is in focus still; four
         standard deviations of its position make blurred images rare. Default: nothing.
-    showing : Showing, optional
+    showing : Showing
         What the image needs so that edges can be found in it. Default: nothing, as in the paper.
     reach : Region or callable, optional
         Where the front nodal point may be: a `BoxRegion`, `SphereRegion`, `MeshRegion` or anything else with a method

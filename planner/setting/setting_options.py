@@ -14,7 +14,7 @@ from planner.request.constraints import Requirements
 from planner.request.defaults import check_focus_margin, check_showing, pose_margin_px, position_margin_mm
 from planner.request.reach import Reach
 from planner.setting.pose_search import Search
-from planner.showing.showing import Showing
+from planner.showing.showing import NOT_ASKED, Showing
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class SettingOptions:
     field_of_view: str = "exact"
     visibility_radius_mm: float | None = None
     focus_margin_mm: float = 0.0
-    showing: Showing | None = None
+    showing: Showing = NOT_ASKED
     reach: Reach | None = None
     objective: str = "sum"
     model: str = "joint"
@@ -59,7 +59,7 @@ class SettingKeywords(TypedDict, total=False):
     field_of_view: str
     visibility_radius_mm: float | None
     focus_margin_mm: float
-    showing: Showing | None
+    showing: Showing
     reach: Reach | None
     objective: str
     model: str

@@ -61,5 +61,8 @@ class Showing:
         return not any(astuple(self))
 
 
+USUAL = Showing()
+"""What is asked where nothing is said."""
+
 NOT_ASKED = Showing(0.0, 0.0, 0.0)
 """The paper's constraints: an edge must not be hidden."""

@@ -43,13 +43,13 @@ class Improving:
         Steps of the exchange search for a cover of one column less.
     rounds : int
         Of column generation, from one look to the next.
-    directions : int
-        From so many each entity is looked at, at the first glance.
+    directions : tuple of int
+        From so many each entity is looked at, at the first glances.
     """
 
     exchanges: int = 300
     rounds: int = 5
-    directions: int = 32
+    directions: tuple[int, ...] = (4, 32)
 
 
 IMPROVING = Improving()
@@ -83,10 +83,11 @@ class Incumbents:
         """Make a plan of very few poses, so that there is one at once; the run does not take these poses in."""
         if not self._wanted:
             return
-        pool, poses = ColumnPool(len(run.names)), first_poses(run.judge, IMPROVING.directions, run.seed)
-        judged = run.judge(poses)
-        pool.add(judged.inspects, poses, judged.probability)
-        self._offer_greedy(run, pool)
+        for directions in IMPROVING.directions:
+            pool, poses = ColumnPool(len(run.names)), first_poses(run.judge, directions, run.seed)
+            judged = run.judge(poses)
+            pool.add(judged.inspects, poses, judged.probability)
+            self._offer_greedy(run, pool)
 
     def sampled(self, run: Run) -> None:
         """Take in what was sampled: what comes at once, then what is better."""

@@ -197,7 +197,7 @@ def test_png_is_what_was_encoded():
 
 def test_lamps_are_drawn_and_told():
     names = {"+z-y": 0.3, "+z+x": 1.0}
-    images = ((LitImage(0, names, ("+z+x",)),), (LitImage(1, {"+z+x": 0.76}),))
+    images = ((LitImage((0,), names, ("+z+x",)),), (LitImage((1,), {"+z+x": 0.76}),))
     light = LightPlan(
         "placed", 0.1, 0.05, "dark", np.array([[40.0, -300, 500], [300, 25, 90]]), images, ({}, {}), 1, "so"
     )

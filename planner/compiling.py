@@ -1,0 +1,78 @@
+"""Compiling loops at the first run: told once, with how far it has got, and without collecting garbage meanwhile."""
+
+from __future__ import annotations
+
+import gc
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from numba.core import event
+from numba.core.dispatcher import Dispatcher
+
+LABEL = "compiling loops"
+_FIRST = "compiling loops, at the first run only: about a minute in all"
+_OURS = ("aspectgraph", "errors", "ga", "planner")
+
+
+@contextmanager
+def compiling_told(say: Callable[[str], object], report: Callable[[int, int, str], object]) -> Iterator[None]:
+    """Tell once that loops are compiled, if they are, and how far that has got; meanwhile collect no garbage.
+
+    A run that finds them in the cache says nothing. Compiling makes millions of objects that stay, and looking through
+    them for garbage again and again takes a quarter of the time.
+
+    Parameters
+    ----------
+    say : callable
+        Gets a line that stays.
+    report : callable
+        ``report(done, total, label)``; the total counts the loops of all modules loaded, not all of which are needed.
+    """
+    listener = _Compiling(say, report)
+    event.register("numba:compile", listener)  # type: ignore[no-untyped-call]
+    try:
+        yield
+    finally:
+        event.unregister("numba:compile", listener)  # type: ignore[no-untyped-call]
+        listener.finish()
+
+
+class _Compiling(event.Listener):
+    """Listens to numba, which begins to compile a function when its cache does not have it."""
+
+    def __init__(self, say: Callable[[str], object], report: Callable[[int, int, str], object]) -> None:
+        self._say, self._report = say, report
+        self._depth, self._collecting = 0, False
+        self._done: set[str] = set()
+
+    def on_start(self, event: Any) -> None:
+        """Take the start of a function; those it calls come before its end."""
+        self._depth += 1
+        if self._depth == 1:
+            self._collecting = gc.isenabled()
+            gc.disable()
+            if not self._done:
+                self._say(_FIRST)
+
+    def on_end(self, event: Any) -> None:
+        """Take the end of a function."""
+        self._depth -= 1
+        if self._depth == 0 and self._collecting:
+            gc.enable()
+        function = event.data["dispatcher"].py_func
+        if function.__module__.partition(".")[0] in _OURS:
+            self._done.add(f"{function.__module__}.{function.__qualname__}")
+            self._report(len(self._done), max(len(self._done) + 1, _loops()), LABEL)
+
+    def finish(self) -> None:
+        """Tell how many there were."""
+        if self._done:
+            self._report(len(self._done), len(self._done), LABEL)
+
+
+def _loops() -> int:
+    """Return how many compiled functions the modules loaded have."""
+    own = [module for name, module in list(sys.modules.items()) if name.partition(".")[0] in _OURS]
+    return len({id(value) for module in own for value in vars(module).values() if isinstance(value, Dispatcher)})

@@ -1,0 +1,44 @@
+"""What is told of compiling: a line once, how far it has got, and nothing where the cache has it all."""
+
+import gc
+
+import numba
+
+from planner.compiling import LABEL, compiling_told
+
+
+def run(function):
+    lines, steps, collecting = [], [], []
+    with compiling_told(lines.append, lambda *told: steps.append(told) or collecting.append(gc.isenabled())):
+        function()
+    return lines, steps
+
+
+def test_it_is_told_once_and_then_no_more():
+    @numba.njit
+    def inner(x):
+        return x + 1
+
+    @numba.njit
+    def outer(x):
+        return inner(x) * 2
+
+    inner.py_func.__module__ = outer.py_func.__module__ = "planner.nowhere"
+    lines, steps = run(lambda: outer(1))
+    assert len(lines) == 1
+    assert "at the first run only" in lines[0]
+    # the inner one is done first; the last report is the end
+    assert [done for done, _, _ in steps] == [1, 2, 2]
+    assert all(label == LABEL and done <= total for done, total, label in steps)
+    assert gc.isenabled()
+    assert run(lambda: outer(2)) == ([], [])
+
+
+def test_others_loops_are_not_counted():
+    @numba.njit
+    def other(x):
+        return x - 1
+
+    other.py_func.__module__ = "elsewhere"
+    lines, steps = run(lambda: other(1))
+    assert (len(lines), steps) == (1, [])
