@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from errors.telling import probability_text
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import PlanFileError, PlannerError
@@ -130,7 +131,7 @@ class InspectionPlan(PlanTables):
         """Return a one-line summary."""
         settings = f"{len(self.settings)} settings (at least {self.lower_bound} needed)"
         inspected = self.inspected
-        worst = f", smallest probability {min(inspected.values()):.4f}" if inspected else ""
+        worst = f", smallest probability {probability_text(min(inspected.values()))}" if inspected else ""
         shares = f"{len(inspected)} of {len(self.entities)} entities inspected"
         return f"<InspectionPlan of {self.part!r}: {settings}, {shares}{worst}>"
 
@@ -206,6 +207,8 @@ class InspectionPlan(PlanTables):
         dict
             What `write` writes, with format, version and units. A number that is not finite is a float here.
         """
+        from planner.verify.setting_record import setting_dict
+
         dimensions = {name: one.to_dict() for name, one in self.dimensions.items()}
         return {
             "format": FORMAT,
@@ -227,18 +230,10 @@ class InspectionPlan(PlanTables):
             **({"on_grid": list(self.on_grid)} if self.on_grid else {}),
             **({"unfinished": True} if self.unfinished else {}),
             "uninspectable": dict(self.uninspectable),
-            "settings": [self._setting_dict(setting) for setting in self.settings],
+            "settings": [setting_dict(self, setting) for setting in self.settings],
             **({} if self.light is None else {"light": self.light.to_dict()}),
             "simulation": None if self.simulation is None else self.simulation.to_dict(),
         }
-
-    def _setting_dict(self, setting: SensorSetting) -> dict[str, Any]:
-        """Return a setting as plain values, with how sure its dimensions are measured."""
-        if not self.dimensions:
-            return setting.to_dict()
-        from planner.verify.measurements import measurements_dict
-
-        return {**setting.to_dict(), "measurements": measurements_dict(self, setting)}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> InspectionPlan:
@@ -316,6 +311,8 @@ def read_plan(path: str | os.PathLike[str]) -> InspectionPlan:
 
 def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
     """Check the values of a plan file and build the plan."""
+    from planner.verify.setting_record import check_settings, own_fields
+
     _check_format(data)
     check_schema(data, "plan")
     check_plan(data)
@@ -324,7 +321,7 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
     with _inside("pose_uncertainty"):
         pose_uncertainty = PoseUncertainty.from_dict(data["pose_uncertainty"])
     found = cls(
-        settings=tuple(SensorSetting.from_dict(_without_measurements(s)) for s in data["settings"]),
+        settings=tuple(SensorSetting.from_dict(own_fields(s)) for s in data["settings"]),
         camera=camera,
         pose_uncertainty=pose_uncertainty,
         simulation=_simulation_from(data.get("simulation")),
@@ -335,16 +332,8 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
         light=_light_from(data.get("light")),
         **{name: data[name] for name in (*_PLAIN_FIELDS, "part", "seed")},
     )
-    if found.dimensions:
-        from planner.verify.measurements import check_measurements
-
-        check_measurements(found, data["settings"])
+    check_settings(found, data["settings"])
     return found
-
-
-def _without_measurements(setting: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a setting holds beside what follows from the plan."""
-    return {name: value for name, value in setting.items() if name != "measurements"}
 
 
 def _dimensions_from(data: Mapping[str, Any]) -> dict[str, PlannedDimension]:

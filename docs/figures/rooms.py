@@ -52,10 +52,10 @@ PLACES = {
         "executors": (0, "work in processes"),
         "ledger": (1, "what is already computed"),
         "records": (2.6, "strict files"),
+        "compiling": (2, "compiled once, and told"),
         "options": (3, "keywords in dataclasses"),
         "progress": (4, "how far it is"),
         "files": (5, "files written whole"),
-        "compiling": (4, "told at the first run"),
         "exceptions": (2.5, "what is refused; for every room"),
     },
     "aspectgraph": {

@@ -31,6 +31,7 @@ from errors.checks import (
 )
 from errors.covariance import covariance_root
 from errors.exceptions import InvalidParameterError
+from errors.telling import frequency_text, interval_text
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -63,7 +64,10 @@ class MonteCarloEstimate:
     def __repr__(self) -> str:
         """Return a one-line summary."""
         shape = np.shape(self.probability)
-        found = f"shape {shape}" if shape else f"{self.probability:.4f} in [{self.lower:.4f}, {self.upper:.4f}]"
+        found = f"shape {shape}"
+        if not shape:
+            drawn = frequency_text(round(float(self.probability) * self.samples), self.samples)
+            found = f"{drawn}, in {interval_text(float(self.lower), float(self.upper))}"
         return f"<MonteCarloEstimate: {found}, confidence {self.confidence:g}, {self.samples} samples>"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from errors.telling import probability_text
 from planner.setting.sensor_setting import SensorSetting
 
 
@@ -35,8 +36,8 @@ class Outcome:
         best = max(self.setting.probability.values())
         if best >= threshold:
             return (
-                f"no feasible view: the best pose found reaches P = {best:.4f}, but breaks a constraint when judged "
-                "anew."
+                f"no feasible view: the best pose found reaches P = {probability_text(best)}, but breaks a constraint "
+                "when judged anew."
             )
         # so many digits that it is seen to be below
         digits = next((n for n in range(4, 16) if round(best, n) < threshold), 16)

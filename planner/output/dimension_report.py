@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from errors.measurands import Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.fitted import is_short
+from errors.telling import interval_text, probability_text
 from planner.report.tables import COLOURS
 from planner.verify.measurements import Measurement, measurements
 
@@ -129,12 +130,12 @@ def _nominal(dimension: PlannedDimension) -> str:
 
 
 def _probability(plan: InspectionPlan, k: int, name: str) -> str:
-    text = f"{plan.settings[k].probability[name]:.4f}"
+    text = probability_text(plan.settings[k].probability[name], plan.probability)
     rates = plan.simulation.rates[k] if plan.simulation is not None else {}
     if name not in rates:
         return text
     rate = rates[name]
-    return f"{text}<br><span class='note'>simulated {rate.low:.4f} to {rate.high:.4f}</span>"
+    return f"{text}<br><span class='note'>simulated {interval_text(rate.low, rate.high)}</span>"
 
 
 def _budget(dimension: PlannedDimension, one: Measurement) -> str:

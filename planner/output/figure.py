@@ -10,6 +10,7 @@ import numpy as np
 
 from aspectgraph.plot.clip import domain_facets
 from aspectgraph.plot.traces import line_trace, part_traces, point_text, scene_figure, surface_trace, xyz
+from errors.telling import probability_text
 from planner.output.outlines import polylines
 from planner.report.views import EVERYTHING, SceneFrame, box_around, plan_views
 
@@ -95,7 +96,7 @@ def _frustum_trace(setting: SensorSetting, camera: Camera, k: int, group: str) -
     corners = _corners(setting, camera)
     apex = setting.position
     pieces = [(apex, c) for c in corners] + list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
-    probabilities = "<br>".join(f"{name}: P = {p:.4f}" for name, p in setting.probability.items())
+    probabilities = "<br>".join(f"{name}: P = {probability_text(p)}" for name, p in setting.probability.items())
     return line_trace(
         pieces,
         color=color_of(k),

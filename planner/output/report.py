@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from errors.telling import probability_text
 from planner.output.dimension_report import dimension_section, localisation_text
 from planner.output.figure import color_of, figure_views, plan_figure, scene_frame
 from planner.output.setting_report import settings_section, settings_table
@@ -165,7 +166,9 @@ def _figures(plan: InspectionPlan) -> str:
     cells.append((f"{len(plan.inspected)} / {len(plan.entities)}", f"{_named(plan)[1]} inspected"))
     if n:
         worst = min(plan.inspected.values())
-        cells.append((f"{_down(worst, 3)}", f"smallest probability (required {plan.probability:g})"))
+        cells.append(
+            (probability_text(worst, plan.probability), f"smallest probability (required {plan.probability:g})")
+        )
     if n and plan.simulation is not None:
         kinds = plan.simulation.verdicts
         cells.append((f"{kinds[CONFIRMED]} / {sum(kinds.values())}", "stated probabilities confirmed by simulation"))
@@ -292,11 +295,6 @@ def _switched(light: LightPlan) -> str:
     if not light.together:
         return "one of them on at a time"
     return "of one strength and all on together, which was decided at nine points of every edge"
-
-
-def _down(value: float, digits: int) -> str:
-    """Return a number rounded down, so that it does not seem to reach what it misses."""
-    return f"{np.floor(value * 10**digits + 1e-6) / 10**digits:.{digits}f}"
 
 
 def _list(values: Iterable[float], spec: str = ".4g") -> str:

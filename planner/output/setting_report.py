@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from scipy.spatial.transform import Rotation
 
+from errors.telling import probability_text
 from planner.output.figure import color_of
 from planner.output.outlines import drawn
 from planner.output.predicted_image import PictureMaker
@@ -48,7 +49,7 @@ def settings_table(plan: InspectionPlan, named: tuple[str, str]) -> str:
                     "": f'<a href="#setting-{k + 1}">{_swatch(k)}{k + 1}</a>',
                     "n:Position (mm)": position,
                     f"n:{several}": str(len(setting.entities)),
-                    "n:Smallest P": f"{min(probabilities):.4f}",
+                    "n:Smallest P": probability_text(min(probabilities), plan.probability),
                     "Which": escape(", ".join(setting.entities)),
                 }
             )

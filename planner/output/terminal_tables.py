@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from aspectgraph import Rim
+from errors.telling import frequency_text, interval_text, probability_text
 from planner.camera.camera import Camera
 from planner.output.wording import (
     count,
@@ -213,7 +214,12 @@ def print_plan(plan: InspectionPlan) -> None:
     for k, setting in enumerate(plan.settings):
         rates = plan.simulation.rates[k] if plan.simulation else {}
         rows = [
-            (name, *_measured(plan, name), f"{setting.probability[name]:.4f}", _interval(rates.get(name)))
+            (
+                name,
+                *_measured(plan, name),
+                probability_text(setting.probability[name], plan.probability),
+                _interval(rates.get(name)),
+            )
             for name in setting.entities
         ]
         margins = margin_texts(setting.margins)
@@ -246,8 +252,9 @@ def print_simulation(plan: InspectionPlan, result: SimulationResult) -> None:
     )
     for k, rates in enumerate(result.rates):
         for i, (name, rate) in enumerate(rates.items()):
-            interval = f"{rate.low:.4f} .. {rate.high:.4f}"
-            cells = f"{rate.predicted:.4f}", f"{rate.frequency:.4f}", interval, rate.verdict
+            interval = interval_text(rate.low, rate.high, " .. ")
+            predicted = probability_text(rate.predicted, plan.probability)
+            cells = predicted, frequency_text(rate.successes, rate.n), interval, rate.verdict
             table.add_row(str(k + 1) if i == 0 else "", name, *cells, end_section=i == len(rates) - 1)
     _print_settings(console, table)
     for name, reason in plan.uninspectable.items():
@@ -279,7 +286,7 @@ def _interval(rate: SuccessRate | None) -> str:
     if rate is None:
         return ""
     told = "" if rate.verdict == CONFIRMED else f" {rate.verdict}"
-    return f"{rate.frequency:.4f} ({rate.low:.4f} .. {rate.high:.4f}){told}"
+    return f"{frequency_text(rate.successes, rate.n)} ({interval_text(rate.low, rate.high, ' .. ')}){told}"
 
 
 def _vector(values: Iterable[float], separator: str = " ", digits: int = 2) -> str:

@@ -37,6 +37,7 @@ def check_plan(data: Mapping[str, Any]) -> None:
         if "measurements" in setting:
             own = [name for name in setting["entities"] if name in data.get("dimensions", {})]
             _check_keys(setting["measurements"], own, "settings", k, "measurements")
+        _check_windows(setting, k)
         _check_promises(setting, data, k)
     _check_everyone_once(data)
     _check_bound(data)
@@ -135,6 +136,19 @@ def _check_promises(setting: Mapping[str, Any], data: Mapping[str, Any], k: int)
     for name, value in setting["margins"].items():
         if not isinstance(value, Mapping) and value < -_SAME:
             _refuse(field_name("settings", k, "margins", name), "must not be negative: the constraint is met", value)
+
+
+def _check_windows(setting: Mapping[str, Any], k: int) -> None:
+    """Check that every item has a search window, and that the lines that are told of lie in them."""
+    windows = setting.get("search_window_px", {})
+    if "search_window_px" in setting:
+        _check_keys(windows, setting["entities"], "settings", k, "search_window_px")
+    for name, value in setting.get("lines_in_window_px", {}).items():
+        where = field_name("settings", k, "lines_in_window_px", name)
+        if name not in windows:
+            _refuse(where, "must be of an entity with a search window", name)
+        if value > windows[name] + _SAME:
+            _refuse(where, f"must be at most the search window, {windows[name]:g}", value)
 
 
 def _check_everyone_once(data: Mapping[str, Any]) -> None:

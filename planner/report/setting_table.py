@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from errors.telling import frequency_text, interval_text, probability_text
 from planner.report.binding import Nearness, nearest_limits
 from planner.report.tables import budget_bar, cells, heads, permitted, warned
 from planner.rows.measured import Row
@@ -43,7 +44,7 @@ def setting_table(plan: InspectionPlan, told: Sequence[Row], noun: str) -> str:
 
 def _rows(plan: InspectionPlan, one: Row, what: str) -> str:
     """Return the row of an item, and that of what it warns of."""
-    probability = f"{one.probability:.4f}"
+    probability = probability_text(one.probability, plan.probability)
     if one.name in plan.on_grid:
         title = "counted on the pixel grid: the tolerance is under two pixels"
         probability = f'<span title="{title}">{probability} *</span>'
@@ -130,5 +131,5 @@ def _rate(rate: SuccessRate, threshold: float) -> dict[str, str]:
         f'<u style="left:calc({place(rate.predicted):.1f}% - 1px)"></u></span>'
     )
     told = f'<span class="{_STYLES[rate.verdict]}">{escape(rate.verdict)}</span>'
-    interval = f"{rate.low:.4f} to {rate.high:.4f}{bar}"
-    return {"n:Simulated": f"{rate.frequency:.4f}", "Interval": interval, "Verdict": told}
+    interval = f"{interval_text(rate.low, rate.high)}{bar}"
+    return {"n:Simulated": frequency_text(rate.successes, rate.n), "Interval": interval, "Verdict": told}

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from scipy.spatial.transform import Rotation
 
+from errors.telling import probability_text
 from planner.rows.measured import SOURCES, Row
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def _result(row: Row, where: Sequence[int]) -> str:
             "n:Nominal": f"{row.nominal:.6g} {row.unit}",
             "n:Permitted error": permitted(row),
             "Setting": links,
-            "n:P": f"{row.probability:.4f}",
+            "n:P": probability_text(row.probability),
             "n:u": f"{row.standard_uncertainty:.3g} {row.unit}",
             "Budget": budget_bar(row),
         }

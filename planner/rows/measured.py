@@ -10,6 +10,7 @@ import numpy as np
 
 from errors.measurands import Line, Localisation, MeasurandModel, measurand
 from errors.measurands.fitted import is_short
+from errors.telling import frequency_text, probability_text
 from planner.camera.pose import world_to_cam
 from planner.verify.measurements import measurements
 from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, TOLERATED, UNSTATED, SuccessRate
@@ -164,10 +165,10 @@ def _warnings(px: float | None, on_grid: bool, probability: float, rate: Success
         told = f"tolerance of {px:.2g} px, under two pixels"
         found.append(Warned(FINE, told + (": P was counted on the sensor's grid" if on_grid else "")))
     if rate is not None:
-        off = rate.frequency - probability
+        off, drawn = rate.frequency - probability, frequency_text(rate.successes, rate.n)
         if rate.verdict in (CONTRADICTED, TOLERATED, UNSTATED):
-            told = f"simulation gives {rate.frequency:.4f} instead of {probability:.4f}: {rate.verdict}"
+            told = f"simulation gives {drawn} instead of {probability_text(probability)}: {rate.verdict}"
             found.append(Warned(DIFFERS, told))
         elif rate.verdict != CONFIRMED and abs(off) > LARGE_DIFFERENCE:
-            found.append(Warned(BETTER, f"simulation gives {rate.frequency:.4f}, {off:.2g} better than stated"))
+            found.append(Warned(BETTER, f"simulation gives {drawn}, {off:.2g} better than stated"))
     return tuple(found)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from errors.telling import frequency_text, probability_text
 from planner.files import write_text
 
 if TYPE_CHECKING:
@@ -96,10 +97,10 @@ class PlanTables:
         for k, setting in enumerate(self.settings):
             place = ", ".join(f"{c:.1f}" for c in setting.position)
             rates = self.simulation.rates[k].values() if self.simulation is not None else ()
-            drawn = [rate.frequency for rate in rates]
+            worst = min(rates, key=lambda rate: rate.frequency, default=None)
             least = min(setting.probability[name] for name in setting.entities)
-            simulated = f"{min(drawn):.4f}" if drawn else "not yet"
-            lines.append(_line((str(k + 1), place, ", ".join(setting.entities), f"{least:.4f}", simulated)))
+            simulated = "not yet" if worst is None else frequency_text(worst.successes, worst.n)
+            lines.append(_line((str(k + 1), place, ", ".join(setting.entities), probability_text(least), simulated)))
         n, total = len(self.entities) - len(self.uninspectable), len(self.entities)
         settings = "1 setting" if len(self.settings) == 1 else f"{len(self.settings)} settings"
         caption = (

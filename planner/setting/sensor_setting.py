@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from errors.telling import probability_text
 from planner.records.json_file import number
 
 
@@ -22,7 +23,8 @@ class SensorSetting:
     entities : tuple of str
         Names of the inspected entities.
     probability : dict of str to float
-        Per entity, the probability P that its measured length is within the accuracy.
+        Per entity, the probability P that the error of its measured length is at most what the accuracy permits, given
+        a registered image in which it is found.
     margins : dict of str to float
         Per constraint, the smallest margin over the entities; 0 or more is satisfied. The key ends with the unit.
     fitness : float
@@ -37,6 +39,9 @@ class SensorSetting:
         Seed that repeats the run; None if a generator was passed in.
     history : tuple of float
         Best fitness after each generation.
+    lines_in_window_px : dict of str to float
+        Of plans that ask for edges to be found in the image: edges with another visible line where they have to be
+        looked for, and how near it comes, px.
     """
 
     cam2world: np.ndarray
@@ -49,6 +54,7 @@ class SensorSetting:
     message: str
     seed: int | None = None
     history: tuple[float, ...] = ()
+    lines_in_window_px: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         pose = np.array(self.cam2world, dtype=np.float64)
@@ -58,7 +64,7 @@ class SensorSetting:
     def __repr__(self) -> str:
         """Return a one-line summary."""
         place = ", ".join(f"{c:.1f}" for c in self.position)
-        worst = f", smallest probability {min(self.probability.values()):.4f}" if self.probability else ""
+        worst = f", smallest probability {probability_text(min(self.probability.values()))}" if self.probability else ""
         return f"<SensorSetting: {len(self.entities)} entities from ({place}) mm{worst}>"
 
     @property
@@ -85,6 +91,7 @@ class SensorSetting:
             "message": self.message,
             "seed": self.seed,
             "history": list(self.history),
+            **({"lines_in_window_px": dict(self.lines_in_window_px)} if self.lines_in_window_px else {}),
         }
 
     @classmethod

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import astuple, dataclass, fields
 
 import numpy as np
@@ -66,3 +67,14 @@ USUAL = Showing()
 
 NOT_ASKED = Showing(0.0, 0.0, 0.0)
 """The paper's constraints: an edge must not be hidden."""
+
+
+def asks_of_images(requirements: Mapping[str, float]) -> bool:
+    """Return whether the requirements of a plan ask that edges are found in images.
+
+    Parameters
+    ----------
+    requirements : mapping of str to float
+        As `InspectionPlan.requirements`.
+    """
+    return any(requirements.get(one.name, 0.0) > 0 for one in fields(Showing))

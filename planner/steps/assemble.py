@@ -9,6 +9,7 @@ import numpy as np
 from planner.plan import InspectionPlan
 from planner.request.measured import planned_dimensions
 from planner.setting.sensor_setting import SensorSetting
+from planner.steps.lines_in_window import with_lines_in_windows
 from planner.steps.run import Run
 from planner.travel import travel_order
 
@@ -37,7 +38,7 @@ def assembled(
     # a later run may have come across a view of one that had none of its own
     seen = {name for setting in settings for name in setting.entities}
     order = travel_order(np.array([s.cam2world for s in settings]).reshape(-1, 4, 4))
-    return InspectionPlan(
+    found = InspectionPlan(
         settings=tuple(settings[i] for i in order),
         lower_bound=bound,
         bound_proof=proof,
@@ -55,6 +56,7 @@ def assembled(
         requirements=request.requirements.to_dict(),
         unfinished=unfinished,
     )
+    return with_lines_in_windows(found, request)
 
 
 def _reasons(run: Run, unfinished: bool, seen: set[str]) -> Mapping[str, str]:

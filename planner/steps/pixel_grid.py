@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from errors.telling import probability_text
 from planner.camera.pose import world_to_cam
 from planner.columns.candidates import column_seed, judged_poses
 from planner.columns.perturb import perturbed
@@ -131,8 +132,8 @@ def _reason_on_grid(run: Run, name: str, poses: NDArray[np.float64]) -> str:
     best = float(lowered(_frequencies(run, i, feasible)).max(initial=0.0))
     required = run.request.probability
     return (
-        f"probability too low: the best pose found reaches P = {best:.4f}, below the required {required:g} "
-        "(counted on the pixel grid, as the tolerance is under two pixels)."
+        f"probability too low: the best pose found reaches P = {probability_text(best, required)}, below the required "
+        f"{required:g} (counted on the pixel grid, as the tolerance is under two pixels)."
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -13,13 +12,9 @@ from errors.measurands import Line, MeasurandModel
 from planner.camera.camera import Camera
 from planner.camera.imaging import image_of
 from planner.camera.pose import world_to_cam
-from planner.exceptions import PlanFileError
-from planner.records.schema import field_name, shown
 from planner.wanted.planned import PlannedDimension, sample_points
 
 _POINTS = 72
-# a plan may be read on another machine, whose last digits differ
-_SAME = 1e-6
 
 
 @dataclass(frozen=True)
@@ -87,43 +82,6 @@ def measurements_dict(plan: Any, setting: Any) -> dict[str, dict[str, Any]]:
     return {name: asdict(one) for name, one in measurements(plan, setting).items()}
 
 
-def check_measurements(plan: Any, settings: list[Mapping[str, Any]]) -> None:
-    """Refuse measurements in a file that are not those of its dimensions and poses.
-
-    Parameters
-    ----------
-    plan : InspectionPlan
-        What was read.
-    settings : list of mapping
-        The file's settings; those without measurements are left alone.
-
-    Raises
-    ------
-    PlanFileError
-        Names the first wrong field by its path.
-    """
-    for k, (setting, data) in enumerate(zip(plan.settings, settings, strict=True)):
-        if "measurements" in data:
-            where = field_name("settings", k, "measurements")
-            _check_same(where, data["measurements"], measurements_dict(plan, setting))
-
-
-def _check_same(where: str, given: Any, computed: Any) -> None:
-    if isinstance(computed, dict) and isinstance(given, Mapping):
-        for name in [*computed, *given]:
-            if name not in computed or name not in given:
-                rule = "must be given. Got none." if name in computed else "must be of a dimension of the setting."
-                raise PlanFileError(f"{where}.{name} {rule}")
-            _check_same(f"{where}.{name}", given[name], computed[name])
-        return
-    if isinstance(computed, float) and isinstance(given, int | float):
-        same = bool(abs(given - computed) <= _SAME * max(abs(computed), _SAME))
-    else:
-        same = given == computed
-    if not same:
-        raise PlanFileError(f"{where} must be that of the pose, {shown(computed)}. Got {shown(given)}.")
-
-
 def _measurement(plan: Any, setting: Any, name: str) -> Measurement:
     dimension = plan.dimensions[name]
     model = MeasurandModel(
@@ -135,7 +93,7 @@ def _measurement(plan: Any, setting: Any, name: str) -> Measurement:
         permitted_error=dimension.permitted_error,
     )
     told = model.describe(np.linalg.inv(setting.cam2world))
-    points = world_to_cam(_points(dimension), setting.cam2world)
+    points = world_to_cam(dimension_points(dimension), setting.cam2world)
     scale = plan.camera.image_distance_mm / (float(points[:, 2].mean()) * max(plan.camera.pixel_pitch_mm))
     margins = {
         "probability": (setting.probability[name] - plan.probability) / (1 - plan.probability),
@@ -151,8 +109,8 @@ def _measurement(plan: Any, setting: Any, name: str) -> Measurement:
     )
 
 
-def _points(dimension: PlannedDimension) -> NDArray[np.float64]:
-    """Return points (n, 3) of the entities, among them the ends of lines."""
+def dimension_points(dimension: PlannedDimension) -> NDArray[np.float64]:
+    """Return points (n, 3) of a dimension's entities, among them the ends of lines; mm."""
     ends = [np.array([one.p, one.q]) for one in dimension.geometry if isinstance(one, Line)]
     return np.concatenate([*(sample_points(one, _POINTS) for one in dimension.geometry), *ends])
 

@@ -1,0 +1,77 @@
+"""How probabilities are told: rounded to the side that promises nothing, and never as a bare 1."""
+
+from __future__ import annotations
+
+import math
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
+
+# four decimals tell what 10,000 simulated poses can
+_DIGITS = 4
+
+
+def probability_text(value: float, required: float = 0.0) -> str:
+    """Return a probability rounded down; near 1 it is a least value, as no model and no count proves certainty.
+
+    Parameters
+    ----------
+    value : float
+        In [0, 1]; nan is told as such.
+    required : float
+        A probability that the text must be able to tell the value from: beyond 0.999 more than four decimals are kept.
+
+    Returns
+    -------
+    str
+        Such as ``"0.9512"`` or ``"0.9999 or more"``.
+    """
+    if math.isnan(value):
+        return "nan"
+    digits = _DIGITS
+    if 0.0 < 1.0 - required < 1e-3:
+        digits = 1 - math.floor(math.log10(1.0 - required) + 1e-9)
+    unit = Decimal(1).scaleb(-digits)
+    told = min(_rounded(value, digits, ROUND_FLOOR), 1 - unit)
+    return f"{told} or more" if told == 1 - unit else str(told)
+
+
+def frequency_text(successes: int, n: int) -> str:
+    """Return how often a trial succeeded: a share rounded down, and the counts where the share would seem to be 1.
+
+    Parameters
+    ----------
+    successes, n : int
+        Successes among n trials.
+
+    Returns
+    -------
+    str
+        Such as ``"0.9512"`` or ``"10000 of 10000"``.
+    """
+    share = _rounded(successes / n, _DIGITS, ROUND_FLOOR)
+    return str(share) if share < 1 - Decimal(1).scaleb(-_DIGITS) else f"{successes} of {n}"
+
+
+def interval_text(low: float, high: float, between: str = " to ") -> str:
+    """Return an interval of probabilities, rounded outwards; without an upper limit where that rounds to 1.
+
+    Parameters
+    ----------
+    low, high : float
+        Its limits, in [0, 1].
+    between : str
+        What stands between them.
+
+    Returns
+    -------
+    str
+        Such as ``"0.9471 to 0.9551"`` or ``"0.9994 or more"``.
+    """
+    least, most = _rounded(low, _DIGITS, ROUND_FLOOR), _rounded(high, _DIGITS, ROUND_CEILING)
+    if most >= 1:
+        return f"{min(least, 1 - Decimal(1).scaleb(-_DIGITS))} or more"
+    return f"{least}{between}{most}"
+
+
+def _rounded(value: float, digits: int, how: str) -> Decimal:
+    """Return a number with so many decimals; as it is written, so that 0.29 is not rounded down to 0.28."""
+    return Decimal(repr(float(value))).quantize(Decimal(1).scaleb(-digits), rounding=how)
