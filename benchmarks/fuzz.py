@@ -37,7 +37,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--readers", default=",".join(READERS))
     parser.add_argument("--first", type=int, default=0, help="number of the first mutant")
-    parser.add_argument("--mutants", type=int, help="numbers to try of each reader; without it, as many as the time allows")
+    parser.add_argument("--mutants", type=int, help="numbers to try; else what the time allows")
     parser.add_argument("--only", type=int, help="one mutant alone")
     options = parser.parse_args()
     names = options.readers.split(",")
