@@ -1,11 +1,50 @@
-"""Writing files so that a reader never meets half of one: write beside the place, then rename."""
+"""Files: written so that a reader never meets half of one, and read only up to a size."""
 
+import errno
+import io
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import IO
 
 from aspectgraph.exceptions import OutputError
+
+SMALL_FILE_BYTES = 64_000_000
+"""Most of a file that people write: names, dimensions, cameras, lamps. These have kilobytes."""
+LARGE_FILE_BYTES = 1_000_000_000
+"""Most of a file that the package writes: plans, states, graphs. Those of large parts have some ten megabytes."""
+
+
+def read_text(path: str | os.PathLike[str], encoding: str = "utf-8", *, large: bool = False) -> str:
+    """Read a text file of a sensible size; no more of it is ever held.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The file.
+    encoding : str, optional
+    large : bool, optional
+        Allow `LARGE_FILE_BYTES` instead of `SMALL_FILE_BYTES`.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read, or is larger; `strerror` says so.
+    UnicodeDecodeError
+        It holds other bytes.
+    """
+    with open(path, "rb") as file:
+        return io.TextIOWrapper(io.BytesIO(up_to_limit(file, large=large)), encoding=encoding).read()
+
+
+def up_to_limit(file: IO[bytes], *, large: bool) -> bytes:
+    """Return what an open file holds, or raise the `OSError` of :func:`read_text` if that is too much."""
+    most = LARGE_FILE_BYTES if large else SMALL_FILE_BYTES
+    data = file.read(most + 1)
+    if len(data) > most:
+        raise OSError(errno.EFBIG, f"it has more than {most / 1e6:g} MB")
+    return data
 
 
 @contextmanager

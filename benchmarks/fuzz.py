@@ -37,6 +37,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--readers", default=",".join(READERS))
     parser.add_argument("--first", type=int, default=0, help="number of the first mutant")
+    parser.add_argument("--mutants", type=int, help="numbers to try; else what the time allows")
     parser.add_argument("--only", type=int, help="one mutant alone")
     options = parser.parse_args()
     names = options.readers.split(",")
@@ -66,7 +67,7 @@ def main() -> int:
                 finally:
                     signal.alarm(0)
             seed += 1
-            if options.only is not None:
+            if options.only is not None or seed - options.first == options.mutants:
                 break
     for name, count in counts.items():
         told = ", ".join(f"{n} {what}" for what, n in sorted(count.items()))

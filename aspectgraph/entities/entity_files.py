@@ -11,6 +11,7 @@ from typing import Any
 
 from aspectgraph.entities.straight_edges import Entity, resolve_entities
 from aspectgraph.exceptions import EntityError
+from aspectgraph.files import read_text
 from aspectgraph.solid.solid import Solid
 
 if sys.version_info >= (3, 11):
@@ -93,7 +94,7 @@ def _ids(word: str) -> list[int | str]:
 def _read_csv(path: Path) -> dict[str, Any]:
     """Return what the rows of a CSV file name; a first row of words is a heading."""
     try:
-        rows = [row for row in csv.reader(path.read_text(encoding="utf-8-sig").splitlines()) if any(row)]
+        rows = [row for row in csv.reader(read_text(path, "utf-8-sig").splitlines()) if any(row)]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise EntityError(f"entities must name a CSV file that can be read. Got {str(path)!r}: {error}.") from None
     found: dict[str, Any] = {}
@@ -129,7 +130,7 @@ def parse_names(path: Path) -> Any:
         It cannot be read, or is not of its format; the message is the reason alone.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
         return json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
     except OSError as error:
         raise ValueError(error.strerror or str(error)) from error

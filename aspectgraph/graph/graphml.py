@@ -13,7 +13,10 @@ Reference: U. Brandes et al., GraphML progress report, Graph Drawing 2001.
 
 from __future__ import annotations
 
+import bz2
+import errno
 import gzip
+import io
 import json
 import math
 import os
@@ -30,7 +33,7 @@ import networkx as nx
 import numpy as np
 
 from aspectgraph.exceptions import GraphMLError
-from aspectgraph.files import replacing
+from aspectgraph.files import replacing, up_to_limit
 from aspectgraph.graph.partition_surfaces import PartitionSurface
 
 if TYPE_CHECKING:
@@ -105,6 +108,18 @@ def write_graphml(graph: EntityAspectGraph | nx.Graph, path: str | os.PathLike[s
         nx.write_graphml_xml(flat, file)
 
 
+def _content(path: Path) -> bytes:
+    """Return the bytes of a file, unpacked as its ending tells, up to a limit."""
+    packed = {".gz": gzip.open, ".bz2": bz2.open}.get(path.suffix, open)
+    with packed(path, "rb") as file:
+        try:
+            return up_to_limit(file, large=True)
+        except OSError as error:
+            if error.errno != errno.EFBIG:
+                raise
+            raise GraphMLError(f"{path}: must be a graph file of a sensible size. Got: {error.strerror}.") from error
+
+
 def read_graphml(path: str | os.PathLike[str]) -> nx.Graph:
     """Read an aspect graph written by :func:`write_graphml`.
 
@@ -142,7 +157,7 @@ def read_graphml(path: str | os.PathLike[str]) -> nx.Graph:
         # what networkx warns of and guesses, a missing type for one, is never in a file of ours
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            flat = nx.read_graphml(path, node_type=int)
+            flat = nx.read_graphml(io.BytesIO(_content(path)), node_type=int)
     except (ParseError, nx.NetworkXError, EOFError, gzip.BadGzipFile, zlib.error, Warning, *_WRONG_VALUES) as error:
         text = " ".join(str(error).split())[:200]
         raise GraphMLError(f"{path}: must be GraphML with integer node ids. Got {text}.") from error

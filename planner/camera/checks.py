@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from aspectgraph.files import read_text
 from planner.exceptions import CameraError
 
 try:
@@ -22,7 +23,7 @@ _SMALLEST, _LARGEST = 1e-9, 1e9
 def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
     """Return the text of a TOML file and what it says, or raise `CameraError` with file and line."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
         return text, tomllib.loads(text)
     except OSError as error:
         raise CameraError(f"{path}: camera file cannot be read: {error.strerror}.") from None

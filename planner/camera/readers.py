@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from aspectgraph.files import read_text
 from planner.camera.calibration import opencv_fields
 from planner.camera.checks import shown
 from planner.exceptions import CameraError
@@ -143,7 +144,7 @@ def _matrix(fx: float, fy: float, cx: float, cy: float) -> NDArray[np.float64]:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return read_text(path)
     except OSError as error:
         raise CameraError(f"{path}: camera file cannot be read: {error.strerror}.") from None
     except UnicodeDecodeError:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aspectgraph.files import read_text
 from aspectgraph.light.contrast import check_contrast, check_lamps
 from planner.exceptions import RequestError
 from planner.light.lamps import RING, LampBox, LampDome, LampsTogether, check_lamps_given
@@ -99,7 +100,7 @@ def _numbers(text: str, whole: str) -> list[float]:
 
 def _from_file(path: Path) -> Any:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))["lamps"]
+        return tomllib.loads(read_text(path))["lamps"]
     except KeyError:
         raise RequestError(f"{path}: a file of lamps must hold lamps = [[X, Y, Z], ...]. Got no lamps.") from None
     except OSError as error:

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from aspectgraph.files import read_text
 from planner.exceptions import PlanFileError
 
 # files of this package are nested seven deep at most
@@ -36,7 +37,7 @@ def read_json(path: str | os.PathLike[str], what: str) -> Any:
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path, large=True)
         data = json.loads(text, object_pairs_hook=_different_keys)
         _check_depth_and_text(data)
         return data

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from fuzzing import READERS, mutant, outcome
+from fuzzing import OWN, READERS, mutant, outcome
+
+from aspectgraph import ReadLimits, files, read_solid
+from aspectgraph.exceptions import ReadError
 
 MUTANTS = 40
 
@@ -27,6 +30,28 @@ def test_damaged_files_are_read_or_refused(tmp_path, name):
         path.write_bytes(mutant(name, seed, good))
         found.append(outcome(name, path))
     assert found.count("refused") > MUTANTS / 3
+
+
+@pytest.mark.parametrize("name", [name for name in READERS if READERS[name].read is not read_solid])
+def test_every_reader_has_a_limit_of_size(tmp_path, monkeypatch, name):
+    path, good = tmp_path / name, READERS[name].good()
+    path.write_bytes(good)
+    if name == "part.step":
+        with pytest.raises(ReadError, match=r"must have at most file_mb=0\.001 MB"):
+            read_solid(path, limits=ReadLimits(file_mb=0.001))
+        return
+    monkeypatch.setattr(files, "SMALL_FILE_BYTES", len(good) - 1)
+    monkeypatch.setattr(files, "LARGE_FILE_BYTES", len(good) - 1)
+    with pytest.raises(OWN, match=r"it has more than .* MB"):
+        READERS[name].read(path)
+
+
+@pytest.mark.parametrize("name", [name for name in READERS if READERS[name].read is read_solid])
+def test_every_mesh_has_a_limit_of_size(tmp_path, name):
+    path, good = tmp_path / name, READERS[name].good()
+    path.write_bytes(good)
+    with pytest.raises(ReadError, match=r"must have at most file_mb=0\.0001 MB"):
+        read_solid(path, limits=ReadLimits(file_mb=0.0001))
 
 
 def test_mutants_are_the_same_everywhere():
