@@ -110,9 +110,8 @@ def write_graphml(graph: EntityAspectGraph | nx.Graph, path: str | os.PathLike[s
 
 def _content(path: Path) -> bytes:
     """Return the bytes of a file, unpacked as its ending tells, up to a limit."""
-    readers: dict[str, Any] = {".gz": gzip.open, ".bz2": bz2.open}
-    packed = readers.get(path.suffix, open)
-    with packed(path, "rb") as file:
+    packed: dict[str, Callable[..., Any]] = {".gz": gzip.open, ".bz2": bz2.open}
+    with packed.get(path.suffix, open)(path, "rb") as file:
         try:
             return up_to_limit(file, large=True)
         except OSError as error:

@@ -244,6 +244,12 @@ def signed_dihedrals_deg(
     """Return the signed turn of the normal across each edge in degrees, shape (m,); see `Edge`."""
     before, after = normals[edge_faces[:, 0]], normals[edge_faces[:, 1]]
     along = vertices[edge_vertices[:, 1]] - vertices[edge_vertices[:, 0]]
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    if not length.all():
+        # the squares of a length below 1e-162 are zero
+        least = length[:, 0] == 0.0
+        along[least] /= np.abs(along[least]).max(axis=1, keepdims=True)
+        length[least] = np.linalg.norm(along[least], axis=1, keepdims=True)
+    along /= length
     sine = np.einsum("ij,ij->i", np.cross(before, after), along)
     return np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", before, after)))
