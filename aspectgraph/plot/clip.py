@@ -57,11 +57,14 @@ def clip_polygon(corners: np.ndarray, half_spaces: np.ndarray) -> np.ndarray:
         height[np.abs(height) < _ON] = 0.0
         if (height <= 0).all():
             continue
-        after, height_after = np.roll(corners, -1, axis=0), np.roll(height, -1)
+        # by hand, as np.roll and np.stack take longer than all the rest of so few corners
+        after, height_after = np.concatenate([corners[1:], corners[:1]]), np.concatenate([height[1:], height[:1]])
         crossed = height * height_after < 0
         share = np.where(crossed, height / np.where(crossed, height - height_after, 1.0), 0.0)
-        both = np.stack([corners, corners + share[:, None] * (after - corners)], axis=1)
-        corners = both[np.stack([height <= 0, crossed], axis=1)]
+        both, kept = np.empty((2 * len(corners), corners.shape[1])), np.empty(2 * len(corners), bool)
+        both[::2], both[1::2] = corners, corners + share[:, None] * (after - corners)
+        kept[::2], kept[1::2] = height <= 0, crossed
+        corners = both[kept]
     return corners
 
 
@@ -183,6 +186,8 @@ def _solid_faces(solid: Solid, key: tuple[float, ...], size: float) -> shapely.G
     first = solid.vertices[[face.outer[0] for face in solid.faces]]
     parallel = np.abs(np.abs(solid.normals @ normal) - 1.0) < _PARALLEL
     in_plane = np.flatnonzero(parallel & (np.abs(first @ normal + offset) < 10 * _SNAP * size))
+    if not len(in_plane):
+        return shapely.MultiPolygon()
     axes = plane_axes(normal)
     corners = [solid.vertices[triangle] @ axes.T for face in in_plane for triangle in solid.face_triangles[face]]
     return polygon_union([shapely.Polygon(triangle) for triangle in corners], _SNAP * size)

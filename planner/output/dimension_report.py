@@ -46,7 +46,8 @@ def dimension_section(plan: InspectionPlan) -> str:
     order = list(plan.entities)
     rows.sort(key=lambda row: order.index(row[0]))
     return (
-        f'<h2>Dimensions</h2><div class="scroll"><table id="dimensions"><tr>{_HEAD}</tr>'
+        '<h2 id="tolerances">Dimensions and their tolerances</h2>'
+        f'<div class="scroll"><table id="dimensions"><tr>{_HEAD}</tr>'
         f"{''.join(html for _, html in rows)}</table></div>"
         + "".join(f'<p class="note">{escape(text)}</p>' for text in _notes(plan))
     )

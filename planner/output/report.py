@@ -78,6 +78,7 @@ def report_html(
 
     figure = plan_figure(plan, space.solid, space)
     picture, domains = _graph(plan, graph)
+    dimensions = dimension_section(plan)
     views, rows = figure_views(plan, space.solid), measured_rows(plan)
     template = Template(resources.files("planner.output").joinpath("report.html").read_text(encoding="utf-8"))
     return template.substitute(
@@ -104,7 +105,8 @@ def report_html(
         csv=download(plan.to_csv(), "measurements.csv", "measurements.csv"),
         robot=robot(plan),
         meaning=_meaning(plan),
-        dimensions=dimension_section(plan),
+        dimensions=dimensions,
+        to_dimensions='<a href="#tolerances">Dimensions</a>' if dimensions else "",
         singular=_named(plan)[0],
         plural=_named(plan)[1],
         summary=settings_table(plan, _named(plan)),

@@ -39,15 +39,16 @@ def setting_table(plan: InspectionPlan, told: Sequence[Row], noun: str) -> str:
     names = [noun.capitalize(), f"n:{what}", "n:Permitted error", "Budget", "n:P"]
     names += ["n:Simulated", "Interval", ""] if simulated else []
     rows = "".join(_rows(plan, one, what) for one in told)
-    return f'<table class="stack">{heads(names)}<tbody>{rows}</tbody></table>'
+    counted = any(one.name in plan.on_grid for one in told)
+    note = '<p class="note">* counted on the sensor\'s pixel grid, as the tolerance is under two pixels.</p>'
+    return f'<table class="stack">{heads(names)}<tbody>{rows}</tbody></table>{note if counted else ""}'
 
 
 def _rows(plan: InspectionPlan, one: Row, what: str) -> str:
     """Return the row of an item, and that of what it warns of."""
     probability = probability_text(one.probability, plan.probability)
     if one.name in plan.on_grid:
-        title = "counted on the pixel grid: the tolerance is under two pixels"
-        probability = f'<span title="{title}">{probability} *</span>'
+        probability += " *"
     values = {
         "": escape(one.name),
         f"n:{what}": _value(plan, one.name),

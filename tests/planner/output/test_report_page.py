@@ -165,3 +165,21 @@ def test_a_phone_shows_it_without_scrolling_aside(browser, file):
     assert phone.requests == []
     assert phone.complaints == []
     phone.close()
+
+
+def test_a_plan_of_nothing_is_shown_too(browser, tmp_path):
+    name = "-z+y"
+    nothing = plan(
+        settings=(),
+        entities={name: SPACE.entities[name].endpoints},
+        uninspectable={name: "unobservable"},
+        lower_bound=0,
+    )
+    path = tmp_path / "report.html"
+    path.write_text(report_html(nothing, SPACE), encoding="utf-8")
+    shown = browser.page(path, 1400, 900)
+    shown.wait("document.body.dataset.ready === 'yes'")
+    assert shown.complaints == []
+    # part and what is not inspected
+    assert "not inspected" in shown.run("plan3d.data.map((one) => one.name)")
+    shown.close()

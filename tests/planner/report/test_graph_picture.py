@@ -66,7 +66,7 @@ def test_cameras_are_told_where_they_stand(graph):
     nodes = graph.domain_of([one.position for one in found.settings])
     for k, node in enumerate(nodes):
         assert re.search(rf'<g data-domain="{node}".*?<text[^>]*>[\d, ]*{k + 1}', picture.svg)
-        assert re.search(rf"Camera [\d, ]*{k + 1}", told[str(node)]["text"])
+        assert re.search(rf"Cameras? (is|are) in it: [\d, ]*{k + 1}", told[str(node)]["text"])
     assert circles[nodes[0]][3] == COLORS[0]
     grey = [node for node in circles if not set(graph.graph.nodes[node]["observable"]) >= {"+z+x"}]
     assert {circles[node][3] for node in grey} == {"#c3cbd4"}
@@ -102,6 +102,27 @@ def test_of_a_large_graph_ways_between_cameras_and_the_largest_are_drawn(graph, 
     assert nx.is_connected(graph.graph.subgraph(circles))
     assert set(graph.domain_of([one.position for one in box_plan().settings])) <= set(circles)
     assert f"4 of {len(graph.graph)} viewing domains" in picture.note
+
+
+def test_surfaces_are_left_out_where_there_is_no_time_but_of_domains_with_cameras_last(graph, monkeypatch):
+    found = box_plan()
+    standing = {str(node) for node in graph.domain_of([one.position for one in found.settings])}
+    cells = graph.graph.nodes(data="n_cells")
+    monkeypatch.setattr(room, "MOST_CELLS", sum(cells[int(node)] for node in standing))
+    told = json.loads(graph_picture(found, graph, BOX, COLORS).domains)
+    assert {node for node, one in told.items() if one["i"]} == standing
+    left_out = [one["text"] for node, one in told.items() if node not in standing]
+    assert left_out
+    assert all(text.endswith("It consists of too many cells to be shown.") for text in left_out)
+
+
+def test_a_domain_beyond_the_picture_is_said_to_be_there(graph):
+    # below the part, where no camera is
+    below = np.array([[200.0, 200.0, -700.0], [400.0, 300.0, -200.0]])
+    told = json.loads(graph_picture(box_plan(), graph, below, COLORS).domains)
+    hidden = {node for node, one in told.items() if one["text"].endswith("It lies outside of the picture.")}
+    assert hidden == {node for node, one in told.items() if not one["i"]}
+    assert hidden >= {str(node) for node in graph.domain_of([one.position for one in box_plan().settings])}
 
 
 def test_names_cannot_end_the_script_that_holds_them():
