@@ -13,6 +13,8 @@ from planner.steps.incumbents import IMPROVING, Incumbents
 from planner.steps.pixel_grid import COUNTED, count_on_grid, decided_on_grid
 from planner.steps.run import Run
 
+# entities without a view are tried so many at a time: whole numbers of what several processes take at once
+_AT_A_TIME = 8
 _SAMPLED, _PRICED, _PROVEN = "candidate poses", "column generation", "lower bound"
 
 
@@ -30,7 +32,7 @@ def find_columns(run: Run, incumbents: Incumbents) -> None:
     incumbents.sampled(run)
     if last is None or last["step"] == _SAMPLED:
         # before the columns are improved, so that others can join what is hard to inspect
-        run.uninspectable = _try_alone(run)
+        run.uninspectable = _try_alone(run, incumbents)
         if on_grid := decided_on_grid(run):
             count_on_grid(run, on_grid)
             incumbents.forget()
@@ -49,13 +51,20 @@ def _sample(run: Run) -> None:
         report(run.progress, k + 1, len(names), _SAMPLED)
 
 
-def _try_alone(run: Run) -> dict[str, str]:
-    """Give entities that no pose inspects a run of their own; return the reasons of those that fail."""
+def _try_alone(run: Run, incumbents: Incumbents) -> dict[str, str]:
+    """Give entities that no pose inspects a run of their own; return the reasons of those that fail.
+
+    What some of them add to the plan is offered before the others are tried, as each takes seconds.
+    """
     missing = [name for i, name in enumerate(run.names) if not run.pool.membership[:, i].any()]
     reasons = {}
-    for name, outcome in zip(missing, run.realise([(name,) for name in missing]), strict=True):
-        if name not in run.accept(outcome):
-            reasons[name] = outcome.reason_at(run.request.probability)
+    for first in range(0, len(missing), _AT_A_TIME):
+        some = missing[first : first + _AT_A_TIME]
+        for name, outcome in zip(some, run.realise([(name,) for name in some]), strict=True):
+            if name not in run.accept(outcome):
+                reasons[name] = outcome.reason_at(run.request.probability)
+        if len(reasons) < first + len(some):
+            incumbents.offer(run)
     return reasons
 
 
