@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from errors.telling import probability_text
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import PlanFileError, PlannerError
@@ -129,6 +128,8 @@ class InspectionPlan(PlanTables):
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
+        from errors.telling import probability_text
+
         settings = f"{len(self.settings)} settings (at least {self.lower_bound} needed)"
         inspected = self.inspected
         worst = f", smallest probability {probability_text(min(inspected.values()))}" if inspected else ""

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from aspectgraph.files import read_text
 from planner.exceptions import CameraError
 
 try:
@@ -22,6 +21,8 @@ _SMALLEST, _LARGEST = 1e-9, 1e9
 
 def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
     """Return the text of a TOML file and what it says, or raise `CameraError` with file and line."""
+    from aspectgraph.files import read_text
+
     try:
         text = read_text(path)
         return text, tomllib.loads(text)

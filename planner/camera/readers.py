@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.files import read_text
 from planner.camera.calibration import opencv_fields
 from planner.camera.checks import shown
 from planner.exceptions import CameraError
@@ -143,6 +142,8 @@ def _matrix(fx: float, fy: float, cx: float, cy: float) -> NDArray[np.float64]:
 
 
 def _text(path: Path) -> str:
+    from aspectgraph.files import read_text
+
     try:
         return read_text(path)
     except OSError as error:

@@ -87,11 +87,12 @@ class Pair:
 
 @dataclass
 class Demands:
-    """All pairs of settings and what they measure, and the regions they name."""
+    """All pairs of settings and what they measure, the regions they name, and the edges of those that are lengths."""
 
     pairs: list[Pair] = field(default_factory=list)
     entities: dict[str, Entity] = field(default_factory=dict)
     silhouettes: dict[str, Silhouettes] = field(default_factory=dict)
+    edge_ids: list[tuple[int, ...]] = field(default_factory=list)
 
     def region(self, name: str, entity: Entity, silhouettes: Silhouettes) -> str:
         """Return the name of a light region, a new one if it was not asked for before."""
@@ -146,6 +147,7 @@ def demands_of(plan: Planned, solid: Solid, scene: RayScene, ground: str) -> Dem
                     behind += own
                     regions.append(found.region(name, entity, seen))
             found.pairs.append(Pair(k, name, tuple(dict.fromkeys(regions)), some, tuple(behind)))
+            found.edge_ids.append(() if name in plan.dimensions else parts[name][0].edge_ids)
     return found
 
 

@@ -15,6 +15,7 @@ from aspectgraph.solid.ray_scene import RayScene
 from planner.cover.set_cover import min_cover
 from planner.exceptions import RequestError
 from planner.light.background import DEFAULT_STEP
+from planner.light.corner_light import corners_of
 from planner.light.demands import Demands, Planned, demands_of
 from planner.light.fewest import Jobs, Search
 from planner.light.lamps import LampSpace, LampsTogether, check_lamps_given
@@ -50,7 +51,8 @@ def plan_light(
     The part is matt and of one albedo, lamps are points, and no face lights another; polished metal is another matter.
     Where the camera sees both faces of an edge, the lamp must light all of it with the contrast between the faces.
     Where it sees one, the edge is a silhouette: that face must be lit, and be brighter or darker by the contrast than
-    what is seen beside it; this is checked by rays at nine points of the edge.
+    what is seen beside it; this is checked by rays at nine points of the edge. Where the plan asks for corners, another
+    line must show at each end.
 
     Of lamps that are on together (`LampsTogether`), light adds up. Then this is decided at nine points of every edge,
     for lamps of one strength; see `planner.light.together`.
@@ -111,7 +113,8 @@ def plan_light(
     off = max(tolerance_mm, plan.requirements.get("visibility_radius_mm", 0.0)) if given is None else tolerance_mm
     light = _regions(solid, demands, least, _workspace(solid, room, off), progress)
     clearance = 0.0 if given is None or isinstance(given, np.ndarray) else given.clearance_mm
-    served = Served(light, scene, demands.pairs, least, step, clearance, off)
+    corners = corners_of(plan, solid, [(pair.setting, pair.name) for pair in demands.pairs], demands.edge_ids)
+    served = Served(light, scene, demands.pairs, least, step, clearance, off, corners)
     work = _Work(served, len(plan.settings), ground)
     if given is None:
         return _ring(work, eyes)
@@ -278,7 +281,7 @@ def _all_on(work: _Work, given: LampSpace | NDArray[np.float64]) -> LightPlan:
     # those that show most alone first, where there are too many
     order = np.argsort(-(served.contrast > 0).sum(axis=1), kind="stable")
     places = served.places if fixed else served.places[np.sort(order[:_TOGETHER_PLACES])]
-    sets = LampSets(served.scene, sites_of(served.light, served.pairs), places, served.offsets)
+    sets = LampSets(served.scene, sites_of(served.light, served.pairs), places, served.offsets, served.corners_under)
     found = fewest_together(sets, served.least, served.least_step)
     lit = [i for i in every if found.contrast[i] > 0]
     told = "of the given lamps" if fixed else f"of {len(places)} places in {given}"
@@ -340,6 +343,7 @@ def _why_dark(served: Served, i: int) -> str:
     even = raw < served.least
     weak = ~even & (steps < served.least_step)
     behind = ", or no contrast with what is behind" if pair.backdrops else ""
+    behind += ", or no other line at an end" if served.corners is not None and i in served.corners.pair else ""
     return (
         f"none of {n} lamps shows it: {even.sum()} with a contrast under {served.least:g}, {weak.sum()} with a step "
         f"under {served.least_step:g}, {n - (even | weak).sum()} not lighting all of it{behind}."

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.light.background import backdrop_contrasts, edge_steps
+from planner.light.corner_light import Corners
 from planner.light.demands import Pair
 from planner.light.lamps import LampSpace
 
@@ -44,6 +45,8 @@ class Served:
         Places nearer to the part are left out.
     tolerance_mm : float
         How far lamps may be off: all must show from 26 places so far around, too.
+    corners : Corners, optional
+        Lines of which one must show at each end.
     """
 
     light: LightRegions | None
@@ -53,6 +56,7 @@ class Served:
     least_step: float
     clearance_mm: float = 0.0
     tolerance_mm: float = 0.0
+    corners: Corners | None = None
     places: Array = field(default_factory=lambda: np.empty((0, 3)))
     contrast: Array = field(init=False)
     step: Array = field(init=False)
@@ -102,6 +106,10 @@ class Served:
                 contrast[some, k] = np.minimum(contrast[some, k], behind[0])
                 step[some, k] = np.minimum(step[some, k], behind[1])
         shown = (contrast >= self.least) & (step >= self.least_step)
+        rows = np.flatnonzero(shown.any(axis=1))
+        if self.corners is not None and rows.size:
+            each, limits = np.arange(rows.size)[:, None], (self.least, self.least_step)
+            shown[rows] &= self.corners.shown(self.scene, places[rows], each, limits, len(self.pairs))
         return np.where(shown, contrast, 0.0), np.where(shown, step, 0.0)
 
     def _region(self, name: str, places: Array) -> tuple[Array, Array]:
@@ -111,6 +119,12 @@ class Served:
         found = np.zeros(len(places))
         found[inside] = np.abs(self.light.contrasts(places[inside], [name])[:, 0])
         return found, self.steps(name, places)
+
+    def corners_under(self, places: Array, sets: NDArray[np.int_]) -> NDArray[np.bool_]:
+        """Return which pairs (n, pairs) have a line that shows at both ends under sets (n, size) of lamps."""
+        if self.corners is None:
+            return np.ones((len(sets), len(self.pairs)), dtype=bool)
+        return self.corners.shown(self.scene, places, sets, (self.least, self.least_step), len(self.pairs))
 
     def steps(self, name: str, places: Array) -> Array:
         """Return the step (n,) of a region's entity, without shadows."""

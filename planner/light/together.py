@@ -11,7 +11,7 @@ have it under all of them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, islice
 from math import comb
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from planner.light.demands import Pair
 
 Array = NDArray[np.float64]
+
+Besides = Callable[[Array, NDArray[np.int_]], NDArray[np.bool_]]
 
 # sets that are tried, of one size after the other
 _MOST_SETS = 60_000
@@ -122,10 +124,14 @@ class LampSets:
         Of the lamps, mm.
     offsets : array (k, 3)
         Places of a lamp relative to where it should be, mm; each may be at any of them.
+    besides : callable, optional
+        ``besides(places, sets)`` returns which pairs (n, pairs) meet what else is asked of them.
     """
 
-    def __init__(self, scene: RayScene, sites: Sites, places: Array, offsets: Array) -> None:
-        self._sites, self.n = sites, len(places)
+    def __init__(
+        self, scene: RayScene, sites: Sites, places: Array, offsets: Array, besides: Besides | None = None
+    ) -> None:
+        self._sites, self.n, self._places, self._besides = sites, len(places), places, besides
         # (with the fall of light and without, lamps, sites), at least and at most
         self._low = self._high = np.stack(_irradiances(scene, sites, places + offsets[0]))
         for off in offsets[1:]:
@@ -144,6 +150,9 @@ class LampSets:
         for first in range(0, n, block):
             some = slice(first, first + block)
             contrast[some], step[some] = self._shown(sets[some])
+        if self._besides is not None:
+            rows = np.flatnonzero((contrast > 0).any(axis=1))
+            contrast[rows] *= self._besides(self._places, sets[rows])
         return contrast, step
 
     def _shown(self, sets: NDArray[np.int_]) -> tuple[Array, Array]:

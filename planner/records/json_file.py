@@ -13,7 +13,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from aspectgraph.files import read_text
 from planner.exceptions import PlanFileError
 
 # files of this package are nested seven deep at most
@@ -35,6 +34,8 @@ def read_json(path: str | os.PathLike[str], what: str) -> Any:
         If the file cannot be read or is not JSON in UTF-8; the message names the file and, for malformed JSON, line and
         column.
     """
+    from aspectgraph.files import read_text
+
     path = Path(path)
     try:
         text = read_text(path, large=True)

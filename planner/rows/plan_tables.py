@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from errors.telling import frequency_text, probability_text
 from planner.files import write_text
 
 if TYPE_CHECKING:
@@ -92,6 +91,8 @@ class PlanTables:
 
     def _repr_html_(self) -> str:
         """Return a table of the settings, as notebooks show it; see also `plan_figure` for the plan in 3-D."""
+        from errors.telling import frequency_text, probability_text
+
         head = ("", "camera at (mm)", "entities", "smallest P", "simulated")
         lines = [_line(head, "th")]
         for k, setting in enumerate(self.settings):

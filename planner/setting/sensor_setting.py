@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from errors.telling import probability_text
 from planner.records.json_file import number
 
 
@@ -63,6 +62,8 @@ class SensorSetting:
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
+        from errors.telling import probability_text
+
         place = ", ".join(f"{c:.1f}" for c in self.position)
         worst = f", smallest probability {probability_text(min(self.probability.values()))}" if self.probability else ""
         return f"<SensorSetting: {len(self.entities)} entities from ({place}) mm{worst}>"

@@ -77,7 +77,7 @@ def arms_of(contours: Contours, relations: NDArray[np.uint8], ends: Array, asked
 
 def corner_arms(
     cam2world: Array, pairs: NDArray[np.int64], scale: Array, contours: Contours, arms: Arms
-) -> tuple[Array, Array, NDArray[np.int64], NDArray[np.bool_]]:
+) -> tuple[Array, Array, NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
     """Return what leaves the ends of entities in the image, as far as an edge's own two faces do not hide it.
 
     Parameters
@@ -101,6 +101,8 @@ def corner_arms(
         Number of the pair, doubled, and the end.
     wide : array of bool (q,)
         As of the arms.
+    arm : array of int (q,)
+        Their numbers.
     """
     order = np.argsort(arms.entity, kind="stable")
     begin = np.searchsorted(arms.entity[order], pairs[:, 1])
@@ -120,7 +122,7 @@ def corner_arms(
     share = share * corner[:, 2] / ((1 - share) * tip[:, 2] + share * corner[:, 2])
     places = arms.corner[arm] + share[:, None] * (arms.tip[arm] - arms.corner[arm])
     angles = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
-    return angles, places, 2 * pair + arms.end[arm], arms.wide[arm]
+    return angles, places, 2 * pair + arms.end[arm], arms.wide[arm], arm
 
 
 def _shown(contours: Contours, contour: NDArray[np.int64], eyes: Array) -> NDArray[np.bool_]:

@@ -152,7 +152,7 @@ class ImageCheck:
         return apart
 
     def _corners(self, cam2world: Array, pairs: Pairs) -> Array:
-        angles, places, of, wide = corner_arms(cam2world, pairs, self._scale, self._contours, self._arms)
+        angles, places, of, wide, _ = corner_arms(cam2world, pairs, self._scale, self._contours, self._arms)
         visible = self._visible(cam2world[pairs[of // 2, 0], :3, 3], places)
         of, angles, wide = of[visible], angles[visible], wide[visible]
         # per end: a visible line far enough from the edge's own, and none too near to the edge
