@@ -1,4 +1,4 @@
-.PHONY: demo test lint docs wheel fuzz setup-demo setup-test setup-docs clean
+.PHONY: demo test lint docs wheel fuzz sbom setup-demo setup-test setup-docs clean
 VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO_OUT ?= demo-output
@@ -39,6 +39,9 @@ FUZZ_SECONDS ?= 600
 
 fuzz: setup-test
 	$(BIN)/python benchmarks/fuzz.py --seconds $(FUZZ_SECONDS)
+
+sbom: setup-test
+	$(BIN)/python .ci/supply.py sbom build/sbom.cdx.json
 
 clean:
 	rm -rf $(DEMO_OUT) build site *.egg-info
