@@ -3,7 +3,8 @@
 Usage: python .ci/supply.py licences|advisories|sbom [FILE]
 
 ``licences`` fails for a package whose licence is not on the list. ``advisories`` asks pip-audit about the pinned
-packages, fails for what it finds, and says so where the service is not reached or does not know the packages. ``sbom`` writes CycloneDX 1.5 as JSON.
+packages, fails for what it finds, and says so where the service is not reached or does not know the packages. ``sbom``
+writes CycloneDX 1.5 as JSON.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from importlib.metadata import Distribution
 from pathlib import Path
 
 ALLOWED = re.compile(
-    r"(Apache([- ]2\.0| Software License)|BSD( License|-[23]-Clause)?|0BSD|MIT( License|-CMU|-0)?|ISC( License \(ISCL\))?"
-    r"|Zlib|CC0-1\.0|Unlicense|PSF-2\.0|Python(-2\.0| Software Foundation License)|Public Domain"
+    r"(Apache([- ]2\.0| Software License)|BSD( License|-[23]-Clause)?|0BSD|MIT( License|-CMU|-0)?|Zlib"
+    r"|ISC( License \(ISCL\))?|CC0-1\.0|Unlicense|PSF-2\.0|Python(-2\.0| Software Foundation License)|Public Domain"
     r"|MPL-2\.0|Mozilla Public License 2\.0 \(MPL 2\.0\)|HPND)( WITH LLVM-exception)?"
 )
 """Compatible with Apache-2.0 for a library that is used unchanged."""
