@@ -1,4 +1,4 @@
-.PHONY: demo test lint docs wheel fuzz setup-demo setup-test setup-docs clean
+.PHONY: demo test lint docs wheel fuzz coverage sbom setup-demo setup-test setup-docs clean
 VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO_OUT ?= demo-output
@@ -39,6 +39,21 @@ FUZZ_SECONDS ?= 600
 
 fuzz: setup-test
 	$(BIN)/python benchmarks/fuzz.py --seconds $(FUZZ_SECONDS)
+
+# compiled loops are counted in a second pass, uncompiled, by tests that are quick without the compiler
+UNCOMPILED := tests/planner/cover tests/errors/test_errors_quantization.py tests/errors/test_errors_expansion.py \
+    tests/planner/bound/test_excluded_pairs.py tests/planner/bound/test_least_image.py
+
+coverage:
+	@VENV=$(VENV) .ci/setup coverage
+	$(BIN)/coverage erase
+	$(BIN)/coverage run -m pytest
+	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest $(UNCOMPILED)
+	$(BIN)/coverage combine --quiet
+	$(BIN)/coverage report --skip-covered --sort=miss
+
+sbom: setup-test
+	$(BIN)/python .ci/supply.py sbom build/sbom.cdx.json
 
 clean:
 	rm -rf $(DEMO_OUT) build site *.egg-info

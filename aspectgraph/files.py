@@ -34,6 +34,10 @@ def read_text(path: str | os.PathLike[str], encoding: str = "utf-8", *, large: b
     UnicodeDecodeError
         It holds other bytes.
     """
+    try:
+        os.fsencode(path)
+    except UnicodeEncodeError as error:
+        raise OSError(errno.EINVAL, "half a character is no name of a file") from error
     with open(path, "rb") as file:
         return io.TextIOWrapper(io.BytesIO(up_to_limit(file, large=large)), encoding=encoding).read()
 

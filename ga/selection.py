@@ -70,7 +70,8 @@ def spin(weights: np.ndarray, positions: np.ndarray) -> np.ndarray:
         Index of the slot at each position; a slot is closed on its left and open on its right, so one of zero width
         is never met.
     """
-    edges = np.cumsum(weights)
+    # the power of two changes no share, and keeps the least of weights apart
+    edges = np.cumsum(np.ldexp(weights, -np.frexp(weights.max())[1]))
     slots = np.searchsorted(edges, positions * edges[-1], side="right")
     # A position just below 1 may round up to the very end of the wheel.
     result: np.ndarray = np.minimum(slots, np.flatnonzero(weights)[-1])

@@ -27,6 +27,8 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
     path = Path(path)
     try:
         handle, temporary = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
+    except UnicodeEncodeError:
+        raise OutputError(f"path must be the name of a file. Got {str(path)!r} with half a character.") from None
     except OSError as error:
         raise OutputError(f"{path} must be in a folder that can be written. Got: {error.strerror}.") from None
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import os
 import tempfile
 import zlib
 from collections.abc import Iterator, Sequence
@@ -86,7 +87,8 @@ def read_solid(
     packed = path.suffix.lower() == ".gz"
     plain_name = path.stem if packed else path.name
     suffix = Path(plain_name).suffix.lower()
-    name = Path(plain_name).stem
+    # names of files need not be Unicode, but what is written with them must be
+    name = os.fsencode(Path(plain_name).stem).decode("utf-8", "backslashreplace")
     _check_tolerances(chord_tolerance_mm, angular_tolerance_deg, planarity_mm, gap_mm)
     if suffix in STEP_SUFFIXES:
         _check_units(units, path)

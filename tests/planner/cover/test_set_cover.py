@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from planner.cover import set_cover
 from planner.cover.relaxation import fractional_cover
 from planner.cover.set_cover import distinct_rows, greedy_cover, is_cover, maximal_columns, min_cover
 from planner.exceptions import CoverError
@@ -92,3 +93,11 @@ def test_distinct_rows_are_those_of_numpy(membership):
     assert np.array_equal(membership[first][kind], membership)
     assert len(first) == len({row.tobytes() for row in membership})
     assert all((membership[:i] != membership[i]).any(axis=1).all() for i in first)
+
+
+@pytest.mark.parametrize(
+    ("cost", "count"), [(0.3, 1), (1.0, 1), (2.4, 2), (2.4 + 1e-10, 2), (2.41, 3), (np.inf, 1), (None, 1)]
+)
+def test_a_bound_on_the_cost_bounds_the_count(cost, count):
+    # of four entities, k columns cost at most k + 0.5 * 4 / 5
+    assert set_cover._bound_on_count(cost, 4) == count

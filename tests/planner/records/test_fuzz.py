@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import os
+from dataclasses import replace
+
 import pytest
 from fuzzing import OWN, READERS, mutant, outcome
+from plan_examples import plan
 
 from aspectgraph import ReadLimits, files, read_solid
 from aspectgraph.exceptions import ReadError
+from planner.plan import read_plan
 
 MUTANTS = 40
 
 # mutants that once ended otherwise
 KEPT = {
-    "binary.ply": (1604,),
+    "binary.ply": (1604, 4350),
     "entities.toml": (1292, 1308, 1504),
     "entities.json": (129, 1136, 1385, 1996),
     "entities.csv": (1325,),
@@ -53,6 +58,22 @@ def test_every_mesh_has_a_limit_of_size(tmp_path, name):
     path.write_bytes(good)
     with pytest.raises(ReadError, match=r"must have at most file_mb=0\.0001 MB"):
         read_solid(path, limits=ReadLimits(file_mb=0.0001))
+
+
+def test_a_part_whose_name_is_no_unicode_has_a_name_that_can_be_written(tmp_path):
+    path = tmp_path / os.fsdecode(b"part\xff\xed\xa0\x80.off")
+    path.write_bytes(READERS["part.off"].good())
+    name = read_solid(path).name
+    assert name == r"part\xff\xed\xa0\x80"
+    replace(plan(), part=name).write(tmp_path / "plan.json")
+    assert read_plan(tmp_path / "plan.json").part == name
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_half_a_character_is_no_name_of_a_file(tmp_path, name):
+    before, after = name.split(".")
+    with pytest.raises((*OWN, FileNotFoundError)):
+        READERS[name].read(tmp_path / f"{before}\ud800.{after}")
 
 
 def test_mutants_are_the_same_everywhere():
