@@ -221,7 +221,8 @@ def _ring(work: _Work, eyes: NDArray[np.float64]) -> LightPlan:
 
 
 def _before(served: Served, i: int) -> str:
-    return " before what is behind" if served.pairs[i].backdrops else ""
+    told = " before what is behind" if served.pairs[i].backdrops else ""
+    return told + (", or another line at an end" if served.needs_corners(i) else "")
 
 
 def _fixed(work: _Work) -> LightPlan:
@@ -250,7 +251,8 @@ def _placed(work: _Work, space: LampSpace) -> LightPlan:
             if not (served.contrast[:, i] > 0).any():
                 told = "lights all of it" if not served.pairs[i].silhouette else "lights its seen face"
                 proven = "no place in" if none else "no place that was found in"
-                dark[i] = f"{proven} {space} {told} with contrast and step enough."
+                beside = ", and another line at each end" if served.needs_corners(i) else ""
+                dark[i] = f"{proven} {space} {told} with contrast and step enough{beside}."
     for k in {served.pairs[i].setting for i in dark}:
         rest = [i for i, pair in enumerate(served.pairs) if pair.setting == k and i not in dark]
         if rest and not (served.contrast[:, rest] > 0).all(axis=1).any():
@@ -343,7 +345,7 @@ def _why_dark(served: Served, i: int) -> str:
     even = raw < served.least
     weak = ~even & (steps < served.least_step)
     behind = ", or no contrast with what is behind" if pair.backdrops else ""
-    behind += ", or no other line at an end" if served.corners is not None and i in served.corners.pair else ""
+    behind += ", or no other line at an end" if served.needs_corners(i) else ""
     return (
         f"none of {n} lamps shows it: {even.sum()} with a contrast under {served.least:g}, {weak.sum()} with a step "
         f"under {served.least_step:g}, {n - (even | weak).sum()} not lighting all of it{behind}."

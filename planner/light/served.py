@@ -120,6 +120,10 @@ class Served:
         found[inside] = np.abs(self.light.contrasts(places[inside], [name])[:, 0])
         return found, self.steps(name, places)
 
+    def needs_corners(self, pair: int) -> bool:
+        """Tell whether another line must show at the ends of a pair."""
+        return self.corners is not None and pair in self.corners.pair
+
     def corners_under(self, places: Array, sets: NDArray[np.int_]) -> NDArray[np.bool_]:
         """Return which pairs (n, pairs) have a line that shows at both ends under sets (n, size) of lamps."""
         if self.corners is None:
