@@ -39,7 +39,9 @@ def setting_table(plan: InspectionPlan, told: Sequence[Row], noun: str) -> str:
     names = [noun.capitalize(), f"n:{what}", "n:Permitted error", "Budget", "n:P"]
     names += ["n:Simulated", "Interval", ""] if simulated else []
     rows = "".join(_rows(plan, one, what) for one in told)
-    return f'<table class="stack">{heads(names)}<tbody>{rows}</tbody></table>'
+    windows = ", ".join(f"{one.name} ±{one.search_window_px:.3g} px" for one in told)
+    note = f'<p class="note">Search windows: {escape(windows)}.</p>'
+    return f'<table class="stack">{heads(names)}<tbody>{rows}</tbody></table>{note}'
 
 
 def _rows(plan: InspectionPlan, one: Row, what: str) -> str:
