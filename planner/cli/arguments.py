@@ -45,7 +45,13 @@ def add_wanted(parser: argparse.ArgumentParser) -> None:
 def add_promise(parser: argparse.ArgumentParser) -> None:
     """Add what is to be promised of a measurement, and how far the camera may be from its planned pose."""
     parser.add_argument("--accuracy", type=float, default=0.98, metavar="A", help="0.98 allows 2%% of an edge's length")
-    parser.add_argument("--probability", type=float, default=0.9, metavar="P", help="required probability of it")
+    parser.add_argument(
+        "--probability",
+        type=float,
+        default=0.9,
+        metavar="P",
+        help="required probability of it, given a registered image in which the edge is found",
+    )
     parser.add_argument("--sigma-mm", type=float, default=0.2, metavar="MM", help="camera position, std. deviation")
     parser.add_argument(
         "--sigma-rad", type=float, default=0.002, metavar="RAD", help="camera orientation, std. deviation"

@@ -165,7 +165,8 @@ def _notes(plan: InspectionPlan) -> list[str]:
     models = list(dict.fromkeys(localisation_text(one.localisation) for one in plan.dimensions.values()))
     rounded = any(one.localisation.model == "rounding" for one in plan.dimensions.values())
     return [
-        "P is the probability that the error of the measurement is at most the permitted one. It is not the "
+        "P is the probability that the error of the measurement is at most the permitted one, given a "
+        "registered image in which what is measured is found. It is not the "
         "probability that a part conforms, which depends on how parts vary, too (JCGM 106).",
         f"Localisation of points in the image: {'; '.join(models)}."
         + (" On whole pixels, points of one line or circle are taken to err independently." if rounded else ""),

@@ -23,9 +23,11 @@ from planner.output.wording import (
     light_sentence,
     nouns,
     percent,
+    promise_sentence,
     requirement_rows,
     simulation_sentence,
     unfinished_sentence,
+    window_sentence,
 )
 from planner.report.attention import attention, not_inspected, reasons_section
 from planner.report.graph_picture import graph_picture
@@ -133,18 +135,8 @@ def _named(plan: InspectionPlan) -> tuple[str, str]:
 
 
 def _meaning(plan: InspectionPlan) -> str:
-    """Say what P is."""
-    edges = (
-        f"P is the probability that the measured length of the edge is within {100 * (1 - plan.accuracy):.3g} % of its"
-        "\ntrue image length, given the uncertainty of the camera's pose and the pixel grid."
-    )
-    if not plan.dimensions:
-        return edges
-    own = "P is the probability that a dimension is measured with an error of at most the permitted one, given the "
-    own += "uncertainty of the camera's pose and of localising points in the image."
-    if len(plan.dimensions) == len(plan.entities):
-        return own
-    return own + edges.replace("P is", " Of an edge it is")
+    """Say what P and the search window are."""
+    return f"{promise_sentence(plan)} {window_sentence()}"
 
 
 def _lead(plan: InspectionPlan) -> str:

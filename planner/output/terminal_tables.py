@@ -22,8 +22,10 @@ from planner.output.wording import (
     margin_texts,
     nouns,
     percent,
+    promise_sentence,
     simulation_sentence,
     verdict,
+    window_texts,
 )
 from planner.verify.simulate_setting import CONFIRMED
 
@@ -234,7 +236,7 @@ def print_plan(plan: InspectionPlan) -> None:
     if plan.on_grid:
         console.print(f"note: {grid_sentence(plan)}")
     for k in range(len(plan.settings)):
-        for text in lamp_texts(plan, k):
+        for text in [*window_texts(plan, k), *lamp_texts(plan, k)]:
             console.print(f"setting {k + 1}: {text}")
     console.print(verdict(plan))
 
@@ -260,6 +262,8 @@ def print_simulation(plan: InspectionPlan, result: SimulationResult) -> None:
     for name, reason in plan.uninspectable.items():
         console.print(f"not inspected: {name}: {reason}")
     console.print(simulation_sentence(result))
+    if plan.settings:
+        console.print(promise_sentence(plan))
     if any(result.rates):
         console.print(f"All intervals hold together with {percent(result.confidence)} confidence.")
 

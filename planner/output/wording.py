@@ -10,7 +10,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from planner.request.defaults import corner_margin_px
+from planner.rows.measured import line_warning
 from planner.showing.image_check import MOST_PX
+from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
 
 if TYPE_CHECKING:
@@ -63,6 +65,37 @@ def unfinished_sentence(plan: InspectionPlan) -> str:
     if not plan.complete:
         more = f"inspect more, {more}"
     return f"The planning was ended before its end: a longer one may {more}."
+
+
+def promise_sentence(plan: InspectionPlan) -> str:
+    """Say what P is, and what it takes as given."""
+    share = f"{100 * (1 - plan.accuracy):.3g} %"
+    dimensions = sum(name in plan.dimensions for name in plan.entities)
+    error, found = f"{share} of the edge's image length", "the edge is found"
+    if dimensions:
+        error, found = "the permitted one", "what is measured is found"
+        if dimensions < len(plan.entities):
+            error += f" (of an edge {share} of its image length)"
+    return f"P is the probability that the error is at most {error}, given a registered image in which {found}."
+
+
+def window_sentence() -> str:
+    """Say what P follows from, and what a search window is."""
+    return (
+        "It follows from the uncertainty of the camera's pose and of localising points in the image. The search window "
+        "is three standard deviations of how far the uncertainty of the pose moves the image: so far to either side of "
+        "its prediction what is measured has to be looked for."
+    )
+
+
+def window_texts(plan: InspectionPlan, k: int) -> list[str]:
+    """Say within how many pixels what a setting measures is to be looked for, and where other lines lie there."""
+    setting = plan.settings[k]
+    windows = search_windows_px(plan, setting)
+    least, most = min(windows.values()), max(windows.values())
+    told = f"{most:.3g}" if most - least < 0.1 else f"{least:.3g} to {most:.3g}"
+    lines = [f"{name}: {line_warning(px, windows[name])}" for name, px in setting.lines_in_window_px.items()]
+    return [f"search window ±{told} px", *lines]
 
 
 def simulation_sentence(result: SimulationResult) -> str:
@@ -187,6 +220,8 @@ def verdict(plan: InspectionPlan) -> str:
         sentences.append(unfinished_sentence(plan))
     if plan.light is not None and n:
         sentences.append(light_sentence(plan))
+    if n:
+        sentences.append(promise_sentence(plan))
     return " ".join(sentences)
 
 

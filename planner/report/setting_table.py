@@ -41,7 +41,9 @@ def setting_table(plan: InspectionPlan, told: Sequence[Row], noun: str) -> str:
     rows = "".join(_rows(plan, one, what) for one in told)
     counted = any(one.name in plan.on_grid for one in told)
     note = '<p class="note">* counted on the sensor\'s pixel grid, as the tolerance is under two pixels.</p>'
-    return f'<table class="stack">{heads(names)}<tbody>{rows}</tbody></table>{note if counted else ""}'
+    windows = ", ".join(f"{one.name} ±{one.search_window_px:.3g} px" for one in told)
+    note = (note if counted else "") + f'<p class="note">Search windows: {escape(windows)}.</p>'
+    return f'<table class="stack">{heads(names)}<tbody>{rows}</tbody></table>{note}'
 
 
 def _rows(plan: InspectionPlan, one: Row, what: str) -> str:

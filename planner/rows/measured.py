@@ -13,6 +13,7 @@ from errors.measurands.fitted import is_short
 from errors.telling import frequency_text, probability_text
 from planner.camera.pose import world_to_cam
 from planner.verify.measurements import measurements
+from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, TOLERATED, UNSTATED, SuccessRate
 
 TRUSTED_PX = 2.0
@@ -25,10 +26,11 @@ SOURCES = ("translation", "rotation", "localisation")
 """What the variance of a measured value comes from."""
 
 
-FINE, DIFFERS, BETTER = (
+FINE, DIFFERS, BETTER, LINE = (
     "tolerance under two pixels",
     "simulation differs from what is stated",
     "simulation is better than what is stated",
+    "another line within the search window",
 )
 """Kinds of warnings."""
 
@@ -66,6 +68,8 @@ class Row:
         u in `unit`.
     budget : dict of str to float
         Variance by source, `unit` squared; empty where it is none, of short arcs.
+    search_window_px : float
+        Within how many pixels of its prediction it is to be looked for in the image.
     warnings : tuple of Warned
         What to look at.
     """
@@ -80,6 +84,7 @@ class Row:
     probability: float
     rate: SuccessRate | None
     standard_uncertainty: float
+    search_window_px: float
     budget: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[Warned, ...] = ()
 
@@ -115,15 +120,32 @@ def measured_rows(plan: Any) -> list[list[Row]]:
 
 def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
     rates = plan.simulation.rates[k] if plan.simulation is not None else {}
-    measured = measurements(plan, setting)
+    measured, windows = measurements(plan, setting), search_windows_px(plan, setting)
     rows = []
     for name in setting.entities:
         value = _dimension(plan.dimensions[name], measured[name]) if name in measured else _edge(plan, setting, name)
         rate, probability = rates.get(name), setting.probability[name]
         coarse = value.permitted_error_px if _is_rounded(plan, name) else None
         warnings = _warnings(coarse, name in plan.on_grid, probability, rate)
-        rows.append(Row(k + 1, name, probability=probability, rate=rate, warnings=warnings, **vars(value)))
+        if name in setting.lines_in_window_px:
+            warnings += (Warned(LINE, line_warning(setting.lines_in_window_px[name], windows[name])),)
+        told = {"probability": probability, "rate": rate, "search_window_px": windows[name], "warnings": warnings}
+        rows.append(Row(k + 1, name, **told, **vars(value)))
     return rows
+
+
+def line_warning(line_px: float, window_px: float) -> str:
+    """Return what to look at where another visible line lies in a search window.
+
+    Parameters
+    ----------
+    line_px : float
+        How near it comes to the edge, px.
+    window_px : float
+        Half the width of the window, px.
+    """
+    near = f"another visible line comes within {line_px:.3g} px, and the edge is looked for within {window_px:.3g} px"
+    return f"{near}: a detector may take the one for the other"
 
 
 def _dimension(one: Any, told: Any) -> _Value:

@@ -45,6 +45,7 @@ class PlanTables:
             frequency ``simulated``, its interval ``simulated_low`` and ``simulated_high`` and the ``verdict``, None
             without one; ``standard_uncertainty`` u of the measured value, and what u² consists of,
             ``variance_translation``, ``variance_rotation`` and ``variance_localisation`` (None of short arcs);
+            ``search_window_px``, within how many pixels of its prediction it is to be looked for in the image;
             ``warnings``, sentences about what to look at, or None; ``reason``, None here; the camera's place ``x``,
             ``y``, ``z`` in mm and its turn ``rx``, ``ry``, ``rz`` in degrees (rotation vector, camera to part); and
             ``margin_`` with the name of each constraint, the smallest margin of the setting. Entities that are not
@@ -143,6 +144,7 @@ def _values(row: Row) -> dict[str, Any]:
         "verdict": None if rate is None else rate.verdict,
         "standard_uncertainty": row.standard_uncertainty,
         **{f"variance_{source}": row.budget.get(source) for source in ("translation", "rotation", "localisation")},
+        "search_window_px": row.search_window_px,
         "warnings": "; ".join(warning.text for warning in row.warnings) or None,
     }
 

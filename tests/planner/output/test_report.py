@@ -240,6 +240,7 @@ def test_margins_are_told_with_their_units():
 def test_verdict_names_bound_and_simulation():
     assert verdict(box_plan()) == (
         "2 of 3 entities inspected from 2 settings. Proven lower bound: 1. Every plan that inspects these 2 entities "
-        "under this request has at least 1 setting. Not simulated."
+        "under this request has at least 1 setting. Not simulated. P is the probability that the error is at most "
+        "2 % of the edge's image length, given a registered image in which the edge is found."
     )
     assert "Proven minimal" in verdict(box_plan(lower_bound=2))
