@@ -7,7 +7,7 @@ from planner.rows.measured import BETTER, FINE, Row, Warned
 
 
 def row(number, name, *warnings):
-    return Row(number, name, "length", 80.0, "mm", 1.6, 1.0, 0.95, None, 0.1, {}, warnings)
+    return Row(number, name, "length", 80.0, "mm", 1.6, 1.0, 0.95, None, 0.1, 12.0, {}, warnings)
 
 
 def text(html):

@@ -46,14 +46,14 @@ def test_a_line_inside_the_window_is_kept_and_warned_of():
     (row,) = measured_rows(found)[0]
     # the ends lie beside the axis, where a turn about x moves them no less
     assert 1.1 * APART_PX <= row.search_window_px < 1.2 * APART_PX
-    assert "another visible line comes within" in row.warnings[-1]
+    assert "another visible line comes within" in row.warnings[-1].text
     assert InspectionPlan.from_dict(found.to_dict()) == found
 
 
 def test_a_line_outside_the_window_is_not():
     found = planned(turn_for(0.8 * APART_PX), Showing())
     assert found.settings[0].lines_in_window_px == {}
-    assert not any("another visible line" in text for text in measured_rows(found)[0][0].warnings)
+    assert not any("another visible line" in one.text for one in measured_rows(found)[0][0].warnings)
     assert "lines_in_window_px" not in found.to_dict()["settings"][0]
     assert set(found.to_dict()["settings"][0]["search_window_px"]) == {NAME}
 
