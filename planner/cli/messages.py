@@ -6,7 +6,7 @@ import re
 
 _HOW_IN_A_CALL = re.compile(r"\b\w+=(?:\[[^]]*\]|\S+) \(on the command line ([^)]*)\)")
 _ONLY_IN_A_CALL = re.compile(r"; allow more with limits=ReadLimits\([^)]*\)")
-_RULE = re.compile(r"(^|: |; |\. |')(gap_mm|occluders|solids|units)(?= (?:must (?:be|name)|applies))")
+_RULE = re.compile(r"(^|: |; |\. |')(gap_mm|occluders|select|solids|units)(?= (?:must (?:be|hold|name)|applies))")
 _VALUE = re.compile(r"\b(gap_mm|occluders|solids|units)=(?=\S)")
 
 

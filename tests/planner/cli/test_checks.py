@@ -107,7 +107,7 @@ def test_a_rule_chooses_edges(tmp_path, capsys):
     assert "of 2 entities" in capsys.readouterr().out
     assert main(["graph", BLOCK, "--select", "length > 900", "--graphml", graph]) == BAD_INPUT
     assert capsys.readouterr().err == (
-        "aspectgraph: select must hold for at least one edge. Got none for 'length > 900'.\n"
+        "aspectgraph: --select must hold for at least one edge. Got none for 'length > 900'.\n"
     )
     assert main(["graph", BLOCK, "--select", "convex", "--all", "--graphml", graph]) == BAD_INPUT
     assert "not allowed with" in capsys.readouterr().err

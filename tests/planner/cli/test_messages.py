@@ -21,6 +21,11 @@ TOLD = [
         "p.step: --solids must name some of 0..2 of p.step. Got [9].",
     ),
     ("units must be one of mm, cm. Got 'em'.", "--units must be one of mm, cm. Got 'em'."),
+    ("select must be conditions joined by 'and'. Got 'x'.", "--select must be conditions joined by 'and'. Got 'x'."),
+    (
+        "p.step: select must hold for at least one edge. Got none for 'length > 9'.",
+        "p.step: --select must hold for at least one edge. Got none for 'length > 9'.",
+    ),
     ("must meet within gap_mm=0.1 mm. Got 0.2 mm", "must meet within --gap-mm 0.1 mm. Got 0.2 mm"),
     ("allow more with gap_mm=... (on the command line --gap-mm), and look", "allow more with --gap-mm, and look"),
     ("solids must not overlap. Got solids 0 and 1.", "solids must not overlap. Got solids 0 and 1."),
