@@ -43,7 +43,8 @@ def read_lamps(options: Any) -> Any:
     if not options.together:
         return _lamps(options.light)
     if options.light in (None, RING):
-        raise RequestError(f"--together needs lamps by --light at, box or dome. Got --light {options.light or 'not'}.")
+        given = "no --light" if options.light is None else f"--light {options.light}"
+        raise RequestError(f"--together needs lamps by --light at, box or dome. Got {given}.")
     return LampsTogether(_lamps(options.light))
 
 

@@ -6,7 +6,12 @@ import re
 
 _HOW_IN_A_CALL = re.compile(r"\b\w+=(?:\[[^]]*\]|\S+) \(on the command line ([^)]*)\)")
 _ONLY_IN_A_CALL = re.compile(r"; allow more with limits=ReadLimits\([^)]*\)")
-_RULE = re.compile(r"(^|: |; |\. |')(gap_mm|occluders|select|solids|units)(?= (?:must (?:be|hold|name)|applies))")
+_RULE = re.compile(
+    r"(^|: |; |\. |')(contrast|gap_mm|min_corner_deg|occluders|select|separation_px|solids|surround_px|units)"
+    r"(?= (?:must (?:be|hold|lie|name)|applies))"
+)
+# in a plan's file it is a field
+_CAMERA = re.compile(r"\bcamera(?= must be a name of the catalogue)")
 _VALUE = re.compile(r"\b(gap_mm|occluders|solids|units)=(?=\S)")
 
 
@@ -20,6 +25,7 @@ def as_typed(text: str) -> str:
     """
     text = _HOW_IN_A_CALL.sub(r"\1", text)
     text = _ONLY_IN_A_CALL.sub("", text)
+    text = _CAMERA.sub("--camera", text)
     text = _VALUE.sub(lambda found: f"{_option(found[1])} ", text)
     return _RULE.sub(lambda found: found[1] + _option(found[2]), text)
 

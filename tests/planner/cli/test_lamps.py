@@ -40,6 +40,16 @@ def test_lamps_to_be_placed_are_written_and_told(folder, capsys):
     assert "with another light" in capsys.readouterr().err
 
 
+def test_lamps_that_are_on_together(folder, capsys):
+    assert main([*PLAN, "--light", "lamps.toml", "--together"]) == DONE
+    told = " ".join(capsys.readouterr().out.split())
+    assert "all on together" in told
+    found = read_plan(folder / "out" / "plan.json")
+    assert found.light.together
+    assert {image.lamps for images in found.light.images for image in images} == {tuple(range(len(found.light.lamps)))}
+    assert "of one strength and all on together" in (folder / "out" / "report.html").read_text()
+
+
 def test_a_ring_light_takes_part_in_the_planning(folder, capsys):
     """The rims lie between the face x = 60 or y = 60 and the lower wall of a pocket, z = 10."""
     assert main([*PLAN, "--light", "ring", "--contrast", "0.2", "--json"]) == DONE
@@ -76,6 +86,11 @@ BAD = {
     "no lamps": (["--light", "empty.toml"], "empty.toml: a file of lamps must hold lamps"),
     "no TOML": (["--light", "bad.toml"], "bad.toml: file of lamps must be TOML."),
     "contrast": (["--light", "ring", "--contrast", "1"], "contrast must lie strictly between 0 and 1. Got 1.0."),
+    "together alone": (["--together"], "--together needs lamps by --light at, box or dome. Got no --light."),
+    "ring together": (["--light", "ring", "--together"], "box or dome. Got --light ring."),
+    "separation": (["--separation-px", "-1"], "--separation-px must be finite and not negative. Got -1."),
+    "wide": (["--separation-px", "4000"], "--separation-px must be less than half the image's smaller side, 2048 px."),
+    "corner": (["--min-corner-deg", "95"], "--min-corner-deg must be below 90. Got 95.0."),
     "ground": (["--light", "ring", "--ground", "grey"], "invalid choice: 'grey'"),
 }
 
