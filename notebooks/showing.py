@@ -191,10 +191,9 @@ for name in dict.fromkeys(row["plan"] for row in rows):
 # In the stored images of CTC-01 under the conditions every pair is clean, and no promise is too high. Under the paper's
 # constraints most of its edges run on in arcs, and what is promised of them is not what is measured.
 #
-# On the MFCAD part the conditions are not enough: edges are 30 to 200 px long there, and of 14 of 62 clean pairs too
-# much is promised. Lines at the ends of such edges have other lines beside them, which no condition asks about yet. Above,
-# `boss_chamfer_right` fails at the accuracy .995, which nobody asked for: another line runs 5.3 px beside it and pulls
-# the fit by a few tenths of a pixel.
+# On the small MFCAD part the conditions are not enough: of 14 of 62 clean pairs too much is promised at .98 or .99.
+# Probably because the lines at the ends of short edges have other lines beside them, which no condition asks about yet.
+# Above, `boss_chamfer_right` fails at the accuracy .995, which nobody asked for: another line runs 5.3 px beside it.
 #
 # Stored were, with 40, 20 and 20 poses, the demo's plan under the lamps of a dome of 900 mm, that of
 # `examples/nist_ctc_01_entities.toml` with all three conditions at 0, and one of all edges of mfcad_4-5-5-6-9-23.
