@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from planner.bound.lower_bound import lower_bound
-from planner.columns.candidates import column_seed, price_poses
+from planner.columns.candidates import Pools, column_seed, price_poses
+from planner.columns.judge import Judge
+from planner.columns.pool import ColumnPool
 from planner.cover.few_columns import few_columns
+from planner.executors import Shared
 from planner.ledger import Ledger
 from planner.steps.incumbents import Incumbents
 from planner.steps.run import SHARES, Run
@@ -29,11 +32,14 @@ class Joining:
         Rounds at most, while columns are few.
     columns : int
         Rounds times columns is about this: a round over many columns takes longer.
+    first_rounds : int
+        Rounds for columns without the conditions that the proof does not use.
     """
 
     rounds: int = 5
     most_rounds: int = 25
     columns: int = 20_000
+    first_rounds: int = 50
 
     def rounds_for(self, n_columns: int) -> int:
         """Return the rounds for a pool of so many columns."""
@@ -49,35 +55,82 @@ def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
     entries = None if last is None else last["entries"]
     values = _known(run) if last is None else {name: last[name] for name in ("known", "inspected", "joined")}
     inspected = values["inspected"]
+    weighing = _Weighing(run, last)
 
     def improve(poses: np.ndarray) -> np.ndarray:
         values["joined"] += 1
-        seed = column_seed(run.seed, ["joined", str(values["joined"])])
-        rounds = JOINING.rounds_for(len(run.pool))
-        price_poses(run.shared, run.pools, seed, rounds, run.executor, run.silent, parents=poses)
+        weighing.join(poses, column_seed(run.seed, ["joined", str(values["joined"])]))
         incumbents.offer(run)
-        return run.pool.membership[:, inspected]
+        return weighing.columns[:, inspected]
+
+    def keep(entries: Any) -> None:
+        run.keep(_STEP, {**values, **weighing.to_dict(), "entries": entries})
 
     def raised(bound: int) -> None:
         incumbents.raised(run, bound, inspected)
 
-    ledger = Ledger(improve, entries, lambda told: run.keep(_STEP, {**values, "entries": told}), raised)
+    ledger = Ledger(improve, entries, keep, raised)
     proven = ledger("proven")
     if proven is None:
         proven = lower_bound(
             run.judge,
             np.flatnonzero(inspected),
             run.watch.wanted_bound(values["known"]),
-            run.pool.membership[:, inspected],
+            weighing.columns[:, inspected],
             max_nodes=run.effort.bound_nodes,
             ledger=ledger,
             executor=run.executor,
             progress=run.progress,
         )
-        run.keep(_STEP, {**values, "entries": {"proven": list(proven)}})
+        keep({"proven": list(proven)})
     bound, proof = proven
     incumbents.raised(run, bound, inspected)
     return bound, proof
+
+
+class _Weighing:
+    """The columns that the proof's weights come from: those of the plan, or of a request without some conditions.
+
+    The proof does not use all conditions. Weights from columns that meet them all are too large for its poses, and it
+    would take most of its time to learn so, one pose after the other.
+    """
+
+    def __init__(self, run: Run, last: dict[str, Any] | None):
+        self._run, need = run, run.request.requirements
+        showing = replace(need.showing, separation_px=0.0, min_corner_deg=0.0)
+        self._own: Pools | None = None
+        if showing == need.showing:
+            return
+        self._shared = Shared(Judge(replace(run.request, requirements=replace(need, showing=showing))))
+        if last is not None:
+            self._own = Pools.from_dict(last["weighing"])
+            return
+        self._own = Pools(*(ColumnPool(len(run.names)) for _ in Pools._fields))
+        poses = np.concatenate([pool.poses for pool in run.pools])
+        self._price(self._own, poses, column_seed(run.seed, ["weighing"]), JOINING.first_rounds)
+
+    @property
+    def columns(self) -> np.ndarray:
+        """Columns (c, k)."""
+        return (self._run.pools if self._own is None else self._own).realised.membership
+
+    def join(self, poses: np.ndarray, seed: int) -> None:
+        """Add what the proof came across to these columns, and to the plan's."""
+        run = self._run
+        rounds = JOINING.rounds_for(len(run.pool))
+        if self._own is None:
+            price_poses(run.shared, run.pools, seed, rounds, run.executor, run.silent, parents=poses)
+            return
+        run.pools.add(poses, run.judge(poses))
+        self._price(self._own, poses, seed, rounds)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what a checkpoint needs."""
+        return {} if self._own is None else {"weighing": self._own.to_dict()}
+
+    def _price(self, pools: Pools, poses: np.ndarray, seed: int, rounds: int) -> None:
+        run = self._run
+        price_poses(self._shared, pools, seed, rounds, run.executor, run.silent, parents=poses)
 
 
 def _known(run: Run) -> dict[str, Any]:
