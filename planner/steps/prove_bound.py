@@ -121,7 +121,7 @@ class _Weighing:
         if self._own is None:
             price_poses(run.shared, run.pools, seed, rounds, run.executor, run.silent, parents=poses)
             return
-        run.pools.add(poses, run.judge(poses))
+        price_poses(run.shared, run.pools, seed, rounds, run.executor, run.silent, parents=poses)
         self._price(self._own, poses, seed, rounds)
 
     def to_dict(self) -> dict[str, Any]:
