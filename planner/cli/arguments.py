@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 
+from planner.light.background import DEFAULT_STEP
+
 
 def add_asked(parser: argparse.ArgumentParser) -> None:
     """Add what is asked of every plan."""
@@ -108,6 +110,13 @@ def add_light(plan: argparse.ArgumentParser) -> None:
     )
     light.add_argument(
         "--contrast", type=float, default=0.1, metavar="C", help="least contrast of an edge, (I1 - I2) / (I1 + I2)"
+    )
+    light.add_argument(
+        "--grey-step",
+        type=float,
+        default=DEFAULT_STEP,
+        metavar="STEP",
+        help="least difference of grey values across an edge, as a share of a face that is lit frontally",
     )
     light.add_argument(
         "--ground", choices=("dark", "bright"), default="dark", help="what is behind the part; bright: a back light"

@@ -194,7 +194,7 @@ def _planned(
                 rng=options.seed,
                 **_limit_keywords(options),
                 **_ends(options, best),
-                space=RingSpace(regions, camera) if isinstance(regions, LightRegions) else regions,
+                space=RingSpace(regions, camera, options.grey_step) if isinstance(regions, LightRegions) else regions,
                 localisation=wanted.localisation,
                 state=state,
                 executor=executor,

@@ -99,6 +99,7 @@ def _light_of(plan: InspectionPlan) -> dict[str, Any]:
         else {
             "kind": light.kind,
             "contrast": light.contrast,
+            "step": light.step,
             "ground": light.ground,
             "together": light.together,
         }

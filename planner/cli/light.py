@@ -1,4 +1,4 @@
-"""The lamps that the command line asks for: ``--light``, ``--contrast`` and ``--ground``."""
+"""The lamps that the command line asks for: ``--light``, ``--contrast``, ``--grey-step`` and ``--ground``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from aspectgraph.files import read_text
 from aspectgraph.light.contrast import check_contrast, check_lamps
 from planner.exceptions import RequestError
 from planner.light.lamps import RING, LampBox, LampDome, LampsTogether, check_lamps_given
-from planner.light.plan_light import plan_light
+from planner.light.plan_light import check_step, plan_light
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -40,6 +40,7 @@ def read_lamps(options: Any) -> Any:
         If the words have no meaning, or a number breaks its rule.
     """
     check_contrast(options.contrast)
+    check_step(options.grey_step)
     if not options.together:
         return _lamps(options.light)
     if options.light in (None, RING):
@@ -80,7 +81,13 @@ def light_request(options: Any) -> dict[str, Any]:
         return {}
     kind = options.light.partition(":")[0]
     kind = kind if kind == RING else "placed" if kind in ("box", "dome") else "fixed"
-    return {"kind": kind, "contrast": options.contrast, "ground": options.ground, "together": options.together}
+    return {
+        "kind": kind,
+        "contrast": options.contrast,
+        "step": options.grey_step,
+        "ground": options.ground,
+        "together": options.together,
+    }
 
 
 def lamps_for(
@@ -89,7 +96,15 @@ def lamps_for(
     """Return the lamps of a plan, if any were asked for."""
     if lamps is None:
         return None
-    return plan_light(found, solid, lamps, contrast=options.contrast, ground=options.ground, progress=progress)
+    return plan_light(
+        found,
+        solid,
+        lamps,
+        contrast=options.contrast,
+        step=options.grey_step,
+        ground=options.ground,
+        progress=progress,
+    )
 
 
 def _numbers(text: str, whole: str) -> list[float]:

@@ -7,7 +7,7 @@ import re
 _HOW_IN_A_CALL = re.compile(r"\b\w+=(?:\[[^]]*\]|\S+) \(on the command line ([^)]*)\)")
 _ONLY_IN_A_CALL = re.compile(r"; allow more with limits=ReadLimits\([^)]*\)")
 _RULE = re.compile(
-    r"(^|: |; |\. |')(contrast|gap_mm|min_corner_deg|occluders|select|separation_px|solids|surround_px|units)"
+    r"(^|: |; |\. |')(contrast|gap_mm|min_corner_deg|occluders|select|separation_px|solids|step|surround_px|units)"
     r"(?= (?:must (?:be|hold|lie|name)|applies))"
 )
 # in a plan's file it is a field
@@ -31,4 +31,4 @@ def as_typed(text: str) -> str:
 
 
 def _option(name: str) -> str:
-    return "--" + name.replace("_", "-")
+    return "--grey-step" if name == "step" else "--" + name.replace("_", "-")

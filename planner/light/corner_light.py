@@ -1,8 +1,9 @@
-"""Which lamps show the other line at each end of an edge: without it, there is no corner that is found in the image.
+"""Which lamps show the other line at each end of an edge, and let no shadow end beside the edge or that line.
 
 Where a plan asks for corners, another visible line leaves each end of an edge at an angle. At least one such line per
-end must differ in brightness on its two sides where it leaves. This is computed for lamps at given places, at three
-points of each line with the shadows that rays find, and takes no part in proofs.
+end must differ in brightness on its two sides where it leaves. Where it asks for separation, no border of a shadow may
+run beside the edge or that line (`planner.light.shadow_borders`). This is computed for lamps at given places, at points
+of each line with the shadows that rays find, and takes no part in proofs.
 """
 
 from __future__ import annotations
@@ -14,20 +15,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.solid.ray_scene import RayScene
+from planner.light.background import SHARES, seen_beside
+from planner.light.shadow_borders import Beside, SeenLine, beside_lines
 from planner.light.together import LampSets, Sites
-from planner.showing.contours import contours_of, relation_to
-from planner.showing.corners import arms_of, corner_arms
+from planner.showing.corners import FITTED_PX
+from planner.showing.image_check import ImageCheck
+from planner.showing.showing import Showing
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
-    from planner.camera.camera import Camera
+    from aspectgraph.solid.ray_scene import RayScene
     from planner.light.demands import Planned
 
 Array = NDArray[np.float64]
 
-# a line is looked at from so near to the corner to so far, px, but no farther than this share of it
-_FROM_PX, _TO_PX, _SHARE = 4.0, 28.0, 0.9
+# a line is looked at from so near to the corner, px, to no farther than this share of it
+_FROM_PX, _SHARE = 4.0, 0.9
 _POINTS = 3
 
 
@@ -43,16 +46,27 @@ class Corners:
         For each line, the number of the end that it leaves.
     pair : array of int (e,)
         For each end, the pair it belongs to.
+    beside : Beside, optional
+        Places beside these lines.
+    beside_edges : Beside, optional
+        Places beside the edges of each pair.
     """
 
     sites: Sites
     end: NDArray[np.int_]
     pair: NDArray[np.int_]
+    beside: Beside | None = None
+    beside_edges: Beside | None = None
 
     def shown(
-        self, scene: RayScene, places: Array, sets: NDArray[np.int_], limits: tuple[float, float], n: int
+        self,
+        scene: RayScene,
+        places: Array,
+        sets: NDArray[np.int_],
+        limits: tuple[float, float],
+        wanted: NDArray[np.bool_],
     ) -> NDArray[np.bool_]:
-        """Return which pairs (sets, n) have a line that shows at both ends, under sets of lamps at places (p, 3).
+        """Return which of the wanted pairs (sets, n) have lines that show at both ends, and no shadow beside them.
 
         Parameters
         ----------
@@ -64,14 +78,18 @@ class Corners:
             Numbers of the lamps that are on.
         limits : tuple of float
             Least contrast and step.
-        n : int
-            Number of pairs.
+        wanted : array of bool (s, n)
+            Pairs that are asked for.
         """
-        found = np.ones((len(sets), n), dtype=bool)
+        found = wanted.copy()
+        if self.beside_edges is not None:
+            found &= _clear(self.beside_edges, scene, places, sets, found)
         if not len(self.pair):
             return found
         contrast, step = LampSets(scene, self.sites, places, np.zeros((1, 3))).shown(sets)
-        shows = (contrast >= limits[0]) & (step >= limits[1])
+        shows = (contrast >= limits[0]) & (step >= limits[1]) & found[:, self.pair[self.end]]
+        if self.beside is not None:
+            shows &= _clear(self.beside, scene, places, sets, shows)
         ends = np.zeros((len(sets), len(self.pair)), dtype=bool)
         for line, end in enumerate(self.end.tolist()):
             ends[:, end] |= shows[:, line]
@@ -80,17 +98,33 @@ class Corners:
         return found
 
 
+def _clear(
+    beside: Beside, scene: RayScene, places: Array, sets: NDArray[np.int_], wanted: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Return whether no lamp of a set (sets, lines) ends a shadow beside lines, for those that are wanted."""
+    asked = np.zeros((len(places), beside.n_lines), dtype=bool)
+    for lamps in sets.T:
+        np.logical_or.at(asked, lamps, wanted)
+    return np.asarray(beside.clear(scene, places, asked)[sets].all(axis=1))
+
+
 def corners_of(
-    plan: Planned, solid: Solid, names: Sequence[tuple[int, str]], edge_ids: Sequence[Sequence[int]]
+    plan: Planned,
+    solid: Solid,
+    scene: RayScene,
+    names: Sequence[tuple[int, str]],
+    edge_ids: Sequence[Sequence[int]],
 ) -> Corners:
-    """Return the lines that leave the ends of edges in the images of a plan.
+    """Return the lines that leave the ends of edges in the images of a plan, and what is beside lines and edges.
 
     Parameters
     ----------
     plan : Planned
-        The plan; if it does not ask for corners, there are none.
+        The plan; if it asks for neither corners nor separation, there is nothing.
     solid : Solid
         Its part.
+    scene : RayScene
+        Of the part.
     names : sequence of (int, str)
         Setting and name of each pair.
     edge_ids : sequence of (sequence of int)
@@ -99,54 +133,74 @@ def corners_of(
     Returns
     -------
     Corners
-        Without the lines that are hidden or leave at too small an angle; an end that has none is left out.
+        With the lines that a corner may be fitted with; an end that has none is left out.
     """
-    least = plan.requirements.get("min_corner_deg", 0.0)
-    asked = np.array([bool(one) and least > 0 for one in edge_ids], dtype=bool)
-    contours, camera = contours_of(solid), plan.camera
-    relations = np.array([relation_to(contours, one, 0.0) for one in edge_ids], np.uint8).reshape(
-        len(names), len(contours.ids)
-    )
-    ends = np.array([plan.entities[name] for _, name in names], np.float64).reshape(-1, 2, 3)
+    asked, camera = plan.requirements, plan.camera
+    separation, least = asked.get("separation_px", 0.0), asked.get("min_corner_deg", 0.0)
     poses = np.array([np.asarray(one.cam2world) for one in plan.settings], np.float64).reshape(-1, 4, 4)
-    arms = arms_of(contours, relations, ends, asked)
-    pairs = np.array([(names[k][0], k) for k in np.flatnonzero(asked).tolist()], np.int64).reshape(-1, 2)
-    angles, seen_at, of, wide, arm = corner_arms(poses, pairs, _scale(camera), contours, arms)
-    scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
-    eyes = poses[pairs[of // 2, 0], :3, 3]
-    good = wide & (np.minimum(angles, 180.0 - angles) >= least)
-    good &= scene.cast(eyes, seen_at - eyes)["t_hit"] >= 1.0 - 1e-4 if len(eyes) else good
-    used, end = np.unique(of[good], return_inverse=True)
-    sites = [
-        _sites_of_arm(solid, contours.ids[arms.contour[a]], arms.corner[a], arms.tip[a], eye, camera)
-        for a, eye in zip(arm[good], eyes[good], strict=True)
-    ]
-    return Corners(_joined(sites), end, pairs[used // 2, 1])
+    pixel = max(camera.pixel_pitch_mm) / camera.image_distance_mm
+    edges = _seen_edges(solid, poses, names, edge_ids, separation > 0)
+    beside_edges = beside_lines(scene, edges, separation, pixel)
+    numbers = np.flatnonzero([bool(one) and least > 0 for one in edge_ids])
+    ends = np.array([plan.entities[names[k][1]] for k in numbers.tolist()], np.float64).reshape(-1, 2, 3)
+    image = ImageCheck(solid, [edge_ids[k] for k in numbers.tolist()], ends, camera, Showing(separation, 0.0, least))
+    pairs = np.array([(names[k][0], i) for i, k in enumerate(numbers.tolist())], np.int64).reshape(-1, 2)
+    seen, arms = image.corner_lines(poses, pairs), image.arms
+    used, end = np.unique(seen.of, return_inverse=True)
+    eyes = poses[pairs[seen.of // 2, 0], :3, 3]
+    sites, lines = [], []
+    for a, eye in zip(seen.arm.tolist(), eyes, strict=True):
+        points = _points_of_arm(arms.corner[a], arms.tip[a], eye, pixel)
+        sites.append(_compared(solid, scene, int(image.contours.ids[arms.contour[a]]), points, eye, pixel))
+        lines.append(SeenLine(eye, points, arms.tip[a] - arms.corner[a]))
+    beside = beside_lines(scene, lines, separation, pixel)
+    return Corners(_joined(sites), end, numbers[pairs[used // 2, 1]], beside, beside_edges)
 
 
-def _scale(camera: Camera) -> Array:
-    matrix = camera.matrix
-    return np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]])
+def _seen_edges(
+    solid: Solid,
+    poses: Array,
+    names: Sequence[tuple[int, str]],
+    edge_ids: Sequence[Sequence[int]],
+    asked: bool,
+) -> list[SeenLine]:
+    """Return a line for each pair, all of whose edges are in one line; without points where there is none."""
+    found = []
+    for (setting, _), edges in zip(names, edge_ids, strict=True):
+        points, along = np.empty((0, 3)), np.array([1.0, 0.0, 0.0])
+        for edge in edges if asked else ():
+            start, end = solid.vertices[list(solid.edges[edge].vertices)]
+            points, along = np.concatenate([points, start + SHARES[:, None] * (end - start)]), end - start
+        found.append(SeenLine(poses[setting, :3, 3], points, along))
+    return found
 
 
-_Compared = tuple[tuple[Array, Array], tuple[Array, Array] | None]
+_Pair = tuple[tuple[Array, Array], tuple[Array, Array] | None]
 
 
-def _sites_of_arm(solid: Solid, edge_id: int, corner: Array, tip: Array, eye: Array, camera: Camera) -> list[_Compared]:
-    """Return what is compared at points of a line near a corner: both faces, or the seen one with a dark ground."""
-    edge = solid.edges[int(edge_id)]
-    length, away = float(np.linalg.norm(tip - corner)), float(np.linalg.norm(corner - eye))
-    pixel = away * max(camera.pixel_pitch_mm) / camera.image_distance_mm
-    last = min(_TO_PX * pixel, _SHARE * length)
-    points = corner + np.linspace(min(_FROM_PX * pixel, last / 2), last, _POINTS)[:, None] * (tip - corner) / length
+def _points_of_arm(corner: Array, tip: Array, eye: Array, pixel_rad: float) -> Array:
+    """Return points (n, 3) of a line near a corner."""
+    length, pixel = float(np.linalg.norm(tip - corner)), float(np.linalg.norm(corner - eye)) * pixel_rad
+    last = min(FITTED_PX * pixel, _SHARE * length)
+    steps = np.linspace(min(_FROM_PX * pixel, last / 2), last, _POINTS)
+    return np.asarray(corner + steps[:, None] * (tip - corner) / length)
+
+
+def _compared(solid: Solid, scene: RayScene, edge_id: int, points: Array, eye: Array, pixel_rad: float) -> list[_Pair]:
+    """Return what is compared at points of a line: both faces, or the seen one with what is behind."""
+    edge = solid.edges[edge_id]
     normals = solid.normals[list(edge.faces)]
-    front = normals @ (eye - corner) > 0
+    front = normals @ (eye - points[0]) > 0
     if front.all():
         return [((point, normals[0]), (point, normals[1])) for point in points]
-    return [((point, normals[int(front.argmax())]), None) for point in points]
+    along = np.subtract(*solid.vertices[list(edge.vertices)])
+    seen = int(front.argmax())
+    places, behind = seen_beside(scene, eye, points, (along, normals[1 - seen]), pixel_rad)
+    met = np.isfinite(places[:, 0])
+    return [((points[i], normals[seen]), (places[i], behind[i]) if met[i] else None) for i in range(len(points))]
 
 
-def _joined(arms: Sequence[Sequence[_Compared]]) -> Sites:
+def _joined(arms: Sequence[Sequence[_Pair]]) -> Sites:
     places: list[Array] = []
     compared, owner = [], []
     for k, arm in enumerate(arms):

@@ -33,6 +33,8 @@ _FIRST_PLACES = 3000
 _TOGETHER_PLACES = 300
 # the workspace of the regions is so much larger than the lamps' space, as a share of it
 _ROOM = 0.01
+# what else keeps an edge from being shown
+_SHADOW = ", or a shadow beside it"
 
 
 def plan_light(
@@ -52,7 +54,7 @@ def plan_light(
     Where the camera sees both faces of an edge, the lamp must light all of it with the contrast between the faces.
     Where it sees one, the edge is a silhouette: that face must be lit, and be brighter or darker by the contrast than
     what is seen beside it; this is checked by rays at nine points of the edge. Where the plan asks for corners, another
-    line must show at each end.
+    line must show at each end; where it asks for separation, no shadow may end so near to the edge or that line.
 
     Of lamps that are on together (`LampsTogether`), light adds up. Then this is decided at nine points of every edge,
     for lamps of one strength; see `planner.light.together`.
@@ -101,8 +103,7 @@ def plan_light(
         raise RequestError(f"ground must be one of {', '.join(GROUNDS)}. Got {ground!r}.")
     if not (isinstance(tolerance_mm, int | float) and 0 <= tolerance_mm < np.inf):
         raise RequestError(f"tolerance_mm must be finite and not negative. Got {tolerance_mm!r}.")
-    if not (isinstance(step, int | float) and 0 <= step < 1):
-        raise RequestError(f"step must be in [0, 1). Got {step!r}.")
+    check_step(step)
     if isinstance(given, np.ndarray):
         check_lamps(solid, given)
     scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
@@ -113,7 +114,8 @@ def plan_light(
     off = max(tolerance_mm, plan.requirements.get("visibility_radius_mm", 0.0)) if given is None else tolerance_mm
     light = _regions(solid, demands, least, _workspace(solid, room, off), progress)
     clearance = 0.0 if given is None or isinstance(given, np.ndarray) else given.clearance_mm
-    corners = corners_of(plan, solid, [(pair.setting, pair.name) for pair in demands.pairs], demands.edge_ids)
+    names = [(pair.setting, pair.name) for pair in demands.pairs]
+    corners = corners_of(plan, solid, scene, names, demands.edge_ids)
     served = Served(light, scene, demands.pairs, least, step, clearance, off, corners)
     work = _Work(served, len(plan.settings), ground)
     if given is None:
@@ -124,6 +126,13 @@ def plan_light(
         served.keep(given)
         return _fixed(work)
     return _placed(work, given)
+
+
+def check_step(step: float) -> float:
+    """Return the step of grey values; RequestError if it is not in [0, 1)."""
+    if not (isinstance(step, int | float) and 0 <= step < 1):
+        raise RequestError(f"step must be in [0, 1). Got {step!r}.")
+    return step
 
 
 def _workspace(solid: Solid, places: ArrayLike, tolerance_mm: float) -> NDArray[np.float64]:
@@ -210,7 +219,7 @@ def _ring(work: _Work, eyes: NDArray[np.float64]) -> LightPlan:
     own = [[i for i, pair in enumerate(served.pairs) if pair.setting == k] for k in range(work.n_settings)]
     lit = [[i for i in pairs if served.contrast[k, i] > 0] for k, pairs in enumerate(own)]
     dark = {
-        i: f"the ring light gives it too little contrast or light{_before(served, i)}, there or just beside."
+        i: f"the ring light gives it too little contrast or light{_before(served, i)}, there or nearby."
         for pairs, shown in zip(own, lit, strict=True)
         for i in pairs
         if i not in shown
@@ -222,7 +231,8 @@ def _ring(work: _Work, eyes: NDArray[np.float64]) -> LightPlan:
 
 def _before(served: Served, i: int) -> str:
     told = " before what is behind" if served.pairs[i].backdrops else ""
-    return told + (", or another line at an end" if served.needs_corners(i) else "")
+    told += ", or another line at an end" if served.needs_corners(i) else ""
+    return told + (_SHADOW if served.clear_beside(i) else "")
 
 
 def _fixed(work: _Work) -> LightPlan:
@@ -252,6 +262,7 @@ def _placed(work: _Work, space: LampSpace) -> LightPlan:
                 told = "lights all of it" if not served.pairs[i].silhouette else "lights its seen face"
                 proven = "no place in" if none else "no place that was found in"
                 beside = ", and another line at each end" if served.needs_corners(i) else ""
+                beside += ", and no shadow beside it" if served.clear_beside(i) else ""
                 dark[i] = f"{proven} {space} {told} with contrast and step enough{beside}."
     for k in {served.pairs[i].setting for i in dark}:
         rest = [i for i, pair in enumerate(served.pairs) if pair.setting == k and i not in dark]
@@ -346,6 +357,7 @@ def _why_dark(served: Served, i: int) -> str:
     weak = ~even & (steps < served.least_step)
     behind = ", or no contrast with what is behind" if pair.backdrops else ""
     behind += ", or no other line at an end" if served.needs_corners(i) else ""
+    behind += _SHADOW if served.clear_beside(i) else ""
     return (
         f"none of {n} lamps shows it: {even.sum()} with a contrast under {served.least:g}, {weak.sum()} with a step "
         f"under {served.least_step:g}, {n - (even | weak).sum()} not lighting all of it{behind}."

@@ -46,7 +46,7 @@ class Served:
     tolerance_mm : float
         How far lamps may be off: all must show from 26 places so far around, too.
     corners : Corners, optional
-        Lines of which one must show at each end.
+        Lines of which one must show at each end, and beside which no shadow may end.
     """
 
     light: LightRegions | None
@@ -109,7 +109,7 @@ class Served:
         rows = np.flatnonzero(shown.any(axis=1))
         if self.corners is not None and rows.size:
             each, limits = np.arange(rows.size)[:, None], (self.least, self.least_step)
-            shown[rows] &= self.corners.shown(self.scene, places[rows], each, limits, len(self.pairs))
+            shown[rows] = self.corners.shown(self.scene, places[rows], each, limits, shown[rows])
         return np.where(shown, contrast, 0.0), np.where(shown, step, 0.0)
 
     def _region(self, name: str, places: Array) -> tuple[Array, Array]:
@@ -124,11 +124,17 @@ class Served:
         """Tell whether another line must show at the ends of a pair."""
         return self.corners is not None and pair in self.corners.pair
 
+    def clear_beside(self, pair: int) -> bool:
+        """Tell whether no shadow may end beside a pair."""
+        beside = None if self.corners is None else self.corners.beside_edges
+        return beside is not None and pair in beside.line
+
     def corners_under(self, places: Array, sets: NDArray[np.int_]) -> NDArray[np.bool_]:
-        """Return which pairs (n, pairs) have a line that shows at both ends under sets (n, size) of lamps."""
+        """Return which pairs (n, pairs) meet what `Corners` asks for, under sets (n, size) of lamps."""
+        wanted = np.ones((len(sets), len(self.pairs)), dtype=bool)
         if self.corners is None:
-            return np.ones((len(sets), len(self.pairs)), dtype=bool)
-        return self.corners.shown(self.scene, places, sets, (self.least, self.least_step), len(self.pairs))
+            return wanted
+        return self.corners.shown(self.scene, places, sets, (self.least, self.least_step), wanted)
 
     def steps(self, name: str, places: Array) -> Array:
         """Return the step (n,) of a region's entity, without shadows."""

@@ -74,7 +74,20 @@ def contours_of(solid: Solid) -> Contours:
     return Contours(vertices, ends, planes, kinds.astype(np.uint8), ids.astype(np.int64))
 
 
-def relation_to(contours: Contours, edge_ids: Sequence[int], radius_mm: float) -> NDArray[np.uint8]:
+Meeting = dict[int, list[int]]
+"""Vertex to the contours that end there."""
+
+
+def meeting(contours: Contours) -> Meeting:
+    """Return which contours end at which vertex."""
+    at: Meeting = {}
+    for e, (a, b) in enumerate(contours.ends.tolist()):
+        at.setdefault(a, []).append(e)
+        at.setdefault(b, []).append(e)
+    return at
+
+
+def relation_to(contours: Contours, at: Meeting, edge_ids: Sequence[int], radius_mm: float) -> NDArray[np.uint8]:
     """Return what each edge (m,) is to an entity: another one, its own, or connected to it at a vertex.
 
     Connected are the edges that meet it, and of curves that meet it the next chords.
@@ -83,6 +96,8 @@ def relation_to(contours: Contours, edge_ids: Sequence[int], radius_mm: float) -
     ----------
     contours : Contours
         Of the part.
+    at : dict
+        See `meeting`.
     edge_ids : sequence of int
         Edges of the entity.
     radius_mm : float
@@ -90,10 +105,6 @@ def relation_to(contours: Contours, edge_ids: Sequence[int], radius_mm: float) -
     """
     relation = np.full(len(contours.ids), OTHER, np.uint8)
     own = np.isin(contours.ids, list(edge_ids))
-    at: dict[int, list[int]] = {}
-    for e, (a, b) in enumerate(contours.ends.tolist()):
-        at.setdefault(a, []).append(e)
-        at.setdefault(b, []).append(e)
     for vertex in np.unique(contours.ends[own]).tolist():
         distance = np.linalg.norm(contours.vertices - contours.vertices[vertex], axis=1)
         reached, waiting = {vertex}, [vertex]

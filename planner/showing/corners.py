@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,11 @@ Array = NDArray[np.float64]
 
 # an arm is looked at so far from the corner, px, and at most at this share of its length
 _ALONG_PX, _ALONG = 6.0, 0.5
+# a line is fitted to an arm so far from the corner at most, px
+FITTED_PX = 28.0
 _TINY = 1e-9
+# for dividing by a tangent
+_LEAST_DEG = 1e-3
 
 
 class Arms(NamedTuple):
@@ -75,10 +79,56 @@ def arms_of(contours: Contours, relations: NDArray[np.uint8], ends: Array, asked
     return Arms(entity, which, contour, corner, tips, inward, wide)
 
 
-def corner_arms(
-    cam2world: Array, pairs: NDArray[np.int64], scale: Array, contours: Contours, arms: Arms
-) -> tuple[Array, Array, NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
-    """Return what leaves the ends of entities in the image, as far as an edge's own two faces do not hide it.
+class SeenArms(NamedTuple):
+    """Arms (q) in images, as far as an edge's own two faces do not hide them.
+
+    Attributes
+    ----------
+    angle : array (q,)
+        From the edge, at its end, to the arm, 0 to 180 degrees.
+    place : array (q, 3)
+        A point of the arm near the end, mm.
+    of : array of int (q,)
+        Number of the pair, doubled, and the end.
+    wide : array of bool (q,)
+        As of the arms.
+    arm : array of int (q,)
+        Their numbers.
+    length_px : array (q,)
+        Of the whole arm in the image.
+    last : array (q, 3)
+        Where the arm is `FITTED_PX` from the corner, or ends, mm.
+    """
+
+    angle: Array
+    place: Array
+    of: NDArray[np.int64]
+    wide: NDArray[np.bool_]
+    arm: NDArray[np.int64]
+    length_px: Array
+    last: Array
+
+    @property
+    def bend(self) -> Array:
+        """The smaller angle (q,) between the lines of edge and arm, 0 to 90 degrees."""
+        return np.minimum(self.angle, 180.0 - self.angle)
+
+    def chosen(self, which: NDArray[Any]) -> SeenArms:
+        """Return some of them."""
+        return SeenArms(*(one[which] for one in self))
+
+    def long_enough(self, separation_px: float) -> NDArray[np.bool_]:
+        """Return which arms (q,) leave enough of themselves for a line fit.
+
+        Points of a line are found across it, to so many pixels on either side. So at an angle α the first s / tan α of
+        an arm show the edge, too. As much again is needed beyond, and two separations at least.
+        """
+        mixed = separation_px / np.tan(np.radians(np.maximum(self.bend, _LEAST_DEG)))
+        return np.asarray(self.length_px - mixed >= np.maximum(2.0 * separation_px, mixed))
+
+
+def corner_arms(cam2world: Array, pairs: NDArray[np.int64], scale: Array, contours: Contours, arms: Arms) -> SeenArms:
+    """Return what leaves the ends of entities in the image.
 
     Parameters
     ----------
@@ -90,19 +140,6 @@ def corner_arms(
         Pixels per unit of slope in x and y, and the principal point, px.
     contours, arms : Contours, Arms
         Of the part and the entities.
-
-    Returns
-    -------
-    angles : array (q,)
-        From the edge, at its end, to the arm, 0 to 180 degrees.
-    places : array (q, 3)
-        A point of the arm near the end, mm.
-    of : array of int (q,)
-        Number of the pair, doubled, and the end.
-    wide : array of bool (q,)
-        As of the arms.
-    arm : array of int (q,)
-        Their numbers.
     """
     order = np.argsort(arms.entity, kind="stable")
     begin = np.searchsorted(arms.entity[order], pairs[:, 1])
@@ -118,11 +155,16 @@ def corner_arms(
     along, edge = tip[:, :2] - corner[:, :2], inward[:, :2] - corner[:, :2]
     length = np.linalg.norm(along, axis=1)
     cosine = (along * edge).sum(axis=1) / np.maximum(length * np.linalg.norm(edge, axis=1), _TINY)
-    share = np.minimum(_ALONG, _ALONG_PX / np.maximum(length, _TINY))
-    share = share * corner[:, 2] / ((1 - share) * tip[:, 2] + share * corner[:, 2])
-    places = arms.corner[arm] + share[:, None] * (arms.tip[arm] - arms.corner[arm])
-    angles = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
-    return angles, places, 2 * pair + arms.end[arm], arms.wide[arm], arm
+    angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+    def place(share: Array) -> Array:
+        """Return the points whose images are so far along the arms' images."""
+        share = share * corner[:, 2] / ((1 - share) * tip[:, 2] + share * corner[:, 2])
+        return np.asarray(arms.corner[arm] + share[:, None] * (arms.tip[arm] - arms.corner[arm]))
+
+    near = place(np.minimum(_ALONG, _ALONG_PX / np.maximum(length, _TINY)))
+    last = place(np.minimum(1.0, FITTED_PX / np.maximum(length, _TINY)))
+    return SeenArms(angle, near, 2 * pair + arms.end[arm], arms.wide[arm], arm, length, last)
 
 
 def _shown(contours: Contours, contour: NDArray[np.int64], eyes: Array) -> NDArray[np.bool_]:

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aspectgraph.solid.ray_scene import RayScene
 from planner.camera.camera import Camera
-from planner.showing.contours import OTHER, OWN, Contours, contours_of, relation_to
-from planner.showing.corners import arms_of, corner_arms
+from planner.showing.contours import OWN, Contours, contours_of, meeting, relation_to
+from planner.showing.corners import SeenArms, arms_of, corner_arms
 from planner.showing.near_contours import near_contours
 from planner.showing.showing import Showing
 
@@ -52,6 +52,15 @@ class ImageCheck:
         The camera.
     showing : Showing
         What is asked.
+
+    Attributes
+    ----------
+    contours : Contours
+        Of the part.
+    arms : Arms
+        Lines that leave the entities' ends.
+    scene : RayScene
+        Of the part.
     """
 
     def __init__(
@@ -61,23 +70,18 @@ class ImageCheck:
         matrix, (near, far) = camera.matrix, camera.depth_of_field_mm
         self._scale = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]])
         self._asked = np.array([one is not None for one in edge_ids])
-        self._contours = contours_of(solid)
-        self._scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
-        # neighbours leave the strip beside an edge at so many px from the corner, if they leave at the angle asked for
-        angle = math.radians(max(showing.min_corner_deg, 5.0))
-        self._near_own_px = showing.separation_px / math.sin(angle)
+        self.contours = contours_of(solid)
+        at = meeting(self.contours)
+        self.scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
+        self._near_own_px = near_own_px(showing)
         radius = 2.0 * self._near_own_px * min(far, _FAR * near) / float(self._scale[:2].min())
-        self._relations = np.full((len(edge_ids), len(self._contours.ids)), OTHER, np.uint8)
-        for k, one in enumerate(edge_ids):
-            if one is not None:
-                self._relations[k] = relation_to(self._contours, one, radius)
-        own = [self._vertices_of(k) for k in range(len(edge_ids))]
-        self._own = np.concatenate([np.zeros(0, np.int64), *own])
-        self._first = np.cumsum([0, *map(len, own)]).astype(np.int64)
-        self._arms = arms_of(self._contours, self._relations, self._ends, self._asked)
-
-    def _vertices_of(self, k: int) -> NDArray[np.int64]:
-        return np.unique(self._contours.ends[self._relations[k] == OWN]).astype(np.int64)
+        edges = [[] if one is None else list(one) for one in edge_ids]
+        self._entities = _Lines.of(self.contours, [relation_to(self.contours, at, one, radius) for one in edges])
+        self.arms = arms_of(self.contours, self._entities.relations, self._ends, self._asked)
+        # the same line may leave several entities
+        lines, self._line_of_arm = np.unique(self.arms.contour, return_inverse=True)
+        own = [[int(self.contours.ids[line])] for line in lines]
+        self._lines = _Lines.of(self.contours, [relation_to(self.contours, at, one, radius) for one in own])
 
     def separations(self, cam2world: Array, wanted: NDArray[np.bool_], most_px: float = MOST_PX) -> Array:
         """Return how far other visible lines are from entities in the image, less what is asked for, px; (n, k).
@@ -123,9 +127,9 @@ class ImageCheck:
     def without_corner(self, k: int) -> Array | None:
         """Return an end (3,) of an entity where no edge of the part makes a corner with it, mm; None without one."""
         if self.showing.min_corner_deg > 0 and self._asked[k]:
-            own = (self._arms.entity == k) & self._arms.wide
+            own = (self.arms.entity == k) & self.arms.wide
             for end in range(2):
-                if not (own & (self._arms.end == end)).any():
+                if not (own & (self.arms.end == end)).any():
                     return self._ends[k, end]
         return None
 
@@ -134,9 +138,13 @@ class ImageCheck:
         return [pairs[i : i + _BATCH] for i in range(0, len(pairs), _BATCH)]
 
     def _separations(self, cam2world: Array, pairs: Pairs, reach: float) -> Array:
-        one: Contours = self._contours
+        entities = self._ends, np.arange(len(self._ends)), *self._entities
+        return self._nearest_px(cam2world, pairs, entities, reach)
+
+    def _nearest_px(self, cam2world: Array, pairs: Pairs, entities: Any, reach: float) -> Array:
+        """Return how near other visible lines come in the image, at most `reach`, px; see `near_contours`."""
+        one: Contours = self.contours
         lines = one.vertices, one.ends, one.planes, one.kinds
-        entities = self._ends, self._relations, self._own, self._first
         room, poses = _ROOM, np.ascontiguousarray(cam2world, np.float64)
         while True:
             pair, distance, place = np.empty(room, np.int64), np.empty(room), np.empty((room, 3))
@@ -151,20 +159,75 @@ class ImageCheck:
         np.minimum.at(apart, pair[visible], distance[visible])
         return apart
 
+    def corner_lines(self, cam2world: Array, pairs: Pairs) -> SeenArms:
+        """Return the lines at the ends of entities that corners can be fitted with.
+
+        Parameters
+        ----------
+        cam2world : array (n, 4, 4)
+            Poses.
+        pairs : array of int (p, 2)
+            Pose and entity, in rising order of the poses.
+        """
+        seen = self._making_corners(cam2world, pairs, self._leaving(cam2world, pairs))[0]
+        return seen.chosen(seen.bend >= self.showing.min_corner_deg)
+
+    def _leaving(self, cam2world: Array, pairs: Pairs) -> SeenArms:
+        seen = corner_arms(cam2world, pairs, self._scale, self.contours, self.arms)
+        return seen.chosen(self._visible(cam2world[pairs[seen.of // 2, 0], :3, 3], seen.place))
+
     def _corners(self, cam2world: Array, pairs: Pairs) -> Array:
-        angles, places, of, wide, _ = corner_arms(cam2world, pairs, self._scale, self._contours, self._arms)
-        visible = self._visible(cam2world[pairs[of // 2, 0], :3, 3], places)
-        of, angles, wide = of[visible], angles[visible], wide[visible]
+        seen, sharpest = self._making_corners(cam2world, pairs, self._leaving(cam2world, pairs))
         # per end: a visible line far enough from the edge's own, and none too near to the edge
-        widest, sharpest = np.zeros(2 * len(pairs)), np.full(2 * len(pairs), 90.0)
-        np.maximum.at(widest, of[wide], np.minimum(angles, 180.0 - angles)[wide])
-        np.minimum.at(sharpest, of, angles)
+        widest = np.zeros(2 * len(pairs))
+        np.maximum.at(widest, seen.of, seen.bend)
         return np.minimum(widest, sharpest).reshape(-1, 2).min(axis=1)
+
+    def _making_corners(self, cam2world: Array, pairs: Pairs, seen: SeenArms) -> tuple[SeenArms, Array]:
+        """Return lines that are long enough for a fit and as far from others as is asked of edges; and sharpest angles.
+
+        The latter is not asked where an end has no corner anyway, or of a line at a smaller angle than is asked for.
+        """
+        separation, least = self.showing.separation_px, self.showing.min_corner_deg
+        sharpest = np.full(2 * len(pairs), 90.0)
+        np.minimum.at(sharpest, seen.of, seen.angle)
+        seen = seen.chosen(seen.wide)
+        seen = seen.chosen(seen.long_enough(separation))
+        if separation > 0:
+            may = (seen.bend >= least) & (sharpest[seen.of] >= least)
+            hopeful = np.asarray(np.isin(np.arange(2 * len(pairs)), seen.of[may]).reshape(-1, 2).all(axis=1))
+            asked = np.flatnonzero(may & hopeful[seen.of // 2])
+            ends = np.stack([self.arms.corner[seen.arm[asked]], seen.last[asked]], axis=1)
+            entities = np.ascontiguousarray(ends), self._line_of_arm[seen.arm[asked]], *self._lines
+            each = np.column_stack([pairs[seen.of[asked] // 2, 0], np.arange(len(asked))])
+            near = self._nearest_px(cam2world, each, entities, separation) < separation
+            seen = seen.chosen(np.setdiff1d(np.arange(len(seen.of)), asked[near]))
+        return seen, sharpest
 
     def _visible(self, eyes: Array, places: Array) -> NDArray[np.bool_]:
         if not len(places):
             return np.zeros(0, bool)
-        return np.asarray(self._scene.cast(eyes, places - eyes)["t_hit"] >= 1.0 - _SHORT)
+        return np.asarray(self.scene.cast(eyes, places - eyes)["t_hit"] >= 1.0 - _SHORT)
+
+
+def near_own_px(showing: Showing) -> float:
+    """Return how far from its own corner a neighbour leaves the strip beside an edge, at the angle asked for, px."""
+    return showing.separation_px / math.sin(math.radians(max(showing.min_corner_deg, 5.0)))
+
+
+class _Lines(NamedTuple):
+    """Relations (r, m) of contours to entities or arms, vertices (w,) of these, where those of each begin (r + 1,)."""
+
+    relations: NDArray[np.uint8]
+    vertices: NDArray[np.int64]
+    first: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, contours: Contours, relations: Sequence[NDArray[np.uint8]]) -> _Lines:
+        own = [np.unique(contours.ends[one == OWN]) for one in relations]
+        vertices = np.concatenate([np.zeros(0, np.int64), *own]).astype(np.int64)
+        first = np.cumsum([0, *map(len, own)]).astype(np.int64)
+        return cls(np.array(relations, np.uint8).reshape(-1, len(contours.ids)), vertices, first)
 
 
 def edges_of(space: Any, name: str) -> tuple[int, ...] | None:

@@ -22,7 +22,8 @@ def asked(**requirements):
 
 def found(one):
     ids = [edge.id for edge in block().edges if set(edge_ends(edge)) == {(0, 0, 60), (80, 0, 60)}]
-    return corners_of(one, block(), [(0, "top front")], [ids])
+    scene = RayScene(block().vertices, block().triangles)
+    return corners_of(one, block(), scene, [(0, "top front")], [ids])
 
 
 def edge_ends(edge):
@@ -50,8 +51,8 @@ def test_one_line_per_end_is_enough_and_no_end_may_lack_one():
     corners, scene = found(asked(min_corner_deg=25.0)), RayScene(block().vertices, block().triangles)
     lamps = np.array([(40.0, -400.0, 30.0), (40.0, 400.0, 30.0)])
     sets = np.array([[0], [1]])
-    assert corners.shown(scene, lamps, sets, LIMITS, 1)[:, 0].tolist() == [True, False]
-    both = corners.shown(scene, lamps, np.array([[0, 1]]), LIMITS, 1)
+    assert corners.shown(scene, lamps, sets, LIMITS, np.ones((2, 1), bool))[:, 0].tolist() == [True, False]
+    both = corners.shown(scene, lamps, np.array([[0, 1]]), LIMITS, np.ones((1, 1), bool))
     assert both[0, 0]
 
 
@@ -64,7 +65,7 @@ def test_an_end_whose_only_line_is_dark():
     corners = Corners(sites, np.arange(4), np.array([0, 0, 1, 1]))
     scene = RayScene(block().vertices, block().triangles)
     lamp = np.array([(40.0, -400.0, 30.0)])
-    assert corners.shown(scene, lamp, np.array([[0]]), LIMITS, 2).tolist() == [[False, True]]
+    assert corners.shown(scene, lamp, np.array([[0]]), LIMITS, np.ones((1, 2), bool)).tolist() == [[False, True]]
 
 
 def test_lamps_are_planned_with_it():

@@ -75,7 +75,7 @@ def test_fixed_lamps_by_the_formula():
     one = plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), uninspectable={"top right": "", "bottom": ""})
     even, good, behind = (40.0, -300.0, 360.0), (40.0, -100.0, 360.0), (40.0, 100.0, -10.0)
     assert plan_light(one, block(), [even, behind]).unlit[0] == {
-        "top front": "none of 2 lamps shows it: 2 with a contrast under 0.1, 0 with a step under 0.05, "
+        "top front": "none of 2 lamps shows it: 2 with a contrast under 0.1, 0 with a step under 0.1, "
         "0 not lighting all of it."
     }
     found = plan_light(one, block(), [even, behind, good])
@@ -90,7 +90,7 @@ def test_what_hardly_any_light_falls_on_does_not_show():
     one = plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), uninspectable={"top right": "", "bottom": ""})
     grazing = [(5000.0, -40.0, 70.0)]
     assert plan_light(one, block(), grazing).unlit[0] == {
-        "top front": "none of 1 lamps shows it: 0 with a contrast under 0.1, 1 with a step under 0.05, "
+        "top front": "none of 1 lamps shows it: 0 with a contrast under 0.1, 1 with a step under 0.1, "
         "0 not lighting all of it."
     }
     assert plan_light(one, block(), grazing, step=0.007).unlit[0]

@@ -13,7 +13,7 @@ from planner import RequestError, RingSpace, plan_light
 WORKSPACE = np.array([[-900.0] * 3, [900.0] * 3])
 
 
-def space_of(solid, entities, contrast=0.1, least_step=0.05):
+def space_of(solid, entities, contrast=0.1, least_step=0.1):
     return RingSpace(compute_light(solid, entities, contrast, WORKSPACE), CAMERA, least_step)
 
 
