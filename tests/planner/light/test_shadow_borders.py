@@ -1,0 +1,85 @@
+"""Shadows that end beside a line: of a step, where a wall's shadow ends follows from similar triangles."""
+
+import numpy as np
+import pytest
+from lit_parts import RIM, step
+
+from aspectgraph.solid import RayScene
+from planner.light.shadow_borders import SeenLine, beside_lines
+
+EYE = np.array([45.0, 20.0, 400.0])
+# 0.4 mm on the lower floor
+PIXEL_RAD = 0.001
+SCENE = RayScene(step().vertices, step().triangles, n_threads=1)
+
+
+def line(x, z, low=4.0, high=36.0):
+    """A line along y, seen from above."""
+    points = np.column_stack([np.full(9, x), np.linspace(low, high, 9), np.full(9, z)])
+    return SeenLine(EYE, points, np.array([0.0, 1, 0]))
+
+
+def lamp_for(end_x):
+    """A lamp at x = -200 under which the shadow of the wall x = 30, z = 10 ends there on the floor z = 0."""
+    return [-200.0, 20.0, 10.0 + 230.0 * 10.0 / (end_x - 30.0)]
+
+
+@pytest.mark.parametrize(
+    ("end_x", "clear"),
+    [
+        # 5 px are 2 mm: beyond that, within it, and the edge itself in the shadow
+        (57.0, True),
+        (58.3, False),
+        (59.3, False),
+        (62.0, True),
+    ],
+)
+def test_a_shadow_that_ends_beside_an_edge(end_x, clear):
+    beside = beside_lines(SCENE, [line(60.0, 0.0)], 5.0, PIXEL_RAD)
+    lamps = np.array([lamp_for(end_x)])
+    assert beside.clear(SCENE, lamps, np.ones((1, 1), bool)).tolist() == [[clear]]
+
+
+def test_nothing_is_said_of_what_is_not_wanted():
+    beside = beside_lines(SCENE, [line(60.0, 0.0), line(0.0, 10.0)], 5.0, PIXEL_RAD)
+    lamps = np.array([lamp_for(58.3), lamp_for(57.0)])
+    assert beside.clear(SCENE, lamps, np.ones((2, 2), bool)).tolist() == [[False, True], [True, True]]
+    assert beside.clear(SCENE, lamps, np.zeros((2, 2), bool)).all()
+
+
+def test_without_a_separation_there_is_nothing_beside():
+    beside = beside_lines(SCENE, [line(60.0, 0.0)], 0.0, PIXEL_RAD)
+    assert (len(beside.places), beside.n_lines) == (0, 1)
+    assert beside.clear(SCENE, np.array([lamp_for(58.3)]), np.ones((1, 1), bool)).all()
+
+
+def test_places_are_on_the_face_beside_the_line():
+    """Beside the rim, of the upper face on one side; on the other one the floor, as the wall is not seen from there."""
+    beside = beside_lines(SCENE, [line(30.0, 10.0)], 5.0, PIXEL_RAD)
+    ends = np.array(RIM["rim"])
+    assert ends[0, 0] == 30.0
+    up = beside.places[:, 2] > 5
+    assert (beside.places[up, 0] < 30).all()
+    assert (beside.places[~up, 0] > 30).all()
+    assert np.allclose(beside.places[up, 2], 10.0, atol=1e-3)
+    assert np.allclose(beside.normals, [0, 0, 1], atol=1e-6)
+    assert up.sum() == (~up).sum() == 45
+
+
+def test_a_border_across_the_line_near_its_end_is_left_out():
+    """One point of nine lies where the shadow ends; of three points, one is too many."""
+    x_ends = lamp_for(58.3)
+    nine = beside_lines(SCENE, [line(60.0, 0.0)], 5.0, PIXEL_RAD)
+    some = nine.strip < 2
+    one = type(nine)(nine.places[some], nine.normals[some], nine.strip[some], nine.line[some], 1)
+    far = beside_lines(SCENE, [SeenLine(EYE, line(15.0, 10.0).points[:8], np.array([0.0, 1, 0]))], 5.0, PIXEL_RAD)
+
+    def with_clear(n):
+        kept = far.strip < 2 * n
+        places = np.concatenate([one.places, far.places[kept]])
+        normals = np.concatenate([one.normals, far.normals[kept]])
+        strips = np.concatenate([one.strip, far.strip[kept] + 2])
+        return type(nine)(places, normals, strips, np.zeros(len(places), int), 1)
+
+    for n, told in ((8, True), (2, False)):
+        assert with_clear(n).clear(SCENE, np.array([x_ends]), np.ones((1, 1), bool)).tolist() == [[told]]
