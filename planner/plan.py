@@ -23,6 +23,7 @@ from planner.rows.plan_tables import PlanTables
 from planner.setting.sensor_setting import SensorSetting
 
 if TYPE_CHECKING:
+    from aspectgraph import Solid
     from planner.light.light_plan import LightPlan
     from planner.progress import Progress
     from planner.verify.simulate_plan import SimulationResult
@@ -160,7 +161,9 @@ class InspectionPlan(PlanTables):
         }
         return {name: p for name, p in best.items() if name not in self.uninspectable}
 
-    def simulate(self, n: int = 10_000, rng: int = 0, progress: Progress | None = None) -> SimulationResult:
+    def simulate(
+        self, n: int = 10_000, rng: int = 0, progress: Progress | None = None, solid: Solid | None = None
+    ) -> SimulationResult:
         """Draw displaced poses, measure, and count how often the accuracy is met.
 
         Parameters
@@ -171,6 +174,8 @@ class InspectionPlan(PlanTables):
             Seed.
         progress : callable, optional
             ``progress(done, total, label)``.
+        solid : Solid, optional
+            The part: then it is counted, too, in how many images of displaced cameras edges can be found.
 
         Returns
         -------
@@ -179,9 +184,11 @@ class InspectionPlan(PlanTables):
         """
         from planner.verify.simulate_plan import simulate_plan
 
-        return simulate_plan(self, n, rng=rng, progress=progress)
+        return simulate_plan(self, n, rng=rng, progress=progress, solid=solid)
 
-    def simulated(self, n: int = 10_000, rng: int = 0, progress: Progress | None = None) -> InspectionPlan:
+    def simulated(
+        self, n: int = 10_000, rng: int = 0, progress: Progress | None = None, solid: Solid | None = None
+    ) -> InspectionPlan:
         """Return the same plan with the result of `simulate` attached.
 
         Parameters
@@ -192,13 +199,15 @@ class InspectionPlan(PlanTables):
             Seed.
         progress : callable, optional
             ``progress(done, total, label)``.
+        solid : Solid, optional
+            The part: then it is counted, too, in how many images of displaced cameras edges can be found.
 
         Returns
         -------
         InspectionPlan
             A new plan; this one is not changed.
         """
-        return replace(self, simulation=self.simulate(n, rng, progress))
+        return replace(self, simulation=self.simulate(n, rng, progress, solid))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain Python values that JSON can hold without loss.

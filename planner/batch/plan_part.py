@@ -95,7 +95,7 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
         # of another request, or damaged
         state.unlink(missing_ok=True)
         found = plan()
-    found = found.simulated(request.simulate, rng=request.seed)
+    found = found.simulated(request.simulate, rng=request.seed, solid=solid)
     write_outputs(found, regions, folder, graph_limit=request.graph_limit)
     state.unlink(missing_ok=True)
     return found

@@ -139,6 +139,11 @@ def lengths(text: str) -> list[float]:
 def add_part(parser: argparse.ArgumentParser) -> None:
     """Add the part and how its file is read."""
     parser.add_argument("part", metavar="PART", help=".step .stp .stl .obj .ply .off .glb")
+    add_reading(parser)
+
+
+def add_reading(parser: argparse.ArgumentParser) -> None:
+    """Add how the file of a part is read."""
     parser.add_argument("--units", metavar="UNIT", help="of a mesh: mm, inch, m, ... (default: mm, m for .glb)")
     parser.add_argument("--solids", type=numbers, metavar="N,N", help="which solids of a STEP file, counted from 0")
     parser.add_argument(

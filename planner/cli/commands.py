@@ -202,7 +202,7 @@ def _planned(
             )
         except KeyboardInterrupt:
             found = best.instead()
-        found = found.simulated(options.simulate, rng=options.seed, progress=progress)
+        found = found.simulated(options.simulate, rng=options.seed, progress=progress, solid=solid)
         found = replace(found, light=lamps_for(options, found, solid, read_lamps(options), progress))
         try:
             written = write_outputs(found, regions, folder, progress, graph_limit=options.graph_limit)
@@ -317,8 +317,9 @@ def batch(options: argparse.Namespace) -> int:
 def simulate(options: argparse.Namespace) -> int:
     """Check a plan by simulation."""
     found = read_plan(options.plan)
+    solid = None if options.part is None else _read_part(options)
     with terminal_progress(quiet=options.quiet) as progress:
-        result = simulate_plan(found, options.poses, rng=options.seed, progress=progress)
+        result = simulate_plan(found, options.poses, rng=options.seed, progress=progress, solid=solid)
     if options.json:
         print_json(result.to_dict())
     else:

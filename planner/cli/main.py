@@ -18,6 +18,7 @@ from planner.cli.arguments import (
     add_limits,
     add_part,
     add_promise,
+    add_reading,
     add_wanted,
     add_workspace,
     lengths,
@@ -235,6 +236,9 @@ def _add_simulate(commands: Any) -> None:
     simulate.add_argument("plan", metavar="PLAN", help="plan.json")
     simulate.add_argument("--poses", type=int, default=100_000, metavar="N", help="displaced poses per setting")
     simulate.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same poses")
+    told = "the plan's part; then it is counted, too, in how many displaced images edges can be found"
+    simulate.add_argument("--part", metavar="PART", help=told)
+    add_reading(simulate)
 
 
 def _add_cameras(commands: Any) -> None:

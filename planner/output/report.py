@@ -25,6 +25,7 @@ from planner.output.wording import (
     percent,
     promise_sentence,
     requirement_rows,
+    shown_sentence,
     simulation_sentence,
     unfinished_sentence,
     window_sentence,
@@ -145,7 +146,9 @@ def _lead(plan: InspectionPlan) -> str:
     if not n:
         return f"{inspected} of {count(asked, *_named(plan))} inspected: the plan has no camera poses."
     verb = "is" if inspected == 1 else "are"
-    told = "Not simulated." if plan.simulation is None else simulation_sentence(plan.simulation)
+    told = "Not simulated."
+    if plan.simulation is not None:
+        told = f"{simulation_sentence(plan.simulation)} {shown_sentence(plan.simulation.shown)}".rstrip()
     return (
         f"{inspected} of {count(asked, *_named(plan))} {verb} measured from {count(n, _POSE)}. "
         f"{bound_sentence(plan, _named(plan), _POSE)} {told} {unfinished_sentence(plan)} {light_sentence(plan)}"

@@ -23,7 +23,9 @@ from planner.output.wording import (
     nouns,
     percent,
     promise_sentence,
+    shown_sentence,
     simulation_sentence,
+    unshown_texts,
     verdict,
     window_texts,
 )
@@ -262,6 +264,11 @@ def print_simulation(plan: InspectionPlan, result: SimulationResult) -> None:
     for name, reason in plan.uninspectable.items():
         console.print(f"not inspected: {name}: {reason}")
     console.print(simulation_sentence(result))
+    if result.shown is not None:
+        console.print(shown_sentence(result.shown))
+        for k in range(len(plan.settings)):
+            for text in unshown_texts(result.shown, k):
+                console.print(f"setting {k + 1}: {text}")
     if plan.settings:
         console.print(promise_sentence(plan))
     if any(result.rates):

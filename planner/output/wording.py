@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from planner.request.defaults import corner_margin_px
-from planner.rows.measured import line_warning
+from planner.rows.measured import line_warning, unshown_warning
 from planner.showing.image_check import MOST_PX
 from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from planner.camera.camera import Camera
     from planner.light.light_plan import LitImage
     from planner.plan import InspectionPlan
+    from planner.verify.shown_images import ShownImages
     from planner.verify.simulate_plan import SimulationResult
 
 
@@ -95,7 +96,15 @@ def window_texts(plan: InspectionPlan, k: int) -> list[str]:
     least, most = min(windows.values()), max(windows.values())
     told = f"{most:.3g}" if most - least < 0.1 else f"{least:.3g} to {most:.3g}"
     lines = [f"{name}: {line_warning(px, windows[name])}" for name, px in setting.lines_in_window_px.items()]
-    return [f"search window ±{told} px", *lines]
+    images = None if plan.simulation is None else plan.simulation.shown
+    return [f"search window ±{told} px", *lines, *unshown_texts(images, k)]
+
+
+def unshown_texts(images: ShownImages | None, k: int) -> list[str]:
+    """Return of which edges of a setting the conditions for showing are not met in all images of displaced cameras."""
+    if images is None:
+        return []
+    return [f"{name}: {unshown_warning(n, images.n)}" for name, n in images.counts[k].items() if n < images.n]
 
 
 def simulation_sentence(result: SimulationResult) -> str:
@@ -113,6 +122,19 @@ def simulation_sentence(result: SimulationResult) -> str:
     else:
         told = "confirms the plan" if kinds[CONFIRMED] == n else "supports the plan"
     return f"A simulation of {count(result.n, 'displaced pose')} per setting {told}: {_counted(result, n)}."
+
+
+def shown_sentence(images: ShownImages | None) -> str:
+    """Say how many edges meet the conditions for showing from displaced cameras, too; nothing if that was not asked."""
+    if images is None:
+        return ""
+    counts = [found for setting in images.counts for found in setting.values()]
+    always, n = sum(found == images.n for found in counts), len(counts)
+    told = f"From {count(images.n, 'displaced pose')} per setting, the conditions for an edge to be found in the image "
+    if always == n:
+        return told + ("are met in every image." if n > 1 else "are met in every image by the edge measured.")
+    kept = f"are met in every image by {always} of {count(n, 'measured edge')}"
+    return told + f"{kept}, and by each of the others in {min(counts)} of {images.n} at least."
 
 
 def percent(share: float) -> str:
@@ -216,13 +238,14 @@ def verdict(plan: InspectionPlan) -> str:
         sentences.append(bound_sentence(plan, nouns(plan)))
         told = "Not simulated." if plan.simulation is None else simulation_sentence(plan.simulation)
         sentences.append(told)
+        sentences.append("" if plan.simulation is None else shown_sentence(plan.simulation.shown))
     if plan.unfinished:
         sentences.append(unfinished_sentence(plan))
     if plan.light is not None and n:
         sentences.append(light_sentence(plan))
     if n:
         sentences.append(promise_sentence(plan))
-    return " ".join(sentences)
+    return " ".join(filter(None, sentences))
 
 
 def calibration_rows(camera: Camera) -> dict[str, str]:

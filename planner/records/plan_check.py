@@ -186,6 +186,24 @@ def _check_simulation(simulation: Mapping[str, Any], settings: Sequence[Any]) ->
             if abs(rate["predicted"] - setting["probability"][name]) > _SAME:
                 rule = f"must be the setting's probability, {setting['probability'][name]:g}"
                 _refuse(field_name(*where, "predicted"), rule, rate["predicted"])
+    if simulation.get("shown") is not None:
+        _check_images(simulation["shown"], settings)
+
+
+def _check_images(images: Mapping[str, Any], settings: Sequence[Any]) -> None:
+    """Check that the counts of images are those of each setting's names, and no more than there are."""
+    counts, n = images["counts"], images["n"]
+    if len(counts) != len(settings):
+        raise PlanFileError(
+            f"simulation.shown.counts must hold one object per setting, {len(settings)}. Got {len(counts)}."
+        )
+    for k, (own, setting) in enumerate(zip(counts, settings, strict=True)):
+        for name, found in own.items():
+            where = field_name("simulation", "shown", "counts", k, name)
+            if name not in setting["entities"]:
+                _refuse(where, "must be of a name that the setting measures", name)
+            if found > n:
+                _refuse(where, f"must be at most {n}, the number of images", found)
 
 
 def _check_light(light: Mapping[str, Any], settings: Sequence[Any]) -> None:

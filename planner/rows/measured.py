@@ -26,11 +26,12 @@ SOURCES = ("translation", "rotation", "localisation")
 """What the variance of a measured value comes from."""
 
 
-FINE, DIFFERS, BETTER, LINE = (
+FINE, DIFFERS, BETTER, LINE, UNSHOWN = (
     "tolerance under two pixels",
     "simulation differs from what is stated",
     "simulation is better than what is stated",
     "another line within the search window",
+    "not to be found in some displaced images",
 )
 """Kinds of warnings."""
 
@@ -120,6 +121,7 @@ def measured_rows(plan: Any) -> list[list[Row]]:
 
 def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
     rates = plan.simulation.rates[k] if plan.simulation is not None else {}
+    images = plan.simulation.shown if plan.simulation is not None else None
     measured, windows = measurements(plan, setting), search_windows_px(plan, setting)
     rows = []
     for name in setting.entities:
@@ -129,6 +131,8 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
         warnings = _warnings(coarse, name in plan.on_grid, probability, rate)
         if name in setting.lines_in_window_px:
             warnings += (Warned(LINE, line_warning(setting.lines_in_window_px[name], windows[name])),)
+        if images is not None and images.counts[k].get(name, images.n) < images.n:
+            warnings += (Warned(UNSHOWN, unshown_warning(images.counts[k][name], images.n)),)
         told = {"probability": probability, "rate": rate, "search_window_px": windows[name], "warnings": warnings}
         rows.append(Row(k + 1, name, **told, **vars(value)))
     return rows
@@ -146,6 +150,17 @@ def line_warning(line_px: float, window_px: float) -> str:
     """
     near = f"another visible line comes within {line_px:.3g} px, and the edge is looked for within {window_px:.3g} px"
     return f"{near}: a detector may take the one for the other"
+
+
+def unshown_warning(shown: int, n: int) -> str:
+    """Return what to look at where an edge meets the conditions for showing in only some images of displaced cameras.
+
+    Parameters
+    ----------
+    shown, n : int
+        In so many of so many images.
+    """
+    return f"the conditions for being found are met in {shown} of {n} images of displaced cameras"
 
 
 def _dimension(one: Any, told: Any) -> _Value:

@@ -32,14 +32,11 @@ class Joining:
         Rounds at most, while columns are few.
     columns : int
         Rounds times columns is about this: a round over many columns takes longer.
-    first_rounds : int
-        Rounds for columns without the conditions that the proof does not use.
     """
 
     rounds: int = 5
     most_rounds: int = 25
     columns: int = 20_000
-    first_rounds: int = 50
 
     def rounds_for(self, n_columns: int) -> int:
         """Return the rounds for a pool of so many columns."""
@@ -107,7 +104,7 @@ class _Weighing:
             return
         self._own = Pools(*(ColumnPool(len(run.names)) for _ in Pools._fields))
         poses = np.concatenate([pool.poses for pool in run.pools])
-        self._price(self._own, poses, column_seed(run.seed, ["weighing"]), JOINING.first_rounds)
+        self._price(self._own, poses, column_seed(run.seed, ["weighing"]), run.effort.pricing_rounds)
 
     @property
     def columns(self) -> np.ndarray:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.progress import Progress, report
+from planner.verify.shown_images import ShownImages, count_shown
 from planner.verify.simulate_setting import CONTRADICTED, UNSTATED, VERDICTS, SuccessRate, simulate_setting
 from planner.verify.simulated import Planned
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
 
 _CONFIDENCE = 0.99
 
@@ -34,12 +38,16 @@ class SimulationResult:
         Repeats the simulation.
     confidence : float
         Probability that every interval contains the true probability of success.
+    shown : ShownImages or None
+        In how many images of displaced cameras the edges can be found; None where that was not asked, or the part was
+        not given.
     """
 
     rates: tuple[dict[str, SuccessRate], ...]
     n: int
     seed: int | None
     confidence: float
+    shown: ShownImages | None = None
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
@@ -79,7 +87,8 @@ class SimulationResult:
             Field names and values; each rate is a dict of its own fields.
         """
         rates = [{name: asdict(rate) for name, rate in setting.items()} for setting in self.rates]
-        return {"rates": rates, "n": self.n, "seed": self.seed, "confidence": self.confidence}
+        shown = None if self.shown is None else self.shown.to_dict()
+        return {"rates": rates, "n": self.n, "seed": self.seed, "confidence": self.confidence, "shown": shown}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> SimulationResult:
@@ -96,10 +105,15 @@ class SimulationResult:
             Equal to the one written.
         """
         rates = tuple({name: SuccessRate(**rate) for name, rate in setting.items()} for setting in data["rates"])
-        return cls(rates, data["n"], data["seed"], data["confidence"])
+        # files of earlier programs do not tell
+        shown = data.get("shown")
+        counted = None if shown is None else ShownImages.from_dict(shown)
+        return cls(rates, data["n"], data["seed"], data["confidence"], counted)
 
 
-def simulate_plan(plan: Planned, n: int = 10_000, rng: int = 0, progress: Progress | None = None) -> SimulationResult:
+def simulate_plan(
+    plan: Planned, n: int = 10_000, rng: int = 0, progress: Progress | None = None, solid: Solid | None = None
+) -> SimulationResult:
     """Measure every entity of every setting from n displaced poses.
 
     Parameters
@@ -112,6 +126,9 @@ def simulate_plan(plan: Planned, n: int = 10_000, rng: int = 0, progress: Progre
         With an integer, setting i uses the seed (rng, i), so that it does not depend on the other settings.
     progress : callable, optional
         ``progress(done, total, label)``.
+    solid : Solid, optional
+        The plan's part: then it is counted, too, in how many images of displaced cameras edges meet the conditions for
+        showing (`planner.verify.shown_images`).
 
     Returns
     -------
@@ -121,7 +138,7 @@ def simulate_plan(plan: Planned, n: int = 10_000, rng: int = 0, progress: Progre
     Raises
     ------
     RequestError
-        If ``n`` or ``rng`` breaks its rule.
+        If ``n`` or ``rng`` breaks its rule, or the part lacks an edge of the plan.
     """
     seed = rng if isinstance(rng, int) else None
     intervals = max(1, sum(len(setting.entities) for setting in plan.settings))
@@ -139,4 +156,5 @@ def simulate_plan(plan: Planned, n: int = 10_000, rng: int = 0, progress: Progre
         )
         rates.append(result)
         report(progress, k + 1, len(plan.settings), "simulation")
-    return SimulationResult(tuple(rates), n, seed, _CONFIDENCE)
+    shown = None if solid is None else count_shown(plan, solid, n, seed, progress)
+    return SimulationResult(tuple(rates), n, seed, _CONFIDENCE, shown)

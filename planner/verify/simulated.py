@@ -53,3 +53,7 @@ class Planned(Protocol):
     @property
     def accuracy(self) -> float:
         """Accuracy asked of lengths."""
+
+    @property
+    def requirements(self) -> Mapping[str, float]:
+        """Limits of the plan by name."""

@@ -133,6 +133,18 @@ def test_plan_leaves_all_its_files_and_repeats(folder, quick, capsys):
     assert "confirms the plan" in out
 
 
+def test_simulating_with_the_part_counts_the_images_that_show_the_edges(folder, quick, capsys):
+    assert main([*PLAN, "--simulate", "100"]) == DONE
+    told = " ".join(capsys.readouterr().out.split())
+    assert "the conditions for an edge to be found in the image are met in every image" in told
+    assert main(["simulate", "out/plan.json", "--poses", "100", "--part", PLAN[1], "--json"]) == DONE
+    shown = json.loads(capsys.readouterr().out)["shown"]
+    assert shown == json.loads((folder / "out" / "plan.json").read_text())["simulation"]["shown"]
+    assert shown["n"] == 100
+    assert main(["simulate", "out/plan.json", "--poses", "100", "--json"]) == DONE
+    assert json.loads(capsys.readouterr().out)["shown"] is None
+
+
 def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):
     assert main([*PLAN, "--simulate", "100"]) == DONE
     expected = (folder / "out" / "plan.json").read_bytes()

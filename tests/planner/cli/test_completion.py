@@ -28,7 +28,7 @@ def test_bash_completes_commands_options_and_cameras(capsys):
     script = capsys.readouterr().out
     assert completed(script, "aspectgraph", "si") == ["simulate"]
     assert completed(script, "aspectgraph", "plan", "part.stp", "--focus") == ["--focus-margin-mm"]
-    assert completed(script, "aspectgraph", "simulate", "--s") == ["--seed"]
+    assert completed(script, "aspectgraph", "simulate", "--se") == ["--seed"]
     assert completed(script, "aspectgraph", "plan", "--camera", "") == list(camera_names())
 
 
