@@ -6,12 +6,15 @@ For every setting and edge of a plan, the camera is displaced, patches of the im
 matt faces, cast shadows, blur 0.8 px, noise 1.5 %) under the lamp that the plan names, or one at the camera, and the
 edge is measured as an image program does: a line is fitted to points found along the edge, another one to points along
 the line that leaves each end, and the two are intersected. The length may differ from that in the planned image by the
-fraction 1 - A; how often it does not is compared with what the plan promises.
+fraction 1 - A; how often it does not is compared with what the plan promises: with the ends as the *fit* gives them,
+and *rounded* to whole pixels, as the promise assumes. Of several lines at an end the one is taken that finds the corner
+best in the planned image.
 
 What the image is like is found out here, from the triangles and by rays, without `planner.showing`: whether another
 line leaves both ends at 25 degrees (*corner*), whether another visible line is within 5 px (*near line*), whether 40 px
-around the ends are in the image (*border*), and the grey step across the edge (*weak* below 5 of 255). A pair with none
-of these is *clean*: its promise must hold.
+around the ends are in the image (*border*), and the grey step across the edge (*weak* below 5 of 255, *weak corner* of
+the line at an end). *Not lit* is what the plan says that no lamp shows. A pair with none of these is *clean*: what is
+promised of it must hold.
 """
 
 from __future__ import annotations
@@ -41,6 +44,7 @@ NEAR_PX, AROUND_PX, CORNER_DEG, WEAK = 5.0, 40.0, 25.0, 5.0
 SHARP_DEG, CHORD_DEG, FACET_DEG = 5.0, 20.0, 40.0
 ALONG, ARM_PX, ARM_POINTS = 24, (4.0, 28.0), 12
 # near a corner, so many px of a line say nothing of it: as far as 5 px to its side are reached at 25 degrees
+_TOLD = ("promised", "measured", "rounded")
 LEAVES_PX = NEAR_PX / np.sin(np.radians(CORNER_DEG))
 
 
@@ -57,10 +61,11 @@ class Pair:
     n: int
     promised: tuple[float, ...]
     measured: tuple[float, ...]
+    rounded: tuple[float, ...]
 
     @property
     def worst(self) -> float:
-        """Largest promise above the measured frequency, in standard errors of the promise, at A = .98 and .99."""
+        """Largest promise above the frequency of the fit, in standard errors of the promise, at A = .98 and .99."""
         return max(
             (p - m) / np.sqrt(max(p * (1 - p), 1 / self.n) / self.n)
             for p, m in zip(self.promised[:2], self.measured[:2], strict=True)
@@ -158,18 +163,22 @@ def crossing(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.nda
     return one[0] + share[0] * one[1]
 
 
-def measured_px(renderer: Renderer, pose: np.ndarray, ends: np.ndarray, tips: list, lamp: Lamp, rng) -> float:
-    """Return the length of an edge in px as found in the image from a pose; nan without grey steps to find it by."""
+def found_ends(renderer: Renderer, pose: np.ndarray, ends: np.ndarray, tips: list, lamp: Lamp, rng) -> np.ndarray:
+    """Return the ends (2, 2) of an edge in px as found in the image from a pose; nan where grey steps are too weak."""
     line = _line(renderer, pose, ends[0], ends[1], (0.06, 0.94), ALONG, lamp, rng)
-    if line is None:
-        return np.nan
-    corners = []
-    for end, tip in zip(ends, tips, strict=True):
+    corners = np.full((2, 2), np.nan)
+    for i, (end, tip) in enumerate(zip(ends, tips, strict=True)):
         arm = _line(renderer, pose, end, tip, arm_shares(renderer, pose, end, tip), ARM_POINTS, lamp, rng)
-        if arm is None:
-            return np.nan
-        corners.append(crossing(line, arm))
-    return float(np.linalg.norm(corners[1] - corners[0]))
+        if line is not None and arm is not None:
+            corners[i] = crossing(line, arm)
+    return corners
+
+
+def _missed_px(renderer: Renderer, pose: np.ndarray, ends: np.ndarray, tip: np.ndarray, lamp: Lamp, rng) -> float:
+    """Return how far from the first end its corner is found with a line, px; many if it is not found."""
+    found = found_ends(renderer, pose, ends, [tip, tip], lamp, rng)[0]
+    missed = float(np.linalg.norm(found - renderer.projected(ends[:1], pose)[0]))
+    return missed if np.isfinite(missed) else 1e6
 
 
 def arm_step(renderer: Renderer, pose: np.ndarray, corner: np.ndarray, tip: np.ndarray, lamp: Lamp, rng) -> float:
@@ -211,7 +220,8 @@ def pairs(plan: InspectionPlan, solid: Solid, n: int, seed: int, triangles=None)
                 if not wide or min(seen for _, seen in arms) < CORNER_DEG:
                     kind = "no corner"
                 steps = [arm_step(renderer, pose, ends[i], tip, lamp, rng) for tip in wide]
-                tips.append(wide[int(np.argmax(steps))] if wide else _onward(lines, ends[i], ends[1 - i], own))
+                missed = [_missed_px(renderer, pose, ends[[i, 1 - i]], tip, lamp, rng) for tip in wide]
+                tips.append(wide[int(np.argmin(missed))] if wide else _onward(lines, ends[i], ends[1 - i], own))
                 if wide and max(steps) < WEAK and kind == "clean":
                     kind = "weak corner"
             near = lines.nearest_px(renderer, pose, ends, own)
@@ -224,6 +234,8 @@ def pairs(plan: InspectionPlan, solid: Solid, n: int, seed: int, triangles=None)
                 kind = (
                     "near line" if near < NEAR_PX else "weak" if step < WEAK else "border" if room < AROUND_PX else kind
                 )
+            if plan.light is not None and name in plan.light.unlit[k]:
+                kind = "not lit"
             yield _measured(plan, k, name, (renderer, pose, ends, tips, lamp, rng), n, (kind, near, step))
 
 
@@ -240,17 +252,20 @@ def _measured(plan, k, name, how, n, kind) -> Pair:
     camera, sigmas = plan.camera, np.asarray(plan.pose_uncertainty.covariance)
     image = renderer.projected(ends, pose)
     nominal = np.linalg.norm((image[1] - image[0]) * camera.pixel_pitch_mm)
-    errors = np.empty(n)
+    errors = np.empty((n, 2))
     for i in range(n):
         move, draw = np.eye(4), rng.multivariate_normal(np.zeros(6), sigmas)
         move[:3, 3], move[:3, :3] = draw[:3], Rotation.from_rotvec(draw[3:]).as_matrix()
-        length = measured_px(renderer, pose @ move, ends, tips, lamp, rng) * camera.pixel_pitch_mm[0]
-        errors[i] = abs(length / nominal - 1) if np.isfinite(length) else np.inf
+        found = found_ends(renderer, pose @ move, ends, tips, lamp, rng)
+        for j, one in enumerate((found, np.rint(found))):
+            length = np.linalg.norm((one[1] - one[0]) * camera.pixel_pitch_mm)
+            errors[i, j] = abs(length / nominal - 1) if np.isfinite(length) else np.inf
     promised = [
         float(Objective(ends[None], camera, plan.pose_uncertainty, a).probability(pose[None])[0, 0]) for a in ACCURACIES
     ]
-    met = tuple(float((errors <= 1 - a).mean()) for a in ACCURACIES)
-    return Pair(plan.part, k, name, kind[0], kind[1], kind[2], n, tuple(promised), met)
+    met = [tuple(float(value) for value in (errors <= 1 - a).mean(axis=0)) for a in ACCURACIES]
+    fit, rounded = zip(*met, strict=True)
+    return Pair(plan.part, k, name, kind[0], kind[1], kind[2], n, tuple(promised), fit, rounded)
 
 
 def lamp_place(plan: InspectionPlan, k: int, name: str) -> np.ndarray:
@@ -264,19 +279,34 @@ def lamp_place(plan: InspectionPlan, k: int, name: str) -> np.ndarray:
 
 def show(found: list[Pair]) -> None:
     """Print a table by class, and the pairs whose promise is too high."""
-    print(f"{'class':<12}{'pairs':>6}{'poses':>7}" + "".join(f"   A = {a:<5} promised measured" for a in ACCURACIES))
+    head = "".join(f"   A = {a:<5} promised    fit rounded" for a in ACCURACIES)
+    print(f"{'class':<12}{'pairs':>6}{'images':>7}{head}")
     for kind in sorted({one.kind for one in found}):
         own = [one for one in found if one.kind == kind]
-        means = [
-            (np.mean([one.promised[i] for one in own]), np.mean([one.measured[i] for one in own])) for i in range(3)
-        ]
-        cells = "".join(f"{p:21.3f}{m:9.3f}" for p, m in means)
+        means = [[np.mean([getattr(one, which)[i] for one in own]) for which in _TOLD] for i in range(3)]
+        cells = "".join(f"{p:21.3f}{m:7.3f}{r:8.3f}" for p, m, r in means)
         print(f"{kind:<12}{len(own):>6}{sum(one.n for one in own):>7}{cells}")
     for one in found:
         if one.worst > 3:
             told = f"{one.kind}, line at {one.near_px:.1f} px, step {one.step:.0f}"
             print(f"promised too much: {one.part} setting {one.setting + 1} {one.name} ({told}):", end=" ")
             print(f"{one.promised} against {one.measured}, {one.worst:.1f} standard errors")
+
+
+def write_csv(path: Path, found: list[Pair], plan: str = "") -> None:
+    """Write a row per pair, with a column for each frequency at each accuracy; add to what other plans left there."""
+    rows = []
+    for one in found:
+        row = {"plan": plan, **asdict(one), "setting": one.setting + 1}
+        row |= {"near_px": round(one.near_px, 2), "step": round(one.step, 1)}
+        told = {f"{which} {a}": round(row[which][i], 6) for i, a in enumerate(ACCURACIES) for which in _TOLD}
+        rows.append({name: value for name, value in row.items() if name not in _TOLD} | told)
+    new = not path.exists()
+    with path.open("a", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, [*rows[0]], lineterminator="\n")
+        if new:
+            writer.writeheader()
+        writer.writerows(rows)
 
 
 def main() -> int:
@@ -286,7 +316,8 @@ def main() -> int:
     parser.add_argument("part", type=Path)
     parser.add_argument("--poses", type=int, default=30)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--csv", type=Path)
+    parser.add_argument("--csv", type=Path, help="add a row per pair to this file")
+    parser.add_argument("--name", default="", help="what the file calls the plan")
     options = parser.parse_args()
     began, found = time.time(), []
     fine = triangles_of(options.part) if ".st" in options.part.name and ".stl" not in options.part.name else None
@@ -297,10 +328,7 @@ def main() -> int:
     show(found)
     print(f"{time.time() - began:.0f} s")
     if options.csv:
-        with options.csv.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, [*asdict(found[0])])
-            writer.writeheader()
-            writer.writerows(map(asdict, found))
+        write_csv(options.csv, found, options.name)
     return int(any(one.kind == "clean" and one.worst > 3 for one in found))
 
 

@@ -108,6 +108,6 @@ def test_lines_of_a_block():
 
 
 def test_what_is_promised_too_much_is_told_in_standard_errors():
-    one = Pair("p", 0, "e", "clean", 100.0, 50.0, 100, (0.9, 0.9, 0.5), (0.78, 0.9, 0.0))
+    one = Pair("p", 0, "e", "clean", 100.0, 50.0, 100, (0.9, 0.9, 0.5), (0.78, 0.9, 0.0), (0.8, 0.9, 0.1))
     # sqrt(.9 * .1 / 100) = .03
     assert one.worst == pytest.approx(4.0)
