@@ -26,6 +26,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import open3d as o3d
@@ -70,6 +71,14 @@ class Pair:
             (p - m) / np.sqrt(max(p * (1 - p), 1 / self.n) / self.n)
             for p, m in zip(self.promised[:2], self.measured[:2], strict=True)
         )
+
+
+class Arm(NamedTuple):
+    """A line that leaves a corner: where it ends (3,), its angle with the edge, and with the nearest line there."""
+
+    tip: np.ndarray
+    seen_deg: float
+    fork_deg: float
 
 
 class Lines:
@@ -119,21 +128,23 @@ class Lines:
                 best = min(best, apart[close][seen].min(initial=100.0))
         return float(best)
 
-    def arms(self, pose: np.ndarray, renderer: Renderer, corner: np.ndarray, inward: np.ndarray, own: set[int]) -> list:
-        """Return the ends (3,) of lines that leave a corner visibly, and their angles with the edge in the image."""
+    def arms(
+        self, pose: np.ndarray, renderer: Renderer, corner: np.ndarray, inward: np.ndarray, own: set[int]
+    ) -> list[Arm]:
+        """Return the lines that leave a corner visibly, at an angle with the edge on the part."""
         vertex = int(np.linalg.norm(self.solid.vertices - corner, axis=1).argmin())
-        shown, found = self.shown(pose[:3, 3]), []
+        shown, tips = self.shown(pose[:3, 3]), []
         for e in np.flatnonzero((self.ends == vertex).any(axis=1) & self.line & shown):
-            if e in own:
-                continue
             tip = self.solid.vertices[self.ends[e].sum() - vertex]
-            if not self.visible(pose[:3, 3], (0.97 * corner + 0.03 * tip)[None])[0]:
-                continue
+            if e not in own and self.visible(pose[:3, 3], (0.97 * corner + 0.03 * tip)[None])[0]:
+                tips.append(tip)
+        image = renderer.projected(np.array([corner, inward, *tips]), pose)
+        ways, found = image[1:] - image[0], []
+        for i, tip in enumerate(tips, 1):
             wide = _angle(tip - corner, inward - corner)
-            image = renderer.projected(np.array([corner, tip, inward]), pose)
-            seen = _angle(image[1] - image[0], image[2] - image[0])
+            fork = min(_angle(ways[i], way) for k, way in enumerate(ways) if k != i)
             if min(wide, 180 - wide) >= CORNER_DEG:
-                found.append((tip, seen))
+                found.append(Arm(tip, _angle(ways[i], ways[0]), fork))
         return found
 
 
@@ -163,35 +174,37 @@ def crossing(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.nda
     return one[0] + share[0] * one[1]
 
 
-def found_ends(renderer: Renderer, pose: np.ndarray, ends: np.ndarray, tips: list, lamp: Lamp, rng) -> np.ndarray:
+def found_ends(renderer: Renderer, pose: np.ndarray, ends: np.ndarray, arms: list[Arm], lamp: Lamp, rng) -> np.ndarray:
     """Return the ends (2, 2) of an edge in px as found in the image from a pose; nan where grey steps are too weak."""
     line = _line(renderer, pose, ends[0], ends[1], (0.06, 0.94), ALONG, lamp, rng)
     corners = np.full((2, 2), np.nan)
-    for i, (end, tip) in enumerate(zip(ends, tips, strict=True)):
-        arm = _line(renderer, pose, end, tip, arm_shares(renderer, pose, end, tip), ARM_POINTS, lamp, rng)
+    for i, (end, one) in enumerate(zip(ends, arms, strict=True)):
+        arm = _line(renderer, pose, end, one.tip, arm_shares(renderer, pose, end, one), ARM_POINTS, lamp, rng)
         if line is not None and arm is not None:
             corners[i] = crossing(line, arm)
     return corners
 
 
-def _missed_px(renderer: Renderer, pose: np.ndarray, ends: np.ndarray, tip: np.ndarray, lamp: Lamp, rng) -> float:
+def _missed_px(renderer: Renderer, pose: np.ndarray, ends: np.ndarray, arm: Arm, lamp: Lamp, rng) -> float:
     """Return how far from the first end its corner is found with a line, px; many if it is not found."""
-    found = found_ends(renderer, pose, ends, [tip, tip], lamp, rng)[0]
+    found = found_ends(renderer, pose, ends, [arm, arm], lamp, rng)[0]
     missed = float(np.linalg.norm(found - renderer.projected(ends[:1], pose)[0]))
     return missed if np.isfinite(missed) else 1e6
 
 
-def arm_step(renderer: Renderer, pose: np.ndarray, corner: np.ndarray, tip: np.ndarray, lamp: Lamp, rng) -> float:
+def arm_step(renderer: Renderer, pose: np.ndarray, corner: np.ndarray, arm: Arm, lamp: Lamp, rng) -> float:
     """Return the grey step across a line that leaves a corner, where it is weakest but for a few points."""
-    points = corner + np.linspace(*arm_shares(renderer, pose, corner, tip), ARM_POINTS)[:, None] * (tip - corner)
-    tangents = np.tile((tip - corner) / np.linalg.norm(tip - corner), (ARM_POINTS, 1))
+    way = arm.tip - corner
+    points = corner + np.linspace(*arm_shares(renderer, pose, corner, arm), ARM_POINTS)[:, None] * way
+    tangents = np.tile(way / np.linalg.norm(way), (ARM_POINTS, 1))
     return float(np.quantile(found_points(renderer, pose, points, tangents, lamp, rng)[1], 0.2))
 
 
-def arm_shares(renderer: Renderer, pose: np.ndarray, corner: np.ndarray, tip: np.ndarray) -> np.ndarray:
+def arm_shares(renderer: Renderer, pose: np.ndarray, corner: np.ndarray, arm: Arm) -> np.ndarray:
     """Return between which shares of its length a line that leaves a corner is looked for."""
-    length = np.linalg.norm(np.diff(renderer.projected(np.array([corner, tip]), pose), axis=0))
-    return np.minimum(np.array(ARM_PX), (0.3 * length, 0.9 * length)) / length
+    length = np.linalg.norm(np.diff(renderer.projected(np.array([corner, arm.tip]), pose), axis=0))
+    first = max(ARM_PX[0], NEAR_PX / np.tan(np.radians(max(arm.fork_deg, 1.0))))
+    return np.minimum((first, ARM_PX[1]), (0.5 * length, 0.9 * length)) / length
 
 
 def _line(renderer, pose, start, end, shares, n, lamp, rng):
@@ -213,15 +226,15 @@ def pairs(plan: InspectionPlan, solid: Solid, n: int, seed: int, triangles=None)
             ends = np.asarray(plan.entities[name])
             own = set(resolve_entities(solid, {name: ends})[name].edge_ids)
             lamp = Lamp(lamp_place(plan, k, name))
-            tips, kind = [], "clean"
+            chosen, kind = [], "clean"
             for i in range(2):
                 arms = lines.arms(pose, renderer, ends[i], ends[1 - i], own)
-                wide = [tip for tip, seen in arms if CORNER_DEG <= seen <= 180 - CORNER_DEG]
-                if not wide or min(seen for _, seen in arms) < CORNER_DEG:
+                wide = [one for one in arms if CORNER_DEG <= one.seen_deg <= 180 - CORNER_DEG]
+                if not wide or min(one.seen_deg for one in arms) < CORNER_DEG:
                     kind = "no corner"
-                steps = [arm_step(renderer, pose, ends[i], tip, lamp, rng) for tip in wide]
-                missed = [_missed_px(renderer, pose, ends[[i, 1 - i]], tip, lamp, rng) for tip in wide]
-                tips.append(wide[int(np.argmin(missed))] if wide else _onward(lines, ends[i], ends[1 - i], own))
+                steps = [arm_step(renderer, pose, ends[i], one, lamp, rng) for one in wide]
+                missed = [_missed_px(renderer, pose, ends[[i, 1 - i]], one, lamp, rng) for one in wide]
+                chosen.append(wide[int(np.argmin(missed))] if wide else _onward(lines, ends[i], ends[1 - i], own))
                 if wide and max(steps) < WEAK and kind == "clean":
                     kind = "weak corner"
             near = lines.nearest_px(renderer, pose, ends, own)
@@ -236,19 +249,20 @@ def pairs(plan: InspectionPlan, solid: Solid, n: int, seed: int, triangles=None)
                 )
             if plan.light is not None and name in plan.light.unlit[k]:
                 kind = "not lit"
-            yield _measured(plan, k, name, (renderer, pose, ends, tips, lamp, rng), n, (kind, near, step))
+            yield _measured(plan, k, name, (renderer, pose, ends, chosen, lamp, rng), n, (kind, near, step))
 
 
-def _onward(lines: Lines, end: np.ndarray, inward: np.ndarray, own: set[int]) -> np.ndarray:
-    """Return where the line that an edge runs on in goes: what a corner detector would take for the other side."""
+def _onward(lines: Lines, end: np.ndarray, inward: np.ndarray, own: set[int]) -> Arm:
+    """Return the line that an edge runs on in: what a corner detector would take for the other side."""
     vertex = int(np.linalg.norm(lines.solid.vertices - end, axis=1).argmin())
     others = [e for e in np.flatnonzero((lines.ends == vertex).any(axis=1) & lines.line) if e not in own]
     tips = [lines.solid.vertices[lines.ends[e].sum() - vertex] for e in others]
-    return min(tips, key=lambda tip: abs(_angle(tip - end, inward - end) - 90)) if tips else 2 * end - inward
+    tip = min(tips, key=lambda tip: abs(_angle(tip - end, inward - end) - 90)) if tips else 2 * end - inward
+    return Arm(tip, 180.0, 90.0)
 
 
 def _measured(plan, k, name, how, n, kind) -> Pair:
-    renderer, pose, ends, tips, lamp, rng = how
+    renderer, pose, ends, arms, lamp, rng = how
     camera, sigmas = plan.camera, np.asarray(plan.pose_uncertainty.covariance)
     image = renderer.projected(ends, pose)
     nominal = np.linalg.norm((image[1] - image[0]) * camera.pixel_pitch_mm)
@@ -256,7 +270,7 @@ def _measured(plan, k, name, how, n, kind) -> Pair:
     for i in range(n):
         move, draw = np.eye(4), rng.multivariate_normal(np.zeros(6), sigmas)
         move[:3, 3], move[:3, :3] = draw[:3], Rotation.from_rotvec(draw[3:]).as_matrix()
-        found = found_ends(renderer, pose @ move, ends, tips, lamp, rng)
+        found = found_ends(renderer, pose @ move, ends, arms, lamp, rng)
         for j, one in enumerate((found, np.rint(found))):
             length = np.linalg.norm((one[1] - one[0]) * camera.pixel_pitch_mm)
             errors[i, j] = abs(length / nominal - 1) if np.isfinite(length) else np.inf

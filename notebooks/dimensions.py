@@ -36,6 +36,7 @@ from scipy.stats import binomtest
 
 from aspectgraph import read_dimensions, read_solid
 from errors.measurands import Localisation, MeasurandModel, acceptance_limits, uncertainty_ratio
+from errors.telling import frequency_text, interval_text, probability_text
 from planner import Camera, Effort, PoseUncertainty, plan_inspection
 from planner.wanted import Dimension
 
@@ -107,7 +108,7 @@ for setting in plan.settings:
         best[name] = max(best.get(name, setting), setting, key=lambda one: one.probability.get(name, 0))
 places = {name: setting.cam2world for name, setting in best.items()}
 predictions = {}
-print(f"{'name':18}{'nominal':>8}{'permitted':>11}{'P':>8}{'U':>8}{'U/T':>7}  accepted between")
+print(f"{'name':18}{'nominal':>8}{'permitted':>11}{'P':>16}{'U':>8}{'U/T':>7}  accepted between")
 for name, pose in places.items():
     planned = plan.dimensions[name]
     model = MeasurandModel(
@@ -125,7 +126,7 @@ for name, pose in places.items():
         between = acceptance_limits(planned.tolerance, p.expanded_uncertainty)
         limits = "nowhere" if between is None else f"{p.nominal + between[0]:.4f} and {p.nominal + between[1]:.4f}"
     print(
-        f"{name:18}{p.nominal:8.3f}{p.permitted_error:11.4f}{p.probability:8.4f}{p.expanded_uncertainty:8.4f}"
+        f"{name:18}{p.nominal:8.3f}{p.permitted_error:11.4f}{probability_text(p.probability):>16}{p.expanded_uncertainty:8.4f}"
         f"{ratio:>7}  {limits}"
     )
 assert all(p.probability >= 0.7 for p in predictions.values())
@@ -152,8 +153,8 @@ simulation = plan.simulate(2000)
 print(simulation)
 for number, rates in enumerate(simulation.rates, 1):
     for name, rate in rates.items():
-        share = f"{rate.successes / rate.n:.4f} [{rate.low:.4f}, {rate.high:.4f}]"
-        print(f"setting {number}: {name:18} promised {rate.predicted:.4f}, simulated {share}")
+        share = f"{frequency_text(rate.successes, rate.n)} [{interval_text(rate.low, rate.high)}]"
+        print(f"setting {number}: {name:18} promised {probability_text(rate.predicted)}, simulated {share}")
 
 # %% [markdown]
 # ## Measured in rendered images
@@ -202,12 +203,13 @@ plt.show()
 
 # %%
 N = 60
-print(f"{'name':18}{'promised':>9}{'measured':>9}  95 % interval    points without contrast")
+print(f"{'name':18}{'promised':>16}{'measured':>10}  95 % interval     points without contrast")
 for seed, (name, setting) in enumerate(settings.items()):
     outcome = measure(setting, renderer, N, seed)
     met = int((np.abs(outcome.image["gaussian"]) <= setting.planned.permitted_error).sum())
     interval = binomtest(met, N).proportion_ci(0.95)
     print(
-        f"{name:18}{predictions[name].probability:9.3f}{met / N:9.3f}  [{interval.low:.3f}, {interval.high:.3f}]"
+        f"{name:18}{probability_text(predictions[name].probability):>16}{frequency_text(met, N):>10}  "
+        f"[{interval_text(interval.low, interval.high)}]"
         f"{100 * np.mean(outcome.weak):13.1f} %"
     )

@@ -45,6 +45,7 @@ from errors import (
     simulate_success,
     success_probability,
 )
+from errors.telling import probability_text
 
 F = 25.0
 PITCH = (0.010, 0.013)
@@ -159,7 +160,7 @@ plt.show()
 print(f"standard deviation: true {true_error.std():.3f} mm, independent ends {float(independent.std):.3f} mm")
 for model in ("joint", "independent", "montecarlo"):
     p = success_probability(edge, **CAMERA, pose_covariance=PAPER, accuracy=0.98, model=model)
-    print(f"P(|ε| ≤ 2 %) by model {model:12s} {p:.4f}")
+    print(f"P(|ε| ≤ 2 %) by model {model:12s} {probability_text(float(p))}")
 
 # %% [markdown]
 # ## The three models over rotation and distance

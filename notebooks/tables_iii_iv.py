@@ -52,6 +52,7 @@ from paper_tables import (
 )
 from rivals import Problem
 
+from errors.telling import probability_text
 from planner import Search
 from planner.camera.pose import world_to_cam
 from planner.output.predicted_image import PictureMaker
@@ -98,15 +99,15 @@ def mean(runs, key):
 
 ours = {key: [mean(runs, k) for k in ("best", "last_mean", "generations", "seconds")] for key, runs in table.items()}
 
-print(f"{'':>14}|{'paper':^27}|{'ours':^48}")
+print(f"{'':>14}|{'paper':^27}|{'ours':^58}")
 print(f"{'P_c':>4}{'P_m':>5}{'N':>5}|{'P':>6}{'generations':>13}{'s':>8}|", end="")
-print(f"{'best P':>9}{'last mean P':>13}{'generations':>13}{'s':>7}{'runs':>6}")
+print(f"{'best P':>16}{'last mean P':>16}{'generations':>13}{'s':>7}{'runs':>6}")
 for crossover, mutation, population, p, generations, seconds in PAPER_TABLE_III:
     key = (crossover, mutation, population)
     best, last, nit, took = ours[key]
     print(
         f"{crossover:4.1f}{mutation:5.1f}{population:5d}|{p:6.2f}{generations:13d}{seconds:8d}|"
-        f"{best:9.4f}{last:13.4f}{nit:13.0f}{took:7.2f}{len(table[key]):6d}"
+        f"{probability_text(best):>16}{probability_text(last):>16}{nit:13.0f}{took:7.2f}{len(table[key]):6d}"
     )
 
 # %% [markdown]

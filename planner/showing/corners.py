@@ -98,6 +98,8 @@ class SeenArms(NamedTuple):
         Of the whole arm in the image.
     last : array (q, 3)
         Where the arm is `FITTED_PX` from the corner, or ends, mm.
+    direction : array (q,)
+        Of the arm in the image, degrees.
     """
 
     angle: Array
@@ -107,6 +109,7 @@ class SeenArms(NamedTuple):
     arm: NDArray[np.int64]
     length_px: Array
     last: Array
+    direction: Array
 
     @property
     def bend(self) -> Array:
@@ -117,13 +120,34 @@ class SeenArms(NamedTuple):
         """Return some of them."""
         return SeenArms(*(one[which] for one in self))
 
-    def long_enough(self, separation_px: float) -> NDArray[np.bool_]:
+    def fork_deg(self) -> Array:
+        """Return the least angle (q,) of each arm with the edge's line or another arm at its end, 0 to 90 degrees.
+
+        Arms have to be in the order of their ends.
+        """
+        least = self.bend
+        for apart in range(1, int(np.bincount(self.of).max(initial=0))):
+            one = np.flatnonzero(self.of[apart:] == self.of[:-apart])
+            between = np.abs((self.direction[one + apart] - self.direction[one] + 180.0) % 360.0 - 180.0)
+            np.minimum.at(least, one, between)
+            np.minimum.at(least, one + apart, between)
+        return least
+
+    def long_enough(self, fork_deg: Array, separation_px: float) -> NDArray[np.bool_]:
         """Return which arms (q,) leave enough of themselves for a line fit.
 
-        Points of a line are found across it, to so many pixels on either side. So at an angle α the first s / tan α of
-        an arm show the edge, too. As much again is needed beyond, and two separations at least.
+        Points of a line are found across it, to so many pixels on either side. So where another line leaves at an angle
+        α, the first s / tan α of an arm show that one, too. As much again is needed beyond, and two separations at
+        least.
+
+        Parameters
+        ----------
+        fork_deg : array (q,)
+            See `fork_deg`.
+        separation_px : float
+            s.
         """
-        mixed = separation_px / np.tan(np.radians(np.maximum(self.bend, _LEAST_DEG)))
+        mixed = separation_px / np.tan(np.radians(np.maximum(fork_deg, _LEAST_DEG)))
         return np.asarray(self.length_px - mixed >= np.maximum(2.0 * separation_px, mixed))
 
 
@@ -164,7 +188,8 @@ def corner_arms(cam2world: Array, pairs: NDArray[np.int64], scale: Array, contou
 
     near = place(np.minimum(_ALONG, _ALONG_PX / np.maximum(length, _TINY)))
     last = place(np.minimum(1.0, FITTED_PX / np.maximum(length, _TINY)))
-    return SeenArms(angle, near, 2 * pair + arms.end[arm], arms.wide[arm], arm, length, last)
+    direction = np.degrees(np.arctan2(along[:, 1], along[:, 0]))
+    return SeenArms(angle, near, 2 * pair + arms.end[arm], arms.wide[arm], arm, length, last, direction)
 
 
 def _shown(contours: Contours, contour: NDArray[np.int64], eyes: Array) -> NDArray[np.bool_]:

@@ -191,8 +191,7 @@ class ImageCheck:
         separation, least = self.showing.separation_px, self.showing.min_corner_deg
         sharpest = np.full(2 * len(pairs), 90.0)
         np.minimum.at(sharpest, seen.of, seen.angle)
-        seen = seen.chosen(seen.wide)
-        seen = seen.chosen(seen.long_enough(separation))
+        seen = seen.chosen(seen.wide & seen.long_enough(seen.fork_deg(), separation))
         if separation > 0:
             may = (seen.bend >= least) & (sharpest[seen.of] >= least)
             hopeful = np.asarray(np.isin(np.arange(2 * len(pairs)), seen.of[may]).reshape(-1, 2).all(axis=1))
