@@ -158,7 +158,7 @@ plt.show()
 #
 # Every edge of this setting from ten displaced poses, then what `benchmarks/edge_images.py` stored for whole plans. A
 # pair of setting and edge is *clean* if both ends are corners, no other line is within 5 px, 40 px lie around the ends,
-# and the step is five grey levels or more. Promised is what holds of ends rounded to whole pixels; *fit* counts the lines'
+# and the step is five grey levels or more. Promised is what holds of ends rounded to pixels; *fit* counts the lines'
 # crossings as they are, *rounded* those rounded to pixels.
 
 # %%

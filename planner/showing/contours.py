@@ -32,8 +32,10 @@ class Contours(NamedTuple):
         Corners of the part, mm.
     ends : array of int (m, 2)
         Vertex numbers.
-    planes : array (m, 2, 4)
-        Unit normals and offsets of both faces: n·x > o in front.
+    planes : array (f, 4)
+        Unit normals and offsets of the part's faces: n·x > o in front.
+    faces : array of int (m, 2)
+        Their faces.
     kinds : array of uint8 (m,)
         Bits `SHARP`, `CONVEX` and `CURVED`, which are chords.
     ids : array of int (m,)
@@ -43,6 +45,7 @@ class Contours(NamedTuple):
     vertices: NDArray[np.float64]
     ends: NDArray[np.int64]
     planes: NDArray[np.float64]
+    faces: NDArray[np.int64]
     kinds: NDArray[np.uint8]
     ids: NDArray[np.int64]
 
@@ -65,13 +68,14 @@ def contours_of(solid: Solid) -> Contours:
     ids = np.flatnonzero(shows | (turns > 0))
     edges = [solid.edges[i] for i in ids]
     ends = np.array([edge.vertices for edge in edges], np.int64).reshape(-1, 2)
-    normals = np.asarray(solid.normals, np.float64)[np.array([edge.faces for edge in edges], int).reshape(-1, 2)]
-    vertices = np.ascontiguousarray(solid.vertices, np.float64)
-    offsets = np.einsum("efk,ek->ef", normals, vertices[ends[:, 0]])
+    faces = np.array([edge.faces for edge in edges], np.int64).reshape(-1, 2)
+    vertices, normals = np.ascontiguousarray(solid.vertices, np.float64), np.asarray(solid.normals, np.float64)
+    offsets = np.zeros(len(normals))
+    offsets[faces] = np.einsum("efk,ek->ef", normals[faces], vertices[ends[:, 0]])
     curved = np.array([edge.curved for edge in edges], bool)
     kinds = np.where(shows[ids], SHARP, 0) | np.where(turns[ids] > 0, CONVEX, 0) | np.where(curved, CURVED, 0)
-    planes = np.ascontiguousarray(np.concatenate([normals, offsets[..., None]], axis=2))
-    return Contours(vertices, ends, planes, kinds.astype(np.uint8), ids.astype(np.int64))
+    planes = np.ascontiguousarray(np.column_stack([normals, offsets]))
+    return Contours(vertices, ends, planes, faces, kinds.astype(np.uint8), ids.astype(np.int64))
 
 
 Meeting = dict[int, list[int]]

@@ -194,7 +194,7 @@ def corner_arms(cam2world: Array, pairs: NDArray[np.int64], scale: Array, contou
 
 def _shown(contours: Contours, contour: NDArray[np.int64], eyes: Array) -> NDArray[np.bool_]:
     """Return which contours their own two faces leave to be seen from eyes (a, 3)."""
-    planes = contours.planes[contour]
+    planes = contours.planes[contours.faces[contour]]
     front = (np.einsum("afk,ak->af", planes[..., :3], eyes) > planes[..., 3]).sum(axis=1)
     return np.asarray(np.where(contours.kinds[contour] & CONVEX, front > 0, front == 2))
 

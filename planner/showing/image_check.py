@@ -144,7 +144,7 @@ class ImageCheck:
     def _nearest_px(self, cam2world: Array, pairs: Pairs, entities: Any, reach: float) -> Array:
         """Return how near other visible lines come in the image, at most `reach`, px; see `near_contours`."""
         one: Contours = self.contours
-        lines = one.vertices, one.ends, one.planes, one.kinds
+        lines = one.vertices, one.ends, one.planes, one.faces, one.kinds
         room, poses = _ROOM, np.ascontiguousarray(cam2world, np.float64)
         while True:
             pair, distance, place = np.empty(room, np.int64), np.empty(room), np.empty((room, 3))

@@ -14,7 +14,8 @@ from planner.showing.contours import CONNECTED, CONVEX, OWN, SHARP
 _SAMPLES = 12
 # of a neighbour, whose nearest points are excepted
 _MORE = 48
-_STEPS = 30
+# halvings on the way to where a line leaves the strip: a hundred-thousandth of its length
+_STEPS = 17
 # what is nearer than this to the plane of the nodal point is cut off, mm
 _NEAREST_MM = 1e-3
 
@@ -32,7 +33,7 @@ def near_contours(poses: Any, pairs: Any, scale: Any, contours: Any, entities: A
     scale : array (4,)
         Pixels per unit of slope in x and y, and the principal point, px.
     contours : tuple
-        Vertices, ends, planes and kinds of `Contours`.
+        Vertices, ends, planes, faces and kinds of `Contours`.
     entities : tuple
         Ends (k, 2, 3), number (k,) of what they belong to; of that, relations (r, m), vertices (w,) and where those of
         each begin (r + 1,).
@@ -46,13 +47,14 @@ def near_contours(poses: Any, pairs: Any, scale: Any, contours: Any, entities: A
     reach, near_own = limits
     active = np.empty(len(edge_ends), np.int64)
     image, corners = np.empty((len(vertices), 3)), np.empty((len(vertices), 2))
-    boxes = np.empty((len(edge_ends), 4))
+    boxes, front = np.empty((4, len(edge_ends))), np.empty(len(contours[2]), np.uint8)
+    within = np.empty(len(edge_ends), np.uint8)
     n_active, last, count = 0, -1, 0
     for p in range(len(pairs)):
         pose, k = poses[pairs[p, 0]], pairs[p, 1]
         if pairs[p, 0] != last:
             last = pairs[p, 0]
-            n_active = _project(pose, scale, contours, active, image, boxes)
+            n_active = _project(pose, scale, contours, (active, image, boxes, front))
         r = belongs[k]
         a, b = _seen(pose, scale, ends[k, 0]), _seen(pose, scale, ends[k, 1])
         if a[2] <= _NEAREST_MM or b[2] <= _NEAREST_MM:
@@ -63,8 +65,9 @@ def near_contours(poses: Any, pairs: Any, scale: Any, contours: Any, entities: A
         for w in range(n_corners):
             corner = image[own_vertices[first[r] + w]]
             corners[w, 0], corners[w, 1] = corner[0], corner[1]
+        _overlap(boxes, low_x, low_y, high_x, high_y, within[:n_active])
         for i in range(n_active):
-            if boxes[i, 2] < low_x or boxes[i, 0] > high_x or boxes[i, 3] < low_y or boxes[i, 1] > high_y:
+            if not within[i]:
                 continue
             e = active[i]
             one, other = image[edge_ends[e, 0]], image[edge_ends[e, 1]]
@@ -72,16 +75,19 @@ def near_contours(poses: Any, pairs: Any, scale: Any, contours: Any, entities: A
             if relation == OWN:
                 continue
             line = (one[0], one[1], other[0], other[1])
-            best = _nearest(line, a, b)
+            start, stop = 0.0, 1.0
+            if relation == CONNECTED:
+                start, stop = _beyond(line, corners[:n_corners], near_own)
+            if start >= stop:
+                continue
+            best = _nearest(line, start, stop, a, b)
             if _apart(line, best, a, b) >= reach:
                 continue
-            low, high = _edge_of(line, best, 0.0, a, b, reach), _edge_of(line, best, 1.0, a, b, reach)
-            if relation == CONNECTED and _beside(line, low, high, corners[:n_corners], near_own):
-                continue
+            low, high = _edge_of(line, best, start, a, b, reach), _edge_of(line, best, stop, a, b, reach)
             samples = _MORE if relation == CONNECTED else _SAMPLES
             for s in range(samples + 1):
                 t = best if s == samples else low + (high - low) * s / (samples - 1)
-                if relation == CONNECTED and _beside(line, t, t, corners[:n_corners], near_own):
+                if relation == CONNECTED and _beside(line, t, corners[:n_corners], near_own):
                     continue
                 if count < len(found[0]):
                     # depths are linear in the image as their inverses
@@ -96,17 +102,6 @@ def near_contours(poses: Any, pairs: Any, scale: Any, contours: Any, entities: A
 
 
 @nb.njit(cache=True, error_model="numpy")
-def shown_here(planes: Any, kind: int, eye: Any) -> bool:
-    """Whether an edge may be a contour from a viewpoint, as far as its own two faces tell."""
-    front = 0
-    for f in range(2):
-        front += planes[f, 0] * eye[0] + planes[f, 1] * eye[1] + planes[f, 2] * eye[2] > planes[f, 3]
-    if kind & SHARP:
-        return front > 0 if kind & CONVEX else front == 2
-    return front == 1
-
-
-@nb.njit(cache=True, error_model="numpy")
 def _seen(pose: Any, scale: Any, point: Any) -> tuple[float, float, float]:
     """Return the image of a point in px, and its depth."""
     x, y, z = point[0] - pose[0, 3], point[1] - pose[1, 3], point[2] - pose[2, 3]
@@ -118,39 +113,74 @@ def _seen(pose: Any, scale: Any, point: Any) -> tuple[float, float, float]:
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _project(pose: Any, scale: Any, contours: Any, active: Any, image: Any, boxes: Any) -> int:
-    """Write images and depths of the vertices, which edges may be contours and the boxes around them; return how many.
+def _project(pose: Any, scale: Any, contours: Any, found: Any) -> int:
+    """Write which edges may be contours, images and depths of the vertices, boxes around the edges, and front faces.
 
-    Those behind are left out.
+    Returns how many edges there are. Those behind are left out.
     """
-    vertices, edge_ends, planes, kinds = contours
+    vertices, edge_ends, planes, faces, kinds = contours
+    active, image, boxes, front = found
     for v in range(len(vertices)):
         image[v, 0], image[v, 1], image[v, 2] = _seen(pose, scale, vertices[v])
-    n, eye = 0, pose[:3, 3]
+    x, y, z = pose[0, 3], pose[1, 3], pose[2, 3]
+    for f in range(len(planes)):
+        front[f] = planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z > planes[f, 3]
+    n = 0
     for e in range(len(edge_ends)):
-        # nothing of a part so far beyond the stand-off is partly behind the camera and near to an edge in focus
-        if image[edge_ends[e, 0], 2] <= _NEAREST_MM or image[edge_ends[e, 1], 2] <= _NEAREST_MM:
+        # what an edge's own two faces leave to be seen
+        seen, kind = front[faces[e, 0]] + front[faces[e, 1]], kinds[e]
+        if seen == 0 or (seen == 1 and kind & SHARP and not kind & CONVEX) or (seen == 2 and not kind & SHARP):
             continue
-        if shown_here(planes[e], kinds[e], eye):
-            active[n] = e
-            one, other = image[edge_ends[e, 0]], image[edge_ends[e, 1]]
-            for c in range(2):
-                boxes[n, c], boxes[n, 2 + c] = min(one[c], other[c]), max(one[c], other[c])
-            n += 1
+        one, other = edge_ends[e, 0], edge_ends[e, 1]
+        # nothing of a part so far beyond the stand-off is partly behind the camera and near to an edge in focus
+        if image[one, 2] <= _NEAREST_MM or image[other, 2] <= _NEAREST_MM:
+            continue
+        active[n] = e
+        for c in range(2):
+            boxes[c, n] = min(image[one, c], image[other, c])
+            boxes[2 + c, n] = max(image[one, c], image[other, c])
+        n += 1
     return n
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _beside(line: Any, low: float, high: float, corners: Any, near: float) -> bool:
-    """Tell whether a piece of a line is near to one of the corners, as both its ends are."""
+def _overlap(boxes: Any, low_x: float, low_y: float, high_x: float, high_y: float, within: Any) -> None:
+    """Write which boxes overlap with one; a loop without branches, so that several are compared at once."""
+    x0, y0, x1, y1 = boxes[0], boxes[1], boxes[2], boxes[3]
+    for i in range(len(within)):
+        within[i] = (x1[i] >= low_x) & (x0[i] <= high_x) & (y1[i] >= low_y) & (y0[i] <= high_y)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _beyond(line: Any, corners: Any, near: float) -> tuple[float, float]:
+    """Return what is left of a line when its ends are cut off as far as they are near to corners."""
+    low, high = 0.0, 1.0
+    dx, dy = line[2] - line[0], line[3] - line[1]
+    square = dx * dx + dy * dy
     for w in range(len(corners)):
-        within = True
-        for t in (low, high):
-            x, y = line[0] + t * (line[2] - line[0]), line[1] + t * (line[3] - line[1])
-            within &= math.hypot(x - corners[w, 0], y - corners[w, 1]) < near
-        if within:
-            return True
-    return False
+        x, y = corners[w, 0] - line[0], corners[w, 1] - line[1]
+        if square <= 0.0:
+            continue
+        middle, off = (x * dx + y * dy) / square, (x * dy - y * dx) / square
+        half = near * near / square - off * off
+        if half <= 0.0:
+            continue
+        first, last = middle - math.sqrt(half), middle + math.sqrt(half)
+        if first <= low:
+            low = max(low, last)
+        if last >= high:
+            high = min(high, first)
+    return low, high
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _beside(line: Any, t: float, corners: Any, near: float) -> bool:
+    """Tell whether a point of a line is near to one of the corners."""
+    x, y = line[0] + t * (line[2] - line[0]), line[1] + t * (line[3] - line[1])
+    within = False
+    for w in range(len(corners)):
+        within |= (x - corners[w, 0]) ** 2 + (y - corners[w, 1]) ** 2 < near * near
+    return within
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -160,26 +190,27 @@ def _apart(line: Any, t: float, a: Any, b: Any) -> float:
     dx, dy = b[0] - a[0], b[1] - a[1]
     square = dx * dx + dy * dy
     share = min(1.0, max(0.0, (x * dx + y * dy) / square)) if square > 0.0 else 0.0
-    return math.hypot(x - share * dx, y - share * dy)
+    x, y = x - share * dx, y - share * dy
+    return math.sqrt(x * x + y * y)
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _nearest(line: Any, a: Any, b: Any) -> float:
-    """Return where a line is nearest to the segment ab: at an end, beside an end of the segment, or where they meet."""
+def _nearest(line: Any, start: float, stop: float, a: Any, b: Any) -> float:
+    """Return where a piece of a line is nearest to ab: at an end, beside an end of ab, or where they meet."""
     ux, uy, vx, vy = line[2] - line[0], line[3] - line[1], b[0] - a[0], b[1] - a[1]
     ax, ay = a[0] - line[0], a[1] - line[1]
     square, cross = ux * ux + uy * uy, ux * vy - uy * vx
-    best, least = 0.0, _apart(line, 0.0, a, b)
+    best, least = start, _apart(line, start, a, b)
     for k in range(4):
         if k == 0:
-            t = 1.0
+            t = stop
         elif k == 1:
             t = (ax * ux + ay * uy) / square if square > 0.0 else 0.0
         elif k == 2:
             t = ((ax + vx) * ux + (ay + vy) * uy) / square if square > 0.0 else 0.0
         else:
             t = (ax * vy - ay * vx) / cross if cross != 0.0 else 0.0
-        t = min(1.0, max(0.0, t))
+        t = min(stop, max(start, t))
         apart = _apart(line, t, a, b)
         if apart < least:
             best, least = t, apart
