@@ -169,16 +169,22 @@ def _count(ends_cam, draws, lens, pitch, size, allowed, hits):
 @nb.njit(cache=True, error_model="numpy", inline="always")
 def _length(ends, turn, shift, lens, pitch, size, on_pixels):
     """Length of the image, mm; nan if an end is behind the camera or, on pixels, on none of them."""
-    u, v = np.empty(2), np.empty(2)
-    for e in range(2):
-        x, y, z = ends[e, 0] - shift[0], ends[e, 1] - shift[1], ends[e, 2] - shift[2]
-        depth = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z
-        if depth <= 0.0:
-            return np.nan
-        u[e] = lens[0] * (turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z) / depth + lens[2]
-        v[e] = lens[1] * (turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z) / depth + lens[3]
-        if on_pixels:
-            if u[e] < -0.5 or v[e] < -0.5 or u[e] > size[0] - 0.5 or v[e] > size[1] - 0.5:
-                return np.nan
-            u[e], v[e] = np.rint(u[e]), np.rint(v[e])
-    return np.hypot((u[1] - u[0]) * pitch[0], (v[1] - v[0]) * pitch[1])
+    # no arrays of two: to allocate them takes longer than all the rest
+    u, v = _pixel(ends[0], turn, shift, lens, size, on_pixels)
+    other_u, other_v = _pixel(ends[1], turn, shift, lens, size, on_pixels)
+    x, y = (other_u - u) * pitch[0], (other_v - v) * pitch[1]
+    return np.sqrt(x * x + y * y)
+
+
+@nb.njit(cache=True, error_model="numpy", inline="always")
+def _pixel(end, turn, shift, lens, size, on_pixels):
+    """Image of a point, px."""
+    x, y, z = end[0] - shift[0], end[1] - shift[1], end[2] - shift[2]
+    depth = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z
+    u = lens[0] * (turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z) / depth + lens[2]
+    v = lens[1] * (turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z) / depth + lens[3]
+    if depth <= 0.0 or (on_pixels and (u < -0.5 or v < -0.5 or u > size[0] - 0.5 or v > size[1] - 0.5)):
+        u, v = np.nan, np.nan
+    elif on_pixels:
+        u, v = np.rint(u), np.rint(v)
+    return u, v
