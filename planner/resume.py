@@ -39,7 +39,7 @@ FORMAT = "aspectgraph planning state"
 VERSION = 2
 
 # the file is not written anew before so many seconds, nor before so many times as long as it took
-_SECONDS, _TIMES = 5.0, 200.0
+_SECONDS, _TIMES = 5.0, 60.0
 
 
 class PlanningState:

@@ -21,6 +21,7 @@ from aspectgraph.exceptions import EntityError, WorkspaceError
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.blocked_sets import blockers
 from aspectgraph.visibility.entity_region import Region, observable_region
+from aspectgraph.visibility.kept_regions import KeptRegions
 from aspectgraph.visibility.overlay import overlay, share_planes
 from aspectgraph.visibility.scene import Scene, make_scene, own_order
 from aspectgraph.visibility.united_sets import Blockers
@@ -252,6 +253,7 @@ def compute_regions(
     workspace: ArrayLike | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
+    kept: KeptRegions | None = None,
 ) -> VisibilityRegions:
     """Compute from where each entity is observable.
 
@@ -267,6 +269,8 @@ def compute_regions(
         Computes entities in parallel; the result does not depend on it.
     progress : callable, optional
         ``progress(done, total, label)`` after each of the entities; the label is the name of the entity.
+    kept : KeptRegions, optional
+        Has regions of an earlier call with the same arguments, and keeps those that are computed now.
 
     Returns
     -------
@@ -292,7 +296,9 @@ def compute_regions(
     given = laid_out(solid, entities, workspace)
     solid, box_mm, resolved, grid, scene = given
     make = partial(observable_region, scene, solid, box=grid.cube_planes(box_mm))
-    return VisibilityRegions(*given, regions_of(resolved, make, executor, progress))
+    if kept is not None:
+        kept.begin(solid, box_mm, resolved)
+    return VisibilityRegions(*given, regions_of(resolved, make, executor, progress, kept))
 
 
 def laid_out(
@@ -314,17 +320,25 @@ def regions_of(
     make: Callable[[_Task], Region],
     executor: Executor | None = None,
     progress: Progress | None = None,
+    kept: KeptRegions | None = None,
 ) -> dict[str, Region]:
     """Make the region of each entity, or of what names one, in parallel if there is an executor, in their order."""
     report = progress or (lambda done, total, label: None)
-    regions: dict[str, Region] = {}
+    known = {} if kept is None else {name: kept.get(name) for name in entities}
+    regions: dict[str, Region] = {name: region for name, region in known.items() if region is not None}
+    todo = {name: entity for name, entity in entities.items() if name not in regions}
+
+    def take(name: str, region: Region) -> None:
+        regions[name] = region
+        if kept is not None:
+            kept.put(name, region)
+        report(len(regions), len(entities), name)
+
     if executor is None:
-        for name, entity in entities.items():
-            regions[name] = make(entity)
-            report(len(regions), len(entities), name)
+        for name, entity in todo.items():
+            take(name, make(entity))
     else:
-        futures = {executor.submit(make, entity): name for name, entity in entities.items()}
+        futures = {executor.submit(make, entity): name for name, entity in todo.items()}
         for future in as_completed(futures):
-            regions[futures[future]] = future.result()
-            report(len(regions), len(entities), futures[future])
+            take(futures[future], future.result())
     return {name: regions[name] for name in entities}

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from aspectgraph import AspectGraphError, compute_regions, read_entities, read_solid, resolve_entities, select_entities
+from aspectgraph.visibility.kept_regions import KeptRegions
 from errors.exceptions import MeasurementModelError
 from ga.exceptions import GAError
 from planner.batch.part_request import PartRequest
@@ -28,7 +29,7 @@ from planner.output.plan_folder import write_outputs
 from planner.plan import InspectionPlan
 from planner.request.defaults import default_workspace
 
-STATE = "planning-state.json"
+STATE, REGIONS = "planning-state.json", "planning-regions"
 _OWN = (AspectGraphError, MeasurementModelError, GAError, PlannerError)
 # of ours, too, but not the fault of part or request: a disk that is full, a package that is not there
 _OUTER = (OSError, MemoryError, ImportError)
@@ -83,8 +84,8 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
         entities = read_entities("all", solid)
     else:
         entities = resolve_entities(solid, select_entities(solid, request.select))
-    regions = compute_regions(solid, entities, workspace=default_workspace(solid, request.camera))
-    state = folder / STATE
+    state, kept = folder / STATE, KeptRegions(folder / REGIONS)
+    regions = compute_regions(solid, entities, workspace=default_workspace(solid, request.camera), kept=kept)
     keywords: dict[str, Any] = {name: value for name, value in request.limits.items() if value is not None}
     keywords |= {"workspace": regions.workspace, "space": regions, "effort": request.effort, "state": state}
     keywords |= {"accuracy": request.accuracy, "probability": request.probability, "rng": request.seed}
@@ -98,6 +99,7 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
     found = found.simulated(request.simulate, rng=request.seed, solid=solid)
     write_outputs(found, regions, folder, graph_limit=request.graph_limit)
     state.unlink(missing_ok=True)
+    kept.remove()
     return found
 
 

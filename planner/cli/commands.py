@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import argparse
 import os
-import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -43,6 +42,7 @@ from planner.cli.catalogue import rank_optics
 from planner.cli.completion import completion_script
 from planner.cli.exit_codes import DONE, INCOMPLETE
 from planner.cli.folder_owner import asked_request, check_owner
+from planner.cli.leftovers import STATE_FILE, Leftovers
 from planner.cli.light import check_places, lamps_for, read_lamps
 from planner.cli.wanted import chosen_entities, read_request
 from planner.exceptions import OutputError
@@ -59,14 +59,11 @@ from planner.plan import InspectionPlan, read_plan
 from planner.progress import labelled, terminal_progress
 from planner.request.defaults import check_fraction, default_workspace
 from planner.request.effort import Effort
-from planner.resume import read_state
 from planner.showing.showing import Showing
 from planner.verify.simulate_plan import simulate_plan
 
 if TYPE_CHECKING:
     from aspectgraph import EntityAspectGraph, Solid, VisibilityRegions
-
-STATE_FILE = "planning-state.json"
 
 
 def info(options: argparse.Namespace) -> int:
@@ -140,7 +137,8 @@ def plan(options: argparse.Namespace) -> int:
     """Plan an inspection and write everything about it."""
     check_fraction("accuracy", options.accuracy)
     check_fraction("probability", options.probability)
-    with output_folder(options.out, (*PLAN_FILES, STATE_FILE), "--out") as folder, _resumable(folder / STATE_FILE):
+    names = (*PLAN_FILES, STATE_FILE)
+    with output_folder(options.out, names, "--out") as folder, (leftovers := Leftovers(folder)).told():
         camera = read_camera(options.camera)
         uncertainty = PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad)
         solid = _read_part(options)
@@ -149,8 +147,8 @@ def plan(options: argparse.Namespace) -> int:
         how = _limits(options, solid, camera)
         asked = asked_request(options, solid.name, wanted.items, camera, uncertainty, how)
         check_owner(folder, asked, force=options.force)
-        found, written, interrupted = _planned(options, solid, wanted, camera, uncertainty, folder)
-        _print_planned(options, found, wanted, written, folder / STATE_FILE)
+        found, written, interrupted = _planned(options, solid, wanted, camera, uncertainty, leftovers)
+        _print_planned(options, found, wanted, written, leftovers.state)
         if interrupted:
             raise KeyboardInterrupt
     lit = found.light is None or found.light.complete
@@ -175,14 +173,19 @@ def _print_planned(
 
 
 def _planned(
-    options: argparse.Namespace, solid: Solid, wanted: Any, camera: Camera, uncertainty: PoseUncertainty, folder: Path
+    options: argparse.Namespace,
+    solid: Solid,
+    wanted: Any,
+    camera: Camera,
+    uncertainty: PoseUncertainty,
+    leftovers: Leftovers,
 ) -> tuple[Any, ...]:
     """Plan and write; return plan, files, and whether it was interrupted. The state is deleted only after the end."""
-    state, how = folder / STATE_FILE, _limits(options, solid, camera)
-    _prepare(state, options.resume)
+    state, how = leftovers.state, _limits(options, solid, camera)
+    leftovers.prepare(resume=options.resume, quiet=options.quiet)
     with terminal_progress(quiet=options.quiet) as progress, _executor(options.jobs) as executor:
         best = BestSoFar(progress)
-        regions = _regions(options, solid, wanted.entities, how.workspace, executor, progress)
+        regions = _regions(options, solid, wanted.entities, how.workspace, (executor, progress, leftovers))
         try:
             found = plan_inspection(
                 solid,
@@ -205,24 +208,23 @@ def _planned(
         found = found.simulated(options.simulate, rng=options.seed, progress=progress, solid=solid)
         found = replace(found, light=lamps_for(options, found, solid, read_lamps(options), progress))
         try:
-            written = write_outputs(found, regions, folder, progress, graph_limit=options.graph_limit)
+            written = write_outputs(found, regions, state.parent, progress, graph_limit=options.graph_limit)
         except OutputError as error:
             raise OutputError(f"{error} {rescue(found, state)}") from None
-    with suppress(OSError):
-        # if it stays, it does no harm: it gives this plan again, or goes on from it
-        if not found.unfinished:
-            state.unlink(missing_ok=True)
+    if not found.unfinished:
+        leftovers.remove()
     return found, written, best.interrupted
 
 
 def _regions(
-    options: argparse.Namespace, solid: Solid, entities: Any, box: Any, executor: Executor | None, progress: Any
+    options: argparse.Namespace, solid: Solid, entities: Any, box: Any, how: tuple[Any, Any, Leftovers]
 ) -> VisibilityRegions:
     """Return from where a camera observes entities; with a ring light on it, from where they show besides."""
+    executor, progress, leftovers = how
     shown = labelled(progress, "visible regions")
     if options.light == RING:
         return compute_light(solid, entities, options.contrast, box, executor, shown)
-    return compute_regions(solid, entities, workspace=box, executor=executor, progress=shown)
+    return compute_regions(solid, entities, workspace=box, executor=executor, progress=shown, kept=leftovers.regions)
 
 
 def _ends(options: argparse.Namespace, best: BestSoFar) -> dict[str, Any]:
@@ -255,32 +257,6 @@ def _limits(options: argparse.Namespace, solid: Solid, camera: Camera) -> Inspec
     return InspectionOptions(
         workspace=default_workspace(solid, camera) if box is None else box, **_limit_keywords(options)
     )
-
-
-def _prepare(state: Path, resume: bool) -> None:
-    """Refuse a state that cannot be resumed before any work; forget it if it is not to be resumed."""
-    if resume and state.exists():
-        read_state(state)
-    if not resume:
-        try:
-            state.unlink(missing_ok=True)
-        except OSError as error:
-            reason = f"{state} cannot be deleted: {error.strerror}"
-            raise OutputError(f"--out must be a folder that can be written. Got {reason}.") from None
-
-
-@contextmanager
-def _resumable(state: Path) -> Iterator[None]:
-    """Tell of the state when the work is interrupted, if there is one then."""
-    try:
-        with warnings.catch_warnings():
-            # if it matters in the end, that is told then
-            warnings.filterwarnings("ignore", "state is no longer saved", RuntimeWarning)
-            yield
-    except KeyboardInterrupt:
-        if state.exists():
-            raise KeyboardInterrupt("'plan' continues from where it was with --resume") from None
-        raise
 
 
 def batch(options: argparse.Namespace) -> int:

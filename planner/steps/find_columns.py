@@ -11,11 +11,12 @@ from planner.ledger import Ledger
 from planner.progress import report
 from planner.steps.incumbents import IMPROVING, Incumbents
 from planner.steps.pixel_grid import COUNTED, count_on_grid, decided_on_grid
+from planner.steps.prove_bound import WEIGHING
 from planner.steps.run import Run
 
 # entities without a view are tried so many at a time: whole numbers of what several processes take at once
 _AT_A_TIME = 8
-_SAMPLED, _PRICED, _PROVEN = "candidate poses", "column generation", "lower bound"
+_SAMPLING, _SAMPLED, _PRICED, _PROVEN = "sampling", "candidate poses", "column generation", "lower bound"
 
 
 def find_columns(run: Run, incumbents: Incumbents) -> None:
@@ -24,31 +25,33 @@ def find_columns(run: Run, incumbents: Incumbents) -> None:
     if last is None:
         run.uninspectable = without_corners(run.judge)
         incumbents.glance(run)
-        _sample(run)
-        run.keep(_SAMPLED, {})
     else:
         run.pools, run.uninspectable = Pools.from_dict(last["pools"]), last["uninspectable"]
         run.set_on_grid(last.get("on_grid", ()))
+    if last is None or last["step"] == _SAMPLING:
+        _sample(run, 0 if last is None else last["sampled"])
+        run.keep(_SAMPLED, {})
     incumbents.sampled(run)
-    if last is None or last["step"] == _SAMPLED:
+    if last is None or last["step"] in (_SAMPLING, _SAMPLED):
         # before the columns are improved, so that others can join what is hard to inspect
         run.uninspectable = _try_alone(run, incumbents)
         if on_grid := decided_on_grid(run):
             count_on_grid(run, on_grid)
             incumbents.forget()
         incumbents.offer(run)
-    if last is None or last["step"] not in (_PROVEN, COUNTED):
+    if last is None or last["step"] not in (_PROVEN, COUNTED, WEIGHING):
         _price(run, incumbents, last)
         incumbents.offer(run)
 
 
-def _sample(run: Run) -> None:
-    """Fill the pools from viewpoints of every entity."""
+def _sample(run: Run, done: int) -> None:
+    """Fill the pools from viewpoints of every entity but the first ones, which are done."""
     names = [name for name in run.names if name not in run.uninspectable]
-    arguments = [(run.shared, name, run.effort.viewpoints, run.seed) for name in names]
-    for k, (poses, judged) in enumerate(in_order(run.executor, judged_poses, arguments)):
+    arguments = [(run.shared, name, run.effort.viewpoints, run.seed) for name in names[done:]]
+    for k, (poses, judged) in enumerate(in_order(run.executor, judged_poses, arguments), done + 1):
         run.pools.add(poses, judged)
-        report(run.progress, k + 1, len(names), _SAMPLED)
+        run.keep(_SAMPLING, {"sampled": k})
+        report(run.progress, k, len(names), _SAMPLED)
 
 
 def _try_alone(run: Run, incumbents: Incumbents) -> dict[str, str]:

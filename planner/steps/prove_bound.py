@@ -17,7 +17,7 @@ from planner.ledger import Ledger
 from planner.steps.incumbents import Incumbents
 from planner.steps.run import SHARES, Run
 
-_STEP = "lower bound"
+_STEP, WEIGHING = "lower bound", "weighing"
 
 
 @dataclass(frozen=True)
@@ -102,9 +102,17 @@ class _Weighing:
         if last is not None:
             self._own = Pools.from_dict(last["weighing"])
             return
-        self._own = Pools(*(ColumnPool(len(run.names)) for _ in Pools._fields))
-        poses = np.concatenate([pool.poses for pool in run.pools])
-        self._price(self._own, poses, column_seed(run.seed, ["weighing"]), run.effort.pricing_rounds)
+        begun, poses = run.kept(WEIGHING), None
+        if begun is None:
+            self._own = Pools(*(ColumnPool(len(run.names)) for _ in Pools._fields))
+            poses = np.concatenate([pool.poses for pool in run.pools])
+        else:
+            self._own = Pools.from_dict(begun["weighing"])
+        ledger = Ledger(
+            kept=None if begun is None else begun["entries"],
+            keep=lambda told: run.keep(WEIGHING, {**self.to_dict(), "entries": told}),
+        )
+        self._price(self._own, poses, column_seed(run.seed, ["weighing"]), run.effort.pricing_rounds, ledger)
 
     @property
     def columns(self) -> np.ndarray:
@@ -125,9 +133,11 @@ class _Weighing:
         """Return what a checkpoint needs."""
         return {} if self._own is None else {"weighing": self._own.to_dict()}
 
-    def _price(self, pools: Pools, poses: np.ndarray, seed: int, rounds: int) -> None:
+    def _price(
+        self, pools: Pools, poses: np.ndarray | None, seed: int, rounds: int, ledger: Ledger | None = None
+    ) -> None:
         run = self._run
-        price_poses(self._shared, pools, seed, rounds, run.executor, run.silent, parents=poses)
+        price_poses(self._shared, pools, seed, rounds, run.executor, run.silent, parents=poses, ledger=ledger)
 
 
 def _known(run: Run) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from plan_examples import plan
 
 from planner.cli import commands
 from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
+from planner.cli.leftovers import REGIONS_FOLDER
 from planner.cli.main import main
 from planner.columns.outcome import Outcome
 from planner.exceptions import OutputError
@@ -188,14 +189,38 @@ def test_a_request_to_terminate_keeps_the_state_too(folder, quick, capsys, monke
     assert signal.getsignal(signal.SIGTERM) == before
 
 
-@pytest.mark.parametrize("work", ["planner.cli.commands.compute_regions", "planner.steps.incumbents.first_poses"])
-def test_resuming_is_not_offered_where_there_is_no_state(folder, quick, capsys, monkeypatch, work):
-    def interrupt(*arguments, **options):
-        raise KeyboardInterrupt
+def interrupt(*arguments, **options):
+    raise KeyboardInterrupt
 
-    monkeypatch.setattr(work, interrupt)
+
+def test_resuming_is_not_offered_where_nothing_is_kept(folder, quick, capsys, monkeypatch):
+    monkeypatch.setattr("planner.cli.commands.compute_regions", interrupt)
     assert failure(capsys, [*PLAN, "--jobs", "1"], INCOMPLETE)[-1] == "aspectgraph: interrupted"
     assert not (folder / "out").exists()
+
+
+def test_visible_regions_are_kept_before_there_is_a_state(folder, quick, capsys, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr("planner.steps.incumbents.first_poses", interrupt)
+        last = failure(capsys, [*PLAN, "--jobs", "1"], INCOMPLETE)[-1]
+    assert last.endswith("interrupted; 'plan' continues from where it was with --resume")
+    assert os.listdir(folder / "out") == [REGIONS_FOLDER]
+    with monkeypatch.context() as patch:
+        patch.setattr("aspectgraph.visibility.visibility_regions.observable_region", interrupt)
+        assert main([*PLAN, "--jobs", "1", "--resume"]) == DONE
+    assert REGIONS_FOLDER not in os.listdir(folder / "out")
+    # without --resume they are forgotten
+    with monkeypatch.context() as patch:
+        patch.setattr("planner.steps.incumbents.first_poses", interrupt)
+        assert main([*PLAN, "--jobs", "1", "--force"]) == INCOMPLETE
+        patch.setattr("aspectgraph.visibility.visibility_regions.observable_region", interrupt)
+        assert main([*PLAN, "--jobs", "1", "--force"]) == INCOMPLETE
+    assert REGIONS_FOLDER not in os.listdir(folder / "out")
+
+
+def test_resuming_nothing_is_said(folder, quick, capsys):
+    assert main([*PLAN, "--simulate", "100", "--resume"]) == DONE
+    assert "nothing to resume in" in capsys.readouterr().err
 
 
 def test_a_plan_that_cannot_be_written_is_kept_and_resumed_without_planning(folder, quick, capsys, monkeypatch):
@@ -259,7 +284,7 @@ def test_the_state_stays_until_everything_is_written(folder, quick, monkeypatch)
             patch.setattr(import_module(module), function, broken)
             with pytest.raises(RuntimeError):
                 main([*PLAN, "--simulate", "100", "--resume"])
-        assert os.listdir(folder / "out") == [commands.STATE_FILE]
+        assert sorted(os.listdir(folder / "out")) == [REGIONS_FOLDER, commands.STATE_FILE]
 
 
 def test_an_older_graph_does_not_stay_beside_a_new_plan(folder, quick):

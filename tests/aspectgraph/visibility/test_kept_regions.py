@@ -1,0 +1,82 @@
+"""Visible regions that an interrupted computation has left: used again, and never for anything else."""
+
+import numpy as np
+import pytest
+
+from aspectgraph import compute_regions, read_solid
+from aspectgraph.visibility.kept_regions import KeptRegions
+
+EDGES = {"e1": [[60, 20, 10], [60, 40, 10]], "e4": [[20, 60, 10], [40, 60, 10]]}
+BOX = [[-200.0, -200, -200], [200, 200, 200]]
+
+
+@pytest.fixture
+def block(request):
+    return read_solid(request.config.rootpath / "examples/two_pocket_block.off")
+
+
+def same(one, other):
+    return all(
+        np.array_equal(a, b)
+        for name in EDGES
+        for a, b in zip(arrays(one._regions[name]), arrays(other._regions[name]), strict=True)
+    )
+
+
+def arrays(region):
+    return [*region.tree, region.origin, region.observable]
+
+
+def refuse(*arguments, **options):
+    raise RuntimeError("computed again")
+
+
+def test_what_is_kept_is_not_computed_again(block, tmp_path, monkeypatch):
+    kept = KeptRegions(tmp_path / "kept")
+    assert not kept
+    first = compute_regions(block, EDGES, BOX, kept=kept)
+    assert kept
+    assert len(list(kept.folder.iterdir())) == 2
+    monkeypatch.setattr("aspectgraph.visibility.visibility_regions.observable_region", refuse)
+    assert same(compute_regions(block, EDGES, BOX, kept=KeptRegions(kept.folder)), first)
+    kept.remove()
+    assert not kept
+
+
+def test_another_request_is_computed(block, tmp_path, monkeypatch):
+    kept = KeptRegions(tmp_path)
+    compute_regions(block, EDGES, BOX, kept=kept)
+    monkeypatch.setattr("aspectgraph.visibility.visibility_regions.observable_region", refuse)
+    larger = [[-300.0, -200, -200], [200, 200, 200]]
+    for edges, box in ((EDGES, larger), ({"e1": EDGES["e1"]}, BOX), ({"other": EDGES["e1"], "e4": EDGES["e4"]}, BOX)):
+        with pytest.raises(RuntimeError, match="computed again"):
+            compute_regions(block, edges, box, kept=kept)
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda b: b"", lambda b: b[:-40], lambda b: b[:200] + b"x" + b[201:], lambda b: b"x"]
+)
+def test_what_is_damaged_is_computed_again(block, tmp_path, damage):
+    kept = KeptRegions(tmp_path)
+    first = compute_regions(block, EDGES, BOX, kept=kept)
+    for path in tmp_path.iterdir():
+        path.write_bytes(damage(path.read_bytes()))
+    assert same(compute_regions(block, EDGES, BOX, kept=kept), first)
+    # and whole again
+    assert all(kept.get(name) is not None for name in EDGES)
+
+
+def test_other_arrays_are_no_region(block, tmp_path):
+    kept = KeptRegions(tmp_path)
+    compute_regions(block, EDGES, BOX, kept=kept)
+    for path in tmp_path.iterdir():
+        data = dict(np.load(path))
+        np.savez(path, **{**data, "plane": data["plane"].astype(np.float64)})
+    assert all(kept.get(name) is None for name in EDGES)
+
+
+def test_a_folder_that_cannot_be_made_keeps_nothing(block, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    kept = KeptRegions(tmp_path / "file" / "kept")
+    assert same(compute_regions(block, EDGES, BOX, kept=kept), compute_regions(block, EDGES, BOX))
+    assert not kept
