@@ -27,7 +27,7 @@ from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
 import numpy as np
-from rendered_images import _PATCH, Lamp, Renderer
+from rendered_images import PATCH, Lamp, Renderer
 
 from aspectgraph import Solid, compute_regions, contrast, read_solid
 from aspectgraph.solid import RayScene
@@ -116,10 +116,10 @@ def _measured(solid, scene, renderer, edge, places, rng) -> Triple | None:
     points = ends[0] + np.linspace(0.2, 0.8, POINTS)[:, None] * (ends[1] - ends[0])
     pose = look_at([eye], ends.mean(axis=0), roll=rng.uniform(-np.pi, np.pi))[0]
     image = renderer.projected(np.vstack([points, ends]), pose)
-    corners = np.rint(image[:POINTS]).astype(int) - _PATCH
+    corners = np.rint(image[:POINTS]).astype(int) - PATCH
     along = image[-1] - image[-2]
     across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
-    grid = np.stack(np.meshgrid(*[np.arange(2 * _PATCH + 1)] * 2), axis=-1) + corners[:, None, None]
+    grid = np.stack(np.meshgrid(*[np.arange(2 * PATCH + 1)] * 2), axis=-1) + corners[:, None, None]
     off = (grid - image[:POINTS, None, None]) @ across
     first = _first_side(solid, edge, renderer, pose, points[POINTS // 2], image[POINTS // 2], across)
     sides = [(sign * off >= BESIDE_PX[0]) & (sign * off <= BESIDE_PX[1]) for sign in (first, -first)]
@@ -204,8 +204,8 @@ def steps_under(solid: Solid, plan, lamp_of, n: int = 9) -> dict[tuple[int, str]
             image = renderer.projected(np.vstack([points, ends]), pose)
             along = image[-1] - image[-2]
             across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
-            corners = np.rint(image[:n]).astype(int) - _PATCH
-            grid = np.stack(np.meshgrid(*[np.arange(2 * _PATCH + 1)] * 2), axis=-1) + corners[:, None, None]
+            corners = np.rint(image[:n]).astype(int) - PATCH
+            grid = np.stack(np.meshgrid(*[np.arange(2 * PATCH + 1)] * 2), axis=-1) + corners[:, None, None]
             off = (grid - image[:n, None, None]) @ across
             patches = renderer.patches(pose, corners, Lamp(lamp - middle, AMBIENT), np.random.default_rng(0))
             sides = [

@@ -8,7 +8,8 @@ edge is measured as an image program does: a line is fitted to points found alon
 the line that leaves each end, and the two are intersected. The length may differ from that in the planned image by the
 fraction 1 - A; how often it does not is compared with what the plan promises: with the ends as the *fit* gives them,
 and *rounded* to whole pixels, as the promise assumes. Of several lines at an end the one is taken that finds the corner
-best in the planned image.
+best in the planned image. Besides, ends are found by OpenCV: as corners by `cornerSubPix`, and where Canny's trace of
+the edge ends (`corner_detectors`); no promise is made for these.
 
 What the image is like is found out here, from the triangles and by rays, without `planner.showing`: whether another
 line leaves both ends at 25 degrees (*corner*), whether another visible line is within 5 px (*near line*), whether 40 px
@@ -30,6 +31,7 @@ from typing import NamedTuple
 
 import numpy as np
 import open3d as o3d
+from corner_detectors import corner_sub_pix, picture, traced_end
 from dimension_images import triangles_of
 from rendered_images import Lamp, Renderer, found_points
 from scipy.spatial.transform import Rotation
@@ -44,8 +46,10 @@ NEAR_PX, AROUND_PX, CORNER_DEG, WEAK = 5.0, 40.0, 25.0, 5.0
 # curved face, and between two (degrees)
 SHARP_DEG, CHORD_DEG, FACET_DEG = 5.0, 20.0, 40.0
 ALONG, ARM_PX, ARM_POINTS = 24, (4.0, 28.0), 12
+# noisy images of the planned pose in which the lines at an end are compared
+TRIALS = 5
 # near a corner, so many px of a line say nothing of it: as far as 5 px to its side are reached at 25 degrees
-_TOLD = ("promised", "measured", "rounded")
+_TOLD = ("promised", "measured", "rounded", "corner", "canny")
 LEAVES_PX = NEAR_PX / np.sin(np.radians(CORNER_DEG))
 
 
@@ -63,6 +67,8 @@ class Pair:
     promised: tuple[float, ...]
     measured: tuple[float, ...]
     rounded: tuple[float, ...]
+    corner: tuple[float, ...]
+    canny: tuple[float, ...]
 
     @property
     def worst(self) -> float:
@@ -74,11 +80,17 @@ class Pair:
 
 
 class Arm(NamedTuple):
-    """A line that leaves a corner: where it ends (3,), its angle with the edge, and with the nearest line there."""
+    """A line that leaves a corner: where it ends (3,), its angle with the edge, and with the nearest line there.
+
+    ``tip_deg`` is the least angle at which another line comes back from where it ends, ``edge_deg`` that of any line at
+    the corner with the edge.
+    """
 
     tip: np.ndarray
     seen_deg: float
     fork_deg: float
+    tip_deg: float = 90.0
+    edge_deg: float = 90.0
 
 
 class Lines:
@@ -132,20 +144,28 @@ class Lines:
         self, pose: np.ndarray, renderer: Renderer, corner: np.ndarray, inward: np.ndarray, own: set[int]
     ) -> list[Arm]:
         """Return the lines that leave a corner visibly, at an angle with the edge on the part."""
-        vertex = int(np.linalg.norm(self.solid.vertices - corner, axis=1).argmin())
-        shown, tips = self.shown(pose[:3, 3]), []
-        for e in np.flatnonzero((self.ends == vertex).any(axis=1) & self.line & shown):
-            tip = self.solid.vertices[self.ends[e].sum() - vertex]
-            if e not in own and self.visible(pose[:3, 3], (0.97 * corner + 0.03 * tip)[None])[0]:
-                tips.append(tip)
-        image = renderer.projected(np.array([corner, inward, *tips]), pose)
+        tips = self.leaving(pose, corner, own)
+        image = renderer.projected(np.array([corner, inward, *tips.values()]), pose)
         ways, found = image[1:] - image[0], []
-        for i, tip in enumerate(tips, 1):
+        sharpest = min((_angle(way, ways[0]) for way in ways[1:]), default=90.0)
+        for i, (e, tip) in enumerate(tips.items(), 1):
             wide = _angle(tip - corner, inward - corner)
             fork = min(_angle(ways[i], way) for k, way in enumerate(ways) if k != i)
+            others = renderer.projected(np.array([tip, *self.leaving(pose, tip, {e}).values()]), pose)
+            back = min((_angle(one, -ways[i]) for one in others[1:] - others[0]), default=90.0)
             if min(wide, 180 - wide) >= CORNER_DEG:
-                found.append(Arm(tip, _angle(ways[i], ways[0]), fork))
+                found.append(Arm(tip, _angle(ways[i], ways[0]), fork, min(back, 90.0), min(sharpest, 90.0)))
         return found
+
+    def leaving(self, pose: np.ndarray, corner: np.ndarray, own: set[int]) -> dict[int, np.ndarray]:
+        """Return the other ends (3,) of the lines that leave a corner visibly, by their numbers."""
+        vertex = int(np.linalg.norm(self.solid.vertices - corner, axis=1).argmin())
+        tips = {}
+        for e in np.flatnonzero((self.ends == vertex).any(axis=1) & self.line & self.shown(pose[:3, 3])):
+            tip = self.solid.vertices[self.ends[e].sum() - vertex]
+            if e not in own and self.visible(pose[:3, 3], (0.97 * corner + 0.03 * tip)[None])[0]:
+                tips[int(e)] = tip
+        return tips
 
 
 def _angle(a: np.ndarray, b: np.ndarray) -> float:
@@ -174,9 +194,16 @@ def crossing(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.nda
     return one[0] + share[0] * one[1]
 
 
+def _mixed_px(deg: float) -> float:
+    """Return how long a line that leaves another one at an angle is beside it, px."""
+    return float(NEAR_PX / np.tan(np.radians(max(deg, 1.0))))
+
+
 def found_ends(renderer: Renderer, pose: np.ndarray, ends: np.ndarray, arms: list[Arm], lamp: Lamp, rng) -> np.ndarray:
     """Return the ends (2, 2) of an edge in px as found in the image from a pose; nan where grey steps are too weak."""
-    line = _line(renderer, pose, ends[0], ends[1], (0.06, 0.94), ALONG, lamp, rng)
+    length = np.linalg.norm(np.diff(renderer.projected(ends, pose), axis=0))
+    mixed = [float(np.clip(_mixed_px(one.edge_deg) / length, 0.06, 0.4)) for one in arms]
+    line = _line(renderer, pose, ends[0], ends[1], (mixed[0], 1 - mixed[1]), ALONG, lamp, rng)
     corners = np.full((2, 2), np.nan)
     for i, (end, one) in enumerate(zip(ends, arms, strict=True)):
         arm = _line(renderer, pose, end, one.tip, arm_shares(renderer, pose, end, one), ARM_POINTS, lamp, rng)
@@ -186,9 +213,12 @@ def found_ends(renderer: Renderer, pose: np.ndarray, ends: np.ndarray, arms: lis
 
 
 def _missed_px(renderer: Renderer, pose: np.ndarray, ends: np.ndarray, arm: Arm, lamp: Lamp, rng) -> float:
-    """Return how far from the first end its corner is found with a line, px; many if it is not found."""
-    found = found_ends(renderer, pose, ends, [arm, arm], lamp, rng)[0]
-    missed = float(np.linalg.norm(found - renderer.projected(ends[:1], pose)[0]))
+    """Return how far from the first end its corner is found with a line, px, in some noisy images; many if it is not.
+
+    One image would choose a line too short for a fit as often as luck has it.
+    """
+    found = [found_ends(renderer, pose, ends, [arm, arm], lamp, rng)[0] for _ in range(TRIALS)]
+    missed = float(np.linalg.norm(found - renderer.projected(ends[:1], pose)[0], axis=1).max())
     return missed if np.isfinite(missed) else 1e6
 
 
@@ -203,8 +233,20 @@ def arm_step(renderer: Renderer, pose: np.ndarray, corner: np.ndarray, arm: Arm,
 def arm_shares(renderer: Renderer, pose: np.ndarray, corner: np.ndarray, arm: Arm) -> np.ndarray:
     """Return between which shares of its length a line that leaves a corner is looked for."""
     length = np.linalg.norm(np.diff(renderer.projected(np.array([corner, arm.tip]), pose), axis=0))
-    first = max(ARM_PX[0], NEAR_PX / np.tan(np.radians(max(arm.fork_deg, 1.0))))
-    return np.minimum((first, ARM_PX[1]), (0.5 * length, 0.9 * length)) / length
+    first, back = _mixed_px(arm.fork_deg), _mixed_px(arm.tip_deg)
+    stop = np.clip(length - back, 0.5 * length, 0.9 * length)
+    return np.minimum((max(ARM_PX[0], first), ARM_PX[1]), (0.5 * length, stop)) / length
+
+
+def detected_ends(renderer: Renderer, pose: np.ndarray, ends: np.ndarray, lamp: Lamp, rng) -> np.ndarray:
+    """Return the ends (2, 2, 2) of an edge in px, as corners and as ends of a trace; nan where there is none."""
+    image = renderer.projected(ends, pose)
+    found = np.empty((2, 2, 2))
+    for i in range(2):
+        grey, first = picture(renderer, pose, image[i], lamp, rng)
+        outward = (image[i] - image[1 - i]) / np.linalg.norm(image[i] - image[1 - i])
+        found[:, i] = corner_sub_pix(grey, first, image[i]), traced_end(grey, first, image[i], outward)
+    return found
 
 
 def _line(renderer, pose, start, end, shares, n, lamp, rng):
@@ -266,20 +308,20 @@ def _measured(plan, k, name, how, n, kind) -> Pair:
     camera, sigmas = plan.camera, np.asarray(plan.pose_uncertainty.covariance)
     image = renderer.projected(ends, pose)
     nominal = np.linalg.norm((image[1] - image[0]) * camera.pixel_pitch_mm)
-    errors = np.empty((n, 2))
+    errors = np.empty((n, 4))
     for i in range(n):
         move, draw = np.eye(4), rng.multivariate_normal(np.zeros(6), sigmas)
         move[:3, 3], move[:3, :3] = draw[:3], Rotation.from_rotvec(draw[3:]).as_matrix()
         found = found_ends(renderer, pose @ move, ends, arms, lamp, rng)
-        for j, one in enumerate((found, np.rint(found))):
+        detected = detected_ends(renderer, pose @ move, ends, lamp, rng)
+        for j, one in enumerate((found, np.rint(found), *detected)):
             length = np.linalg.norm((one[1] - one[0]) * camera.pixel_pitch_mm)
             errors[i, j] = abs(length / nominal - 1) if np.isfinite(length) else np.inf
     promised = [
         float(Objective(ends[None], camera, plan.pose_uncertainty, a).probability(pose[None])[0, 0]) for a in ACCURACIES
     ]
     met = [tuple(float(value) for value in (errors <= 1 - a).mean(axis=0)) for a in ACCURACIES]
-    fit, rounded = zip(*met, strict=True)
-    return Pair(plan.part, k, name, kind[0], kind[1], kind[2], n, tuple(promised), fit, rounded)
+    return Pair(plan.part, k, name, kind[0], kind[1], kind[2], n, tuple(promised), *zip(*met, strict=True))
 
 
 def lamp_place(plan: InspectionPlan, k: int, name: str) -> np.ndarray:
@@ -293,12 +335,12 @@ def lamp_place(plan: InspectionPlan, k: int, name: str) -> np.ndarray:
 
 def show(found: list[Pair]) -> None:
     """Print a table by class, and the pairs whose promise is too high."""
-    head = "".join(f"   A = {a:<5} promised    fit rounded" for a in ACCURACIES)
+    head = "".join(f"   A = {a:<5} promised    fit rounded corner  Canny" for a in ACCURACIES)
     print(f"{'class':<12}{'pairs':>6}{'images':>7}{head}")
     for kind in sorted({one.kind for one in found}):
         own = [one for one in found if one.kind == kind]
         means = [[np.mean([getattr(one, which)[i] for one in own]) for which in _TOLD] for i in range(3)]
-        cells = "".join(f"{p:21.3f}{m:7.3f}{r:8.3f}" for p, m, r in means)
+        cells = "".join(f"{p:21.3f}{m:7.3f}{r:8.3f}{c:7.3f}{t:7.3f}" for p, m, r, c, t in means)
         print(f"{kind:<12}{len(own):>6}{sum(one.n for one in own):>7}{cells}")
     for one in found:
         if one.worst > 3:

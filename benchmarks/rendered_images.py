@@ -16,7 +16,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.optimize import least_squares
 
 # pixels to either side of a point that are rendered, and that are searched for the steepest place
-_PATCH, _SEARCH = 7, 4.0
+PATCH, _SEARCH = 7, 4.0
 # profiles are sampled so finely, px, and averaged over so many pixels along the edge to either side
 _STEP, _ALONG = 0.1, 1.5
 _DARK = 0.04
@@ -52,7 +52,7 @@ class Renderer:
     def patches(self, cam2world: np.ndarray, corners: np.ndarray, lamp: Lamp, rng) -> np.ndarray:
         """Return patches (m, s, s) of grey values in [0, 1]; ``corners`` (m, 2) are whole px of their first ones."""
         margin = int(np.ceil(3 * self.blur_px))
-        size = 2 * _PATCH + 1 + 2 * margin
+        size = 2 * PATCH + 1 + 2 * margin
         fine = (np.arange(size * self.samples) + 0.5) / self.samples - 0.5 - margin
         # a place at random in each part of a pixel: on a lattice, edges along its rows would move by steps
         grid = np.stack(np.meshgrid(fine, fine), axis=-1)
@@ -101,7 +101,7 @@ def found_points(renderer: Renderer, cam2world: np.ndarray, points: np.ndarray, 
     along = renderer.projected(points + 1e-3 * tangents, cam2world) - image
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    corners = np.rint(image).astype(int) - _PATCH
+    corners = np.rint(image).astype(int) - PATCH
     patches = renderer.patches(cam2world, corners, lamp, rng)
     t = np.arange(-_SEARCH - 1, _SEARCH + 1 + _STEP / 2, _STEP)
     s = np.linspace(-_ALONG, _ALONG, 7)

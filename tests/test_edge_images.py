@@ -15,6 +15,7 @@ from planner import Camera, PoseUncertainty, Showing
 from planner.showing.image_check import ImageCheck
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+from corner_detectors import corner_sub_pix, traced_end
 from edge_images import Lines, Pair, crossing, fitted, pairs
 
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 600.0)
@@ -59,6 +60,20 @@ def test_a_line_and_where_two_meet():
     assert abs(line[1] @ (0.6, 0.8)) == pytest.approx(1.0, abs=1e-5)
     other = np.array([33.0, 0.0]), np.array([0.0, 1.0])
     assert crossing(line, other) == pytest.approx((33.0, 45.0), abs=0.1)
+
+
+def test_detectors_find_the_corner_of_a_bright_square():
+    """Its corner is at (20.3, 24.7) of a picture that begins at (100, 200): pixels are averages over their area."""
+    fine = np.zeros((450, 450))
+    fine[:252, :208] = 200.0
+    grey = fine.reshape(45, 10, 45, 10).mean(axis=(1, 3)).astype(np.uint8)
+    first, corner = np.array([100, 200]), np.array([100 + 20.3, 200 + 24.7])
+    assert corner_sub_pix(grey, first, corner + 0.4) == pytest.approx(corner, abs=0.2)
+    # the right side ends below, and its trace goes around the corner
+    end = traced_end(grey, first, corner, np.array([0.0, 1.0]))
+    assert np.linalg.norm(end - corner) < 2.0
+    # where there is no edge, nothing is traced
+    assert np.isnan(traced_end(np.zeros((45, 45), np.uint8), first, corner, np.array([0.0, 1.0]))).all()
 
 
 def test_a_clean_edge_is_measured_as_promised():
@@ -108,6 +123,6 @@ def test_lines_of_a_block():
 
 
 def test_what_is_promised_too_much_is_told_in_standard_errors():
-    one = Pair("p", 0, "e", "clean", 100.0, 50.0, 100, (0.9, 0.9, 0.5), (0.78, 0.9, 0.0), (0.8, 0.9, 0.1))
+    one = Pair("p", 0, "e", "clean", 100.0, 50.0, 100, (0.9, 0.9, 0.5), (0.78, 0.9, 0.0), *[(0.8, 0.9, 0.1)] * 3)
     # sqrt(.9 * .1 / 100) = .03
     assert one.worst == pytest.approx(4.0)

@@ -27,8 +27,6 @@ _PLACES = 5
 # a place on a face that is turned by more, or off the tangent plane by more, is beyond another line of the part
 _TURN_DEG = 20.0
 _ROUNDING = 1e-5
-# a line fit leaves out what is off at so large a share of its points: a shadow may end at a corner
-_LEFT_OUT = 1 / 9
 
 
 class SeenLine(NamedTuple):
@@ -82,8 +80,7 @@ class Beside:
                 lit = self._lit(scene, lamps[rows], own)
                 starts = np.flatnonzero(np.diff(self.strip[own], prepend=-1))
                 least, most = np.logical_and.reduceat(lit, starts, axis=1), np.logical_or.reduceat(lit, starts, axis=1)
-                strips = len(np.unique(self.strip[own] // 2))
-                found[rows, line] = (least != most).sum(axis=1) <= _LEFT_OUT * strips
+                found[rows, line] = (least == most).all(axis=1)
         return found
 
     def _lit(self, scene: RayScene, lamps: Array, own: slice) -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""The other lines that leave the ends of an edge, and their angles with it in the image."""
+"""The other lines that leave the ends of an edge, and their angles with it and with others in the image."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aspectgraph.solid.edge_ends import CORNER_DEG
-from planner.showing.contours import CONVEX, OWN, SHARP, Contours
+from planner.showing.contours import CONVEX, OWN, SHARP, Contours, Meeting
 
 Array = NDArray[np.float64]
 
@@ -36,6 +36,8 @@ class Arms(NamedTuple):
         The entity's other end.
     wide : array of bool (a,)
         Whether the angle is that of a corner on the part; the chords of an arc that the edge runs on in are not.
+    beyond : array of int (a, d)
+        Contours that meet the edge where it ends, -1 where there are fewer.
     """
 
     entity: NDArray[np.int64]
@@ -45,15 +47,20 @@ class Arms(NamedTuple):
     tip: Array
     inward: Array
     wide: NDArray[np.bool_]
+    beyond: NDArray[np.int64]
 
 
-def arms_of(contours: Contours, relations: NDArray[np.uint8], ends: Array, asked: NDArray[np.bool_]) -> Arms:
+def arms_of(
+    contours: Contours, at: Meeting, relations: NDArray[np.uint8], ends: Array, asked: NDArray[np.bool_]
+) -> Arms:
     """Return the edges that leave the ends of entities.
 
     Parameters
     ----------
     contours : Contours
         Of the part.
+    at : dict
+        See `meeting`.
     relations : array (k, m)
         See `relation_to`.
     ends : array (k, 2, 3)
@@ -68,15 +75,19 @@ def arms_of(contours: Contours, relations: NDArray[np.uint8], ends: Array, asked
         for end in range(2):
             distance = np.linalg.norm(contours.vertices[own] - ends[k, end], axis=1)
             vertex = int(own[distance.argmin()])
-            for e in np.flatnonzero(sharp & (contours.ends == vertex).any(axis=1) & (relations[k] != OWN)):
-                tip = int(contours.ends[e].sum()) - vertex
-                rows.append((k, end, e, vertex, tip))
+            for e in at[vertex]:
+                if sharp[e] and relations[k, e] != OWN:
+                    rows.append((k, end, e, vertex, int(contours.ends[e].sum()) - vertex))
     entity, which, contour, start, stop = np.array(rows, np.int64).reshape(-1, 5).T
     corner, tips, inward = contours.vertices[start], contours.vertices[stop], ends[entity, 1 - which]
     along, edge = tips - corner, inward - corner
     length = np.linalg.norm(along, axis=1) * np.linalg.norm(edge, axis=1)
     wide = np.abs((along * edge).sum(axis=1)) <= np.cos(np.radians(CORNER_DEG)) * length
-    return Arms(entity, which, contour, corner, tips, inward, wide)
+    others = [[e for e in at[tip] if e != own] for own, tip in zip(contour.tolist(), stop.tolist(), strict=True)]
+    beyond = np.full((len(rows), max(map(len, others), default=0)), -1)
+    for a, one in enumerate(others):
+        beyond[a, : len(one)] = one
+    return Arms(entity, which, contour, corner, tips, inward, wide, beyond)
 
 
 class SeenArms(NamedTuple):
@@ -98,6 +109,8 @@ class SeenArms(NamedTuple):
         Of the whole arm in the image.
     last : array (q, 3)
         Where the arm is `FITTED_PX` from the corner, or ends, mm.
+    tip_deg : array (q,)
+        The least angle at which another line comes back from its tip, 90 degrees if none does or it is far.
     direction : array (q,)
         Of the arm in the image, degrees.
     """
@@ -110,6 +123,7 @@ class SeenArms(NamedTuple):
     length_px: Array
     last: Array
     direction: Array
+    tip_deg: Array
 
     @property
     def bend(self) -> Array:
@@ -137,8 +151,8 @@ class SeenArms(NamedTuple):
         """Return which arms (q,) leave enough of themselves for a line fit.
 
         Points of a line are found across it, to so many pixels on either side. So where another line leaves at an angle
-        α, the first s / tan α of an arm show that one, too. As much again is needed beyond, and two separations at
-        least.
+        α, the first s / tan α of an arm show that one, too, and so do the last ones where a line comes back from its
+        tip. As much as the first again is needed between, and two separations at least.
 
         Parameters
         ----------
@@ -147,8 +161,14 @@ class SeenArms(NamedTuple):
         separation_px : float
             s.
         """
-        mixed = separation_px / np.tan(np.radians(np.maximum(fork_deg, _LEAST_DEG)))
-        return np.asarray(self.length_px - mixed >= np.maximum(2.0 * separation_px, mixed))
+        mixed = mixed_px(fork_deg, separation_px)
+        left = self.length_px - mixed - mixed_px(self.tip_deg, separation_px)
+        return np.asarray(left >= np.maximum(2.0 * separation_px, mixed))
+
+
+def mixed_px(fork_deg: Array, separation_px: float) -> Array:
+    """Return how long another line, which leaves at an angle, is within the separation s across a line: s / tan α."""
+    return np.asarray(separation_px / np.tan(np.radians(np.maximum(fork_deg, _LEAST_DEG))))
 
 
 def corner_arms(cam2world: Array, pairs: NDArray[np.int64], scale: Array, contours: Contours, arms: Arms) -> SeenArms:
@@ -173,34 +193,85 @@ def corner_arms(cam2world: Array, pairs: NDArray[np.int64], scale: Array, contou
     poses = cam2world[pairs[pair, 0]]
     shown = _shown(contours, arms.contour[arm], poses[:, :3, 3])
     pair, arm, poses = pair[shown], arm[shown], poses[shown]
-    corner, tip, inward = (_image(poses, scale, points[arm]) for points in (arms.corner, arms.tip, arms.inward))
+    corner, tip, inward = (images(poses, scale, points[arm]) for points in (arms.corner, arms.tip, arms.inward))
     good = (corner[:, 2] > 0) & (tip[:, 2] > 0) & (inward[:, 2] > 0)
     pair, arm, corner, tip, inward = pair[good], arm[good], corner[good], tip[good], inward[good]
     along, edge = tip[:, :2] - corner[:, :2], inward[:, :2] - corner[:, :2]
     length = np.linalg.norm(along, axis=1)
-    cosine = (along * edge).sum(axis=1) / np.maximum(length * np.linalg.norm(edge, axis=1), _TINY)
-    angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    ends, depths = (arms.corner[arm], arms.tip[arm]), (corner[:, 2], tip[:, 2])
+    near = _place(ends, depths, _near_share(length))
+    last = _place(ends, depths, np.minimum(1.0, FITTED_PX / np.maximum(length, _TINY)))
+    direction, no_line = np.degrees(np.arctan2(along[:, 1], along[:, 0])), np.full(len(arm), 90.0)
+    angle = _angle_deg(along, edge)
+    return SeenArms(angle, near, 2 * pair + arms.end[arm], arms.wide[arm], arm, length, last, direction, no_line)
 
-    def place(share: Array) -> Array:
-        """Return the points whose images are so far along the arms' images."""
-        share = share * corner[:, 2] / ((1 - share) * tip[:, 2] + share * corner[:, 2])
-        return np.asarray(arms.corner[arm] + share[:, None] * (arms.tip[arm] - arms.corner[arm]))
 
-    near = place(np.minimum(_ALONG, _ALONG_PX / np.maximum(length, _TINY)))
-    last = place(np.minimum(1.0, FITTED_PX / np.maximum(length, _TINY)))
-    direction = np.degrees(np.arctan2(along[:, 1], along[:, 0]))
-    return SeenArms(angle, near, 2 * pair + arms.end[arm], arms.wide[arm], arm, length, last, direction)
+def tip_lines(
+    poses: Array, scale: Array, contours: Contours, arms: Arms, arm: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], Array, Array]:
+    """Return what comes back from the tips of arms in images.
+
+    Parameters
+    ----------
+    poses : array (q, 4, 4)
+        From where each arm is seen.
+    scale : array (4,)
+        Pixels per unit of slope in x and y, and the principal point, px.
+    contours, arms : Contours, Arms
+        Of the part and the entities.
+    arm : array of int (q,)
+        Numbers of the arms.
+
+    Returns
+    -------
+    of : array of int (b,)
+        Which of the q arms a line comes back from, as far as its own two faces do not hide it.
+    angle : array (b,)
+        Between arm and line, under 90 degrees.
+    place : array (b, 3)
+        A point of the line near the tip, mm.
+    """
+    of, column = np.nonzero(arms.beyond[arm] >= 0)
+    contour = arms.beyond[arm[of], column]
+    shown = _shown(contours, contour, poses[of, :3, 3])
+    of, contour = of[shown], contour[shown]
+    tips, ends = arms.tip[arm[of]], contours.vertices[contours.ends[contour]]
+    second = np.linalg.norm(ends[:, 0] - tips, axis=1) < np.linalg.norm(ends[:, 1] - tips, axis=1)
+    far = np.where(second[:, None], ends[:, 1], ends[:, 0])
+    corner, tip, other = (images(poses[of], scale, points) for points in (arms.corner[arm[of]], tips, far))
+    back, line = corner[:, :2] - tip[:, :2], other[:, :2] - tip[:, :2]
+    angle = _angle_deg(back, line)
+    place = _place((tips, far), (tip[:, 2], other[:, 2]), _near_share(np.linalg.norm(line, axis=1)))
+    beside = (angle < 90.0) & (other[:, 2] > 0)
+    return of[beside], angle[beside], place[beside]
+
+
+def _near_share(length_px: Array) -> Array:
+    return np.asarray(np.minimum(_ALONG, _ALONG_PX / np.maximum(length_px, _TINY)))
+
+
+def _place(ends: tuple[Array, Array], depths: tuple[Array, Array], share: Array) -> Array:
+    """Return the points (q, 3) whose images are at shares of the way between those of two ends."""
+    share = share * depths[0] / ((1 - share) * depths[1] + share * depths[0])
+    return np.asarray(ends[0] + share[:, None] * (ends[1] - ends[0]))
+
+
+def _angle_deg(one: Array, other: Array) -> Array:
+    length = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
+    cosine = (one * other).sum(axis=1) / np.maximum(length, _TINY)
+    return np.asarray(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
 def _shown(contours: Contours, contour: NDArray[np.int64], eyes: Array) -> NDArray[np.bool_]:
     """Return which contours their own two faces leave to be seen from eyes (a, 3)."""
     planes = contours.planes[contours.faces[contour]]
     front = (np.einsum("afk,ak->af", planes[..., :3], eyes) > planes[..., 3]).sum(axis=1)
-    return np.asarray(np.where(contours.kinds[contour] & CONVEX, front > 0, front == 2))
+    kinds = contours.kinds[contour]
+    return np.asarray(np.where(kinds & SHARP, (front == 2) | ((front == 1) & (kinds & CONVEX > 0)), front == 1))
 
 
-def _image(poses: Array, scale: Array, points: Array) -> Array:
-    """Return images and depths (a, 3) of points (a, 3)."""
+def images(poses: Array, scale: Array, points: Array) -> Array:
+    """Return images in px and depths in mm (a, 3) of points (a, 3) from poses (a, 4, 4); see `corner_arms`."""
     local = np.einsum("aik,ai->ak", poses[:, :3, :3], points - poses[:, :3, 3])
     depth = np.maximum(local[:, 2:], _TINY)
     return np.concatenate([local[:, :2] / depth * scale[:2] + scale[2:], local[:, 2:]], axis=1)

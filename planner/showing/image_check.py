@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from aspectgraph.solid.ray_scene import RayScene
 from planner.camera.camera import Camera
 from planner.showing.contours import OWN, Contours, contours_of, meeting, relation_to
-from planner.showing.corners import SeenArms, arms_of, corner_arms
+from planner.showing.corners import FITTED_PX, SeenArms, arms_of, corner_arms, images, mixed_px, tip_lines
 from planner.showing.near_contours import near_contours
 from planner.showing.showing import Showing
 
@@ -77,7 +77,7 @@ class ImageCheck:
         radius = 2.0 * self._near_own_px * min(far, _FAR * near) / float(self._scale[:2].min())
         edges = [[] if one is None else list(one) for one in edge_ids]
         self._entities = _Lines.of(self.contours, [relation_to(self.contours, at, one, radius) for one in edges])
-        self.arms = arms_of(self.contours, self._entities.relations, self._ends, self._asked)
+        self.arms = arms_of(self.contours, at, self._entities.relations, self._ends, self._asked)
         # the same line may leave several entities
         lines, self._line_of_arm = np.unique(self.arms.contour, return_inverse=True)
         own = [[int(self.contours.ids[line])] for line in lines]
@@ -174,14 +174,30 @@ class ImageCheck:
 
     def _leaving(self, cam2world: Array, pairs: Pairs) -> SeenArms:
         seen = corner_arms(cam2world, pairs, self._scale, self.contours, self.arms)
-        return seen.chosen(self._visible(cam2world[pairs[seen.of // 2, 0], :3, 3], seen.place))
+        seen = seen.chosen(self._visible(cam2world[pairs[seen.of // 2, 0], :3, 3], seen.place))
+        # what comes back from a tip farther away is not beside what is fitted, or too near anyway
+        short = np.flatnonzero(seen.wide & (seen.length_px < FITTED_PX + self._near_own_px))
+        if self.showing.separation_px > 0 and len(short):
+            poses = cam2world[pairs[seen.of[short] // 2, 0]]
+            of, angle, place = tip_lines(poses, self._scale, self.contours, self.arms, seen.arm[short])
+            visible = self._visible(poses[of, :3, 3], place)
+            np.minimum.at(seen.tip_deg, short[of[visible]], angle[visible])
+        return seen
 
     def _corners(self, cam2world: Array, pairs: Pairs) -> Array:
         seen, sharpest = self._making_corners(cam2world, pairs, self._leaving(cam2world, pairs))
         # per end: a visible line far enough from the edge's own, and none too near to the edge
         widest = np.zeros(2 * len(pairs))
         np.maximum.at(widest, seen.of, seen.bend)
-        return np.minimum(widest, sharpest).reshape(-1, 2).min(axis=1)
+        margin = np.minimum(widest, sharpest).reshape(-1, 2).min(axis=1)
+        return np.where(self._long_enough(cam2world, pairs, sharpest), margin, 0.0)
+
+    def _long_enough(self, cam2world: Array, pairs: Pairs, sharpest: Array) -> NDArray[np.bool_]:
+        """Return which edges leave two separations between what other lines at their ends are beside of."""
+        poses, ends = cam2world[pairs[:, 0]], self._ends[pairs[:, 1]]
+        one, other = (images(poses, self._scale, ends[:, end])[:, :2] for end in range(2))
+        beside = mixed_px(sharpest, self.showing.separation_px).reshape(-1, 2).sum(axis=1)
+        return np.asarray(np.linalg.norm(other - one, axis=1) - beside >= 2.0 * self.showing.separation_px)
 
     def _making_corners(self, cam2world: Array, pairs: Pairs, seen: SeenArms) -> tuple[SeenArms, Array]:
         """Return lines that are long enough for a fit and as far from others as is asked of edges; and sharpest angles.

@@ -66,20 +66,15 @@ def test_places_are_on_the_face_beside_the_line():
     assert up.sum() == (~up).sum() == 45
 
 
-def test_a_border_across_the_line_near_its_end_is_left_out():
-    """One point of nine lies where the shadow ends; of three points, one is too many."""
-    x_ends = lamp_for(58.3)
-    nine = beside_lines(SCENE, [line(60.0, 0.0)], 5.0, PIXEL_RAD)
-    some = nine.strip < 2
-    one = type(nine)(nine.places[some], nine.normals[some], nine.strip[some], nine.line[some], 1)
-    far = beside_lines(SCENE, [SeenLine(EYE, line(15.0, 10.0).points[:8], np.array([0.0, 1, 0]))], 5.0, PIXEL_RAD)
-
-    def with_clear(n):
-        kept = far.strip < 2 * n
-        places = np.concatenate([one.places, far.places[kept]])
-        normals = np.concatenate([one.normals, far.normals[kept]])
-        strips = np.concatenate([one.strip, far.strip[kept] + 2])
-        return type(nine)(places, normals, strips, np.zeros(len(places), int), 1)
-
-    for n, told in ((8, True), (2, False)):
-        assert with_clear(n).clear(SCENE, np.array([x_ends]), np.ones((1, 1), bool)).tolist() == [[told]]
+def test_a_border_beside_one_point_of_a_line_is_enough():
+    """The places beside all points but the last are moved to where the whole floor is in the shadow."""
+    points = np.column_stack([np.full(9, 60.0), np.linspace(4.0, 36.0, 9), np.zeros(9)])
+    beside = beside_lines(SCENE, [SeenLine(EYE, points, np.array([0.0, 1, 0]))], 5.0, PIXEL_RAD)
+    lamps, asked = np.array([lamp_for(58.3)]), np.ones((1, 1), bool)
+    one = beside.strip // 2 == 8
+    moved = np.where(one[:, None], beside.places, beside.places - [20.0, 0, 0])
+    assert beside.clear(SCENE, lamps, asked).tolist() == [[False]]
+    shadow = type(beside)(moved, beside.normals, beside.strip, beside.line, 1)
+    assert shadow.clear(SCENE, lamps, asked).tolist() == [[False]]
+    only = type(beside)(moved[~one], beside.normals[~one], beside.strip[~one], beside.line[~one], 1)
+    assert only.clear(SCENE, lamps, asked).tolist() == [[True]]

@@ -28,7 +28,7 @@ def corner(outline, showing):
     xs = [x for x, z in outline if z == top]
     found = resolve_entities(solid, {"e": [[min(xs), 0, top], [max(xs), 0, top]]})["e"]
     check = ImageCheck(solid, [found.edge_ids], found.endpoints[None], CAMERA, showing)
-    middle = (min(xs) + max(xs)) / 2
+    middle = (min(x for x, _ in outline) + max(x for x, _ in outline)) / 2
     pose = look_at([[middle, -600.0, top / 2]], [middle, 0.0, top / 2])
     return check.corners(pose, ONE)[0, 0]
 
@@ -48,13 +48,32 @@ def test_a_line_must_be_two_separations_long(separation_px):
     assert corner(plate(least * 0.99), Showing(0.0, 40.0, 25.0)) == pytest.approx(65.0, abs=1e-3)
 
 
-def test_at_an_angle_the_first_piece_of_a_line_does_not_count():
+@pytest.mark.parametrize(
+    ("lean", "least_px"),
+    [
+        # the line goes out below the edge: the plate's bottom comes back from its tip at 45 degrees, too
+        (1, 20.0),
+        # it goes in: the bottom leaves its tip at 135 degrees, and is beside nothing of it
+        (-1, 15.0),
+    ],
+)
+def test_at_an_angle_the_first_piece_of_a_line_does_not_count(lean, least_px):
     """At 45 degrees the first 5 px of a line have the edge within 5 px across them; ten more are needed."""
     showing = Showing(separation_px=5.0, min_corner_deg=25.0)
-    for px, good in ((15.3, True), (14.7, False)):
+    for px, good in ((least_px + 0.3, True), (least_px - 0.3, False)):
         side = px / SCALE / np.sqrt(2)
-        outline = [(0, 0), (60, 0), (60 - side, side), (side, side)]
+        inside = lean * side
+        outline = [(0, 0), (60, 0), (60 - inside, side), (inside, side)]
         assert (corner(outline, showing) > 0) == good
+
+
+def test_an_edge_must_be_two_separations_long_beyond_what_is_mixed():
+    """A parallelogram: one side comes back under the edge at 45 degrees, so 5 px are mixed; the other one does not."""
+    down = 60.0 / SCALE / np.sqrt(2)
+    for px, good in ((15.3, True), (14.7, False)):
+        long = px / SCALE
+        outline = [(down, 0), (down + long, 0), (long, down), (0, down)]
+        assert (corner(outline, Showing(separation_px=5.0, min_corner_deg=25.0)) > 0) == good
 
 
 def test_a_line_beside_the_line_at_an_end():
