@@ -6,10 +6,9 @@ What the complex is and promises stands in `split`, which cuts it.
 from collections.abc import Callable
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
-from aspectgraph.exact.lean import lean
+from aspectgraph.exact.lean import compiled, lean
 from aspectgraph.exact.predicates import LIMBS, meet
 from aspectgraph.exceptions import MemoryLimitError
 
@@ -209,7 +208,7 @@ def push_corner(cx, c, v):
     cx.count[N_LIST + CORNER_LIST] = k + 1
 
 
-@nb.njit(cache=True)
+@compiled
 def add_box(cx, box):
     """Start the complex with one cell; `box` holds the planes x_min, x_max, y_min, y_max, z_min, z_max."""
     c = add_cell(cx)

@@ -6,7 +6,6 @@ the workspace at the end. So neither the turn nor the size of the workspace has 
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
 from aspectgraph.cells.arrays import (
@@ -23,6 +22,7 @@ from aspectgraph.cells.arrays import (
     Complex,
 )
 from aspectgraph.cells.split import cell_side, leaves, split_cell
+from aspectgraph.exact.lean import compiled
 
 N_LIMITS = 6
 
@@ -39,7 +39,7 @@ def crop(cx: Complex, first: int) -> None:
     _crop(cx, first, INSIDE)
 
 
-@nb.njit(cache=True)
+@compiled
 def _crop(cx, first, flag):
     for leaf in leaves(cx):
         c = leaf

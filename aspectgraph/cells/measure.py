@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
 from aspectgraph.cells.arrays import (
@@ -22,9 +21,10 @@ from aspectgraph.cells.arrays import (
     Complex,
 )
 from aspectgraph.exact.grid import Grid
+from aspectgraph.exact.lean import compiled, put
 
 
-@nb.njit(cache=True)
+@compiled
 def cell_centre(cx, c):
     """Mean of the corners of cell c as its faces list them, in grid steps."""
     total, n = np.zeros(3), 0
@@ -37,7 +37,7 @@ def cell_centre(cx, c):
     return total / n
 
 
-@nb.njit(cache=True)
+@compiled
 def face_area(cx, f):
     """Area, perimeter and largest distance from the grid's zero of face f, in squared steps and steps."""
     first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
@@ -57,7 +57,7 @@ def face_area(cx, f):
     return area, perimeter, farthest
 
 
-@nb.njit(cache=True)
+@compiled
 def _cell_sizes(cx, cells):
     """Volume and surface of cells, in cubic and square steps, as (n, 2)."""
     sizes = np.zeros((len(cells), 2))
@@ -80,7 +80,7 @@ def cell_sizes(cx: Complex, cells: np.ndarray) -> np.ndarray:
     return _cell_sizes(cx, np.asarray(cells, np.int64))
 
 
-@nb.njit(cache=True)
+@compiled
 def _spans(cx, cells, directions):
     low, high = np.full(len(directions), np.inf), np.full(len(directions), -np.inf)
     for c in cells:
@@ -102,7 +102,7 @@ def spans(cx: Complex, cells: np.ndarray, directions: np.ndarray) -> np.ndarray:
     return np.array(_spans(cx, np.asarray(cells, np.int64), np.ascontiguousarray(directions)))
 
 
-@nb.njit(cache=True)
+@compiled
 def _interfaces(cx):
     n = cx.count[N_FACES]
     sides = np.empty((n, 4), np.int64)
@@ -120,7 +120,7 @@ def _interfaces(cx):
     return sides[:m], sizes[:m]
 
 
-@nb.njit(cache=True)
+@compiled
 def _has_face(cx, c, f):
     """Whether f bounds cell c; free facets carry label rows, not cells, on their sides."""
     if cx.cell[c, CELL_CHILD] >= 0:
@@ -142,7 +142,7 @@ def interfaces(cx: Complex) -> tuple[np.ndarray, np.ndarray]:
     return _interfaces(cx)
 
 
-@nb.njit(cache=True)
+@compiled
 def face_polygon(cx, f):
     """Corners of face f in order around it, in grid steps, shape (m, 3)."""
     first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
@@ -150,7 +150,7 @@ def face_polygon(cx, f):
     corners = np.empty((size, 3))
     here = cx.edge[edges[0], ENDS]
     for k in range(size):
-        corners[k] = cx.coordinates[here]
+        put(corners[k], cx.coordinates[here])
         for m in range(k, size):
             start, end = cx.edge[edges[m], ENDS], cx.edge[edges[m], ENDS + 1]
             if here in (start, end):
@@ -160,7 +160,7 @@ def face_polygon(cx, f):
     return corners
 
 
-@nb.njit(cache=True)
+@compiled
 def _inner_balls(cx, cells):
     balls = np.empty((len(cells), 5))
     for row in range(len(cells)):
@@ -177,7 +177,8 @@ def _inner_balls(cx, cells):
                 for end in range(2):
                     away = cx.coordinates[cx.edge[cx.lists[EDGE_LIST, m], ENDS + end]] - centre
                     farthest = max(farthest, (away * away).sum())
-        balls[row, :3], balls[row, 3], balls[row, 4] = centre, radius, np.sqrt(farthest)
+        put(balls[row], centre)
+        balls[row, 3], balls[row, 4] = radius, np.sqrt(farthest)
     return balls
 
 
@@ -186,7 +187,7 @@ def inner_balls(cx: Complex, cells: np.ndarray) -> np.ndarray:
     return _inner_balls(cx, np.asarray(cells, np.int64))
 
 
-@nb.njit(cache=True)
+@compiled
 def _cell_planes(cx, c):
     """Planes of cell c, each once, with the side (1 or -1) the cell lies on."""
     size = cx.cell[c, CELL_SIZE]
@@ -213,7 +214,7 @@ def half_spaces(cx: Complex, c: int, without: int = -1) -> np.ndarray:
     return rows / np.linalg.norm(rows[:, :3], axis=1, keepdims=True)
 
 
-@nb.njit(cache=True)
+@compiled
 def cell_triangles(cx, c):
     """Triangles that tile the surface of cell c, as (t, 3, 3) corners in grid steps."""
     n = 0
@@ -227,9 +228,9 @@ def cell_triangles(cx, c):
         anchor = cx.coordinates[cx.edge[cx.lists[EDGE_LIST, first], ENDS]]
         for m in range(first, first + size):
             e = cx.lists[EDGE_LIST, m]
-            triangles[n, 0] = anchor
-            triangles[n, 1] = cx.coordinates[cx.edge[e, ENDS]]
-            triangles[n, 2] = cx.coordinates[cx.edge[e, ENDS + 1]]
+            put(triangles[n, 0], anchor)
+            put(triangles[n, 1], cx.coordinates[cx.edge[e, ENDS]])
+            put(triangles[n, 2], cx.coordinates[cx.edge[e, ENDS + 1]])
             n += 1
     return triangles
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
 from aspectgraph.cells.arrays import CELL_CHILD, CELL_PLANE, N_CELLS, Complex
+from aspectgraph.exact.lean import compiled
 from aspectgraph.exact.predicates import POINT_BITS, sign_at_point
 
 _POINT_STEP = 2.0**-POINT_BITS
@@ -39,7 +39,7 @@ def tree_of(cx: Complex) -> Tree:
     return Tree(cx.planes, cx.cell[:n, CELL_PLANE].copy(), cx.cell[:n, CELL_CHILD : CELL_CHILD + 2].copy())
 
 
-@nb.njit(cache=True)
+@compiled
 def _rows(tree, points):
     """For every node its plane in doubles, and the value it must exceed at any of the points for a certain sign."""
     reach = 0.0
@@ -57,7 +57,7 @@ def _rows(tree, points):
     return rows
 
 
-@nb.njit(cache=True)
+@compiled
 def holds(tree, flag, points):
     """Whether the closure of a flagged leaf holds each of (n, 3) int64 query points (`Grid.to_points`), as (n,) bool.
 
@@ -92,7 +92,7 @@ def holds(tree, flag, points):
     return result
 
 
-@nb.njit(cache=True)
+@compiled
 def locate(tree, points):
     """Leaf that holds each of (n, 3) int64 query points, as (n,) int64; on a plane, the leaf on its positive side."""
     planes, plane, child, rows = tree.planes, tree.plane, tree.child, _rows(tree, points)

@@ -8,7 +8,6 @@ tells what the part is.
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
 from aspectgraph.cells.arrays import (
@@ -37,7 +36,7 @@ from aspectgraph.cells.arrays import (
     push_edge,
 )
 from aspectgraph.cells.split import cell_side, face_side, leaves, refresh_cell, refresh_face, split_cell, split_face
-from aspectgraph.exact.lean import lean
+from aspectgraph.exact.lean import compiled, lean, put
 
 _CANDIDATES = 10
 
@@ -61,7 +60,7 @@ def simplify(old: Complex, box: np.ndarray, n_cells: int) -> Complex:
     return cx
 
 
-@nb.njit(cache=True)
+@compiled
 def _copy_facets(old, cx):
     """Copy the faces of `old` between differently labelled cells to `cx`; their sides name cells of `old`."""
     n = old.count[N_FACES]
@@ -96,24 +95,25 @@ def _copy_facets(old, cx):
     return facets[:m]
 
 
-@nb.njit(cache=True)
+@compiled
 def _copy_vertex(old, cx, v):
     w = add_vertex(cx, 0, 2, 4)
-    cx.vertices[w] = old.vertices[v]
-    cx.coordinates[w] = old.coordinates[v]
+    for row in range(4):
+        put(cx.vertices[w, row], old.vertices[v, row])
+    put(cx.coordinates[w], old.coordinates[v])
     return w
 
 
-@nb.njit(cache=True)
+@compiled
 def _grown(pool, room):
     if room <= len(pool):
         return pool
     larger = np.empty(2 * room, pool.dtype)
-    larger[: len(pool)] = pool
+    put(larger, pool)
     return larger
 
 
-@nb.njit(cache=True)
+@compiled
 def _choose(cx, facets):
     """The facet whose plane splits few others, carries many, and balances the rest."""
     best, best_cost = 0, np.inf
@@ -149,7 +149,7 @@ def _retire(cx, f):
     cx.face[f, SIDES : SIDES + 2] = -1
 
 
-@nb.njit(cache=True)
+@compiled
 def partition(cx, root, facets, labels):
     """Cut cell `root` along free facets and label the parts.
 
@@ -200,7 +200,7 @@ def partition(cx, root, facets, labels):
         used += 2 * size
         for child in range(2):
             part = cx.cell[cell, CELL_CHILD + child]
-            cx.label[part] = labels[cx.face[chosen, SIDES + child]]
+            put(cx.label[part], labels[cx.face[chosen, SIDES + child]])
             refresh_cell(cx, part)
         _retire(cx, chosen)
         stack.append((cx.cell[cell, CELL_CHILD], ahead, n_ahead))

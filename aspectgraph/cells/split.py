@@ -15,7 +15,6 @@ Guarantee: the leaves always tile the starting box without gap or overlap, two l
 carry both of their numbers, and no decision depends on rounding.
 """
 
-import numba as nb
 import numpy as np
 
 from aspectgraph.cells.arrays import (
@@ -54,7 +53,7 @@ from aspectgraph.cells.arrays import (
     push_edge,
     push_face,
 )
-from aspectgraph.exact.lean import lean
+from aspectgraph.exact.lean import compiled, lean
 from aspectgraph.exact.predicates import sign_at_vertex
 
 
@@ -72,8 +71,8 @@ def _push_edge_leaves(cx, f, e):
     if cx.edge[e, EDGE_CHILD] < 0:
         push_edge(cx, f, e)
     else:
-        _push_edge_leaves(cx, f, cx.edge[e, EDGE_CHILD])
-        _push_edge_leaves(cx, f, cx.edge[e, EDGE_CHILD + 1])
+        _push_edge_leaves(cx, f, np.int64(cx.edge[e, EDGE_CHILD]))
+        _push_edge_leaves(cx, f, np.int64(cx.edge[e, EDGE_CHILD + 1]))
 
 
 @lean
@@ -96,8 +95,8 @@ def _push_face_leaves(cx, c, f):
     if cx.face[f, FACE_CHILD] < 0:
         push_face(cx, c, f)
     else:
-        _push_face_leaves(cx, c, cx.face[f, FACE_CHILD])
-        _push_face_leaves(cx, c, cx.face[f, FACE_CHILD + 1])
+        _push_face_leaves(cx, c, np.int64(cx.face[f, FACE_CHILD]))
+        _push_face_leaves(cx, c, np.int64(cx.face[f, FACE_CHILD + 1]))
 
 
 @lean
@@ -271,7 +270,7 @@ def split_cell(cx, c, h):
     cx.cell[c, CELL_PLANE] = h
 
 
-@nb.njit(cache=True)
+@compiled
 def leaves(cx):
     """Numbers of the present cells, refreshed, in ascending order."""
     n = cx.count[N_CELLS]

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
 from aspectgraph.cells.arrays import Complex
 from aspectgraph.cells.measure import face_polygon
+from aspectgraph.exact.lean import compiled, put
 
 # a face counts as opposite where its outward normal leans less than this from the direction of the push, as a cosine
 _OPPOSITE = 1e-3
@@ -68,21 +68,21 @@ def pieces_across(cx: Complex, sides: np.ndarray, is_thin: np.ndarray, least_wid
     ]
 
 
-@nb.njit(cache=True)
+@compiled
 def _frame(normal):
     """Two unit vectors that with a unit normal form a right-handed frame, as rows."""
     axis = np.argmin(np.abs(normal))
-    frame = np.zeros((2, 3))
-    frame[0, axis] = 1.0
-    frame[0] -= normal[axis] * normal
-    frame[0] /= np.sqrt((frame[0] * frame[0]).sum())
+    frame, first = np.empty((2, 3)), np.zeros(3)
+    first[axis] = 1.0
+    first = first - normal[axis] * normal
+    put(frame[0], first / np.sqrt((first * first).sum()))
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
         frame[1, k] = normal[i] * frame[0, j] - normal[j] * frame[0, i]
     return frame
 
 
-@nb.njit(cache=True)
+@compiled
 def _flatten(corners, origin, frame):
     """Polygon in the frame's coordinates, counter-clockwise."""
     flat = np.empty((len(corners), 2))
@@ -92,7 +92,7 @@ def _flatten(corners, origin, frame):
     return flat if _doubled_area(flat) >= 0.0 else flat[::-1].copy()
 
 
-@nb.njit(cache=True)
+@compiled
 def _doubled_area(flat):
     total = 0.0
     for k in range(1, len(flat) - 1):
@@ -101,7 +101,7 @@ def _doubled_area(flat):
     return total
 
 
-@nb.njit(cache=True)
+@compiled
 def _perimeter(flat):
     total = 0.0
     for k in range(len(flat)):
@@ -110,7 +110,7 @@ def _perimeter(flat):
     return total
 
 
-@nb.njit(cache=True)
+@compiled
 def _clip(flat, clipper):
     """Common part of two convex counter-clockwise polygons (Sutherland and Hodgman 1974)."""
     for k in range(len(clipper)):
@@ -125,16 +125,16 @@ def _clip(flat, clipper):
             s = along[0] * (p[1] - a[1]) - along[1] * (p[0] - a[0])
             t = along[0] * (q[1] - a[1]) - along[1] * (q[0] - a[0])
             if (s < 0.0 < t) or (t < 0.0 < s):
-                cut[n] = p + s / (s - t) * (q - p)
+                put(cut[n], p + s / (s - t) * (q - p))
                 n += 1
             if t >= 0.0:
-                cut[n] = q
+                put(cut[n], q)
                 n += 1
         flat = cut[:n].copy()
     return flat
 
 
-@nb.njit(cache=True)
+@compiled
 def _normal_out_of(cx, sides, row, cell):
     """Unit normal of a face that points out of one of its two cells."""
     plane = cx.planes[sides[row, 2]]
@@ -143,7 +143,7 @@ def _normal_out_of(cx, sides, row, cell):
     return -normal if sides[row, 0] == cell else normal
 
 
-@nb.njit(cache=True)
+@compiled
 def _push_all(cx, sides, is_thin, first, rows, starts, least_width):
     """Push the faces `starts`; `rows[first[c]:first[c + 1]]` are the faces of sliver c."""
     cells, lengths, paths = [(0, 0) for _ in range(0)], [0 for _ in range(0)], [0 for _ in range(0)]
@@ -193,7 +193,7 @@ def _push_all(cx, sides, is_thin, first, rows, starts, least_width):
     return cells, lengths, paths, sizes, corners
 
 
-@nb.njit(cache=True)
+@compiled
 def _is_narrow(flat, least_width):
     """Whether no disc of the least width fits for certain: its radius is at most twice the area over the perimeter."""
     return len(flat) < 3 or 2.0 * _doubled_area(flat) < least_width * _perimeter(flat)

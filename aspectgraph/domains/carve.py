@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
 from aspectgraph.cells.arrays import (
@@ -33,6 +32,7 @@ from aspectgraph.cells.measure import cell_centre
 from aspectgraph.cells.simplify import partition
 from aspectgraph.cells.split import face_side, refresh_cell, refresh_face, split_face
 from aspectgraph.exact.grid import as_queries
+from aspectgraph.exact.lean import compiled, put
 from aspectgraph.exact.planes import plane_through
 from aspectgraph.exact.predicates import sign_at_point
 from aspectgraph.visibility.scene import Scene
@@ -71,7 +71,7 @@ def surface_facets(scene: Scene) -> Facets:
     return Facets(planes, first, faces[kept])
 
 
-@nb.njit(cache=True)
+@compiled
 def _perpendicular_planes(points, pieces, steps, resolution):
     """Planes through the sides of every piece and its normal, and how many each has; none for a piece without area."""
     planes = np.empty((len(pieces.vertices), 4), np.int64)
@@ -84,12 +84,12 @@ def _perpendicular_planes(points, pieces, steps, resolution):
         sizes[k] = len(loop)
         for i in range(len(loop)):
             p, q = points[loop[i]], points[loop[(i + 1) % len(loop)]]
-            planes[n] = plane_through(p, q, p + steps[k])
+            put(planes[n], plane_through(p, q, p + steps[k]))
             n += 1
     return planes[:n].copy(), sizes
 
 
-@nb.njit(cache=True)
+@compiled
 def _true_corners(points, loop, resolution):
     """Drop vertices within the resolution of the line through their neighbours."""
     kept = [v for v in loop]  # noqa: C416 - numba makes no list of an array otherwise
@@ -136,7 +136,7 @@ def carve(cx: Complex, scene: Scene, facets: Facets, n_box: int) -> None:
         cx.label[c, -1] = INSIDE if inside else np.uint64(0)
 
 
-@nb.njit(cache=True)
+@compiled
 def _insert_facets(cx, first, plane, side, n_perpendicular):
     """Add the polygons as free faces; their sides name the label rows outside (0) and inside (1)."""
     offset = len(cx.planes) - n_perpendicular
@@ -156,12 +156,15 @@ def _insert_facets(cx, first, plane, side, n_perpendicular):
     return faces
 
 
-@nb.njit(cache=True)
+@compiled
 def _is_empty(label):
-    return not label.any()
+    anything = np.uint64(0)
+    for word in label:
+        anything |= word
+    return anything == 0
 
 
-@nb.njit(cache=True)
+@compiled
 def _carve(cx, facets, labels):
     """Hand the facets down the tree and partition the leaves with an empty list by them."""
     stack = [(0, facets)]
@@ -216,7 +219,7 @@ def is_inside(scene: Scene, position: np.ndarray) -> bool:
         nudge = generator.uniform(-1e-3, 1e-3, 3)
 
 
-@nb.njit(cache=True)
+@compiled
 def _parity(point, axis, points, first, loop, face, planes, plane_of_face):
     """Parity of the pieces that the ray from `point` in the direction of an axis crosses; -1 if in doubt."""
     i, j = (axis + 1) % 3, (axis + 2) % 3

@@ -7,15 +7,14 @@ resolution of a plane counts as lying on it; that is decided once, when planes a
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
 from aspectgraph.exact.grid import Grid
-from aspectgraph.exact.lean import lean
+from aspectgraph.exact.lean import compiled, lean
 from aspectgraph.exceptions import SolidError
 
 
-@nb.njit(cache=True)
+@compiled
 def plane_through(p, q, r):
     """Plane through three integer points, reduced and oriented by the turn p, q, r; all zero if they are collinear."""
     plane = np.zeros(4, np.int64)
@@ -60,7 +59,7 @@ def find_plane(planes, n, points, trio, resolution):
     return -1
 
 
-@nb.njit(cache=True)
+@compiled
 def find_parallel(planes, points, trio, resolution, plane):
     """The plane through the three points exactly parallel to that of `planes` nearest to parallel, or `plane`.
 
@@ -83,7 +82,7 @@ def find_parallel(planes, points, trio, resolution, plane):
     return parallel
 
 
-@nb.njit(cache=True)
+@compiled
 def _widest_triangle(points, loop):
     """Three of the loop's points that span nearly the largest triangle, in the loop's cyclic order."""
     a = loop[0]
@@ -151,7 +150,7 @@ def face_planes(
         plane = plane_through(*grid.points[list(trio)])
         if not plane.any():
             raise SolidError(f"face {face} must be wider than the grid step of {grid.step_mm:g} mm. It vanishes on it.")
-        table = np.array(planes).reshape(-1, 4)
+        table = np.array(planes, np.int64).reshape(-1, 4)
         known = _same_plane(table, grid.points[loop], grid.resolution)
         if known < 0:
             known = len(planes)
@@ -173,12 +172,12 @@ def _made_parallel(plane: np.ndarray, planes: np.ndarray, points: np.ndarray, re
     return np.array([*planes[k, :3], low[k] + (high[k] - low[k]) // 2])
 
 
-@nb.njit(cache=True)
+@compiled
 def _same_plane(planes, points, resolution):
     for k in range(len(planes)):
         contains = True
-        for point in points:
-            if side_of(planes[k], point, resolution) != 0:
+        for i in range(len(points)):
+            if side_of(planes[k], points[i], resolution) != 0:
                 contains = False
                 break
         if contains:

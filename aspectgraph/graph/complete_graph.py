@@ -16,7 +16,6 @@ point in general position inside it.
 from __future__ import annotations
 
 import networkx as nx
-import numba as nb
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -26,6 +25,7 @@ from aspectgraph.cells.split import cell_side, leaves, split_cell
 from aspectgraph.domains.carve import is_inside
 from aspectgraph.domains.find_domains import find_domains
 from aspectgraph.domains.width import Ruler, largest_extent
+from aspectgraph.exact.lean import compiled
 from aspectgraph.exact.planes import find_plane, plane_through
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.scene import Scene, make_scene
@@ -146,7 +146,7 @@ def _arrangement(planes: np.ndarray, n_cells: int) -> Complex:
     return cx
 
 
-@nb.njit(cache=True)
+@compiled
 def _cut_everywhere(cx):
     for h in range(6, len(cx.planes)):
         for c in leaves(cx):

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import networkx as nx
-import numba as nb
 import numpy as np
 
 from aspectgraph.entities.straight_edges import Entity
+from aspectgraph.exact.lean import compiled
 from aspectgraph.exact.predicates import sign_at_point
 from aspectgraph.exceptions import ContradictionError
 from aspectgraph.solid.ray_scene import RayScene
@@ -82,7 +82,7 @@ def _spread(entity: Entity, along: np.ndarray) -> np.ndarray:
     return np.column_stack([np.interp(along * run[-1], run, line[:, axis]) for axis in range(3)])
 
 
-@nb.njit(cache=True)
+@compiled
 def is_blocked(sets, query):
     """Whether one of the blocked sets holds an int64 query point (`Grid.to_points`) in its interior, exactly."""
     for k in range(len(sets.first) - 1):

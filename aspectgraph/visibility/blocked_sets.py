@@ -24,10 +24,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numba as nb
 import numpy as np
 
-from aspectgraph.exact.lean import lean
+from aspectgraph.exact.lean import compiled, lean, put
 from aspectgraph.exact.planes import find_plane, height, plane_through, side_of
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.scene import Scene, chords, entity_ends
@@ -106,7 +105,7 @@ def _wedge(scene: Scene, solid: Solid, entity: Entity) -> tuple[np.ndarray, np.n
     return first, flat[:, 0], flat[:, 1]
 
 
-@nb.njit(cache=True)
+@compiled
 def _facing(scene, a, b, wedge_first, wedge_plane, wedge_side):
     """Pieces with an end of the entity in front of them that are not wholly inside one blocked set of the wedge."""
     points, pieces = scene.points, scene.pieces
@@ -135,7 +134,7 @@ def _facing(scene, a, b, wedge_first, wedge_plane, wedge_side):
     return result[:n]
 
 
-@nb.njit(cache=True)
+@compiled
 def _apparent_size(points, pieces, chosen, a, b):
     """Rough solid angle of pieces seen from the middle of the entity; only orders the work."""
     eye = 0.5 * (points[a] + points[b])
@@ -199,7 +198,7 @@ def _side_of_set(plane, points, loop, others, settle_thin, resolution):
     return _side_of_loop(plane, points, loop)
 
 
-@nb.njit(cache=True)
+@compiled
 def _cast(points, pieces, order, placed, planes, n_planes, origin, ends, settle_thin, resolution):
     """Blocked sets of the pieces in the given order; appends their planes to `planes` and `origin`."""
     n_face_planes = n_planes
@@ -233,9 +232,9 @@ def _cast(points, pieces, order, placed, planes, n_planes, origin, ends, settle_
                 known = find_plane(planes, n_planes, points, trio, resolution)
                 if known < 0:
                     known = n_planes
-                    planes[known] = plane
+                    put(planes[known], plane)
                     origin[known, 0] = EDGE_AND_END if kind < 2 else VERTEX_AND_ENTITY
-                    origin[known, 1:] = trio
+                    put(origin[known, 1:], trio)
                     n_planes += 1
                 repeated = False
                 for k in range(start, n):

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-import numba as nb
 import numpy as np
 
 from aspectgraph.cells.arrays import CELL_CHILD, CROSSED, N_CELLS, Complex, add_box, allocate, with_room
 from aspectgraph.cells.point_location import Tree, tree_of
 from aspectgraph.cells.simplify import n_leaves, simplify
 from aspectgraph.cells.split import cell_side, split_cell
-from aspectgraph.exact.lean import lean
+from aspectgraph.exact.lean import compiled, lean
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.blocked_sets import blockers
 from aspectgraph.visibility.scene import Scene
@@ -99,7 +98,7 @@ def _disjoint(cx, c, plane, side):
     return False
 
 
-@nb.njit(cache=True)
+@compiled
 def _insert(cx, first, plane, side, start, limit):
     """Block sets `start`, `start` + 1, … until all are done or the complex has `limit` cells; return the next one.
 

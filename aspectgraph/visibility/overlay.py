@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
 from aspectgraph.cells.arrays import (
@@ -26,6 +25,7 @@ from aspectgraph.cells.arrays import (
 )
 from aspectgraph.cells.simplify import n_leaves, simplify
 from aspectgraph.cells.split import cell_side, split_cell
+from aspectgraph.exact.lean import compiled
 from aspectgraph.exact.planes import find_parallel, find_plane
 from aspectgraph.visibility.blocked_sets import CONTRAST, FACE
 from aspectgraph.visibility.entity_region import Region
@@ -180,7 +180,7 @@ def _overlay(
     return simplify(cx, _BOX, n_cells)
 
 
-@nb.njit(cache=True)
+@compiled
 def _covers(label, k):
     """Whether the bits of entities 0 to k - 1 are all set."""
     for bit in range(k):
@@ -189,7 +189,7 @@ def _covers(label, k):
     return True
 
 
-@nb.njit(cache=True)
+@compiled
 def _forget_uncovered(cx, k):
     """Clear labels that lack one of the first k bits, so that simplifying joins their cells."""
     for c in range(cx.count[N_CELLS]):
@@ -197,7 +197,7 @@ def _forget_uncovered(cx, k):
             cx.label[c] = 0
 
 
-@nb.njit(cache=True)
+@compiled
 def _add_region(cx, plane, child, observable, k, covering_only):
     """Set bit k where region k holds the cell, cutting cells its tree cuts."""
     bit = np.uint64(1) << np.uint64(k % 64)
