@@ -120,6 +120,7 @@ def curve(judge: Judge, limit_s: float | None) -> list[Point]:
         probability=PROBABILITY,
         space=space,
         showing=NOT_ASKED,
+        focus_margin_mm=0.0,
         time_limit_s=limit_s,
         on_incumbent=take,
     )

@@ -218,6 +218,7 @@ def measure_ours(judge: Judge, setup: str, seed: int) -> Outcome:
         field_margin_px=chosen.field_margin_px,
         space=space,
         showing=NOT_ASKED,
+        focus_margin_mm=0.0,
     )
     seconds = time.process_time() - start
     poses = np.array([setting.cam2world for setting in plan.settings]).reshape(-1, 4, 4)

@@ -107,9 +107,9 @@ def plan_inspection(
         moves an image point, in the corner where that is farthest, at most a quarter of the smaller side.
     visibility_radius_mm : float, optional
         As in `plan_setting`.
-    focus_margin_mm : float
-        What both limits of the depth of field are narrowed by, so that a displaced camera is in focus still; four
-        standard deviations of its position make blurred images rare. Default: nothing.
+    focus_margin_mm : float, optional
+        What both limits of the depth of field are narrowed by, so that a displaced camera is in focus still. Default:
+        three standard deviations of its place along its axis, at most an eighth of the depth of field.
     showing : Showing
         What the image needs so that edges can be found in it. Edges that run on smoothly in an arc are not inspected
         then; ``Showing(0, 0, 0)`` asks for nothing, as the paper. Default: ``Showing()``.

@@ -15,7 +15,13 @@ from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.plan import InspectionPlan
 from planner.request.constraints import Requirements
-from planner.request.defaults import check_focus_margin, check_showing, corner_margin_px, position_margin_mm
+from planner.request.defaults import (
+    check_focus_margin,
+    check_showing,
+    corner_margin_px,
+    focus_reserve_mm,
+    position_margin_mm,
+)
 from planner.request.effort import Effort
 from planner.request.reach import Reach
 from planner.request.space import Space
@@ -31,7 +37,7 @@ class InspectionOptions:
     min_length_px: float = 20.0
     field_margin_px: float | None = None
     visibility_radius_mm: float | None = None
-    focus_margin_mm: float = 0.0
+    focus_margin_mm: float | None = None
     showing: Showing = USUAL
     reach: Reach | None = None
     space: Space | None = None
@@ -46,14 +52,16 @@ class InspectionOptions:
 
     def requirements(self, camera: Camera, pose_uncertainty: PoseUncertainty) -> Requirements:
         """Return the limits; where nothing is said, those that suit the pose uncertainty."""
-        margin, radius = self.field_margin_px, self.visibility_radius_mm
+        margin, radius, focus = self.field_margin_px, self.visibility_radius_mm, self.focus_margin_mm
         return Requirements(
             min_length_px=self.min_length_px,
             field_margin_px=corner_margin_px(camera, pose_uncertainty) if margin is None else margin,
             stand_off_mm=self.stand_off_mm,
             reach=self.reach,
             visibility_radius_mm=position_margin_mm(pose_uncertainty) if radius is None else radius,
-            focus_margin_mm=check_focus_margin(self.focus_margin_mm, camera),
+            focus_margin_mm=(
+                focus_reserve_mm(camera, pose_uncertainty) if focus is None else check_focus_margin(focus, camera)
+            ),
             showing=check_showing(self.showing, camera),
         )
 
@@ -66,7 +74,7 @@ class InspectionKeywords(TypedDict, total=False):
     min_length_px: float
     field_margin_px: float | None
     visibility_radius_mm: float | None
-    focus_margin_mm: float
+    focus_margin_mm: float | None
     showing: Showing
     reach: Reach | None
     space: Space | None

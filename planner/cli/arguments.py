@@ -74,7 +74,11 @@ def add_limits(plan: argparse.ArgumentParser) -> None:
         help="strip along the sensor's sides to keep free (default: four standard deviations of the image's motion)",
     )
     limits.add_argument(
-        "--focus-margin-mm", type=float, default=0.0, metavar="MM", help="taken from both ends of the depth of field"
+        "--focus-margin-mm",
+        type=float,
+        metavar="MM",
+        help="taken from both ends of the depth of field (default: three standard deviations of the camera's place "
+        "along its axis, at most an eighth of that depth)",
     )
     limits.add_argument(
         "--visibility-radius-mm",

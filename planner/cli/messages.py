@@ -10,8 +10,14 @@ _RULE = re.compile(
     r"(^|: |; |\. |')(contrast|gap_mm|min_corner_deg|occluders|select|separation_px|solids|step|surround_px|units)"
     r"(?= (?:must (?:be|hold|lie|name)|applies))"
 )
+# in a file these are fields, and the message begins with the file's name
+_FIRST = re.compile(
+    r"^(accuracy|probability|min_length_px|field_margin_px|focus_margin_mm|stand_off_mm|visibility_radius_mm|workspace)"
+    r"(?= must )"
+)
 # in a plan's file it is a field
 _CAMERA = re.compile(r"\bcamera(?= must be a name of the catalogue)")
+_TYPED = {"step": "grey-step", "stand_off_mm": "stand-off"}
 _VALUE = re.compile(r"\b(gap_mm|occluders|solids|units)=(?=\S)")
 
 
@@ -27,8 +33,9 @@ def as_typed(text: str) -> str:
     text = _ONLY_IN_A_CALL.sub("", text)
     text = _CAMERA.sub("--camera", text)
     text = _VALUE.sub(lambda found: f"{_option(found[1])} ", text)
+    text = _FIRST.sub(lambda found: _option(found[1]), text)
     return _RULE.sub(lambda found: found[1] + _option(found[2]), text)
 
 
 def _option(name: str) -> str:
-    return "--grey-step" if name == "step" else "--" + name.replace("_", "-")
+    return "--" + _TYPED.get(name, name).replace("_", "-")

@@ -264,7 +264,7 @@ def _judged(
 ) -> OpticsProposal:
     pose_uncertainty, required, how = asked
     near, far = camera.depth_of_field_mm
-    margin = max(how.focus_margin_mm, position_margin_mm(pose_uncertainty))
+    margin = max(how.focus_margin_mm or 0.0, position_margin_mm(pose_uncertainty))
     if 2 * margin >= far - near:
         nothing = {view.target.name: 0.0 for view in views}
         return OpticsProposal(*names, camera, required, nothing, {}, {})

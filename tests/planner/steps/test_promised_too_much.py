@@ -1,0 +1,32 @@
+"""What simulation contradicts: suspected with few displaced poses, decided with many."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from planner.columns import realise_column
+from planner.columns.realise_column import SUPPORT, promised_too_much
+from planner.verify.simulate_setting import MODEL_TOLERANCE
+
+
+@pytest.mark.parametrize(
+    ("first", "sure", "contradicted"),
+    [
+        # as much as the plan's own simulation would call contradicted
+        (0.02, 0.021, True),
+        # luck of the first draws
+        (0.02, 0.9 * MODEL_TOLERANCE, False),
+        # nothing suspected: not looked at again
+        (0.9 * SUPPORT.too_high, 0.5, False),
+    ],
+)
+def test_a_promise_is_contradicted_by_more_than_the_models_tolerance(monkeypatch, first, sure, contradicted):
+    frequencies = {SUPPORT.trial_poses: 0.95 - first, SUPPORT.sure_poses: 0.95 - sure}
+
+    def simulated(*_, n, **__):
+        return {"edge": SimpleNamespace(predicted=0.95, frequency=frequencies[n])}
+
+    monkeypatch.setattr(realise_column, "simulate_setting", simulated)
+    monkeypatch.setattr(realise_column, "measured_items", lambda request: None)
+    judge = SimpleNamespace(request=SimpleNamespace(pose_uncertainty=None), camera=None, accuracy=0.98)
+    assert bool(promised_too_much(judge, None, 0)) == contradicted
