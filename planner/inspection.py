@@ -40,11 +40,12 @@ from planner.resume import PlanningState
 from planner.steps.assemble import assembled
 from planner.steps.find_columns import find_columns
 from planner.steps.incumbents import Incumbents
-from planner.steps.pixel_grid import COUNTED, COUNTING, contradicted, count_on_grid
+from planner.steps.pixel_grid import COUNTED, COUNTING, count_on_grid
 from planner.steps.prove_bound import prove_bound
 from planner.steps.refute import refute
 from planner.steps.run import Run
 from planner.steps.settle import settle
+from planner.steps.told_on_grid import told_on_grid
 from planner.wanted.dimension import Dimension
 from planner.wanted.targets import check_is_edge
 from planner.watch import TimeIsUpError, Watch
@@ -283,12 +284,11 @@ def _plan(run: Run, incumbents: Incumbents) -> InspectionPlan:
         bound, proof = prove_bound(run, incumbents)
         inspected = np.asarray(run.pool.membership.any(axis=0))
         refute(run, inspected, bound, incumbents)
-        settings = settle(run, inspected)
-        wrong = contradicted(run, settings) if left else []
-        if not wrong:
+        told = told_on_grid(run, settle(run, inspected))
+        if not (told.wrong and left):
             break
-        count_on_grid(run, wrong)
+        count_on_grid(run, told.wrong)
         incumbents.forget()
         incumbents.offer(run)
         run.keep(COUNTED, {})
-    return assembled(run, settings, bound, proof)
+    return assembled(run, told.settings, bound, proof, counted=told.counted)

@@ -18,7 +18,13 @@ _NOT_YET = "no view was found yet: the planning had not come to its end."
 
 
 def assembled(
-    run: Run, settings: Sequence[SensorSetting], bound: int, proof: str, *, unfinished: bool = False
+    run: Run,
+    settings: Sequence[SensorSetting],
+    bound: int,
+    proof: str,
+    *,
+    counted: Sequence[str] = (),
+    unfinished: bool = False,
 ) -> InspectionPlan:
     """Put the plan together, its settings in the order of travel.
 
@@ -31,6 +37,8 @@ def assembled(
         Settings that are needed at least.
     proof : str
         What that rests on.
+    counted : sequence of str
+        Edges whose stated probability was counted on the pixel grid, beside those that the grid decided about.
     unfinished : bool
         The run goes on.
     """
@@ -52,7 +60,7 @@ def assembled(
         part=request.space.solid.name,
         seed=run.seed,
         dimensions=planned_dimensions(request),
-        on_grid=request.on_grid,
+        on_grid=(*request.on_grid, *counted),
         requirements=request.requirements.to_dict(),
         unfinished=unfinished,
     )

@@ -24,6 +24,7 @@ from planner.setting.pose_setting import setting_at
 from planner.setting.sensor_setting import SensorSetting
 from planner.steps.assemble import assembled
 from planner.steps.run import SHARES, Run
+from planner.steps.told_on_grid import told_on_grid, without
 from planner.watch import Watch
 
 _TRIVIAL = "Fewer settings than one inspect nothing; the proof of a larger bound had not begun."
@@ -101,8 +102,8 @@ class Incumbents:
         if not seen.any():
             return
         settings = _candidates(run, pool, np.array(greedy_cover(pool.membership[:, seen])))
-        settings = _without_promised_too_much(run, settings)
-        found = assembled(run, settings, *self._proven(run, settings), unfinished=True)
+        settings, counted = _as_simulated(run, settings)
+        found = assembled(run, settings, *self._proven(run, settings), counted=counted, unfinished=True)
         if settings and (self.best is None or _worth(found) > _worth(self.best)):
             self.end(found)
 
@@ -112,8 +113,8 @@ class Incumbents:
         if columns is None:
             return
         self._made_of = (int(run.pool.membership.any(axis=0).sum()), -len(columns))
-        settings = _supported(run, columns)
-        found = assembled(run, settings, *self._proven(run, settings), unfinished=True)
+        settings, counted = _supported(run, columns)
+        found = assembled(run, settings, *self._proven(run, settings), counted=counted, unfinished=True)
         if self.best is None or _worth(found) > _worth(self.best):
             self.end(found)
         self._watch.arm()
@@ -180,13 +181,16 @@ def _worth(found: InspectionPlan) -> tuple[int, int]:
     return len(found.inspected), -len(found.settings)
 
 
-def _supported(run: Run, columns: NDArray[np.int_]) -> list[SensorSetting]:
-    """Return the candidate poses of columns as settings, without what simulation contradicts."""
+_Stated = tuple[list[SensorSetting], tuple[str, ...]]
+
+
+def _supported(run: Run, columns: NDArray[np.int_]) -> _Stated:
+    """Return the candidate poses of columns as settings, and what of them was counted, as simulation supports it."""
     candidates = _candidates(run, run.pool, columns)
     settings = [
         best_supported(run.judge, [candidate], column_seed(run.seed, candidate.entities)) for candidate in candidates
     ]
-    return _without_promised_too_much(run, without_contradicted(run.judge, settings, run.seed))
+    return _as_simulated(run, without_contradicted(run.judge, settings, run.seed))
 
 
 def _candidates(run: Run, pool: ColumnPool, columns: NDArray[np.int_]) -> list[SensorSetting]:
@@ -198,14 +202,11 @@ def _candidates(run: Run, pool: ColumnPool, columns: NDArray[np.int_]) -> list[S
     ]
 
 
-def _without_promised_too_much(run: Run, settings: Sequence[SensorSetting]) -> list[SensorSetting]:
-    """Return settings without what simulation contradicts."""
+def _as_simulated(run: Run, settings: Sequence[SensorSetting]) -> _Stated:
+    """Return settings that state what simulation does not contradict, and the edges counted on the pixel grid."""
+    told = told_on_grid(run, settings)
     supported = []
-    for setting in settings:
+    for setting in told.settings:
         wrong = promised_too_much(run.judge, setting, run.seed)
-        kept = tuple(name for name in setting.entities if name not in wrong)
-        if kept == setting.entities:
-            supported.append(setting)
-        elif kept:
-            supported.append(setting_at(run.request, setting.cam2world, kept, setting.message, seed=setting.seed))
-    return supported
+        supported.append(without(run, setting, list(wrong)) if wrong else setting)
+    return [setting for setting in supported if setting.entities], told.counted

@@ -95,7 +95,7 @@ def decided_on_grid(run: Run) -> list[str]:
         poses = _poses_of(run, i)
         if len(poses) and all(_is_fine(run, name, pose) for pose in poses):
             refused = name in run.uninspectable
-            if refused or not (_frequencies(run, i, poses) >= run.request.probability).any():
+            if refused or not (frequencies(run, i, poses) >= run.request.probability).any():
                 found.append(name)
     return found
 
@@ -129,7 +129,7 @@ def _reason_on_grid(run: Run, name: str, poses: NDArray[np.float64]) -> str:
     i = run.names.index(name)
     alone = run.request.of([name])
     feasible = poses[alone.constraints.feasible(poses)][: COUNTING.told] if len(poses) else poses
-    best = float(lowered(_frequencies(run, i, feasible)).max(initial=0.0))
+    best = float(lowered(frequencies(run, i, feasible)).max(initial=0.0))
     required = run.request.probability
     return (
         f"probability too low: the best pose found reaches P = {probability_text(best, required)}, below the required "
@@ -147,8 +147,8 @@ def _poses_of(run: Run, i: int) -> NDArray[np.float64]:
     return run.pool.poses[rows[np.argsort(-run.pool.quality[rows], kind="stable")[: COUNTING.best]]]
 
 
-def _frequencies(run: Run, i: int, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how often an edge is measured accurately on the pixel grid from poses (n, 4, 4)."""
+def frequencies(run: Run, i: int, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how often the edge with number i is measured accurately on the pixel grid from poses (n, 4, 4); (n,)."""
     request = run.request
     grid = GridObjective(
         request.objective_of("sum", "joint"), np.array([i]), request.camera, request.pose_uncertainty, request.accuracy

@@ -116,7 +116,7 @@ def test_a_resumed_plan_takes_in_the_poses_that_the_proof_came_across(space, tmp
         proofs.append(ledger.improve(random_poses(judge, 300, seed=9)))
         return 1, "by assumption"
 
-    def stop(*_):
+    def stop(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("planner.steps.prove_bound.lower_bound", proof)
