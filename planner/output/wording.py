@@ -202,8 +202,9 @@ def light_sentence(plan: InspectionPlan) -> str:
     if light.kind == "placed":
         lamps = f"{count(n, 'place')} of a lamp {'shows' if n == 1 else 'show'}"
     told = "proven to be the fewest" if light.minimal else f"proven lower bound: {light.lower_bound}"
-    more = sum(max(0, len(images) - 1) for images in light.images)
-    images = f" {count(more, 'setting takes', 'settings take')} more than one image." if more else ""
+    several = [len(images) for images in light.images if len(images) > 1]
+    taken = count(len(several), "setting takes", "settings take")
+    images = f" {taken} more than one image, {sum(several)} together." if several else ""
     switched = "all on together" if light.together else "one lamp at a time"
     return f"{lamps} {shown} {of}, {switched}{f' ({told})' if n else ''}.{images}"
 

@@ -11,7 +11,7 @@ import pytest
 from grid_box import EDGES, BoxSpace
 from plan_examples import ENTITIES, plan, setting
 
-from planner import Camera, SimulationResult, SuccessRate
+from planner import Camera, LightPlan, LitImage, SimulationResult, SuccessRate
 from planner.bound.lower_bound import _proof, _proof_of_clique
 from planner.output.report import report_html
 from planner.output.terminal_tables import print_graph, print_plan, print_simulation
@@ -20,6 +20,7 @@ from planner.output.wording import (
     calibration_rows,
     graph_sentence,
     incumbent_line,
+    light_sentence,
     simulation_sentence,
     verdict,
 )
@@ -266,3 +267,15 @@ def test_a_calibration_is_told_and_nothing_of_other_cameras():
     assert rows["Principal point"] == "(1251.46, 1009.00) px"
     assert rows["Lens distortion"].startswith("k1, k2, p1, p2, k3 = -0.21, 0.08, 0.001, -0.0006, 0;")
     assert calibration_rows(plan().camera) == {}
+
+
+def test_settings_that_take_several_images_are_counted_and_their_images():
+    """Three settings of 3, 1 and 2 images: two take more than one, five together."""
+    each = [[LitImage((0,), {"top front": 0.3})] * n for n in (3, 1, 2)]
+    light = LightPlan("placed", 0.1, 0.1, "dark", np.zeros((1, 3)), tuple(map(tuple, each)), ({}, {}, {}), 1, "so")
+    asked = plan(settings=(setting((0.0, 0.0, 300.0), ["top front", "top right"]),) * 3, light=light)
+    assert light_sentence(asked).endswith(" 2 settings take more than one image, 5 together.")
+    one = replace(light, images=(light.images[0], light.images[1], light.images[1]))
+    assert light_sentence(replace(asked, light=one)).endswith(" 1 setting takes more than one image, 3 together.")
+    none = replace(light, images=(light.images[1],) * 3)
+    assert "image" not in light_sentence(replace(asked, light=none))
