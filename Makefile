@@ -2,6 +2,9 @@
 VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO_OUT ?= demo-output
+# tests of a file share what they set up, so a file stays with one worker
+WORKERS ?= auto
+IN_PARALLEL := -n $(WORKERS) --dist loadfile
 
 setup-demo:
 	@VENV=$(VENV) .ci/setup step,plot
@@ -29,8 +32,8 @@ docs: setup-docs
 
 test: lint
 	$(BIN)/mkdocs build --strict --quiet
-	$(BIN)/python -m pytest
-	$(BIN)/python -m pytest --nbmake notebooks
+	$(BIN)/python -m pytest $(IN_PARALLEL)
+	$(BIN)/python -m pytest $(IN_PARALLEL) --nbmake notebooks
 
 wheel:
 	.ci/wheel
