@@ -54,12 +54,14 @@ class Renderer:
         margin = int(np.ceil(3 * self.blur_px))
         size = 2 * PATCH + 1 + 2 * margin
         fine = (np.arange(size * self.samples) + 0.5) / self.samples - 0.5 - margin
-        # a place at random in each part of a pixel: on a lattice, edges along its rows would move by steps
-        grid = np.stack(np.meshgrid(fine, fine), axis=-1)
-        grid = grid + rng.uniform(-0.5, 0.5, (len(corners), *grid.shape)) / self.samples
-        pixels = np.concatenate([grid + corners[:, None, None], np.ones((*grid.shape[:3], 1))], axis=-1)
-        grey = self._grey(cam2world, pixels.reshape(-1, 3) @ np.linalg.inv(self.matrix).T, lamp)
-        grey = grey.reshape(len(corners), size * self.samples, size * self.samples)
+        lattice, to_rays = np.stack(np.meshgrid(fine, fine), axis=-1), np.linalg.inv(self.matrix).T
+        grey = np.empty((len(corners), *lattice.shape[:2]))
+        # one after the other: arrays that fit the processor's cache take a fraction of the time
+        for shade, corner in zip(grey, corners, strict=True):
+            # a place at random in each part of a pixel: on a lattice, edges along its rows would move by steps
+            grid = lattice + rng.uniform(-0.5, 0.5, lattice.shape) / self.samples
+            pixels = np.concatenate([grid + corner, np.ones((*grid.shape[:2], 1))], axis=-1)
+            shade[:] = self._grey(cam2world, pixels.reshape(-1, 3) @ to_rays, lamp).reshape(shade.shape)
         grey = gaussian_filter(grey, (0, self.blur_px * self.samples, self.blur_px * self.samples), mode="nearest")
         grey = grey.reshape(len(corners), size, self.samples, size, self.samples).mean(axis=(2, 4))
         grey = grey[:, margin:-margin, margin:-margin]
