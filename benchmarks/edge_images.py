@@ -46,6 +46,8 @@ NEAR_PX, AROUND_PX, CORNER_DEG, WEAK = 5.0, 40.0, 25.0, 5.0
 # curved face, and between two (degrees)
 SHARP_DEG, CHORD_DEG, FACET_DEG = 5.0, 20.0, 40.0
 ALONG, ARM_PX, ARM_POINTS = 24, (4.0, 28.0), 12
+# blur shows a line much stronger than another one so far beside itself
+BLURRED_PX = 1.5
 # noisy images of the planned pose in which the lines at an end are compared
 TRIALS = 5
 # near a corner, so many px of a line say nothing of it: as far as 5 px to its side are reached at 25 degrees
@@ -195,8 +197,8 @@ def crossing(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.nda
 
 
 def _mixed_px(deg: float) -> float:
-    """Return how long a line that leaves another one at an angle is beside it, px."""
-    return float(NEAR_PX / np.tan(np.radians(max(deg, 1.0))))
+    """Return how long a line that leaves another one at an angle is beside it, px: as far as blur shows it there."""
+    return float((NEAR_PX + BLURRED_PX) / np.tan(np.radians(max(deg, 1.0))))
 
 
 def found_ends(renderer: Renderer, pose: np.ndarray, ends: np.ndarray, arms: list[Arm], lamp: Lamp, rng) -> np.ndarray:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from planner.inspection import plan_inspection
     from planner.light.lamps import LampBox, LampDome, LampsTogether
     from planner.light.light_plan import LightPlan, LitImage
+    from planner.light.lighting import Lighting
     from planner.light.plan_light import plan_light
     from planner.light.ring_space import RingSpace
     from planner.optics.proposal import OpticsProposal, optics_table
@@ -100,6 +101,7 @@ _NAMES = {
         "LightPlan",
         "LitImage",
     ),
+    "planner.light.lighting": ("Lighting",),
     "planner.light.plan_light": ("plan_light",),
     "planner.light.ring_space": ("RingSpace",),
     "planner.output.figure": ("plan_figure",),
@@ -149,6 +151,7 @@ __all__ = [
     "LampDome",
     "LampsTogether",
     "LightPlan",
+    "Lighting",
     "LitImage",
     "Localisation",
     "MeshRegion",

@@ -11,12 +11,13 @@ The way
    everything that contains it, and replaced by the largest part it reached. Choose again, until none is left or enough
    were tried.
 4. Every chosen column gets its own run of the genetic algorithm, for the best probabilities.
+5. If lamps are asked for, they are chosen (`planner.light`). What none of them shows is looked for from other poses.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -25,6 +26,9 @@ from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.inspection_options import InspectionKeywords, InspectionOptions
+from planner.light.lighting import Lighting
+from planner.light.plan_light import chosen_lamps
+from planner.light.ring_space import RingSpace
 from planner.options import chosen, with_keywords_of
 from planner.plan import InspectionPlan
 from planner.progress import labelled
@@ -40,6 +44,7 @@ from planner.resume import PlanningState
 from planner.steps.assemble import assembled
 from planner.steps.find_columns import find_columns
 from planner.steps.incumbents import Incumbents
+from planner.steps.lit_settings import with_lamps
 from planner.steps.pixel_grid import COUNTED, COUNTING, count_on_grid
 from planner.steps.prove_bound import prove_bound
 from planner.steps.refute import refute
@@ -116,6 +121,9 @@ def plan_inspection(
         then; ``Showing(0, 0, 0)`` asks for nothing, as the paper. Default: ``Showing()``.
     reach : Region or callable, optional
         As in `plan_setting`.
+    lamps : array_like, shape (n, 3), or LampBox, LampDome, LampsTogether, "ring" or Lighting, optional
+        Lamps that are to show what is measured, as in `plan_light`; the plan then has its ``light``. What no lamp shows
+        in any of the settings found is looked for from other poses. With "ring", the search keeps to where edges show.
     space : VisibilityRegions or EntityAspectGraph, optional
         Visibility computed before, for these entities and this workspace. Or a `RingSpace` of them: then each edge
         shows under a ring light on the camera, wherever it counts as observable.
@@ -166,22 +174,24 @@ def plan_inspection(
     how = chosen(InspectionOptions, plan_inspection, options)
     check_fraction("accuracy", accuracy)
     check_fraction("probability", probability)
-    seed, watch = check_seed(rng), Watch(how.time_limit_s, how.gap)
+    seed, watch, lighting = check_seed(rng), Watch(how.time_limit_s, how.gap), how.lighting
     if not entities:
         raise RequestError("entities must hold at least one entity. Got none.")
+    if lighting is not None:
+        lighting.check_part(solid)
     need = how.requirements(camera, pose_uncertainty)
     asked = _Asked(camera, pose_uncertainty, accuracy, probability, need)
     wanted = entities if isinstance(entities, Mapping) else _named(solid, entities)
     request = _request(solid, wanted, asked, how)
     effort = how.effort or (Effort.for_dimensions() if request.dimensions else Effort())
-    memo = PlanningState(_basis(request, seed, effort, watch.gap), how.state)
+    memo = PlanningState(_basis(request, seed, effort, watch.gap, lighting), how.state)
     incumbents = Incumbents(how.on_incumbent, watch)
     if memo.plan is None:
         run = Run(request, seed, effort, memo, executor=how.executor, progress=how.progress, watch=watch)
         try:
-            memo.finish(_plan(run, incumbents))
+            memo.finish(_plan(run, incumbents, lighting))
         except TimeIsUpError:
-            return incumbents.latest
+            return _lit(incumbents.latest, solid, lighting)
         finally:
             memo.save()
     assert memo.plan is not None
@@ -229,14 +239,17 @@ def _named(solid: Solid, entities: Sequence[Any]) -> Mapping[str, Any]:
 
 def _visible(solid: Solid, entities: Mapping[str, Any], camera: Camera, how: InspectionOptions) -> Space:
     """Compute from where the entities are observable."""
-    from aspectgraph import compute_regions
+    from aspectgraph import compute_light, compute_regions
 
     box = default_workspace(solid, camera) if how.workspace is None else how.workspace
-    shown = labelled(how.progress, "visible regions")
+    shown, lighting = labelled(how.progress, "visible regions"), how.lighting
+    if lighting is not None and lighting.is_ring:
+        lit = compute_light(solid, entities, lighting.contrast, box, how.executor, shown)
+        return RingSpace(lit, camera, lighting.step)
     return compute_regions(solid, entities, workspace=box, executor=how.executor, progress=shown)
 
 
-def _basis(request: Request, seed: int, effort: Effort, gap: float) -> dict[str, Any]:
+def _basis(request: Request, seed: int, effort: Effort, gap: float, lighting: Lighting | None = None) -> dict[str, Any]:
     """Return what the plan depends on."""
     need = request.requirements
     return {
@@ -259,6 +272,7 @@ def _basis(request: Request, seed: int, effort: Effort, gap: float) -> dict[str,
         "effort": asdict(effort),
         **({"gap": gap} if gap else {}),
         **({} if need.showing.asks_nothing else {"showing": asdict(need.showing)}),
+        **({} if lighting is None else {"lamps": lighting.to_dict()}),
         **_ring(request.space),
         **_dimensions(request),
     }
@@ -277,7 +291,12 @@ def _dimensions(request: Request) -> dict[str, Any]:
     return {"dimensions": {name: one.to_dict() for name, one in found.items()}} if found else {}
 
 
-def _plan(run: Run, incumbents: Incumbents) -> InspectionPlan:
+def _lit(plan: InspectionPlan, solid: Solid, lighting: Lighting | None) -> InspectionPlan:
+    """Return a plan that was ended early, with lamps for the settings it has."""
+    return plan if lighting is None else replace(plan, light=chosen_lamps(lighting, plan, solid))
+
+
+def _plan(run: Run, incumbents: Incumbents, lighting: Lighting | None) -> InspectionPlan:
     """Do all steps."""
     find_columns(run, incumbents)
     for left in reversed(range(COUNTING.rounds)):
@@ -291,4 +310,5 @@ def _plan(run: Run, incumbents: Incumbents) -> InspectionPlan:
         incumbents.forget()
         incumbents.offer(run)
         run.keep(COUNTED, {})
-    return assembled(run, told.settings, bound, proof, counted=told.counted)
+    found = assembled(run, told.settings, bound, proof, counted=told.counted)
+    return found if lighting is None else with_lamps(run, lighting, found, told.counted)

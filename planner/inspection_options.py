@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import Any, TypedDict
+from typing import TYPE_CHECKING, Any, TypedDict
 
 from numpy.typing import ArrayLike
 
@@ -27,6 +27,9 @@ from planner.request.reach import Reach
 from planner.request.space import Space
 from planner.showing.showing import USUAL, Showing
 
+if TYPE_CHECKING:
+    from planner.light.lighting import Lighting
+
 
 @dataclass(frozen=True)
 class InspectionOptions:
@@ -40,6 +43,7 @@ class InspectionOptions:
     focus_margin_mm: float | None = None
     showing: Showing = USUAL
     reach: Reach | None = None
+    lamps: Any = None
     space: Space | None = None
     effort: Effort | None = None
     localisation: Localisation | None = None
@@ -49,6 +53,13 @@ class InspectionOptions:
     state: str | os.PathLike[str] | None = None
     executor: Executor | None = None
     progress: Callable[..., Any] | None = None
+
+    @property
+    def lighting(self) -> Lighting | None:
+        """What is asked of lamps, if any are."""
+        from planner.light.lighting import Lighting
+
+        return self.lamps if self.lamps is None or isinstance(self.lamps, Lighting) else Lighting(self.lamps)
 
     def requirements(self, camera: Camera, pose_uncertainty: PoseUncertainty) -> Requirements:
         """Return the limits; where nothing is said, those that suit the pose uncertainty."""
@@ -77,6 +88,7 @@ class InspectionKeywords(TypedDict, total=False):
     focus_margin_mm: float | None
     showing: Showing
     reach: Reach | None
+    lamps: Any
     space: Space | None
     effort: Effort | None
     localisation: Localisation | None

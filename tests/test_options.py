@@ -21,7 +21,7 @@ CALLS = [
     (errors.simulate_success, SuccessOptions, SuccessKeywords, 9),
     (errors.simulate_measurement, MeasurementOptions, MeasurementKeywords, 10),
     (planner.plan_setting, SettingOptions, SettingKeywords, 19),
-    (planner.plan_inspection, InspectionOptions, InspectionKeywords, 24),
+    (planner.plan_inspection, InspectionOptions, InspectionKeywords, 25),
     (planner.simulate_setting, SimulationOptions, SimulationKeywords, 10),
 ]
 

@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager, nullcontext
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,7 +43,7 @@ from planner.cli.completion import completion_script
 from planner.cli.exit_codes import DONE, INCOMPLETE
 from planner.cli.folder_owner import asked_request, check_owner
 from planner.cli.leftovers import STATE_FILE, Leftovers
-from planner.cli.light import check_places, lamps_for, read_lamps
+from planner.cli.light import read_lighting, with_light
 from planner.cli.wanted import chosen_entities, read_request
 from planner.exceptions import OutputError
 from planner.executors import leave_signals_to_the_parent, usable_cores
@@ -142,8 +142,9 @@ def plan(options: argparse.Namespace) -> int:
         camera = read_camera(options.camera)
         uncertainty = PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad)
         solid = _read_part(options)
-        wanted, lamps = read_request(options, solid), read_lamps(options)
-        check_places(solid, lamps)
+        wanted, lighting = read_request(options, solid), read_lighting(options)
+        if lighting is not None:
+            lighting.check_part(solid)
         how = _limits(options, solid, camera)
         asked = asked_request(options, solid.name, wanted.items, camera, uncertainty, how)
         check_owner(folder, asked, force=options.force)
@@ -181,7 +182,7 @@ def _planned(
     leftovers: Leftovers,
 ) -> tuple[Any, ...]:
     """Plan and write; return plan, files, and whether it was interrupted. The state is deleted only after the end."""
-    state, how = leftovers.state, _limits(options, solid, camera)
+    state, how, lighting = leftovers.state, _limits(options, solid, camera), read_lighting(options)
     leftovers.prepare(resume=options.resume, quiet=options.quiet)
     with terminal_progress(quiet=options.quiet) as progress, _executor(options.jobs) as executor:
         best = BestSoFar(progress)
@@ -197,6 +198,7 @@ def _planned(
                 rng=options.seed,
                 **_limit_keywords(options),
                 **_ends(options, best),
+                lamps=lighting,
                 space=RingSpace(regions, camera, options.grey_step) if isinstance(regions, LightRegions) else regions,
                 localisation=wanted.localisation,
                 state=state,
@@ -206,7 +208,7 @@ def _planned(
         except KeyboardInterrupt:
             found = best.instead()
         found = found.simulated(options.simulate, rng=options.seed, progress=progress, solid=solid)
-        found = replace(found, light=lamps_for(options, found, solid, read_lamps(options), progress))
+        found = with_light(found, solid, lighting, progress)
         try:
             written = write_outputs(found, regions, state.parent, progress, graph_limit=options.graph_limit)
         except OutputError as error:

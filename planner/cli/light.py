@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from aspectgraph.files import read_text
-from aspectgraph.light.contrast import check_contrast, check_lamps
+from aspectgraph.light.contrast import check_contrast
 from planner.exceptions import RequestError
 from planner.light.lamps import RING, LampBox, LampDome, LampsTogether, check_lamps_given
-from planner.light.plan_light import check_step, plan_light
+from planner.light.lighting import Lighting, check_step
+from planner.light.plan_light import chosen_lamps
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -21,7 +21,6 @@ else:
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
-    from planner.light.light_plan import LightPlan
     from planner.plan import InspectionPlan
     from planner.progress import Progress
 
@@ -31,8 +30,8 @@ _RULE = (
 )
 
 
-def read_lamps(options: Any) -> Any:
-    """Return the lamps asked for, as `plan_light` takes them; None if there are none.
+def read_lighting(options: Any) -> Lighting | None:
+    """Return what is asked of lamps; None if nothing is.
 
     Raises
     ------
@@ -41,12 +40,15 @@ def read_lamps(options: Any) -> Any:
     """
     check_contrast(options.contrast)
     check_step(options.grey_step)
-    if not options.together:
-        return _lamps(options.light)
-    if options.light in (None, RING):
+    if options.together and options.light in (None, RING):
         given = "no --light" if options.light is None else f"--light {options.light}"
         raise RequestError(f"--together needs lamps by --light at, box or dome. Got {given}.")
-    return LampsTogether(_lamps(options.light))
+    lamps = _lamps(options.light)
+    if lamps is None:
+        return None
+    return Lighting(
+        LampsTogether(lamps) if options.together else lamps, options.contrast, options.grey_step, options.ground
+    )
 
 
 def _lamps(text: str | None) -> Any:
@@ -68,13 +70,6 @@ def _lamps(text: str | None) -> Any:
     raise RequestError(f"{_RULE} Got {text!r}.")
 
 
-def check_places(solid: Solid, lamps: Any) -> None:
-    """Refuse fixed lamps inside the part before any work."""
-    lamps = lamps.lamps if isinstance(lamps, LampsTogether) else lamps
-    if isinstance(lamps, np.ndarray):
-        check_lamps(solid, lamps)
-
-
 def light_request(options: Any) -> dict[str, Any]:
     """Return what a plan is known by of what was asked of its lamps; nothing if it needs none."""
     if options.light is None:
@@ -90,21 +85,13 @@ def light_request(options: Any) -> dict[str, Any]:
     }
 
 
-def lamps_for(
-    options: Any, found: InspectionPlan, solid: Solid, lamps: Any, progress: Progress | None
-) -> LightPlan | None:
-    """Return the lamps of a plan, if any were asked for."""
-    if lamps is None:
-        return None
-    return plan_light(
-        found,
-        solid,
-        lamps,
-        contrast=options.contrast,
-        step=options.grey_step,
-        ground=options.ground,
-        progress=progress,
-    )
+def with_light(
+    found: InspectionPlan, solid: Solid, lighting: Lighting | None, progress: Progress | None
+) -> InspectionPlan:
+    """Return a plan with the lamps asked for, if it has none yet: the best one before an interruption has not."""
+    if lighting is None or found.light is not None:
+        return found
+    return replace(found, light=chosen_lamps(lighting, found, solid, progress))
 
 
 def _numbers(text: str, whole: str) -> list[float]:

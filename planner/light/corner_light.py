@@ -31,7 +31,8 @@ Array = NDArray[np.float64]
 
 # a line is looked at from so near to the corner, px, to no farther than this share of it
 _FROM_PX, _SHARE = 4.0, 0.9
-_POINTS = 3
+# every 3 px: shadows of a few pixels end beside a corner
+_POINTS = 9
 
 
 @dataclass(frozen=True)

@@ -9,30 +9,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from aspectgraph.light.contrast import check_contrast, check_lamps
-from aspectgraph.light.light_regions import DEFAULT_CONTRAST, LightRegions, compute_light
-from aspectgraph.solid.ray_scene import RayScene
+from aspectgraph.light.light_regions import DEFAULT_CONTRAST, LightRegions
 from planner.cover.set_cover import min_cover
-from planner.exceptions import RequestError
 from planner.light.background import DEFAULT_STEP
-from planner.light.corner_light import corners_of
-from planner.light.demands import Demands, Planned, demands_of
+from planner.light.demands import Planned
 from planner.light.fewest import Jobs, Search
-from planner.light.lamps import LampSpace, LampsTogether, check_lamps_given
+from planner.light.lamps import LampSpace
 from planner.light.light_plan import LightPlan, LitImage
+from planner.light.lighting import Lighting, eyes_of
 from planner.light.served import Served
 from planner.light.together import LampSets, fewest_together, sites_of
-from planner.progress import Progress, labelled
+from planner.progress import Progress
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
 
-GROUNDS = ("dark", "bright")
 _FIRST_PLACES = 3000
 # of lamps that are on together, as all their pairs are tried
 _TOGETHER_PLACES = 300
-# the workspace of the regions is so much larger than the lamps' space, as a share of it
-_ROOM = 0.01
 # what else keeps an edge from being shown
 _SHADOW = ", or a shadow beside it"
 
@@ -96,64 +90,25 @@ def plan_light(
     LightError
         If the contrast is out of range, or a fixed lamp is inside the part.
     """
-    least, asked = check_contrast(contrast), check_lamps_given(lamps)
-    together = isinstance(asked, LampsTogether)
-    given = asked.lamps if isinstance(asked, LampsTogether) else asked
-    if ground not in GROUNDS:
-        raise RequestError(f"ground must be one of {', '.join(GROUNDS)}. Got {ground!r}.")
-    if not (isinstance(tolerance_mm, int | float) and 0 <= tolerance_mm < np.inf):
-        raise RequestError(f"tolerance_mm must be finite and not negative. Got {tolerance_mm!r}.")
-    check_step(step)
-    if isinstance(given, np.ndarray):
-        check_lamps(solid, given)
-    scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
-    demands = demands_of(plan, solid, scene, ground)
-    eyes = np.array([np.asarray(one.cam2world)[:3, 3] for one in plan.settings]).reshape(-1, 3)
-    room = given if isinstance(given, np.ndarray) else eyes if given is None else given.bounds
-    # a displaced camera takes its ring along
-    off = max(tolerance_mm, plan.requirements.get("visibility_radius_mm", 0.0)) if given is None else tolerance_mm
-    light = _regions(solid, demands, least, _workspace(solid, room, off), progress)
-    clearance = 0.0 if given is None or isinstance(given, np.ndarray) else given.clearance_mm
-    names = [(pair.setting, pair.name) for pair in demands.pairs]
-    corners = corners_of(plan, solid, scene, names, demands.edge_ids)
-    served = Served(light, scene, demands.pairs, least, step, clearance, off, corners)
-    work = _Work(served, len(plan.settings), ground)
+    lighting = Lighting(lamps, contrast, step, ground, tolerance_mm)
+    return chosen_lamps(lighting, plan, solid, progress)
+
+
+def chosen_lamps(
+    lighting: Lighting, plan: Planned, solid: Solid, progress: Progress | None = None, also: ArrayLike = ()
+) -> LightPlan:
+    """Choose lamps as `plan_light` does; ``also`` (n, 3) are places to try besides, mm, where lamps are placed."""
+    given, served = lighting.given, lighting.served(plan, solid, progress)
+    work = _Work(served, len(plan.settings), lighting.ground)
     if given is None:
-        return _ring(work, eyes)
-    if together:
+        return _ring(work, eyes_of(plan))
+    if lighting.together:
         return _all_on(work, given)
     if isinstance(given, np.ndarray):
         served.keep(given)
         return _fixed(work)
+    served.add(np.reshape(np.asarray(also, dtype=np.float64), (-1, 3)))
     return _placed(work, given)
-
-
-def check_step(step: float) -> float:
-    """Return the step of grey values; RequestError if it is not in [0, 1)."""
-    if not (isinstance(step, int | float) and 0 <= step < 1):
-        raise RequestError(f"step must be in [0, 1). Got {step!r}.")
-    return step
-
-
-def _workspace(solid: Solid, places: ArrayLike, tolerance_mm: float) -> NDArray[np.float64]:
-    """Return a box around the part and all lamps."""
-    points = np.concatenate([solid.bounds, np.reshape(places, (-1, 3))])
-    low, high = points.min(axis=0), points.max(axis=0)
-    room = _ROOM * float(np.linalg.norm(high - low)) + 2 * tolerance_mm
-    return np.array([low - room, high + room])
-
-
-def _regions(
-    solid: Solid,
-    demands: Demands,
-    contrast: float,
-    workspace: NDArray[np.float64],
-    progress: Progress | None,
-) -> LightRegions | None:
-    if not demands.entities:
-        return None
-    shown = labelled(progress, "light regions")
-    return compute_light(solid, demands.entities, contrast, workspace, None, shown, demands.silhouettes)
 
 
 @dataclass

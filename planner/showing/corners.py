@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 _ALONG_PX, _ALONG = 6.0, 0.5
 # a line is fitted to an arm so far from the corner at most, px
 FITTED_PX = 28.0
+# blur shows a line much stronger than another one so far beside itself, px
+_BLURRED_PX = 1.5
 _TINY = 1e-9
 # for dividing by a tangent
 _LEAST_DEG = 1e-3
@@ -167,8 +169,12 @@ class SeenArms(NamedTuple):
 
 
 def mixed_px(fork_deg: Array, separation_px: float) -> Array:
-    """Return how long another line, which leaves at an angle, is within the separation s across a line: s / tan α."""
-    return np.asarray(separation_px / np.tan(np.radians(np.maximum(fork_deg, _LEAST_DEG))))
+    """Return how long another line, which leaves at an angle, shows within the separation s across a line: s / tan α.
+
+    Lines are blurred, so s is a little more than is asked of other lines; nothing where nothing is asked.
+    """
+    across = separation_px + _BLURRED_PX if separation_px > 0 else 0.0
+    return np.asarray(across / np.tan(np.radians(np.maximum(fork_deg, _LEAST_DEG))))
 
 
 def corner_arms(cam2world: Array, pairs: NDArray[np.int64], scale: Array, contours: Contours, arms: Arms) -> SeenArms:

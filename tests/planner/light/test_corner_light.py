@@ -35,8 +35,8 @@ def test_lines_that_leave_an_edge_of_a_block():
     corners = found(asked(min_corner_deg=25.0))
     assert corners.pair.tolist() == [0, 0]
     assert sorted(corners.end.tolist()) == [0, 0, 1, 1]
-    # three points each, before the dark ground, as the faces at the sides are not seen
-    assert len(corners.sites.compared) == 12
+    # nine points each, before the dark ground, as the faces at the sides are not seen
+    assert len(corners.sites.compared) == 36
     assert set(corners.sites.compared[:, 1].tolist()) == {-1}
     assert set(map(tuple, corners.sites.normals.tolist())) == {(0.0, -1.0, 0.0), (0.0, 0.0, 1.0)}
 

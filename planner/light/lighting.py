@@ -1,0 +1,198 @@
+"""What is asked of the lamps of a plan, in one frozen value: where they may be, and how much they have to show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from aspectgraph.light.contrast import check_contrast, check_lamps
+from aspectgraph.light.light_regions import DEFAULT_CONTRAST, LightRegions, compute_light
+from aspectgraph.solid.ray_scene import RayScene
+from planner.exceptions import RequestError
+from planner.light.background import DEFAULT_STEP
+from planner.light.corner_light import corners_of
+from planner.light.demands import Demands, Planned, demands_of
+from planner.light.lamps import LampSpace, LampsTogether, check_lamps_given
+from planner.light.served import Served
+from planner.progress import Progress, labelled
+from planner.request.reach import reach_name
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+
+GROUNDS = ("dark", "bright")
+# the workspace of the regions is so much larger than the lamps' space, as a share of it
+_ROOM = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Lighting:
+    """What is asked of lamps; see `plan_light`, which describes the fields.
+
+    Parameters
+    ----------
+    lamps : array_like, shape (n, 3), or LampBox, LampDome, LampsTogether or "ring"
+        Where lamps are or may be, mm.
+    contrast, step : float
+        Least contrast, and least step of grey values.
+    ground : str
+        "dark" or "bright".
+    tolerance_mm : float
+        How far lamps may be from their places.
+
+    Raises
+    ------
+    RequestError
+        If an argument breaks its rule.
+    LightError
+        If the contrast is out of range.
+    """
+
+    lamps: Any
+    contrast: float = DEFAULT_CONTRAST
+    step: float = DEFAULT_STEP
+    ground: str = "dark"
+    tolerance_mm: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_contrast(self.contrast)
+        object.__setattr__(self, "lamps", check_lamps_given(self.lamps))
+        if self.ground not in GROUNDS:
+            raise RequestError(f"ground must be one of {', '.join(GROUNDS)}. Got {self.ground!r}.")
+        if not (isinstance(self.tolerance_mm, int | float) and 0 <= self.tolerance_mm < np.inf):
+            raise RequestError(f"tolerance_mm must be finite and not negative. Got {self.tolerance_mm!r}.")
+        check_step(self.step)
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        given = self.given
+        told = "a ring light" if given is None else f"{len(given)} lamps" if isinstance(given, np.ndarray) else given
+        return f"<Lighting by {told}: contrast {self.contrast:g}, step {self.step:g}, {self.ground} ground>"
+
+    @property
+    def together(self) -> bool:
+        """Whether all lamps are on at once."""
+        return isinstance(self.lamps, LampsTogether)
+
+    @property
+    def given(self) -> LampSpace | NDArray[np.float64] | None:
+        """Places (n, 3) of fixed lamps, mm, or where lamps may be placed, or None for a ring light."""
+        return self.lamps.lamps if isinstance(self.lamps, LampsTogether) else self.lamps
+
+    @property
+    def is_ring(self) -> bool:
+        """Whether the lamp is on the camera."""
+        return self.given is None
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether the lamps are those of a cell."""
+        return isinstance(self.given, np.ndarray)
+
+    def check_part(self, solid: Solid) -> None:
+        """Refuse fixed lamps inside the part.
+
+        Parameters
+        ----------
+        solid : Solid
+            The part.
+
+        Raises
+        ------
+        LightError
+            If there is one.
+        """
+        if isinstance(self.given, np.ndarray):
+            check_lamps(solid, self.given)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what tells this from other lighting, the same in every process.
+
+        Returns
+        -------
+        dict
+            Plain values.
+        """
+        given, content = self.given, {}
+        if isinstance(given, np.ndarray):
+            content = {"places": given.tolist()}
+        elif given is not None:
+            fields = vars(given)
+            content = {k: reach_name(v) if k == "reach" else v for k, v in fields.items()}
+        kind = "ring" if given is None else type(given).__name__
+        rest = {"contrast": self.contrast, "step": self.step, "ground": self.ground, "tolerance_mm": self.tolerance_mm}
+        return {"kind": kind, "together": self.together, **content, **rest}
+
+    def served(self, plan: Planned, solid: Solid, progress: Progress | None = None) -> Served:
+        """Return what tells which places of lamps show what a plan measures; it holds no places yet.
+
+        Parameters
+        ----------
+        plan : Planned
+            Settings and what they measure.
+        solid : Solid
+            The part.
+        progress : callable, optional
+            ``progress(done, total, label)``.
+
+        Returns
+        -------
+        Served
+            With the pairs of the plan.
+
+        Raises
+        ------
+        RequestError
+            If the part is not the plan's.
+        LightError
+            If a fixed lamp is inside the part.
+        """
+        self.check_part(solid)
+        given = self.given
+        scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
+        demands = demands_of(plan, solid, scene, self.ground)
+        room = given if isinstance(given, np.ndarray) else eyes_of(plan) if given is None else given.bounds
+        # a displaced camera takes its ring along
+        moved = plan.requirements.get("visibility_radius_mm", 0.0) if given is None else 0.0
+        off = max(self.tolerance_mm, moved)
+        light = _regions(solid, demands, self.contrast, _workspace(solid, room, off), progress)
+        clearance = 0.0 if given is None or isinstance(given, np.ndarray) else given.clearance_mm
+        names = [(pair.setting, pair.name) for pair in demands.pairs]
+        corners = corners_of(plan, solid, scene, names, demands.edge_ids)
+        return Served(light, scene, demands.pairs, self.contrast, self.step, clearance, off, corners)
+
+
+def eyes_of(plan: Planned) -> NDArray[np.float64]:
+    """Return where the cameras of a plan are (n, 3), mm."""
+    return np.array([np.asarray(one.cam2world)[:3, 3] for one in plan.settings]).reshape(-1, 3)
+
+
+def check_step(step: float) -> float:
+    """Return the step of grey values; RequestError if it is not in [0, 1)."""
+    if not (isinstance(step, int | float) and 0 <= step < 1):
+        raise RequestError(f"step must be in [0, 1). Got {step!r}.")
+    return step
+
+
+def _workspace(solid: Solid, places: ArrayLike, tolerance_mm: float) -> NDArray[np.float64]:
+    """Return a box around the part and all lamps."""
+    points = np.concatenate([solid.bounds, np.reshape(places, (-1, 3))])
+    low, high = points.min(axis=0), points.max(axis=0)
+    room = _ROOM * float(np.linalg.norm(high - low)) + 2 * tolerance_mm
+    return np.array([low - room, high + room])
+
+
+def _regions(
+    solid: Solid,
+    demands: Demands,
+    contrast: float,
+    workspace: NDArray[np.float64],
+    progress: Progress | None,
+) -> LightRegions | None:
+    if not demands.entities:
+        return None
+    shown = labelled(progress, "light regions")
+    return compute_light(solid, demands.entities, contrast, workspace, None, shown, demands.silhouettes)

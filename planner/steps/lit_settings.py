@@ -1,0 +1,210 @@
+"""Settings in which a lamp shows what they measure: where none does, other poses are looked for.
+
+The search for poses knows nothing of lamps. If lamps are asked for, what no lamp shows in any of the chosen settings is
+looked at from other poses that inspect it: those kept in the pool, and some drawn anew. Where a lamp shows it from one
+of these, the settings are chosen once more, among the old ones and these, by what is shown of each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.columns.candidates import column_seed, entity_poses
+from planner.columns.perturb import perturbed
+from planner.columns.realise_column import promised_too_much
+from planner.cover.few_columns import few_columns
+from planner.light.lighting import Lighting
+from planner.light.plan_light import chosen_lamps
+from planner.plan import InspectionPlan
+from planner.progress import report
+from planner.setting.pose_setting import setting_at
+from planner.setting.sensor_setting import SensorSetting
+from planner.steps.assemble import assembled
+from planner.steps.run import Run
+from planner.steps.told_on_grid import without
+
+if TYPE_CHECKING:
+    from planner.camera.camera import Camera
+
+
+@dataclass(frozen=True)
+class Looking:
+    """How hard a pose is looked for from which a lamp shows an entity.
+
+    Attributes
+    ----------
+    viewpoints : int
+        Drawn for each entity that no lamp shows, beside the poses of the pool.
+    around : int
+        Poses tried around each that was planned for it: what else the setting measures may stay with it.
+    tried : int
+        Poses of each entity that are lit by trial.
+    kept : int
+        Of those from which it shows, so many are candidates: those that inspect most, and that most surely.
+    places : int
+        Places of lamps that are tried beside the chosen ones, where lamps are placed.
+    """
+
+    viewpoints: int = 60
+    around: int = 400
+    tried: int = 48
+    kept: int = 8
+    places: int = 1000
+
+
+LOOKING = Looking()
+
+
+class _Posed(NamedTuple):
+    """Settings and what they measure, as `planner.light` asks for it."""
+
+    settings: Sequence[SensorSetting]
+    entities: Mapping[str, Any]
+    dimensions: Mapping[str, Any]
+    camera: Camera
+    requirements: Mapping[str, float]
+
+
+def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan, counted: Sequence[str]) -> InspectionPlan:
+    """Return a plan with lamps, of other settings where that shows more.
+
+    **Guarantee.** It measures what the draft measures, as surely as is asked. What a lamp shows in a setting of the
+    draft, a lamp shows in one of the result. No setting measures what no lamp shows there but another setting shows.
+
+    Parameters
+    ----------
+    run : Run
+        Its pool holds other poses.
+    lighting : Lighting
+        What is asked of the lamps.
+    draft : InspectionPlan
+        The settings chosen without them.
+    counted : sequence of str
+        Edges whose stated probability was counted on the pixel grid, see `assembled`.
+    """
+    found = replace(draft, light=chosen_lamps(lighting, draft, run.request.space.solid, run.silent))
+    assert found.light is not None
+    if found.light.complete or lighting.is_ring or lighting.together:
+        return found
+    dark, places = _dark(found), _places(lighting, found)
+    others = _shown_from_elsewhere(run, lighting, found, (dark, places)) if dark else []
+    settings = _chosen_among(run, found, others)
+    if settings == list(found.settings):
+        return found
+    plan = assembled(run, settings, draft.lower_bound, draft.bound_proof, counted=counted, unfinished=draft.unfinished)
+    better = replace(plan, light=chosen_lamps(lighting, plan, run.request.space.solid, run.silent, places))
+    return better if set(_dark(better)) <= set(dark) else found
+
+
+def _dark(plan: InspectionPlan) -> list[str]:
+    """Return what no lamp shows in any setting, in the order of the plan."""
+    assert plan.light is not None
+    lit = {n for one, dark in zip(plan.settings, plan.light.unlit, strict=True) for n in one.entities if n not in dark}
+    return [name for name in plan.entities if name in plan.inspected and name not in lit]
+
+
+def _places(lighting: Lighting, plan: InspectionPlan) -> NDArray[np.float64]:
+    """Return places of lamps (n, 3) to try: those of the plan, and others if they may be placed."""
+    assert plan.light is not None
+    given = lighting.given
+    if isinstance(given, np.ndarray):
+        return given
+    assert given is not None
+    return np.concatenate([plan.light.lamps, given.places(LOOKING.places)])
+
+
+def _shown_from_elsewhere(
+    run: Run, lighting: Lighting, plan: InspectionPlan, wanted: tuple[Sequence[str], NDArray[np.float64]]
+) -> list[SensorSetting]:
+    """Return settings in which lamps at some places show entities that are dark so far, and what else they show."""
+    names, places = wanted
+    kept: list[SensorSetting] = []
+    for k, name in enumerate(names):
+        poses = _poses_that_inspect(run, plan, name)
+        settings = [setting_at(run.request, pose, [name], "pose in which a lamp shows it") for pose in poses]
+        lit = _shown(run, lighting, plan, settings, places)
+        seen = [setting for setting, some in zip(settings, lit, strict=True) if name in some]
+        more = run.judge(np.array([one.cam2world for one in seen]).reshape(-1, 4, 4)).inspects.sum(axis=1)
+        order = sorted(range(len(seen)), key=lambda i: (-more[i], -seen[i].fitness))
+        kept += [seen[i] for i in order[: LOOKING.kept]]
+        report(run.progress, k + 1, len(names), "poses in the light")
+    full = [one for one in map(_with_all(run), kept) if one.entities]
+    lit = _shown(run, lighting, plan, full, places)
+    cut = [without(run, one, [n for n in one.entities if n not in some]) for one, some in zip(full, lit, strict=True)]
+    return [one for one in cut if one.entities]
+
+
+def _with_all(run: Run) -> Any:
+    """Return a function that takes into a setting all that its pose inspects and simulation does not contradict."""
+
+    def with_all(setting: SensorSetting) -> SensorSetting:
+        pose = setting.cam2world
+        names = run.names_of(run.judge(pose[None]).inspects[0])
+        full = setting_at(run.request, pose, names, setting.message, seed=column_seed(run.seed, names))
+        wrong = promised_too_much(run.judge, full, run.seed)
+        return without(run, full, list(wrong)) if wrong else full
+
+    return with_all
+
+
+def _poses_that_inspect(run: Run, plan: InspectionPlan, name: str) -> NDArray[np.float64]:
+    """Return poses (n, 4, 4) that inspect an entity, `LOOKING.tried` at most: half inspect most, half are spread."""
+    own, seed = run.names.index(name), column_seed(run.seed, ["light", name])
+    known = run.pool.poses[run.pool.membership[:, own]]
+    drawn = entity_poses(run.judge, name, LOOKING.viewpoints, seed)
+    planned = np.array([one.cam2world for one in plan.settings if name in one.entities])
+    near = np.repeat(planned, LOOKING.around, axis=0)
+    near = perturbed(near, run.request.camera.focus_distance_mm, np.random.default_rng(seed))
+    poses = np.concatenate([known, drawn, near])
+    inspects = run.judge(poses).inspects
+    poses, more = poses[inspects[:, own]], inspects[inspects[:, own]].sum(axis=1)
+    if len(poses) <= LOOKING.tried:
+        return poses
+    most = np.argsort(-more, kind="stable")[: LOOKING.tried // 2]
+    rest = np.setdiff1d(np.arange(len(poses)), most)
+    spread = rest[np.linspace(0, len(rest) - 1, LOOKING.tried - len(most)).round().astype(int)]
+    return np.asarray(poses[np.concatenate([most, spread])])
+
+
+def _shown(
+    run: Run, lighting: Lighting, plan: InspectionPlan, settings: Sequence[SensorSetting], places: NDArray[np.float64]
+) -> list[set[str]]:
+    """Return what lamps at some places show in each setting, whichever lamp it takes."""
+    found: list[set[str]] = [set() for _ in settings]
+    if not settings:
+        return found
+    posed = _Posed(settings, plan.entities, plan.dimensions, plan.camera, plan.requirements)
+    served = lighting.served(posed, run.request.space.solid, run.silent)
+    if lighting.is_fixed:
+        served.keep(places)
+    else:
+        served.add(places)
+    lit = np.asarray((served.contrast > 0).any(axis=0))
+    for pair, one in zip(served.pairs, lit, strict=True):
+        if one:
+            found[pair.setting].add(pair.name)
+    return found
+
+
+def _chosen_among(run: Run, plan: InspectionPlan, others: Sequence[SensorSetting]) -> list[SensorSetting]:
+    """Return the fewest settings, of a plan and others, that show what any of them shows; the rest stays measured."""
+    assert plan.light is not None
+    dark = _dark(plan)
+    shown = {name for setting in others for name in setting.entities} | {n for n in plan.inspected if n not in dark}
+    old = []
+    for setting, shadows in zip(plan.settings, plan.light.unlit, strict=True):
+        needless = [name for name in shadows if name in shown]
+        old.append(without(run, setting, needless) if needless else setting)
+    options = [setting for setting in (*old, *others) if setting.entities]
+    if not others:
+        return options
+    columns = np.array([np.isin(run.names, setting.entities) for setting in options])
+    covered = columns.any(axis=0)
+    quality = np.array([setting.fitness / len(setting.entities) for setting in options])
+    chosen = few_columns(columns[:, covered], run.nodes(), run.rng("light"), quality)
+    return [options[c] for c in chosen]
