@@ -10,6 +10,8 @@ from planner.bound.boxes.view import Frustum, Segments
 from planner.bound.excluded_pairs import _in_view
 from planner.camera.pose import look_at
 
+pytestmark = pytest.mark.uncompiled
+
 # a short distance and a wide aperture: 1 mm of depth
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 120.0)
 
@@ -79,3 +81,14 @@ def test_an_axis_along_a_line_longer_than_the_depth_of_field_has_one_end_out_of_
         half = 2 * np.array([math.cos(turn), 0.0, math.sin(turn)])
         ends = middle - half, middle + half
         assert possible(*ends, *ends) == together
+
+
+def test_of_two_points_on_one_line_of_sight_farther_apart_than_the_depth_of_field_one_is_not_sharp():
+    """Each alone can be sharp, the farther one in a corner of the image; together they are 2 mm apart in depth."""
+    near, far = CAMERA.depth_of_field_mm
+    assert far - near < 1.1
+    first, second = at(0, near + 0.5), at(0, near + 2.5)
+    assert possible(first, first, first, first)
+    assert possible(second, second, second, second)
+    assert not possible(first, second, first, second)
+    assert possible(first, at(0, far - 0.1), first, at(0, far - 0.1))

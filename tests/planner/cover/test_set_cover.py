@@ -61,6 +61,7 @@ def test_minimum_equals_exhaustive_search(membership, random):
     assert fractional_cover(membership)[0] <= cover.lower_bound + 1e-9
 
 
+@pytest.mark.uncompiled
 @settings(max_examples=40, deadline=None)
 @given(arrays(bool, st.tuples(st.integers(1, 8), st.integers(1, 5))))
 def test_maximal_columns_are_exactly_the_undominated_ones(membership):
