@@ -43,15 +43,12 @@ FUZZ_SECONDS ?= 600
 fuzz: setup-test
 	$(BIN)/python benchmarks/fuzz.py --seconds $(FUZZ_SECONDS)
 
-# compiled loops are counted in a second pass, uncompiled, by tests that are quick without the compiler
-UNCOMPILED := tests/planner/cover tests/errors/test_errors_quantization.py tests/errors/test_errors_expansion.py \
-    tests/planner/bound/test_excluded_pairs.py tests/planner/bound/test_least_image.py
-
+# What the compiler makes of loops is not counted, so marked tests run a second time without it.
 coverage:
 	@VENV=$(VENV) .ci/setup coverage
 	$(BIN)/coverage erase
 	$(BIN)/coverage run -m pytest
-	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest $(UNCOMPILED)
+	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest -m uncompiled
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report --skip-covered --sort=miss
 

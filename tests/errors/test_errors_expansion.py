@@ -6,6 +6,8 @@ from hypothesis import strategies as st
 
 from errors import displace, image_segment, length_expansion
 
+pytestmark = pytest.mark.uncompiled
+
 
 def length(edge, delta):
     return float(image_segment(displace(edge, delta), focal_length_mm=F)[0])

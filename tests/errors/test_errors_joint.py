@@ -34,6 +34,7 @@ def probability_by_diagonalisation(edge, covariance, accuracy):
     return sum(quad(integrand, a, b, epsabs=1e-10, limit=200)[0] for a, b in itertools.pairwise(knots))
 
 
+@pytest.mark.uncompiled
 @pytest.mark.parametrize("rotation_std", [1e-4, 0.002, 0.01, 0.055])
 @pytest.mark.parametrize("accuracy", [0.9, 0.98, 0.998])
 def test_against_diagonalisation_and_adaptive_quadrature(rotation_std, accuracy):
@@ -56,6 +57,7 @@ def test_accuracy_table_against_a_million_poses(rotation_std, bound):
         assert joint.min() < 0.8
 
 
+@pytest.mark.uncompiled
 @pytest.mark.parametrize("accuracy", [0.98, 0.998])
 @pytest.mark.parametrize("turn", [0.0, 0.4, np.pi / 2])
 def test_without_displacement_it_is_eq_3(accuracy, turn):
@@ -67,6 +69,7 @@ def test_without_displacement_it_is_eq_3(accuracy, turn):
     assert p == pytest.approx(float(law.cdf(tolerance) - law.cdf(-tolerance)), abs=2e-4)
 
 
+@pytest.mark.uncompiled
 def test_pure_depth_error_by_hand():
     # A frontal edge moved by dz: L'/L = depth / (depth - dz); pixels so fine that they do not matter.
     edge, sigma, depth = np.array([[-20.0, 0.0, -275.0], [20.0, 0.0, -275.0]]), 4.0, 300.0
@@ -78,6 +81,7 @@ def test_pure_depth_error_by_hand():
     assert p == pytest.approx(expected, abs=1e-4)
 
 
+@pytest.mark.uncompiled
 def test_batches_agree_with_single_edges_and_covariances_broadcast():
     rng = np.random.default_rng(3)
     edges = random_edges(6, rng).reshape(2, 3, 2, 3)
@@ -93,6 +97,7 @@ def test_batches_agree_with_single_edges_and_covariances_broadcast():
     assert np.ndim(success_probability(EDGE, **CALL, pose_covariance=PAPER_COVARIANCE)) == 0
 
 
+@pytest.mark.uncompiled
 def test_views_need_not_be_contiguous():
     edges = random_edges(8, np.random.default_rng(5))
     call = {**CALL, "pose_covariance": PAPER_COVARIANCE}

@@ -57,6 +57,17 @@ def test_pdf_integrates_to_one_with_the_stated_std(angle):
     assert np.sqrt(variance) == pytest.approx(float(law.std), rel=1e-6)
 
 
+@pytest.mark.parametrize("angle", np.radians([20.0, 40.0, 50.0]))
+def test_at_its_knots_the_law_is_that_of_its_neighbours(angle):
+    """Density and probability are continuous, and exactly at a knot the pieces must not be mixed up."""
+    law = SegmentQuantization(angle, PITCH)
+    widths = [float(width) for width in law.widths_mm]
+    for knot in (min(widths), -min(widths), max(widths), sum(widths), -sum(widths), 0.0):
+        for value in (law.pdf, law.cdf):
+            beside = value([knot - 1e-12, knot + 1e-12])
+            assert value(knot) == pytest.approx(beside.mean(), abs=1e-6)
+
+
 @pytest.mark.parametrize("angle", np.radians([0.0, 40.0, 50.0, 90.0]))
 def test_a_million_samples_fit(angle):
     law = SegmentQuantization(angle, PITCH)

@@ -79,6 +79,11 @@ def test_full_correlation_is_the_limit(rho):
         np.testing.assert_allclose(full.cdf(W), norm.cdf((1 / (1 - W / 5) - 1) / 0.2), atol=1e-6)
 
 
+def test_a_ratio_that_is_never_reached_has_no_density():
+    # N = 5 (D - 1), so N/D = 5 - 5/D never is 5
+    assert NormalRatio(1.0, 0.04, 0.2, 1.0).pdf(5.0) == 0.0
+
+
 def test_constant_denominator_is_normal():
     law = NormalRatio(1.0, 0.0, 0.0, 2.0)
     np.testing.assert_allclose(law.pdf(W), norm(scale=0.5).pdf(W))

@@ -10,6 +10,8 @@ from aspectgraph.cells.crop import at_limits, crop
 from aspectgraph.cells.measure import cell_centre, cell_sizes, cell_triangles
 from aspectgraph.cells.split import leaves
 
+pytestmark = pytest.mark.uncompiled
+
 # the box [-600, 500] x [-400, 300] x [-200, 700], and one turned about z by atan(3/4)
 STRAIGHT = np.array([[1, 0, 0, -600], [1, 0, 0, 500], [0, 1, 0, -400], [0, 1, 0, 300], [0, 0, 1, -200], [0, 0, 1, 700]])
 TURNED = np.array(

@@ -23,6 +23,8 @@ from aspectgraph.cells.measure import cell_centre, cell_sizes, interfaces
 from aspectgraph.cells.split import leaves
 from aspectgraph.exceptions import MemoryLimitError
 
+pytestmark = pytest.mark.uncompiled
+
 
 @pytest.mark.parametrize("degenerate", [False, True])
 def test_cells_tile_the_box(degenerate):

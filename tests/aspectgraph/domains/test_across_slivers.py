@@ -9,6 +9,8 @@ from aspectgraph.cells.split import leaves
 from aspectgraph.domains.find_domains import find_domains
 from aspectgraph.domains.width import Ruler, largest_extent, union_has_room
 
+pytestmark = pytest.mark.uncompiled
+
 RULER = Ruler(min_width=5.0, reach=1e6)
 A, B, C, D = (1, 2, 4, 8)
 

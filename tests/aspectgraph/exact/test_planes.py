@@ -7,6 +7,8 @@ import solids
 from aspectgraph.exact.grid import Grid
 from aspectgraph.exact.planes import face_planes, find_parallel, plane_through, side_of
 
+pytestmark = pytest.mark.uncompiled
+
 ROTATION = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
 
 

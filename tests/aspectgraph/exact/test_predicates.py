@@ -4,10 +4,12 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from aspectgraph.exact.predicates import LIMBS, POINT_BITS, meet, sign_at_point, sign_at_vertex
+
+pytestmark = pytest.mark.uncompiled
 
 SMALL = st.tuples(*[st.integers(-2, 2)] * 3, st.integers(-3, 3))
 LARGE = st.tuples(*[st.integers(-(2**42), 2**42)] * 3, st.integers(-(2**62), 2**62))
@@ -61,3 +63,28 @@ def test_every_degenerate_case_of_a_pencil():
     vertices, coordinates = np.zeros((1, 4, LIMBS), np.int64), np.zeros((1, 3))
     assert meet(table, 0, 3, 8, vertices, coordinates, 0)
     assert [sign_at_vertex(table, h, vertices, coordinates, 0) for h in range(9)] == [0] * 9
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.tuples(*[st.integers(-(2**42), 2**42)] * 3),
+    st.tuples(*[st.integers(-(2**18), 2**18)] * 3),
+    st.integers(-1, 1),
+)
+@example((4124765444479, 2168393462016, 112740016985), (113628, 213988, 146529), 0)
+@example((4124765444479, 2168393462016, 112740016985), (113628, 213988, 146529), -1)
+def test_a_plane_that_passes_by_one_unit_is_on_the_right_side(normal, point, past):
+    """Terms of 60 bits that cancel but for one unit, which doubles round away: their error bound must not."""
+    level = sum(n * x for n, x in zip(normal, point, strict=True)) + past
+    planes = np.array([(1, 0, 0, point[0]), (0, 1, 0, point[1]), (0, 0, 1, point[2]), (*normal, level)], np.int64)
+    vertices, coordinates = np.zeros((1, 4, LIMBS), np.int64), np.zeros((1, 3))
+    assert meet(planes, 0, 1, 2, vertices, coordinates, 0)
+    assert sign_at_vertex(planes, 3, vertices, coordinates, 0) == -past
+    assert sign_at_point(planes, 3, np.array(point, np.int64) << POINT_BITS) == -past
+
+
+def test_parallel_planes_have_no_common_point():
+    planes = np.array([(1, 2, 3, 4), (1, 2, 3, 5), (0, 0, 1, 0), (-2, -4, -6, 8)], np.int64)
+    vertices, coordinates = np.zeros((1, 4, LIMBS), np.int64), np.zeros((1, 3))
+    assert not meet(planes, 0, 1, 2, vertices, coordinates, 0)
+    assert not meet(planes, 0, 2, 3, vertices, coordinates, 0)

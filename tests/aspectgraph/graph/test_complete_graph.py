@@ -31,6 +31,7 @@ def test_l_block_has_71_nodes_and_its_step_20(l_block):
     assert size(step.graph) == (20, 40)
 
 
+@pytest.mark.uncompiled
 def test_cube_has_a_node_for_each_set_of_one_to_three_faces():
     graph = complete_aspect_graph(solid_of(CUBE), BOX)
     assert size(graph) == (26, 48)
@@ -40,6 +41,7 @@ def test_cube_has_a_node_for_each_set_of_one_to_three_faces():
     np.testing.assert_allclose(sorted(v for _, v in graph.nodes(data="volume")), sorted(slabs))
 
 
+@pytest.mark.uncompiled
 def test_tetrahedron_has_a_node_for_each_set_of_one_to_three_faces():
     # Four planes in general position: 15 cells, one of them inside; 28 facets, 4 of them on the tetrahedron.
     tetrahedron = pyramid([(-3, -2), (4, -3), (1, 5)], (0, 1, 4))

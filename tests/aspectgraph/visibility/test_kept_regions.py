@@ -6,6 +6,8 @@ import pytest
 from aspectgraph import compute_regions, read_solid
 from aspectgraph.visibility.kept_regions import KeptRegions
 
+pytestmark = pytest.mark.uncompiled
+
 EDGES = {"e1": [[60, 20, 10], [60, 40, 10]], "e4": [[20, 60, 10], [40, 60, 10]]}
 BOX = [[-200.0, -200, -200], [200, 200, 200]]
 

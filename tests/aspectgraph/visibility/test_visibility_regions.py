@@ -40,6 +40,7 @@ def inside_slotted_block(points):
     return (x > 0) & (x < 10) & (y > 0) & (y < top) & (z > 0) & (z < 6)
 
 
+@pytest.mark.uncompiled
 def test_domain_of_agrees_with_observable(slot, viewpoints):
     nodes = slot.domain_of(viewpoints)
     lists = np.array(
@@ -67,6 +68,7 @@ def test_on_a_partition_surface_the_observing_side_counts(slot):
     assert not slot.observable([[20, 1 - 1e-6, 3]], ["e3"]).any()
 
 
+@pytest.mark.uncompiled
 def test_sample_stays_in_covering_domains_and_fills_them(slot):
     points = slot.sample(["e2"], 4000, rng=1)
     covering = slot.covering(["e2"])
@@ -89,6 +91,7 @@ def test_sample_is_uniform_within_a_cell(slot):
     assert points.std(axis=0) == pytest.approx(spread, rel=0.05)
 
 
+@pytest.mark.uncompiled
 def test_covering_cells_hold_exactly_the_covering_viewpoints(slot, viewpoints):
     for names in (["e1"], ["e1", "e2"], ["e2", "e3"], ["e1", "e3"]):
         cells = slot.covering_cells(names)
@@ -144,6 +147,7 @@ def test_surfaces_pass_through_their_entity_and_separate_the_lists(slot):
                 assert set(surface.faces) & set(slot.solid.edges[slot.entities[surface.entity].edge_ids[0]].faces)
 
 
+@pytest.mark.uncompiled
 def test_subset_needs_no_new_regions(slot):
     direct = build_aspect_graph(
         slot.solid, {name: solids.SLOT_ENTITIES[name] for name in ("e3", "e1")}, WORKSPACE
@@ -178,6 +182,7 @@ def test_progress_counts_entities():
     assert seen == [(k + 1, 5, f"e{k}") for k in range(5)]
 
 
+@pytest.mark.uncompiled
 def test_a_wrong_list_is_a_contradiction(slot):
     observable = np.array([[True, True, False, True]])
     with pytest.raises(ContradictionError, match=r"domain 0 must list .* Its list holds 'e4'"):
@@ -214,6 +219,7 @@ def test_bad_workspaces(workspace, message):
         compute_regions(solids.slotted_block(), solids.SLOT_ENTITIES, workspace)
 
 
+@pytest.mark.uncompiled
 def test_disjoint_solids_hide_each_other():
     edge = {"e": ((2, 0, 0), (2, 0, 2))}
     seen = []

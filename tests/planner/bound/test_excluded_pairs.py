@@ -7,8 +7,10 @@ import pytest
 
 from planner import Camera
 from planner.bound.boxes.view import Frustum, Segments
-from planner.bound.excluded_pairs import _in_view
+from planner.bound.excluded_pairs import _in_view, too_far_apart
 from planner.camera.pose import look_at
+
+pytestmark = pytest.mark.uncompiled
 
 # a short distance and a wide aperture: 1 mm of depth
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 120.0)
@@ -63,6 +65,9 @@ def test_points_at_the_nearest_distance_are_sharp_only_on_the_axis():
     ):
         ends = at(-5, distance), at(5, distance)
         assert possible(*ends, *ends) == together
+        # two ends of one entity, with another entity between them
+        between = at(0, near + 0.5), at(0, near + 0.5)
+        assert possible(*ends, *between) == possible(*between, *ends) == together
     # a ball so large that the eye may be farther away
     ends = at(-5, near + 0.1), at(5, near + 0.1)
     assert not possible(*ends, *ends)
@@ -79,3 +84,51 @@ def test_an_axis_along_a_line_longer_than_the_depth_of_field_has_one_end_out_of_
         half = 2 * np.array([math.cos(turn), 0.0, math.sin(turn)])
         ends = middle - half, middle + half
         assert possible(*ends, *ends) == together
+
+
+def test_of_two_points_on_one_line_of_sight_farther_apart_than_the_depth_of_field_one_is_not_sharp():
+    """Each alone can be sharp, the farther one in a corner of the image; together they are 2 mm apart in depth."""
+    near, far = CAMERA.depth_of_field_mm
+    assert far - near < 1.1
+    first, second = at(0, near + 0.5), at(0, near + 2.5)
+    assert possible(first, first, first, first)
+    assert possible(second, second, second, second)
+    assert not possible(first, second, first, second)
+    assert possible(first, at(0, far - 0.1), first, at(0, far - 0.1))
+
+
+def test_an_image_that_must_be_longer_than_it_can_be_excludes():
+    """An edge of 4 mm, square to the axis at the nearest sharp distance, is imaged 4 / near image distances long."""
+    near = CAMERA.depth_of_field_mm[0]
+    ends = np.array([[-2.0, 0.0, near + 0.1], [2.0, 0.0, near + 0.1]])
+    for ratio, together in ((0.0, True), (0.95 * 4 / near, True), (1.1 * 4 / near, False)):
+        for which in (0, 1):
+            ratios = np.zeros(2)
+            ratios[which] = ratio
+            both = Segments(np.array([ends, ends]), np.full(2, 4.0), ratios)
+            assert _in_view(np.zeros(3), 0.0, both, frustum()) == together
+    # from somewhere in a large ball it may be longer
+    both = Segments(np.array([ends, ends]), np.full(2, 4.0), np.full(2, 1.1 * 4 / near))
+    assert _in_view(np.zeros(3), 20.0, both, frustum())
+
+
+def test_what_is_wider_than_the_frustum_does_not_fit():
+    """Its farthest two points are opposite corners of the farthest sharp plane, or one of them of the nearest."""
+    view = frustum()
+    corner = np.array([view.tan_x, view.tan_y, 1.0])
+    opposite = corner * [-1, -1, 1]
+    widest = max(
+        np.linalg.norm(a * corner - b * opposite) for a in (view.near, view.far) for b in (view.near, view.far)
+    )
+    tangents = np.array([view.tan_x, view.tan_y])
+    for between, fits in ((0.999 * widest, True), (1.001 * widest, False)):
+        ends = np.array([[[0.0, 0, 0], [1, 0, 0]], [[1, 0, 0], [between, 0, 0]], [[0.5, 0, 0], [0.6, 0, 0]]])
+        conflict = np.zeros((3, 3), dtype=bool)
+        conflict[0, 1] = conflict[1, 0] = not fits
+        assert too_far_apart(CAMERA, ends, tangents).tolist() == conflict.tolist()
+    # an entity too long by itself excludes others, not itself
+    assert not too_far_apart(CAMERA, np.array([[[0.0, 0, 0], [2 * widest, 0, 0]]]), tangents).any()
+    # beyond the hyperfocal distance everything far is sharp
+    endless = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 30_000.0)
+    assert endless.depth_of_field_mm[1] == np.inf
+    assert not too_far_apart(endless, 1e6 * np.arange(12.0).reshape(2, 2, 3), tangents).any()

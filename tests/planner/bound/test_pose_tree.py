@@ -3,10 +3,13 @@
 import math
 
 import numpy as np
+import pytest
 
 from planner.bound.boxes.view import Frustum
 from planner.bound.node_sets import Nodes, _nearest_depth
 from planner.bound.pose_tree import _patch_frames
+
+pytestmark = pytest.mark.uncompiled
 
 
 def test_the_least_depth_of_a_node_is_not_overstated():

@@ -1,4 +1,4 @@
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from planner.cover import set_cover
 from planner.cover.relaxation import fractional_cover
-from planner.cover.set_cover import distinct_rows, greedy_cover, is_cover, maximal_columns, min_cover
+from planner.cover.set_cover import cover_within, distinct_rows, greedy_cover, is_cover, maximal_columns, min_cover
 from planner.exceptions import CoverError
 
 # the textbook case where greedy takes three sets and two suffice
@@ -61,6 +61,7 @@ def test_minimum_equals_exhaustive_search(membership, random):
     assert fractional_cover(membership)[0] <= cover.lower_bound + 1e-9
 
 
+@pytest.mark.uncompiled
 @settings(max_examples=40, deadline=None)
 @given(arrays(bool, st.tuples(st.integers(1, 8), st.integers(1, 5))))
 def test_maximal_columns_are_exactly_the_undominated_ones(membership):
@@ -101,3 +102,34 @@ def test_distinct_rows_are_those_of_numpy(membership):
 def test_a_bound_on_the_cost_bounds_the_count(cost, count):
     # of four entities, k columns cost at most k + 0.5 * 4 / 5
     assert set_cover._bound_on_count(cost, 4) == count
+
+
+def test_a_cover_within_a_number_is_found_or_shown_not_to_exist():
+    # greedy needs three, so the solver must find the two
+    chosen, decided = cover_within(GREEDY_TRAP, 2, node_limit=100)
+    assert decided
+    assert chosen.tolist() == [1, 2]
+    assert cover_within(GREEDY_TRAP, 1, node_limit=100) == (None, True)
+    # of a triangle one and a half columns suffice by fractions only, and greedy's own two are taken as they are
+    assert cover_within(TRIANGLE, 1, node_limit=100) == (None, True)
+    assert is_cover(TRIANGLE, cover_within(TRIANGLE, 2, node_limit=0)[0])
+
+
+def lines_of_space():
+    """Which of the 27 points of the affine space over three elements are on each of its 117 lines, (27, 117)."""
+    points = np.array(list(product(range(3), repeat=3)))
+    directions = [d for d in points if d.any() and d[np.flatnonzero(d)[0]] == 1]
+    lines = {frozenset(tuple((p + k * d) % 3) for k in range(3)) for p in points for d in directions}
+    ordered = sorted(sorted(line) for line in lines)
+    return np.array([[tuple(p) in line for line in ordered] for p in points.tolist()])
+
+
+def test_a_search_that_is_stopped_claims_nothing_wrong():
+    """At most 9 points of that space hold no whole line (the largest cap), so 18 points meet all lines, not 17."""
+    membership = lines_of_space()
+    assert membership.shape == (27, 117)
+    assert cover_within(membership, 17, node_limit=0) == (None, False)
+    stopped = min_cover(membership, node_limit=0)
+    assert is_cover(membership, stopped.chosen)
+    assert stopped.lower_bound <= 18 <= len(stopped.chosen)
+    assert not stopped.optimal

@@ -45,6 +45,7 @@ def coordinates(poses, chart, look, turn, middle):
     return np.hstack([np.einsum("pji,pj->pi", poses[:, :3, :3], looked_at - look), d])
 
 
+@pytest.mark.uncompiled
 @pytest.mark.parametrize("ratio", [None, 0.12])
 @pytest.mark.parametrize("small", [0.4, 0.1, 0.01])
 def test_no_pose_breaks_a_side_of_what_it_inspects(small, ratio):
@@ -75,6 +76,7 @@ def test_no_pose_breaks_a_side_of_what_it_inspects(small, ratio):
     assert n_broken > {0.4: 0.85, 0.1: 0.95, 0.01: 0.97}[small] * n_out
 
 
+@pytest.mark.uncompiled
 @pytest.mark.parametrize("small", [0.1, 0.01])
 def test_members_that_exclude_each_other_in_a_box_are_inspected_together_by_no_pose_of_it(small):
     judge, regions = request_for(SIZES[0])
