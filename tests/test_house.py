@@ -37,7 +37,7 @@ def n_parameters(node):
 
 
 def is_compiled(node):
-    compilers = {"njit", "jit", "vectorize", "guvectorize", "cfunc", "compiled", "lean"}
+    compilers = {"njit", "jit", "vectorize", "guvectorize", "cfunc", "compiled", "inner", "lean"}
     used = {
         part.attr if isinstance(part, ast.Attribute) else getattr(part, "id", "")
         for decorator in getattr(node, "decorator_list", [])

@@ -21,7 +21,7 @@ from aspectgraph.cells.arrays import (
     Complex,
 )
 from aspectgraph.exact.grid import Grid
-from aspectgraph.exact.lean import compiled, put
+from aspectgraph.exact.lean import compiled, holds_value, inner, put
 
 
 @compiled
@@ -32,28 +32,43 @@ def cell_centre(cx, c):
         f = cx.lists[FACE_LIST, k]
         for m in range(cx.face[f, FACE_FIRST], cx.face[f, FACE_FIRST] + cx.face[f, FACE_SIZE]):
             for end in range(2):
-                total += cx.coordinates[cx.edge[cx.lists[EDGE_LIST, m], ENDS + end]]
+                v = cx.edge[cx.lists[EDGE_LIST, m], ENDS + end]
+                for axis in range(3):
+                    total[axis] += cx.coordinates[v, axis]
                 n += 1
-    return total / n
+    for axis in range(3):
+        total[axis] /= n
+    return total
 
 
-@compiled
+@inner
 def face_area(cx, f):
     """Area, perimeter and largest distance from the grid's zero of face f, in squared steps and steps."""
     first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
-    centre = np.zeros(3)
+    centre, p, q = np.zeros(3), np.zeros(3), np.zeros(3)
     for k in range(first, first + size):
-        centre += cx.coordinates[cx.edge[cx.lists[EDGE_LIST, k], ENDS]]
-        centre += cx.coordinates[cx.edge[cx.lists[EDGE_LIST, k], ENDS + 1]]
-    centre /= 2 * size
+        e = cx.lists[EDGE_LIST, k]
+        for end in range(2):
+            for axis in range(3):
+                centre[axis] += cx.coordinates[cx.edge[e, ENDS + end], axis]
+    for axis in range(3):
+        centre[axis] /= 2 * size
     area = perimeter = farthest = 0.0
     for k in range(first, first + size):
-        p = cx.coordinates[cx.edge[cx.lists[EDGE_LIST, k], ENDS]] - centre
-        q = cx.coordinates[cx.edge[cx.lists[EDGE_LIST, k], ENDS + 1]] - centre
-        cross = np.array([p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]])
-        area += 0.5 * np.sqrt((cross * cross).sum())
-        perimeter += np.sqrt(((p - q) ** 2).sum())
-        farthest = max(farthest, np.sqrt(((p + centre) ** 2).sum()), np.sqrt(((q + centre) ** 2).sum()))
+        e = cx.lists[EDGE_LIST, k]
+        turn = length = to_p = to_q = 0.0
+        for axis in range(3):
+            p[axis] = cx.coordinates[cx.edge[e, ENDS], axis] - centre[axis]
+            q[axis] = cx.coordinates[cx.edge[e, ENDS + 1], axis] - centre[axis]
+            length += (p[axis] - q[axis]) ** 2
+            to_p += (p[axis] + centre[axis]) ** 2
+            to_q += (q[axis] + centre[axis]) ** 2
+        for axis in range(3):
+            i, j = (axis + 1) % 3, (axis + 2) % 3
+            turn += (p[i] * q[j] - p[j] * q[i]) ** 2
+        area += 0.5 * np.sqrt(turn)
+        perimeter += np.sqrt(length)
+        farthest = max(farthest, max(np.sqrt(to_p), np.sqrt(to_q)))
     return area, perimeter, farthest
 
 
@@ -120,12 +135,13 @@ def _interfaces(cx):
     return sides[:m], sizes[:m]
 
 
-@compiled
+@inner
 def _has_face(cx, c, f):
     """Whether f bounds cell c; free facets carry label rows, not cells, on their sides."""
     if cx.cell[c, CELL_CHILD] >= 0:
         return False
-    return (cx.lists[FACE_LIST, cx.cell[c, CELL_FIRST] : cx.cell[c, CELL_FIRST] + cx.cell[c, CELL_SIZE]] == f).any()
+    first = cx.cell[c, CELL_FIRST]
+    return holds_value(cx.lists[FACE_LIST, first : first + cx.cell[c, CELL_SIZE]], f)
 
 
 def interfaces(cx: Complex) -> tuple[np.ndarray, np.ndarray]:
@@ -195,7 +211,7 @@ def _cell_planes(cx, c):
     n = 0
     for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + size):
         f = cx.lists[FACE_LIST, k]
-        if not (planes[:n] == cx.face[f, FACE_PLANE]).any():
+        if not holds_value(planes[:n], cx.face[f, FACE_PLANE]):
             planes[n] = cx.face[f, FACE_PLANE]
             side[n] = 1 if cx.face[f, SIDES] == c else -1
             n += 1

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from aspectgraph.cells.arrays import CELL_CHILD, CELL_PLANE, N_CELLS, Complex
-from aspectgraph.exact.lean import compiled
+from aspectgraph.exact.lean import compiled, inner
 from aspectgraph.exact.predicates import POINT_BITS, sign_at_point
 
 _POINT_STEP = 2.0**-POINT_BITS
@@ -39,7 +39,7 @@ def tree_of(cx: Complex) -> Tree:
     return Tree(cx.planes, cx.cell[:n, CELL_PLANE].copy(), cx.cell[:n, CELL_CHILD : CELL_CHILD + 2].copy())
 
 
-@compiled
+@inner
 def _rows(tree, points):
     """For every node its plane in doubles, and the value it must exceed at any of the points for a certain sign."""
     reach = 0.0

@@ -36,7 +36,7 @@ from aspectgraph.cells.arrays import (
     push_edge,
 )
 from aspectgraph.cells.split import cell_side, face_side, leaves, refresh_cell, refresh_face, split_cell, split_face
-from aspectgraph.exact.lean import compiled, lean, put
+from aspectgraph.exact.lean import compiled, holds_value, inner, lean, put
 
 _CANDIDATES = 10
 
@@ -56,7 +56,8 @@ def simplify(old: Complex, box: np.ndarray, n_cells: int) -> Complex:
     cx = allocate(old.planes, n_cells, old.label.shape[1])
     root = add_box(cx, box)
     cx.label[root] = old.label[present[0]]
-    partition(cx, root, _copy_facets(old, cx), old.label)
+    facets = _copy_facets(old, cx)
+    partition(cx, np.array([root]), np.array([0, len(facets)]), facets, old.label)
     return cx
 
 
@@ -72,7 +73,7 @@ def _copy_facets(old, cx):
         positive, negative = old.face[f, SIDES], old.face[f, SIDES + 1]
         if old.face[f, FACE_CHILD] >= 0 or positive < 0 or negative < 0:
             continue
-        if (old.label[positive] == old.label[negative]).all():
+        if _same(old.label[positive], old.label[negative]):
             continue
         edges = old.lists[EDGE_LIST, old.face[f, FACE_FIRST] : old.face[f, FACE_FIRST] + old.face[f, FACE_SIZE]]
         for e in edges:
@@ -95,7 +96,15 @@ def _copy_facets(old, cx):
     return facets[:m]
 
 
-@compiled
+@inner
+def _same(label, other):
+    same = True
+    for word in range(len(label)):
+        same &= label[word] == other[word]
+    return same
+
+
+@inner
 def _copy_vertex(old, cx, v):
     w = add_vertex(cx, 0, 2, 4)
     for row in range(4):
@@ -104,7 +113,7 @@ def _copy_vertex(old, cx, v):
     return w
 
 
-@compiled
+@inner
 def _grown(pool, room):
     if room <= len(pool):
         return pool
@@ -113,7 +122,7 @@ def _grown(pool, room):
     return larger
 
 
-@compiled
+@inner
 def _choose(cx, facets):
     """The facet whose plane splits few others, carries many, and balances the rest."""
     best, best_cost = 0, np.inf
@@ -122,7 +131,7 @@ def _choose(cx, facets):
     n_seen = 0
     for j in range(0, len(facets), stride):
         h = cx.face[facets[j], FACE_PLANE]
-        if n_seen == len(seen) or (seen[:n_seen] == h).any():
+        if n_seen == len(seen) or holds_value(seen[:n_seen], h):
             continue
         seen[n_seen] = h
         n_seen += 1
@@ -150,16 +159,16 @@ def _retire(cx, f):
 
 
 @compiled
-def partition(cx, root, facets, labels):
-    """Cut cell `root` along free facets and label the parts.
+def partition(cx, roots, first, facets, labels):
+    """Cut each cell `roots[k]` along the free facets number `first[k]` to `first[k + 1]` and label the parts.
 
     The sides of a facet name the rows of `labels` that hold on its positive and its negative side. A root
-    that no facet cuts keeps its label. Returns the number of parts.
+    that no facet cuts keeps its label.
     """
     pool = facets.copy()
     used = len(facets)
-    stack = [(root, 0, used)]
-    n_parts = 0
+    # all parts of a root come before the next root
+    stack = [(roots[k], first[k], first[k + 1] - first[k]) for k in range(len(roots) - 1, -1, -1)]
     while len(stack) > 0:
         cell, start, size = stack.pop()
         while size > 0:
@@ -177,7 +186,6 @@ def partition(cx, root, facets, labels):
                     _retire(cx, pool[k])
             size = kept - start
         if size == 0:
-            n_parts += 1
             continue
         split_cell(cx, cell, h)
         pool = _grown(pool, used + 2 * size)
@@ -203,9 +211,8 @@ def partition(cx, root, facets, labels):
             put(cx.label[part], labels[cx.face[chosen, SIDES + child]])
             refresh_cell(cx, part)
         _retire(cx, chosen)
-        stack.append((cx.cell[cell, CELL_CHILD], ahead, n_ahead))
-        stack.append((cx.cell[cell, CELL_CHILD + 1], behind, n_behind))
-    return n_parts
+        stack.append((np.int64(cx.cell[cell, CELL_CHILD]), ahead, n_ahead))
+        stack.append((np.int64(cx.cell[cell, CELL_CHILD + 1]), behind, n_behind))
 
 
 def n_leaves(cx: Complex) -> int:

@@ -13,7 +13,7 @@ import numpy as np
 
 from aspectgraph.cells.arrays import Complex
 from aspectgraph.cells.measure import face_polygon
-from aspectgraph.exact.lean import compiled, put
+from aspectgraph.exact.lean import compiled, inner, put
 
 # a face counts as opposite where its outward normal leans less than this from the direction of the push, as a cosine
 _OPPOSITE = 1e-3
@@ -68,7 +68,7 @@ def pieces_across(cx: Complex, sides: np.ndarray, is_thin: np.ndarray, least_wid
     ]
 
 
-@compiled
+@inner
 def _frame(normal):
     """Two unit vectors that with a unit normal form a right-handed frame, as rows."""
     axis = np.argmin(np.abs(normal))
@@ -82,7 +82,7 @@ def _frame(normal):
     return frame
 
 
-@compiled
+@inner
 def _flatten(corners, origin, frame):
     """Polygon in the frame's coordinates, counter-clockwise."""
     flat = np.empty((len(corners), 2))
@@ -92,7 +92,7 @@ def _flatten(corners, origin, frame):
     return flat if _doubled_area(flat) >= 0.0 else flat[::-1].copy()
 
 
-@compiled
+@inner
 def _doubled_area(flat):
     total = 0.0
     for k in range(1, len(flat) - 1):
@@ -101,7 +101,7 @@ def _doubled_area(flat):
     return total
 
 
-@compiled
+@inner
 def _perimeter(flat):
     total = 0.0
     for k in range(len(flat)):
@@ -110,7 +110,7 @@ def _perimeter(flat):
     return total
 
 
-@compiled
+@inner
 def _clip(flat, clipper):
     """Common part of two convex counter-clockwise polygons (Sutherland and Hodgman 1974)."""
     for k in range(len(clipper)):
@@ -134,7 +134,7 @@ def _clip(flat, clipper):
     return flat
 
 
-@compiled
+@inner
 def _normal_out_of(cx, sides, row, cell):
     """Unit normal of a face that points out of one of its two cells."""
     plane = cx.planes[sides[row, 2]]
@@ -193,7 +193,7 @@ def _push_all(cx, sides, is_thin, first, rows, starts, least_width):
     return cells, lengths, paths, sizes, corners
 
 
-@compiled
+@inner
 def _is_narrow(flat, least_width):
     """Whether no disc of the least width fits for certain: its radius is at most twice the area over the perimeter."""
     return len(flat) < 3 or 2.0 * _doubled_area(flat) < least_width * _perimeter(flat)

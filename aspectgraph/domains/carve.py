@@ -32,7 +32,7 @@ from aspectgraph.cells.measure import cell_centre
 from aspectgraph.cells.simplify import partition
 from aspectgraph.cells.split import face_side, refresh_cell, refresh_face, split_face
 from aspectgraph.exact.grid import as_queries
-from aspectgraph.exact.lean import compiled, put
+from aspectgraph.exact.lean import compiled, inner, put
 from aspectgraph.exact.planes import plane_through
 from aspectgraph.exact.predicates import sign_at_point
 from aspectgraph.visibility.scene import Scene
@@ -89,7 +89,7 @@ def _perpendicular_planes(points, pieces, steps, resolution):
     return planes[:n].copy(), sizes
 
 
-@compiled
+@inner
 def _true_corners(points, loop, resolution):
     """Drop vertices within the resolution of the line through their neighbours."""
     kept = [v for v in loop]  # noqa: C416 - numba makes no list of an array otherwise
@@ -130,7 +130,7 @@ def carve(cx: Complex, scene: Scene, facets: Facets, n_box: int) -> None:
     labels = np.zeros((2, words), np.uint64)
     # Facets of displaced vertices overlap or gape by a step: their sides tell only where snapping was exact.
     labels[:, -1] = (0, INSIDE) if scene.resolution == 0.0 else UNKNOWN
-    _carve(cx, free, labels)
+    partition(cx, *_hand_down(cx, free), labels)
     for c in _unknown(cx):
         inside = is_inside(scene, cell_centre(cx, c))
         cx.label[c, -1] = INSIDE if inside else np.uint64(0)
@@ -156,7 +156,7 @@ def _insert_facets(cx, first, plane, side, n_perpendicular):
     return faces
 
 
-@compiled
+@inner
 def _is_empty(label):
     anything = np.uint64(0)
     for word in label:
@@ -165,8 +165,12 @@ def _is_empty(label):
 
 
 @compiled
-def _carve(cx, facets, labels):
-    """Hand the facets down the tree and partition the leaves with an empty list by them."""
+def _hand_down(cx, facets):
+    """Hand the facets down the tree to the leaves with an empty list and mark those.
+
+    Returns the leaves, where the facets of each begin in the list of all, and that list.
+    """
+    leaves, first, handed = [np.int64(0) for _ in range(0)], [np.int64(0)], [np.int64(0) for _ in range(0)]
     stack = [(0, facets)]
     while len(stack) > 0:
         cell, own = stack.pop()
@@ -174,7 +178,10 @@ def _carve(cx, facets, labels):
             if _is_empty(cx.label[cell]):
                 cx.label[cell, cx.label.shape[1] - 1] = UNKNOWN
                 refresh_cell(cx, cell)
-                partition(cx, cell, own, labels)
+                leaves.append(np.int64(cell))
+                for f in own:
+                    handed.append(f)
+                first.append(np.int64(len(handed)))
             continue
         h = cx.cell[cell, CELL_PLANE]
         parts = np.empty((2, len(own)), np.int64)
@@ -192,6 +199,7 @@ def _carve(cx, facets, labels):
                 n_behind += 1
         stack.append((np.int64(cx.cell[cell, CELL_CHILD]), parts[0, :n_ahead].copy()))
         stack.append((np.int64(cx.cell[cell, CELL_CHILD + 1]), parts[1, :n_behind].copy()))
+    return np.array(leaves), np.array(first), np.array(handed)
 
 
 def _unknown(cx: Complex) -> list[int]:

@@ -36,23 +36,49 @@ def _one_signature(dispatcher: Any) -> Any:
     return dispatcher
 
 
+# numba's stubs know none of these
+_NO_ENTRY: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_NO_POINTER: dict[str, Any] = {"no_cfunc_wrapper": True}
+_NO_COUNTS: dict[str, Any] = {"_nrt": False}
+
+
+def _for_loops_only(dispatcher: Any, function: Callable[..., Any]) -> Any:
+    """Let a function without an entry for Python be compiled once more, and with one, should Python call it."""
+    if hasattr(dispatcher, "get_call_template"):
+        # without these an address that does not exist would be called
+        dispatcher._insert = _not_inserted
+        dispatcher._compile_for_args = nb.njit(function)._compile_for_args
+    return dispatcher
+
+
+def _not_inserted(*_: object, **__: object) -> None:
+    """Keep a version from Python's sight."""
+
+
 def compiled(function: Callable[..., Any]) -> Any:
-    """Compile a function, for one kind of integers."""
-    return _one_signature(nb.njit(cache=True)(function))
+    """Compile a function that Python calls, for one kind of integers."""
+    return _one_signature(nb.njit(cache=True, **_NO_POINTER)(function))
+
+
+def inner(function: Callable[..., Any]) -> Any:
+    """Compile a function that compiled loops call, for one kind of integers.
+
+    There is no entry for Python, which takes longer to compile than many a loop: it unpacks all arrays of a complex. A
+    call from Python, as in a test, compiles one.
+    """
+    return _for_loops_only(_one_signature(nb.njit(cache=True, **_NO_ENTRY)(function)), function)
 
 
 def lean(function: Callable[..., Any]) -> Any:
-    """Compile a function that allocates nothing, for one kind of integers and without counting references.
+    """Compile an `inner` function that allocates nothing, without counting references.
 
     Counting those of a complex's arrays at every call takes longer than the work. Assigning a row of an array
     allocates.
     """
-    # numba's stubs do not know the option
-    options: dict[str, Any] = {"cache": True, "_nrt": False}
-    return _one_signature(nb.njit(**options)(function))
+    return _for_loops_only(_one_signature(nb.njit(cache=True, **_NO_ENTRY, **_NO_COUNTS)(function)), function)
 
 
-@compiled
+@inner
 def put(target: Any, values: Any) -> None:
     """Write values (n,) to the first places of a target, one by one.
 
@@ -60,3 +86,12 @@ def put(target: Any, values: Any) -> None:
     """
     for i in range(len(values)):
         target[i] = values[i]
+
+
+@inner
+def holds_value(values: Any, wanted: Any) -> bool:
+    """Whether one of the values (n,) is the wanted one; an expression of arrays takes longer to compile."""
+    found = False
+    for value in values:
+        found |= value == wanted
+    return found

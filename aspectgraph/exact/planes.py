@@ -46,7 +46,7 @@ def side_of(plane, point, resolution):
     return 1 if h > 0 else (-1 if h < 0 else 0)
 
 
-@lean
+@compiled
 def find_plane(planes, n, points, trio, resolution):
     """Number of the first of the first n planes through all three points, or -1."""
     for k in range(n):

@@ -137,19 +137,26 @@ def _facing(scene, a, b, wedge_first, wedge_plane, wedge_side):
 @compiled
 def _apparent_size(points, pieces, chosen, a, b):
     """Rough solid angle of pieces seen from the middle of the entity; only orders the work."""
-    eye = 0.5 * (points[a] + points[b])
-    size = np.empty(len(chosen))
+    size = np.zeros(len(chosen))
+    p, q, centre, normal = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     for k in range(len(chosen)):
         loop = pieces.vertices[pieces.first[chosen[k]] : pieces.first[chosen[k] + 1]]
-        centre, normal = np.zeros(3), np.zeros(3)
+        for axis in range(3):
+            centre[axis] = normal[axis] = 0.0
         for i in range(len(loop)):
-            p, q = points[loop[i]] - eye, points[loop[(i + 1) % len(loop)]] - eye
-            centre += p / len(loop)
+            for axis in range(3):
+                eye = 0.5 * (points[a, axis] + points[b, axis])
+                p[axis] = points[loop[i], axis] - eye
+                q[axis] = points[loop[(i + 1) % len(loop)], axis] - eye
+                centre[axis] += p[axis] / len(loop)
             for axis in range(3):
                 j, m = (axis + 1) % 3, (axis + 2) % 3
                 normal[axis] += p[j] * q[m] - p[m] * q[j]
-        distance = np.sqrt((centre * centre).sum())
-        size[k] = abs((normal * centre).sum()) / max(distance, 1.0) ** 3
+        square = along = 0.0
+        for axis in range(3):
+            square += centre[axis] * centre[axis]
+            along += normal[axis] * centre[axis]
+        size[k] = abs(along) / max(np.sqrt(square), 1.0) ** 3
     return size
 
 

@@ -25,7 +25,7 @@ from aspectgraph.cells.arrays import (
 )
 from aspectgraph.cells.simplify import n_leaves, simplify
 from aspectgraph.cells.split import cell_side, split_cell
-from aspectgraph.exact.lean import compiled
+from aspectgraph.exact.lean import compiled, inner
 from aspectgraph.exact.planes import find_parallel, find_plane
 from aspectgraph.visibility.blocked_sets import CONTRAST, FACE
 from aspectgraph.visibility.entity_region import Region
@@ -180,7 +180,7 @@ def _overlay(
     return simplify(cx, _BOX, n_cells)
 
 
-@compiled
+@inner
 def _covers(label, k):
     """Whether the bits of entities 0 to k - 1 are all set."""
     for bit in range(k):

@@ -99,7 +99,8 @@ def look_at(
 
     positions = np.atleast_2d(np.asarray(positions, dtype=np.float64))
     n = len(positions)
-    target = np.broadcast_to(np.asarray(target, dtype=np.float64), (n, 3))
+    # copied, so that the loop is compiled for one kind of array
+    target = np.array(np.broadcast_to(target, (n, 3)), dtype=np.float64, order="C")
     turns = np.empty((3, n))
     turns[0], turns[1], turns[2] = pan, tilt, roll
     cam2world = np.zeros((n, 4, 4))

@@ -144,8 +144,9 @@ class ImageCheck:
     def _nearest_px(self, cam2world: Array, pairs: Pairs, entities: Any, reach: float) -> Array:
         """Return how near other visible lines come in the image, at most `reach`, px; see `near_contours`."""
         one: Contours = self.contours
-        lines = one.vertices, one.ends, one.planes, one.faces, one.kinds
-        room, poses = _ROOM, np.ascontiguousarray(cam2world, np.float64)
+        # one kind of arrays, so that the loop is compiled once: in order of rows, and not read-only
+        lines = np.array(one.vertices, order="C"), one.ends, one.planes, one.faces, one.kinds
+        room, poses, pairs = _ROOM, np.array(cam2world, np.float64, order="C"), np.ascontiguousarray(pairs)
         while True:
             pair, distance, place = np.empty(room, np.int64), np.empty(room), np.empty((room, 3))
             limits, found = (reach, self._near_own_px), (pair, distance, place)
