@@ -22,6 +22,7 @@ from planner.cli.arguments import (
     add_wanted,
     add_workspace,
     lengths,
+    memory,
 )
 from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 from planner.cli.signals import termination_as_interruption
@@ -179,9 +180,10 @@ def _add_graph(commands: Any) -> None:
     )
     graph.add_argument(
         "--memory-limit",
-        type=float,
+        type=memory,
         metavar="GIB",
-        help="end with an estimate if the graph takes more than about so much memory (default: what is free)",
+        help="end with an estimate if the graph takes more than about so much memory; also like 8GB or 500MB "
+        "(default: what is free)",
     )
     add_workspace(graph)
 

@@ -17,6 +17,8 @@ _FIRST = re.compile(
 )
 # in a plan's file it is a field
 _CAMERA = re.compile(r"\bcamera(?= must be a name of the catalogue)")
+_MEMORY = re.compile(r"\bmemory_limit_bytes\b")
+_REGIONS = re.compile(r", or for the regions only: compute_regions answers the same questions, and (?=a plan needs no)")
 _TYPED = {"step": "grey-step", "stand_off_mm": "stand-off"}
 _VALUE = re.compile(r"\b(gap_mm|occluders|solids|units)=(?=\S)")
 
@@ -31,6 +33,8 @@ def as_typed(text: str) -> str:
     """
     text = _HOW_IN_A_CALL.sub(r"\1", text)
     text = _ONLY_IN_A_CALL.sub("", text)
+    text = _MEMORY.sub("--memory-limit", text)
+    text = _REGIONS.sub(": ", text)
     text = _CAMERA.sub("--camera", text)
     text = _VALUE.sub(lambda found: f"{_option(found[1])} ", text)
     text = _FIRST.sub(lambda found: _option(found[1]), text)

@@ -94,6 +94,9 @@ def test_graph_is_written(folder, capsys):
     captured = capsys.readouterr()
     assert "viewing domains" in captured.out
     assert "visible regions: 4/4" in captured.err
+    # before it is built
+    assert "joint graph of 4 entities: about 10 s and less than 0.5 GiB" in captured.err
+    assert captured.err.index("about 10 s") < captured.err.index("joint graph: 4/4")
     graph = nx.read_graphml(folder / "g.graphml")
     assert len(graph) > 3
 
@@ -104,7 +107,7 @@ def test_a_graph_beyond_the_memory_limit_is_one_line(folder, capsys):
     out, err = capsys.readouterr()
     assert out == ""
     assert err.count("\n") == 1
-    assert "the joint graph of 4 entities must fit memory_limit_bytes" in err
+    assert "the joint graph of 4 entities must fit --memory-limit" in err
     assert "Ask for fewer entities" in err
     assert not (folder / "g.graphml").exists()
 

@@ -37,6 +37,12 @@ TOLD = [
     ("separation_px must be less than half the image", "--separation-px must be less than half the image"),
     ("must meet within gap_mm=0.1 mm. Got 0.2 mm", "must meet within --gap-mm 0.1 mm. Got 0.2 mm"),
     ("allow more with gap_mm=... (on the command line --gap-mm), and look", "allow more with --gap-mm, and look"),
+    (
+        "the joint graph of 4 entities must fit memory_limit_bytes, 1 GiB. Got 2 GiB. Ask for fewer entities, or for "
+        "the regions only: compute_regions answers the same questions, and a plan needs no joint graph.",
+        "the joint graph of 4 entities must fit --memory-limit, 1 GiB. Got 2 GiB. Ask for fewer entities: a plan needs "
+        "no joint graph.",
+    ),
     ("solids must not overlap. Got solids 0 and 1.", "solids must not overlap. Got solids 0 and 1."),
 ]
 
