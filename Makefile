@@ -1,4 +1,4 @@
-.PHONY: demo test lint docs wheel fuzz coverage sbom setup-demo setup-test setup-docs clean
+.PHONY: demo test lint docs wheel versions fuzz coverage sbom setup-demo setup-test setup-docs clean
 VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO_OUT ?= demo-output
@@ -37,6 +37,9 @@ test: lint
 
 wheel:
 	.ci/wheel
+
+versions:
+	.ci/versions
 
 FUZZ_SECONDS ?= 600
 

@@ -3,8 +3,11 @@
 import errno
 import io
 import os
+import shutil
+import stat
+import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import IO
 
@@ -55,19 +58,42 @@ def up_to_limit(file: IO[bytes], *, large: bool) -> bytes:
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Provide a path to write to; what is there moves to `path` when the block ends without an exception.
 
+    What is no file, such as ``/dev/stdout``, is written to and stays what it is.
+
     Raises
     ------
     OutputError
         The folder does not exist, or the file cannot be written.
     """
     path = Path(path)
-    beside = path.parent / f".{path.name}.{os.getpid()}.part"
+    written_to = is_device(path)
     try:
-        yield beside
-        os.replace(beside, path)
+        with tempfile.TemporaryDirectory() if written_to else nullcontext(path.parent) as folder:
+            beside = Path(folder) / f".{path.name}.{os.getpid()}.part"
+            try:
+                yield beside
+                if written_to:
+                    pour(beside, path)
+                else:
+                    os.replace(beside, path)
+            finally:
+                with suppress(OSError):
+                    beside.unlink()
     except OSError as error:
         reason = error.strerror or error
         raise OutputError(f"path must be a file that can be written. Got {str(path)!r}: {reason}.") from error
-    finally:
-        with suppress(OSError):
-            beside.unlink()
+
+
+def is_device(path: str | os.PathLike[str]) -> bool:
+    """Tell whether a path is there, but neither a file nor a folder: a device or a pipe, which no file may replace."""
+    try:
+        kind = os.stat(path).st_mode
+    except (OSError, ValueError):
+        return False
+    return not (stat.S_ISREG(kind) or stat.S_ISDIR(kind))
+
+
+def pour(source: str | os.PathLike[str], device: str | os.PathLike[str]) -> None:
+    """Write what is in a file to a device or a pipe."""
+    with open(source, "rb") as ours, open(device, "wb") as theirs:
+        shutil.copyfileobj(ours, theirs)

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from aspectgraph.files import is_device
 from planner.exceptions import OutputError
 
 # hidden files and folders of a run that was killed while it wrote begin like this
@@ -17,7 +18,7 @@ _HIDDEN = ".aspectgraph-"
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write a text file in UTF-8; it appears whole or not at all.
+    """Write a text file in UTF-8; it appears whole or not at all. What is a device or a pipe is written to.
 
     Raises
     ------
@@ -25,6 +26,9 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
         If the folder does not exist or cannot be written.
     """
     path = Path(path)
+    if is_device(path):
+        _write_to_device(path, text)
+        return
     try:
         handle, temporary = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
     except UnicodeEncodeError:
@@ -42,6 +46,14 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
         Path(temporary).unlink(missing_ok=True)
 
 
+def _write_to_device(path: Path, text: str) -> None:
+    try:
+        with open(path, "w", encoding="utf-8") as stream:
+            stream.write(text)
+    except OSError as error:
+        raise OutputError(f"{path} must be a file that can be written. Got: {error.strerror}.") from None
+
+
 def check_file_place(path: str | os.PathLike[str]) -> None:
     """Refuse a file that could not be written, before the work and not after it.
 
@@ -53,6 +65,8 @@ def check_file_place(path: str | os.PathLike[str]) -> None:
     path = Path(path)
     if path.is_dir():
         raise OutputError(f"{path} must be a file that can be written. Got a folder.")
+    if is_device(path):
+        return
     try:
         _try_to_write(path.parent)
     except OSError as error:

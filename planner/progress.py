@@ -1,6 +1,7 @@
 """Progress of long work, for programs (a callable) and for people (a bar on the terminal).
 
 A progress callable is ``progress(done, total, label)``; None everywhere means silence. It may raise to cancel the work.
+What will take long is told with about how long, see `Pace`.
 """
 
 from __future__ import annotations
@@ -70,6 +71,62 @@ def _compiling(progress: Progress | None) -> Iterator[None]:
         yield
 
 
+class Pace:
+    """Tells about how long the rest of some work takes, from how long its first pieces took here and now.
+
+    The first piece is not counted: a process is started for it, and loops may be compiled. Nothing is told of what is
+    soon done, or already told; again only where it has turned out to take twice as long.
+
+    Parameters
+    ----------
+    clock : callable
+        Seconds.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._begun: dict[str, tuple[float, int]] = {}
+        self._again: dict[str, float] = {}
+
+    def __call__(self, done: int, total: int, label: str) -> str | None:
+        """Return a line to be shown, or None."""
+        now = self._clock()
+        begun, first = self._begun.setdefault(label, (now, done))
+        pieces, seconds = done - first, now - begun
+        if done >= total or pieces < _PIECES or seconds < _SECONDS or now < self._again.get(label, 0.0):
+            return None
+        left = seconds * (total - done) / pieces
+        if left < _LONG_S:
+            return None
+        self._again[label] = now + 2.0 * left
+        most = ", or less" if label in _AT_MOST else ""
+        return f"{label}: about {duration(left)} more{most}, at the pace of the first {done} of {total}"
+
+
+# a pace is told from so many pieces and seconds on, if so much more is to come
+_PIECES, _SECONDS, _LONG_S = 3, 3.0, 20.0
+# what usually ends before its total
+_AT_MOST = ("column generation", "lower bound")
+
+
+def duration(seconds: float) -> str:
+    """Return seconds for people, without digits that nobody knows: 40 s, 3 min, 2.5 h, 4 days.
+
+    Parameters
+    ----------
+    seconds : float
+        Finite, not negative.
+    """
+    if seconds < 90.0:
+        return f"{max(10, 10 * round(seconds / 10.0))} s"
+    if seconds < 5400.0:
+        return f"{round(seconds / 60.0)} min"
+    hours = seconds / 3600.0
+    if hours < 10.0:
+        return f"{round(2.0 * hours) / 2.0:g} h"
+    return f"{round(hours)} h" if hours < 48.0 else f"{round(hours / 24.0)} days"
+
+
 @contextmanager
 def _bars(stream: TextIO | None) -> Iterator[Progress]:
     from rich.console import Console
@@ -86,29 +143,33 @@ class _Bars:
     """One live bar per label; lines that stay appear above them."""
 
     def __init__(self, bars: RichProgress) -> None:
-        self._bars = bars
+        self._bars, self._pace = bars, Pace()
         self._tasks: dict[str, TaskID] = {}
 
     def __call__(self, done: int, total: int, label: str) -> None:
         if label not in self._tasks:
             self._tasks[label] = self._bars.add_task(label, total=total)
         self._bars.update(self._tasks[label], completed=done, total=total)
+        if (line := self._pace(done, total, label)) is not None:
+            self.note(line)
 
     def note(self, text: str) -> None:
         self._bars.console.print(text, highlight=False, markup=False)
 
 
 class _Lines:
-    """One line whenever all known work of a label is done: readable in a log."""
+    """One line whenever all known work of a label is done, and about how long that takes: readable in a log."""
 
     def __init__(self, stream: TextIO | None) -> None:
-        self._stream = stream
+        self._stream, self._pace = stream, Pace()
         self._started: dict[str, float] = {}
         self._finished: set[tuple[str, int]] = set()
 
     def __call__(self, done: int, total: int, label: str) -> None:
         if label not in self._started:
             self._started[label] = time.monotonic()
+        if (line := self._pace(done, total, label)) is not None:
+            self.note(line)
         if done >= total and (label, total) not in self._finished:
             seconds = time.monotonic() - self._started[label]
             self._finished.add((label, total))

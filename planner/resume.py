@@ -38,8 +38,8 @@ from planner.setting.sensor_setting import SensorSetting
 FORMAT = "aspectgraph planning state"
 VERSION = 2
 
-# the file is not written anew before so many seconds, nor before so many times as long as it took
-_SECONDS, _TIMES = 5.0, 60.0
+# the file is not written anew before so many seconds, nor before so many times as long as it took, but after so many
+_SECONDS, _TIMES, _MOST_SECONDS = 5.0, 60.0, 15.0
 
 
 class PlanningState:
@@ -135,8 +135,8 @@ class PlanningState:
             self._failed = True
 
     def _save_in_time(self) -> None:
-        # the cost of saving is a small share of the time, however large the state is
-        if time.monotonic() - self._saved_at > max(_SECONDS, _TIMES * self._seconds):
+        # saving costs a small share of the time; of a very large state more, so that no more is lost
+        if time.monotonic() - self._saved_at > min(max(_SECONDS, _TIMES * self._seconds), _MOST_SECONDS):
             self.save()
 
     def _write(self, path: Path) -> None:

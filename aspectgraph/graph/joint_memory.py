@@ -3,17 +3,30 @@
 The cells of a joint graph grow faster than the number of its entities, and how fast depends on the part. So what is
 known before is an estimate, from the cells of the single regions, that may err by `ERROR` either way; what the cells
 hold while they grow is counted. A graph is refused before the work only if the estimate is too large by more than its
-error.
+error, and before all regions are there only if the first of them leave no doubt.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from math import inf
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from aspectgraph.exceptions import MemoryLimitError
 from aspectgraph.visibility.entity_region import Region
 from aspectgraph.visibility.visibility_regions import Progress
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from aspectgraph.entities.straight_edges import Entity
+    from aspectgraph.solid.solid import Solid
+
+try:
+    import resource
+except ImportError:  # not on Windows
+    resource = None  # type: ignore[assignment]
 
 # Bytes and seconds of a graph for (cells of all regions)^_POWER; how many times as much as the overlay's cells it takes
 # in the end; and the factor by which the estimate may err. With 10, 20 and 60 edges of nist_ctc_01 the memory was 1.56,
@@ -21,6 +34,11 @@ from aspectgraph.visibility.visibility_regions import Progress
 _BYTES, _SECONDS, _POWER = 5.0, 2.5e-7, 2.0
 _OF_OVERLAY = 4.0
 ERROR = 3.0
+
+# regions from which the cells of all are guessed: at least so many, and such a share; the guess may err by this besides
+_FIRST, _FIRST_SHARE, _FIRST_ERROR = 10, 0.05, 2.0
+
+_GROUP = Path("/sys/fs/cgroup")
 
 _ADVICE = (
     "Ask for fewer entities, or for the regions only: compute_regions answers the same questions, and a plan needs no "
@@ -46,8 +64,50 @@ class JointEstimate(NamedTuple):
 
 def estimate_joint_graph(regions: Sequence[Region]) -> JointEstimate:
     """Return about what the joint graph of regions costs."""
-    growth = float(sum(region.n_leaves for region in regions)) ** _POWER
+    return _cost(sum(region.n_leaves for region in regions))
+
+
+def _cost(cells: float) -> JointEstimate:
+    growth = float(cells) ** _POWER
     return JointEstimate(_BYTES * growth, _SECONDS * growth)
+
+
+class JointForecast:
+    """Ends the computation of regions as soon as it is certain that their joint graph does not fit.
+
+    It is given to `compute_regions` as what keeps regions; it keeps none.
+
+    Parameters
+    ----------
+    limit_bytes : float, optional
+        What the graph may take. Default: the memory that is left.
+
+    Raises
+    ------
+    MemoryLimitError
+        If the limit is no positive number; in `put`, if the graph cannot fit.
+    """
+
+    def __init__(self, limit_bytes: float | None = None) -> None:
+        self.limit, self.whose = _limit(limit_bytes)
+        self._total, self._known, self._cells = 0, 0, 0
+
+    def begin(self, solid: Solid, box_mm: np.ndarray, entities: Mapping[str, Entity]) -> None:
+        """Take in how many there will be."""
+        self._total, self._known, self._cells = len(entities), 0, 0
+
+    def get(self, name: str) -> None:
+        """Return None: nothing is kept."""
+
+    def put(self, name: str, region: Region) -> None:
+        """Count the cells of a region."""
+        self._known, self._cells = self._known + 1, self._cells + region.n_leaves
+        if self._known < max(_FIRST, _FIRST_SHARE * self._total) or self._known == self._total:
+            return
+        about = _cost(self._cells * self._total / self._known).memory_bytes
+        if about > _FIRST_ERROR * ERROR * self.limit:
+            got = f"about {in_gib(about)}, estimated from the first {self._known} regions"
+            raise _refusal(self._total, self.whose, self.limit, got)
 
 
 class JointMemory:
@@ -90,10 +150,13 @@ class JointMemory:
         return self._refused(f"a process that gets no more memory ({str(error).rstrip('.') or 'no reason given'})")
 
     def _refused(self, got: str) -> MemoryLimitError:
-        return MemoryLimitError(
-            f"the joint graph of {self.total} entities must fit {self.whose}, {in_gib(self.limit)}. Got {got}. "
-            f"{_ADVICE}"
-        )
+        return _refusal(self.total, self.whose, self.limit, got)
+
+
+def _refusal(total: int, whose: str, limit: float, got: str) -> MemoryLimitError:
+    return MemoryLimitError(
+        f"the joint graph of {total} entities must fit {whose}, {in_gib(limit)}. Got {got}. {_ADVICE}"
+    )
 
 
 def in_gib(memory_bytes: float) -> str:
@@ -111,10 +174,39 @@ def _limit(limit_bytes: float | None) -> tuple[float, str]:
 
 
 def free_bytes() -> float:
-    """Return the memory that the machine has left; infinity where it does not tell."""
+    """Return the memory that is left: of the machine, its container and the process; infinity where none tells."""
+    return min(_left_of_machine(), _left_of_container(), _left_of_process())
+
+
+def _left_of_machine() -> float:
+    return _told_by("/proc/meminfo", "MemAvailable")
+
+
+def _left_of_container() -> float:
+    """Return what the control group of a container leaves; what files only passed through can be had again."""
     try:
-        with open("/proc/meminfo", encoding="ascii") as lines:
-            told = dict(line.split(":", 1) for line in lines)
-        return 1024.0 * float(told["MemAvailable"].split()[0])
+        most, taken = (float(_GROUP.joinpath(name).read_text("ascii")) for name in ("memory.max", "memory.current"))
+        stated = dict(line.split() for line in _GROUP.joinpath("memory.stat").read_text("ascii").splitlines())
+        return max(most - taken + float(stated["inactive_file"]), 0.0)
+    except (OSError, ValueError, KeyError):
+        # there is none, or its limit is "max"
+        return inf
+
+
+def _left_of_process() -> float:
+    """Return what ``ulimit -v`` leaves."""
+    if resource is None:
+        return inf
+    most = resource.getrlimit(resource.RLIMIT_AS)[0]
+    taken = _told_by("/proc/self/status", "VmSize")
+    return inf if most == resource.RLIM_INFINITY or taken == inf else max(most - taken, 0.0)
+
+
+def _told_by(file: str, name: str) -> float:
+    """Return an amount of memory in a file of the kernel; infinity where there is none."""
+    try:
+        with open(file, encoding="ascii", errors="replace") as lines:
+            told = dict(line.split(":", 1) for line in lines if ":" in line)
+        return 1024.0 * float(told[name].split()[0])
     except (OSError, KeyError, ValueError):
-        return float("inf")
+        return inf

@@ -38,7 +38,7 @@ class SolidChoice:
         if isinstance(self.occluders, str) and self.occluders != "all":
             raise ReadError(f"occluders must be 'all' or numbers of solids. Got {self.occluders!r}.")
         if self.occluders == "all" and self.measured is None:
-            raise ReadError("occluders must be numbers where no measured solids are given. Got 'all'.")
+            raise ReadError("occluders must be numbers where solids does not say which are measured. Got 'all'.")
         both = sorted(set(self.measured or ()) & set(() if self.occluders == "all" else self.occluders))
         if both:
             raise ReadError(f"a solid must be measured or an occluder. Got solid {both[0]} as both.")

@@ -14,7 +14,7 @@ import zipfile
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -32,6 +32,19 @@ _FIELDS = {
     "origin": (np.int32, 2),
     "observable": (np.bool_, 1),
 }
+
+
+class RegionStore(Protocol):
+    """What is told of regions as they are computed, and may know some of them; an error it raises ends the work."""
+
+    def begin(self, solid: Solid, box_mm: np.ndarray, entities: Mapping[str, Entity]) -> None:
+        """Say what the regions depend on: part, workspace, and all entities."""
+
+    def get(self, name: str) -> Region | None:
+        """Return the region of an entity, if it is known."""
+
+    def put(self, name: str, region: Region) -> None:
+        """Take the region of an entity."""
 
 
 class KeptRegions:

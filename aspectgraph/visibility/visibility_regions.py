@@ -21,7 +21,7 @@ from aspectgraph.exceptions import EntityError, WorkspaceError
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.blocked_sets import blockers
 from aspectgraph.visibility.entity_region import Region, observable_region
-from aspectgraph.visibility.kept_regions import KeptRegions
+from aspectgraph.visibility.kept_regions import RegionStore
 from aspectgraph.visibility.overlay import overlay, share_planes
 from aspectgraph.visibility.scene import Scene, make_scene, own_order
 from aspectgraph.visibility.united_sets import Blockers
@@ -253,7 +253,7 @@ def compute_regions(
     workspace: ArrayLike | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
-    kept: KeptRegions | None = None,
+    kept: RegionStore | None = None,
 ) -> VisibilityRegions:
     """Compute from where each entity is observable.
 
@@ -269,8 +269,8 @@ def compute_regions(
         Computes entities in parallel; the result does not depend on it.
     progress : callable, optional
         ``progress(done, total, label)`` after each of the entities; the label is the name of the entity.
-    kept : KeptRegions, optional
-        Has regions of an earlier call with the same arguments, and keeps those that are computed now.
+    kept : RegionStore, optional
+        Such as `KeptRegions`: has regions of an earlier call with the same arguments, and keeps those computed now.
 
     Returns
     -------
@@ -320,7 +320,7 @@ def regions_of(
     make: Callable[[_Task], Region],
     executor: Executor | None = None,
     progress: Progress | None = None,
-    kept: KeptRegions | None = None,
+    kept: RegionStore | None = None,
 ) -> dict[str, Region]:
     """Make the region of each entity, or of what names one, in parallel if there is an executor, in their order."""
     report = progress or (lambda done, total, label: None)

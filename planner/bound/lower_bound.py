@@ -48,6 +48,8 @@ from planner.executors import Shared, in_order
 from planner.ledger import Ledger
 from planner.progress import Progress, report
 
+# of what is told while the tree of poses grows
+_GROWING = "growing"
 # for rounding sums of weights
 _SLACK = 1e-6
 
@@ -157,14 +159,16 @@ def lower_bound(
     regions = Cells.joined(in_order(executor, entity_cells, [(shared, judge.names[i]) for i in entity_idx]))
     first = ledger("covers")
     if first is None:
-        conflict = find_conflicts(judge, entity_idx, columns, regions)
+        grown = ledger(_GROWING)
+        conflict = find_conflicts(judge, entity_idx, columns, regions) if grown is None else grown["conflict"]
         tree = PoseTree(judge, entity_idx, regions, conflict)
         # a pair excludes each other for a reason of its own; so do the pairs of a clique
         alone = max(1, len(large_clique(conflict)))
         ledger.proven(min(alone, n_settings))
-        proven = _by_covers(tree, columns, (alone, n_settings), max_nodes, ledger, progress)
+        proven = _by_covers(tree, columns, (alone, n_settings), max_nodes, _Growing(ledger, conflict), progress)
         first = {"conflict": conflict, "bound": proven, "made": tree.made, "alone": alone}
     ledger.tell("covers", first)
+    ledger.tell(_GROWING, None)
     ledger.proven(first["bound"])
     space = PoseSpace(judge, entity_idx, regions, first["conflict"])
     linear = LinearBound(space, columns, ledger.improve, ledger)
@@ -182,7 +186,7 @@ def _by_covers(
     columns: NDArray[np.bool_],
     between: tuple[int, int],
     max_nodes: int,
-    ledger: Ledger,
+    growing: _Growing,
     progress: Progress | None,
 ) -> int:
     """Return how many settings covers by leaves' sets prove; the tree is grown as far as they need it.
@@ -191,14 +195,15 @@ def _by_covers(
     """
     weights = _Weights(np.asarray(columns, dtype=bool))
     known, n_settings = between
-    target, rounds = known + 1, 0
     guide = fractional_cover(columns)[1]
+    target, rounds = growing.resume(tree, weights) or (known + 1, 0)
     while target <= n_settings and tree.made < min(COVERING.nodes, max_nodes):
+        growing.tell(tree, weights, target, rounds)
         rounds += 1
         sets_first = rounds <= COVERING.cover_rounds or rounds % COVERING.rounds_per_cover == 0
         heavy = _to_split(tree, weights.solve(tree.sets), target) if sets_first else _above(tree, guide, target)
         if heavy is None:
-            ledger.proven(target)
+            growing.ledger.proven(target)
             target, rounds = target + 1, 0
             continue
         if not heavy.size:
@@ -206,6 +211,34 @@ def _by_covers(
         tree.split(heavy, sets_first)
         report(progress, min(tree.made, max_nodes), max_nodes, "lower bound")
     return min(target - 1, n_settings)
+
+
+class _Growing:
+    """Tells how far covers by leaves' sets have got, and goes on from there another time.
+
+    Parameters
+    ----------
+    ledger : Ledger
+    conflict : array of bool (e, e)
+        Pairs that exclude each other: they take long to find, too.
+    """
+
+    def __init__(self, ledger: Ledger, conflict: NDArray[np.bool_]):
+        self.ledger, self._conflict = ledger, conflict
+
+    def tell(self, tree: PoseTree, weights: _Weights, target: int, rounds: int) -> None:
+        """Tell where a round begins."""
+        rest = {"tree": tree.to_dict(), "rows": weights.rows, "target": target, "rounds": rounds}
+        self.ledger.tell(_GROWING, {"conflict": self._conflict, **rest})
+
+    def resume(self, tree: PoseTree, weights: _Weights) -> tuple[int, int] | None:
+        """Return the number of settings aimed at, and the rounds done, if this was told before."""
+        grown = self.ledger(_GROWING)
+        if grown is None:
+            return None
+        tree.regrow(grown["tree"])
+        weights.rows = grown["rows"]
+        return grown["target"], grown["rounds"]
 
 
 def _proof_of_clique(n: int, what: str) -> str:
@@ -274,7 +307,7 @@ class _Weights:
 
     def __init__(self, columns: NDArray[np.bool_]):
         self._columns = columns[distinct_rows(columns)[0]]
-        self._rows = self._columns[:0]
+        self.rows = self._columns[:0]
 
     def solve(self, sets: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the weights y (e,) of largest sum such that no leaf and no known column weighs more than 1."""
@@ -288,12 +321,12 @@ class _Weights:
             worst = violated[np.argsort(-weight[violated], kind="stable")[: GENERATION.violated]]
             new = sets[worst[distinct_rows(sets[worst])[0]]]
             new = new[np.argsort(-(new @ y), kind="stable")[: GENERATION.added]]
-            self._rows = np.concatenate([self._rows, new])
-        self._rows = self._rows[self._rows @ y > GENERATION.kept]
+            self.rows = np.concatenate([self.rows, new])
+        self.rows = self.rows[self.rows @ y > GENERATION.kept]
         return y / max(1.0, float((sets @ y).max(initial=0.0)))
 
     def _solve(self) -> NDArray[np.float64]:
-        rows = np.concatenate([self._columns, self._rows])
+        rows = np.concatenate([self._columns, self.rows])
         result = linprog(
             -np.ones(rows.shape[1]),
             A_ub=csr_matrix(rows.astype(float)),
@@ -304,6 +337,6 @@ class _Weights:
 
     def _forget(self, sets: NDArray[np.bool_]) -> None:
         """Drop the sets of leaves that have been split since: they would hold the weights down for ever."""
-        if len(self._rows):
+        if len(self.rows):
             present = {row.tobytes() for row in np.packbits(sets, axis=1)}
-            self._rows = self._rows[[row.tobytes() in present for row in np.packbits(self._rows, axis=1)]]
+            self.rows = self.rows[[row.tobytes() in present for row in np.packbits(self.rows, axis=1)]]

@@ -6,6 +6,7 @@ The necessary conditions are those of `planner.bound.lower_bound`, which says wh
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -69,6 +70,16 @@ class PoseTree:
     def size(self) -> NDArray[np.float64]:
         """The largest angle a node's extent causes, rad; (n,)."""
         return self._extents.max(axis=1)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the leaves, for `regrow`; the arrays do not change any more."""
+        return {**dict(self._fields()), "extents": self._extents, "made": self.made}
+
+    def regrow(self, leaves: Mapping[str, Any]) -> None:
+        """Go on from leaves of the same request."""
+        for name, _ in self._fields():
+            setattr(self, name, leaves[name])
+        self._extents, self.made = leaves["extents"], leaves["made"]
 
     def split(self, nodes: NDArray[np.int_], sets_first: bool = True) -> None:
         """Replace nodes by their two halves along the coordinate that causes most slack; forget empty ones.

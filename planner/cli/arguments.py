@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import re
 
 from planner.light.background import DEFAULT_STEP
+
+_BYTES = {"mb": 1e6, "gb": 1e9, "tb": 1e12, "mib": 2.0**20, "gib": 2.0**30, "tib": 2.0**40}
+_MEMORY = re.compile(r"(\d+(?:\.\d*)?(?:e[+-]?\d+)?) ?([MGT]i?B)?", re.ASCII | re.IGNORECASE)
 
 
 def add_asked(parser: argparse.ArgumentParser) -> None:
@@ -138,6 +142,14 @@ def lengths(text: str) -> list[float]:
         return [float(number) for number in text.split(",")]
     except ValueError:
         raise argparse.ArgumentTypeError(f"must be numbers like 250,400. Got {text!r}.") from None
+
+
+def memory(text: str) -> float:
+    """Return an amount of memory in bytes; a number alone is in GiB."""
+    found = _MEMORY.fullmatch(text.strip())
+    if found is None or not float(found[1]) > 0:
+        raise argparse.ArgumentTypeError(f"must be a positive number of GiB, or like 8GB or 500MB. Got {text!r}.")
+    return float(found[1]) * _BYTES[(found[2] or "gib").lower()]
 
 
 def add_part(parser: argparse.ArgumentParser) -> None:

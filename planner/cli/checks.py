@@ -44,9 +44,6 @@ def check_numbers(options: Any) -> None:
         value = given.get(name)
         if value is not None and not (math.isfinite(value) and value >= 0):
             raise RequestError(f"{_option(name)} must be finite and not negative. Got {value:g}.")
-    memory = given.get("memory_limit")
-    if memory is not None and not memory > 0:
-        raise RequestError(f"--memory-limit must be a positive number of GiB. Got {memory:g}.")
     limit, gap = given.get("time_limit"), given.get("gap")
     if limit is not None and not 0 < limit < math.inf:
         raise RequestError(f"--time-limit must be a positive number of seconds. Got {limit:g}.")

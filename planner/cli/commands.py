@@ -15,11 +15,13 @@ import numpy as np
 
 from aspectgraph import (
     AspectGraphError,
+    JointForecast,
     LightRegions,
     ReadError,
     SolidChoice,
     compute_light,
     compute_regions,
+    estimate_graph,
     graph_of,
     light_graph_of,
     read_dimensions,
@@ -55,8 +57,9 @@ from planner.light.ring_space import RingSpace
 from planner.output import terminal_tables
 from planner.output.json_records import graph_record, part_record, plan_record, print_json
 from planner.output.plan_folder import PLAN_FILES, left_out, rescue, write_outputs
+from planner.output.wording import cost_sentence
 from planner.plan import InspectionPlan, read_plan
-from planner.progress import labelled, terminal_progress
+from planner.progress import labelled, note, terminal_progress
 from planner.request.defaults import check_fraction, default_workspace
 from planner.request.effort import Effort
 from planner.showing.showing import Showing
@@ -111,11 +114,13 @@ def graph(options: argparse.Namespace) -> int:
 def _graph(options: argparse.Namespace, solid: Solid, entities: Any, box: Any, progress: Any) -> EntityAspectGraph:
     """Return the graph of viewpoints, or of lamp positions."""
     shown = labelled(progress, "visible regions")
-    limit = None if options.memory_limit is None else options.memory_limit * 2**30
+    limit = options.memory_limit
     if options.lamps:
         lit = compute_light(solid, entities, options.contrast, box, progress=shown)
+        note(progress, cost_sentence(estimate_graph(lit), len(entities)))
         return light_graph_of(lit, memory_limit_bytes=limit, progress=progress)
-    regions = compute_regions(solid, entities, workspace=box, progress=shown)
+    regions = compute_regions(solid, entities, workspace=box, progress=shown, kept=JointForecast(limit))
+    note(progress, cost_sentence(estimate_graph(regions), len(entities)))
     return graph_of(regions, memory_limit_bytes=limit, progress=progress)
 
 

@@ -22,6 +22,7 @@ from planner.cli.arguments import (
     add_wanted,
     add_workspace,
     lengths,
+    memory,
 )
 from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 from planner.cli.signals import termination_as_interruption
@@ -94,7 +95,10 @@ def main(arguments: list[str] | None = None) -> int:
             from planner.cli.checks import check_numbers
 
             check_numbers(options)
-            return getattr(commands, options.command)(options)
+            code: int = getattr(commands, options.command)(options)
+            # what is held back would fail where nobody can catch it
+            print(end="", flush=True)
+            return code
     except _UsageError as error:
         return _fail(str(error), BAD_INPUT)
     except SystemExit:
@@ -111,6 +115,21 @@ def main(arguments: list[str] | None = None) -> int:
         from planner.exceptions import InfeasibleError
 
         return _fail(str(error), INCOMPLETE if isinstance(error, InfeasibleError) else BAD_INPUT)
+    except OSError as error:
+        if not _output_fails():
+            raise
+        return _fail(f"standard output must be writable. Got: {error.strerror}.", BAD_INPUT)
+
+
+def _output_fails() -> bool:
+    """Tell whether standard output takes no more; if so, forget it, as the interpreter would try again in the end."""
+    try:
+        # nothing need be left of what failed, so that is found out by an empty line
+        print(flush=True)
+    except OSError:
+        sys.stdout = None
+        return True
+    return False
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -179,9 +198,10 @@ def _add_graph(commands: Any) -> None:
     )
     graph.add_argument(
         "--memory-limit",
-        type=float,
+        type=memory,
         metavar="GIB",
-        help="end with an estimate if the graph takes more than about so much memory (default: what is free)",
+        help="end with an estimate if the graph takes more than about so much memory; also like 8GB or 500MB "
+        "(default: what is free)",
     )
     add_workspace(graph)
 

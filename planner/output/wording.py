@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from planner.progress import duration
 from planner.request.defaults import corner_margin_px
 from planner.rows.measured import line_warning, unshown_warning
 from planner.showing.image_check import MOST_PX
@@ -16,6 +17,7 @@ from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
 
 if TYPE_CHECKING:
+    from aspectgraph import JointEstimate
     from planner.camera.camera import Camera
     from planner.light.light_plan import LitImage
     from planner.plan import InspectionPlan
@@ -56,6 +58,14 @@ def incumbent_line(plan: InspectionPlan, seconds: float) -> str:
     settings, inspected = count(len(plan.settings), "setting"), len(plan.inspected)
     some = "" if plan.complete else f", {inspected} of {count(len(plan.entities), *nouns(plan))}"
     return f"{seconds:8.1f} s   {settings:>12}   at least {plan.lower_bound:<3}   gap {100 * plan.gap:.0f} %{some}"
+
+
+def cost_sentence(about: JointEstimate, n: int) -> str:
+    """Say about what the joint graph of n entities costs."""
+    memory = f"{about.memory_bytes / 2**30:.1g} GiB" if about.memory_bytes >= 2**29 else "less than 0.5 GiB"
+    graph = f"joint graph of {count(n, 'entity', 'entities')}"
+    sure = "from the cells of the visible regions; either may be three times that, and a busy machine takes longer"
+    return f"{graph}: about {duration(about.seconds)} and {memory}, {sure}"
 
 
 def unfinished_sentence(plan: InspectionPlan) -> str:

@@ -2,12 +2,14 @@
 
 import errno
 import os
+import stat
 from pathlib import Path
 
 import pytest
+from pipes_to_write import read_while
 
 from planner.exceptions import OutputError
-from planner.files import check_file_place, output_folder, staged_folder
+from planner.files import check_file_place, output_folder, staged_folder, write_text
 
 NAMES = ("plan.json", "graph.graphml", "colmap/images.txt")
 
@@ -223,3 +225,23 @@ def test_a_file_that_could_not_be_written_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "fsync", lambda handle: (_ for _ in ()).throw(OSError(errno.ENOSPC, "No space left")))
     with pytest.raises(OutputError, match="No space left"):
         check_file_place(tmp_path / "g.graphml")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names")
+def test_a_pipe_is_written_to_and_stays_a_pipe(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    check_file_place(pipe)
+    with read_while(pipe) as got:
+        write_text(pipe, "some text")
+    assert got == ["some text"]
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+    assert os.listdir(tmp_path) == ["pipe"]
+
+
+@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="no such device")
+def test_a_device_is_never_replaced():
+    """As root one may rename a file over it."""
+    with pytest.raises(OutputError, match=r"/dev/full must be a file that can be written\. Got: No space left"):
+        write_text("/dev/full", "some text")
+    assert Path("/dev/full").is_char_device()

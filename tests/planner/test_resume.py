@@ -103,7 +103,7 @@ def test_whatever_is_interrupted_the_plan_is_the_same_bit_for_bit(space, whole, 
         if path.exists():
             steps.add(json.loads(path.read_text())["checkpoint"]["step"])
         assert exact(plan_box(space, path)) == exact(plan)
-    assert steps == {"sampling", "candidate poses", "column generation", "weighing", "lower bound"}
+    assert steps == {"sampling", "candidate poses", "column generation", "lower bound"}
 
 
 def test_candidate_poses_are_not_drawn_again(space, whole, tmp_path, monkeypatch):
@@ -118,6 +118,34 @@ def test_candidate_poses_are_not_drawn_again(space, whole, tmp_path, monkeypatch
     assert json.loads(path.read_text())["checkpoint"]["step"] == "candidate poses"
     monkeypatch.setattr("planner.steps.find_columns.judged_poses", stop)
     assert exact(plan_box(space, path)) == exact(whole[0])
+
+
+def test_pairs_that_exclude_each_other_and_the_tree_of_poses_are_kept(space, whole, tmp_path, monkeypatch):
+    """Neither tells of its progress for long."""
+
+    def stop(*arguments, **options):
+        raise Stop
+
+    path, bound = tmp_path / "state.json", import_module("planner.bound.lower_bound")
+    with monkeypatch.context() as patch:
+        patch.setattr(bound, "find_conflicts", stop)
+        with pytest.raises(Stop):
+            plan_box(space, path)
+    assert json.loads(path.read_text())["checkpoint"]["step"] == "weighing"
+    splits, split = [], bound.PoseTree.split
+    with monkeypatch.context() as patch:
+        patch.setattr(
+            bound.PoseTree, "split", lambda *given: splits.append(1) or (stop if len(splits) > 2 else split)(*given)
+        )
+        with pytest.raises(Stop):
+            plan_box(space, path)
+    kept = json.loads(path.read_text())["checkpoint"]["entries"]["growing"]
+    assert kept["tree"]["made"] > 0
+    monkeypatch.setattr(bound, "find_conflicts", stop)
+    splits.clear()
+    monkeypatch.setattr(bound.PoseTree, "split", lambda *given: splits.append(given[0].made) or split(*given))
+    assert exact(plan_box(space, path)) == exact(whole[0])
+    assert splits[0] == kept["tree"]["made"]
 
 
 def test_interrupted_again_and_again_it_still_gets_there(space, whole, tmp_path):
@@ -253,6 +281,23 @@ def test_saving_takes_a_small_share_of_the_time(tmp_path, monkeypatch):
         memo.keep("some step", {})
     assert saved[0] * 0.3 < 0.02 * clock[0]
     assert saved[0] > 10
+
+
+def test_a_large_state_is_saved_often_enough(tmp_path, monkeypatch):
+    """Saving takes a second: what is lost is still less than the twenty seconds that are promised."""
+    clock, saved = [0.0], []
+
+    def write(path, text):
+        clock[0] += 1.0
+        saved.append(clock[0])
+
+    monkeypatch.setattr(resume, "write_text", write)
+    monkeypatch.setattr(resume.time, "monotonic", lambda: clock[0])
+    memo = PlanningState({}, tmp_path / "state.json")
+    for _ in range(10_000):
+        clock[0] += 0.01
+        memo.keep("some step", {})
+    assert max(np.diff(saved)) < 20.0
 
 
 def test_arrays_survive_being_packed_bit_for_bit():

@@ -1,10 +1,22 @@
 """Memory of a joint graph: refused with an estimate before the work or while it grows, never a bare MemoryError."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
-from aspectgraph import AspectGraphError, MemoryLimitError, build_aspect_graph, compute_regions, graph_of, read_solid
-from aspectgraph.graph import aspect_graph
+from aspectgraph import (
+    AspectGraphError,
+    JointForecast,
+    MemoryLimitError,
+    build_aspect_graph,
+    compute_regions,
+    estimate_graph,
+    graph_of,
+    read_solid,
+)
+from aspectgraph.graph import aspect_graph, joint_memory
 from aspectgraph.graph.joint_memory import ERROR, estimate_joint_graph
 
 PART = "examples/two_pocket_block.off"
@@ -57,3 +69,50 @@ def test_a_limit_must_be_positive(regions, limit):
 def test_building_takes_a_limit(regions):
     with pytest.raises(MemoryLimitError, match="joint graph of 2 entities"):
         build_aspect_graph(regions.solid, dict(list(regions.entities.items())[:2]), memory_limit_bytes=1)
+
+
+def test_regions_of_a_graph_that_cannot_fit_are_not_all_computed(regions):
+    told = []
+
+    def progress(done, *_):
+        told.append(done)
+
+    with pytest.raises(MemoryLimitError, match=r"12 entities must fit .*estimated from the first 10 regions"):
+        compute_regions(regions.solid, regions.entities, progress=progress, kept=JointForecast(1000))
+    assert told[-1] < 12
+
+
+def test_regions_of_a_graph_that_may_fit_are_computed(regions):
+    """The first regions may be the largest ones: only a graph that is far too large is refused by them."""
+    about = estimate_graph(regions).memory_bytes
+    assert compute_regions(regions.solid, regions.entities, kept=JointForecast(about / ERROR)).entities
+
+
+def test_the_estimate_of_some_entities_is_that_of_their_regions(regions):
+    names = regions.entity_names[:3]
+    assert estimate_graph(regions, names) == estimate_joint_graph([regions._regions[name] for name in names])
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the kernel tells of limits in its own way")
+def test_what_a_process_may_take_counts_as_free():
+    """``ulimit -v`` of the shell: the machine may have more."""
+    script = (
+        "import resource; from aspectgraph.graph.joint_memory import free_bytes; "
+        "resource.setrlimit(resource.RLIMIT_AS, (2**45, resource.RLIM_INFINITY)); wide = free_bytes(); "
+        "taken = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize(); "
+        "resource.setrlimit(resource.RLIMIT_AS, (taken + 10**8, resource.RLIM_INFINITY)); print(wide, free_bytes())"
+    )
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    wide, narrow = map(float, run.stdout.split())
+    assert 0.5e8 < narrow <= 1.01e8 < wide
+
+
+def test_what_a_container_may_take_counts_as_free(tmp_path, monkeypatch):
+    monkeypatch.setattr(joint_memory, "_GROUP", tmp_path)
+    wide = joint_memory.free_bytes()
+    (tmp_path / "memory.max").write_text("5000000\n")
+    (tmp_path / "memory.current").write_text("4000000\n")
+    (tmp_path / "memory.stat").write_text("anon 1\ninactive_file 2000000\n")
+    assert joint_memory.free_bytes() == 3_000_000 < wide
+    (tmp_path / "memory.max").write_text("max\n")
+    assert joint_memory.free_bytes() > 3_000_000

@@ -124,7 +124,7 @@ def test_contact_in_a_line_or_a_point_is_refused(tmp_path, at):
 def test_choices_that_are_none(boss_on_plate):
     with pytest.raises(ReadError, match=r"occluders must be 'all' or numbers of solids. Got 'most'"):
         SolidChoice([0], "most")
-    with pytest.raises(ReadError, match="must be numbers where no measured solids are given"):
+    with pytest.raises(ReadError, match="must be numbers where solids does not say which are measured"):
         SolidChoice(None, "all")
     with pytest.raises(ReadError, match=r"measured or an occluder. Got solid 1 as both"):
         SolidChoice([0, 1], [1])

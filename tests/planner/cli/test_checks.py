@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import re
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from planner import Camera, camera_names
+from planner.cli.arguments import memory
 from planner.cli.exit_codes import BAD_INPUT, DONE
 from planner.cli.main import main
 
@@ -23,10 +25,6 @@ PLAN = ["plan", BLOCK, "--entities", "8", "--camera", "basler-acA2440-20gm-8mm",
         ([*PLAN, "--sigma-rad", "nan"], "--sigma-rad must be finite and not negative. Got nan."),
         ([*PLAN, "--stand-off", "-1"], "--stand-off must be finite and not negative. Got -1."),
         ([*PLAN, "--simulate", "0"], "--simulate must be at least 1. Got 0."),
-        (
-            ["graph", BLOCK, "--all", "--graphml", "g", "--memory-limit", "0"],
-            "--memory-limit must be a positive number of GiB. Got 0.",
-        ),
         (["info", BLOCK, "--min-length", "-3"], "--min-length must be finite and not negative. Got -3."),
         (["simulate", "plan.json", "--poses", "0"], "--poses must be at least 1. Got 0."),
     ],
@@ -37,6 +35,20 @@ def test_a_number_out_of_its_range_names_its_option(tmp_path, monkeypatch, capsy
     out, err = capsys.readouterr()
     assert (out, err) == ("", f"aspectgraph: {message}\n")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("8", 8 * 2**30), ("1e-3", 2**30 / 1000), ("8GB", 8e9), ("1.5 gib", 1.5 * 2**30), ("500mb", 5e8)],
+)
+def test_an_amount_of_memory_may_have_its_unit(text, value):
+    assert memory(text) == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "8 apples", "nan", "inf", "", "GB", "8KB", "0GB"])
+def test_what_is_no_amount_of_memory_is_refused(text):
+    with pytest.raises(argparse.ArgumentTypeError, match="must be a positive number of GiB"):
+        memory(text)
 
 
 def test_a_pitch_in_micrometres_is_refused(tmp_path, capsys):

@@ -94,6 +94,9 @@ def test_graph_is_written(folder, capsys):
     captured = capsys.readouterr()
     assert "viewing domains" in captured.out
     assert "visible regions: 4/4" in captured.err
+    # before it is built
+    assert "joint graph of 4 entities: about 10 s and less than 0.5 GiB" in captured.err
+    assert captured.err.index("about 10 s") < captured.err.index("joint graph: 4/4")
     graph = nx.read_graphml(folder / "g.graphml")
     assert len(graph) > 3
 
@@ -104,7 +107,7 @@ def test_a_graph_beyond_the_memory_limit_is_one_line(folder, capsys):
     out, err = capsys.readouterr()
     assert out == ""
     assert err.count("\n") == 1
-    assert "the joint graph of 4 entities must fit memory_limit_bytes" in err
+    assert "the joint graph of 4 entities must fit --memory-limit" in err
     assert "Ask for fewer entities" in err
     assert not (folder / "g.graphml").exists()
 
@@ -472,7 +475,7 @@ def test_solids_of_a_step_file_can_be_chosen(folder, capsys):
     (line,) = failure(capsys, ["info", "part.step", "--solids", "2", "--occluders", "all"])
     assert "must not overlap" in line
     (line,) = failure(capsys, ["info", "part.step", "--occluders", "all"])
-    assert "--occluders must be numbers where no measured solids are given" in line
+    assert "--occluders must be numbers where --solids does not say which are measured" in line
     assert main(["info", "part.step", "--solids", "0,2"]) == DONE
     assert "part: 2 shells, 12 faces" in capsys.readouterr().out
     assert main(["graph", "part.step", "--solids", "2", "--all", "--graphml", "g.graphml"]) == DONE

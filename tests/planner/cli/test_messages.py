@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 
 from planner.cli.main import main
@@ -27,6 +31,8 @@ TOLD = [
         "p.step: --select must hold for at least one edge. Got none for 'length > 9'.",
     ),
     ("accuracy must be in (0, 1). Got 2.0.", "--accuracy must be in (0, 1). Got 2.0."),
+    ("out must be a folder. Got x: x is a file.", "--out must be a folder. Got x: x is a file."),
+    ("path of a picture must end in .png or .html. Got 'x'.", "--picture must end in .png or .html. Got 'x'."),
     ("stand_off_mm must be less than 3. Got 4.", "--stand-off must be less than 3. Got 4."),
     ("plan.json: accuracy must be in (0, 1). Got 2.0.", "plan.json: accuracy must be in (0, 1). Got 2.0."),
     ("camera must be a name of the catalogue. Got 'x'.", "--camera must be a name of the catalogue. Got 'x'."),
@@ -37,6 +43,12 @@ TOLD = [
     ("separation_px must be less than half the image", "--separation-px must be less than half the image"),
     ("must meet within gap_mm=0.1 mm. Got 0.2 mm", "must meet within --gap-mm 0.1 mm. Got 0.2 mm"),
     ("allow more with gap_mm=... (on the command line --gap-mm), and look", "allow more with --gap-mm, and look"),
+    (
+        "the joint graph of 4 entities must fit memory_limit_bytes, 1 GiB. Got 2 GiB. Ask for fewer entities, or for "
+        "the regions only: compute_regions answers the same questions, and a plan needs no joint graph.",
+        "the joint graph of 4 entities must fit --memory-limit, 1 GiB. Got 2 GiB. Ask for fewer entities: a plan needs "
+        "no joint graph.",
+    ),
     ("solids must not overlap. Got solids 0 and 1.", "solids must not overlap. Got solids 0 and 1."),
 ]
 
@@ -63,3 +75,14 @@ def test_errors_of_the_reader(tmp_path, capsys, name, options, told):
     (line,) = capsys.readouterr().err.splitlines()
     assert told in line
     assert not any(f"{one}=" in line for one in ("solids", "units", "gap_mm", "limits"))
+
+
+@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="no such device")
+@pytest.mark.parametrize("options", [["--json"], []])
+def test_standard_output_that_takes_no_more_is_one_line(options):
+    script = "import sys; from planner.cli.main import main; sys.exit(main())"
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-c", script, "cameras", *options]
+        run = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert run.returncode == 2
+    assert run.stderr == "aspectgraph: standard output must be writable. Got: No space left on device.\n"

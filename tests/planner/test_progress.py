@@ -1,0 +1,95 @@
+"""Progress for people: about how long the rest takes, from how long it took so far."""
+
+import io
+
+import pytest
+
+from planner import progress
+from planner.progress import Pace, duration
+
+
+class Clock:
+    now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+@pytest.fixture
+def clock():
+    return Clock()
+
+
+def told(clock, seconds, total, label="visible regions"):
+    """What is told when piece after piece takes so many seconds, with the number of pieces done by then."""
+    pace, lines = Pace(clock), {}
+    for done, one in enumerate(seconds, 1):
+        clock.now += one
+        if (line := pace(done, total, label)) is not None:
+            lines[done] = line
+    return lines
+
+
+def test_the_rest_is_told_from_the_first_pieces_but_one(clock):
+    # the first one compiles for a minute; then 2 s each: 112 are left after 4, 224 s
+    lines = told(clock, [60.0, 2.0, 2.0, 2.0, *[2.0] * 112], 116)
+    assert lines == {4: "visible regions: about 4 min more, at the pace of the first 4 of 116"}
+
+
+def test_what_is_soon_done_is_not_told(clock):
+    assert not told(clock, [1.0] * 20, 20)
+    assert not told(clock, [0.01] * 1000, 1000)
+
+
+def test_it_is_told_again_only_where_it_takes_twice_as_long(clock):
+    # 3 s each would leave 36 s; then they take 30 s each
+    lines = told(clock, [3.0] * 4 + [30.0] * 12, 16)
+    assert list(lines) == [4, 7]
+    # 99 s for 6 pieces, and 9 are left: 148.5 s
+    assert "about 2 min more" in lines[7]
+
+
+def test_work_that_usually_ends_early_is_told_so(clock):
+    (line,) = told(clock, [5.0] * 50, 50, "lower bound").values()
+    assert "about 4 min more, or less, at" in line
+
+
+def test_labels_are_paced_apart(clock):
+    pace = Pace(clock)
+    for done in (1, 2):
+        clock.now += 100.0
+        assert pace(done, 50, "visible regions") is None
+    clock.now += 100.0
+    assert pace(3, 50, "candidate poses") is None
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (0.0, "10 s"),
+        (44.0, "40 s"),
+        (89.0, "90 s"),
+        (95.0, "2 min"),
+        (200.0, "3 min"),
+        (5399.0, "90 min"),
+        (5500.0, "1.5 h"),
+        (9000.0, "2.5 h"),
+        (36_000.0, "10 h"),
+        (400_000.0, "5 days"),
+    ],
+)
+def test_durations_have_no_more_digits_than_are_known(seconds, text):
+    assert duration(seconds) == text
+
+
+def test_a_log_has_the_estimate_before_the_end(monkeypatch, clock):
+    monkeypatch.setattr(progress.time, "monotonic", clock)
+    monkeypatch.setattr(Pace.__init__, "__defaults__", (clock,))
+    stream = io.StringIO()
+    with progress.terminal_progress(stream) as show:
+        for done in range(1, 21):
+            clock.now += 10.0
+            show(done, 20, "candidate poses")
+    first, last = stream.getvalue().splitlines()
+    assert first == "candidate poses: about 3 min more, at the pace of the first 4 of 20"
+    assert last == "candidate poses: 20/20 (190.0 s)"
