@@ -12,11 +12,12 @@ _RULE = re.compile(
 )
 # in a file these are fields, and the message begins with the file's name
 _FIRST = re.compile(
-    r"^(accuracy|probability|min_length_px|field_margin_px|focus_margin_mm|stand_off_mm|visibility_radius_mm|workspace)"
+    r"^(accuracy|entities|probability|min_length_px|field_margin_px|focus_margin_mm|stand_off_mm|visibility_radius_mm|workspace)"
     r"(?= must )"
 )
 # in a plan's file it is a field
-_CAMERA = re.compile(r"\bcamera(?= must be a name of the catalogue)")
+_CAMERA = re.compile(r"\bcamera must be a name of the catalogue")
+_PATH = re.compile(r"\bpath (?:(of a picture must end in)|must name an existing part file)")
 _TYPED = {"step": "grey-step", "stand_off_mm": "stand-off"}
 _VALUE = re.compile(r"\b(gap_mm|occluders|solids|units)=(?=\S)")
 
@@ -31,7 +32,8 @@ def as_typed(text: str) -> str:
     """
     text = _HOW_IN_A_CALL.sub(r"\1", text)
     text = _ONLY_IN_A_CALL.sub("", text)
-    text = _CAMERA.sub("--camera", text)
+    text = _CAMERA.sub("--camera must be a TOML file, or a name that 'aspectgraph cameras' lists", text)
+    text = _PATH.sub(lambda found: "--picture must end in" if found[1] else "the part must be an existing file", text)
     text = _VALUE.sub(lambda found: f"{_option(found[1])} ", text)
     text = _FIRST.sub(lambda found: _option(found[1]), text)
     return _RULE.sub(lambda found: found[1] + _option(found[2]), text)
