@@ -44,7 +44,7 @@ class _Compiling(event.Listener):
 
     def __init__(self, say: Callable[[str], object], report: Callable[[int, int, str], object]) -> None:
         self._say, self._report = say, report
-        self._depth, self._collecting = 0, False
+        self._depth, self._collecting, self._told = 0, False, False
         self._done: set[str] = set()
 
     def on_start(self, event: Any) -> None:
@@ -53,7 +53,8 @@ class _Compiling(event.Listener):
         if self._depth == 1:
             self._collecting = gc.isenabled()
             gc.disable()
-            if not self._done:
+            if not self._told:
+                self._told = True
                 self._say(_FIRST)
 
     def on_end(self, event: Any) -> None:

@@ -38,7 +38,9 @@ def labelled(progress: Progress | None, label: str) -> Progress | None:
 
 
 @contextmanager
-def terminal_progress(stream: TextIO | None = None, *, quiet: bool = False) -> Iterator[Progress | None]:
+def terminal_progress(
+    stream: TextIO | None = None, *, quiet: bool = False, lines: bool = False
+) -> Iterator[Progress | None]:
     """Show progress: a live bar per label on a terminal, otherwise one line per finished label.
 
     Parameters
@@ -47,19 +49,21 @@ def terminal_progress(stream: TextIO | None = None, *, quiet: bool = False) -> I
         Default: standard error, so that results on standard output can be piped.
     quiet : bool
         Show nothing.
+    lines : bool
+        Lines on a terminal, too: they stay when the work is done.
     """
     if quiet:
         with _compiling(None):
             yield None
         return
     stream = sys.stderr if stream is None else stream
-    if stream.isatty():
+    if stream.isatty() and not lines:
         with _bars(stream) as progress, _compiling(progress):
             yield progress
     else:
-        lines = _Lines(stream)
-        with _compiling(lines):
-            yield lines
+        told = _Lines(stream)
+        with _compiling(told):
+            yield told
 
 
 @contextmanager

@@ -83,7 +83,7 @@ def info(options: argparse.Namespace) -> int:
     if options.picture:
         write_edge_picture(solid, options.picture, [edge.id for edge in edges], [curve.id for curve in curves])
     if options.json:
-        print_json(part_record(solid, edges, curves))
+        print_json(part_record(solid, edges, curves, filter(None, [_unit_note(options)])))
         return DONE
     terminal_tables.print_part(solid, edges, curves)
     _print_unit(options)
@@ -99,7 +99,7 @@ def graph(options: argparse.Namespace) -> int:
     entities, box = chosen_entities(options, solid), _workspace(options)
     if box is None and options.camera is not None:
         box = default_workspace(solid, read_camera(options.camera))
-    with terminal_progress(quiet=options.quiet) as progress:
+    with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         result = _graph(options, solid, entities, box, progress)
     write_graphml(result, options.graphml)
     if options.json:
@@ -189,7 +189,7 @@ def _planned(
     """Plan and write; return plan, files, and whether it was interrupted. The state is deleted only after the end."""
     state, how, lighting = leftovers.state, _limits(options, solid, camera), read_lighting(options)
     leftovers.prepare(resume=options.resume, quiet=options.quiet)
-    with terminal_progress(quiet=options.quiet) as progress, _executor(options.jobs) as executor:
+    with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress, _executor(options.jobs) as executor:
         best = BestSoFar(progress)
         regions = _regions(options, solid, wanted.entities, how.workspace, (executor, progress, leftovers))
         try:
@@ -284,7 +284,7 @@ def batch(options: argparse.Namespace) -> int:
     )
     workers = nullcontext() if options.scheduler is None else dask_executor(options.scheduler)
     try:
-        with workers as executor, terminal_progress(quiet=options.quiet) as progress:
+        with workers as executor, terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
             jobs = min(options.jobs, usable_cores())
             results = plan_folder(options.folder, options.out, request, jobs=jobs, executor=executor, progress=progress)
     except KeyboardInterrupt:
@@ -301,7 +301,7 @@ def simulate(options: argparse.Namespace) -> int:
     """Check a plan by simulation."""
     found = read_plan(options.plan)
     solid = None if options.part is None else _read_part(options)
-    with terminal_progress(quiet=options.quiet) as progress:
+    with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         result = simulate_plan(found, options.poses, rng=options.seed, progress=progress, solid=solid)
     if options.json:
         print_json(result.to_dict())
@@ -345,10 +345,16 @@ def _read_part(options: argparse.Namespace) -> Solid:
 
 
 def _print_unit(options: argparse.Namespace) -> None:
-    """Say which unit was assumed for a file that has none."""
+    if told := _unit_note(options):
+        print(f"note: {told}")
+
+
+def _unit_note(options: argparse.Namespace) -> str:
+    """Say which unit was assumed for a file that has none; nothing of others."""
     mesh = [suffix for suffix in Path(options.part).suffixes if suffix.lower() in MESH_SUFFIXES]
     if options.units is None and mesh and mesh[-1].lower() != ".glb":
-        print(f"note: {mesh[-1][1:].upper()} files state no unit: mm is assumed; --units says otherwise")
+        return f"{mesh[-1][1:].upper()} files state no unit: mm is assumed; --units says otherwise"
+    return ""
 
 
 def _workspace(options: argparse.Namespace) -> np.ndarray | None:

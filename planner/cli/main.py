@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import traceback
 from typing import Any, NoReturn
 
 from planner.cli.arguments import (
@@ -54,6 +55,13 @@ exit codes: 0 done, 1 plan incomplete, 2 bad input
 (1 also if the simulation contradicts the plan, or the work was interrupted)"""
 
 
+_COLUMNS = """\
+columns:
+  turn     how far the surface turns over an edge: positive where it is convex, negative where re-entrant
+  ends     corner: another sharp edge leaves; tangent: the edge runs on smoothly, so its length has no end to measure to
+  chords   straight edges that stand for a circle, of which a tessellated one is off by so much"""
+
+
 class _UsageError(Exception):
     """A command line that does not parse."""
 
@@ -72,7 +80,7 @@ class _Parser(argparse.ArgumentParser):
     """Reports usage errors like all others: one line, and no usage text in front of it."""
 
     def error(self, message: str) -> NoReturn:
-        raise _UsageError(f"{self.prog}: {message}; see {self.prog} --help")
+        raise _UsageError(f"{self.prog}: {message.rstrip('.')}; see {self.prog} --help")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -114,6 +122,8 @@ def main(arguments: list[str] | None = None) -> int:
     except _own_errors() as error:
         from planner.exceptions import InfeasibleError
 
+        if getattr(options, "verbose", False):
+            traceback.print_exc()
         return _fail(str(error), INCOMPLETE if isinstance(error, InfeasibleError) else BAD_INPUT)
     except OSError as error:
         if not _output_fails():
@@ -163,13 +173,18 @@ def _command(commands: Any, name: str, what: str) -> argparse.ArgumentParser:
     parser: argparse.ArgumentParser = commands.add_parser(
         name, help=what, description=what, formatter_class=_Help, allow_abbrev=False
     )
-    parser.add_argument("--json", action="store_true", help="print records for other programs instead of tables")
-    parser.add_argument("--quiet", "-q", action="store_true", help="show no progress")
+    told = "print records for other programs instead of tables; mm and degrees where no unit is named"
+    parser.add_argument("--json", action="store_true", help=told)
+    how_much = parser.add_mutually_exclusive_group()
+    how_much.add_argument("--quiet", "-q", action="store_true", help="show no progress")
+    told = "show progress as lines that stay, and of an error where it arose"
+    how_much.add_argument("--verbose", "-v", action="store_true", help=told)
     return parser
 
 
 def _add_info(commands: Any) -> None:
     info = _command(commands, "info", "edges, rims and arcs of a part, with ids")
+    info.epilog = _COLUMNS
     add_part(info)
     info.add_argument(
         "--picture",

@@ -14,13 +14,15 @@ from planner.plan import InspectionPlan
 from planner.records.json_file import encoded
 
 
-def part_record(solid: Solid, edges: Iterable[Edge], curves: Iterable[Arc]) -> dict[str, Any]:
-    """Return what a part consists of: its box in mm, and its edges, rims and arcs by id."""
+def part_record(
+    solid: Solid, edges: Iterable[Edge], curves: Iterable[Arc], notes: Iterable[str] = ()
+) -> dict[str, Any]:
+    """Return what a part consists of: its box in mm, and its edges, rims and arcs by id; notes of its own and more."""
     return {
         "part": solid.name,
         "bounds": np.asarray(solid.bounds, dtype=float).tolist(),
         "faces": len(solid.faces),
-        "notes": list(solid.notes),
+        "notes": [*solid.notes, *notes],
         "edges": [
             {
                 "id": edge.id,

@@ -180,8 +180,7 @@ class PictureMaker:
             length = 0.6 * size * len(name)
             anchor = "end" if u > left + 0.75 * width or left + width - u < length < u - left else "start"
             v = min(max(v - 0.4 * size, top + 1.2 * size), top + height - 0.6 * size)
-            if uv.ndim > 2 or window:
-                v = _free_line(taken, u, v, size, length)
+            v = _free_line(taken, u - length if anchor == "end" else u, v, size, length)
             parts.append(
                 f'<text x="{u:.5g}" y="{v:.5g}" font-size="{size:.4g}" style="stroke-width:{0.24 * size:.3g}px" '
                 f'text-anchor="{anchor}" fill="{color}">'
@@ -336,11 +335,11 @@ def _frame(window: Window) -> str:
 
 
 def _free_line(taken: list[Any], u: float, v: float, size: float, length: float) -> float:
-    """Return a height for a name at u, as near to v as leaves the names before readable; remember it."""
+    """Return a height for a name that begins at u, as near to v as leaves the names before readable; remember it."""
     steps = [v + sign * k * 1.3 * size for k in range(len(taken) + 1) for sign in (1, -1)]
 
     def is_free(height: float) -> bool:
-        return all(abs(height - y) >= 1.25 * size or abs(u - x) >= max(length, wide) for x, y, wide in taken)
+        return all(abs(height - y) >= 1.25 * size or u >= x + wide or x >= u + length for x, y, wide in taken)
 
     found = next((height for height in steps if height > size and is_free(height)), v)
     taken.append((u, found, length))

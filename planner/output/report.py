@@ -150,7 +150,8 @@ def _lead(plan: InspectionPlan) -> str:
     if plan.simulation is not None:
         told = f"{simulation_sentence(plan.simulation)} {shown_sentence(plan.simulation.shown)}".rstrip()
     return (
-        f"{inspected} of {count(asked, *_named(plan))} {verb} measured from {count(n, _POSE)}. "
+        f"{inspected} of {count(asked, *_named(plan))} {verb} measured from {count(n, _POSE)} "
+        f"(setting{f's 1 to {n}' if n > 1 else ' 1'}). "
         f"{bound_sentence(plan, _named(plan), _POSE)} {told} {unfinished_sentence(plan)} {light_sentence(plan)}"
     ).rstrip()
 

@@ -47,10 +47,11 @@ _STATUSES = ("planned", "incomplete", "refused", "failed")
 def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> None:
     """Print what a part consists of, its straight edges, its rims and its arcs."""
     console = _console()
-    size = np.ptp(solid.bounds, axis=0)
+    size, n = np.ptp(solid.bounds, axis=0), len(solid.straight_edges())
+    chosen = "" if len(edges) == n else f"{len(edges)} of "
     console.print(
         f"{solid.name}: {count(solid.n_shells, 'shell')}, {count(len(solid.faces), 'face')}, "
-        f"{count(len(solid.edges), 'edge')}, {count(len(edges), 'sharp straight edge')}, {_vector(size, ' x ')} mm"
+        f"{count(len(solid.edges), 'edge')}, {chosen}{count(n, 'sharp straight edge')}, {_vector(size, ' x ')} mm"
     )
     for note in solid.notes:
         console.print(f"note: {note}")
@@ -58,7 +59,7 @@ def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> No
         ("id", "right"),
         ("from (mm)", "right"),
         ("to (mm)", "right"),
-        ("length", "right"),
+        ("length (mm)", "right"),
         ("turn (deg)", "right"),
         ("ends", "left"),
     )
@@ -69,7 +70,7 @@ def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> No
         tangent += any(one.kind == "tangent" for one in ends)
         length = f"{np.linalg.norm(end - start):.3f}"
         table.add_row(str(edge.id), _vector(start), _vector(end), length, f"{edge.turn_deg:+.1f}", _ends_text(ends))
-    console.print(table)
+    _print_rows(console, table)
     if tangent:
         console.print(
             f"note: {tangent} of {count(len(edges), 'edge')} run on smoothly at an end (tangent): there is no corner "
@@ -92,7 +93,7 @@ def _print_curves(console: Console, kind: str, curves: Sequence[Any]) -> None:
     console.print(f"{count(len(curves), kind)}, {count(sum(len(c.edge_ids) for c in curves), 'chord')}")
     table = _table(
         ("id", "right"),
-        ("diameter" if kind == "rim" else "radius", "right"),
+        ("diameter (mm)" if kind == "rim" else "radius (mm)", "right"),
         ("centre (mm)", "right"),
         ("axis", "right"),
         ("chords", "right"),
@@ -139,7 +140,9 @@ def print_dimensions(dimensions: Sequence[Any]) -> None:
     )
     for one in dimensions:
         nominal = "" if one.nominal is None else f"{one.nominal:.6g} {one.unit}"
-        tolerance = "" if one.tolerance is None else " ".join(f"{deviation:+.4g}" for deviation in one.tolerance)
+        tolerance = " ".join(f"{deviation:+.4g}" for deviation in one.tolerance or ())
+        if tolerance:
+            tolerance += f" {one.unit}"
         how = one.reason if one.entities is None else ", ".join(map(str, one.entities))
         table.add_row(one.name, one.kind.replace("_", " "), nominal, tolerance, how)
     console.print(table)
@@ -232,7 +235,7 @@ def print_plan(plan: InspectionPlan) -> None:
         for i, (row, margin) in enumerate(zip(rows, margins, strict=True)):
             head = (str(k + 1), _vector(setting.position, " ", 1)) if i == 0 else ("", "")
             table.add_row(*head, *row, margin, end_section=i == len(rows) - 1)
-    _print_settings(console, table)
+    _print_rows(console, table)
     for name, reason in plan.uninspectable.items():
         console.print(f"not inspected: {name}: {reason}")
     if plan.on_grid:
@@ -260,7 +263,7 @@ def print_simulation(plan: InspectionPlan, result: SimulationResult) -> None:
             predicted = probability_text(rate.predicted, plan.probability)
             cells = predicted, frequency_text(rate.successes, rate.n), interval, rate.verdict
             table.add_row(str(k + 1) if i == 0 else "", name, *cells, end_section=i == len(rates) - 1)
-    _print_settings(console, table)
+    _print_rows(console, table)
     for name, reason in plan.uninspectable.items():
         console.print(f"not inspected: {name}: {reason}")
     console.print(simulation_sentence(result))
@@ -275,8 +278,8 @@ def print_simulation(plan: InspectionPlan, result: SimulationResult) -> None:
         console.print(f"All intervals hold together with {percent(result.confidence)} confidence.")
 
 
-def _print_settings(console: Console, table: Table) -> None:
-    """Print a table unless it has no rows: a plan may have no settings."""
+def _print_rows(console: Console, table: Table) -> None:
+    """Print a table unless it has no rows: a plan may have no settings, a part no edges."""
     if table.row_count:
         console.print(table)
 

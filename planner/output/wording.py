@@ -107,7 +107,7 @@ def window_texts(plan: InspectionPlan, k: int) -> list[str]:
     told = f"{most:.3g}" if most - least < 0.1 else f"{least:.3g} to {most:.3g}"
     lines = [f"{name}: {line_warning(px, windows[name])}" for name, px in setting.lines_in_window_px.items()]
     images = None if plan.simulation is None else plan.simulation.shown
-    return [f"search window ±{told} px", *lines, *unshown_texts(images, k)]
+    return [f"search window ±{told} px around the prediction", *lines, *unshown_texts(images, k)]
 
 
 def unshown_texts(images: ShownImages | None, k: int) -> list[str]:
@@ -311,5 +311,8 @@ def margin_texts(margins: Mapping[str, float]) -> list[str]:
             texts.append(f"{key.replace('_', ' ')} {'met' if value >= 0 else 'missed'}")
         else:
             more = " or more" if key == "separation_px" and value >= MOST_PX else ""
-            texts.append(f"{name.replace('_', ' ')} {value:+.4g} {unit.replace('deg', '°')}{more}")
+            # a length of the image, not of the part
+            on = " on the sensor" if key == "resolution_mm" else ""
+            told = "°" if unit == "deg" else f" {unit}"
+            texts.append(f"{name.replace('_', ' ')} {value:+.4g}{told}{on}{more}")
     return texts

@@ -29,7 +29,7 @@ def attention(rows: Sequence[Sequence[Row]], unsharp: Sequence[int] = ()) -> str
     for row in (row for setting in rows for row in setting):
         for warning in row.warnings:
             kinds.setdefault(warning.kind, []).append((row, warning.text))
-    told = [_kind(kind, found) for kind, found in kinds.items()]
+    told = [line for kind, found in kinds.items() for line in _kind(kind, found)]
     if unsharp:
         which = ", ".join(map(setting_link, unsharp))
         told.append(
@@ -42,15 +42,15 @@ def attention(rows: Sequence[Sequence[Row]], unsharp: Sequence[int] = ()) -> str
     return f'<h2 id="look">Worth a look</h2><ul class="warnings">{lines}</ul>'
 
 
-def _kind(kind: str, found: Sequence[tuple[Row, str]]) -> str:
+def _kind(kind: str, found: Sequence[tuple[Row, str]]) -> list[str]:
+    """Return a line per warning if they are few, else one for all."""
     if len(found) <= FEW:
-        parts = [f"<b>{escape(row.name)}</b> (setting {setting_link(row.setting)}): {escape(t)}" for row, t in found]
-        return "; ".join(parts)
+        return [f"<b>{escape(row.name)}</b> (setting {setting_link(row.setting)}): {escape(t)}" for row, t in found]
     settings: dict[str, list[int]] = {}
     for row, _ in found:
         settings.setdefault(row.name, []).append(row.setting)
     names = ", ".join(f"{escape(name)} ({', '.join(map(setting_link, where))})" for name, where in settings.items())
-    return f"<b>{escape(kind)}</b> in {len(found)} measurements: {names}"
+    return [f"<b>{escape(kind)}</b> in {len(found)} measurements: {names}"]
 
 
 def not_inspected(reasons: Mapping[str, str], noun: str) -> str:

@@ -115,12 +115,12 @@ def robot(plan: InspectionPlan) -> str:
             warnings.filterwarnings("ignore", "Gimbal lock", UserWarning)
             cells += [f"{c:.3f}" for c in turn.as_euler("xyz", degrees=True)]
         body.append(f"<tr><td>{setting_link(k)}</td>{''.join(f'<td class=n>{cell}</td>' for cell in cells)}</tr>")
-    names = ("x", "y", "z", "qx", "qy", "qz", "qw", "Rx", "Ry", "Rz")
+    names = ("x (mm)", "y (mm)", "z (mm)", "qx", "qy", "qz", "qw", "Rx (°)", "Ry (°)", "Rz (°)")
     head = "<th>Setting</th>" + "".join(f'<th class="n">{name}</th>' for name in names)
     return (
         f'<div class="scroll"><table class="poses"><thead><tr>{head}</tr></thead><tbody>{"".join(body)}</tbody></table>'
         "</div><p class='note'>Camera to part: x, y, z of the front nodal point in mm, in the part's frame; quaternion "
-        "with w last; Rx, Ry, Rz: degrees about the fixed axes x, y, z, turned in this order. The camera looks "
+        "with w last; Rx, Ry, Rz: turns about the fixed axes x, y, z, turned in this order. The camera looks "
         "along its own z axis, x to the right and y down in the image. The same poses are in "
         "<code>poses_opencv.json</code>, <code>poses_ros.yaml</code>, <code>transforms.json</code>, "
         "<code>poses_open3d.json</code> and <code>colmap/</code> beside this file.</p>"

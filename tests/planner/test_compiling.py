@@ -42,3 +42,11 @@ def test_others_loops_are_not_counted():
     other.py_func.__module__ = "elsewhere"
     lines, steps = run(lambda: other(1))
     assert (len(lines), steps) == (1, [])
+
+
+def test_it_is_told_once_however_many_others_come_first():
+    functions = [numba.njit(lambda x, k=k: x + k) for k in range(3)]
+    for function in functions:
+        function.py_func.__module__ = "elsewhere"
+    lines, _ = run(lambda: [function(1) for function in functions])
+    assert len(lines) == 1

@@ -113,7 +113,7 @@ def test_the_assumed_unit_is_told(capsys):
 def test_a_rule_chooses_edges(tmp_path, capsys):
     assert main(["info", BLOCK, "--select", "face = bottom"]) == DONE
     # the four sides of the base, 60 mm long
-    assert "4 sharp straight edges" in capsys.readouterr().out
+    assert "4 of 36 sharp straight edges" in capsys.readouterr().out
     graph = str(tmp_path / "g.graphml")
     assert main(["graph", BLOCK, "--select", "face = bottom and direction = x", "--graphml", graph]) == DONE
     assert "of 2 entities" in capsys.readouterr().out
@@ -122,4 +122,35 @@ def test_a_rule_chooses_edges(tmp_path, capsys):
         "aspectgraph: --select must hold for at least one edge. Got none for 'length > 900'.\n"
     )
     assert main(["graph", BLOCK, "--select", "convex", "--all", "--graphml", graph]) == BAD_INPUT
+    assert "not allowed with" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("wrong", ["nonsense", "", "-1", "1.5"])
+def test_what_is_no_list_of_solids_names_its_option(capsys, wrong):
+    assert main(["info", BLOCK, f"--solids={wrong}"]) == BAD_INPUT
+    message = f"argument --solids: must be whole numbers like 0,2. Got {wrong!r}; see aspectgraph info --help"
+    assert capsys.readouterr().err == f"aspectgraph info: {message}\n"
+
+
+def test_lists_tell_the_units_of_their_numbers(capsys):
+    part = str(Path(BLOCK).with_name("nist_ctc_01_ap242.stp"))
+    assert main(["info", part, "--select", "kind = rim"]) == DONE
+    out = capsys.readouterr().out
+    assert "0 of 116 sharp straight edges" in out
+    # no table of edges where there are none
+    assert "from (mm)" not in out
+    assert "diameter (mm)" in out
+    assert main(["info", BLOCK]) == DONE
+    assert "length (mm)" in capsys.readouterr().out
+
+
+def test_verbose_tells_where_an_error_arose(capsys):
+    assert main(["info", "none.stp"]) == BAD_INPUT
+    line = capsys.readouterr().err
+    assert line == "aspectgraph: the part must be an existing file. Got 'none.stp'.\n"
+    assert main(["info", "none.stp", "--verbose"]) == BAD_INPUT
+    told = capsys.readouterr().err
+    assert told.startswith("Traceback")
+    assert told.endswith(line)
+    assert main(["info", BLOCK, "--verbose", "--quiet"]) == BAD_INPUT
     assert "not allowed with" in capsys.readouterr().err

@@ -21,7 +21,7 @@ def test_the_table_names_value_tolerance_and_entities(capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "12 dimensions, 8 with a tolerance, 12 measurable"
     row = next(line for line in lines if "Linear Size.1 " in line)
-    assert row.split()[2:8] == ["diameter", "35", "mm", "-0.2", "+0", "r8"]
+    assert row.split()[2:9] == ["diameter", "35", "mm", "-0.2", "+0", "mm", "r8"]
     assert "note: distance 1: the file states no nominal value; this is the geometry's" in lines
 
 
@@ -39,7 +39,7 @@ def test_json_is_a_list_of_records(capsys):
     [
         ("mfcad_6-11-11-19.step", "the part must be a STEP file with semantic dimensions (AP242). Got "),
         ("slotted_block.off", "dimensions are read from .step and .stp files. Got 'slotted_block.off'."),
-        ("none.stp", "path must name an existing part file. Got "),
+        ("none.stp", "the part must be an existing file. Got "),
     ],
 )
 def test_what_has_no_dimensions_is_one_line(capsys, name, message):

@@ -148,3 +148,20 @@ def test_of_what_is_enlarged_the_whole_image_shows_the_frame_and_no_names():
     assert ">rim</text>" not in whole
     assert ">rim</text>" in near
     assert f'viewBox="{" ".join(map(str, window))}"' in near
+
+
+def test_names_do_not_lie_on_each_other():
+    """Six edges next to each other, under one name each; a letter is about 0.6 of its height wide."""
+    pose = look_at([[60.0, 30.0, 610.0]], [60.0, 30.0, 10.0])[0]
+    wanted = {f"an edge with a long name {k}": np.add(RIM, [0.4 * k, 0.0, 0.0]) for k in range(6)}
+    image = predicted_image(read_solid("examples/two_pocket_block.off"), CAMERA, pose, wanted)
+    texts = re.findall(r'<text x="([\d.]+)" y="([\d.]+)" font-size="([\d.]+)".*?text-anchor="(\w+)".*?>([^<]*)<', image)
+    assert len(texts) == 6
+    boxes = []
+    for x, y, size, anchor, name in texts:
+        u, v, height = float(x), float(y), float(size)
+        width = 0.6 * height * len(name)
+        boxes.append((u - width * (anchor == "end"), v - height, width, height))
+    for i, (u, v, width, height) in enumerate(boxes):
+        for x, y, wide, high in boxes[:i]:
+            assert u + width <= x or x + wide <= u or v + height <= y or y + high <= v

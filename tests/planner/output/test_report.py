@@ -72,7 +72,7 @@ def test_page_is_well_formed_and_needs_nothing_from_outside(page):
 
 def test_page_says_what_matters(page):
     text = re.sub(r"<script.*?</script>", "", page, flags=re.S)
-    assert "2 of 3 edges are measured from 2 camera poses." in text
+    assert "2 of 3 edges are measured from 2 camera poses (settings 1 to 2)." in text
     assert "Every plan that inspects these 2 edges under this request has at least 1 camera pose." in text
     assert "unobservable: &lt;hidden&gt; &amp; gone" in text
     assert '<span class="good">confirmed</span>' in text
@@ -234,7 +234,12 @@ def test_figure_holds_part_settings_and_domains():
 
 def test_margins_are_told_with_their_units():
     margins = {"resolution_mm": 0.25, "field_of_view_px": 12.0, "visibility": 1.0, "reach": -1.0}
-    assert margin_texts(margins) == ["resolution +0.25 mm", "field of view +12 px", "visibility met", "reach missed"]
+    assert margin_texts(margins) == [
+        "resolution +0.25 mm on the sensor",
+        "field of view +12 px",
+        "visibility met",
+        "reach missed",
+    ]
 
 
 def test_verdict_names_bound_and_simulation():

@@ -25,6 +25,9 @@ def test_few_warnings_are_told_one_by_one():
         [[row(1, "a&b", Warned(FINE, "tolerance of 1.1 px"))], [row(2, "c", Warned(BETTER, "0.04 better"))]]
     )
     assert html.count("<li>") == 2
+    # those of one kind, too
+    html_of_a_kind = attention([[row(1, "a", Warned(FINE, "1.1 px")), row(1, "b", Warned(FINE, "1.2 px"))]])
+    assert re.findall("<li>(.*?)</li>", html_of_a_kind)[1].startswith("<b>b</b>")
     assert "a&amp;b (setting 1): tolerance of 1.1 px" in text(html)
     assert "c (setting 2): 0.04 better" in text(html)
 
