@@ -30,10 +30,10 @@ from aspectgraph.exceptions import (
     WorkspaceError,
 )
 from aspectgraph.graph.analysis import Crossing, ListOfEntities, domain_path, richest_domains, stability
-from aspectgraph.graph.aspect_graph import EntityAspectGraph, build_aspect_graph, estimate_graph, graph_of
+from aspectgraph.graph.aspect_graph import EntityAspectGraph, build_aspect_graph, graph_of
 from aspectgraph.graph.complete_graph import complete_aspect_graph
 from aspectgraph.graph.graphml import read_graphml, write_graphml
-from aspectgraph.graph.joint_memory import JointEstimate, JointForecast
+from aspectgraph.graph.joint_memory import JointEstimate, JointForecast, estimate_graph
 from aspectgraph.graph.partition_surfaces import PartitionSurface
 from aspectgraph.light.contrast import contrast
 from aspectgraph.light.light_graph import LightGraph, build_light_graph, light_graph_of

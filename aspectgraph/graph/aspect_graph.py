@@ -21,7 +21,7 @@ from aspectgraph.domains.width import Ruler, check_min_width, largest_extent
 from aspectgraph.entities.straight_edges import Entity
 from aspectgraph.exceptions import EntityError
 from aspectgraph.graph.curve_attributes import curve_attributes
-from aspectgraph.graph.joint_memory import JointEstimate, JointForecast, JointMemory, estimate_joint_graph
+from aspectgraph.graph.joint_memory import JointForecast, JointMemory
 from aspectgraph.graph.partition_surfaces import Provenance
 from aspectgraph.graph.ray_confirmation import confirm_nodes
 from aspectgraph.solid.solid import Solid
@@ -277,33 +277,6 @@ def build_aspect_graph(
     forecast = JointForecast(memory_limit_bytes)
     regions = compute_regions(solid, entities, workspace, executor=executor, progress=progress, kept=forecast)
     return graph_of(regions, min_width_mm=min_width_mm, memory_limit_bytes=memory_limit_bytes, progress=progress)
-
-
-def estimate_graph(regions: VisibilityRegions, names: Sequence[str] | None = None) -> JointEstimate:
-    """Return about what `graph_of` costs, before it is called.
-
-    Parameters
-    ----------
-    regions : VisibilityRegions
-        From `compute_regions`.
-    names : sequence of str, optional
-        Names of the entities. Default: all.
-
-    Returns
-    -------
-    JointEstimate
-        ``memory_bytes`` and ``seconds``; either may be three times as much or as little, on a busy machine more.
-
-    Examples
-    --------
-    >>> from aspectgraph import compute_regions, estimate_graph, read_solid
-    >>> block = read_solid("examples/two_pocket_block.off")
-    >>> regions = compute_regions(block, {"rim": 17, "depth": 8})
-    >>> estimate_graph(regions, ["rim"]).memory_bytes < estimate_graph(regions).memory_bytes < 1e9
-    True
-    """
-    chosen = regions.check_names(regions.entity_names if names is None else names)
-    return estimate_joint_graph([regions._regions[name] for name in chosen])
 
 
 def graph_of(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from aspectgraph.exceptions import MemoryLimitError
 from aspectgraph.visibility.entity_region import Region
-from aspectgraph.visibility.visibility_regions import Progress
+from aspectgraph.visibility.visibility_regions import Progress, VisibilityRegions
 
 if TYPE_CHECKING:
     import numpy as np
@@ -67,6 +67,33 @@ def estimate_joint_graph(regions: Sequence[Region]) -> JointEstimate:
     return _cost(sum(region.n_leaves for region in regions))
 
 
+def estimate_graph(regions: VisibilityRegions, names: Sequence[str] | None = None) -> JointEstimate:
+    """Return about what `graph_of` costs, before it is called.
+
+    Parameters
+    ----------
+    regions : VisibilityRegions
+        From `compute_regions`.
+    names : sequence of str, optional
+        Names of the entities. Default: all.
+
+    Returns
+    -------
+    JointEstimate
+        ``memory_bytes`` and ``seconds``; either may be three times as much or as little, on a busy machine more.
+
+    Examples
+    --------
+    >>> from aspectgraph import compute_regions, estimate_graph, read_solid
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> regions = compute_regions(block, {"rim": 17, "depth": 8})
+    >>> estimate_graph(regions, ["rim"]).memory_bytes < estimate_graph(regions).memory_bytes < 1e9
+    True
+    """
+    chosen = regions.check_names(regions.entity_names if names is None else names)
+    return estimate_joint_graph([regions._regions[name] for name in chosen])
+
+
 def _cost(cells: float) -> JointEstimate:
     growth = float(cells) ** _POWER
     return JointEstimate(_BYTES * growth, _SECONDS * growth)
@@ -93,21 +120,50 @@ class JointForecast:
         self._total, self._known, self._cells = 0, 0, 0
 
     def begin(self, solid: Solid, box_mm: np.ndarray, entities: Mapping[str, Entity]) -> None:
-        """Take in how many there will be."""
+        """Take in how many there will be.
+
+        Parameters
+        ----------
+        solid : Solid
+            The part.
+        box_mm : array (2, 3)
+            The workspace.
+        entities : mapping of str to Entity
+            All of them.
+        """
         self._total, self._known, self._cells = len(entities), 0, 0
 
     def get(self, name: str) -> None:
-        """Return None: nothing is kept."""
+        """Say that nothing is kept.
+
+        Parameters
+        ----------
+        name : str
+            Of an entity.
+        """
 
     def put(self, name: str, region: Region) -> None:
-        """Count the cells of a region."""
+        """Count the cells of a region.
+
+        Parameters
+        ----------
+        name : str
+            Of its entity.
+        region : Region
+            Where it is observable.
+
+        Raises
+        ------
+        MemoryLimitError
+            If the graph cannot fit.
+        """
         self._known, self._cells = self._known + 1, self._cells + region.n_leaves
         if self._known < max(_FIRST, _FIRST_SHARE * self._total) or self._known == self._total:
             return
         about = _cost(self._cells * self._total / self._known).memory_bytes
         if about > _FIRST_ERROR * ERROR * self.limit:
             got = f"about {in_gib(about)}, estimated from the first {self._known} regions"
-            raise _refusal(self._total, self.whose, self.limit, got)
+            raise MemoryLimitError(_told(self._total, self.whose, self.limit, got))
 
 
 class JointMemory:
@@ -150,13 +206,11 @@ class JointMemory:
         return self._refused(f"a process that gets no more memory ({str(error).rstrip('.') or 'no reason given'})")
 
     def _refused(self, got: str) -> MemoryLimitError:
-        return _refusal(self.total, self.whose, self.limit, got)
+        return MemoryLimitError(_told(self.total, self.whose, self.limit, got))
 
 
-def _refusal(total: int, whose: str, limit: float, got: str) -> MemoryLimitError:
-    return MemoryLimitError(
-        f"the joint graph of {total} entities must fit {whose}, {in_gib(limit)}. Got {got}. {_ADVICE}"
-    )
+def _told(total: int, whose: str, limit: float, got: str) -> str:
+    return f"the joint graph of {total} entities must fit {whose}, {in_gib(limit)}. Got {got}. {_ADVICE}"
 
 
 def in_gib(memory_bytes: float) -> str:
