@@ -132,3 +132,16 @@ def test_what_is_wider_than_the_frustum_does_not_fit():
     endless = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 30_000.0)
     assert endless.depth_of_field_mm[1] == np.inf
     assert not too_far_apart(endless, 1e6 * np.arange(12.0).reshape(2, 2, 3), tangents).any()
+
+
+def test_a_point_nearly_too_near_keeps_the_axis_close_to_it():
+    """Its axis is at most acos(near / distance) off it, so a point behind it by more than the depth of field over the
+    cosine of that is not sharp; whichever of the two is named first."""
+    near, far = CAMERA.depth_of_field_mm
+    distance = near + 0.2
+    most = (far - near) * distance / near
+    for between, together in ((0.995 * (far - near), True), (1.003 * most, False)):
+        first, second = at(0, distance), at(0, distance + between)
+        middle = at(0, distance + between / 2)
+        assert possible(first, second, middle, middle) == together
+        assert possible(second, first, middle, middle) == together
