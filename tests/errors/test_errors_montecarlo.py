@@ -29,6 +29,7 @@ def test_against_poses_drawn_and_projected_step_by_step():
         assert estimate.probability == pytest.approx(frequency, abs=0.004)
 
 
+@pytest.mark.uncompiled
 def test_same_seed_same_numbers():
     one, other = (simulate_success(EDGE, **CALL, samples=1000, rng=5).probability for _ in range(2))
     assert one == other
@@ -81,6 +82,7 @@ def test_grid_is_the_detector_that_counts_whole_columns_and_rows():
         assert grid.probability == twin.probability
 
 
+@pytest.mark.uncompiled
 def test_a_pose_behind_the_edge_is_a_failure():
     edge = np.array([[-1.0, 0.0, F - 10.0], [1.0, 0.0, F - 10.0]])
     wild = np.diag([0.0, 0.0, 400.0, 0.0, 0.0, 0.0])

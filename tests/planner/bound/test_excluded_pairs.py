@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from grid_box import BoxCell
 
 from planner import Camera
+from planner.bound.boxes.cells import Cells
 from planner.bound.boxes.view import Frustum, Segments
-from planner.bound.excluded_pairs import _in_view, too_far_apart
+from planner.bound.excluded_pairs import _in_view, _share_viewpoint, too_far_apart
 from planner.camera.pose import look_at
 
 pytestmark = pytest.mark.uncompiled
@@ -132,3 +134,41 @@ def test_what_is_wider_than_the_frustum_does_not_fit():
     endless = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 30_000.0)
     assert endless.depth_of_field_mm[1] == np.inf
     assert not too_far_apart(endless, 1e6 * np.arange(12.0).reshape(2, 2, 3), tangents).any()
+
+
+def test_a_point_nearly_too_near_keeps_the_axis_close_to_it():
+    """Its axis is at most acos(near / distance) off it, so a point behind it by more than the depth of field over the
+    cosine of that is not sharp; whichever of the two is named first."""
+    near, far = CAMERA.depth_of_field_mm
+    distance = near + 0.2
+    most = (far - near) * distance / near
+    for between, together in ((0.995 * (far - near), True), (1.003 * most, False)):
+        first, second = at(0, distance), at(0, distance + between)
+        middle = at(0, distance + between / 2)
+        assert possible(first, second, middle, middle) == together
+        assert possible(second, first, middle, middle) == together
+
+
+def box(low, high):
+    return BoxCell(np.array(low, dtype=float), np.array(high, dtype=float))
+
+
+def test_a_viewpoint_is_shared_where_one_cell_of_each_meets_in_focus():
+    """Two edges of 1 mm side by side, sharp from about 120 mm before them; regions are boxes."""
+    both = pair([[[0, 0, 0], [1, 0, 0]], [[0, 1, 0], [1, 1, 0]]])
+    before, aside = box([-10, -10, -125], [10, 10, -115]), box([500, -10, -125], [510, 10, -115])
+    behind, around = box([-10, -10, -300], [10, 10, -200]), box([-30, -30, -320], [30, 30, -90])
+    for own, other, shared in (
+        ([before], [around], True),
+        # each alone decides, whichever is listed first
+        ([before, aside], [around], True),
+        ([aside, before], [around], True),
+        ([around], [aside, behind, before], True),
+        # they do not meet; they meet where nothing is sharp
+        ([aside], [around], False),
+        ([behind, aside], [around], False),
+        ([before], [behind, aside], False),
+    ):
+        cells = Cells([own, other]).arrays
+        assert _share_viewpoint(0, 1, cells, both, frustum()) == shared
+        assert _share_viewpoint(1, 0, cells, Segments(*(values[::-1] for values in both)), frustum()) == shared

@@ -60,6 +60,7 @@ def test_no_pose_exceeds_what_the_search_proves_of_its_box(size, small):
     assert tight > 10
 
 
+@pytest.mark.uncompiled
 def test_the_pose_found_inspects_what_is_said():
     """By the judge's own constraints, with no stand-off, visibility at the position alone, and no probability asked."""
     size = SIZES[1]
@@ -89,6 +90,7 @@ def test_the_pose_found_inspects_what_is_said():
     assert n_found > 10
 
 
+@pytest.mark.uncompiled
 def test_every_pose_lies_in_a_part():
     """Up to half a turn about the camera's axis, which leaves what it inspects as it is."""
     judge, regions = request_for(SIZES[0])
@@ -125,6 +127,7 @@ def test_every_pose_lies_in_a_part():
     assert (high >= points.max(axis=0) + view.radius - 1e-9).all()
 
 
+@pytest.mark.uncompiled
 @pytest.mark.parametrize("small", [0.5, 0.1, 0.0])
 def test_images_long_enough_are_not_deeper_than_said(small):
     """Projected poses of random boxes: no end is deeper, and of a single pose's the limit is where eq 16 has it."""
@@ -170,6 +173,7 @@ def test_of_one_part_several_different_poses_are_found():
     assert some == [several[7].made, several[3].made]
 
 
+@pytest.mark.uncompiled
 @pytest.mark.parametrize("seed", range(6))
 def test_for_a_fixed_rotation_the_limit_is_the_heaviest_pose(seed):
     """By trying every pose at which some three of the constraints hold exactly; all edges are visible everywhere."""
@@ -202,6 +206,7 @@ def test_for_a_fixed_rotation_the_limit_is_the_heaviest_pose(seed):
     assert y[inspected].sum() == pytest.approx(best, rel=0.02)
 
 
+@pytest.mark.uncompiled
 def test_windows_meet_where_a_fine_grid_says():
     """Random windows: the heaviest point of a grid is never above what may meet, and the answer yes has a witness."""
     judge, regions = request_for(SIZES[0])
@@ -226,6 +231,7 @@ def test_windows_meet_where_a_fine_grid_says():
     assert 0 < n_yes < 60
 
 
+@pytest.mark.uncompiled
 def test_of_entities_that_exclude_each_other_one_counts():
     judge, regions = request_for(SIZES[0])
     y = np.linspace(1.0, 0.5, len(EDGES))
@@ -260,6 +266,7 @@ def test_weights_raise_the_bound_but_not_above_what_poses_reach():
     assert 0 < few.made <= 5000
 
 
+@pytest.mark.uncompiled
 def test_the_search_can_be_cancelled_within_a_part(monkeypatch):
     monkeypatch.setattr("planner.bound.pose_space.DIVISION", Division(tick_s=0.0))
     judge, regions = request_for(SIZES[1])

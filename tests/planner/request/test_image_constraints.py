@@ -1,6 +1,7 @@
 """The compiled passes against the plain formulas they stand for."""
 
 import numpy as np
+import pytest
 from known_box import BoxSpace
 from scipy.spatial.transform import Rotation
 
@@ -8,6 +9,8 @@ from planner import Camera, look_at
 from planner.camera.pose import moved
 from planner.request.constraints import Constraints, Requirements, visibility_slacks
 from planner.request.image_constraints import Lens, image_slacks
+
+pytestmark = pytest.mark.uncompiled
 
 CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 600.0, largest_blur_mm=0.02)
 CLOSE = Camera(6.0, (0.01, 0.01), (4000, 4000), 8.0, 80.0)

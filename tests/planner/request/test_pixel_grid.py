@@ -37,6 +37,7 @@ def _across(length_px):
     return np.array([[-half, 0.0, DEPTH], [half, 0.0, DEPTH]])
 
 
+@pytest.mark.uncompiled
 @pytest.mark.parametrize(
     ("length_px", "expected"),
     [
@@ -58,6 +59,7 @@ def test_an_edge_across_the_image_is_read_as_one_of_two_lengths(length_px, expec
     assert found == pytest.approx(expected, abs=4 * np.sqrt(0.25 / GRID.draws))
 
 
+@pytest.mark.uncompiled
 def test_counting_agrees_with_the_simulation_of_settings():
     rng = np.random.default_rng(5)
     uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.002)
@@ -74,6 +76,7 @@ def test_counting_agrees_with_the_simulation_of_settings():
     assert np.std(differences) > 0.1
 
 
+@pytest.mark.uncompiled
 def test_an_end_outside_the_image_counts_as_a_failure():
     still = PoseUncertainty.isotropic(translation_mm=1e-9, rotation_rad=1e-12)
     outside = _across(50.0) + np.array([200.0, 0.0, 0.0])
@@ -99,6 +102,7 @@ def _request():
     return solid, camera, uncertainty
 
 
+@pytest.mark.uncompiled
 def test_of_counted_edges_the_bound_claims_no_more_than_the_request():
     solid, camera, uncertainty = _request()
     request = Request(compute_regions(solid, RIMS), tuple(RIMS), camera, uncertainty, 0.997, 0.65)
@@ -169,6 +173,7 @@ def test_where_the_tolerance_is_two_pixels_and_more_nothing_is_counted():
     assert "on_grid" not in plan.to_dict()
 
 
+@pytest.mark.uncompiled
 def test_distorted_images_are_rounded_where_the_sensor_is():
     """Counted again with OpenCV's projection and its own inverse, by other displacements."""
     k, lens = np.array([[2320.0, 0, 1230.0], [0, 2320.0, 1010.0], [0, 0, 1]]), np.array([-0.2, 0.05, 1e-3, 0, 0])

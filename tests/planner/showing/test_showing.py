@@ -29,6 +29,7 @@ def image(points, pose, camera=CAMERA):
     return (local / local[..., 2:]) @ camera.matrix.T[:, :2]
 
 
+@pytest.mark.uncompiled
 def test_two_edges_of_a_plate_seen_from_the_side():
     """Edges 60 mm apart, square to the axis at 600 mm depth: f / pitch * 60 / depth."""
     check, _ = check_of(block(), {"e": [[0, 0, 60], [80, 0, 60]]}, Showing(separation_px=750.0))
@@ -38,6 +39,7 @@ def test_two_edges_of_a_plate_seen_from_the_side():
     assert check.separations(pose, ONE)[0, 0] == pytest.approx(scale * 60 / 600 - 750, abs=1e-6)
 
 
+@pytest.mark.uncompiled
 @pytest.mark.parametrize("seed", range(6))
 def test_separation_on_a_block_by_shapely(seed):
     """Of a convex part exactly the edges of faces that face the camera are visible."""
@@ -64,6 +66,7 @@ def test_separation_on_a_block_by_shapely(seed):
     assert found == pytest.approx(min(distances), abs=1.0)
 
 
+@pytest.mark.uncompiled
 def test_corners_of_a_block():
     """Frontal: the uprights are square to the edge, and the edges of the top face are not seen."""
     check, _ = check_of(block(), {"e": [[0, 0, 60], [80, 0, 60]]}, Showing(min_corner_deg=25.0))
