@@ -8,8 +8,8 @@ edge is measured as an image program does: a line is fitted to points found alon
 the line that leaves each end, and the two are intersected. The length may differ from that in the planned image by the
 fraction 1 - A; how often it does not is compared with what the plan promises: with the ends as the *fit* gives them,
 and *rounded* to whole pixels, as the promise assumes. Of several lines at an end the one is taken that finds the corner
-best in the planned image. Besides, ends are found by OpenCV: as corners by `cornerSubPix`, and where Canny's trace of
-the edge ends (`corner_detectors`); no promise is made for these.
+best in the planned image, of those long enough for a fit if any is. Besides, ends are found by OpenCV: as corners by
+`cornerSubPix`, and where Canny's trace of the edge ends (`corner_detectors`); no promise is made for these.
 
 What the image is like is found out here, from the triangles and by rays, without `planner.showing`: whether another
 line leaves both ends at 25 degrees (*corner*), whether another visible line is within 5 px (*near line*), whether 40 px
@@ -27,32 +27,27 @@ import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-import open3d as o3d
 from corner_detectors import corner_sub_pix, picture, traced_end
 from dimension_images import triangles_of
 from rendered_images import Lamp, Renderer, found_points
 from scipy.spatial.transform import Rotation
+from seen_lines import CORNER_DEG, NEAR_PX, Arm, Lines, angle_deg
 
 from aspectgraph import Solid, read_solid, resolve_entities
 from planner import InspectionPlan, read_plan
 from planner.request.objective import Objective
 
-ACCURACIES = (0.98, 0.99, 0.995)
-NEAR_PX, AROUND_PX, CORNER_DEG, WEAK = 5.0, 40.0, 25.0, 5.0
-# turns below these are no lines of the part but seams and facets of curved surfaces: between flat faces, beside one
-# curved face, and between two (degrees)
-SHARP_DEG, CHORD_DEG, FACET_DEG = 5.0, 20.0, 40.0
+ACCURACIES, AROUND_PX, WEAK = (0.98, 0.99, 0.995), 40.0, 5.0
 ALONG, ARM_PX, ARM_POINTS = 24, (4.0, 28.0), 12
 # blur shows a line much stronger than another one so far beside itself
 BLURRED_PX = 1.5
+# a line with less for a fit is taken only where no other one leaves the corner
+FITTED_PX = 8.0
 # noisy images of the planned pose in which the lines at an end are compared
 TRIALS = 5
-# near a corner, so many px of a line say nothing of it: as far as 5 px to its side are reached at 25 degrees
 _TOLD = ("promised", "measured", "rounded", "corner", "canny")
-LEAVES_PX = NEAR_PX / np.sin(np.radians(CORNER_DEG))
 
 
 @dataclass
@@ -79,104 +74,6 @@ class Pair:
             (p - m) / np.sqrt(max(p * (1 - p), 1 / self.n) / self.n)
             for p, m in zip(self.promised[:2], self.measured[:2], strict=True)
         )
-
-
-class Arm(NamedTuple):
-    """A line that leaves a corner: where it ends (3,), its angle with the edge, and with the nearest line there.
-
-    ``tip_deg`` is the least angle at which another line comes back from where it ends, ``edge_deg`` that of any line at
-    the corner with the edge.
-    """
-
-    tip: np.ndarray
-    seen_deg: float
-    fork_deg: float
-    tip_deg: float = 90.0
-    edge_deg: float = 90.0
-
-
-class Lines:
-    """The lines that a part shows, as dense points, found from faces and triangles alone."""
-
-    def __init__(self, solid: Solid) -> None:
-        self.solid = solid
-        self.scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-        self.scene.add_triangles(np.asarray(solid.vertices, np.float32), np.asarray(solid.triangles, np.uint32))
-        self.ends = np.array([edge.vertices for edge in solid.edges])
-        self.faces = np.array([edge.faces for edge in solid.edges])
-        self.turn = np.array([abs(edge.turn_deg) for edge in solid.edges])
-        self.curved = np.array([edge.curved for edge in solid.edges])
-        self.convex = np.array([edge.dihedral_deg > 0 for edge in solid.edges])
-        both = np.array([all(solid.faces[face].curved for face in edge.faces) for edge in solid.edges])
-        self.line = self.turn >= np.where(both, FACET_DEG, np.where(self.curved, CHORD_DEG, SHARP_DEG))
-
-    def shown(self, eye: np.ndarray) -> np.ndarray:
-        """Return which edges (e,) show from a place, but for what hides them."""
-        start = self.solid.vertices[self.ends[:, 0]]
-        front = (np.einsum("efk,ek->ef", self.solid.normals[self.faces], eye - start) > 1e-9).sum(axis=1)
-        return np.where(self.line, front > 0, self.convex & (front == 1))
-
-    def visible(self, eye: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Return which points (n, 3) are hidden by nothing."""
-        rays = np.concatenate([np.broadcast_to(eye, points.shape), points - eye], axis=1).astype(np.float32)
-        return self.scene.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy() >= 1 - 2e-4
-
-    def nearest_px(self, renderer: Renderer, pose: np.ndarray, ends: np.ndarray, own: set[int]) -> float:
-        """Return how near another visible line comes to an edge, without what meets it beside its ends."""
-        a, b = renderer.projected(ends, pose)
-        mine = {v for e in own for v in self.ends[e].tolist()}
-        best = 100.0
-        for e in np.flatnonzero(self.shown(pose[:3, 3])):
-            if e in own:
-                continue
-            p, q = self.solid.vertices[self.ends[e]]
-            points = p + np.linspace(0, 1, max(2, int(np.linalg.norm(q - p) / 0.25)))[:, None] * (q - p)
-            image = renderer.projected(points, pose)
-            apart = _from_segment(image, a, b)
-            if set(self.ends[e].tolist()) & mine:
-                beside = np.minimum(np.linalg.norm(image - a, axis=1), np.linalg.norm(image - b, axis=1))
-                apart = np.where(beside < LEAVES_PX, 100.0, apart)
-            close = apart < min(best, 12.0)
-            if close.any():
-                seen = self.visible(pose[:3, 3], points[close])
-                best = min(best, apart[close][seen].min(initial=100.0))
-        return float(best)
-
-    def arms(
-        self, pose: np.ndarray, renderer: Renderer, corner: np.ndarray, inward: np.ndarray, own: set[int]
-    ) -> list[Arm]:
-        """Return the lines that leave a corner visibly, at an angle with the edge on the part."""
-        tips = self.leaving(pose, corner, own)
-        image = renderer.projected(np.array([corner, inward, *tips.values()]), pose)
-        ways, found = image[1:] - image[0], []
-        sharpest = min((_angle(way, ways[0]) for way in ways[1:]), default=90.0)
-        for i, (e, tip) in enumerate(tips.items(), 1):
-            wide = _angle(tip - corner, inward - corner)
-            fork = min(_angle(ways[i], way) for k, way in enumerate(ways) if k != i)
-            others = renderer.projected(np.array([tip, *self.leaving(pose, tip, {e}).values()]), pose)
-            back = min((_angle(one, -ways[i]) for one in others[1:] - others[0]), default=90.0)
-            if min(wide, 180 - wide) >= CORNER_DEG:
-                found.append(Arm(tip, _angle(ways[i], ways[0]), fork, min(back, 90.0), min(sharpest, 90.0)))
-        return found
-
-    def leaving(self, pose: np.ndarray, corner: np.ndarray, own: set[int]) -> dict[int, np.ndarray]:
-        """Return the other ends (3,) of the lines that leave a corner visibly, by their numbers."""
-        vertex = int(np.linalg.norm(self.solid.vertices - corner, axis=1).argmin())
-        tips = {}
-        for e in np.flatnonzero((self.ends == vertex).any(axis=1) & self.line & self.shown(pose[:3, 3])):
-            tip = self.solid.vertices[self.ends[e].sum() - vertex]
-            if e not in own and self.visible(pose[:3, 3], (0.97 * corner + 0.03 * tip)[None])[0]:
-                tips[int(e)] = tip
-        return tips
-
-
-def _angle(a: np.ndarray, b: np.ndarray) -> float:
-    return float(np.degrees(np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1, 1))))
-
-
-def _from_segment(points: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    share = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
-    return np.linalg.norm(points - a - share[:, None] * (b - a), axis=1)
 
 
 def fitted(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -240,6 +137,12 @@ def arm_shares(renderer: Renderer, pose: np.ndarray, corner: np.ndarray, arm: Ar
     return np.minimum((max(ARM_PX[0], first), ARM_PX[1]), (0.5 * length, stop)) / length
 
 
+def _fitted_px(renderer: Renderer, pose: np.ndarray, corner: np.ndarray, arm: Arm) -> float:
+    """Return how much of a line that leaves a corner there is for a fit, px."""
+    length = np.linalg.norm(np.diff(renderer.projected(np.array([corner, arm.tip]), pose), axis=0))
+    return float(np.ptp(arm_shares(renderer, pose, corner, arm)) * length)
+
+
 def detected_ends(renderer: Renderer, pose: np.ndarray, ends: np.ndarray, lamp: Lamp, rng) -> np.ndarray:
     """Return the ends (2, 2, 2) of an edge in px, as corners and as ends of a trace; nan where there is none."""
     image = renderer.projected(ends, pose)
@@ -276,6 +179,8 @@ def pairs(plan: InspectionPlan, solid: Solid, n: int, seed: int, triangles=None)
                 wide = [one for one in arms if CORNER_DEG <= one.seen_deg <= 180 - CORNER_DEG]
                 if not wide or min(one.seen_deg for one in arms) < CORNER_DEG:
                     kind = "no corner"
+                long = [one for one in wide if _fitted_px(renderer, pose, ends[i], one) >= FITTED_PX]
+                wide = long or wide
                 steps = [arm_step(renderer, pose, ends[i], one, lamp, rng) for one in wide]
                 missed = [_missed_px(renderer, pose, ends[[i, 1 - i]], one, lamp, rng) for one in wide]
                 chosen.append(wide[int(np.argmin(missed))] if wide else _onward(lines, ends[i], ends[1 - i], own))
@@ -301,7 +206,7 @@ def _onward(lines: Lines, end: np.ndarray, inward: np.ndarray, own: set[int]) ->
     vertex = int(np.linalg.norm(lines.solid.vertices - end, axis=1).argmin())
     others = [e for e in np.flatnonzero((lines.ends == vertex).any(axis=1) & lines.line) if e not in own]
     tips = [lines.solid.vertices[lines.ends[e].sum() - vertex] for e in others]
-    tip = min(tips, key=lambda tip: abs(_angle(tip - end, inward - end) - 90)) if tips else 2 * end - inward
+    tip = min(tips, key=lambda tip: abs(angle_deg(tip - end, inward - end) - 90)) if tips else 2 * end - inward
     return Arm(tip, 180.0, 90.0)
 
 
