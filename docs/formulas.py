@@ -28,6 +28,7 @@ _FUNCTION = re.compile(r'<m[io]( movablelimits="true")?>([A-Za-z]{2,})</m[io]>(?
 # things that are taken for operations: the empty set, an angle
 _THING = re.compile("<mo>(&#x0(?:2205|2220);)</mo>")
 
+_LONGEST_OPTION = 32
 _CODE = re.compile(r"(?<!<pre>)<code>([^<\n]+)</code>")
 
 
@@ -62,6 +63,8 @@ def mathml(latex: str, display: str = "inline") -> str:
     for pattern, mended in ((_BAR, _bar), (_VARIANT, _letter), (_FUNCTION, _function)):
         found = pattern.sub(mended, found)
     found = _THING.sub(r"<mi>\1</mi>", found)
+    # few fonts have the reverse solidus operator; the set minus is in most
+    found = found.replace("<mi>&#x029F5;</mi>", "<mo>&#x02216;</mo>")
     # no space before the first
     return found.replace('<mrow><mo form="prefix" lspace="0.17em"', '<mrow><mo form="prefix" lspace="0"')
 
@@ -91,7 +94,9 @@ def _function(match: re.Match) -> str:
 
 
 def _breakable(match: re.Match) -> str:
-    """Return code that may be broken after a dot, a slash, a colon or an underscore."""
+    """Return code that may be broken after a dot, a slash, a colon or an underscore; an option stays whole."""
+    if match[1].startswith("--") and len(match[1]) <= _LONGEST_OPTION:
+        return f'<code class="option">{match[1]}</code>'
     return f"<code>{re.sub(r'(?<=[./:_])(?=[A-Za-z])', '<wbr>', match[1])}</code>"
 
 

@@ -1,6 +1,8 @@
 """The documents as pages for a browser: their formulas, and the picture that is drawn from the code."""
 
+import csv
 import importlib.util
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,6 +20,7 @@ def load(path):
 
 
 FORMULAS = load(ROOT / "docs/formulas.py")
+NOTEBOOK_PICTURES = load(ROOT / "docs/figures/notebook_pictures.py")
 ROOMS = load(ROOT / "docs/figures/rooms.py")
 
 
@@ -34,6 +37,7 @@ ROOMS = load(ROOT / "docs/figures/rooms.py")
         (r"v\in\operatorname{int}S", '<mo form="prefix" lspace="0.17em" rspace="0.17em">int</mo>'),
         (r"\cos\kappa", '<mo form="prefix" lspace="0" rspace="0.17em">cos</mo>'),
         (r"A=\emptyset", "<mi>&#x02205;</mi>"),
+        (r"S\setminus F", "<mo>&#x02216;</mo>"),
         (r"\ln(x)", '<mo form="prefix" lspace="0" rspace="0">ln</mo>'),
     ],
 )
@@ -65,6 +69,7 @@ def test_two_formulas_without_an_empty_line_between_are_refused():
 
 def test_long_names_may_be_broken_and_code_blocks_stay():
     assert FORMULAS.translated("<code>a.b_c</code>") == "<code>a.<wbr>b_<wbr>c</code>"
+    assert FORMULAS.translated("<code>--sigma-mm</code>") == '<code class="option">--sigma-mm</code>'
     assert FORMULAS.translated("<pre><code>a.b</code></pre>") == "<pre><code>a.b</code></pre>"
 
 
@@ -78,3 +83,30 @@ def test_every_arrow_in_the_picture_leads_downward(package):
     floor = {room: k for k, level in enumerate(ROOMS.floors(package)) for room in level}
     assert floor.keys() == ROOMS.PLACES[package].keys()
     assert all(floor[upper] < floor[lower] for upper, lower in ROOMS.arrows(package))
+
+
+def test_every_notebook_is_shown_with_a_small_picture_of_its_own():
+    names = {path.stem for path in (ROOT / "notebooks").glob("*.ipynb")}
+    page = (ROOT / "docs/notebooks.md").read_text("utf-8")
+    shown = re.findall(
+        r"^## (\w+)\n\n(.*?)\n\n!\[[^\]\n]+\]\(figures/(\w+)\.png\)$", page, flags=re.MULTILINE | re.DOTALL
+    )
+    assert {name for name, _, _ in shown} == names == NOTEBOOK_PICTURES.CHOSEN.keys()
+    for name, told, picture in shown:
+        assert picture == name
+        assert "##" not in told
+        assert (ROOT / f"docs/figures/{name}.png").stat().st_size < 150_000
+
+
+def test_methods_are_compared_with_the_numbers_that_were_stored():
+    with (ROOT / "notebooks/anytime.csv").open(encoding="utf-8", newline="") as file:
+        last = {(row["part"], row["planner"]): row for row in csv.DictReader(file)}
+    page = (ROOT / "docs/comparison.md").read_text("utf-8").split("## Methods")[1]
+    for planner in {planner for _, planner in last}:
+        (line,) = re.findall(rf"^\| `?{planner}`? \| (.*) \|$", page, flags=re.MULTILINE)
+        parts = ("demo", "ctc01", "d2mi", "mfcad-narrow", "mtc-narrow")
+        for part, cell in zip(parts, line.split(" | "), strict=True):
+            row = last[part, planner]
+            seconds = float(row["seconds"])
+            told = f"{row['settings']} for {row['inspected']}; {seconds:.{1 if seconds >= 0.1 else 2}f} s"
+            assert cell == (f"{told}; at least {row['bound']}" if row["bound"] else told)

@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -10,11 +11,17 @@ from planner import read_plan
 from planner.cli.main import build_parser, main
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "docs/tutorial.md", ROOT / "docs/dimensions.md", *sorted((ROOT / "docs/guides").glob("*.md"))]
+NAMED = ("tutorial", "dimensions", "cameras", "light", "showing")
+PAGES = [*(ROOT / f"docs/{name}.md" for name in NAMED), *sorted((ROOT / "docs/guides").glob("*.md"))]
+# lamps to be placed take minutes: read by the command line, but not run
+RUN = [page for page in PAGES if page.stem != "light"]
+# its parts and machines are the reader's: read by the command line, but not run
+CLUSTERS = ROOT / "docs/clusters.md"
 SNIPPET = re.compile(r"^```python\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
+TOML = re.compile(r"^```toml\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"^    (aspectgraph .*)$", flags=re.MULTILINE)
 # minutes rather than seconds: read by the command line, but not run
-LONG = ("--dimensions",)
+LONG = {"--dimensions": "all"}
 
 
 def shown(page):
@@ -55,10 +62,13 @@ def test_all_that_is_shown_is_known_here(page):
             assert not str(value).startswith("examples/") or (ROOT / value).is_file()
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [page for page in RUN if commands(page)], ids=lambda page: page.stem)
 def test_commands_run_as_printed(page, clone, capsys):
-    run = [words for words in commands(page) if not any(option in words for option in LONG)]
+    long = set(LONG.items())
+    run = [words for words in commands(page) if long.isdisjoint(pairwise(words))]
     assert run
+    if page.stem == "dimensions":
+        (clone / "wanted.toml").write_text(TOML.search(page.read_text("utf-8"))[1], encoding="utf-8")
     for words in run:
         assert main(words) == 0, words
     if page.stem == "tutorial":
@@ -67,9 +77,18 @@ def test_commands_run_as_printed(page, clone, capsys):
         assert "Proven minimal" in out
         assert read_plan("plan/plan.json").complete
         assert "<html" in Path("edges.html").read_text(encoding="utf-8")
+    if page.stem == "dimensions":
+        # as the snippet of that page asks, in Python
+        assert set(read_plan("plan/plan.json").dimensions) == {"bore", "width", "front"}
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if snippets(page)], ids=lambda page: page.stem)
+def test_commands_for_clusters_are_known():
+    found = commands(CLUSTERS)
+    assert len(found) == 2
+    assert {build_parser().parse_args(words).command for words in found} == {"batch"}
+
+
+@pytest.mark.parametrize("page", [page for page in RUN if snippets(page)], ids=lambda page: page.stem)
 def test_snippets_run_as_printed(page, clone, capsys):
     names = {"__name__": page.stem}
     for snippet in snippets(page):
@@ -92,6 +111,20 @@ def dimensions(names):
     assert names["plan"].dimensions["bore"].permitted_error == 0.125
     # the file states 12 dimensions, see the table on that page
     assert names["printed"].count("\n") == 12
+
+
+def cameras(names):
+    # 2381.9 px of 0.00345 mm
+    assert names["camera"].image_distance_mm == pytest.approx(2381.9 * 0.00345)
+    assert names["camera"].principal_point_px == (1231.6, 1019.2)
+    assert names["found"][0].able == ("rim",)
+    assert "basler-acA2440-20gm" in names["printed"]
+
+
+def showing(names):
+    assert names["plan"].complete
+    # of the last request, which asks nothing
+    assert not any(names["plan"].requirements.get(key) for key in ("separation_px", "surround_px", "min_corner_deg"))
 
 
 def camera_and_tolerance(names):
@@ -151,6 +184,8 @@ CHECKS = {
     for function in (
         tutorial,
         dimensions,
+        cameras,
+        showing,
         camera_and_tolerance,
         margins_and_budgets,
         pose_uncertainty,

@@ -38,7 +38,7 @@ def check_numbers(options: Any) -> None:
     """
     given = vars(options)
     for name, least in _COUNTS.items():
-        if name in given and given[name] < least:
+        if given.get(name) is not None and given[name] < least:
             raise RequestError(f"{_option(name)} must be at least {least}. Got {given[name]}.")
     for name in _NOT_NEGATIVE:
         value = given.get(name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict
@@ -56,7 +56,7 @@ from planner.light.lamps import RING
 from planner.light.ring_space import RingSpace
 from planner.output import terminal_tables
 from planner.output.json_records import graph_record, part_record, plan_record, print_json
-from planner.output.plan_folder import PLAN_FILES, left_out, rescue, write_outputs
+from planner.output.plan_folder import PLAN_FILES, Written, rescue, write_outputs
 from planner.output.wording import cost_sentence
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import labelled, note, terminal_progress
@@ -162,10 +162,10 @@ def plan(options: argparse.Namespace) -> int:
 
 
 def _print_planned(
-    options: argparse.Namespace, found: InspectionPlan, wanted: Any, written: Sequence[Path], state: Path
+    options: argparse.Namespace, found: InspectionPlan, wanted: Any, written: Written, state: Path
 ) -> None:
     """Print a plan, and the files it is in."""
-    files = [os.path.relpath(path) if path.is_relative_to(Path.cwd()) else str(path) for path in written]
+    files = [os.path.relpath(path) if path.is_relative_to(Path.cwd()) else str(path) for path in written.files]
     if options.json:
         print_json(plan_record(found, files, wanted.left_out))
         return
@@ -175,7 +175,7 @@ def _print_planned(
         print(f"{name} is not planned: {reason}")
     if found.unfinished and state.exists():
         print("The same command with --resume goes on from here.")
-    print("\n".join([*left_out(len(wanted.entities), options.graph_limit), *files]))
+    print("\n".join([*written.notes, *files]))
 
 
 def _planned(

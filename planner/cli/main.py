@@ -239,9 +239,8 @@ def _add_plan(commands: Any) -> None:
     plan.add_argument(
         "--graph-limit",
         type=int,
-        default=24,
         metavar="N",
-        help="write graph.graphml, the joint graph, for up to so many entities",
+        help="write graph.graphml, the joint graph, for up to so many entities (default: 24; more if it is small)",
     )
     plan.add_argument("--force", action="store_true", help="replace a plan of another request in DIR")
     add_workspace(plan)

@@ -3,12 +3,12 @@
 Nothing here changes a plan or judges it anew.
 """
 
-from planner.output.plan_folder import left_out, rescue, write_outputs
+from planner.output.plan_folder import Written, rescue, write_outputs
 from planner.output.pose_files import write_poses
 from planner.output.report import report_html
 
 __all__ = [
-    "left_out",
+    "Written",
     "report_html",
     "rescue",
     "write_outputs",

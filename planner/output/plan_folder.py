@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from aspectgraph import MemoryLimitError, graph_of, write_graphml
 from planner.exceptions import OutputError
 from planner.files import staged_folder
 from planner.output.pose_files import POSE_FILES, write_poses
 from planner.output.report import report_html
-from planner.output.wording import graph_sentence
+from planner.output.wording import graph_sentence, regions_sentence
 from planner.plan import InspectionPlan
 from planner.request.target_space import TargetSpace
 from planner.resume import holds_plan
@@ -23,8 +25,26 @@ if TYPE_CHECKING:
 
 # the plan first: see `staged_folder`
 PLAN_FILES = ("plan.json", "report.html", "measurements.csv", "graph.graphml", *POSE_FILES)
-# beyond this the joint graph of all entities is neither worth drawing nor worth waiting for
-MOST_GRAPH_ENTITIES = 24
+# with more entities their joint graph is built where it can be afforded: no clock decides, so that machines agree
+FEW_GRAPH_ENTITIES = 24
+AFFORDABLE_BYTES = 64 * 2**20
+# places drawn to tell how much is observable from where
+_PLACES = 10_000
+
+
+class Written(NamedTuple):
+    """What was written about a plan.
+
+    Attributes
+    ----------
+    files : list of pathlib.Path
+        The most useful first.
+    notes : list of str
+        What was left out, and why.
+    """
+
+    files: list[Path]
+    notes: list[str]
 
 
 def write_outputs(
@@ -33,16 +53,17 @@ def write_outputs(
     folder: Path,
     progress: Progress | None = None,
     *,
-    graph_limit: int = MOST_GRAPH_ENTITIES,
-) -> list[Path]:
+    graph_limit: int | None = None,
+) -> Written:
     """Write plan, graph, report and poses; they appear in the folder together, or not at all.
 
-    Of an earlier plan's files none stays. Beyond ``graph_limit`` entities their joint graph is left out.
+    Of an earlier plan's files none stays. Beyond ``graph_limit`` entities their joint graph is left out; where that is
+    None, beyond 24 if it takes much memory, and so time.
 
     Returns
     -------
-    list of pathlib.Path
-        The files, the most useful first.
+    Written
+        The files, and what was left out.
 
     Raises
     ------
@@ -61,17 +82,32 @@ def write_outputs(
             write_graphml(graph, staging / "graph.graphml")
             written.append("graph.graphml")
         written += [str(path.relative_to(staging)) for path in write_poses(found, staging)]
-    return [folder / name for name in written]
+    return Written([folder / name for name in written], notes)
 
 
-def _joint_graph(regions: VisibilityRegions, graph_limit: int) -> tuple[EntityAspectGraph | None, list[str]]:
-    """Return the joint graph, or none and why it is left out."""
-    notes = left_out(len(regions.entity_names), graph_limit)
+def _joint_graph(regions: VisibilityRegions, graph_limit: int | None) -> tuple[EntityAspectGraph | None, list[str]]:
+    """Return the joint graph; or none, why it is left out, and what the regions say instead."""
+    n = len(regions.entity_names)
+    if graph_limit is not None and n > graph_limit:
+        return None, _instead(regions, graph_limit)
+    limit = AFFORDABLE_BYTES if graph_limit is None and n > FEW_GRAPH_ENTITIES else None
     try:
-        return (None, notes) if notes else (graph_of(regions), [])
+        return graph_of(regions, memory_limit_bytes=limit), []
     except MemoryLimitError as error:
         # a plan that is done must not be lost for its picture
-        return None, [f"graph.graphml is left out: {error}"]
+        return None, [f"graph.graphml is left out: {error}"] if limit is None else _instead(regions, None)
+
+
+def _instead(regions: VisibilityRegions, graph_limit: int | None) -> list[str]:
+    """Say that the joint graph is left out, and what the regions say of it."""
+    return [graph_sentence(len(regions.entity_names), graph_limit), regions_sentence(*_observable_shares(regions))]
+
+
+def _observable_shares(regions: VisibilityRegions) -> tuple[dict[str, float], int]:
+    """Return from which share of the workspace each entity is observable, and how many at most from one place."""
+    low, high = regions.workspace
+    seen = regions.observable(np.random.default_rng(0).uniform(low, high, (_PLACES, 3)))
+    return dict(zip(regions.entity_names, seen.mean(axis=0).tolist(), strict=True)), int(seen.sum(axis=1).max())
 
 
 def _space(found: InspectionPlan, regions: Space) -> Space:
@@ -81,11 +117,6 @@ def _space(found: InspectionPlan, regions: Space) -> Space:
     dimensions = found.dimensions
     needs = {name: dimensions[name].entities if name in dimensions else (name,) for name in found.entities}
     return TargetSpace(regions, needs, found.entities)
-
-
-def left_out(n: int, graph_limit: int = MOST_GRAPH_ENTITIES) -> list[str]:
-    """Say what is left out of what a plan of n entities usually leaves."""
-    return [graph_sentence(n, graph_limit)] if n > graph_limit else []
 
 
 def rescue(found: InspectionPlan, state: Path) -> str:

@@ -177,12 +177,25 @@ def _largest(result: SimulationResult, kind: str) -> str:
     return f"{max(abs(rate.predicted - rate.frequency) for rate in rates):.2g}"
 
 
-def graph_sentence(n_entities: int, most: int) -> str:
+def graph_sentence(n_entities: int, most: int | None) -> str:
     """Say that the joint graph was left out, and what to do about it."""
+    limit = f"the limit is {most}; --graph-limit changes it"
+    if most is None:
+        limit = f"--graph-limit {n_entities} builds it all the same"
     return (
-        f"graph.graphml was skipped: the joint graph of {n_entities} entities may take long to build and to draw (the "
-        f"limit is {most}; --graph-limit changes it). "
-        "For a few of them: aspectgraph graph PART --entities IDS --graphml FILE."
+        f"graph.graphml was skipped: the joint graph of {n_entities} entities may take long to build and to draw "
+        f"({limit}). For a few of them: aspectgraph graph PART --entities IDS --graphml FILE."
+    )
+
+
+def regions_sentence(shares: Mapping[str, float], most: int) -> str:
+    """Say from how much of the workspace entities are observable, and how many at most from one place."""
+    least, largest = min(shares, key=shares.__getitem__), max(shares, key=shares.__getitem__)
+    mean = sum(shares.values()) / len(shares)
+    return (
+        f"Regions: each is observable as a whole from {100 * shares[least]:.2g} % ({least}) to "
+        f"{100 * shares[largest]:.2g} % ({largest}) of the workspace, in the mean from {100 * mean:.2g} %; from no "
+        f"place of 10,000 drawn more than {most} of {len(shares)}."
     )
 
 

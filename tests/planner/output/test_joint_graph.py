@@ -1,0 +1,43 @@
+"""The joint graph beside a plan: where it can be afforded, and what is said where it cannot."""
+
+import re
+
+import numpy as np
+import pytest
+
+from aspectgraph import compute_regions, read_solid, resolve_entities
+from planner.output import plan_folder
+from planner.output.plan_folder import FEW_GRAPH_ENTITIES, _joint_graph
+
+
+@pytest.fixture(scope="module")
+def regions():
+    solid = read_solid("examples/two_pocket_block.off")
+    entities = resolve_entities(solid, {f"e{k}": k for k in range(FEW_GRAPH_ENTITIES + 2)})
+    return compute_regions(solid, entities)
+
+
+def test_of_many_entities_it_is_there_where_it_can_be_afforded(regions):
+    graph, notes = _joint_graph(regions, None)
+    assert graph.entity_names == regions.entity_names
+    assert notes == []
+
+
+def test_else_the_regions_are_summed_up(regions, monkeypatch):
+    monkeypatch.setattr(plan_folder, "AFFORDABLE_BYTES", 1)
+    graph, notes = _joint_graph(regions, None)
+    assert graph is None
+    assert "--graph-limit 26 builds it all the same" in notes[0]
+    low, high = regions.workspace
+    # drawn with another seed: a share of 10,000 is known to 1.5 %, three standard deviations
+    seen = regions.observable(np.random.default_rng(1).uniform(low, high, (10_000, 3)))
+    numbers = [float(one) / 100 for one in re.findall(r"([\d.]+) %", notes[1])]
+    shares = seen.mean(axis=0)
+    assert numbers == pytest.approx([shares.min(), shares.max(), shares.mean()], abs=0.02)
+    assert f"more than {seen.sum(axis=1).max()} of 26." in notes[1]
+
+
+def test_a_limit_that_is_given_is_kept(regions):
+    graph, notes = _joint_graph(regions, 25)
+    assert graph is None
+    assert "the limit is 25; --graph-limit changes it" in notes[0]
