@@ -46,9 +46,12 @@ class Improving:
         Of column generation, from one look to the next.
     directions : tuple of int
         From so many each entity is looked at, at the first glances.
+    others : int
+        Candidate poses simulated at most for an entity that simulation takes out of a plan.
     """
 
     exchanges: int = 300
+    others: int = 3
     rounds: int = 5
     directions: tuple[int, ...] = (4, 32)
 
@@ -79,6 +82,8 @@ class Incumbents:
         self._bound, self._bounded = 0, np.zeros(0, dtype=bool)
         # what the best one was made of: how many entities, and in how many columns
         self._made_of = (0, 0)
+        # entities that simulation took out of a plan, and no other candidate pose gave back
+        self._in_vain: set[str] = set()
 
     def glance(self, run: Run) -> None:
         """Make a plan of very few poses, so that there is one at once; the run does not take these poses in."""
@@ -93,16 +98,19 @@ class Incumbents:
     def sampled(self, run: Run) -> None:
         """Take in what was sampled: what comes at once, then what is better."""
         if self._wanted:
-            self._offer_greedy(run, run.pool)
+            self._offer_greedy(run, run.pool, IMPROVING.exchanges)
             self.offer(run)
 
-    def _offer_greedy(self, run: Run, pool: ColumnPool) -> None:
-        """See whether the greedy cover by columns of a pool is a better plan, in no more time than it takes."""
+    def _offer_greedy(self, run: Run, pool: ColumnPool, exchanges: int = 0) -> None:
+        """See whether the greedy cover by columns of a pool, or a shorter one near it, is a better plan."""
         seen = pool.membership.any(axis=0)
         if not seen.any():
             return
-        settings = _candidates(run, pool, np.array(greedy_cover(pool.membership[:, seen])))
+        columns = _nearly_greedy(pool.membership[:, seen], exchanges, run.rng("at once"))
+        settings = _candidates(run, pool, columns)
         settings, counted = _as_simulated(run, settings)
+        if exchanges:
+            settings += _regained(run, settings, self._in_vain)
         found = assembled(run, settings, *self._proven(run, settings), counted=counted, unfinished=True)
         if settings and (self.best is None or _worth(found) > _worth(self.best)):
             self.end(found)
@@ -114,6 +122,7 @@ class Incumbents:
             return
         self._made_of = (int(run.pool.membership.any(axis=0).sum()), -len(columns))
         settings, counted = _supported(run, columns)
+        settings += _regained(run, settings, self._in_vain)
         found = assembled(run, settings, *self._proven(run, settings), counted=counted, unfinished=True)
         if self.best is None or _worth(found) > _worth(self.best):
             self.end(found)
@@ -139,6 +148,7 @@ class Incumbents:
         """What was found so far was judged by other rules than those from now on."""
         self._watch.disarm()
         self.best, self._made_of = None, (0, 0)
+        self._in_vain.clear()
         self._bound, self._bounded = 0, np.zeros(0, dtype=bool)
 
     def end(self, plan: InspectionPlan) -> None:
@@ -193,6 +203,17 @@ def _supported(run: Run, columns: NDArray[np.int_]) -> _Stated:
     return _as_simulated(run, without_contradicted(run.judge, settings, run.seed))
 
 
+def _nearly_greedy(membership: NDArray[np.bool_], exchanges: int, rng: np.random.Generator) -> NDArray[np.int_]:
+    """Return the greedy cover by columns (c, e), or a shorter one that a few exchanges lead to."""
+    chosen = np.array(greedy_cover(membership))
+    while exchanges and len(chosen) > 1:
+        found = exchange_columns(membership, len(chosen) - 1, steps=exchanges, rng=rng)
+        if found.missing:
+            break
+        chosen = found.chosen
+    return chosen
+
+
 def _candidates(run: Run, pool: ColumnPool, columns: NDArray[np.int_]) -> list[SensorSetting]:
     """Return the poses of columns as settings."""
     wanted = [(pool.poses[c], run.names_of(pool.membership[c])) for c in columns]
@@ -210,3 +231,27 @@ def _as_simulated(run: Run, settings: Sequence[SensorSetting]) -> _Stated:
         wrong = promised_too_much(run.judge, setting, run.seed)
         supported.append(without(run, setting, list(wrong)) if wrong else setting)
     return [setting for setting in supported if setting.entities], told.counted
+
+
+def _regained(run: Run, settings: Sequence[SensorSetting], in_vain: set[str]) -> list[SensorSetting]:
+    """Return further settings for what simulation took out of a plan: other candidate poses, which it supports.
+
+    What none gives back is added to those that are not tried again.
+    """
+    stated = {name for setting in settings for name in setting.entities}
+    further: list[SensorSetting] = []
+    for i in np.flatnonzero(run.pool.membership.any(axis=0)):
+        name = run.names[i]
+        if name in stated or name in in_vain:
+            continue
+        columns = np.flatnonzero(run.pool.membership[:, i])
+        best = columns[np.argsort(-run.pool.quality[columns], kind="stable")[: IMPROVING.others]]
+        for setting in _candidates(run, run.pool, best):
+            wrong = promised_too_much(run.judge, setting, run.seed)
+            if name not in wrong:
+                further.append(without(run, setting, list(wrong)) if wrong else setting)
+                stated.update(further[-1].entities)
+                break
+        else:
+            in_vain.add(name)
+    return further
