@@ -146,9 +146,12 @@ class StepKernel:
                 "more; allow more with limits=ReadLimits(memory_mb=...)."
             )
         if header["error"] == "MissingExtraError":
+            if sys.version_info < (3, 11):
+                how = "it has no files for Python 3.10: read them with 3.11 or newer, or read a mesh"
+            else:
+                how = "install it with: pip install aspectgraph[step]"
             return MissingExtraError(
-                f"STEP files need the package cadquery-ocp-novtk, 8 or newer. Got {header['message']}; "
-                "install it with: pip install aspectgraph[step]"
+                f"STEP files need the package cadquery-ocp-novtk, 8 or newer. Got {header['message']}; {how}"
             )
         if header["error"] == "KernelError":
             return ReadError(

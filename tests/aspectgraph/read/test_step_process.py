@@ -138,3 +138,14 @@ def test_no_process_is_left_after_a_read():
     with pytest.raises(ReadError):
         read_solid(PART, solids=[5])
     assert children(os.getpid()) == before
+
+
+@pytest.mark.parametrize(
+    ("version", "advice"), [((3, 10), "read them with 3.11 or newer"), ((3, 13), "pip install aspectgraph[step]")]
+)
+def test_where_the_kernel_cannot_be_had_nobody_is_told_to_install_it(fake_kernel, monkeypatch, version, advice):
+    fake_kernel.write_text("raise ImportError('No module named OCP')")
+    monkeypatch.setattr(client.sys, "version_info", version)
+    with pytest.raises(MissingExtraError, match=r"cadquery-ocp-novtk, 8 or newer") as caught:
+        read_solid(PART)
+    assert advice in str(caught.value)
