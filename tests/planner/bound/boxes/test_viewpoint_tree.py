@@ -56,7 +56,6 @@ def test_what_a_pose_inspects_is_in_every_box_of_viewpoints_around_it(size, radi
     assert len({row.tobytes() for row in leaves}) > 20
 
 
-@pytest.mark.uncompiled
 def test_visible_all_around_decides_where_regions_only_touch():
     """Two edges, one visible above a plane and one below it: on the plane both are, all around nowhere both."""
     pair = EDGES[:2]
