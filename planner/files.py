@@ -10,7 +10,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from aspectgraph.files import is_device
 from planner.exceptions import OutputError
 
 # hidden files and folders of a run that was killed while it wrote begin like this
@@ -26,7 +25,7 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
         If the folder does not exist or cannot be written.
     """
     path = Path(path)
-    if is_device(path):
+    if _is_device(path):
         _write_to_device(path, text)
         return
     try:
@@ -44,6 +43,13 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
         raise OutputError(f"{path} must be a file that can be written. Got: {error.strerror}.") from None
     finally:
         Path(temporary).unlink(missing_ok=True)
+
+
+def _is_device(path: Path) -> bool:
+    # its package takes a second to load, and is there by the time that anything is written
+    from aspectgraph.files import is_device
+
+    return is_device(path)
 
 
 def _write_to_device(path: Path, text: str) -> None:
@@ -65,7 +71,7 @@ def check_file_place(path: str | os.PathLike[str]) -> None:
     path = Path(path)
     if path.is_dir():
         raise OutputError(f"{path} must be a file that can be written. Got a folder.")
-    if is_device(path):
+    if _is_device(path):
         return
     try:
         _try_to_write(path.parent)

@@ -171,4 +171,4 @@ def test_a_viewpoint_is_shared_where_one_cell_of_each_meets_in_focus():
     ):
         cells = Cells([own, other]).arrays
         assert _share_viewpoint(0, 1, cells, both, frustum()) == shared
-        assert _share_viewpoint(1, 0, cells, Segments(*(values[::-1] for values in both)), frustum()) == shared
+        assert _share_viewpoint(1, 0, cells, Segments(*(values[::-1].copy() for values in both)), frustum()) == shared
