@@ -83,6 +83,8 @@ class Incumbents:
         # what the best one was made of: how many entities, and in how many columns
         self._made_of = (0, 0)
         # entities that simulation took out of a plan, and no other candidate pose gave back
+        # what simulation supports instead of a candidate pose, as long as the same edges are counted on the grid
+        self._tried: dict[tuple[bytes, tuple[str, ...], tuple[str, ...]], SensorSetting] = {}
         self._in_vain: set[str] = set()
 
     def glance(self, run: Run) -> None:
@@ -121,7 +123,7 @@ class Incumbents:
         if columns is None:
             return
         self._made_of = (int(run.pool.membership.any(axis=0).sum()), -len(columns))
-        settings, counted = _supported(run, columns)
+        settings, counted = _supported(run, columns, self._tried)
         settings += _regained(run, settings, self._in_vain)
         found = assembled(run, settings, *self._proven(run, settings), counted=counted, unfinished=True)
         if self.best is None or _worth(found) > _worth(self.best):
@@ -194,12 +196,19 @@ def _worth(found: InspectionPlan) -> tuple[int, int]:
 _Stated = tuple[list[SensorSetting], tuple[str, ...]]
 
 
-def _supported(run: Run, columns: NDArray[np.int_]) -> _Stated:
-    """Return the candidate poses of columns as settings, and what of them was counted, as simulation supports it."""
-    candidates = _candidates(run, run.pool, columns)
-    settings = [
-        best_supported(run.judge, [candidate], column_seed(run.seed, candidate.entities)) for candidate in candidates
-    ]
+def _supported(
+    run: Run, columns: NDArray[np.int_], tried: dict[tuple[bytes, tuple[str, ...], tuple[str, ...]], SensorSetting]
+) -> _Stated:
+    """Return the candidate poses of columns as settings, and what of them was counted, as simulation supports it.
+
+    What was tried for the same column before is not tried again.
+    """
+    settings = []
+    for candidate in _candidates(run, run.pool, columns):
+        key = candidate.cam2world.tobytes(), candidate.entities, run.request.on_grid
+        if key not in tried:
+            tried[key] = best_supported(run.judge, [candidate], column_seed(run.seed, candidate.entities))
+        settings.append(tried[key])
     return _as_simulated(run, without_contradicted(run.judge, settings, run.seed))
 
 
