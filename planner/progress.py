@@ -90,14 +90,20 @@ class Pace:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._begun: dict[str, tuple[float, int]] = {}
+        self._last: dict[str, int] = {}
         self._again: dict[str, float] = {}
 
     def __call__(self, done: int, total: int, label: str) -> str | None:
         """Return a line to be shown, or None."""
         now = self._clock()
+        if done < self._last.get(label, 0):
+            # the same work is done once more, after other work
+            self._begun.pop(label, None)
+        self._last[label] = done
         begun, first = self._begun.setdefault(label, (now, done))
         pieces, seconds = done - first, now - begun
-        if done >= total or pieces < _PIECES or seconds < _SECONDS or now < self._again.get(label, 0.0):
+        few = pieces < max(_PIECES, _SHARE * total) or seconds < _SECONDS
+        if done >= total or few or now < self._again.get(label, 0.0):
             return None
         left = seconds * (total - done) / pieces
         if left < _LONG_S:
@@ -107,8 +113,8 @@ class Pace:
         return f"{label}: about {duration(left)} more{most}, at the pace of the first {done} of {total}"
 
 
-# a pace is told from so many pieces and seconds on, if so much more is to come
-_PIECES, _SECONDS, _LONG_S = 3, 3.0, 20.0
+# a pace is told from so many pieces, such a share of them and so many seconds on, if so much more is to come
+_PIECES, _SHARE, _SECONDS, _LONG_S = 3, 0.01, 3.0, 20.0
 # what usually ends before its total
 _AT_MOST = ("column generation", "lower bound")
 

@@ -54,6 +54,25 @@ def test_work_that_usually_ends_early_is_told_so(clock):
     assert "about 4 min more, or less, at" in line
 
 
+def test_nothing_is_told_from_a_small_share(clock):
+    assert not told(clock, [5.0] * 90, 10_000)
+    assert list(told(clock, [5.0] * 110, 10_000)) == [101]
+
+
+def test_work_that_begins_anew_is_paced_anew(clock):
+    """A proof that was done comes again after an hour of other work: that hour was no part of it."""
+    pace = Pace(clock)
+    for done in range(1, 51):
+        clock.now += 0.1
+        assert pace(done, 50, "lower bound") is None
+    clock.now += 3600.0
+    for done in range(1, 4):
+        clock.now += 2.0
+        assert pace(done, 50, "lower bound") is None
+    clock.now += 2.0
+    assert "about 2 min more" in pace(4, 50, "lower bound")
+
+
 def test_labels_are_paced_apart(clock):
     pace = Pace(clock)
     for done in (1, 2):
