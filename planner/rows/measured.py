@@ -26,12 +26,13 @@ SOURCES = ("translation", "rotation", "localisation")
 """What the variance of a measured value comes from."""
 
 
-FINE, DIFFERS, BETTER, LINE, UNSHOWN = (
+FINE, DIFFERS, BETTER, LINE, UNSHOWN, UNLIT = (
     "tolerance under two pixels",
     "simulation differs from what is stated",
     "simulation is better than what is stated",
     "another line within the search window",
     "not to be found in some displaced images",
+    "shown by no lamp",
 )
 """Kinds of warnings."""
 
@@ -133,6 +134,8 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
             warnings += (Warned(LINE, line_warning(setting.lines_in_window_px[name], windows[name])),)
         if images is not None and images.counts[k].get(name, images.n) < images.n:
             warnings += (Warned(UNSHOWN, unshown_warning(images.counts[k][name], images.n)),)
+        if plan.light is not None and name in plan.light.unlit[k]:
+            warnings = (Warned(UNLIT, f"shown by no lamp: {plan.light.unlit[k][name]}"), *warnings)
         told = {"probability": probability, "rate": rate, "search_window_px": windows[name], "warnings": warnings}
         rows.append(Row(k + 1, name, **told, **vars(value)))
     return rows

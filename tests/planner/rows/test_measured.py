@@ -1,12 +1,14 @@
 """Rows of what is measured: sizes in the image from a lens's own formula, u from displaced poses, warnings by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from plan_examples import CAMERA, UNCERTAINTY, plan, setting
+from plan_examples import CAMERA, LIGHT, UNCERTAINTY, plan, setting
 from scipy.spatial.transform import Rotation
 
 from errors.measurands import Line, Localisation
-from planner.rows.measured import FINE, SOURCES, measured_rows
+from planner.rows.measured import FINE, SOURCES, UNLIT, measured_rows
 from planner.verify.simulate_plan import SimulationResult
 from planner.verify.simulate_setting import SuccessRate
 from planner.wanted.planned import PlannedDimension
@@ -111,3 +113,12 @@ def test_only_whole_pixels_make_a_small_tolerance_doubtful():
     assert rounded.permitted_error_px == fitted.permitted_error_px == pytest.approx(wanted)
     assert [warning.kind for warning in rounded.warnings] == [FINE]
     assert fitted.warnings == ()
+
+
+def test_what_no_lamp_shows_is_warned_of():
+    """First of all: the probability is that of an edge that is found."""
+    light = replace(LIGHT, unlit=({"top right": "none of 2 lamps shows it."}, {}))
+    first, second = measured_rows(plan(light=light))
+    assert {row.name: [one.kind for one in row.warnings] for row in first} == {"top front": [], "top right": [UNLIT]}
+    assert first[1].warnings[0].text == "shown by no lamp: none of 2 lamps shows it."
+    assert not second[0].warnings
