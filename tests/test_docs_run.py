@@ -13,8 +13,6 @@ from planner.cli.main import build_parser, main
 ROOT = Path(__file__).parents[1]
 NAMED = ("tutorial", "dimensions", "cameras", "light", "showing")
 PAGES = [*(ROOT / f"docs/{name}.md" for name in NAMED), *sorted((ROOT / "docs/guides").glob("*.md"))]
-# lamps to be placed take minutes: read by the command line, but not run
-RUN = [page for page in PAGES if page.stem != "light"]
 # its parts and machines are the reader's: read by the command line, but not run
 CLUSTERS = ROOT / "docs/clusters.md"
 SNIPPET = re.compile(r"^```python\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
@@ -62,7 +60,7 @@ def test_all_that_is_shown_is_known_here(page):
             assert not str(value).startswith("examples/") or (ROOT / value).is_file()
 
 
-@pytest.mark.parametrize("page", [page for page in RUN if commands(page)], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.stem)
 def test_commands_run_as_printed(page, clone, capsys):
     long = set(LONG.items())
     run = [words for words in commands(page) if long.isdisjoint(pairwise(words))]
@@ -88,7 +86,7 @@ def test_commands_for_clusters_are_known():
     assert {build_parser().parse_args(words).command for words in found} == {"batch"}
 
 
-@pytest.mark.parametrize("page", [page for page in RUN if snippets(page)], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [page for page in PAGES if snippets(page)], ids=lambda page: page.stem)
 def test_snippets_run_as_printed(page, clone, capsys):
     names = {"__name__": page.stem}
     for snippet in snippets(page):
@@ -119,6 +117,14 @@ def cameras(names):
     assert names["camera"].principal_point_px == (1231.6, 1019.2)
     assert names["found"][0].able == ("rim",)
     assert "basler-acA2440-20gm" in names["printed"]
+
+
+def light(names):
+    assert read_plan("plan.json").light.kind == "ring"
+    # of the last choice, of lamps that are on together
+    assert names["light"].together
+    assert names["plan"].complete
+    assert "showing" in next(iter(names["graph"].graph.nodes.values()))
 
 
 def showing(names):
@@ -185,6 +191,7 @@ CHECKS = {
         tutorial,
         dimensions,
         cameras,
+        light,
         showing,
         camera_and_tolerance,
         margins_and_budgets,
