@@ -321,7 +321,7 @@ def check_lamps_given(lamps: Any) -> LampSpace | LampsTogether | Array | None:
     if isinstance(lamps, str):
         if lamps == RING:
             return None
-        raise RequestError(f"lamps must be places, a LampBox, a LampDome, or {RING!r}. Got {lamps!r}.")
+        raise RequestError(f"lamps must be places, a LampBox, a LampDome, LampsTogether, or {RING!r}. Got {lamps!r}.")
     return _numbers("lamps", lamps, (-1, 3))
 
 

@@ -74,7 +74,7 @@ def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan, counted: Seq
     """Return a plan with lamps, of other settings where that shows more.
 
     **Guarantee.** It measures what the draft measures, as surely as is asked. What a lamp shows in a setting of the
-    draft, a lamp shows in one of the result. No setting measures what no lamp shows there but another setting shows.
+    draft, a lamp shows in one of the result. No new setting is taken unless that holds; else the draft's are kept.
 
     Parameters
     ----------

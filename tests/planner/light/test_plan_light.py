@@ -259,7 +259,7 @@ def _light(one):
 @pytest.mark.parametrize(
     ("lamps", "options", "text"),
     [
-        ("torch", {}, "lamps must be places, a LampBox, a LampDome, or 'ring'. Got 'torch'."),
+        ("torch", {}, "lamps must be places, a LampBox, a LampDome, LampsTogether, or 'ring'. Got 'torch'."),
         ([], {}, "lamps must be finite numbers in mm, shape (n, 3). Got []."),
         ([[1, 2]], {}, "lamps must be finite numbers in mm, shape (n, 3). Got [[1, 2]]."),
         ([[np.nan, 0, 0]], {}, "lamps must be finite"),
