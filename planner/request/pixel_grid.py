@@ -78,8 +78,10 @@ class GridObjective(Objective):
         self._lens = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]])
         rng = np.random.default_rng(GRID.seed)
         moves = rng.multivariate_normal(np.zeros(6), pose_uncertainty.covariance, size=GRID.draws, method="eigh")
-        self._turns = np.ascontiguousarray(Rotation.from_rotvec(moves[:, 3:]).as_matrix())
-        self._shifts = np.ascontiguousarray(moves[:, :3])
+        turns = Rotation.from_rotvec(moves[:, 3:]).as_matrix()
+        # numbers of one kind beside each other, so that the compiler can take several draws at a time
+        self._turns = np.ascontiguousarray(np.moveaxis(turns, 0, -1))
+        self._shifts = np.ascontiguousarray(moves[:, :3].T)
 
     def probability(self, cam2world: np.ndarray) -> np.ndarray:
         """Return P (n, k) of poses (n, 4, 4), smooth: what the search climbs."""
@@ -102,14 +104,14 @@ class GridObjective(Objective):
         if self._camera.distortion is not None:
             return np.array([self._distorted_frequency(ends) for ends in ends_cam])
         hits = np.empty(len(ends_cam))
-        draws = self._turns, self._shifts
-        _count(np.ascontiguousarray(ends_cam), draws, self._lens, self._pitch, self._size, self._allowed, hits)
+        sensor = self._lens, self._pitch, self._size
+        _count(np.ascontiguousarray(ends_cam), self._turns, self._shifts, sensor, self._allowed, hits)
         return hits / GRID.draws
 
     def _distorted_frequency(self, ends_cam: np.ndarray) -> float:
         """Return the frequency for an edge (2, 3) whose images are rounded to pixels of the distorted image."""
         camera = self._camera
-        local = (ends_cam - self._shifts[:, None]) @ self._turns
+        local = (ends_cam - self._shifts.T[:, None]) @ np.moveaxis(self._turns, -1, 0)
         depth = np.where(local[..., 2:] > 0, local[..., 2:], np.nan)
         pixels = image_of(camera, local / depth)
         lost = ~((pixels >= -0.5) & (pixels <= self._size - 0.5)).all(axis=(1, 2))
@@ -155,36 +157,37 @@ def tolerance_px(ends: np.ndarray, cam2world: np.ndarray, camera: Camera, accura
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _count(ends_cam, draws, lens, pitch, size, allowed, hits):
-    turns, shifts = draws
+def _count(ends_cam, turns, shifts, sensor, allowed, hits):
+    """Count the draws in which edges (n, 2, 3) are measured accurately; none if an end is behind the camera."""
+    lens, pitch = sensor[0], sensor[1]
     for i in range(len(ends_cam)):
-        nominal = _length(ends_cam[i], np.eye(3), np.zeros(3), lens, pitch, size, False)
-        n = 0
-        for j in range(len(turns)):
-            length = _length(ends_cam[i], turns[j], shifts[j], lens, pitch, size, True)
-            n += abs(length - nominal) <= allowed * nominal
-        hits[i] = n
+        one, other = ends_cam[i, 0], ends_cam[i, 1]
+        hits[i] = 0.0
+        if one[2] > 0.0 and other[2] > 0.0:
+            x = (lens[0] * other[0] / other[2] + lens[2] - (lens[0] * one[0] / one[2] + lens[2])) * pitch[0]
+            y = (lens[1] * other[1] / other[2] + lens[3] - (lens[1] * one[1] / one[2] + lens[3])) * pitch[1]
+            hits[i] = _accurate(ends_cam[i], turns, shifts, sensor, (np.sqrt(x * x + y * y), allowed))
 
 
-@nb.njit(cache=True, error_model="numpy", inline="always")
-def _length(ends, turn, shift, lens, pitch, size, on_pixels):
-    """Length of the image, mm; nan if an end is behind the camera or, on pixels, on none of them."""
-    # no arrays of two: to allocate them takes longer than all the rest
-    u, v = _pixel(ends[0], turn, shift, lens, size, on_pixels)
-    other_u, other_v = _pixel(ends[1], turn, shift, lens, size, on_pixels)
-    x, y = (other_u - u) * pitch[0], (other_v - v) * pitch[1]
-    return np.sqrt(x * x + y * y)
+@nb.njit(cache=True, error_model="numpy")
+def _accurate(ends, turns, shifts, sensor, length):
+    """Count the draws in which the length of an edge (2, 3) on whole pixels is accurate and both ends are on the sensor.
 
-
-@nb.njit(cache=True, error_model="numpy", inline="always")
-def _pixel(end, turn, shift, lens, size, on_pixels):
-    """Image of a point, px."""
-    x, y, z = end[0] - shift[0], end[1] - shift[1], end[2] - shift[2]
-    depth = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z
-    u = lens[0] * (turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z) / depth + lens[2]
-    v = lens[1] * (turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z) / depth + lens[3]
-    if depth <= 0.0 or (on_pixels and (u < -0.5 or v < -0.5 or u > size[0] - 0.5 or v > size[1] - 0.5)):
-        u, v = np.nan, np.nan
-    elif on_pixels:
-        u, v = np.rint(u), np.rint(v)
-    return u, v
+    Without a branch or a call in the loop, which the compiler then makes instructions for several draws at a time of.
+    """
+    (lens, pitch, size), (nominal, allowed) = sensor, length
+    u_max, v_max, tolerance, n = size[0] - 0.5, size[1] - 0.5, allowed * nominal, 0
+    for j in range(turns.shape[2]):
+        x, y, z = ends[0, 0] - shifts[0, j], ends[0, 1] - shifts[1, j], ends[0, 2] - shifts[2, j]
+        near = turns[0, 2, j] * x + turns[1, 2, j] * y + turns[2, 2, j] * z
+        u = lens[0] * (turns[0, 0, j] * x + turns[1, 0, j] * y + turns[2, 0, j] * z) / near + lens[2]
+        v = lens[1] * (turns[0, 1, j] * x + turns[1, 1, j] * y + turns[2, 1, j] * z) / near + lens[3]
+        seen = (near > 0.0) & (u >= -0.5) & (v >= -0.5) & (u <= u_max) & (v <= v_max)
+        x, y, z = ends[1, 0] - shifts[0, j], ends[1, 1] - shifts[1, j], ends[1, 2] - shifts[2, j]
+        far = turns[0, 2, j] * x + turns[1, 2, j] * y + turns[2, 2, j] * z
+        other_u = lens[0] * (turns[0, 0, j] * x + turns[1, 0, j] * y + turns[2, 0, j] * z) / far + lens[2]
+        other_v = lens[1] * (turns[0, 1, j] * x + turns[1, 1, j] * y + turns[2, 1, j] * z) / far + lens[3]
+        seen &= (far > 0.0) & (other_u >= -0.5) & (other_v >= -0.5) & (other_u <= u_max) & (other_v <= v_max)
+        x, y = (np.rint(other_u) - np.rint(u)) * pitch[0], (np.rint(other_v) - np.rint(v)) * pitch[1]
+        n += np.int64(seen & (abs(np.sqrt(x * x + y * y) - nominal) <= tolerance))
+    return n
