@@ -299,14 +299,15 @@ def _lit(plan: InspectionPlan, solid: Solid, lighting: Lighting | None) -> Inspe
 def _plan(run: Run, incumbents: Incumbents, lighting: Lighting | None) -> InspectionPlan:
     """Do all steps."""
     find_columns(run, incumbents)
-    for left in reversed(range(COUNTING.rounds)):
+    while True:
         bound, proof = prove_bound(run, incumbents)
         inspected = np.asarray(run.pool.membership.any(axis=0))
         refute(run, inspected, bound, incumbents)
         told = told_on_grid(run, settle(run, inspected))
-        if not (told.wrong and left):
+        if not told.wrong or run.round + 1 == COUNTING.rounds:
             break
         count_on_grid(run, told.wrong)
+        run.begin_round()
         incumbents.forget()
         incumbents.offer(run)
         run.keep(COUNTED, {})

@@ -7,7 +7,7 @@ entities that some pose nearly inspects is an optimistic column, worth a run of 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -37,6 +37,8 @@ class Nearness:
     hopeless : float
         Missing a constraint by so many tolerances, an entity is not looked at further: visibility, which costs most,
         is not asked for.
+    first : int
+        Of so many entities of a pose, those worth most, it is asked first whether they have corners, which most lack.
     batch : int
         Poses judged at a time; bounds the memory.
     """
@@ -48,6 +50,7 @@ class Nearness:
     corner_deg: float = 5.0
     probability: float = 0.05
     hopeless: float = 6.0
+    first: int = 2
     batch: int = 2048
 
 
@@ -119,8 +122,8 @@ class Judge:
         ----------
         cam2world : array (n, 4, 4)
         prices : array (k,), optional
-            Worth of the entities; probabilities are computed only for poses that nearly inspect a worth of more than 1,
-            the others inspect nothing.
+            Worth of the entities; probabilities, and whether edges show, are computed only for poses that nearly
+            inspect a worth of more than 1, the others inspect nothing.
         """
         parts = [
             self._judge(cam2world[i : i + NEARNESS.batch], prices) for i in range(0, len(cam2world), NEARNESS.batch)
@@ -133,22 +136,23 @@ class Judge:
     def _judge(self, cam2world: np.ndarray, prices: np.ndarray | None) -> Judgement:
         missed = self._missed(cam2world)
         nearly = missed <= 1.0
-        if prices is not None:
-            nearly &= (nearly @ prices > 1.0 + 1e-6)[:, None]
+        _drop_worthless(nearly, prices)
         probability = np.zeros(nearly.shape)
         if nearly.any():
             probability[nearly] = self.request.objective.probability_where(cam2world, nearly)
         nearly &= probability >= self.threshold - NEARNESS.probability
         self._hide_around(cam2world, nearly, probability)
-        shown = self._show(cam2world, nearly, probability)
+        shown = self._show(cam2world, nearly, probability, prices)
         inspects = (missed == 0.0) & nearly & shown & (probability >= self.threshold)
         return Judgement(inspects, nearly, probability, np.exp(-missed))
 
     def _missed(self, cam2world: np.ndarray) -> np.ndarray:
         """Return how far the worst constraint of each entity is missed, in units of its tolerance; (n, k), 0 is met."""
         missed = np.zeros((len(cam2world), len(self.names)))
+        for name, margin in self.constraints.margins(cam2world, self.constraints.of_image).items():
+            missed = np.maximum(missed, self._short(name, margin))
         for name in self.constraints.constraint_names:
-            if name in self.constraints.shows:
+            if name in self.constraints.shows or name in self.constraints.of_image:
                 continue
             left = np.flatnonzero((missed < NEARNESS.hopeless).any(axis=1))
             if not left.size:
@@ -156,13 +160,14 @@ class Judge:
             if name == "visibility":
                 self._hide(cam2world, missed)
                 continue
-            margin = self.constraints.slacks(cam2world[left], only=[name])[name].min(axis=-1)
-            short = np.maximum(-margin, 0.0)
-            tolerance = self._tolerance.get(name)
-            missed[left] = np.maximum(
-                missed[left], np.where(short > 0, np.inf, 0.0) if tolerance is None else short / tolerance
-            )
+            margin = self.constraints.margins(cam2world[left], [name])[name]
+            missed[left] = np.maximum(missed[left], self._short(name, margin))
         return missed
+
+    def _short(self, name: str, margin: np.ndarray) -> np.ndarray:
+        """Return how far margins miss, in units of the tolerance; infinite where there is none."""
+        short, tolerance = np.maximum(-margin, 0.0), self._tolerance.get(name)
+        return np.where(short > 0, np.inf, 0.0) if tolerance is None else short / tolerance
 
     def _hide(self, cam2world: np.ndarray, missed: np.ndarray) -> None:
         """Ask for visibility, the costly constraint, only where the others leave hope."""
@@ -183,15 +188,43 @@ class Judge:
                 nearly[rows[hidden], k] = False
                 probability[rows[hidden], k] = 0.0
 
-    def _show(self, cam2world: np.ndarray, nearly: np.ndarray, probability: np.ndarray) -> np.ndarray:
+    def _show(
+        self, cam2world: np.ndarray, nearly: np.ndarray, probability: np.ndarray, prices: np.ndarray | None
+    ) -> np.ndarray:
         """Return who can be found in the image (n, k), asked only of what would otherwise be inspected."""
         shown = np.ones_like(nearly)
         for name in self.constraints.shows if nearly.any() else ():
             image = self.constraints.image
-            margin = (
-                image.corners(cam2world, nearly) if name == "corner_deg" else image.separations(cam2world, nearly, 0.0)
-            )
-            shown &= margin >= 0.0
-            hopeless = nearly & (margin < -self._tolerance[name])
-            nearly[hopeless], probability[hopeless] = False, 0.0
+            for some in _most_worthy_first(nearly, prices, NEARNESS.first if name == "corner_deg" else 0):
+                wanted = nearly & some
+                margin = (
+                    image.corners(cam2world, wanted)
+                    if name == "corner_deg"
+                    else image.separations(cam2world, wanted, 0.0)
+                )
+                shown &= margin >= 0.0
+                hopeless = wanted & (margin < -self._tolerance[name])
+                nearly[hopeless], probability[hopeless] = False, 0.0
         return shown
+
+
+def _most_worthy_first(nearly: np.ndarray, prices: np.ndarray | None, n: int) -> Iterator[np.ndarray]:
+    """Yield who is to be asked of (n, k), and drop what is worth too little by then.
+
+    First the n entities of each pose that are worth most, if any, then the others.
+    """
+    if prices is None:
+        yield np.ones_like(nearly)
+        return
+    by_worth = np.argsort(-prices, kind="stable")
+    first = np.zeros_like(nearly)
+    first[:, by_worth] = nearly[:, by_worth] & (np.cumsum(nearly[:, by_worth], axis=1) <= n)
+    for some in (first, ~first) if n else (~first,):
+        _drop_worthless(nearly, prices)
+        yield some
+
+
+def _drop_worthless(nearly: np.ndarray, prices: np.ndarray | None) -> None:
+    """Clear the rows of what poses nearly inspect (n, k) that are worth no more than 1."""
+    if prices is not None:
+        nearly &= (nearly @ prices > 1.0 + 1e-6)[:, None]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,9 +17,11 @@ from planner.executors import Shared
 from planner.request.measured import measured_items
 from planner.setting.infeasible import missing_corners
 from planner.setting.plan_setting import best_setting
+from planner.setting.pose_search import Search
 from planner.setting.pose_setting import setting_at
 from planner.setting.sensor_setting import SensorSetting
 from planner.verify.simulate_setting import MODEL_TOLERANCE, simulate_setting
+from planner.verify.simulated import Posed
 
 
 @dataclass(frozen=True)
@@ -94,7 +97,9 @@ def realise(shared: Shared, names: Sequence[str], seed: int, start: np.ndarray |
     request, found = judge.request.of(names), None
     for objective in ("sum", "min"):
         try:
-            setting = best_setting(request, seed, objective=objective, start=start)
+            # only of a single entity it is told why it is not inspected
+            search = Search(explain=len(names) == 1)
+            setting = best_setting(request, seed, objective=objective, search=search, start=start)
         except InfeasibleError as error:
             return Outcome(reason=f"{meaning(error)}: {error}")
         if found is None or min(setting.probability.values()) > min(found.probability.values()):
@@ -134,14 +139,19 @@ def best_supported(judge: Judge, options: Sequence[SensorSetting], seed: int) ->
         Of the poses tried and displaced.
     """
     rng = np.random.default_rng([seed, SUPPORT.trial_poses])
-    found, least = options[0], np.inf
-    for setting in itertools.chain(options, _near(judge, options[0], rng)):
-        too_much = max(_excess(judge, setting, rng).values())
+    found: SensorSetting | _NearPose = options[0]
+    least = np.inf
+    poses: Iterable[SensorSetting | _NearPose] = itertools.chain(options, _near(judge, options[0], rng))
+    for pose in poses:
+        too_much = max(_excess(judge, pose, rng).values())
         if too_much < least:
-            found, least = setting, too_much
+            found, least = pose, too_much
         if least <= SUPPORT.too_high:
             break
-    return found
+    if isinstance(found, SensorSetting):
+        return found
+    message = "pose near the best, supported by simulation"
+    return setting_at(judge.request, found.cam2world, found.entities, message, seed=options[0].seed)
 
 
 def without_contradicted(judge: Judge, settings: Iterable[SensorSetting], seed: int) -> list[SensorSetting]:
@@ -179,8 +189,16 @@ def promised_too_much(judge: Judge, setting: SensorSetting, seed: int) -> dict[s
     return {name: too_much for name, too_much in excess.items() if too_much > SUPPORT.contradicted}
 
 
+class _NearPose(NamedTuple):
+    """What simulation asks of a pose; to state its margins, too, takes longer than to simulate it."""
+
+    cam2world: np.ndarray
+    entities: tuple[str, ...]
+    probability: dict[str, float]
+
+
 def _excess(
-    judge: Judge, setting: SensorSetting, rng: np.random.Generator, n: int = SUPPORT.trial_poses
+    judge: Judge, setting: Posed, rng: np.random.Generator, n: int = SUPPORT.trial_poses
 ) -> dict[str, float]:
     """Simulate a setting; return by how much it promises too much for each entity."""
     rates = simulate_setting(
@@ -195,8 +213,8 @@ def _excess(
     return {name: rate.predicted - rate.frequency for name, rate in rates.items()}
 
 
-def _near(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> Iterator[SensorSetting]:
-    """Yield settings near one that inspect the same entities."""
+def _near(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> Iterator[_NearPose]:
+    """Yield poses near a setting that inspect the same entities."""
     poses = perturbed(
         np.repeat(setting.cam2world[None], SUPPORT.neighbours, axis=0), judge.camera.focus_distance_mm, rng
     )
@@ -205,8 +223,8 @@ def _near(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> Ite
     prices = own / (own.sum() - 0.5)
     for first in range(0, len(poses), SUPPORT.batch):
         some = poses[first : first + SUPPORT.batch]
-        for pose in some[judge(some, prices).inspects[:, own].all(axis=1)][: SUPPORT.most_trials - tried]:
+        judged = judge(some, prices)
+        for k in np.flatnonzero(judged.inspects[:, own].all(axis=1))[: SUPPORT.most_trials - tried]:
             tried += 1
-            yield setting_at(
-                judge.request, pose, setting.entities, "pose near the best, supported by simulation", seed=setting.seed
-            )
+            stated = dict(zip(judge.names, judged.probability[k].tolist(), strict=True))
+            yield _NearPose(some[k], setting.entities, {name: stated[name] for name in setting.entities})

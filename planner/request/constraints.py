@@ -271,6 +271,11 @@ class Constraints:
         return tuple(self._shows)
 
     @property
+    def of_image(self) -> tuple[str, ...]:
+        """Names of those constraints that the images of the ends decide; they cost little together."""
+        return tuple(self._columns)
+
+    @property
     def constraint_names(self) -> tuple[str, ...]:
         """Names of the constraints; each ends with the unit of its margin."""
         return (*self._columns, *self._checks, *self._shows)
@@ -295,9 +300,9 @@ class Constraints:
             return image
         return np.asarray(np.minimum.reduceat(image, self._first, axis=1))
 
-    def margins(self, cam2world: np.ndarray) -> dict[str, np.ndarray]:
+    def margins(self, cam2world: np.ndarray, only: Sequence[str] | None = None) -> dict[str, np.ndarray]:
         """Return the margin of poses (n, 4, 4) per constraint and entity: (n, k), or (n, 1) where entities share it."""
-        return {name: slacks.min(axis=-1) for name, slacks in self.slacks(cam2world).items()}
+        return {name: slacks.min(axis=-1) for name, slacks in self.slacks(cam2world, only).items()}
 
     def feasible(self, cam2world: np.ndarray) -> np.ndarray:
         """Return which of the poses (n, 4, 4) satisfy every constraint; (n,) bool."""
@@ -313,7 +318,7 @@ class Constraints:
             if left.size:
                 mask[left] = check(cam2world[left]).min(axis=(1, 2)) >= 0
         if self._shows and (left := np.flatnonzero(mask)).size:
-            mask[left] = self.image.shown(cam2world[left], np.ones((left.size, len(self.names)), bool)).all(axis=1)
+            mask[left] = self.image.show_all(cam2world[left])
         return mask
 
     def _may_be_near(self, positions: np.ndarray) -> np.ndarray:
@@ -339,17 +344,24 @@ class Constraints:
             "corner_deg": max(self.requirements.showing.min_corner_deg, 1.0),
         }[name]
 
-    def violation(self, cam2world: np.ndarray) -> np.ndarray:
-        """Return how far poses (n, 4, 4) are from feasible: 0 is feasible, else a sum over constraints; (n,)."""
+    def violation(self, cam2world: np.ndarray, images_only: bool = False) -> np.ndarray:
+        """Return how far poses (n, 4, 4) are from feasible: 0 is feasible, else a sum over constraints; (n,).
+
+        With images of the ends only it is no larger, and computed soon.
+        """
         total = np.zeros(len(cam2world))
-        cheap = [name for name in self.constraint_names if name not in self._shows]
+        cheap = self.of_image if images_only else [name for name in self.constraint_names if name not in self._shows]
         for name, slacks in self.slacks(cam2world, cheap).items():
             total += self._share_missed(name, slacks.min(axis=-1))
+        if images_only:
+            total[total > 0.0] += len(self._shows)
+            return total
         # what costs most is asked only of poses that miss nothing else; the others miss it as far as it goes
-        met = np.flatnonzero(total == 0.0)
-        total[total > 0.0] += len(self._shows)
-        for name in self._shows if met.size else ():
-            total[met] += self._share_missed(name, self._shows[name](cam2world[met])[..., 0])
+        for name in self._shows:
+            met = np.flatnonzero(total == 0.0)
+            total[total > 0.0] += 1.0
+            if met.size:
+                total[met] = self._share_missed(name, self._shows[name](cam2world[met])[..., 0])
         return total
 
     def _share_missed(self, name: str, margin: np.ndarray) -> np.ndarray:

@@ -112,13 +112,16 @@ def repair(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Move the least violating parameters towards feasibility; return up to n feasible bits, and the last pool."""
     pool, found = tried[: REPAIR.pool], []
+    missed = _violation(pool, encoding, constraints)
     for step in np.geomspace(REPAIR.first_step, REPAIR.last_step, REPAIR.rounds):
         children = neighbours(pool, REPAIR.children, step, encoding, rng)
         bits, ok = snap(children, encoding, constraints)
         found.append(bits[ok])
         if sum(map(len, found)) >= n:
             break
-        pool = _least_violating(np.concatenate([pool, children]), encoding, constraints)[: REPAIR.pool]
+        both = np.concatenate([missed, _violation(children, encoding, constraints)])
+        best = np.argsort(both, kind="stable")[: REPAIR.pool]
+        pool, missed = np.concatenate([pool, children])[best], both[best]
     return np.concatenate(found)[:n], pool
 
 
@@ -131,5 +134,18 @@ def neighbours(pool: np.ndarray, n: int, step: float, encoding: PoseEncoding, rn
 
 
 def _least_violating(parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints) -> np.ndarray:
-    """Sort parameters (m, 6) by the violation of their poses."""
-    return parameters[np.argsort(constraints.violation(encoding.poses(parameters)), kind="stable")]
+    """Return those of the parameters (m, 6) whose poses violate least, sorted; at most so many as repair keeps.
+
+    Images of ends cost little. What they miss is missed at least, so the costly rest is asked of the hopeful only.
+    """
+    at_least = constraints.violation(encoding.poses(parameters), images_only=True)
+    best_first = np.argsort(at_least, kind="stable")
+    some = best_first[: REPAIR.children]
+    enough = np.sort(_violation(parameters[some], encoding, constraints))[: REPAIR.pool][-1]
+    hopeful = np.flatnonzero(at_least <= enough)
+    violation = _violation(parameters[hopeful], encoding, constraints)
+    return parameters[hopeful[np.argsort(violation, kind="stable")[: REPAIR.pool]]]
+
+
+def _violation(parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints) -> np.ndarray:
+    return constraints.violation(encoding.poses(parameters))

@@ -148,15 +148,19 @@ def explain_positions(constraints: Constraints, cells: CellSet, rng: np.random.G
 
 
 def explain_infeasible(
-    constraints: Constraints, encoding: PoseEncoding, tried: np.ndarray, rng: np.random.Generator
+    constraints: Constraints, encoding: PoseEncoding, tried: np.ndarray, rng: np.random.Generator | None
 ) -> InfeasibleError:
     """Explain why none of the tried parameters (m, 6), the least violating first, could be made feasible.
 
     A constraint that fails by itself in every pose, even after a search for its own best margin, is named first;
-    else the constraints conflict, and those the least violating pose breaks are named.
+    else the constraints conflict, and those the least violating pose breaks are named. Without a source of chance there
+    is no such search.
     """
     margins = constraints.margins(encoding.poses(tried))
-    for name in sorted(margins, key=lambda name: margins[name].min(axis=1).max() / constraints.scale(name)):
+    by_share = sorted(margins, key=lambda name: margins[name].min(axis=1).max() / constraints.scale(name))
+    for name in by_share:
+        if rng is None:
+            break
         if margins[name].min(axis=1).max() >= 0:
             break
         margin, entity = _best_margin(name, constraints, encoding, tried, rng)

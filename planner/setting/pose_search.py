@@ -73,6 +73,8 @@ class Search:
         Most poses drawn for the first population before the least violating ones are repaired.
     stop_at_perfect : bool
         Whether to end when all probabilities are 1 but for 0.001 %, as no pose can be better.
+    explain : bool
+        Whether to search for what it is that no pose meets, if none meets all; else the nearest pose is told of.
     sampling : {"covering", "workspace"}
         Where positions are drawn and encoded: in the covering domains where the lens can focus, or, for comparison, in
         the whole workspace.
@@ -102,6 +104,7 @@ class Search:
     turned_starts: int = 10
     max_draws: int = 8192
     stop_at_perfect: bool = True
+    explain: bool = True
     sampling: str = "covering"
 
     def __post_init__(self) -> None:
@@ -174,7 +177,7 @@ class Search:
         dict
             Those of the fields that `ga.maximize` takes.
         """
-        own = ("gene_bits", "gray_code", "max_draws", "stop_at_perfect", "sampling", *_STARTS)
+        own = ("gene_bits", "gray_code", "max_draws", "stop_at_perfect", "explain", "sampling", *_STARTS)
         return {name: value for name, value in self.__dict__.items() if name not in own}
 
 
@@ -240,7 +243,7 @@ def search_pose(
         outcome = Outcome(known[0], -np.inf, 0, 0, "No encoded pose is feasible; the known poses were refined.", ())
     else:
         raise (
-            explain_infeasible(constraints, encoding, start.tried, rng)
+            explain_infeasible(constraints, encoding, start.tried, rng if search.explain else None)
             if len(start.tried)
             else explain_positions(constraints, cells, rng)
         )

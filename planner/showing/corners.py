@@ -196,10 +196,13 @@ def corner_arms(cam2world: Array, pairs: NDArray[np.int64], scale: Array, contou
     number = np.searchsorted(arms.entity[order], pairs[:, 1], side="right") - begin
     pair = np.repeat(np.arange(len(pairs)), number)
     arm = order[np.arange(len(pair)) - np.repeat(np.cumsum(number) - number, number) + np.repeat(begin, number)]
-    poses = cam2world[pairs[pair, 0]]
-    shown = _shown(contours, arms.contour[arm], poses[:, :3, 3])
-    pair, arm, poses = pair[shown], arm[shown], poses[shown]
-    corner, tip, inward = (images(poses, scale, points[arm]) for points in (arms.corner, arms.tip, arms.inward))
+    shown = _shown(contours, arms.contour[arm], cam2world[pairs[pair, 0], :3, 3])
+    pair, arm = pair[shown], arm[shown]
+    # all arms of an end begin in the same image
+    at_end, first, again = np.unique(2 * pair + arms.end[arm], return_index=True, return_inverse=True)
+    of_end = cam2world[pairs[at_end // 2, 0]]
+    corner, inward = (images(of_end, scale, points[arm[first]])[again] for points in (arms.corner, arms.inward))
+    tip = images(cam2world[pairs[pair, 0]], scale, arms.tip[arm])
     good = (corner[:, 2] > 0) & (tip[:, 2] > 0) & (inward[:, 2] > 0)
     pair, arm, corner, tip, inward = pair[good], arm[good], corner[good], tip[good], inward[good]
     along, edge = tip[:, :2] - corner[:, :2], inward[:, :2] - corner[:, :2]

@@ -33,6 +33,8 @@ MOST_PX = 20.0
 _NEVER = 1e6
 # points at first, and pairs at a time
 _ROOM, _BATCH = 100_000, 20_000
+# of so many poses, so many entities are asked first whether they show
+_MANY, _FIRST = 32, 2
 # of a depth of field without end so many times its near limit counts
 _FAR = 10.0
 
@@ -124,6 +126,19 @@ class ImageCheck:
         found = wanted & (self.corners(cam2world, wanted) >= 0)
         return found & (self.separations(cam2world, found, 0.0) >= 0)
 
+    def show_all(self, cam2world: Array) -> NDArray[np.bool_]:
+        """Return in the images of which poses (n, 4, 4) all entities meet both conditions; (n,).
+
+        Where there are many poses, the first entities are asked first: most poses fail for one of them.
+        """
+        left, entities = np.arange(len(cam2world)), np.arange(len(self._ends))
+        first = entities < _FIRST if len(cam2world) >= _MANY else np.zeros(len(entities), bool)
+        for asked in (first, ~first):
+            if left.size and asked.any():
+                wanted = np.repeat(asked[None], left.size, axis=0)
+                left = left[(self.shown(cam2world[left], wanted) | ~wanted).all(axis=1)]
+        return np.isin(np.arange(len(cam2world)), left)
+
     def without_corner(self, k: int) -> Array | None:
         """Return an end (3,) of an entity where no edge of the part makes a corner with it, mm; None without one."""
         if self.showing.min_corner_deg > 0 and self._asked[k]:
@@ -175,15 +190,17 @@ class ImageCheck:
 
     def _leaving(self, cam2world: Array, pairs: Pairs) -> SeenArms:
         seen = corner_arms(cam2world, pairs, self._scale, self.contours, self.arms)
-        seen = seen.chosen(self._visible(cam2world[pairs[seen.of // 2, 0], :3, 3], seen.place))
+        return seen.chosen(self._visible(cam2world[pairs[seen.of // 2, 0], :3, 3], seen.place))
+
+    def _find_tips(self, cam2world: Array, pairs: Pairs, seen: SeenArms, asked: NDArray[np.int64]) -> None:
+        """Find the angles at which other lines come back from the tips of some of the arms."""
         # what comes back from a tip farther away is not beside what is fitted, or too near anyway
-        short = np.flatnonzero(seen.wide & (seen.length_px < FITTED_PX + self._near_own_px))
-        if self.showing.separation_px > 0 and len(short):
+        short = asked[seen.length_px[asked] < FITTED_PX + self._near_own_px]
+        if len(short):
             poses = cam2world[pairs[seen.of[short] // 2, 0]]
             of, angle, place = tip_lines(poses, self._scale, self.contours, self.arms, seen.arm[short])
             visible = self._visible(poses[of, :3, 3], place)
             np.minimum.at(seen.tip_deg, short[of[visible]], angle[visible])
-        return seen
 
     def _corners(self, cam2world: Array, pairs: Pairs) -> Array:
         seen, sharpest = self._making_corners(cam2world, pairs, self._leaving(cam2world, pairs))
@@ -205,14 +222,16 @@ class ImageCheck:
 
         The latter is not asked where an end has no corner anyway, or of a line at a smaller angle than is asked for.
         """
-        separation, least = self.showing.separation_px, self.showing.min_corner_deg
+        separation = self.showing.separation_px
         sharpest = np.full(2 * len(pairs), 90.0)
         np.minimum.at(sharpest, seen.of, seen.angle)
-        seen = seen.chosen(seen.wide & seen.long_enough(seen.fork_deg(), separation))
+        fork = seen.fork_deg()
+        enough = seen.wide & seen.long_enough(fork, separation)
+        seen, fork = seen.chosen(enough), fork[enough]
         if separation > 0:
-            may = (seen.bend >= least) & (sharpest[seen.of] >= least)
-            hopeful = np.asarray(np.isin(np.arange(2 * len(pairs)), seen.of[may]).reshape(-1, 2).all(axis=1))
-            asked = np.flatnonzero(may & hopeful[seen.of // 2])
+            self._find_tips(cam2world, pairs, seen, self._hopeful(seen, sharpest))
+            seen = seen.chosen(seen.long_enough(fork, separation))
+            asked = self._hopeful(seen, sharpest)
             ends = np.stack([self.arms.corner[seen.arm[asked]], seen.last[asked]], axis=1)
             entities = np.ascontiguousarray(ends), self._line_of_arm[seen.arm[asked]], *self._lines
             each = np.column_stack([pairs[seen.of[asked] // 2, 0], np.arange(len(asked))])
@@ -220,10 +239,17 @@ class ImageCheck:
             seen = seen.chosen(np.setdiff1d(np.arange(len(seen.of)), asked[near]))
         return seen, sharpest
 
+    def _hopeful(self, seen: SeenArms, sharpest: Array) -> NDArray[np.int64]:
+        """Return the arms that may make a corner, of edges that may have one at both ends."""
+        least = self.showing.min_corner_deg
+        may = (seen.bend >= least) & (sharpest[seen.of] >= least)
+        both = np.asarray(np.isin(np.arange(len(sharpest)), seen.of[may]).reshape(-1, 2).all(axis=1))
+        return np.flatnonzero(may & both[seen.of // 2])
+
     def _visible(self, eyes: Array, places: Array) -> NDArray[np.bool_]:
         if not len(places):
             return np.zeros(0, bool)
-        return np.asarray(self.scene.cast(eyes, places - eyes)["t_hit"] >= 1.0 - _SHORT)
+        return ~self.scene.blocked(eyes, places - eyes, 1.0 - _SHORT)
 
 
 def near_own_px(showing: Showing) -> float:

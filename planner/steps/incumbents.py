@@ -109,7 +109,7 @@ class Incumbents:
         if not seen.any():
             return
         columns = _nearly_greedy(pool.membership[:, seen], exchanges, run.rng("at once"))
-        settings = _candidates(run, pool, columns)
+        settings = candidate_settings(run, pool, columns)
         settings, counted = _as_simulated(run, settings)
         if exchanges:
             settings += _regained(run, settings, self._in_vain)
@@ -204,7 +204,7 @@ def _supported(
     What was tried for the same column before is not tried again.
     """
     settings = []
-    for candidate in _candidates(run, run.pool, columns):
+    for candidate in candidate_settings(run, run.pool, columns):
         key = candidate.cam2world.tobytes(), candidate.entities, run.request.on_grid
         if key not in tried:
             tried[key] = best_supported(run.judge, [candidate], column_seed(run.seed, candidate.entities))
@@ -223,7 +223,7 @@ def _nearly_greedy(membership: NDArray[np.bool_], exchanges: int, rng: np.random
     return chosen
 
 
-def _candidates(run: Run, pool: ColumnPool, columns: NDArray[np.int_]) -> list[SensorSetting]:
+def candidate_settings(run: Run, pool: ColumnPool, columns: NDArray[np.int_]) -> list[SensorSetting]:
     """Return the poses of columns as settings."""
     wanted = [(pool.poses[c], run.names_of(pool.membership[c])) for c in columns]
     return [
@@ -255,7 +255,7 @@ def _regained(run: Run, settings: Sequence[SensorSetting], in_vain: set[str]) ->
             continue
         columns = np.flatnonzero(run.pool.membership[:, i])
         best = columns[np.argsort(-run.pool.quality[columns], kind="stable")[: IMPROVING.others]]
-        for setting in _candidates(run, run.pool, best):
+        for setting in candidate_settings(run, run.pool, best):
             wrong = promised_too_much(run.judge, setting, run.seed)
             if name not in wrong:
                 further.append(without(run, setting, list(wrong)) if wrong else setting)

@@ -40,6 +40,10 @@ class Counting:
         Poses tried around the best one of an edge's own run: the phases of the grid differ from one to the next.
     told : int
         Of those, so many are counted to say how sure the best one is if none suffices.
+    looks : int
+        Looks at most at what simulation contradicts in the columns found, before the bound is proven.
+    pricing : int
+        Rounds of column generation after each.
     rounds : int
         Plans made again at most, because simulation contradicts the density in what was chosen.
     """
@@ -47,6 +51,8 @@ class Counting:
     best: int = 20
     around: int = 3000
     told: int = 300
+    looks: int = 3
+    pricing: int = 5
     rounds: int = 3
 
 
@@ -70,9 +76,10 @@ def count_on_grid(run: Run, names: Sequence[str]) -> None:
     for poses, judged in in_order(run.executor, judged_poses, arguments):
         run.pools.add(poses, judged)
     for k, name in enumerate(names):
-        near = _poses_around(run, name)
-        run.pools.add(near, run.judge(near))
-        if run.pool.membership[:, run.names.index(name)].any():
+        near, own = _poses_around(run, name), run.names.index(name)
+        # of no worth is what does not inspect this edge
+        run.pools.add(near, run.judge(near, 2.0 * (np.arange(len(run.names)) == own)))
+        if run.pool.membership[:, own].any():
             run.uninspectable.pop(name, None)
         else:
             run.uninspectable[name] = _reason_on_grid(run, name, near)

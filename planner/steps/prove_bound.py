@@ -67,12 +67,13 @@ def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
         incumbents.raised(run, bound, inspected)
 
     ledger = Ledger(improve, entries, keep, raised)
-    proven = ledger("proven")
+    proven, enough = ledger("proven"), run.watch.wanted_bound(values["known"])
     if proven is None:
         proven = lower_bound(
             run.judge,
             np.flatnonzero(inspected),
-            run.watch.wanted_bound(values["known"]),
+            # since the last proof less has become necessary, so what was out of reach then stays so
+            enough if run.highest is None else min(enough, run.highest),
             weighing.columns[:, inspected],
             max_nodes=run.effort.bound_nodes,
             ledger=ledger,
@@ -82,6 +83,7 @@ def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
         keep({"proven": list(proven)})
     bound, proof = proven
     incumbents.raised(run, bound, inspected)
+    run.reached = bound if bound < enough else None
     return bound, proof
 
 
@@ -123,11 +125,11 @@ class _Weighing:
         """Add what the proof came across to these columns, and to the plan's."""
         run = self._run
         rounds = JOINING.rounds_for(len(run.pool))
-        if self._own is None:
-            price_poses(run.shared, run.pools, seed, rounds, run.executor, run.silent, parents=poses)
-            return
-        price_poses(run.shared, run.pools, seed, rounds, run.executor, run.silent, parents=poses)
-        self._price(self._own, poses, seed, rounds)
+        # what is found without some conditions seldom meets them
+        own = rounds if self._own is None else JOINING.rounds
+        price_poses(run.shared, run.pools, seed, own, run.executor, run.silent, parents=poses)
+        if self._own is not None:
+            self._price(self._own, poses, seed, rounds)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what a checkpoint needs."""

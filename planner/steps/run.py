@@ -78,6 +78,11 @@ class Run:
         self.executor, self.progress = executor, self.watch.watched(progress)
         self.pools = Pools(ColumnPool(len(self.names)), ColumnPool(len(self.names)))
         self.uninspectable: dict[str, str] = {}
+        # plans made before, of which simulation contradicted something
+        self.round = 0
+        # where the last proof gave up, and the one of the round before, if they did
+        self.reached: int | None = None
+        self.highest: int | None = None
         self._begun = 0
 
     @property
@@ -118,9 +123,21 @@ class Run:
                 "pools": self.pools.to_dict(),
                 "uninspectable": dict(self.uninspectable),
                 "on_grid": self.request.on_grid,
+                "round": self.round,
+                "highest": self.highest,
                 **values,
             },
         )
+
+    def restore(self, last: dict[str, Any]) -> None:
+        """Go on from a checkpoint."""
+        self.pools, self.uninspectable = Pools.from_dict(last["pools"]), last["uninspectable"]
+        self.set_on_grid(last.get("on_grid", ()))
+        self.round, self.highest = last.get("round", 0), last.get("highest")
+
+    def begin_round(self) -> None:
+        """Plan once more, as simulation contradicts something in this plan."""
+        self.round, self.highest = self.round + 1, self.reached
 
     def kept(self, step: str) -> dict[str, Any] | None:
         """Return the checkpoint if it was taken in this step."""
