@@ -106,6 +106,7 @@ def test_views_need_not_be_contiguous():
     np.testing.assert_array_equal(success_probability(swapped, **call), success_probability(edges, **call))
 
 
+@pytest.mark.uncompiled
 def test_symmetries():
     rng = np.random.default_rng(6)
     edges, covariance = random_edges(20, rng), random_covariance(rng, 0.02)
@@ -117,6 +118,7 @@ def test_symmetries():
     np.testing.assert_allclose(mirrored, p, atol=1e-6)
 
 
+@pytest.mark.uncompiled
 def test_probability_grows_with_the_tolerance():
     accuracies = np.linspace(0.9, 0.9995, 30)
     p = [success_probability(EDGE, **CAMERA, pose_covariance=PAPER_COVARIANCE, accuracy=a) for a in accuracies]

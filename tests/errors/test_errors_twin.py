@@ -20,6 +20,7 @@ def frontal_edge(angle_deg, depth=300.0, length=50.0, tilt=0.43):
     return np.array([0.0, 0.0, F - depth]) + np.array([[-0.5], [0.5]]) * length * direction
 
 
+@pytest.mark.uncompiled
 def test_whole_pixels_by_hand():
     # From 0.4 to 3.6 pixels: 0.6 of the first pixel, 0.6 of the fourth and two whole ones, so four count.
     segments = np.array([[[0.4, 0.0], [3.6, 0.0]], [[0.6, 0.0], [3.4, 0.0]], [[0.6, 0.2], [3.6, 4.9]]])
@@ -29,12 +30,14 @@ def test_whole_pixels_by_hand():
     np.testing.assert_allclose(measure_lengths(segments[:2], pixel_pitch_mm=(1.0, 1.0), detector="area"), expected[:2])
 
 
+@pytest.mark.uncompiled
 def test_short_segments_cover_no_pixel():
     segment = np.array([[0.4, 0.5], [0.8, 0.5]])
     assert measure_lengths(segment, pixel_pitch_mm=(1.0, 1.0)) == 0.0
     assert np.isnan(measure_lengths(segment, pixel_pitch_mm=(1.0, 1.0), detector="area"))
 
 
+@pytest.mark.uncompiled
 def test_coverage_against_counted_points():
     segment = np.array([[0.013, 0.021], [0.072, 0.049]])
     image, (i, j) = coverage_image(segment, pixel_pitch_mm=PITCH)

@@ -22,6 +22,8 @@ from errors.measurands import (
 )
 from errors.measurands.registry import _KINDS
 
+pytestmark = pytest.mark.uncompiled
+
 DISTANCE, PITCH = 26.0, (0.00345, 0.00345)
 GEOMETRY = {
     "length": [Line([-20, -10, 0], [25, -10, 0])],

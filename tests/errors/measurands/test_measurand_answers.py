@@ -8,6 +8,8 @@ from dimension_examples import PITCH, F, isotropic
 
 from errors.measurands import Circle, Line, Localisation, MeasurandModel, measurand
 
+pytestmark = pytest.mark.uncompiled
+
 Z = 300.0
 OVERHEAD = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, Z], [0, 0, 0, 1]])
 SQUARE = (0.005, 0.005)

@@ -60,7 +60,6 @@ def test_no_pose_exceeds_what_the_search_proves_of_its_box(size, small):
     assert tight > 10
 
 
-@pytest.mark.uncompiled
 def test_the_pose_found_inspects_what_is_said():
     """By the judge's own constraints, with no stand-off, visibility at the position alone, and no probability asked."""
     size = SIZES[1]
@@ -231,7 +230,6 @@ def test_windows_meet_where_a_fine_grid_says():
     assert 0 < n_yes < 60
 
 
-@pytest.mark.uncompiled
 def test_of_entities_that_exclude_each_other_one_counts():
     judge, regions = request_for(SIZES[0])
     y = np.linspace(1.0, 0.5, len(EDGES))
@@ -266,7 +264,6 @@ def test_weights_raise_the_bound_but_not_above_what_poses_reach():
     assert 0 < few.made <= 5000
 
 
-@pytest.mark.uncompiled
 def test_the_search_can_be_cancelled_within_a_part(monkeypatch):
     monkeypatch.setattr("planner.bound.pose_space.DIVISION", Division(tick_s=0.0))
     judge, regions = request_for(SIZES[1])
@@ -327,20 +324,28 @@ def leaves_of(tree, pose):
     return np.flatnonzero(near)
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_every_inspected_set_is_inside_the_leaf_of_its_pose(size):
+@pytest.mark.parametrize(
+    ("size", "splits", "n_poses"),
+    [*((size, 9, 400) for size in SIZES), pytest.param(SIZES[1], 4, 100, marks=pytest.mark.uncompiled)],
+)
+def test_every_inspected_set_is_inside_the_leaf_of_its_pose(size, splits, n_poses):
     """The larger box does not fit into the image or between the sharp planes: its edges exclude each other there."""
     judge, regions = request_for(size)
     tree = PoseTree(judge, np.arange(len(EDGES)), regions, np.zeros((12, 12), dtype=bool))
-    for _ in range(9):
+    for _ in range(splits):
         tree.split(np.arange(len(tree.face)))
-    poses = random_poses(judge, 400, seed=2)
+    poses = random_poses(judge, n_poses, seed=2)
     judged = judge(poses)
     assert (judged.inspects.sum(axis=1) > 1).any()
+    y = np.linspace(0.0, 1.0, len(EDGES))
+    bounds = tree.weights(np.arange(len(tree.face)), y)
+    assert (bounds <= tree.sets @ y + 1e-9).all()
+    assert (bounds < tree.sets @ y - 1e-9).any() == (size == SIZES[1])
     for pose, inspected in zip(poses, judged.inspects, strict=True):
         if inspected.any():
             near = leaves_of(tree, pose)
-            assert (tree.sets[near] >= inspected).all(axis=1).any()
+            holding = near[(tree.sets[near] >= inspected).all(axis=1)]
+            assert bounds[holding].max() >= inspected @ y - 1e-9
 
 
 def test_a_tree_of_viewpoints_grown_again_is_the_same_and_so_are_later_ones():

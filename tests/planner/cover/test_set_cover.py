@@ -11,6 +11,8 @@ from planner.cover.relaxation import fractional_cover
 from planner.cover.set_cover import cover_within, distinct_rows, greedy_cover, is_cover, maximal_columns, min_cover
 from planner.exceptions import CoverError
 
+pytestmark = pytest.mark.uncompiled
+
 # the textbook case where greedy takes three sets and two suffice
 GREEDY_TRAP = np.array([[1, 1, 1, 1, 0, 0], [1, 1, 0, 0, 1, 0], [0, 0, 1, 1, 0, 1]], dtype=bool)
 # a triangle: every two entities share a column, so 1.5 columns fractionally, 2 in truth
@@ -61,7 +63,6 @@ def test_minimum_equals_exhaustive_search(membership, random):
     assert fractional_cover(membership)[0] <= cover.lower_bound + 1e-9
 
 
-@pytest.mark.uncompiled
 @settings(max_examples=40, deadline=None)
 @given(arrays(bool, st.tuples(st.integers(1, 8), st.integers(1, 5))))
 def test_maximal_columns_are_exactly_the_undominated_ones(membership):
