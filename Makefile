@@ -50,10 +50,11 @@ fuzz: setup-test
 coverage:
 	@VENV=$(VENV) .ci/setup coverage
 	$(BIN)/coverage erase
-	$(BIN)/coverage run -m pytest
-	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest -m uncompiled
+	$(BIN)/coverage run -m pytest $(IN_PARALLEL)
+	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest $(IN_PARALLEL) -m uncompiled
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report --skip-covered --sort=miss
+	$(BIN)/coverage json --quiet -o - | $(BIN)/python .ci/covered.py
 
 sbom: setup-test
 	$(BIN)/python .ci/supply.py sbom build/sbom.cdx.json
