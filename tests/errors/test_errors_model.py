@@ -18,7 +18,7 @@ def test_the_same_values_as_the_one_call(model):
     np.testing.assert_allclose(SuccessModel(**how)(edges), success_probability(edges, **how), atol=1e-9)
 
 
-@pytest.mark.parametrize("model", ["joint", "independent", "montecarlo"])
+@pytest.mark.parametrize("model", [pytest.param("joint", marks=pytest.mark.uncompiled), "independent", "montecarlo"])
 def test_edges_without_image_have_no_chance_and_disturb_no_other(model):
     how = {**CAMERA, "pose_covariance": PAPER_COVARIANCE, "accuracy": 0.98, "model": model}
     half_behind = np.array([EDGE[0], BEHIND[1]])

@@ -6,6 +6,8 @@ import solids
 
 from aspectgraph import build_aspect_graph
 
+pytestmark = pytest.mark.uncompiled
+
 WORKSPACE = ((-60, -60, -60), (60, 60, 60))
 
 # (solid, entities, domains, adjacencies, distinct lists)
@@ -41,7 +43,6 @@ def test_domains_adjacencies_and_lists(name):
     assert graph.graph["n_slivers"] == 0
 
 
-@pytest.mark.uncompiled
 @pytest.mark.parametrize(
     ("make", "entities", "lists"),
     [
@@ -63,7 +64,6 @@ def test_domains_and_solid_fill_the_workspace(name):
     assert sum(volume for _, volume in graph.nodes(data="volume")) + solid.volume == pytest.approx(120.0**3, rel=1e-9)
 
 
-@pytest.mark.uncompiled
 def test_cube_domains_are_the_26_sectors():
     """Beyond 6 face, 12 edge and 8 corner sectors there is nothing; each lists the edges of the faces it looks at."""
     graph = build_aspect_graph(solids.cube(), solids.all_edges(solids.cube()), WORKSPACE).graph
@@ -73,7 +73,6 @@ def test_cube_domains_are_the_26_sectors():
     assert degrees == [3] * 8 + [4] * (12 + 6)
 
 
-@pytest.mark.uncompiled
 def test_walls_of_a_closed_void_are_seen_only_from_inside_it():
     solid = solids.hollow_box()
     inner = [

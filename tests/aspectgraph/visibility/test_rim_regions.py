@@ -53,6 +53,7 @@ def seen(solid: Solid, z: float, points: np.ndarray) -> np.ndarray:
     return compute_regions(solid, [rim_at(solid, z)], WORKSPACE).observable(points)[:, 0]
 
 
+@pytest.mark.uncompiled
 @pytest.mark.parametrize("square", [5, 25, 50, 65])
 @pytest.mark.parametrize("floor", [1, 4])
 def test_bottom_rim_of_a_blind_hole_is_seen_from_the_prism_over_it(square, floor):
@@ -62,6 +63,7 @@ def test_bottom_rim_of_a_blind_hole_is_seen_from_the_prism_over_it(square, floor
     assert (seen(plate(square, floor), floor, points) == expected).all()
 
 
+@pytest.mark.uncompiled
 @pytest.mark.parametrize("square", [5, 25, 65])
 def test_upper_rim_of_a_through_hole_is_seen_from_above_and_through_the_hole(square):
     points = viewpoints()
@@ -71,12 +73,14 @@ def test_upper_rim_of_a_through_hole_is_seen_from_above_and_through_the_hole(squ
     assert (seen(plate(square, 0), HEIGHT, points) == expected).all()
 
 
+@pytest.mark.uncompiled
 @pytest.mark.parametrize("square", [5, 25, 65])
 def test_upper_rim_of_a_boss_is_seen_from_above_only(square):
     points = viewpoints()
     assert (seen(plate(square, HEIGHT + 5), HEIGHT + 5, points) == (points[:, 2] > HEIGHT + 5)).all()
 
 
+@pytest.mark.uncompiled
 @pytest.mark.parametrize("square", [5, 50])
 def test_lower_rim_of_a_boss_is_seen_from_nowhere(square):
     assert not seen(plate(square, HEIGHT + 5), HEIGHT, viewpoints()).any()
@@ -89,6 +93,7 @@ def test_engine_never_disagrees_with_the_referee(first):
     assert 0.15 < np.mean([comparison.referee.mean() for comparison in compared]) < 0.85
 
 
+@pytest.mark.uncompiled
 def test_a_rim_is_seen_where_all_its_chords_are():
     """The chords of an eight-sided hole are straight edges, too, and their regions are computed one by one."""
     solid = plate(5, 2)
@@ -98,6 +103,7 @@ def test_a_rim_is_seen_where_all_its_chords_are():
     assert (seen(solid, 2, points) == chords.observable(points).all(axis=1)).all()
 
 
+@pytest.mark.uncompiled
 def test_an_arc_is_seen_where_all_its_chords_are():
     """A D-shaped hole: the arc's chords and the referee's answer for each."""
     circle = lattice_circle(25)
@@ -119,6 +125,7 @@ def test_an_arc_is_seen_where_all_its_chords_are():
     assert (regions.observable(points) == expected).all()
 
 
+@pytest.mark.uncompiled
 def test_graph_of_rims_and_edges_lists_what_is_observable():
     part, _ = rimmed_solid(0)
     solid = Solid(part.vertices, part.faces)

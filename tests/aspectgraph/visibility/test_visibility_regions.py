@@ -51,16 +51,19 @@ def test_domain_of_agrees_with_observable(slot, viewpoints):
     assert (outside == ~inside_slotted_block(viewpoints)).all()
 
 
+@pytest.mark.uncompiled
 def test_nothing_is_observable_from_inside_the_solid(slot, viewpoints):
     inside = inside_slotted_block(viewpoints)
     assert inside.sum() > 100
     assert not slot.observable(viewpoints[inside]).any()
 
 
+@pytest.mark.uncompiled
 def test_domain_of_is_minus_one_outside_the_workspace(slot):
     assert slot.domain_of([[0, 0, 61], [0, 50, 0]]).tolist()[0] == -1
 
 
+@pytest.mark.uncompiled
 def test_on_a_partition_surface_the_observing_side_counts(slot):
     # e3 at (8, 1) lies between the floor y = 1 and the wall x = 8; e1 and e2 lie in the floor of the slot, y = 2
     assert slot.observable([[20, 1, 3]], ["e3"]).all()
@@ -114,6 +117,7 @@ def test_coverings_do_not_pile_up():
     assert regions.covering_cells(sets[0]).volume == first.volume
 
 
+@pytest.mark.uncompiled
 def test_cells_are_polytopes_whose_half_spaces_hold_their_vertices(slot):
     for node in slot.graph:
         cells = slot.cells(node)
@@ -133,6 +137,7 @@ def test_viewpoints_of_nodes_have_their_clearance(slot):
         assert data["n_rays"] == 32 * 4
 
 
+@pytest.mark.uncompiled
 def test_surfaces_pass_through_their_entity_and_separate_the_lists(slot):
     for one, other, data in slot.graph.edges(data=True):
         changed = set(slot.graph.nodes[one]["observable"]) ^ set(slot.graph.nodes[other]["observable"])

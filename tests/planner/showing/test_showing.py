@@ -13,6 +13,8 @@ from planner.camera.pose import world_to_cam
 from planner.request.defaults import check_showing
 from planner.showing.image_check import MOST_PX, ImageCheck
 
+pytestmark = pytest.mark.uncompiled
+
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 600.0)
 ONE = np.ones((1, 1), dtype=bool)
 
@@ -29,7 +31,6 @@ def image(points, pose, camera=CAMERA):
     return (local / local[..., 2:]) @ camera.matrix.T[:, :2]
 
 
-@pytest.mark.uncompiled
 def test_two_edges_of_a_plate_seen_from_the_side():
     """Edges 60 mm apart, square to the axis at 600 mm depth: f / pitch * 60 / depth."""
     check, _ = check_of(block(), {"e": [[0, 0, 60], [80, 0, 60]]}, Showing(separation_px=750.0))
@@ -39,7 +40,6 @@ def test_two_edges_of_a_plate_seen_from_the_side():
     assert check.separations(pose, ONE)[0, 0] == pytest.approx(scale * 60 / 600 - 750, abs=1e-6)
 
 
-@pytest.mark.uncompiled
 @pytest.mark.parametrize("seed", range(6))
 def test_separation_on_a_block_by_shapely(seed):
     """Of a convex part exactly the edges of faces that face the camera are visible."""
@@ -66,7 +66,6 @@ def test_separation_on_a_block_by_shapely(seed):
     assert found == pytest.approx(min(distances), abs=1.0)
 
 
-@pytest.mark.uncompiled
 def test_corners_of_a_block():
     """Frontal: the uprights are square to the edge, and the edges of the top face are not seen."""
     check, _ = check_of(block(), {"e": [[0, 0, 60], [80, 0, 60]]}, Showing(min_corner_deg=25.0))
