@@ -74,7 +74,7 @@ class Circle:
     Raises
     ------
     InvalidParameterError
-        If the radius or the angle is not positive, or a vector is not finite.
+        If the radius or the angle is not positive, a vector is not finite, or the start runs along the axis.
     """
 
     centre: NDArray[np.float64]
@@ -97,7 +97,12 @@ class Circle:
         if self.start is not None:
             across = _vector("start", self.start)
             across = across - (across @ self.axis) * self.axis
-            object.__setattr__(self, "start", across / np.linalg.norm(across))
+            size = float(np.linalg.norm(across))
+            if not size > _UNIT:
+                raise InvalidParameterError(
+                    f"start must not run along the axis. Got {np.asarray(self.start).tolist()}."
+                )
+            object.__setattr__(self, "start", across / size)
 
     @property
     def is_closed(self) -> bool:

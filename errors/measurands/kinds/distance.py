@@ -37,12 +37,9 @@ class Distance(Measurand):
         way = way - (way @ along) * along
         size = float(np.linalg.norm(way))
         if not size > 1e-9 * max(1.0, float(np.linalg.norm(apart))):
-            what = (
-                "direction must not run along the edges" if self.direction is not None else "the edges must lie apart"
-            )
-            raise MeasurandError(
-                f"{what} of a distance. Got {'one that does' if self.direction is not None else 'one line'}."
-            )
+            if self.direction is not None:
+                raise MeasurandError("direction must not run along the edges of a distance. Got one that does.")
+            raise MeasurandError("the edges of a distance must lie apart. Got one line.")
         way = way / size * (-1.0 if way @ apart < 0 else 1.0)
         nominal = float(apart @ way)
         if not nominal > 1e-9 * float(np.linalg.norm(apart)):
