@@ -112,3 +112,33 @@ def test_a_log_has_the_estimate_before_the_end(monkeypatch, clock):
     first, last = stream.getvalue().splitlines()
     assert first == "candidate poses: about 3 min more, at the pace of the first 4 of 20"
     assert last == "candidate poses: 20/20 (190.0 s)"
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_a_terminal_has_a_bar_for_each_label_and_lines_that_stay(monkeypatch, clock):
+    monkeypatch.setattr(Pace.__init__, "__defaults__", (clock,))
+    stream = Terminal()
+    with progress.terminal_progress(stream) as show:
+        for done in range(1, 21):
+            clock.now += 10.0
+            progress.labelled(show, "candidate poses")(done, 20, "another label")
+        progress.note(show, "[what] stays")
+    text = stream.getvalue()
+    assert "candidate poses: about 3 min more, at the pace of the first 4 of 20" in text
+    assert "20/20" in text
+    assert "[what] stays" in text
+    assert "another label" not in text
+
+
+def test_nothing_is_shown_where_nothing_is_wanted():
+    stream = Terminal()
+    with progress.terminal_progress(stream, quiet=True) as show:
+        assert show is None
+        progress.report(show, 1, 2, "work")
+        progress.note(show, "a line")
+        assert progress.labelled(show, "work") is None
+    assert stream.getvalue() == ""

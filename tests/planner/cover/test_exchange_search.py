@@ -120,5 +120,19 @@ def test_several_sets_are_realised_where_one_would_not_do():
     assert len(wanted) == 2
 
 
+def test_of_a_smaller_cover_with_optimistic_columns_each_gets_its_share():
+    """Four columns of three, crossed by three others: each of these saves nothing, all together are the one cover."""
+    realised = sets([[0, 1, 2], [3, 4, 5], [6, 7, 8], [9, 10, 11]], 12)
+    near = sets([[0, 3, 6, 9], [1, 4, 7, 10], [2, 5, 8, 11]], 12)
+    wanted = sets_to_realise(realised, near, sets([], 12), 4, 100, rng())
+    assert sorted(np.flatnonzero(one).tolist() for one in wanted) == [[0, 3, 6, 9], [1, 4, 7, 10], [2, 5, 8, 11]]
+    # where two overlap, none is asked for the same entity twice
+    near[1, 0] = True
+    wanted = sets_to_realise(realised, near, sets([], 12), 4, 100, rng())
+    assert np.sum(wanted, axis=0).tolist() == [1] * 12
+    # and without one of the three there is no hope
+    assert sets_to_realise(realised, near[:2], sets([], 12), 4, 100, rng()) == []
+
+
 def test_one_column_that_covers_everything_leaves_nothing_to_realise():
     assert sets_to_realise(sets([[0, 1]], 2), sets([[0, 1]], 2), sets([], 2), 1, 100, rng()) == []

@@ -1,0 +1,84 @@
+"""Cells of the table of dimensions and what options say of localisation: words and numbers known in advance."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from errors.measurands import Circle, Localisation
+from planner import RequestError
+from planner.cli.wanted import read_localisation
+from planner.exceptions import PlanFileError
+from planner.output.dimension_report import _accepted, _budget, _nominal, budget_percents, localisation_text
+from planner.verify.setting_record import _check_same
+
+
+def dimension(**fields):
+    return SimpleNamespace(**{"nominal": 20.0, "tolerance": (-0.1, 0.3), "unit": "mm", "geometry": (), **fields})
+
+
+def test_tolerances_are_told_with_their_signs():
+    assert _nominal(dimension()) == "20 mm<br>+0.3<br>-0.1"
+    assert _nominal(dimension(tolerance=None)) == "20 mm"
+
+
+def test_what_is_accepted_is_the_tolerance_less_the_uncertainty_on_both_sides():
+    assert _accepted(dimension(), SimpleNamespace(expanded_uncertainty=0.05)) == "19.95 and 20.25 mm"
+    assert "nothing" in _accepted(dimension(), SimpleNamespace(expanded_uncertainty=0.25))
+    assert _accepted(dimension(tolerance=None), SimpleNamespace(expanded_uncertainty=0.05)) == "no tolerance stated"
+
+
+def test_shares_sum_to_a_hundred_percent_or_are_none():
+    """Thirds: 33.3 % each, and the tenth that is left goes to the first."""
+    assert budget_percents({"a": 1.0, "b": 1.0, "c": 1.0}) == {"a": 33.4, "b": 33.3, "c": 33.3}
+    assert budget_percents({"a": 0.0, "b": 0.0}) == {"a": 0.0, "b": 0.0}
+    assert budget_percents({"a": float("inf"), "b": 1.0}) == {"a": 0.0, "b": 0.0}
+
+
+def test_a_short_arc_has_no_budget():
+    arc = Circle((0, 0, 0), (0, 0, 1), 5.0, (1, 0, 0), 0.3)
+    assert _budget(dimension(geometry=(arc,)), SimpleNamespace(budget={})) == "short arc: quantiles, no variance"
+
+
+@pytest.mark.parametrize(
+    ("text", "model", "words"),
+    [
+        ("rounding", Localisation.rounding(), "rounding (every point on a whole pixel, 20 points per line or circle)"),
+        ("gaussian:0.05", Localisation.gaussian(0.05), "gaussian (standard deviation 0.05 px, 20 points"),
+        (" fit:0.5:4:0.02", Localisation("fit", 0.5, correlation_px=4.0, floor_px=0.02),
+         "fit (standard deviation 0.5 px, one independent point per 4 px of the image, no better than 0.02 px)"),
+    ],
+)  # fmt: skip
+def test_options_and_reports_speak_of_the_same_model(text, model, words):
+    assert read_localisation(text) == model
+    assert localisation_text(model).replace(f"{model.points} points", "20 points").startswith(words)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("guess", r"must be rounding, gaussian\[:SIGMA\] or fit.* Got 'guess'"),
+        ("rounding:1", r"Got 'rounding:1'"),
+        ("gaussian:wide", r"must hold numbers of px after the model\. Got 'gaussian:wide'"),
+        ("gaussian:-1", r"--localisation: sigma_px must be finite and not negative\. Got -1\.0"),
+        ("fit:1:0", r"--localisation: correlation_px must be positive\. Got 0"),
+    ],
+)
+def test_words_for_no_model_are_refused(text, message):
+    with pytest.raises(RequestError, match=message):
+        read_localisation(text)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"a": 1.0}, r"^here\.b must be given\. Got none"),
+        ({"a": 1.0, "b": "x", "c": 3}, r"^here\.c must be of an item of the setting"),
+        ({"a": 1.001, "b": "x"}, r"^here\.a must be that of the pose, 1\.0\. Got 1\.001"),
+        ({"a": 1.0, "b": "y"}, r'^here\.b must be that of the pose, "x"\. Got "y"'),
+        ([1.0, "x"], r"^here must be that of the pose"),
+    ],
+)
+def test_what_follows_from_a_pose_must_be_stated_as_it_is(given, message):
+    _check_same("here", {"a": 1.0 + 1e-12, "b": "x"}, {"a": 1.0, "b": "x"})
+    with pytest.raises(PlanFileError, match=message):
+        _check_same("here", given, {"a": 1.0, "b": "x"})
