@@ -1,0 +1,45 @@
+"""What measured things of a plan consist of, found again in the part; in another part they are not."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from holed_plate import FRONT, HEIGHT, HOLES, holed_plate
+
+from errors.measurands import Circle, Line
+from planner import RequestError
+from planner.light.demands import _parts
+
+PLATE = holed_plate()
+
+
+def plan_of(*geometry):
+    return SimpleNamespace(dimensions={"it": SimpleNamespace(geometry=geometry)}, entities={"edge": np.array(FRONT)})
+
+
+@pytest.mark.parametrize("axis", [(0, 0, 1), (0, 0, -1)])
+def test_a_rim_and_an_edge_of_a_dimension_are_those_of_the_part(axis):
+    (centre, radius) = HOLES["right"]
+    rim, edge = _parts(plan_of(Circle((*centre, HEIGHT), axis, radius), Line(*FRONT)), PLATE, "it")
+    assert rim.kind == "rim"
+    assert rim.circle.centre == pytest.approx([*centre, HEIGHT])
+    assert rim.circle.radius_mm == pytest.approx(radius)
+    assert sorted(map(tuple, edge.endpoints.tolist())) == sorted(map(tuple, FRONT))
+    (edge,) = _parts(plan_of(), PLATE, "edge")
+    assert sorted(map(tuple, edge.endpoints.tolist())) == sorted(map(tuple, FRONT))
+
+
+@pytest.mark.parametrize(
+    "geometry",
+    [
+        Circle((*HOLES["right"][0], HEIGHT), (0, 0, 1), HOLES["right"][1] + 0.5),
+        Circle((*HOLES["right"][0], HEIGHT + 0.5), (0, 0, 1), HOLES["right"][1]),
+        Circle((*HOLES["right"][0], HEIGHT), (0, 1, 0), HOLES["right"][1]),
+        # the plate has rims, but no arcs
+        Circle((*HOLES["right"][0], HEIGHT), (0, 0, 1), HOLES["right"][1], (1, 0, 0), 1.0),
+        Line((0, 0, 11), (80, 0, 11)),
+    ],
+)
+def test_of_another_part_they_are_not_found(geometry):
+    with pytest.raises(RequestError, match=r"solid must be the plan's part\."):
+        _parts(plan_of(geometry), PLATE, "it")
