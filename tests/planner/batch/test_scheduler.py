@@ -1,5 +1,7 @@
 """A Dask scheduler as an executor: one that answers, one that does not, and none at all."""
 
+import gc
+
 import pytest
 
 from planner import RequestError
@@ -13,6 +15,8 @@ def test_a_scheduler_that_does_not_answer_is_told_with_its_address(monkeypatch, 
     monkeypatch.setattr(scheduler, "_ANSWERS_S", 0.2)
     with pytest.raises(RequestError, match=f"scheduler that answers.*Got '{address}'"), dask_executor(address):
         pass
+    # Dask closes a client that failed when it is collected as garbage, which in another client's loop would wait for it
+    gc.collect()
 
 
 def test_without_dask_it_is_said_how_to_get_it(monkeypatch):
