@@ -7,6 +7,8 @@ from scipy.spatial.transform import Rotation
 from planner import PoseUncertainty, UncertaintyError, look_at
 from planner.camera.pose import aim, cam_to_paper, paper_displacement_jacobian, world_to_cam
 
+pytestmark = pytest.mark.uncompiled
+
 finite = st.floats(-500, 500, allow_nan=False)
 angle = st.floats(-3, 3)
 
@@ -162,3 +164,11 @@ def test_covariance_is_read_only():
     uncertainty = PoseUncertainty.isotropic(translation_mm=0.1, rotation_rad=0.1)
     with pytest.raises(ValueError, match="read-only"):
         uncertainty.covariance[0, 0] = 1.0
+
+
+@pytest.mark.parametrize("away", [1e-3, 1e-100, 1e-200, 1e-300])
+def test_a_target_however_near_gives_the_direction(away):
+    """Squares of numbers below 1e-154 are zero or lose digits."""
+    pose = look_at([[0.0, 0.0, 0.0]], [3.0 * away, 4.0 * away, 0.0])[0]
+    assert pose[:3, 2] == pytest.approx([0.6, 0.8, 0.0], abs=1e-12)
+    assert pose[:3, :3] @ pose[:3, :3].T == pytest.approx(np.eye(3), abs=1e-12)
