@@ -197,9 +197,7 @@ class _NearPose(NamedTuple):
     probability: dict[str, float]
 
 
-def _excess(
-    judge: Judge, setting: Posed, rng: np.random.Generator, n: int = SUPPORT.trial_poses
-) -> dict[str, float]:
+def _excess(judge: Judge, setting: Posed, rng: np.random.Generator, n: int = SUPPORT.trial_poses) -> dict[str, float]:
     """Simulate a setting; return by how much it promises too much for each entity."""
     rates = simulate_setting(
         setting,

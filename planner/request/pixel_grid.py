@@ -171,7 +171,7 @@ def _count(ends_cam, turns, shifts, sensor, allowed, hits):
 
 @nb.njit(cache=True, error_model="numpy")
 def _accurate(ends, turns, shifts, sensor, length):
-    """Count the draws in which the length of an edge (2, 3) on whole pixels is accurate and both ends are on the sensor.
+    """Count the draws in which the length of an edge (2, 3) on whole pixels is accurate, with both ends on the sensor.
 
     Without a branch or a call in the loop, which the compiler then makes instructions for several draws at a time of.
     """
