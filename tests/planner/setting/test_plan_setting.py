@@ -230,6 +230,13 @@ def test_infeasible_requests_name_constraint_entity_and_amount(box, names, optio
     assert len(str(caught.value).splitlines()) == 1
 
 
+def test_without_a_search_for_the_reason_the_nearest_pose_is_told_of(box):
+    with pytest.raises(
+        InfeasibleError, match=r"met together by no pose tried for x00: the nearest pose misses reach by 1"
+    ):
+        plan_setting(box, ["x00"], REAL, LOOSE, reach=lambda p: p[:, 0] > 1e6, search=Search(explain=False))
+
+
 def test_a_camera_that_cannot_focus_in_the_workspace():
     with pytest.raises(InfeasibleError, match=r"focus_mm .*'x00'.*585\.14 to 629\.19 mm.* has 5\d\d") as caught:
         plan_setting(BoxSpace(reach=300.0), ["x00"], REAL, LOOSE)

@@ -6,7 +6,7 @@ from scipy.stats import chisquare
 from planner import Camera, SphereRegion
 from planner.camera.pose import look_at
 from planner.request.constraints import Constraints, Requirements
-from planner.setting.first_poses import draw_start
+from planner.setting.first_poses import REPAIR, _least_violating, draw_start
 from planner.setting.pose_bits import PoseEncoding
 from planner.setting.viewpoint_sampling import ViewpointSampler
 
@@ -182,3 +182,16 @@ def test_parameters_of_poses_are_the_parameters_they_were_made_of():
     parameters = np.random.default_rng(2).uniform(encoding.low, encoding.high, (200, 6))
     assert encoding.parameters_of(encoding.poses(parameters)) == pytest.approx(parameters, abs=1e-9)
     assert encoding.parameters_of(np.empty((0, 4, 4))).shape == (0, 6)
+
+
+def test_the_least_violating_are_those_of_a_whole_sort():
+    space, _ = space_and_ends(["x00", "y00"])
+    constraints = Constraints(space, ["x00", "y00"], CAMERA, Requirements())
+    encoding = PoseEncoding([[-600.0] * 3, [700.0] * 3], constraints.sphere_centre, CAMERA.half_diagonal_rad)
+    parameters = np.random.default_rng(4).uniform(encoding.low, encoding.high, (3000, 6))
+    violation = constraints.violation(encoding.poses(parameters))
+    assert (constraints.violation(encoding.poses(parameters), images_only=True) <= violation).all()
+    whole = parameters[np.argsort(violation, kind="stable")[: REPAIR.pool]]
+    assert np.array_equal(_least_violating(parameters, encoding, constraints), whole)
+    few = parameters[:5]
+    assert np.array_equal(_least_violating(few, encoding, constraints), few[np.argsort(violation[:5], kind="stable")])
