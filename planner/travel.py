@@ -47,7 +47,7 @@ def path_length(distances: np.ndarray, order: Sequence[int]) -> float:
     return float(np.asarray(distances)[path[:-1], path[1:]].sum())
 
 
-def travel_order(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM) -> tuple[int, ...]:
+def travel_order(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM, starts: int = 16) -> tuple[int, ...]:
     """Order poses so that the robot's travel is short.
 
     **Guarantee.** A permutation of all poses; the shortest open path for up to 12 poses; beyond, a path that no
@@ -59,6 +59,8 @@ def travel_order(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM) -> tuple[
         Poses, mm.
     radian_mm : float
         Travel in mm that a turn of one radian is worth.
+    starts : int
+        Beyond 12 poses, paths from so many of them are improved, and the best one is taken.
 
     Returns
     -------
@@ -69,7 +71,7 @@ def travel_order(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM) -> tuple[
     n = len(distances)
     if n < 3:
         return tuple(range(n))
-    order = shortest_path(distances) if n <= _EXACT_UP_TO else improved_path(distances)
+    order = shortest_path(distances) if n <= _EXACT_UP_TO else improved_path(distances, starts)
     return tuple(order if order[0] < order[-1] else order[::-1])
 
 
@@ -100,10 +102,10 @@ def shortest_path(distances: np.ndarray) -> list[int]:
     return order[::-1]
 
 
-def improved_path(distances: np.ndarray) -> list[int]:
+def improved_path(distances: np.ndarray, starts: int = 16) -> list[int]:
     """Improve nearest-neighbour paths by reversing and relocating pieces until neither helps (2-opt, or-opt)."""
     distances = np.asarray(distances, dtype=float)
-    paths = (_improve(distances, _nearest_neighbour(distances, start)) for start in range(min(len(distances), 16)))
+    paths = (_improve(distances, _nearest_neighbour(distances, start)) for start in range(min(len(distances), starts)))
     return min(paths, key=lambda order: path_length(distances, order))
 
 

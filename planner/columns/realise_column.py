@@ -139,9 +139,9 @@ def best_supported(judge: Judge, options: Sequence[SensorSetting], seed: int) ->
         Of the poses tried and displaced.
     """
     rng = np.random.default_rng([seed, SUPPORT.trial_poses])
-    found: SensorSetting | _NearPose = options[0]
+    found: SensorSetting | PosedOnly = options[0]
     least = np.inf
-    poses: Iterable[SensorSetting | _NearPose] = itertools.chain(options, _near(judge, options[0], rng))
+    poses: Iterable[SensorSetting | PosedOnly] = itertools.chain(options, _near(judge, options[0], rng))
     for pose in poses:
         too_much = max(_excess(judge, pose, rng).values())
         if too_much < least:
@@ -180,17 +180,20 @@ def without_contradicted(judge: Judge, settings: Iterable[SensorSetting], seed: 
     return result
 
 
-def promised_too_much(judge: Judge, setting: SensorSetting, seed: int) -> dict[str, float]:
+def promised_too_much(judge: Judge, setting: Posed, seed: int) -> dict[str, float]:
     """Return the entities that simulation contradicts in a setting, and by how much they promise too much."""
     excess = _excess(judge, setting, np.random.default_rng([seed, SUPPORT.trial_poses]))
-    if max(excess.values(), default=0.0) > SUPPORT.too_high:
-        rng = np.random.default_rng([seed, SUPPORT.sure_poses])
-        excess = _excess(judge, setting, rng, SUPPORT.sure_poses)
+    suspected = tuple(name for name, too_much in excess.items() if too_much > SUPPORT.too_high)
+    if not suspected:
+        return {}
+    some = PosedOnly(setting.cam2world, suspected, {name: setting.probability[name] for name in suspected})
+    rng = np.random.default_rng([seed, SUPPORT.sure_poses])
+    excess = _excess(judge, some, rng, SUPPORT.sure_poses)
     return {name: too_much for name, too_much in excess.items() if too_much > SUPPORT.contradicted}
 
 
-class _NearPose(NamedTuple):
-    """What simulation asks of a pose; to state its margins, too, takes longer than to simulate it."""
+class PosedOnly(NamedTuple):
+    """What simulation asks of a setting; to state a pose's margins, too, takes longer than to simulate it."""
 
     cam2world: np.ndarray
     entities: tuple[str, ...]
@@ -211,7 +214,7 @@ def _excess(judge: Judge, setting: Posed, rng: np.random.Generator, n: int = SUP
     return {name: rate.predicted - rate.frequency for name, rate in rates.items()}
 
 
-def _near(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> Iterator[_NearPose]:
+def _near(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> Iterator[PosedOnly]:
     """Yield poses near a setting that inspect the same entities."""
     poses = perturbed(
         np.repeat(setting.cam2world[None], SUPPORT.neighbours, axis=0), judge.camera.focus_distance_mm, rng
@@ -225,4 +228,4 @@ def _near(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> Ite
         for k in np.flatnonzero(judged.inspects[:, own].all(axis=1))[: SUPPORT.most_trials - tried]:
             tried += 1
             stated = dict(zip(judge.names, judged.probability[k].tolist(), strict=True))
-            yield _NearPose(some[k], setting.entities, {name: stated[name] for name in setting.entities})
+            yield PosedOnly(some[k], setting.entities, {name: stated[name] for name in setting.entities})

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from planner.columns.candidates import column_seed, first_poses
 from planner.columns.pool import ColumnPool
-from planner.columns.realise_column import best_supported, promised_too_much, without_contradicted
+from planner.columns.realise_column import best_supported, without_contradicted
 from planner.cover.exchange_search import exchange_columns
 from planner.cover.few_columns import few_columns
 from planner.cover.set_cover import greedy_cover
@@ -237,7 +237,7 @@ def _as_simulated(run: Run, settings: Sequence[SensorSetting]) -> _Stated:
     told = told_on_grid(run, settings)
     supported = []
     for setting in told.settings:
-        wrong = promised_too_much(run.judge, setting, run.seed)
+        wrong = run.contradicted_in(setting)
         supported.append(without(run, setting, list(wrong)) if wrong else setting)
     return [setting for setting in supported if setting.entities], told.counted
 
@@ -256,7 +256,7 @@ def _regained(run: Run, settings: Sequence[SensorSetting], in_vain: set[str]) ->
         columns = np.flatnonzero(run.pool.membership[:, i])
         best = columns[np.argsort(-run.pool.quality[columns], kind="stable")[: IMPROVING.others]]
         for setting in candidate_settings(run, run.pool, best):
-            wrong = promised_too_much(run.judge, setting, run.seed)
+            wrong = run.contradicted_in(setting)
             if name not in wrong:
                 further.append(without(run, setting, list(wrong)) if wrong else setting)
                 stated.update(further[-1].entities)

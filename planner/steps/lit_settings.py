@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from planner.columns.candidates import column_seed, entity_poses
 from planner.columns.perturb import perturbed
-from planner.columns.realise_column import promised_too_much
 from planner.cover.few_columns import few_columns
 from planner.light.lighting import Lighting
 from planner.light.plan_light import chosen_lamps
@@ -146,7 +145,7 @@ def _with_all(run: Run) -> Any:
         pose = setting.cam2world
         names = run.names_of(run.judge(pose[None]).inspects[0])
         full = setting_at(run.request, pose, names, setting.message, seed=column_seed(run.seed, names))
-        wrong = promised_too_much(run.judge, full, run.seed)
+        wrong = run.contradicted_in(full)
         return without(run, full, list(wrong)) if wrong else full
 
     return with_all

@@ -17,7 +17,6 @@ from errors.telling import probability_text
 from planner.camera.pose import world_to_cam
 from planner.columns.candidates import column_seed, judged_poses
 from planner.columns.perturb import perturbed
-from planner.columns.realise_column import promised_too_much
 from planner.executors import in_order
 from planner.progress import report
 from planner.request.pixel_grid import GRID, GridObjective, lowered, tolerance_px
@@ -90,7 +89,7 @@ def contradicted(run: Run, settings: Sequence[SensorSetting]) -> list[str]:
     """Return the edges that simulation contradicts in chosen settings and the pixel grid does not yet decide about."""
     names = []
     for setting in settings:
-        excess = promised_too_much(run.judge, setting, run.seed)
+        excess = run.contradicted_in(setting)
         names += [name for name in excess if name not in run.request.on_grid and _is_fine(run, name, setting.cam2world)]
     return [name for name in run.names if name in names]
 

@@ -13,12 +13,13 @@ from planner.columns.candidates import Pools, column_seed
 from planner.columns.judge import Judge
 from planner.columns.outcome import Outcome
 from planner.columns.pool import ColumnPool
-from planner.columns.realise_column import realise
+from planner.columns.realise_column import PosedOnly, promised_too_much, realise
 from planner.executors import Shared, in_order
 from planner.progress import Progress, report
 from planner.request.effort import Effort
 from planner.request.request import Request
 from planner.resume import PlanningState
+from planner.setting.sensor_setting import SensorSetting
 from planner.watch import Watch
 
 
@@ -84,6 +85,8 @@ class Run:
         self.reached: int | None = None
         self.highest: int | None = None
         self._begun = 0
+        # by how much simulation contradicts what is stated of an entity from a pose
+        self._excess: dict[tuple[bytes, str, float], float] = {}
 
     @property
     def check(self) -> Callable[[], None] | None:
@@ -155,6 +158,20 @@ class Run:
     def names_of(self, column: np.ndarray) -> tuple[str, ...]:
         """Return the names of the entities in a column (k,) of bool."""
         return tuple(np.array(self.names)[column].tolist())
+
+    def contradicted_in(self, setting: SensorSetting) -> dict[str, float]:
+        """Return the entities that simulation contradicts in a setting, and by how much.
+
+        Each promise is simulated once, whatever else is stated of its pose.
+        """
+        pose, stated = setting.cam2world.tobytes(), {name: setting.probability[name] for name in setting.entities}
+        new = tuple(name for name in stated if (pose, name, stated[name]) not in self._excess)
+        if new:
+            some = PosedOnly(setting.cam2world, new, {name: stated[name] for name in new})
+            wrong = promised_too_much(self.judge, some, self.seed)
+            self._excess.update({(pose, name, stated[name]): wrong.get(name, 0.0) for name in new})
+        found = {name: self._excess[pose, name, probability] for name, probability in stated.items()}
+        return {name: too_much for name, too_much in found.items() if too_much > 0.0}
 
     def accept(self, outcome: Outcome) -> tuple[str, ...]:
         """Add what a run of the genetic algorithm achieved to the pool; return the entities it inspects."""

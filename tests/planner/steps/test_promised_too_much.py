@@ -2,10 +2,11 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from planner.columns import realise_column
-from planner.columns.realise_column import SUPPORT, promised_too_much
+from planner.columns.realise_column import SUPPORT, PosedOnly, promised_too_much
 from planner.verify.simulate_setting import MODEL_TOLERANCE
 
 
@@ -23,10 +24,17 @@ from planner.verify.simulate_setting import MODEL_TOLERANCE
 def test_a_promise_is_contradicted_by_more_than_the_models_tolerance(monkeypatch, first, sure, contradicted):
     frequencies = {SUPPORT.trial_poses: 0.95 - first, SUPPORT.sure_poses: 0.95 - sure}
 
-    def simulated(*_, n, **__):
-        return {"edge": SimpleNamespace(predicted=0.95, frequency=frequencies[n])}
+    def simulated(setting, *_, n, **__):
+        # what is not suspected is not simulated again
+        assert set(setting.entities) == ({"edge", "sound"} if n == SUPPORT.trial_poses else {"edge"})
+        found = {
+            "edge": SimpleNamespace(predicted=0.95, frequency=frequencies[n]),
+            "sound": SimpleNamespace(predicted=0.95, frequency=0.95),
+        }
+        return {name: found[name] for name in setting.entities}
 
     monkeypatch.setattr(realise_column, "simulate_setting", simulated)
     monkeypatch.setattr(realise_column, "measured_items", lambda request: None)
     judge = SimpleNamespace(request=SimpleNamespace(pose_uncertainty=None), camera=None, accuracy=0.98)
-    assert bool(promised_too_much(judge, None, 0)) == contradicted
+    posed = PosedOnly(np.eye(4), ("edge", "sound"), {"edge": 0.95, "sound": 0.95})
+    assert list(promised_too_much(judge, posed, 0)) == ["edge"] * contradicted
