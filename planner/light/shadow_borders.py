@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# places on each side of a point of a line
-_PLACES = 5
+# places on each side of a point of a line, as shares of how far the last one is: a shadow less than a pixel wide beside
+# a line moves its strongest step by as much as that
+_PLACES = np.array([0.07, 0.2, 0.4, 0.6, 0.8, 1.0])
 # a place on a face that is turned by more, or off the tangent plane by more, is beyond another line of the part
 _TURN_DEG = 20.0
 _ROUNDING = 1e-5
@@ -128,7 +129,7 @@ def _strips(scene: RayScene, line: SeenLine, reach_rad: float) -> tuple[Array, A
     """Return places (n, 3), normals (n, 3) and strips (n,) beside a line."""
     sight = line.points - line.eye
     aside = across(sight, line.along) * np.linalg.norm(sight, axis=1, keepdims=True)
-    off = reach_rad * np.arange(1, _PLACES + 1) / _PLACES
+    off = reach_rad * _PLACES
     # (points, sides, places, 3)
     rays = sight[:, None, None] + np.array([1.0, -1.0])[:, None, None] * off[:, None] * aside[:, None, None]
     hit = scene.cast(line.eye, rays)
