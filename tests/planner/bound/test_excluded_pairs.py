@@ -1,6 +1,7 @@
 """No view that a pose has of two entities is called impossible; some that none has are."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -172,3 +173,68 @@ def test_a_viewpoint_is_shared_where_one_cell_of_each_meets_in_focus():
         cells = Cells([own, other]).arrays
         assert _share_viewpoint(0, 1, cells, both, frustum()) == shared
         assert _share_viewpoint(1, 0, cells, Segments(*(values[::-1].copy() for values in both)), frustum()) == shared
+
+
+BOTH = pair([[[0, 0, 0], [1, 0, 0]], [[0, 1, 0], [1, 1, 0]]])
+
+
+def test_a_viewpoint_is_found_and_refuted_in_parts_of_what_cells_share():
+    """The same edges. The middle of what is shared is out of focus, so that it must be halved; they are sharp in one
+    place near an end or near the middle, or nowhere."""
+    near, far = CAMERA.depth_of_field_mm
+    view = frustum()
+    # no eye farther away has the origin in focus
+    reach = view.far * math.sqrt(1 + view.tan_x**2 + view.tan_y**2)
+    sharp = (near + far) / 2
+    for low, high, shared in (
+        ([-10, -10, -sharp - 190], [10, 10, -sharp + 1], True),
+        ([-10, -10, -sharp - 1], [10, 10, -10], True),
+        # beside the middle, on either side; all of the other half is out of focus
+        ([-0.3, -0.3, -sharp - 65], [0.3, 0.3, -sharp + 55], True),
+        ([-0.3, -0.3, -sharp - 55], [0.3, 0.3, -sharp + 65], True),
+        ([-60, -60, -300], [60, 60, -reach - 1], False),
+        ([-60, -60, -near + 1], [60, 60, 60], True),
+        # its farthest corner is nearer than the nearest sharp depth
+        ([-45, -45, -0.8 * near], [45, 45, 0.0], False),
+    ):
+        cells = Cells([[box(low, high)], [box(np.subtract(low, 1), np.add(high, 1))]]).arrays
+        assert _share_viewpoint(0, 1, cells, BOTH, view) == shared
+
+
+@dataclass(frozen=True)
+class Prism:
+    """A triangle of the x-z plane between two planes square to y, as a cell."""
+
+    half_spaces: np.ndarray
+    vertices: np.ndarray
+
+
+def prism(side, gap):
+    """Half of the square of 20 mm about (0, -120), on one side of the diagonal and half a gap away from it."""
+    slant = np.array([side, 0.0, side]) / math.sqrt(2)
+    walls = [[1, 0, 0, -10], [-1, 0, 0, -10], [0, 1, 0, -10], [0, -1, 0, -10], [0, 0, 1, 110], [0, 0, -1, -130]]
+    edge = -side * gap / math.sqrt(2)
+    corner = -10.0 * side
+    triangle = [(corner, -corner + edge - 120), (-corner + edge, corner - 120), (corner, corner - 120)]
+    planes = np.array([*walls, [*slant, gap / 2 + side * 120 / math.sqrt(2)]])
+    return Prism(planes, np.array([(x, y, z) for x, z in triangle for y in (-10.0, 10.0)]))
+
+
+@pytest.mark.parametrize(("gap", "shared"), [(0.05, False), (0.0, True)])
+def test_cells_on_two_sides_of_a_slanted_plane_share_nothing_unless_they_touch(gap, shared):
+    """Their bounding boxes are nearly the same, and the gap is far narrower than the finest box."""
+    cells = [prism(1, gap), prism(-1, gap)]
+    for cell in cells:
+        heights = cell.vertices @ cell.half_spaces[:, :3].T + cell.half_spaces[:, 3]
+        assert heights.max() == pytest.approx(0.0, abs=1e-9)
+    arrays = Cells([[cell] for cell in cells]).arrays
+    assert _share_viewpoint(0, 1, arrays, BOTH, frustum()) == shared
+
+
+def test_a_ball_about_a_point_itself_may_hold_an_eye_that_sees_it():
+    """Where the middle is on a point, its line of sight has no direction, so nothing follows from it."""
+    depth = sum(CAMERA.depth_of_field_mm) / 2
+    first, second = np.array([-2.0, 0.0, depth]), np.array([2.0, 0.0, depth])
+    assert possible(first, second, first, second)
+    for middle in (first, second):
+        assert _in_view(middle, np.linalg.norm(middle), pair([first, second, first, second]), frustum())

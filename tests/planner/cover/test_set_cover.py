@@ -134,3 +134,15 @@ def test_a_search_that_is_stopped_claims_nothing_wrong():
     assert is_cover(membership, stopped.chosen)
     assert stopped.lower_bound <= 18 <= len(stopped.chosen)
     assert not stopped.optimal
+
+
+def test_a_solver_that_is_stopped_at_once_leaves_no_spare_column():
+    """Greedy's answer stands in for the solver's; its first column is within the other two."""
+    stopped = min_cover(GREEDY_TRAP, time_limit_s=0.0)
+    assert stopped.chosen == (1, 2)
+    # the solver proved nothing, and a cover has at least one column
+    assert stopped.lower_bound == 1
+    # where either of two columns may go, the less preferred one goes
+    either = np.array([[1, 1, 0], [0, 0, 1], [1, 1, 0]], dtype=bool)
+    for preference, kept in (([0.1, 0.5, 0.9], [1, 2]), ([0.9, 0.5, 0.1], [0, 1])):
+        assert set_cover._without_spare(either, [0, 1, 2], preference).tolist() == kept
