@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from edge_examples import CAMERA, EDGE, PAPER_COVARIANCE, PITCH, F, random_covariance, random_edges
 from scipy.integrate import quad
-from scipy.stats import norm
+from scipy.stats import chi2, ncx2, norm
 
 from errors import SegmentQuantization, image_segment, length_expansion, simulate_success, success_probability
+from errors.joint import quadratic_probability
 
 CALL = {**CAMERA, "accuracy": 0.98}
 
@@ -79,6 +80,35 @@ def test_pure_depth_error_by_hand():
     )
     expected = norm.cdf(depth * (1 - 1 / 1.02) / sigma) - norm.cdf(depth * (1 - 1 / 0.98) / sigma)
     assert p == pytest.approx(expected, abs=1e-4)
+
+
+@pytest.mark.uncompiled
+@pytest.mark.parametrize("degrees", [1, 2, 4, 6])
+def test_a_sum_of_squares_has_the_law_of_chi_square(degrees):
+    """Where only the Hessian counts: delta'H delta / 2 with H the projection on some axes, in a turned basis; and with
+    a gradient in these axes, b.u + u.u / 2 = |u + b|^2 / 2 - |b|^2 / 2."""
+    rng = np.random.default_rng(degrees)
+    # columns are axes of the standard normals; the root turns and stretches, which H and g undo
+    turn, root = np.linalg.qr(rng.normal(size=(6, 6)))[0], rng.normal(size=(6, 6))
+    back = np.linalg.inv(root)
+    hessian = back.T @ turn[:, :degrees] @ turn[:, :degrees].T @ back
+    quiet = np.zeros((1, 3))
+    for low, high in ((-1.0, 0.5), (0.3, 2.0), (1.0, 9.0), (-30.0, 30.0), (60.0, 70.0)):
+        for sign in (1.0, -1.0):
+            limits = np.sort(sign * np.array([[low, high]]))
+            for b in (0.0, 0.7, 3.0):
+                gradient = back.T @ turn[:, 0] * b
+                p = quadratic_probability(gradient[None], sign * hessian[None], root, quiet, limits)
+                law = ncx2(degrees, b * b) if b else chi2(degrees)
+                expected = law.cdf(2 * high + b * b) - law.cdf(max(0.0, 2 * low + b * b))
+                assert p == pytest.approx(expected, abs=2e-4), (low, high, sign, b)
+
+
+@pytest.mark.uncompiled
+def test_what_cannot_err_is_within_limits_that_hold_zero():
+    nothing = np.zeros((4, 6)), np.zeros((4, 6, 6)), np.eye(6), np.zeros((4, 3))
+    limits = np.array([[-1.0, 1.0], [0.0, 1.0], [-1.0, 0.0], [0.1, 1.0]])
+    assert quadratic_probability(*nothing, limits).tolist() == [1.0, 1.0, 1.0, 0.0]
 
 
 @pytest.mark.uncompiled
