@@ -8,13 +8,16 @@ import numpy as np
 import pytest
 
 from planner.bound.boxes.search import FOUND, PROVEN, SPENT, UNRESOLVED
-from planner.bound.dual_bound import LinearBound
+from planner.bound.dual_bound import AIMING, SWEEPING, LinearBound, _Parts
 from planner.bound.pose_space import Found
 from planner.bound.weights import limit_for, relieved
 from planner.cover.relaxation import fractional_cover
 from planner.cover.set_cover import min_cover
 from planner.ledger import Ledger
 from planner.records.packing import packed, unpacked
+
+# of 24 entities, a column for every two
+PAIRS = np.repeat(np.eye(12, dtype=bool), 2, axis=1)
 
 
 class FewPoses:
@@ -33,7 +36,11 @@ class FewPoses:
         self.regrown.append(grown_for)
 
     def search(self, y, limit, max_nodes, tick=None, *, parts, most):
+        # some known column weighs 1, so that no space is free of what weighs more than less
+        assert limit > 1.0
         for k, nodes in zip(parts, np.broadcast_to(max_nodes, len(parts)), strict=True):
+            # what gets no box is never decided
+            assert nodes >= 1
             own = self.columns[self.part == k]
             heavy = own[own @ y > limit]
             self.asked.append((k, y.copy(), limit, len(heavy)))
@@ -86,11 +93,71 @@ class Blurred(FewPoses):
 
 def test_where_boxes_are_too_small_to_tell_fewer_settings_are_proven():
     """Not none: columns of two entities, of 24, need 12; the part that cannot tell can for 8."""
-    columns = np.repeat(np.eye(12, dtype=bool), 2, axis=1)
-    sharp = LinearBound(FewPoses(columns, 4, np.random.default_rng(0)), columns)
+    sharp = LinearBound(FewPoses(PAIRS, 4, np.random.default_rng(0)), PAIRS)
     assert sharp.raise_from(1, 24, max_nodes=1_000_000) >= 10
-    blurred = LinearBound(Blurred(columns, 4, np.random.default_rng(0), 1.5), columns)
+    blurred = LinearBound(Blurred(PAIRS, 4, np.random.default_rng(0), 1.5), PAIRS)
     assert blurred.raise_from(1, 24, max_nodes=1_000_000) == 8
+
+
+class Costly(FewPoses):
+    """The same, where every part takes so many boxes, and far more for limits below some value."""
+
+    def __init__(self, columns, boxes, easy_from=0.0):
+        super().__init__(columns, 4, np.random.default_rng(0))
+        self.boxes, self.easy_from = boxes, easy_from
+
+    def search(self, y, limit, max_nodes, tick=None, *, parts, most):
+        self.cost = np.full(4, self.boxes if limit > self.easy_from else 10**9)
+        return super().search(y, limit, max_nodes, parts=parts, most=most)
+
+
+# Four parts get 8000 boxes each, then 32 000, then 128 000: 672 000 in all.
+NEARLY_ALL = 700_000
+
+
+def test_the_only_number_that_is_left_gets_all_boxes():
+    assert LinearBound(Costly(PAIRS, 100_000), PAIRS).raise_from(5, 6, max_nodes=NEARLY_ALL) == 6
+
+
+def test_a_number_that_is_too_hard_leaves_boxes_for_the_one_below():
+    """Weights of 12 in all prove six where no pose weighs 12 / 5, five where none weighs 3."""
+    space = Costly(PAIRS, 20_000, easy_from=2.5)
+    assert LinearBound(space, PAIRS).raise_from(4, 6, max_nodes=NEARLY_ALL) == 5
+    assert {limit < 2.5 for _, _, limit, _ in space.asked} == {True, False}
+
+
+def test_once_a_number_is_proven_the_next_one_does_not_get_all_boxes():
+    """Weights of 12 in all prove eleven where no pose weighs 12 / 10; twelve would take more than there is."""
+    linear = LinearBound(Costly(PAIRS, 7000, easy_from=1.15), PAIRS)
+    assert linear.raise_from(1, 24, max_nodes=1_000_000) == 11
+    assert linear.made <= 1_000_000 * AIMING.share_of_next
+
+
+def test_parts_that_were_proven_wait_until_the_others_are():
+    parts = _Parts(3, 100)
+    assert parts.next_ones(299) is None
+    asked, boxes = parts.next_ones(300)
+    assert (asked.tolist(), boxes.tolist()) == ([0, 1, 2], [100, 100, 100])
+    hard = parts.learn(asked, np.array([PROVEN, SPENT, PROVEN]), np.array([40, 100, 90]))
+    assert not hard.any()
+    # what is proven is not asked for again, and what was not gets more boxes
+    asked, boxes = parts.next_ones(1000)
+    assert (asked.tolist(), boxes.tolist()) == ([1], [100 * SWEEPING.more])
+    parts.renew()
+    asked, boxes = parts.next_ones(1000)
+    assert asked.tolist() == [1]
+    parts.learn(asked, np.array([PROVEN]), boxes)
+    # half as many boxes again as it took, but no fewer than at first
+    asked, boxes = parts.next_ones(1000)
+    assert (asked.tolist(), boxes.tolist()) == ([0, 2], [100, 135])
+
+
+def test_a_part_is_too_hard_after_so_many_times_as_many_boxes():
+    parts, asked = _Parts(2, 100), np.arange(2)
+    boxes = np.array([SWEEPING.hard * 100, SWEEPING.hard * 100 - 1])
+    assert parts.learn(asked, np.array([SPENT, SPENT]), boxes).tolist() == [True, False]
+    # the weights will keep away from it, so it begins anew
+    assert parts.next_ones(10**6)[1].tolist() == [100, SWEEPING.more * boxes[1]]
 
 
 def test_too_few_boxes_prove_nothing_wrong():
