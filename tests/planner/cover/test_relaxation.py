@@ -48,12 +48,27 @@ def test_core_columns_cover_with_as_few_as_all_columns(seed):
     assert len(min_cover(membership[core]).chosen) == len(min_cover(membership).chosen)
 
 
+def test_columns_of_no_reduced_cost_stay_however_many():
+    """Two settings must be taken, of twenty equally good ones each: any may be in a smallest cover."""
+    alike = np.repeat([[1, 1, 0, 0], [0, 0, 1, 1]], 20, axis=0).astype(bool)
+    assert core_columns(alike).tolist() == list(range(40))
+    # one of each, fewer than there are entities, weighs 1
+    assert fractional_cover(alike[[0, 20]])[0] == pytest.approx(2.0)
+
+
 def test_the_mean_dual_is_a_dual_and_no_single_corner():
     """A ring of six entities seen in neighbouring pairs: the symmetric dual is one half each."""
     ring = np.eye(6, dtype=bool) | np.roll(np.eye(6, dtype=bool), 1, axis=1)
     y = mean_dual(ring, 1.0, 3)
     assert y.sum() == pytest.approx(3.0)
     assert (ring @ mean_dual(ring, 2.0, 6)).max() <= 1.0 + 1e-9
+
+
+def test_one_entity_weighs_one_and_none_weigh_nothing():
+    value, weights = fractional_cover(np.ones((2, 1), dtype=bool))
+    assert (value, weights.tolist()) == (pytest.approx(1.0), [pytest.approx(1.0)])
+    value, weights = fractional_cover(np.zeros((2, 0), dtype=bool))
+    assert (value, weights.shape) == (0.0, (0,))
 
 
 def dual_of_all(columns, factor):
