@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 # places on each side of a point of a line, as shares of how far the last one is: a shadow less than a pixel wide beside
 # a line moves its strongest step by as much as that
 _PLACES = np.array([0.07, 0.2, 0.4, 0.6, 0.8, 1.0])
+# the place that says which face is meant: nearer ones may be on a face that is seen from its edge
+_FACE = 1
 # a place on a face that is turned by more, or off the tangent plane by more, is beyond another line of the part
 _TURN_DEG = 20.0
 _ROUNDING = 1e-5
@@ -138,10 +140,10 @@ def _strips(scene: RayScene, line: SeenLine, reach_rad: float) -> tuple[Array, A
     places = line.eye + np.where(met, t_hit, 1.0)[..., None] * rays
     normals = hit["primitive_normals"].astype(np.float64)
     normals *= np.where((normals * rays).sum(axis=-1) > 0, -1.0, 1.0)[..., None]
-    first, way = normals[:, :, :1], places - places[:, :, :1]
+    first, way = normals[:, :, _FACE, None], places - places[:, :, _FACE, None]
     height, distance = np.abs((way * first).sum(axis=-1)), np.linalg.norm(way, axis=-1)
     turn = np.radians(_TURN_DEG)
     flat = height <= np.sin(turn) * distance + _ROUNDING * np.linalg.norm(sight, axis=1)[:, None, None]
-    same = met & met[:, :, :1] & flat & ((normals * first).sum(axis=-1) >= np.cos(turn))
+    same = met & met[:, :, _FACE, None] & flat & ((normals * first).sum(axis=-1) >= np.cos(turn))
     strip = np.broadcast_to(np.arange(2 * len(sight)).reshape(-1, 2, 1), same.shape)
     return places[same], normals[same], strip[same]
