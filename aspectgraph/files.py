@@ -58,7 +58,8 @@ def up_to_limit(file: IO[bytes], *, large: bool) -> bytes:
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Provide a path to write to; what is there moves to `path` when the block ends without an exception.
 
-    What is no file, such as ``/dev/stdout``, is written to and stays what it is.
+    What is no file, such as ``/dev/stdout``, is written to and stays what it is. Of a symbolic link, the link is
+    replaced; the file it leads to stays as it is.
 
     Raises
     ------
@@ -68,6 +69,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     path = Path(path)
     written_to = is_device(path)
     try:
+        check_replaceable(path)
         with tempfile.TemporaryDirectory() if written_to else nullcontext(path.parent) as folder:
             beside = Path(folder) / f".{path.name}.{os.getpid()}.part"
             try:
@@ -91,6 +93,28 @@ def is_device(path: str | os.PathLike[str]) -> bool:
     except (OSError, ValueError):
         return False
     return not (stat.S_ISREG(kind) or stat.S_ISDIR(kind))
+
+
+def check_replaceable(path: str | os.PathLike[str]) -> None:
+    """Refuse a file that is there and may not be replaced; a renaming would not ask, or fail after the work.
+
+    Raises
+    ------
+    OSError
+        Nobody may write it, as it is marked read-only, or as it is on a read-only mount or immutable.
+    """
+    # of a link what it is, and not what it leads to, is replaced
+    if os.path.islink(path) or not os.path.isfile(path):
+        return
+    if not os.stat(path).st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH):
+        raise PermissionError(errno.EACCES, "it is marked read-only", str(path))
+    try:
+        # nothing is written, and no time changes
+        os.close(os.open(path, os.O_WRONLY))
+    except OSError as error:
+        # who owns a folder may replace what others own in it
+        if error.errno in (errno.EROFS, errno.EPERM):
+            raise
 
 
 def pour(source: str | os.PathLike[str], device: str | os.PathLike[str]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -29,6 +30,10 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
         _write_to_device(path, text)
         return
     try:
+        _check_replaceable(path)
+    except OSError as error:
+        raise OutputError(f"{path} must be a file that can be written. Got: {error.strerror}.") from None
+    try:
         handle, temporary = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
     except UnicodeEncodeError:
         raise OutputError(f"path must be the name of a file. Got {str(path)!r} with half a character.") from None
@@ -52,6 +57,12 @@ def _is_device(path: Path) -> bool:
     return is_device(path)
 
 
+def _check_replaceable(path: Path) -> None:
+    from aspectgraph.files import check_replaceable
+
+    check_replaceable(path)
+
+
 def _write_to_device(path: Path, text: str) -> None:
     try:
         with open(path, "w", encoding="utf-8") as stream:
@@ -60,24 +71,34 @@ def _write_to_device(path: Path, text: str) -> None:
         raise OutputError(f"{path} must be a file that can be written. Got: {error.strerror}.") from None
 
 
-def check_file_place(path: str | os.PathLike[str]) -> None:
+def check_file_place(path: str | os.PathLike[str], parameter: str = "path") -> None:
     """Refuse a file that could not be written, before the work and not after it.
+
+    Parameters
+    ----------
+    path : path
+    parameter : str
+        What the caller knows the file as.
 
     Raises
     ------
     OutputError
-        If it is a folder, or nothing can be written beside it: that is tried.
+        If it is a folder, may not be replaced, or nothing can be written beside it: that is tried.
     """
     path = Path(path)
     if path.is_dir():
-        raise OutputError(f"{path} must be a file that can be written. Got a folder.")
+        raise OutputError(f"{parameter} must be a file that can be written. Got '{path}', a folder.")
     if _is_device(path):
         return
+    try:
+        _check_replaceable(path)
+    except OSError as error:
+        raise OutputError(f"{parameter} must be a file that can be written. Got '{path}': {error.strerror}.") from None
     try:
         _try_to_write(path.parent)
     except OSError as error:
         raise OutputError(
-            f"{path} must be in a folder that exists and can be written. Got '{path}': {error.strerror}."
+            f"{parameter} must be in a folder that exists and can be written. Got '{path}': {error.strerror}."
         ) from None
 
 
@@ -105,18 +126,20 @@ def output_folder(
     OutputError
         If it is no folder, cannot be made or written, or a folder is in a file's way.
     """
-    path = Path(path).absolute()
+    # errors name it as it was given, the work may not depend on where the process is
+    given, path = Path(path), Path(path).absolute()
     made: list[Path] = []
     try:
         try:
-            _make(path, made)
+            make_folder(given, made)
             for name in names:
-                _check_not_in_the_way(path / name)
-            for folder in {path, *((path / name).parent for name in names)}:
+                _check_not_in_the_way(given / name)
+                _check_replaceable(given / name)
+            for folder in dict.fromkeys([given, *((given / name).parent for name in names)]):
                 if folder.exists():
                     _try_to_write(folder)
         except OSError as error:
-            raise _refused(path, error, parameter) from None
+            raise _refused(given, error, parameter) from None
         yield path
     finally:
         _remove_empty(made)
@@ -161,7 +184,7 @@ def staged_folder(
                 shutil.rmtree(staging, ignore_errors=True)
             _remove_leftovers({folder, *((folder / name).parent for name in names)})
         except OSError as error:
-            raise _refused(folder, error, parameter) from None
+            raise _refused(Path(path), error, parameter) from None
 
 
 class _Exchange:
@@ -208,7 +231,7 @@ class _Exchange:
     def _bring(self, name: Path, hidden: Path) -> None:
         """Move a file beside its place, where another file system may be mounted."""
         _check_not_in_the_way(self.target / name)
-        _make(hidden.parent, self.made)
+        make_folder(hidden.parent, self.made)
         source = self.staging / name
         with open(source, "rb") as stream:
             os.fsync(stream.fileno())
@@ -231,29 +254,47 @@ class _Exchange:
                     os.replace(place, source)
 
 
-def _make(path: Path, made: list[Path]) -> None:
+def make_folder(path: Path, made: list[Path]) -> None:
     """Make a folder and those above it; list what was made, from the top down."""
     nearest = next(p for p in (path, *path.parents) if os.path.lexists(p))
-    if not nearest.is_dir():
-        kind = "a file" if nearest.exists() else "a link that leads nowhere"
-        raise NotADirectoryError(errno.ENOTDIR, f"{nearest} is {kind}")
+    _check_is_folder(nearest)
     for folder in reversed([path, *path.parents][: len(path.parts) - len(nearest.parts)]):
         folder.mkdir(exist_ok=True)
-        made.append(folder)
+        made.append(folder.absolute())
+
+
+def _check_is_folder(path: Path) -> None:
+    """Refuse what is there and no folder."""
+    try:
+        if stat.S_ISDIR(os.stat(path).st_mode):
+            return
+        kind = "a file"
+    except FileNotFoundError:
+        kind = "a link that leads nowhere"
+    except OSError as error:
+        if error.errno != errno.ELOOP:
+            raise
+        kind = "a link that leads back to itself"
+    raise NotADirectoryError(errno.ENOTDIR, f"{path} is {kind}")
 
 
 def _try_to_write(folder: Path) -> None:
-    with tempfile.NamedTemporaryFile(prefix=_HIDDEN, dir=folder) as stream:
-        stream.write(b"some text")
-        stream.flush()
-        os.fsync(stream.fileno())
+    try:
+        with tempfile.NamedTemporaryFile(prefix=_HIDDEN, dir=folder) as stream:
+            stream.write(b"some text")
+            stream.flush()
+            os.fsync(stream.fileno())
+    except OSError as error:
+        # which folder it is, and not which hidden file
+        error.filename = str(folder)
+        raise
 
 
 def _check_not_in_the_way(place: Path) -> None:
     if place.is_dir():
         raise IsADirectoryError(errno.EISDIR, f"{place} is a folder")
-    if os.path.lexists(place.parent) and not place.parent.is_dir():
-        raise NotADirectoryError(errno.ENOTDIR, f"{place.parent} is a file")
+    if os.path.lexists(place.parent):
+        _check_is_folder(place.parent)
 
 
 def _remove_empty(folders: Sequence[Path]) -> None:
@@ -280,9 +321,9 @@ def _refused(path: Path, error: OSError, parameter: str) -> OutputError:
     rule = "a folder" if isinstance(error, NotADirectoryError | FileExistsError) else "a folder that can be written"
     reason = error.strerror or error
     if isinstance(error.filename, str) and not Path(error.filename).name.startswith(_HIDDEN):
-        inside = Path(error.filename).absolute()
+        inside, folder = Path(error.filename).absolute(), path.absolute()
         # which file it is that cannot be replaced
-        reason = f"{reason} ({inside.relative_to(path)})" if path in inside.parents else reason
+        reason = f"{reason} ({inside.relative_to(folder)})" if folder in inside.parents else reason
     return OutputError(f"{parameter} must be {rule}. Got {path}: {reason}.")
 
 

@@ -27,7 +27,7 @@ from typing import Any
 
 from planner.columns.outcome import Outcome
 from planner.exceptions import OutputError, PlanFileError
-from planner.files import write_text
+from planner.files import make_folder, write_text
 from planner.plan import InspectionPlan
 from planner.records.json_file import encoded, read_json
 from planner.records.packing import packed, unpacked
@@ -152,7 +152,7 @@ class PlanningState:
             }
         )
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(path.parent, [])
         except OSError as error:
             raise OutputError(f"{path} must be in a folder that can be made. Got: {error.strerror}.") from None
         write_text(path, json.dumps({**data, "digest": _digest(data)}, allow_nan=False) + "\n")

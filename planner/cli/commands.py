@@ -28,7 +28,6 @@ from aspectgraph import (
     read_solid,
     select_entities,
     write_edge_picture,
-    write_graphml,
 )
 from aspectgraph.read.part_file import MESH_SUFFIXES
 from planner.batch.part_request import PartRequest
@@ -56,7 +55,7 @@ from planner.light.lamps import RING
 from planner.light.ring_space import RingSpace
 from planner.output import terminal_tables
 from planner.output.json_records import graph_record, part_record, plan_record, print_json
-from planner.output.plan_folder import PLAN_FILES, Written, rescue, write_outputs
+from planner.output.plan_folder import PLAN_FILES, Written, rescue, write_graph, write_outputs
 from planner.output.wording import cost_sentence
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import labelled, note, terminal_progress
@@ -72,7 +71,7 @@ if TYPE_CHECKING:
 def info(options: argparse.Namespace) -> int:
     """Show what a part consists of and which edges, rims and arcs can be entities."""
     if options.picture:
-        check_file_place(options.picture)
+        check_file_place(options.picture, "--picture")
     solid = _read_part(options)
     edges = solid.straight_edges(min_length_mm=options.min_length)
     curves = (*solid.rims(), *solid.arcs())
@@ -94,14 +93,14 @@ def info(options: argparse.Namespace) -> int:
 
 def graph(options: argparse.Namespace) -> int:
     """Build the entity-based aspect graph and write it."""
-    check_file_place(options.graphml)
+    check_file_place(options.graphml, "--graphml")
     solid = _read_part(options)
     entities, box = chosen_entities(options, solid), _workspace(options)
     if box is None and options.camera is not None:
         box = default_workspace(solid, read_camera(options.camera))
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         result = _graph(options, solid, entities, box, progress)
-    write_graphml(result, options.graphml)
+    write_graph(result, options.graphml, "--graphml")
     if options.json:
         print_json(graph_record(result, options.graphml))
         return DONE
@@ -215,7 +214,7 @@ def _planned(
         found = found.simulated(options.simulate, rng=options.seed, progress=progress, solid=solid)
         found = with_light(found, solid, lighting, progress)
         try:
-            written = write_outputs(found, regions, state.parent, progress, graph_limit=options.graph_limit)
+            written = write_outputs(found, regions, Path(options.out), progress, graph_limit=options.graph_limit)
         except OutputError as error:
             raise OutputError(f"{error} {rescue(found, state)}") from None
     if not found.unfinished:

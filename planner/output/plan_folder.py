@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from aspectgraph import MemoryLimitError, graph_of, write_graphml
+from aspectgraph import OutputError as GraphOutputError
 from planner.exceptions import OutputError
 from planner.files import staged_folder
 from planner.output.pose_files import POSE_FILES, write_poses
@@ -57,7 +60,8 @@ def write_outputs(
 ) -> Written:
     """Write plan, graph, report and poses; they appear in the folder together, or not at all.
 
-    Of an earlier plan's files none stays. Beyond ``graph_limit`` entities their joint graph is left out; where that is
+    Of an earlier plan's files none stays; of a link in the place of one, the link is replaced and not what it leads to.
+    Beyond ``graph_limit`` entities their joint graph is left out; where that is
     None, beyond 24 if it takes much memory, and so time.
 
     Returns
@@ -123,11 +127,41 @@ def rescue(found: InspectionPlan, state: Path) -> str:
     """See that a plan that cannot be written is not lost; return where it is, in one sentence."""
     if holds_plan(state):
         return f"The plan is kept in {state}: the same command with --resume writes it without planning again."
+    return _kept_elsewhere("plan", found.write, "plan.json")
+
+
+def write_graph(graph: EntityAspectGraph, path: str, parameter: str) -> None:
+    """Write a joint graph; it may have taken long, so that one that cannot be written is kept elsewhere.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written where it should be; says where it is instead.
+    """
     try:
-        place = Path(tempfile.mkdtemp(prefix="aspectgraph-")) / "plan.json"
-        found.write(place)
-    except OSError as error:
-        # one of ours is a sentence that names the file
-        reason = str(error) if isinstance(error, OutputError) else f"Got: {error}."
-        return f"The plan cannot be kept anywhere else: {reason}"
-    return f"The plan is in {place} instead."
+        write_graphml(graph, path)
+    except GraphOutputError as error:
+        kept = _kept_elsewhere("graph", lambda place: write_graphml(graph, place), "graph.graphml")
+        raise OutputError(f"{str(error).replace('path', parameter, 1)} {kept}") from None
+
+
+def _kept_elsewhere(what: str, write: Callable[[Path], object], name: str) -> str:
+    """Write to a folder for what is temporary, else to where the process or the user is at home; tell where it is."""
+    reason = ""
+    for parent in (None, Path.cwd(), Path("~").expanduser()):
+        try:
+            folder = Path(tempfile.mkdtemp(prefix="aspectgraph-", dir=parent))
+        except OSError as error:
+            reason = reason or f"Got: {error}."
+            continue
+        try:
+            write(folder / name)
+        except OSError as error:
+            # one of ours is a sentence that names the file
+            ours = isinstance(error, OutputError | GraphOutputError)
+            reason = reason or (str(error) if ours else f"Got: {error}.")
+            with suppress(OSError):
+                folder.rmdir()
+        else:
+            return f"The {what} is in {folder / name} instead."
+    return f"The {what} cannot be kept anywhere else: {reason}"

@@ -218,8 +218,8 @@ def test_folders_made_in_vain_are_removed_again_and_others_stay(tmp_path):
 def test_a_file_that_could_not_be_written_is_refused(tmp_path, monkeypatch):
     check_file_place(tmp_path / "g.graphml")
     assert list(tmp_path.iterdir()) == []
-    with pytest.raises(OutputError, match=r"must be a file that can be written\. Got a folder"):
-        check_file_place(tmp_path)
+    with pytest.raises(OutputError, match=r"^--graphml must be a file that can be written\. Got '.*', a folder"):
+        check_file_place(tmp_path, "--graphml")
     with pytest.raises(OutputError, match=r"must be in a folder that exists and can be written\. Got .*No such file"):
         check_file_place(tmp_path / "no" / "g.graphml")
     monkeypatch.setattr(os, "fsync", lambda handle: (_ for _ in ()).throw(OSError(errno.ENOSPC, "No space left")))
