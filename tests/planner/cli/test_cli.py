@@ -329,12 +329,12 @@ BAD = {
     "unknown edge": (["graph", "block.off", "--entities", "99", "--graphml", "g.graphml"], "99"),
     "no folder": (
         ["graph", "block.off", "--entities", "1", "--graphml", "no/g.graphml"],
-        "no/g.graphml must be in a folder",
+        "--graphml must be in a folder that exists and can be written. Got 'no/g.graphml'",
     ),
     "folder for a file": (["graph", "block.off", "--entities", "1", "--graphml", "."], "must be a file"),
     "picture is a folder": (
         ["info", "block.off", "--picture", "."],
-        "must be a file that can be written. Got a folder",
+        "--picture must be a file that can be written. Got '.', a folder",
     ),
     "folder is a file": ([*PLAN[:-1], "block.off"], "--out must be a folder"),
     "no plan": (["simulate", "plan.json"], "plan.json: plan file must be readable"),
