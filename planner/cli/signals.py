@@ -2,29 +2,42 @@
 
 from __future__ import annotations
 
+import _thread
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import FrameType
 
 from planner.executors import TERMINATING
+
+# compiled loops are handed over to C in functions of this file: an exception there is lost, and the process crashes
+_HANDED_OVER = "executionengine.py"
+_LATER_S = 0.02
 
 
 @contextmanager
 def termination_as_interruption() -> Iterator[None]:
-    """Raise `KeyboardInterrupt` in the block when the process is asked to terminate."""
-
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    ours = []
+    """Raise `KeyboardInterrupt` in the block when the process is asked to terminate, or interrupted at the keyboard."""
+    before = {}
     # signals are the main thread's; one that is ignored, as after nohup, stays so
     if threading.current_thread() is threading.main_thread():
-        ours = [one for one in TERMINATING if signal.getsignal(one) == signal.SIG_DFL]
+        before = {one: signal.getsignal(one) for one in (signal.SIGINT, *TERMINATING)}
+    ours = [one for one, now in before.items() if now in (signal.SIG_DFL, signal.default_int_handler)]
     try:
         for one in ours:
-            signal.signal(one, interrupt)
+            signal.signal(one, _interrupt)
         yield
     finally:
         for one in ours:
-            signal.signal(one, signal.SIG_DFL)
+            signal.signal(one, before[one])
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """Raise `KeyboardInterrupt`; where that would not get through, a moment later."""
+    while frame is not None:
+        if frame.f_code.co_filename.endswith(_HANDED_OVER) and frame.f_code.co_name.startswith("_raw_object_cache"):
+            threading.Timer(_LATER_S, _thread.interrupt_main, (number,)).start()
+            return
+        frame = frame.f_back
+    raise KeyboardInterrupt
