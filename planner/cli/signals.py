@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import _thread
+import os
 import signal
 import threading
 from collections.abc import Iterator
@@ -13,6 +14,8 @@ from planner.executors import TERMINATING
 
 # compiled loops are handed over to C in functions of this file: an exception there is lost, and the process crashes
 _HANDED_OVER = "executionengine.py"
+# while this is loaded, an exception becomes another one that says nothing of an interruption
+_LOADING = os.path.join("open3d", "__init__.py")
 _LATER_S = 0.02
 
 
@@ -36,7 +39,9 @@ def termination_as_interruption() -> Iterator[None]:
 def _interrupt(number: int, frame: FrameType | None) -> None:
     """Raise `KeyboardInterrupt`; where that would not get through, a moment later."""
     while frame is not None:
-        if frame.f_code.co_filename.endswith(_HANDED_OVER) and frame.f_code.co_name.startswith("_raw_object_cache"):
+        file, name = frame.f_code.co_filename, frame.f_code.co_name
+        handed_over = file.endswith(_HANDED_OVER) and name.startswith("_raw_object_cache")
+        if handed_over or (file.endswith(_LOADING) and name == "<module>"):
             threading.Timer(_LATER_S, _thread.interrupt_main, (number,)).start()
             return
         frame = frame.f_back

@@ -40,6 +40,27 @@ def test_an_interruption_waits_until_loops_are_handed_over(number):
     assert signal.getsignal(number) == before
 
 
+def test_an_interruption_waits_until_open3d_is_loaded(tmp_path):
+    """Loading it takes a second; an interruption in it became an ImportError, told with a traceback."""
+    package = tmp_path / "open3d"
+    package.mkdir()
+    (package / "__init__.py").write_text(
+        "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(0.1)\nloaded = True\n"
+    )
+    scope = {}
+
+    def load():
+        source = (package / "__init__.py").read_text()
+        exec(compile(source, str(package / "__init__.py"), "exec"), scope)
+        time.sleep(5.0)
+        scope["lost"] = True
+
+    with pytest.raises(KeyboardInterrupt), termination_as_interruption():
+        load()
+    assert scope["loaded"]
+    assert "lost" not in scope
+
+
 def test_elsewhere_it_comes_at_once():
     with pytest.raises(KeyboardInterrupt), termination_as_interruption():
         os.kill(os.getpid(), signal.SIGINT)
