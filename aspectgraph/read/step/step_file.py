@@ -98,9 +98,8 @@ def read_step(
         except SolidError as error:
             if len(chosen) == 1:
                 raise
-            hint = (
-                f"The file holds {len(chosen)} solids; read some of them with {_HOW_TO_CHOOSE.format('[...]', '...')}."
-            )
+            example = _HOW_TO_CHOOSE.format([chosen[0]], chosen[0])
+            hint = f"The file holds {len(chosen)} solids; read some of them with, for instance, {example}."
             raise type(error)(f"{error} {hint}") from error
     raise AssertionError("the last attempt returns or raises")
 
@@ -120,7 +119,8 @@ def _merge(kernel: StepKernel, chosen: list[int], measured: list[int], chord_mm:
     if not abs(kept - volume) <= max(allowed, RELATIVE_VOLUME * volume):
         raise ReadError(
             f"solids in contact must keep their volume when they become one body. Got {kept:.9g} of {volume:.9g} mm³ "
-            f"for {_listed(chosen)} of {kernel.name}; read some of them with {_HOW_TO_CHOOSE.format('[...]', '...')}."
+            f"for {_listed(chosen)} of {kernel.name}; read some of them with, for instance, "
+            f"{_HOW_TO_CHOOSE.format([chosen[0]], chosen[0])}."
         )
     bodies = [_listed(sorted(group)) for group in answer["merged"]]
     return notes + [f"{body} touch and are one body; edges inside a contact are gone" for body in bodies]
