@@ -72,6 +72,8 @@ def test_whose_file_it_is_does_not_matter_in_a_folder_of_ones_own(here, monkeypa
     with monkeypatch.context() as patch:
         patch.setattr(os, "open", denied)
         check_replaceable(here / "plan.json")
+    # asking changes nothing
+    assert (here / "plan.json").read_text() == "a colleague's"
 
 
 def test_the_folder_of_the_set_that_cannot_be_written_is_named(here, monkeypatch):
