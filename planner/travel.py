@@ -13,6 +13,8 @@ from scipy.spatial.transform import Rotation
 
 RADIAN_MM = 200.0
 _EXACT_UP_TO = 12
+# of so many paths, each improved, the shortest is taken
+_STARTS = 16
 
 
 def pose_distances(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM) -> np.ndarray:
@@ -47,7 +49,7 @@ def path_length(distances: np.ndarray, order: Sequence[int]) -> float:
     return float(np.asarray(distances)[path[:-1], path[1:]].sum())
 
 
-def travel_order(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM, starts: int = 16) -> tuple[int, ...]:
+def travel_order(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM) -> tuple[int, ...]:
     """Order poses so that the robot's travel is short.
 
     **Guarantee.** A permutation of all poses; the shortest open path for up to 12 poses; beyond, a path that no
@@ -59,15 +61,17 @@ def travel_order(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM, starts: i
         Poses, mm.
     radian_mm : float
         Travel in mm that a turn of one radian is worth.
-    starts : int
-        Beyond 12 poses, paths from so many of them are improved, and the best one is taken.
 
     Returns
     -------
     tuple of int
         Indices of the poses in the order of travel.
     """
-    distances = pose_distances(cam2worlds, radian_mm)
+    return order_by(pose_distances(cam2worlds, radian_mm))
+
+
+def order_by(distances: np.ndarray, starts: int = _STARTS) -> tuple[int, ...]:
+    """Return `travel_order` for distances (n, n); beyond 12 poses, paths from so many of them are improved."""
     n = len(distances)
     if n < 3:
         return tuple(range(n))
@@ -102,7 +106,7 @@ def shortest_path(distances: np.ndarray) -> list[int]:
     return order[::-1]
 
 
-def improved_path(distances: np.ndarray, starts: int = 16) -> list[int]:
+def improved_path(distances: np.ndarray, starts: int = _STARTS) -> list[int]:
     """Improve nearest-neighbour paths by reversing and relocating pieces until neither helps (2-opt, or-opt)."""
     distances = np.asarray(distances, dtype=float)
     paths = (_improve(distances, _nearest_neighbour(distances, start)) for start in range(min(len(distances), starts)))

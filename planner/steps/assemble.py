@@ -11,7 +11,7 @@ from planner.request.measured import planned_dimensions
 from planner.setting.sensor_setting import SensorSetting
 from planner.steps.lines_in_window import with_lines_in_windows
 from planner.steps.run import Run
-from planner.travel import travel_order
+from planner.travel import order_by, pose_distances
 
 # of entities that have neither a pose nor a reason for that yet
 _NOT_YET = "no view was found yet: the planning had not come to its end."
@@ -46,8 +46,8 @@ def assembled(
     # a later run may have come across a view of one that had none of its own
     seen = {name for setting in settings for name in setting.entities}
     # a better plan follows soon, so its travel is not worth seconds
-    starts = 1 if unfinished else 16
-    order = travel_order(np.array([s.cam2world for s in settings]).reshape(-1, 4, 4), starts=starts)
+    distances = pose_distances(np.array([s.cam2world for s in settings]).reshape(-1, 4, 4))
+    order = order_by(distances, starts=1) if unfinished else order_by(distances)
     found = InspectionPlan(
         settings=tuple(settings[i] for i in order),
         lower_bound=bound,

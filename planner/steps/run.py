@@ -162,14 +162,18 @@ class Run:
     def contradicted_in(self, setting: SensorSetting) -> dict[str, float]:
         """Return the entities that simulation contradicts in a setting, and by how much.
 
-        Each promise is simulated once, whatever else is stated of its pose.
+        Each promise is simulated once, and what comes out depends on nothing else that is stated of its pose, nor on
+        what was simulated before.
         """
         pose, stated = setting.cam2world.tobytes(), {name: setting.probability[name] for name in setting.entities}
-        new = tuple(name for name in stated if (pose, name, stated[name]) not in self._excess)
-        if new:
-            some = PosedOnly(setting.cam2world, new, {name: stated[name] for name in new})
-            wrong = promised_too_much(self.judge, some, self.seed)
-            self._excess.update({(pose, name, stated[name]): wrong.get(name, 0.0) for name in new})
+        new = [name for name in stated if (pose, name, stated[name]) not in self._excess]
+        # edges see the same displaced poses, whichever they are; a dimension is displaced by draws of its own
+        own = [name for name in new if self.names.index(name) in self.request.dimensions]
+        for names in (tuple(name for name in new if name not in own), *((name,) for name in own)):
+            if names:
+                some = PosedOnly(setting.cam2world, names, {name: stated[name] for name in names})
+                wrong = promised_too_much(self.judge, some, self.seed)
+                self._excess.update({(pose, name, stated[name]): wrong.get(name, 0.0) for name in names})
         found = {name: self._excess[pose, name, probability] for name, probability in stated.items()}
         return {name: too_much for name, too_much in found.items() if too_much > 0.0}
 

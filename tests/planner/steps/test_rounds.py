@@ -100,3 +100,26 @@ def test_what_simulation_contradicts_is_counted_before_the_proof(monkeypatch, co
     assert len(counted) == len(priced) == min(contradicted, COUNTING.looks)
     assert len(looked) == min(contradicted + 1, COUNTING.looks)
     assert all(rounds == 3 for rounds in priced)
+
+
+def test_what_simulation_says_of_a_promise_does_not_depend_on_the_others(monkeypatch):
+    """A run that is watched simulates more, and must end the same: dimensions take draws of their own, each alone."""
+    asked = []
+
+    def too_much(judge, setting, seed):
+        asked.append(setting.entities)
+        return {name: 0.1 for name in setting.entities if name == NAMES[2]}
+
+    monkeypatch.setattr("planner.steps.run.promised_too_much", too_much)
+    run = run_with(np.eye(4))
+    run.request = SimpleNamespace(dimensions={1: None, 3: None})
+    setting = SimpleNamespace(cam2world=np.eye(4), entities=tuple(NAMES), probability=dict.fromkeys(NAMES, 0.95))
+    assert run.contradicted_in(setting) == {NAMES[2]: 0.1}
+    assert asked == [(NAMES[0], NAMES[2]), (NAMES[1],), (NAMES[3],)]
+    # known by now, with fewer stated, too; another promise is asked for
+    fewer = SimpleNamespace(cam2world=np.eye(4), entities=(NAMES[2],), probability={NAMES[2]: 0.95})
+    other = SimpleNamespace(cam2world=np.eye(4), entities=(NAMES[2],), probability={NAMES[2]: 0.9})
+    assert run.contradicted_in(fewer) == {NAMES[2]: 0.1}
+    assert len(asked) == 3
+    assert run.contradicted_in(other) == {NAMES[2]: 0.1}
+    assert asked[3:] == [(NAMES[2],)]
