@@ -3,3 +3,25 @@
 Errors are one line on standard error, never a traceback. Commands are imported when they are run, so that
 ``--help`` is immediate.
 """
+
+from __future__ import annotations
+
+import sys
+
+
+def start() -> int:
+    """Load the command line and run it; an interruption while it loads is one line, too.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
+    try:
+        from planner.cli.main import main
+    except KeyboardInterrupt:
+        from planner.cli.exit_codes import INCOMPLETE
+
+        print("aspectgraph: interrupted", file=sys.stderr)
+        return INCOMPLETE
+    return main()

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
 
 import pytest
@@ -71,3 +73,26 @@ def test_the_functions_it_must_not_come_in_are_there():
     assert os.path.basename(llvm.__file__) == "executionengine.py"
     names = {name for name in vars(llvm.ExecutionEngine) if name.startswith("_raw_object_cache")}
     assert {"_raw_object_cache_getbuffer", "_raw_object_cache_notify"} <= names
+
+
+def test_an_interruption_while_the_program_loads_is_one_line():
+    """Pressed when the first of its own modules is looked for."""
+    code = (
+        "import sys\n"
+        "class Pressed:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name == 'planner.cli.arguments':\n"
+        "            raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Pressed())\n"
+        "from planner.cli import start\n"
+        "sys.exit(start())\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, "info", "part.step"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", "aspectgraph: interrupted\n")
+
+
+def test_the_command_begins_there():
+    from importlib.metadata import entry_points
+
+    (command,) = entry_points(group="console_scripts", name="aspectgraph")
+    assert command.value == "planner.cli:start"
