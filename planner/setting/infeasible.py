@@ -157,10 +157,9 @@ def explain_infeasible(
     is no such search.
     """
     margins = constraints.margins(encoding.poses(tried))
-    by_share = sorted(margins, key=lambda name: margins[name].min(axis=1).max() / constraints.scale(name))
-    for name in by_share:
-        if rng is None:
-            break
+    if rng is None:
+        return _nearest_misses(margins, constraints)
+    for name in sorted(margins, key=lambda name: margins[name].min(axis=1).max() / constraints.scale(name)):
         if margins[name].min(axis=1).max() >= 0:
             break
         margin, entity = _best_margin(name, constraints, encoding, tried, rng)
@@ -173,7 +172,7 @@ def explain_infeasible(
                 entity=entity,
                 margin=margin,
             )
-    return _conflict({name: margin[0] for name, margin in margins.items()}, constraints)
+    return _nearest_misses(margins, constraints)
 
 
 def _best_margin(
@@ -196,9 +195,9 @@ def _worst(margin: np.ndarray, constraints: Constraints) -> tuple[float, str]:
     return float(margin[index]), "" if shared else constraints.names[index]
 
 
-def _conflict(margins: dict[str, np.ndarray], constraints: Constraints) -> InfeasibleError:
-    """Explain by the pose that comes nearest: what it still misses."""
-    worst = {name: _worst(margin, constraints) for name, margin in margins.items()}
+def _nearest_misses(margins: dict[str, np.ndarray], constraints: Constraints) -> InfeasibleError:
+    """Explain by the first pose, which comes nearest: what it still misses."""
+    worst = {name: _worst(margin[0], constraints) for name, margin in margins.items()}
     missed = sorted((m / constraints.scale(name), name) for name, (m, _) in worst.items() if m < 0)
     parts = [f"{name} by {_quantity(name, -worst[name][0])}{_for(worst[name][1])}" for _, name in missed]
     name = missed[0][1] if missed else ""
