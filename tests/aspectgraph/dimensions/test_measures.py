@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 import pytest
+from solids import plain_box
 
 from aspectgraph import Solid
 from aspectgraph.dimensions.choice import Sight
@@ -17,9 +16,7 @@ N = 12
 
 @pytest.fixture(scope="module")
 def box():
-    corners = list(product((0, 40), (0, 30), (0, 20)))
-    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    return Solid(corners, faces, name="box")
+    return plain_box((40, 30, 20))
 
 
 @pytest.fixture(scope="module")

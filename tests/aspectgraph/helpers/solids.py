@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 
 from aspectgraph import Solid
@@ -86,6 +88,13 @@ def box_with_pockets(size, pockets=(), name="box") -> Solid:
                 m = (k + 1) % 4
                 builder.add([high[k], high[m], low[m], low[k]])
     return builder.solid(name)
+
+
+def plain_box(size) -> Solid:
+    """Box from the origin, its faces at x = 0, x = size, y = 0 and so on, in this order."""
+    corners = list(product(*((0, side) for side in size)))
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return Solid(corners, faces, name="box")
 
 
 def cube(side=2.0) -> Solid:

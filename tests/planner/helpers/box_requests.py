@@ -69,3 +69,19 @@ def box_around(rng, view, size, small):
     at = rng.uniform(-1, 1, (400, 2, 3))
     inside = [pose_of(view, chart, look + box[1] * d[0], turn + box[3] * d[1]) for d in at]
     return (chart, box), np.array(inside)
+
+
+def sets_of(tree):
+    """What may be inspected from each box of a tree of viewpoints, (n, e) of bool."""
+    return np.unpackbits(tree.sets.view(np.uint8), axis=1, bitorder="little")[:, : len(EDGES)].astype(bool)
+
+
+def assert_tree_has(tree, poses, inspects, least):
+    """All boxes that hold a pose have what it inspects; more poses than that inspect something."""
+    sets, some = sets_of(tree), np.flatnonzero(inspects.any(axis=1))
+    assert len(some) > least
+    for k in some:
+        eye = poses[k, :3, 3]
+        holding = np.flatnonzero(((tree.boxes[:, 0] <= eye) & (eye <= tree.boxes[:, 1])).all(axis=1))
+        assert (tree.second[holding] == 0).any()
+        assert sets[holding][:, inspects[k]].all()

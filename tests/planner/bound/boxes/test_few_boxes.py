@@ -10,11 +10,13 @@ from box_requests import (
     TREES,
     UNCERTAINTY,
     WORKSPACE,
+    assert_tree_has,
     box_around,
     found_in,
     pose_of,
     random_poses,
     request_for,
+    sets_of,
     space_for,
 )
 from grid_box import EDGES, BoxCell, BoxSpace
@@ -57,16 +59,10 @@ def test_a_coarse_tree_has_what_poses_inspect(radius):
     judge, space = all_around(SIZES[1], radius)
     y = np.random.default_rng(4).uniform(0.1, 1.0, len(EDGES))
     tree = coarse_tree(space, y, 0.5)
-    sets = np.unpackbits(tree.sets.view(np.uint8), axis=1, bitorder="little")[:, : len(EDGES)].astype(bool)
+    sets = sets_of(tree)
     poses = random_poses(judge, 300, seed=6)
     inspects = judge(poses).inspects
-    some = np.flatnonzero(inspects.any(axis=1))
-    assert len(some) > 10
-    for k in some:
-        eye = poses[k, :3, 3]
-        holding = np.flatnonzero(((tree.boxes[:, 0] <= eye) & (eye <= tree.boxes[:, 1])).all(axis=1))
-        assert (tree.second[holding] == 0).any()
-        assert sets[holding][:, inspects[k]].all()
+    assert_tree_has(tree, poses, inspects, 10)
     # a half has no more in it than the whole
     for node in np.flatnonzero(tree.second):
         assert (sets[[node + 1, tree.second[node]]] <= sets[node]).all()

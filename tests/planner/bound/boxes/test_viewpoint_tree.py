@@ -9,10 +9,12 @@ from box_requests import (
     SIZES,
     UNCERTAINTY,
     WORKSPACE,
+    assert_tree_has,
     box_around,
     found_in,
     random_poses,
     request_for,
+    sets_of,
     space_for,
 )
 from grid_box import EDGES, BoxCell, BoxSpace
@@ -42,14 +44,8 @@ def test_what_a_pose_inspects_is_in_every_box_of_viewpoints_around_it(size, radi
     tree = viewpoints_for(space.nodal_points, space.entities, space.view, y, 0.5)
     poses = random_poses(judge, 4000, seed=6)
     inspects = judge(poses).inspects
-    sets = np.unpackbits(tree.sets.view(np.uint8), axis=1, bitorder="little")[:, : len(EDGES)].astype(bool)
-    some = np.flatnonzero(inspects.any(axis=1))
-    assert len(some) > 100
-    for k in some:
-        eye = poses[k, :3, 3]
-        holding = np.flatnonzero(((tree.boxes[:, 0] <= eye) & (eye <= tree.boxes[:, 1])).all(axis=1))
-        assert (tree.second[holding] == 0).any()
-        assert sets[holding][:, inspects[k]].all()
+    sets = sets_of(tree)
+    assert_tree_has(tree, poses, inspects, 100)
     # and much is told apart
     leaves = sets[tree.second == 0]
     assert (leaves @ y <= 0.5).mean() > 0.02

@@ -48,6 +48,14 @@ def forms_of(w):
     return values
 
 
+def ends_in_view(rng, camera, looked_at):
+    """Ends of an edge that a pose sees, their depths, and the length of its image for a unit of depth."""
+    depth = rng.uniform(90, 110, 2)
+    seen = np.column_stack([rng.uniform(-0.3, 0.3, 2) * depth, rng.uniform(-0.2, 0.2, 2) * depth, depth])
+    image = np.linalg.norm(seen[0, :2] / depth[0] - seen[1, :2] / depth[1])
+    return (seen - [0, 0, VIEW.middle]) @ camera.T + looked_at, depth, image
+
+
 def draws(seed, n, small):
     """Boxes of poses and poses of them: chart, v0, u, q0, h, and those of the pose."""
     rng = np.random.default_rng(seed)
@@ -178,10 +186,7 @@ def test_an_image_long_enough_has_no_end_deeper_than_told(small):
         matrix, turn = box_of(chart, v, u)
         camera, room = matrix_of(chart, turned), np.empty(3)
         extent(matrix, h, turn.t, room)
-        depth = rng.uniform(90, 110, 2)
-        seen = np.column_stack([rng.uniform(-0.3, 0.3, 2) * depth, rng.uniform(-0.2, 0.2, 2) * depth, depth])
-        ends = (seen - [0, 0, VIEW.middle]) @ camera.T + looked_at
-        image = np.linalg.norm(seen[0, :2] / depth[0] - seen[1, :2] / depth[1])
+        ends, depth, image = ends_in_view(rng, camera, looked_at)
         s, far, opened = np.empty((2, 3)), np.empty(2), np.empty(2)
         seen_from(ends, q, matrix, s)
         # the image is just long enough
@@ -201,10 +206,7 @@ def test_of_one_pose_nothing_is_open_of_how_deep_an_end_may_be():
     """Neither the point looked at nor the turn is unknown, so the depths are those that the lengths of images allow."""
     for rng, chart, v, _, q, _, _, _ in draws(5, 100, 0.1):
         matrix, turn = box_of(chart, v, np.full(3, 1e-13))
-        depth = rng.uniform(90, 110, 2)
-        seen = np.column_stack([rng.uniform(-0.3, 0.3, 2) * depth, rng.uniform(-0.2, 0.2, 2) * depth, depth])
-        ends = (seen - [0, 0, VIEW.middle]) @ matrix.T + q
-        image = np.linalg.norm(seen[0, :2] / depth[0] - seen[1, :2] / depth[1])
+        ends, depth, image = ends_in_view(rng, matrix, q)
         s, far, opened = np.empty((2, 3)), np.empty(2), np.empty(2)
         seen_from(ends, q, matrix, s)
         farthest(s, np.linalg.norm(ends[1] - ends[0]), image, turn.t, np.zeros(3), VIEW, far, opened)
