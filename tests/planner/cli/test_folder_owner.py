@@ -33,9 +33,12 @@ def folder(tmp_path):
 
 
 def test_the_same_request_and_an_empty_folder_are_welcome(folder, tmp_path):
-    asked = request_of(plan(requirements=LIMITS, lower_bound=2))
+    asked, before = request_of(plan(requirements=LIMITS, lower_bound=2)), (folder / "plan.json").read_bytes()
     check_owner(folder, asked, force=False)
     check_owner(tmp_path / "new", asked, force=False)
+    # asking replaces and makes nothing
+    assert (folder / "plan.json").read_bytes() == before
+    assert not (tmp_path / "new").exists()
 
 
 @pytest.mark.parametrize("case", OTHERS)
@@ -50,7 +53,11 @@ def test_another_request_needs_force(folder, case):
 
 def test_a_plan_without_limits_is_replaced_by_one_with_limits(tmp_path):
     plan().write(tmp_path / "plan.json")
-    check_owner(tmp_path, request_of(plan(requirements=LIMITS)), force=False)
+    limited, other = (request_of(plan(requirements=LIMITS, **changes)) for changes in ({}, {"seed": 6}))
+    check_owner(tmp_path, limited, force=False)
+    # what it does not tell is not held against it; what it tells is
+    with pytest.raises(OutputError, match="another seed, 5 and not 6"):
+        check_owner(tmp_path, other, force=False)
 
 
 def test_a_file_that_is_no_plan_is_not_replaced_either(folder):
