@@ -246,15 +246,22 @@ class Constraints:
 
         Of many poses only what they miss matters, so lines that are far enough are not looked at.
         """
-        asked, k = self.requirements.showing if any(self._lengths) else NOT_ASKED, len(self.names)
+        asked = self.requirements.showing if any(self._lengths) else NOT_ASKED
         shows: dict[str, Any] = {}
         if asked.min_corner_deg > 0:
-            shows["corner_deg"] = lambda pose: self.image.corners(pose, np.ones((len(pose), k), bool))[..., None]
+            shows["corner_deg"] = lambda pose: self._shown("corner_deg", pose)[..., None]
         if asked.separation_px > 0:
-            shows["separation_px"] = lambda pose: self.image.separations(
-                pose, np.ones((len(pose), k), bool), MOST_PX if len(pose) <= _FEW else 0.0
+            shows["separation_px"] = lambda pose: self._shown(
+                "separation_px", pose, MOST_PX if len(pose) <= _FEW else 0.0
             )[..., None]
         return shows
+
+    def _shown(self, name: str, cam2world: np.ndarray, most_px: float = 0.0) -> np.ndarray:
+        """Return the margins (n, k) of a condition on the image; of a separation at most so many px are told."""
+        everyone = np.ones((len(cam2world), len(self.names)), bool)
+        if name == "corner_deg":
+            return self.image.corners(cam2world, everyone)
+        return self.image.separations(cam2world, everyone, most_px)
 
     @cached_property
     def image(self) -> ImageCheck:
@@ -361,7 +368,7 @@ class Constraints:
             met = np.flatnonzero(total == 0.0)
             total[total > 0.0] += 1.0
             if met.size:
-                total[met] = self._share_missed(name, self._shows[name](cam2world[met])[..., 0])
+                total[met] = self._share_missed(name, self._shown(name, cam2world[met]))
         return total
 
     def _share_missed(self, name: str, margin: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aspectgraph.solid.edge_ends import CORNER_DEG
+from planner.showing.arm_images import arm_images
 from planner.showing.contours import CONVEX, OWN, SHARP, Contours, Meeting
 
 Array = NDArray[np.float64]
@@ -24,7 +25,7 @@ _LEAST_DEG = 1e-3
 
 
 class Arms(NamedTuple):
-    """Sharp edges (a) that leave the ends of entities.
+    """Sharp edges (a) that leave the ends of entities, in the order of these.
 
     Attributes
     ----------
@@ -40,6 +41,8 @@ class Arms(NamedTuple):
         Whether the angle is that of a corner on the part; the chords of an arc that the edge runs on in are not.
     beyond : array of int (a, d)
         Contours that meet the edge where it ends, -1 where there are fewer.
+    first : array of int (k + 1,)
+        Where the arms of each entity begin.
     """
 
     entity: NDArray[np.int64]
@@ -50,6 +53,7 @@ class Arms(NamedTuple):
     inward: Array
     wide: NDArray[np.bool_]
     beyond: NDArray[np.int64]
+    first: NDArray[np.int64]
 
 
 def arms_of(
@@ -89,7 +93,8 @@ def arms_of(
     beyond = np.full((len(rows), max(map(len, others), default=0)), -1)
     for a, one in enumerate(others):
         beyond[a, : len(one)] = one
-    return Arms(entity, which, contour, corner, tips, inward, wide, beyond)
+    first = np.searchsorted(entity, np.arange(len(asked) + 1))
+    return Arms(entity, which, contour, corner, tips, inward, wide, beyond, first)
 
 
 class SeenArms(NamedTuple):
@@ -177,7 +182,7 @@ def mixed_px(fork_deg: Array, separation_px: float) -> Array:
     return np.asarray(across / np.tan(np.radians(np.maximum(fork_deg, _LEAST_DEG))))
 
 
-def corner_arms(cam2world: Array, pairs: NDArray[np.int64], scale: Array, contours: Contours, arms: Arms) -> SeenArms:
+def corner_arms(cam2world: Array, pairs: NDArray[np.int64], scale: Array, lines: Any, arms: Arms) -> SeenArms:
     """Return what leaves the ends of entities in the image.
 
     Parameters
@@ -188,23 +193,17 @@ def corner_arms(cam2world: Array, pairs: NDArray[np.int64], scale: Array, contou
         Pose and entity.
     scale : array (4,)
         Pixels per unit of slope in x and y, and the principal point, px.
-    contours, arms : Contours, Arms
-        Of the part and the entities.
+    lines : tuple of array
+        `PartLines.compiled` of the part.
+    arms : Arms
+        Of the entities.
     """
-    order = np.argsort(arms.entity, kind="stable")
-    begin = np.searchsorted(arms.entity[order], pairs[:, 1])
-    number = np.searchsorted(arms.entity[order], pairs[:, 1], side="right") - begin
-    pair = np.repeat(np.arange(len(pairs)), number)
-    arm = order[np.arange(len(pair)) - np.repeat(np.cumsum(number) - number, number) + np.repeat(begin, number)]
-    shown = _shown(contours, arms.contour[arm], cam2world[pairs[pair, 0], :3, 3])
-    pair, arm = pair[shown], arm[shown]
-    # all arms of an end begin in the same image
-    at_end, first, again = np.unique(2 * pair + arms.end[arm], return_index=True, return_inverse=True)
-    of_end = cam2world[pairs[at_end // 2, 0]]
-    corner, inward = (images(of_end, scale, points[arm[first]])[again] for points in (arms.corner, arms.inward))
-    tip = images(cam2world[pairs[pair, 0]], scale, arms.tip[arm])
-    good = (corner[:, 2] > 0) & (tip[:, 2] > 0) & (inward[:, 2] > 0)
-    pair, arm, corner, tip, inward = pair[good], arm[good], corner[good], tip[good], inward[good]
+    poses, pairs = np.array(cam2world, np.float64, order="C"), np.ascontiguousarray(pairs)
+    most = int((arms.first[pairs[:, 1] + 1] - arms.first[pairs[:, 1]]).sum())
+    numbers, found = np.empty((most, 2), np.int64), np.empty((3, most, 3))
+    points = np.stack([arms.corner, arms.tip, arms.inward])
+    n = arm_images(poses, pairs, scale, lines, (arms.first, arms.contour, points), (numbers, found))
+    pair, arm, (corner, tip, inward) = numbers[:n, 0], numbers[:n, 1], found[:, :n]
     along, edge = tip[:, :2] - corner[:, :2], inward[:, :2] - corner[:, :2]
     length = np.linalg.norm(along, axis=1)
     ends, depths = (arms.corner[arm], arms.tip[arm]), (corner[:, 2], tip[:, 2])

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.solid.ray_scene import RayScene
 from planner.camera.camera import Camera
-from planner.showing.contours import OWN, Contours, contours_of, meeting, relation_to
+from planner.showing.contours import OWN, Contours
 from planner.showing.corners import FITTED_PX, SeenArms, arms_of, corner_arms, images, mixed_px, tip_lines
 from planner.showing.near_contours import near_contours
+from planner.showing.part_lines import PartLines
 from planner.showing.showing import Showing
 
 if TYPE_CHECKING:
@@ -37,6 +37,8 @@ _ROOM, _BATCH = 100_000, 20_000
 _MANY, _FIRST = 32, 2
 # of a depth of field without end so many times its near limit counts
 _FAR = 10.0
+# if only some visible point of a pair is asked for, one of so many is looked at first
+_EVERY = 6
 
 
 class ImageCheck:
@@ -72,18 +74,17 @@ class ImageCheck:
         matrix, (near, far) = camera.matrix, camera.depth_of_field_mm
         self._scale = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]])
         self._asked = np.array([one is not None for one in edge_ids])
-        self.contours = contours_of(solid)
-        at = meeting(self.contours)
-        self.scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
+        self._part = PartLines.of(solid)
+        self.contours, self.scene = self._part.contours, self._part.scene
         self._near_own_px = near_own_px(showing)
         radius = 2.0 * self._near_own_px * min(far, _FAR * near) / float(self._scale[:2].min())
         edges = [[] if one is None else list(one) for one in edge_ids]
-        self._entities = _Lines.of(self.contours, [relation_to(self.contours, at, one, radius) for one in edges])
-        self.arms = arms_of(self.contours, at, self._entities.relations, self._ends, self._asked)
+        self._entities = _Lines.of(self.contours, [self._part.relation(one, radius) for one in edges])
+        self.arms = arms_of(self.contours, self._part.at, self._entities.relations, self._ends, self._asked)
         # the same line may leave several entities
         lines, self._line_of_arm = np.unique(self.arms.contour, return_inverse=True)
         own = [[int(self.contours.ids[line])] for line in lines]
-        self._lines = _Lines.of(self.contours, [relation_to(self.contours, at, one, radius) for one in own])
+        self._lines = _Lines.of(self.contours, [self._part.relation(one, radius) for one in own])
 
     def separations(self, cam2world: Array, wanted: NDArray[np.bool_], most_px: float = MOST_PX) -> Array:
         """Return how far other visible lines are from entities in the image, less what is asked for, px; (n, k).
@@ -124,7 +125,12 @@ class ImageCheck:
     def shown(self, cam2world: Array, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return which of the wanted entities (n, k) meet both conditions in the images of poses (n, 4, 4)."""
         found = wanted & (self.corners(cam2world, wanted) >= 0)
-        return found & (self.separations(cam2world, found, 0.0) >= 0)
+        if self.showing.separation_px > 0:
+            for pairs in self._batches(found):
+                found[tuple(pairs.T)] = ~self._has_near(
+                    cam2world, pairs, self._all_entities, self.showing.separation_px
+                )
+        return found
 
     def show_all(self, cam2world: Array) -> NDArray[np.bool_]:
         """Return in the images of which poses (n, 4, 4) all entities meet both conditions; (n,).
@@ -152,28 +158,40 @@ class ImageCheck:
         pairs = np.argwhere(wanted & self._asked)
         return [pairs[i : i + _BATCH] for i in range(0, len(pairs), _BATCH)]
 
-    def _separations(self, cam2world: Array, pairs: Pairs, reach: float) -> Array:
-        entities = self._ends, np.arange(len(self._ends)), *self._entities
-        return self._nearest_px(cam2world, pairs, entities, reach)
+    @property
+    def _all_entities(self) -> Any:
+        return self._ends, np.arange(len(self._ends)), *self._entities
 
-    def _nearest_px(self, cam2world: Array, pairs: Pairs, entities: Any, reach: float) -> Array:
-        """Return how near other visible lines come in the image, at most `reach`, px; see `near_contours`."""
-        one: Contours = self.contours
-        # one kind of arrays, so that the loop is compiled once: in order of rows, and not read-only
-        lines = np.array(one.vertices, order="C"), one.ends, one.planes, one.faces, one.kinds
-        room, poses, pairs = _ROOM, np.array(cam2world, np.float64, order="C"), np.ascontiguousarray(pairs)
-        while True:
-            pair, distance, place = np.empty(room, np.int64), np.empty(room), np.empty((room, 3))
-            limits, found = (reach, self._near_own_px), (pair, distance, place)
-            n = near_contours(poses, pairs, self._scale, lines, entities, limits, found)
-            if n <= room:
-                break
-            room = n
+    def _separations(self, cam2world: Array, pairs: Pairs, reach: float) -> Array:
+        """Return how near other visible lines come in the image, px (p,), at most `reach`."""
+        pair, distance, place = self._near(cam2world, pairs, self._all_entities, reach)
         apart = np.full(len(pairs), reach)
-        pair, distance, place = pair[:n], distance[:n], place[:n]
-        visible = self._visible(poses[pairs[pair, 0], :3, 3], place)
+        visible = self._visible(cam2world[pairs[pair, 0], :3, 3], place)
         np.minimum.at(apart, pair[visible], distance[visible])
         return apart
+
+    def _has_near(self, cam2world: Array, pairs: Pairs, entities: Any, reach: float) -> NDArray[np.bool_]:
+        """Return to what (p,) other visible lines come nearer than `reach` px: fewer rays than for how near."""
+        pair, distance, place = self._near(cam2world, pairs, entities, reach)
+        has, near = np.zeros(len(pairs), bool), distance < reach
+        first = np.arange(len(pair)) % _EVERY == 0
+        for some in (first, ~first):
+            asked = np.flatnonzero(near & some & ~has[pair])
+            visible = self._visible(cam2world[pairs[pair[asked], 0], :3, 3], place[asked])
+            has[pair[asked[visible]]] = True
+        return has
+
+    def _near(self, cam2world: Array, pairs: Pairs, entities: Any, reach: float) -> tuple[Pairs, Array, Array]:
+        """Return points of other lines, visible or not, that are near in the image; see `near_contours`."""
+        # one kind of arrays, so that the loop is compiled once: in order of rows, and not read-only
+        room, poses, pairs = _ROOM, np.array(cam2world, np.float64, order="C"), np.ascontiguousarray(pairs)
+        while True:
+            found = np.empty(room, np.int64), np.empty(room), np.empty((room, 3))
+            limits = reach, self._near_own_px
+            n = near_contours(poses, pairs, self._scale, self._part.compiled, entities, limits, found)
+            if n <= room:
+                return found[0][:n], found[1][:n], found[2][:n]
+            room = n
 
     def corner_lines(self, cam2world: Array, pairs: Pairs) -> SeenArms:
         """Return the lines at the ends of entities that corners can be fitted with.
@@ -189,7 +207,7 @@ class ImageCheck:
         return seen.chosen(seen.bend >= self.showing.min_corner_deg)
 
     def _leaving(self, cam2world: Array, pairs: Pairs) -> SeenArms:
-        seen = corner_arms(cam2world, pairs, self._scale, self.contours, self.arms)
+        seen = corner_arms(cam2world, pairs, self._scale, self._part.compiled, self.arms)
         return seen.chosen(self._visible(cam2world[pairs[seen.of // 2, 0], :3, 3], seen.place))
 
     def _find_tips(self, cam2world: Array, pairs: Pairs, seen: SeenArms, asked: NDArray[np.int64]) -> None:
@@ -232,12 +250,17 @@ class ImageCheck:
             self._find_tips(cam2world, pairs, seen, self._hopeful(seen, sharpest))
             seen = seen.chosen(seen.long_enough(fork, separation))
             asked = self._hopeful(seen, sharpest)
-            ends = np.stack([self.arms.corner[seen.arm[asked]], seen.last[asked]], axis=1)
-            entities = np.ascontiguousarray(ends), self._line_of_arm[seen.arm[asked]], *self._lines
-            each = np.column_stack([pairs[seen.of[asked] // 2, 0], np.arange(len(asked))])
-            near = self._nearest_px(cam2world, each, entities, separation) < separation
-            seen = seen.chosen(np.setdiff1d(np.arange(len(seen.of)), asked[near]))
+            far = np.ones(len(seen.of), bool)
+            far[asked] = self._far(cam2world, pairs, seen, asked)
+            seen = seen.chosen(far)
         return seen, sharpest
+
+    def _far(self, cam2world: Array, pairs: Pairs, seen: SeenArms, asked: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return which arms are as far from other lines as is asked of edges, as long as they are fitted to."""
+        ends = np.stack([self.arms.corner[seen.arm[asked]], seen.last[asked]], axis=1)
+        entities = np.ascontiguousarray(ends), self._line_of_arm[seen.arm[asked]], *self._lines
+        each = np.column_stack([pairs[seen.of[asked] // 2, 0], np.arange(len(asked))])
+        return ~self._has_near(cam2world, each, entities, self.showing.separation_px)
 
     def _hopeful(self, seen: SeenArms, sharpest: Array) -> NDArray[np.int64]:
         """Return the arms that may make a corner, of edges that may have one at both ends."""

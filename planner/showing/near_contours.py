@@ -8,7 +8,8 @@ from typing import Any
 import numba as nb
 import numpy as np
 
-from planner.showing.contours import CONNECTED, CONVEX, OWN, SHARP
+from planner.showing.arm_images import SHOWS
+from planner.showing.contours import CONNECTED, OWN
 
 # points looked at on the piece of a contour that is near
 _SAMPLES = 12
@@ -33,7 +34,7 @@ def near_contours(poses: Any, pairs: Any, scale: Any, contours: Any, entities: A
     scale : array (4,)
         Pixels per unit of slope in x and y, and the principal point, px.
     contours : tuple
-        Vertices, ends, planes, faces and kinds of `Contours`.
+        `PartLines.compiled`.
     entities : tuple
         Ends (k, 2, 3), number (k,) of what they belong to; of that, relations (r, m), vertices (w,) and where those of
         each begin (r + 1,).
@@ -46,8 +47,8 @@ def near_contours(poses: Any, pairs: Any, scale: Any, contours: Any, entities: A
     ends, belongs, relations, own_vertices, first = entities
     reach, near_own = limits
     active = np.empty(len(edge_ends), np.int64)
-    image, corners = np.empty((len(vertices), 3)), np.empty((len(vertices), 2))
-    boxes, front = np.empty((4, len(edge_ends))), np.empty(len(contours[2]), np.uint8)
+    image, corners = np.empty(vertices.shape), np.empty((vertices.shape[1], 2))
+    boxes, front = np.empty((4, len(edge_ends))), np.empty(contours[2].shape[1], np.uint8)
     within = np.empty(len(edge_ends), np.uint8)
     n_active, last, count = 0, -1, 0
     for p in range(len(pairs)):
@@ -63,18 +64,18 @@ def near_contours(poses: Any, pairs: Any, scale: Any, contours: Any, entities: A
         low_y, high_y = min(a[1], b[1]) - reach, max(a[1], b[1]) + reach
         n_corners = first[r + 1] - first[r]
         for w in range(n_corners):
-            corner = image[own_vertices[first[r] + w]]
-            corners[w, 0], corners[w, 1] = corner[0], corner[1]
+            own = own_vertices[first[r] + w]
+            corners[w, 0], corners[w, 1] = image[0, own], image[1, own]
         _overlap(boxes, low_x, low_y, high_x, high_y, within[:n_active])
         for i in range(n_active):
             if not within[i]:
                 continue
             e = active[i]
-            one, other = image[edge_ends[e, 0]], image[edge_ends[e, 1]]
+            one, other = edge_ends[e, 0], edge_ends[e, 1]
             relation = relations[r, e]
             if relation == OWN:
                 continue
-            line = (one[0], one[1], other[0], other[1])
+            line = (image[0, one], image[1, one], image[0, other], image[1, other])
             start, stop = 0.0, 1.0
             if relation == CONNECTED:
                 start, stop = _beyond(line, corners[:n_corners], near_own)
@@ -91,12 +92,12 @@ def near_contours(poses: Any, pairs: Any, scale: Any, contours: Any, entities: A
                     continue
                 if count < len(found[0]):
                     # depths are linear in the image as their inverses
-                    z0, z1 = one[2], other[2]
+                    z0, z1 = image[2, one], image[2, other]
                     share = t * z0 / ((1.0 - t) * z1 + t * z0)
-                    u, v = vertices[edge_ends[e, 0]], vertices[edge_ends[e, 1]]
                     found[0][count], found[1][count] = p, _apart(line, t, a, b)
                     for c in range(3):
-                        found[2][count, c] = u[c] + share * (v[c] - u[c])
+                        u, v = vertices[c, one], vertices[c, other]
+                        found[2][count, c] = u + share * (v - u)
                 count += 1
     return count
 
@@ -120,27 +121,51 @@ def _project(pose: Any, scale: Any, contours: Any, found: Any) -> int:
     """
     vertices, edge_ends, planes, faces, kinds = contours
     active, image, boxes, front = found
-    for v in range(len(vertices)):
-        image[v, 0], image[v, 1], image[v, 2] = _seen(pose, scale, vertices[v])
-    x, y, z = pose[0, 3], pose[1, 3], pose[2, 3]
-    for f in range(len(planes)):
-        front[f] = planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z > planes[f, 3]
-    n = 0
+    _images(pose, scale, vertices, image)
+    _front_faces((pose[0, 3], pose[1, 3], pose[2, 3]), planes, front)
+    m = n = 0
     for e in range(len(edge_ends)):
-        # what an edge's own two faces leave to be seen
-        seen, kind = front[faces[e, 0]] + front[faces[e, 1]], kinds[e]
-        if seen == 0 or (seen == 1 and kind & SHARP and not kind & CONVEX) or (seen == 2 and not kind & SHARP):
-            continue
-        one, other = edge_ends[e, 0], edge_ends[e, 1]
+        # no branch, as it would be guessed wrong too often
+        active[m] = e
+        m += SHOWS[kinds[e], front[faces[e, 0]] + front[faces[e, 1]]]
+    for i in range(m):
+        one, other = edge_ends[active[i], 0], edge_ends[active[i], 1]
         # nothing of a part so far beyond the stand-off is partly behind the camera and near to an edge in focus
-        if image[one, 2] <= _NEAREST_MM or image[other, 2] <= _NEAREST_MM:
+        if image[2, one] <= _NEAREST_MM or image[2, other] <= _NEAREST_MM:
             continue
-        active[n] = e
+        active[n] = active[i]
         for c in range(2):
-            boxes[c, n] = min(image[one, c], image[other, c])
-            boxes[2 + c, n] = max(image[one, c], image[other, c])
+            boxes[c, n] = min(image[c, one], image[c, other])
+            boxes[2 + c, n] = max(image[c, one], image[c, other])
         n += 1
     return n
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _images(pose: Any, scale: Any, points: Any, image: Any) -> None:
+    """Write `_seen` of points (3, v); a loop without calls, so that several are computed at once."""
+    px, py, pz = pose[0, 3], pose[1, 3], pose[2, 3]
+    ux, uy, uz = pose[0, 0], pose[1, 0], pose[2, 0]
+    vx, vy, vz = pose[0, 1], pose[1, 1], pose[2, 1]
+    wx, wy, wz = pose[0, 2], pose[1, 2], pose[2, 2]
+    x0, x1, x2 = points[0], points[1], points[2]
+    i0, i1, i2 = image[0], image[1], image[2]
+    for k in range(len(x0)):
+        x, y, z = x0[k] - px, x1[k] - py, x2[k] - pz
+        depth = wx * x + wy * y + wz * z
+        safe = depth if depth > _NEAREST_MM else _NEAREST_MM
+        i0[k] = scale[0] * (ux * x + uy * y + uz * z) / safe + scale[2]
+        i1[k] = scale[1] * (vx * x + vy * y + vz * z) / safe + scale[3]
+        i2[k] = depth
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _front_faces(eye: Any, planes: Any, front: Any) -> None:
+    """Write of which planes (4, f) the eye is in front; computed as `_images` is."""
+    x, y, z = eye
+    nx, ny, nz, offset = planes[0], planes[1], planes[2], planes[3]
+    for f in range(len(nx)):
+        front[f] = nx[f] * x + ny[f] * y + nz[f] * z > offset[f]
 
 
 @nb.njit(cache=True, error_model="numpy")

@@ -11,7 +11,9 @@ from aspectgraph.solid.edge_ends import edges_that_show
 from planner import Camera, RequestError, Requirements, Showing, look_at
 from planner.camera.pose import world_to_cam
 from planner.request.defaults import check_showing
+from planner.showing.contours import CONNECTED
 from planner.showing.image_check import MOST_PX, ImageCheck
+from planner.showing.part_lines import PartLines
 
 pytestmark = pytest.mark.uncompiled
 
@@ -147,6 +149,36 @@ def test_separation_on_a_real_part_by_dense_points(ctc01):
             assert more - 0.5 <= ours <= few + 0.5
             compared += ours < 8.0
     assert compared >= 3
+
+
+def test_yes_and_no_agree_with_how_much(ctc01):
+    """Whether anything is near is told by fewer rays than how near it is, and whether corners are wide enough, too."""
+    camera, showing, rng = (
+        Camera.from_toml("examples/camera.toml"),
+        Showing(separation_px=8.0),
+        np.random.default_rng(3),
+    )
+    check, ends = check_of(ctc01, NAMED, showing, camera)
+    ways = rng.normal(size=(200, 3)) * (1, 1, 0.4) + (0, 0, 1)
+    targets = ends.mean(axis=1)[np.arange(200) % len(ends)]
+    poses = look_at(targets + 420 * ways / np.linalg.norm(ways, axis=1, keepdims=True), targets, roll=0.3)
+    every = np.ones((200, len(ends)), dtype=bool)
+    corners, apart = check.corners(poses, every) >= 0, check.separations(poses, every, 0.0) >= 0
+    # both answers of both conditions, else nothing is compared
+    assert 0 < (corners & ~apart).sum() < corners.sum() < corners.size
+    assert np.array_equal(check.shown(poses, every), corners & apart)
+
+
+def test_the_lines_of_a_part_are_found_once_and_told_apart_by_what_they_are_asked_for(ctc01):
+    part = PartLines.of(ctc01)
+    assert PartLines.of(ctc01) is part
+    # ends in an arc: more of its chords count as connected in a wider radius
+    ids = resolve_entities(ctc01, NAMED)[list(NAMED)[3]].edge_ids
+    narrow, wide = (part.relation(ids, radius) for radius in (0.1, 50.0))
+    assert part.relation(list(ids), 0.1) is narrow
+    assert (wide == CONNECTED).sum() > (narrow == CONNECTED).sum() > 0
+    other = block()
+    assert len(PartLines.of(other).contours.ids) == 12
 
 
 def test_an_edge_that_runs_on_in_an_arc_has_no_corner(ctc01):
