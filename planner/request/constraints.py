@@ -210,7 +210,6 @@ class Constraints:
         sizes = [len(target.segments) for target in targets]
         self.owner = np.repeat(np.arange(len(targets)), sizes)
         self._first = np.cumsum([0, *sizes[:-1]])
-        self.sphere_centre, self.sphere_radius = enclosing_sphere(self.segments.reshape(-1, 3))
         self.min_length_mm = requirements.min_length_px * max(camera.pixel_pitch_mm)
         self._lens = Lens.of(camera, self.min_length_mm, requirements.border_px, requirements.focus_margin_mm)
         self._exact_field = requirements.field_of_view == "exact"
@@ -262,6 +261,20 @@ class Constraints:
         if name == "corner_deg":
             return self.image.corners(cam2world, everyone)
         return self.image.separations(cam2world, everyone, most_px)
+
+    @cached_property
+    def _sphere(self) -> tuple[np.ndarray, float]:
+        return enclosing_sphere(self.segments.reshape(-1, 3))
+
+    @property
+    def sphere_centre(self) -> np.ndarray:
+        """Centre (3,) of a sphere around all segments, mm."""
+        return self._sphere[0]
+
+    @property
+    def sphere_radius(self) -> float:
+        """Radius of that sphere, mm."""
+        return self._sphere[1]
 
     @cached_property
     def image(self) -> ImageCheck:
