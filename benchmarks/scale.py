@@ -2,6 +2,7 @@
 
 ``python benchmarks/scale.py --parts FOLDER``            all four, one after the other
 ``python benchmarks/scale.py --parts FOLDER mtc d2mi``   some of them
+``... --paper``                                          under the paper's constraints, with no conditions on the image
 
 Every plan is made by the command line, ``aspectgraph plan PART --all``, as a user would: reading, regions, plan, bound,
 simulation, report. FOLDER holds the files of CASES (NIST and MFCAD parts; nist_ctc_01_ap242.stp is also in examples).
@@ -46,6 +47,7 @@ CASES = {
         0.95,
     ),
 }
+_PAPER = ["--separation-px", "0", "--surround-px", "0", "--min-corner-deg", "0"]
 _HEADER = "part     edges  settings  bound  left out  confirmed      s   CPU s   GiB"
 
 
@@ -55,6 +57,7 @@ def main() -> None:
     parser.add_argument("cases", nargs="*", metavar="CASE", help=f"of {', '.join(CASES)}")
     parser.add_argument("--parts", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--out", type=Path, help="keep the plans in folders of this one")
+    parser.add_argument("--paper", action="store_true", help="the paper's constraints only")
     options = parser.parse_args()
     print(_HEADER, flush=True)
     with tempfile.TemporaryDirectory() as scratch:
@@ -65,6 +68,7 @@ def main() -> None:
             camera = folder / "camera.toml"
             camera.write_text(_toml(Camera.named(name, **settings)), encoding="utf-8")
             arguments = ["--all", "--camera", str(camera), "--accuracy", str(accuracy), "--out", str(folder)]
+            arguments += _PAPER if options.paper else []
             wall, cpu, peak = _run(["plan", str(options.parts / file), *arguments])
             print(_row(case, read_plan(folder / "plan.json"), wall, cpu, peak), flush=True)
 
