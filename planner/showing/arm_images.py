@@ -5,13 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numba as nb
-import numpy as np
 
-from planner.showing.contours import CONVEX, SHARP
+from planner.showing.contours import SHOWS
 
-# whether an edge shows, by its kind and how many of its faces turn to the camera: smooth ones where one turns away,
-# sharp ones where none does, and convex ones in both cases
-SHOWS = np.array([[0, not kind & SHARP or kind & CONVEX > 0, kind & SHARP > 0] for kind in range(8)], np.int64)
 # for dividing by a depth
 _TINY = 1e-9
 

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 OTHER, OWN, CONNECTED = 0, 1, 2
 # bits of `Contours.kinds`
 SHARP, CONVEX, CURVED = 1, 2, 4
+# whether an edge shows, by its kind and how many of its faces turn to the camera: smooth ones where one turns away,
+# sharp ones where none does, and convex ones in both cases
+SHOWS = np.array([[0, not kind & SHARP or kind & CONVEX > 0, kind & SHARP > 0] for kind in range(8)], np.int64)
 
 
 class Contours(NamedTuple):

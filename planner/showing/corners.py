@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from aspectgraph.solid.edge_ends import CORNER_DEG
 from planner.showing.arm_images import arm_images
-from planner.showing.contours import CONVEX, OWN, SHARP, Contours, Meeting
+from planner.showing.contours import OWN, SHARP, SHOWS, Contours, Meeting
 
 Array = NDArray[np.float64]
 
@@ -274,8 +274,7 @@ def _shown(contours: Contours, contour: NDArray[np.int64], eyes: Array) -> NDArr
     """Return which contours their own two faces leave to be seen from eyes (a, 3)."""
     planes = contours.planes[contours.faces[contour]]
     front = (np.einsum("afk,ak->af", planes[..., :3], eyes) > planes[..., 3]).sum(axis=1)
-    kinds = contours.kinds[contour]
-    return np.asarray(np.where(kinds & SHARP, (front == 2) | ((front == 1) & (kinds & CONVEX > 0)), front == 1))
+    return np.asarray(SHOWS[contours.kinds[contour], front] > 0)
 
 
 def images(poses: Array, scale: Array, points: Array) -> Array:

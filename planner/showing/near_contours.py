@@ -8,8 +8,7 @@ from typing import Any
 import numba as nb
 import numpy as np
 
-from planner.showing.arm_images import SHOWS
-from planner.showing.contours import CONNECTED, OWN
+from planner.showing.contours import CONNECTED, OWN, SHOWS
 
 # points looked at on the piece of a contour that is near
 _SAMPLES = 12
