@@ -13,6 +13,17 @@ from planner.cli.signals import termination_as_interruption
 llvm = pytest.importorskip("llvmlite.binding.executionengine")
 
 
+@pytest.fixture(autouse=True)
+def not_ignored():
+    """Begin as at a terminal: what is started in the background inherits that interruptions are ignored."""
+    before = {one: signal.getsignal(one) for one in (signal.SIGINT, signal.SIGTERM)}
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    yield
+    for one, handler in before.items():
+        signal.signal(one, handler)
+
+
 def in_its_callback(work):
     """Run some work as if llvmlite had called it: by name and file, as the frame tells."""
     scope = {"work": work}
@@ -66,6 +77,15 @@ def test_an_interruption_waits_until_open3d_is_loaded(tmp_path):
 def test_elsewhere_it_comes_at_once():
     with pytest.raises(KeyboardInterrupt), termination_as_interruption():
         os.kill(os.getpid(), signal.SIGINT)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_what_is_ignored_stays_ignored(number):
+    signal.signal(number, signal.SIG_IGN)
+    with termination_as_interruption():
+        os.kill(os.getpid(), number)
+        assert signal.getsignal(number) == signal.SIG_IGN
+    assert signal.getsignal(number) == signal.SIG_IGN
 
 
 def test_the_functions_it_must_not_come_in_are_there():
