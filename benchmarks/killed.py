@@ -29,7 +29,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-_COMMAND = "import sys; from planner.cli.main import main; sys.exit(main())"
+_COMMAND = "import sys; from planner.cli import start; sys.exit(start())"
 _EXAMPLES = Path(__file__).parents[1] / "examples"
 _STATE, _REGIONS = "planning-state.json", "planning-regions"
 _MOST_LOST_S = 20.0

@@ -2,7 +2,7 @@
 
 ``python benchmarks/scale.py --parts FOLDER``            all four, one after the other
 ``python benchmarks/scale.py --parts FOLDER mtc d2mi``   some of them
-``... --paper``                                          under the paper's constraints, with no conditions on the image
+``... --paper``                                          under the paper's constraints, without any other
 
 Every plan is made by the command line, ``aspectgraph plan PART --all``, as a user would: reading, regions, plan, bound,
 simulation, report. FOLDER holds the files of CASES (NIST and MFCAD parts; nist_ctc_01_ap242.stp is also in examples).
@@ -47,7 +47,7 @@ CASES = {
         0.95,
     ),
 }
-_PAPER = ["--separation-px", "0", "--surround-px", "0", "--min-corner-deg", "0"]
+_PAPER = ["--separation-px", "0", "--surround-px", "0", "--min-corner-deg", "0", "--focus-margin-mm", "0"]
 _HEADER = "part     edges  settings  bound  left out  confirmed      s   CPU s   GiB"
 
 
@@ -80,7 +80,7 @@ def _toml(camera: Camera) -> str:
 def _run(arguments: list[str]) -> tuple[float, float, float]:
     """Run the command line; return wall time and processor time, s, and peak memory, GiB."""
     begun, before = time.perf_counter(), os.times()
-    command = [sys.executable, "-c", "import sys; from planner.cli.main import main; sys.exit(main())", *arguments]
+    command = [sys.executable, "-c", "import sys; from planner.cli import start; sys.exit(start())", *arguments]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
     peak = [0.0]
     watch = threading.Thread(target=_watch, args=(process, peak), daemon=True)

@@ -28,7 +28,7 @@ from pathlib import Path
 
 from made_parts import write_parts
 
-_COMMAND = "import sys; from planner.cli.main import main; sys.exit(main())"
+_COMMAND = "import sys; from planner.cli import start; sys.exit(start())"
 _REQUEST = ["--camera", "basler-acA2440-20gm-8mm", "--select", "length > 30 and face = top", "--accuracy", "0.95"]
 _REQUEST += ["--sigma-mm", "0.05", "--sigma-rad", "0.001", "--simulate", "1000", "--effort", "quick"]
 _HEADER = "on       workers  parts  planned  refused  failed       s  parts/h  CPU s/part  MiB/worker"

@@ -58,6 +58,9 @@ class Pricing:
         At the first glance, the whole part is looked at from so many times as many directions as an entity.
     promising : float
         A pose is bred for an entity only if it promises so much of it (1 is inspected).
+    sought : float
+        Price of an entity that is looked for and that no column has: more than a column may weigh, as a column of its
+        own is worth a setting.
     """
 
     axes_per_viewpoint: int = 6
@@ -70,6 +73,7 @@ class Pricing:
     exchanges: int = 300
     whole: int = 16
     promising: float = 0.3
+    sought: float = 2.0
 
 
 PRICING = Pricing()
@@ -193,6 +197,22 @@ class Pools(NamedTuple):
         return cls(*(ColumnPool.from_dict(data[name]) for name in cls._fields))
 
 
+class Beginning(NamedTuple):
+    """What column generation begins with.
+
+    Attributes
+    ----------
+    parents : array (m, 4, 4), optional
+        Poses to breed from first; they join the pools.
+    sought : array of bool (k,), optional
+        Entities that may join the cover as soon as a pose inspects them; those that none does are looked for. Without
+        it, the cover is of what is inspected at the beginning.
+    """
+
+    parents: np.ndarray | None = None
+    sought: np.ndarray | None = None
+
+
 def price_poses(
     shared: Shared,
     pools: Pools,
@@ -200,7 +220,7 @@ def price_poses(
     rounds: int,
     executor: Executor | None = None,
     progress: Progress | None = None,
-    parents: np.ndarray | None = None,
+    begin: Beginning | None = None,
     ledger: Ledger | None = None,
 ) -> None:
     """Improve both pools by column generation.
@@ -218,27 +238,32 @@ def price_poses(
         Judges poses; the result does not depend on it.
     progress : callable, optional
         ``progress(done, total, label)``.
-    parents : array (m, 4, 4), optional
-        Poses to begin with; they join the pools.
+    begin : Beginning, optional
+        Poses to begin with, and entities to look for.
     ledger : Ledger, optional
         Is told after each round how far this has got; what it holds already is where this goes on, with the pools as
         they were then.
     """
+    parents, sought = begin or Beginning()
     breed = pools.realised.poses[:0] if parents is None else parents[: PRICING.parents]
     if parents is not None:
         pools.add(parents, shared.value(parents))
     rng = np.random.default_rng(column_seed(seed, ["pricing"]))
-    covered = np.asarray(pools.realised.membership.any(axis=0))
+    covered = pools.realised.inspected
     values: list[float] = []
     first, prices, ledger = 0, np.zeros(len(covered)), ledger or Ledger()
     if (kept := ledger("pricing")) is not None:
         first, breed, values, prices, covered = (kept[k] for k in ("done", "breed", "values", "prices", "covered"))
         rng.bit_generator.state = kept["rng"]
     for done in range(first, rounds):
+        if sought is not None and (now := pools.realised.inspected).sum() > covered.sum():
+            # a cover of more is another one: its relaxation is not compared with those before
+            covered, values = now, []
+        missing = np.zeros(len(covered), dtype=bool) if sought is None else sought & ~covered
         membership = pools.realised.membership[:, covered]
-        if not covered.any() or membership.all(axis=1).any():
+        if not len(pools.near) or (not missing.any() and (not covered.any() or membership.all(axis=1).any())):
             break
-        if done % PRICING.rounds_per_check == 0:
+        if done % PRICING.rounds_per_check == 0 and covered.any():
             values = [*values, fractional_cover(membership)[0]]
             if _is_settled(values, membership, rounds - done):
                 break
@@ -246,6 +271,7 @@ def price_poses(
         bias = 1.0 + 0.5 * rng.random(int(covered.sum()))
         guess, prices = prices[covered] if done else None, np.zeros(len(covered))
         prices[covered] = fractional_cover(membership, bias, guess)[1]
+        prices[missing] = PRICING.sought
         breed = _improve(shared, pools, breed, prices, rng, executor)
         so_far = {"done": done + 1, "breed": breed, "values": values, "prices": prices, "covered": covered}
         ledger.tell("pricing", {**so_far, "rng": rng.bit_generator.state})
@@ -274,7 +300,7 @@ def _improve(
 ) -> np.ndarray:
     """Breed from the most promising poses; return the next parents."""
     pool, near = pools
-    at_random = pool.poses[rng.integers(len(pool), size=PRICING.parents // 4)]
+    at_random = pool.poses[rng.integers(len(pool), size=PRICING.parents // 4)] if len(pool) else pool.poses
     worthy = pool.poses[np.argsort(-(pool.membership @ prices), kind="stable")[: PRICING.parents // 4]]
     # what is nearly inspected and worth more than 1 would improve the cover if only the pose were put right
     rows = np.flatnonzero(near.membership @ prices > 1.0)

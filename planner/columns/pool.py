@@ -23,6 +23,11 @@ class ColumnPool:
     def __len__(self) -> int:
         return len(self.membership)
 
+    @property
+    def inspected(self) -> np.ndarray:
+        """Which entities (k,) are in some column."""
+        return np.asarray(self.membership.any(axis=0))
+
     def to_dict(self) -> dict[str, Any]:
         """Return the arrays, for `from_dict`; they are not changed when something is added."""
         return {"membership": self.membership, "poses": self.poses, "quality": self.quality}

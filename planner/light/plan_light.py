@@ -170,7 +170,7 @@ class _Work:
 def _ring(work: _Work, eyes: NDArray[np.float64]) -> LightPlan:
     """The lamp of each setting is at its camera."""
     served = work.served
-    served.keep(eyes)
+    served.keep_own(eyes)
     own = [[i for i, pair in enumerate(served.pairs) if pair.setting == k] for k in range(work.n_settings)]
     lit = [[i for i in pairs if served.contrast[k, i] > 0] for k, pairs in enumerate(own)]
     dark = {

@@ -76,23 +76,31 @@ class Served:
         self.keep(clear)
         return len(clear)
 
-    def keep(self, places: Array) -> None:
-        """Add places, wherever they are."""
-        contrast, step = self.shown(places)
+    def keep(self, places: Array, wanted: NDArray[np.bool_] | None = None) -> None:
+        """Add places, wherever they are; ``wanted`` (n, pairs) is what they are to show, all if None."""
+        contrast, step = self.shown(places, wanted)
         self.places = np.concatenate([self.places, places])
         self.contrast, self.step = np.concatenate([self.contrast, contrast]), np.concatenate([self.step, step])
 
-    def shown(self, places: Array) -> tuple[Array, Array]:
-        """Return contrast and step (n, pairs) under lamps at places (n, 3), both 0 where a pair does not show."""
-        contrast, step = self._at(places)
+    def keep_own(self, places: Array) -> None:
+        """Add a place for each setting, which is to show what belongs to that setting."""
+        self.keep(places, np.arange(len(places))[:, None] == np.array([pair.setting for pair in self.pairs], dtype=int))
+
+    def shown(self, places: Array, wanted: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
+        """Return contrast and step (n, pairs) under lamps at places (n, 3), both 0 where a pair does not show.
+
+        What is not wanted (n, pairs) is not asked about, and 0.
+        """
+        wanted = np.ones((len(places), len(self.pairs)), dtype=bool) if wanted is None else wanted
+        contrast, step = self._at(places, wanted)
         for off in self.offsets[1:]:
             good = np.flatnonzero((contrast > 0).any(axis=1))
-            beside = self._at(places[good] + off)
+            beside = self._at(places[good] + off, contrast[good] > 0)
             contrast[good], step[good] = np.minimum(contrast[good], beside[0]), np.minimum(step[good], beside[1])
         return contrast, step
 
-    def _at(self, places: Array) -> tuple[Array, Array]:
-        contrast, step = np.ones((2, len(places), len(self.pairs)))
+    def _at(self, places: Array, wanted: NDArray[np.bool_]) -> tuple[Array, Array]:
+        contrast, step = wanted.astype(float), wanted.astype(float)
         regions: dict[str, tuple[Array, Array]] = {}
         for k, pair in enumerate(self.pairs):
             for name in pair.regions:

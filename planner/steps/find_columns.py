@@ -4,21 +4,27 @@ from __future__ import annotations
 
 from typing import Any
 
-from planner.columns.candidates import column_seed, judged_poses, price_poses
+import numpy as np
+
+from planner.columns.candidates import Beginning, column_seed, judged_poses, price_poses
 from planner.columns.realise_column import without_corners
 from planner.cover.few_columns import few_columns
 from planner.executors import in_order
 from planner.ledger import Ledger
 from planner.progress import report
-from planner.steps.incumbents import IMPROVING, Incumbents, candidate_settings
+from planner.steps.incumbents import IMPROVING, Incumbents
 from planner.steps.pixel_grid import COUNTED, COUNTING, count_on_grid, decided_on_grid
 from planner.steps.prove_bound import WEIGHING
 from planner.steps.run import SHARES, Run
+from planner.steps.supported_columns import candidate_settings
 from planner.steps.told_on_grid import told_on_grid
 
 # entities without a view are tried so many at a time: whole numbers of what several processes take at once
 _AT_A_TIME = 8
-_SAMPLING, _SAMPLED, _PRICED, _PROVEN = "sampling", "candidate poses", "column generation", "lower bound"
+# rounds of column generation before that: they come across views of many, and a round costs less than trying one
+_FIRST_ROUNDS = 10
+_SAMPLING, _SAMPLED, _FIRST = "sampling", "candidate poses", "first columns"
+_PRICED, _PROVEN = "column generation", "lower bound"
 
 
 def find_columns(run: Run, incumbents: Incumbents) -> None:
@@ -32,16 +38,18 @@ def find_columns(run: Run, incumbents: Incumbents) -> None:
     if last is None or last["step"] == _SAMPLING:
         _sample(run, 0 if last is None else last["sampled"])
         run.keep(_SAMPLED, {})
-    incumbents.sampled(run)
-    if last is None or last["step"] in (_SAMPLING, _SAMPLED):
-        # before the columns are improved, so that others can join what is hard to inspect
+    incumbents.offer(run)
+    if last is None or last["step"] in (_SAMPLING, _SAMPLED, _FIRST):
+        _price(run, incumbents, last, _FIRST)
+        incumbents.offer(run)
+        # before the columns are improved further, so that others can join what is hard to inspect
         run.uninspectable = _try_alone(run, incumbents)
         if on_grid := decided_on_grid(run):
             count_on_grid(run, on_grid)
             incumbents.forget()
         incumbents.offer(run)
     if last is None or last["step"] not in (_PROVEN, COUNTED, WEIGHING):
-        _price(run, incumbents, last)
+        _price(run, incumbents, last, _PRICED)
         _count_contradicted(run, incumbents)
         incumbents.offer(run)
 
@@ -92,15 +100,18 @@ def _count_contradicted(run: Run, incumbents: Incumbents) -> None:
         price_poses(run.shared, run.pools, seed, rounds, run.executor, run.silent)
 
 
-def _price(run: Run, incumbents: Incumbents, last: dict[str, Any] | None) -> None:
+def _price(run: Run, incumbents: Incumbents, last: dict[str, Any] | None, step: str) -> None:
     """Improve the pools by column generation; ``last`` is the checkpoint this run began with."""
-    entries = last["entries"] if last is not None and last["step"] == _PRICED else None
+    entries = last["entries"] if last is not None and last["step"] == step else None
+    rounds, seed = run.effort.pricing_rounds, run.seed
+    if step == _FIRST:
+        rounds, seed = min(rounds, _FIRST_ROUNDS), column_seed(run.seed, [step])
 
     def keep(told: dict[str, Any]) -> None:
-        run.keep(_PRICED, {"entries": told})
+        run.keep(step, {"entries": told})
         if told["pricing"]["done"] % IMPROVING.rounds == 0:
             incumbents.offer(run)
 
     ledger = Ledger(kept=entries, keep=keep)
-    rounds = run.effort.pricing_rounds
-    price_poses(run.shared, run.pools, run.seed, rounds, run.executor, run.progress, ledger=ledger)
+    begin = Beginning(sought=~np.isin(run.names, list(run.uninspectable)))
+    price_poses(run.shared, run.pools, seed, rounds, run.executor, run.progress, begin, ledger)

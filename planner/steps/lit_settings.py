@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from planner.columns.candidates import column_seed, entity_poses
 from planner.columns.perturb import perturbed
 from planner.cover.few_columns import few_columns
-from planner.light.lighting import Lighting
+from planner.light.lighting import Lighting, eyes_of
 from planner.light.plan_light import chosen_lamps
 from planner.plan import InspectionPlan
 from planner.progress import report
@@ -57,6 +57,8 @@ class Looking:
 
 
 LOOKING = Looking()
+# multiples of it, without their whole parts, are spread evenly
+_GOLDEN = (5**0.5 - 1) / 2
 
 
 class _Posed(NamedTuple):
@@ -88,7 +90,7 @@ def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan, counted: Seq
     """
     found = replace(draft, light=chosen_lamps(lighting, draft, run.request.space.solid, run.silent))
     assert found.light is not None
-    if found.light.complete or lighting.is_ring or lighting.together:
+    if found.light.complete or lighting.together:
         return found
     dark, places = _dark(found), _places(lighting, found)
     others = _shown_from_elsewhere(run, lighting, found, (dark, places)) if dark else []
@@ -108,12 +110,13 @@ def _dark(plan: InspectionPlan) -> list[str]:
 
 
 def _places(lighting: Lighting, plan: InspectionPlan) -> NDArray[np.float64]:
-    """Return places of lamps (n, 3) to try: those of the plan, and others if they may be placed."""
+    """Return places of lamps (n, 3) to try: those of the plan, and others if they may be placed; none of a ring."""
     assert plan.light is not None
     given = lighting.given
+    if given is None:
+        return np.empty((0, 3))
     if isinstance(given, np.ndarray):
         return given
-    assert given is not None
     return np.concatenate([plan.light.lamps, given.places(LOOKING.places)])
 
 
@@ -164,22 +167,26 @@ def _poses_that_inspect(run: Run, plan: InspectionPlan, name: str) -> NDArray[np
     poses, more = poses[inspects[:, own]], inspects[inspects[:, own]].sum(axis=1)
     if len(poses) <= LOOKING.tried:
         return poses
-    most = np.argsort(-more, kind="stable")[: LOOKING.tried // 2]
+    # of many that inspect as much, some from everywhere: neighbours in the list have the same viewpoint
+    spread = np.modf(np.arange(len(poses)) * _GOLDEN)[0]
+    most = np.lexsort((spread, -more))[: LOOKING.tried // 2]
     rest = np.setdiff1d(np.arange(len(poses)), most)
-    spread = rest[np.linspace(0, len(rest) - 1, LOOKING.tried - len(most)).round().astype(int)]
-    return np.asarray(poses[np.concatenate([most, spread])])
+    others = rest[np.linspace(0, len(rest) - 1, LOOKING.tried - len(most)).round().astype(int)]
+    return np.asarray(poses[np.concatenate([most, others])])
 
 
 def _shown(
     run: Run, lighting: Lighting, plan: InspectionPlan, settings: Sequence[SensorSetting], places: NDArray[np.float64]
 ) -> list[set[str]]:
-    """Return what lamps at some places show in each setting, whichever lamp it takes."""
+    """Return what lamps at some places, or the ring on the camera, show in each setting, whichever lamp it takes."""
     found: list[set[str]] = [set() for _ in settings]
     if not settings:
         return found
     posed = _Posed(settings, plan.entities, plan.dimensions, plan.camera, plan.requirements)
     served = lighting.served(posed, run.request.space.solid, run.silent)
-    if lighting.is_fixed:
+    if lighting.is_ring:
+        served.keep_own(eyes_of(posed))
+    elif lighting.is_fixed:
         served.keep(places)
     else:
         served.add(places)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from planner.bound.lower_bound import lower_bound
-from planner.columns.candidates import Pools, column_seed, price_poses
+from planner.columns.candidates import Beginning, Pools, column_seed, price_poses
 from planner.columns.judge import Judge
 from planner.columns.pool import ColumnPool
 from planner.cover.few_columns import few_columns
@@ -127,7 +127,7 @@ class _Weighing:
         rounds = JOINING.rounds_for(len(run.pool))
         # what is found without some conditions seldom meets them
         own = rounds if self._own is None else JOINING.rounds
-        price_poses(run.shared, run.pools, seed, own, run.executor, run.silent, parents=poses)
+        price_poses(run.shared, run.pools, seed, own, run.executor, run.silent, Beginning(poses))
         if self._own is not None:
             self._price(self._own, poses, seed, rounds)
 
@@ -139,7 +139,7 @@ class _Weighing:
         self, pools: Pools, poses: np.ndarray | None, seed: int, rounds: int, ledger: Ledger | None = None
     ) -> None:
         run = self._run
-        price_poses(self._shared, pools, seed, rounds, run.executor, run.silent, parents=poses, ledger=ledger)
+        price_poses(self._shared, pools, seed, rounds, run.executor, run.silent, Beginning(poses), ledger)
 
 
 def _known(run: Run) -> dict[str, Any]:

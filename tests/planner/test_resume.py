@@ -103,7 +103,7 @@ def test_whatever_is_interrupted_the_plan_is_the_same_bit_for_bit(space, whole, 
         if path.exists():
             steps.add(json.loads(path.read_text())["checkpoint"]["step"])
         assert exact(plan_box(space, path)) == exact(plan)
-    assert steps == {"sampling", "candidate poses", "column generation", "lower bound"}
+    assert steps == {"sampling", "first columns", "column generation", "lower bound"}
 
 
 def test_candidate_poses_are_not_drawn_again(space, whole, tmp_path, monkeypatch):

@@ -54,16 +54,23 @@ def test_a_ring_light_takes_part_in_the_planning(folder, capsys):
     """The rims lie between the face x = 60 or y = 60 and the lower wall of a pocket, z = 10."""
     assert main([*PLAN, "--light", "ring", "--contrast", "0.2", "--json"]) == DONE
     light = json.loads(capsys.readouterr().out)["plan"]["light"]
-    (setting,) = read_plan(folder / "out" / "plan.json").settings
-    assert light["lamps"] == [setting.position.tolist()]
-    (image,) = light["settings"][0]["images"]
-    assert image["silhouettes"] == []
-    x, y, z = setting.position
-    for name, over in {"p1": x - 60, "p2": y - 60}.items():
-        expected = abs(over - (z - 10)) / (over + z - 10)
-        # told is the least from around the camera, so a little less
-        assert 0.2 <= image["contrast"][name] <= expected
-        assert image["contrast"][name] == pytest.approx(expected, abs=0.01)
+    settings = read_plan(folder / "out" / "plan.json").settings
+    assert light["lamps"] == [setting.position.tolist() for setting in settings]
+    shown = set()
+    for setting, lit in zip(settings, light["settings"], strict=True):
+        (image,) = lit["images"]
+        assert image["silhouettes"] == []
+        x, y, z = setting.position
+        over = {"p1": x - 60, "p2": y - 60}
+        assert list(image["contrast"]) == list(setting.entities)
+        for name, contrast in image["contrast"].items():
+            expected = abs(over[name] - (z - 10)) / (over[name] + z - 10)
+            # told is the least from around the camera, so a little less
+            assert 0.2 <= contrast <= expected
+            assert contrast == pytest.approx(expected, abs=0.01)
+            shown.add(name)
+    # settings are made for what the ring did not show in those chosen without it
+    assert shown == {"p1", "p2"}
 
 
 def test_what_no_fixed_lamp_shows_makes_the_plan_incomplete(folder, capsys):

@@ -1,0 +1,204 @@
+"""Covers by candidate poses of which simulation supports what is counted on.
+
+A cover by columns as judged promises more than a simulation of their poses supports, where the tolerance is less than
+two pixels. So what a cover takes is simulated, what is contradicted is taken out of these columns, and a cover is
+chosen again, until all of it has been simulated: a relaxation, tightened where a cover makes use of it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.columns.candidates import column_seed
+from planner.columns.pool import ColumnPool
+from planner.cover.exchange_search import exchange_columns
+from planner.cover.set_cover import greedy_cover
+from planner.setting.pose_setting import setting_at
+from planner.setting.sensor_setting import SensorSetting
+from planner.steps.run import Run
+from planner.steps.told_on_grid import told_on_grid, without
+
+
+@dataclass(frozen=True)
+class Trying:
+    """How hard a cover is looked for that simulation supports.
+
+    Attributes
+    ----------
+    exchanges : int
+        Steps of the exchange search for a cover of one column less.
+    covers : int
+        Covers that are simulated at most, each with what was contradicted before taken out.
+    in_vain : int
+        An edge that simulation contradicts from so many candidate poses, and supports from none, is given up.
+    """
+
+    exchanges: int = 1000
+    covers: int = 20
+    in_vain: int = 4
+
+
+TRYING = Trying()
+
+
+class Tried(NamedTuple):
+    """What simulation supports of a candidate pose.
+
+    Attributes
+    ----------
+    setting : SensorSetting or None
+        What is stated of the pose; None if nothing is.
+    counted : tuple of str
+        Edges whose probability is that of the pixel grid.
+    """
+
+    setting: SensorSetting | None
+    counted: tuple[str, ...]
+
+
+class SupportedCover(NamedTuple):
+    """Settings that simulation supports, and the edges counted on the pixel grid among what they state."""
+
+    settings: list[SensorSetting]
+    counted: tuple[str, ...]
+
+
+class SupportedColumns:
+    """What simulation supports of the candidate poses that were tried, each of them once."""
+
+    def __init__(self) -> None:
+        self._tried: dict[tuple[bytes, tuple[str, ...], tuple[str, ...]], Tried] = {}
+        # poses that promise an edge, and that simulation contradicts there
+        self._in_vain: Counter[str] = Counter()
+
+    def forget(self) -> None:
+        """What was tried in vain may be worth another try: other columns are there."""
+        self._in_vain.clear()
+
+    def cover(
+        self, run: Run, pool: ColumnPool, beaten: tuple[int, int], covers: int = TRYING.covers
+    ) -> SupportedCover | None:
+        """Choose few columns of a pool that simulation supports, for as many entities as possible.
+
+        Parameters
+        ----------
+        run : Run
+            Its request says what is asked, its seed how poses are displaced.
+        pool : ColumnPool
+        beaten : (int, int)
+            Entities of a plan known, and minus its settings: what is not better is not looked for further.
+        covers : int
+            Covers that are simulated at most.
+
+        Returns
+        -------
+        SupportedCover or None
+            None if none better was found.
+        """
+        membership, done = self._corrected(run, pool)
+        chosen = _short_cover(membership, beaten, run.rng("incumbent"))
+        for k in range(covers):
+            if chosen is None:
+                return None
+            new = [c for c in chosen.tolist() if not done[c]]
+            if not new:
+                break
+            for c in new:
+                membership[c], done[c] = self._supported(run, pool, c), True
+            self._give_up(run, membership, done)
+            if k + 1 < covers:
+                chosen = _short_cover(membership, beaten, run.rng("incumbent"))
+            own = _short_cover(np.where(done[:, None], membership, False), beaten, run.rng("incumbent"))
+            if k + 1 == covers or (own is not None and chosen is not None and _as_good(membership, own, chosen)):
+                chosen = own
+        return None if chosen is None else self._as_settings(run, pool, chosen)
+
+    def _corrected(self, run: Run, pool: ColumnPool) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return the columns of a pool (c, k) as far as they are known to be supported, and which (c,) were tried."""
+        membership, done = pool.membership.copy(), np.zeros(len(pool), dtype=bool)
+        for c in range(len(pool) if self._tried else 0):
+            if _key(run, pool, c) in self._tried:
+                membership[c], done[c] = self._supported(run, pool, c), True
+        self._give_up(run, membership, done)
+        return membership, done
+
+    def _give_up(self, run: Run, membership: NDArray[np.bool_], done: NDArray[np.bool_]) -> None:
+        """Clear the edges that no pose tried supports, although many promise them."""
+        often = np.array([self._in_vain[name] >= TRYING.in_vain for name in run.names])
+        membership[:, often & ~membership[done].any(axis=0)] = False
+
+    def _supported(self, run: Run, pool: ColumnPool, c: int) -> NDArray[np.bool_]:
+        """Return which entities (k,) of a column simulation supports; it is tried if it was not."""
+        key = _key(run, pool, c)
+        if key not in self._tried:
+            told = as_simulated(run, candidate_settings(run, pool, [c]))
+            tried = Tried(told.settings[0] if told.settings else None, told.counted)
+            self._tried[key] = tried
+            self._in_vain.update(set(key[1]) - set(_entities(tried)))
+        return np.isin(run.names, _entities(self._tried[key]))
+
+    def _as_settings(self, run: Run, pool: ColumnPool, chosen: NDArray[np.int_]) -> SupportedCover:
+        tried = [self._tried[_key(run, pool, c)] for c in chosen.tolist()]
+        settings = [one.setting for one in tried if one.setting is not None]
+        return SupportedCover(settings, tuple(dict.fromkeys(name for one in tried for name in one.counted)))
+
+
+def candidate_settings(run: Run, pool: ColumnPool, columns: Iterable[int]) -> list[SensorSetting]:
+    """Return the poses of columns as settings."""
+    wanted = [(pool.poses[c], run.names_of(pool.membership[c])) for c in columns]
+    return [
+        setting_at(run.request, pose, names, "candidate pose", seed=column_seed(run.seed, names))
+        for pose, names in wanted
+    ]
+
+
+def as_simulated(run: Run, settings: Sequence[SensorSetting]) -> SupportedCover:
+    """Return settings that state what simulation does not contradict, and the edges counted on the pixel grid."""
+    told = told_on_grid(run, settings)
+    supported = []
+    for setting in told.settings:
+        wrong = run.contradicted_in(setting)
+        supported.append(without(run, setting, list(wrong)) if wrong else setting)
+    return SupportedCover([setting for setting in supported if setting.entities], told.counted)
+
+
+def _key(run: Run, pool: ColumnPool, c: int) -> tuple[bytes, tuple[str, ...], tuple[str, ...]]:
+    return pool.poses[c].tobytes(), run.names_of(pool.membership[c]), run.request.on_grid
+
+
+def _entities(tried: Tried) -> tuple[str, ...]:
+    return () if tried.setting is None else tried.setting.entities
+
+
+def _short_cover(
+    membership: NDArray[np.bool_], beaten: tuple[int, int], rng: np.random.Generator
+) -> NDArray[np.int_] | None:
+    """Return few columns that cover all that columns (c, k) contain, or None if that is not better than a plan known.
+
+    It is better if it has more entities, or as many in fewer columns. The greedy cover, and what exchanges make of it.
+    """
+    covered = membership.any(axis=0)
+    membership, (known, fewer_than) = membership[:, covered], (beaten[0], -beaten[1])
+    if not covered.any() or covered.sum() < known:
+        return None
+    chosen: NDArray[np.int_] | None = None
+    if covered.sum() > known:
+        chosen = np.array(greedy_cover(membership))
+        fewer_than = len(chosen)
+    while fewer_than > 1:
+        found = exchange_columns(membership, fewer_than - 1, steps=TRYING.exchanges, rng=rng)
+        if found.missing:
+            break
+        chosen, fewer_than = found.chosen, len(found.chosen)
+    return None if chosen is None else np.sort(chosen)
+
+
+def _as_good(membership: NDArray[np.bool_], some: NDArray[np.int_], other: NDArray[np.int_]) -> bool:
+    """Tell whether some columns cover as many entities as others, and are no more."""
+    return len(some) <= len(other) and bool(membership[some].any(axis=0).sum() >= membership[other].any(axis=0).sum())
