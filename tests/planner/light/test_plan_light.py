@@ -14,6 +14,7 @@ from planner import RequestError, SphereRegion
 from planner.light.demands import demands_of, seen_as
 from planner.light.lamps import LampBox, LampDome, LampsTogether
 from planner.light.light_plan import LightPlan
+from planner.light.lighting import Lighting
 from planner.light.plan_light import plan_light
 from planner.light.served import Served
 from planner.light.together import LampSets, sites_of
@@ -96,6 +97,20 @@ def test_what_hardly_any_light_falls_on_does_not_show():
     assert plan_light(one, block(), grazing, step=0.007).unlit[0]
     found = plan_light(one, block(), grazing, step=0.005)
     assert found.images[0][0].contrast["top front"] == pytest.approx(0.6)
+
+
+def test_a_lamp_of_each_setting_is_asked_about_that_setting_only():
+    one, places = side_plan(), np.array([[-600.0, 25.0, 30.0], [680.0, 25.0, 30.0], [40.0, 25.0, 900.0]])
+    every, own = (Lighting("ring").served(one, block()) for _ in range(2))
+    every.keep(places[1::-1])
+    own.keep_own(places[1::-1])
+    # each lamp is on the other one's side
+    assert (every.contrast > 0).tolist() == [[False, True], [True, False]]
+    assert not own.contrast.any()
+    own.keep_own(places[:2])
+    every.keep(places[:2])
+    assert own.contrast[2:].tolist() == np.diag(np.diag(every.contrast[2:])).tolist()
+    assert (np.diag(own.step[2:]) > 0).all()
 
 
 def test_ring_light():

@@ -8,9 +8,10 @@ import pytest
 from lit_parts import block
 from plan_examples import plan, setting
 
-from aspectgraph import LightError
+from aspectgraph import LightError, compute_regions
 from planner import Camera, Effort, LampBox, Lighting, PoseUncertainty, Showing, plan_inspection, plan_light
 from planner.light.light_plan import LightPlan
+from planner.request.defaults import default_workspace
 from planner.steps import lit_settings as module
 from planner.steps import told_on_grid
 
@@ -64,6 +65,28 @@ def test_a_ring_light_needs_no_space_of_its_own():
     found = planned(lamps="ring")
     assert found.light.kind == "ring"
     assert found.light.complete
+
+
+def _contrast_of_a_ring(plan):
+    """Between the top and the face x = 0, by the heights of the camera over them; 1 if it sees one face only."""
+    x, _, z = plan.settings[0].position
+    top, left = max(z - 60, 0), max(-x, 0)
+    return abs(top - left) / (top + left)
+
+
+def test_what_the_ring_does_not_show_is_looked_for_from_other_poses():
+    """Where all viewpoints are taken, the first pose may see both faces at angles that hardly differ."""
+    space = compute_regions(block(), LEFT, workspace=default_workspace(block(), CAMERA))
+    lighting = Lighting("ring", contrast=0.8)
+    drafts = {seed: planned(space=space, rng=seed) for seed in range(8)}
+    seed = next(seed for seed, one in drafts.items() if _contrast_of_a_ring(one) < 0.8)
+    assert not plan_light(drafts[seed], block(), "ring", contrast=0.8).complete
+    found = planned(space=space, rng=seed, lamps=lighting)
+    assert found.light.complete
+    (one,) = found.settings
+    assert one.message == "pose in which a lamp shows it"
+    assert _contrast_of_a_ring(found) >= 0.8
+    assert found.light.lamps.tolist() == [one.position.tolist()]
 
 
 def test_lamps_are_part_of_what_a_state_belongs_to(tmp_path):
