@@ -39,7 +39,7 @@ class Sweeping:
     more : int
         So many times more where that does not decide.
     hard : int
-        After so many times as many as at first, the weights had better keep away.
+        After so many times as many as at first, the weights had better keep away, if there are others.
     again : float
         Times the boxes that a proof needed before, for other weights.
     least_sweeps : int
@@ -117,6 +117,10 @@ class _Parts:
         hard = spent & (made >= SWEEPING.hard * self.first)
         self.worth[parts[hard]] = self.first
         return hard
+
+    def insist(self, parts: NDArray[np.int_], made: NDArray[np.int_]) -> None:
+        """Let hard parts be searched further: so many boxes were made of each."""
+        self.worth[parts] = SWEEPING.more * made
 
     def ease(self) -> None:
         """The limit is about to be raised: what is proven stays so, and the rest may take little."""
@@ -238,6 +242,10 @@ class LinearBound:
                 continue
             outcomes, made, sets, doubts = self._sweep(at, *asked, max_nodes, progress)
             hard = parts.learn(asked[0], outcomes, made)
+            if hard.any() and not self._leaves_hope(at, np.concatenate([sets, doubts[hard]])):
+                # that such sets can be inspected is not known: it takes more boxes to tell
+                parts.insist(asked[0][hard], made[hard])
+                hard[:] = False
             sets = np.concatenate([sets, doubts[hard]])
             if len(sets):
                 self._make_room(at, sets)
@@ -270,6 +278,13 @@ class LinearBound:
         self.space.regrow(kept["viewpoints"])
         self._swept = _unpacked(kept["swept"])
         return _Course.from_dict(kept["course"])
+
+    def _leaves_hope(self, at: _Course, sets: NDArray[np.bool_]) -> bool:
+        """Tell whether there are weights for the number aimed at by which these sets are not too heavy either."""
+        if relieved(at.y, sets, at.limit).sum() > at.limit * (at.target - 1) + SLACK:
+            return True
+        y = spread_weights(np.concatenate([self.columns, self.found, sets]))
+        return limit_for(y, at.target) > at.least
 
     def _make_room(self, at: _Course, sets: NDArray[np.bool_]) -> None:
         """Make the weights smaller where sets found exceed the limit; compute them anew if that is too much."""

@@ -133,6 +133,27 @@ def test_once_a_number_is_proven_the_next_one_does_not_get_all_boxes():
     assert linear.made <= 1_000_000 * AIMING.share_of_next
 
 
+class Doubtful(FewPoses):
+    """Pairs, where a part takes many boxes to tell that no pose inspects all entities, which it would else be."""
+
+    def __init__(self, boxes):
+        super().__init__(PAIRS, 2, np.random.default_rng(0))
+        self.cost = np.array([100, boxes])
+
+    def search(self, y, limit, max_nodes, tick=None, *, parts, most):
+        for k, found in zip(parts, super().search(y, limit, max_nodes, parts=parts, most=most), strict=True):
+            everything = np.full(24, k == 1 and found.outcome == SPENT)
+            yield found._replace(doubt=everything)
+
+
+def test_a_doubt_that_would_end_the_proof_is_looked_into():
+    """After 128 000 boxes the part counts as hard. With a column of everything one setting would be enough."""
+    assert LinearBound(Doubtful(400_000), PAIRS).raise_from(5, 6, max_nodes=2_000_000) == 6
+    # where there are too few boxes to tell, it ends
+    assert LinearBound(Doubtful(400_000), PAIRS).raise_from(5, 6, max_nodes=300_000) == 5
+    assert LinearBound(Doubtful(10**9), PAIRS).raise_from(5, 6, max_nodes=2_000_000) == 5
+
+
 def test_parts_that_were_proven_wait_until_the_others_are():
     parts = _Parts(3, 100)
     assert parts.next_ones(299) is None
