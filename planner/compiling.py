@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -11,14 +12,17 @@ from typing import Any
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
-LABEL = "compiling loops"
+from planner.progress import LOOPS
+
 _FIRST = "compiling loops, at the first run only: about a minute in all"
 _OURS = ("aspectgraph", "errors", "ga", "planner")
 
 
 @contextmanager
 def compiling_told(say: Callable[[str], object], report: Callable[[int, int, str], object]) -> Iterator[None]:
-    """Tell once that loops are compiled, if they are, and how far that has got; meanwhile collect no garbage.
+    """Tell once that loops are compiled, if they are, how far that has got, and in the end how long it took.
+
+    Meanwhile no garbage is collected.
 
     A run that finds them in the cache says nothing. Compiling makes millions of objects that stay, and looking through
     them for garbage again and again takes a quarter of the time.
@@ -26,7 +30,7 @@ def compiling_told(say: Callable[[str], object], report: Callable[[int, int, str
     Parameters
     ----------
     say : callable
-        Gets a line that stays.
+        Gets a line that stays: at the first loop, and in the end.
     report : callable
         ``report(done, total, label)``; the total counts the loops of all modules loaded, not all of which are needed.
     """
@@ -45,12 +49,14 @@ class _Compiling(event.Listener):
     def __init__(self, say: Callable[[str], object], report: Callable[[int, int, str], object]) -> None:
         self._say, self._report = say, report
         self._depth, self._collecting, self._told = 0, False, False
+        self._begun = self._seconds = 0.0
         self._done: set[str] = set()
 
     def on_start(self, event: Any) -> None:
         """Take the start of a function; those it calls come before its end."""
         self._depth += 1
         if self._depth == 1:
+            self._begun = time.monotonic()
             self._collecting = gc.isenabled()
             gc.disable()
             if not self._told:
@@ -60,17 +66,20 @@ class _Compiling(event.Listener):
     def on_end(self, event: Any) -> None:
         """Take the end of a function."""
         self._depth -= 1
+        if self._depth == 0:
+            self._seconds += time.monotonic() - self._begun
         if self._depth == 0 and self._collecting:
             gc.enable()
         function = event.data["dispatcher"].py_func
         if function.__module__.partition(".")[0] in _OURS:
             self._done.add(f"{function.__module__}.{function.__qualname__}")
-            self._report(len(self._done), max(len(self._done) + 1, _loops()), LABEL)
+            self._report(len(self._done), max(len(self._done) + 1, _loops()), LOOPS)
 
     def finish(self) -> None:
-        """Tell how many there were."""
+        """Tell how many there were, and how long they took: other work was done between them."""
         if self._done:
-            self._report(len(self._done), len(self._done), LABEL)
+            self._report(len(self._done), len(self._done), LOOPS)
+            self._say(f"{LOOPS}: {len(self._done)} took {self._seconds:.0f} s; the next run finds them")
 
 
 def _loops() -> int:

@@ -95,6 +95,8 @@ class Pace:
 
     def __call__(self, done: int, total: int, label: str) -> str | None:
         """Return a line to be shown, or None."""
+        if label == LOOPS:
+            return None
         now = self._clock()
         if done < self._last.get(label, 0):
             # the same work is done once more, after other work
@@ -115,6 +117,8 @@ class Pace:
 
 # a pace is told from so many pieces, such a share of them and so many seconds on, if so much more is to come
 _PIECES, _SHARE, _SECONDS, _LONG_S = 3, 0.01, 3.0, 20.0
+# what is done between other work, of which nobody knows how much there is: no pace is told of it
+LOOPS = "compiling loops"
 # what usually ends before its total
 _AT_MOST = ("column generation", "lower bound")
 
@@ -157,9 +161,10 @@ class _Bars:
         self._tasks: dict[str, TaskID] = {}
 
     def __call__(self, done: int, total: int, label: str) -> None:
+        known = None if label == LOOPS and done < total else total
         if label not in self._tasks:
-            self._tasks[label] = self._bars.add_task(label, total=total)
-        self._bars.update(self._tasks[label], completed=done, total=total)
+            self._tasks[label] = self._bars.add_task(label, total=known)
+        self._bars.update(self._tasks[label], completed=done, total=known)
         if (line := self._pace(done, total, label)) is not None:
             self.note(line)
 
@@ -176,6 +181,9 @@ class _Lines:
         self._finished: set[tuple[str, int]] = set()
 
     def __call__(self, done: int, total: int, label: str) -> None:
+        if label == LOOPS:
+            # a note says at the end how many there were
+            return
         if label not in self._started:
             self._started[label] = time.monotonic()
         if (line := self._pace(done, total, label)) is not None:

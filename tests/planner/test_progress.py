@@ -5,7 +5,7 @@ import io
 import pytest
 
 from planner import progress
-from planner.progress import Pace, duration
+from planner.progress import LOOPS, Pace, duration
 
 
 class Clock:
@@ -71,6 +71,21 @@ def test_work_that_begins_anew_is_paced_anew(clock):
         assert pace(done, 50, "lower bound") is None
     clock.now += 2.0
     assert "about 2 min more" in pace(4, 50, "lower bound")
+
+
+def test_of_loops_no_pace_is_told(clock):
+    """Each takes seconds, with minutes of other work between; how many are needed is not known."""
+    assert not told(clock, [60.0] * 30, 219, label=LOOPS)
+
+
+def test_lines_say_nothing_of_single_loops(clock):
+    stream = io.StringIO()
+    with progress.terminal_progress(stream, lines=True) as show:
+        for done in range(1, 8):
+            clock.now += 60.0
+            show(done, 219, LOOPS)
+        show(7, 7, LOOPS)
+    assert stream.getvalue() == ""
 
 
 def test_labels_are_paced_apart(clock):
