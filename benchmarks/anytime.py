@@ -14,6 +14,8 @@ cover: its time as a share, its settings. Seconds are processor time, threads ad
 machine does not count; the limit is of wall time. Products of matrices get one thread, as on the command line. Memory
 is the largest resident size of the process up to the end of plan_inspection; every part has a process of its own.
 
+Rivals do not depend on plan_inspection: ``--rivals FILE`` takes their points from such a file.
+
 Parts that are not in the examples are looked for in the folder of ``--folder``; those not found are left out.
 """
 
@@ -183,8 +185,19 @@ def ahead_s(other: Point, ours: list[Point]) -> float:
     return total
 
 
-def measure(name: str, folder: Path, limit_s: float | None) -> list[tuple[str, Point]]:
+def stored(path: Path, part: str) -> dict[str, Point]:
+    """Return the rivals' points of a case from a file of an earlier run."""
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["part"] == part and row["planner"] in PLANNERS]
+    return {
+        row["planner"]: Point(float(row["seconds"]), *(int(row[n]) for n in ("settings", "inspected", "supported")))
+        for row in rows
+    }
+
+
+def measure(name: str, folder: Path, limit_s: float | None, rivals: Path | None) -> list[tuple[str, Point]]:
     """Print the table of a case; return planners and points."""
+    known = stored(rivals, name) if rivals else {}
     judge, seconds = judge_of(CASES[name], folder)
     print(f"\n{name}: {CASES[name].part}, {len(judge.names)} entities, regions {seconds:.1f} s", flush=True)
     print(f"  {'':<36}{'seconds':>9}{'settings':>10}{'inspected':>11}{'supported':>11}{'at least':>10}{'ahead':>9}")
@@ -195,7 +208,7 @@ def measure(name: str, folder: Path, limit_s: float | None) -> list[tuple[str, P
     used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(f"  memory {used:.0f} MB", flush=True)
     for other in PLANNERS:
-        point = rival(judge, other)
+        point = known[other] if other in known else rival(judge, other)
         late = ahead_s(point, ours)
         print(_row(other, point) + f"{late:7.1f} s" + (" !" if late > TOLERATED_S else ""), flush=True)
         if other.startswith("greedy"):
@@ -219,6 +232,7 @@ def main() -> None:
     parser.add_argument("--parts", nargs="+", choices=list(CASES), default=list(CASES))
     parser.add_argument("--folder", type=Path, default=Path(), help="of parts that are not among the examples")
     parser.add_argument("--limit", type=float, help="seconds for plan_inspection, wall time")
+    parser.add_argument("--rivals", type=Path, help="take the rivals from this file, of an earlier run")
     parser.add_argument("--csv", default=os.devnull, help="write every point to this file")
     given = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -230,7 +244,7 @@ def main() -> None:
                 print(f"\n{name}: {CASES[name].part} is not there")
                 continue
             with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as alone:
-                rows = alone.submit(measure, name, given.folder, given.limit).result()
+                rows = alone.submit(measure, name, given.folder, given.limit, given.rivals).result()
             for planner, point in rows:
                 writer.writerow([name, planner, f"{point.seconds:.3f}", *astuple(point)[1:4], point.bound or ""])
             file.flush()

@@ -12,14 +12,12 @@ from typing import Any
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
-from planner.progress import LOOPS
-
 _FIRST = "compiling loops, at the first run only: about a minute in all"
 _OURS = ("aspectgraph", "errors", "ga", "planner")
 
 
 @contextmanager
-def compiling_told(say: Callable[[str], object], report: Callable[[int, int, str], object]) -> Iterator[None]:
+def compiling_told(say: Callable[[str], object], report: Callable[[int, int], object]) -> Iterator[None]:
     """Tell once that loops are compiled, if they are, how far that has got, and in the end how long it took.
 
     Meanwhile no garbage is collected.
@@ -32,7 +30,7 @@ def compiling_told(say: Callable[[str], object], report: Callable[[int, int, str
     say : callable
         Gets a line that stays: at the first loop, and in the end.
     report : callable
-        ``report(done, total, label)``; the total counts the loops of all modules loaded, not all of which are needed.
+        ``report(done, total)``; the total counts the loops of all modules loaded, not all of which are needed.
     """
     listener = _Compiling(say, report)
     event.register("numba:compile", listener)  # type: ignore[no-untyped-call]
@@ -46,7 +44,7 @@ def compiling_told(say: Callable[[str], object], report: Callable[[int, int, str
 class _Compiling(event.Listener):
     """Listens to numba, which begins to compile a function when its cache does not have it."""
 
-    def __init__(self, say: Callable[[str], object], report: Callable[[int, int, str], object]) -> None:
+    def __init__(self, say: Callable[[str], object], report: Callable[[int, int], object]) -> None:
         self._say, self._report = say, report
         self._depth, self._collecting, self._told = 0, False, False
         self._begun = self._seconds = 0.0
@@ -73,13 +71,13 @@ class _Compiling(event.Listener):
         function = event.data["dispatcher"].py_func
         if function.__module__.partition(".")[0] in _OURS:
             self._done.add(f"{function.__module__}.{function.__qualname__}")
-            self._report(len(self._done), max(len(self._done) + 1, _loops()), LOOPS)
+            self._report(len(self._done), max(len(self._done) + 1, _loops()))
 
     def finish(self) -> None:
         """Tell how many there were, and how long they took: other work was done between them."""
         if self._done:
-            self._report(len(self._done), len(self._done), LOOPS)
-            self._say(f"{LOOPS}: {len(self._done)} took {self._seconds:.0f} s; the next run finds them")
+            self._report(len(self._done), len(self._done))
+            self._say(f"compiling {len(self._done)} loops took {self._seconds:.0f} s; the next run finds them")
 
 
 def _loops() -> int:

@@ -71,7 +71,7 @@ def _compiling(progress: Progress | None) -> Iterator[None]:
     """Show that loops are compiled, if they are."""
     from planner.compiling import compiling_told
 
-    with compiling_told(lambda text: note(progress, text), lambda *told: report(progress, *told)):
+    with compiling_told(lambda text: note(progress, text), lambda done, total: report(progress, done, total, LOOPS)):
         yield
 
 

@@ -175,10 +175,47 @@ def lower_bound(
     nodes = max(0, max_nodes - first["made"])
     bound = linear.raise_from(first["bound"], n_settings, max_nodes=nodes, progress=progress)
     report(progress, max_nodes, max_nodes, "lower bound")
-    what = "items" if judge.request.dimensions else "edges"
     if bound <= first["alone"]:
-        return bound, _proof_of_clique(bound, what)
-    return bound, _proof(first["made"] + linear.made, int(first["conflict"].sum()) // 2, what)
+        return bound, exclusion_proof(judge, bound)
+    return bound, _proof(first["made"] + linear.made, int(first["conflict"].sum()) // 2, _items(judge))
+
+
+def exclusive_entities(
+    judge: Judge, entity_idx: NDArray[np.int_], columns: NDArray[np.bool_], executor: Executor | None = None
+) -> tuple[NDArray[np.int_], str]:
+    """Find entities of which no two can be inspected together: a bound that takes seconds.
+
+    Parameters
+    ----------
+    judge : Judge
+        The request.
+    entity_idx : array of int (e,)
+        Entities among which they are looked for, as columns of the judge.
+    columns : array of bool (c, e)
+        Columns known to be realisable: their pairs are not asked about.
+    executor : concurrent.futures.Executor, optional
+        Computes the cells of entities' regions.
+
+    Returns
+    -------
+    exclusive : array of int (n,)
+        Columns of the judge, ascending. Whatever inspects all of them needs n settings.
+    proof : str
+        What that rests on, in one sentence.
+    """
+    shared = Shared(judge)
+    regions = Cells.joined(in_order(executor, entity_cells, [(shared, judge.names[i]) for i in entity_idx]))
+    found = entity_idx[large_clique(find_conflicts(judge, entity_idx, columns, regions))]
+    return found, exclusion_proof(judge, len(found))
+
+
+def exclusion_proof(judge: Judge, n: int) -> str:
+    """Say what a bound of so many entities that exclude each other rests on."""
+    return _proof_of_clique(n, _items(judge))
+
+
+def _items(judge: Judge) -> str:
+    return "items" if judge.request.dimensions else "edges"
 
 
 def _by_covers(

@@ -14,7 +14,7 @@ from planner.ledger import Ledger
 from planner.progress import report
 from planner.steps.incumbents import IMPROVING, Incumbents
 from planner.steps.pixel_grid import COUNTED, COUNTING, count_on_grid, decided_on_grid
-from planner.steps.prove_bound import WEIGHING
+from planner.steps.prove_bound import WEIGHING, exclude
 from planner.steps.run import SHARES, Run
 from planner.steps.supported_columns import candidate_settings
 from planner.steps.told_on_grid import told_on_grid
@@ -39,6 +39,9 @@ def find_columns(run: Run, incumbents: Incumbents) -> None:
         _sample(run, 0 if last is None else last["sampled"])
         run.keep(_SAMPLED, {})
     incumbents.offer(run)
+    if last is None or last["step"] in (_SAMPLING, _SAMPLED):
+        exclude(run)
+    incumbents.excluded(run)
     if last is None or last["step"] in (_SAMPLING, _SAMPLED, _FIRST):
         _price(run, incumbents, last, _FIRST)
         incumbents.offer(run)
@@ -46,7 +49,9 @@ def find_columns(run: Run, incumbents: Incumbents) -> None:
         run.uninspectable = _try_alone(run, incumbents)
         if on_grid := decided_on_grid(run):
             count_on_grid(run, on_grid)
+            exclude(run)
             incumbents.forget()
+            incumbents.excluded(run)
         incumbents.offer(run)
     if last is None or last["step"] not in (_PROVEN, COUNTED, WEIGHING):
         _price(run, incumbents, last, _PRICED)

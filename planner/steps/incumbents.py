@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.bound.lower_bound import exclusion_proof
 from planner.columns.candidates import first_poses
 from planner.columns.pool import ColumnPool
 from planner.plan import InspectionPlan
@@ -68,7 +69,8 @@ class Incumbents:
         self.best: InspectionPlan | None = None
         self._tell, self._watch = tell, watch
         self._wanted = tell is not None or watch.limited
-        self._bound, self._bounded = 0, np.zeros(0, dtype=bool)
+        # of which entities how many settings are proven, by what
+        self._proofs: dict[str, tuple[int, NDArray[np.bool_]]] = {}
         self._columns = SupportedColumns()
 
     def glance(self, run: Run) -> None:
@@ -95,15 +97,19 @@ class Incumbents:
             if self.best is None or _worth(plan) > _worth(self.best):
                 self.end(plan)
 
-    def raised(self, run: Run, bound: int, inspected: NDArray[np.bool_]) -> None:
+    def raised(self, run: Run, bound: int, inspected: NDArray[np.bool_], proof: str = _SO_FAR) -> None:
         """Take in a bound that was proven for some entities (k,)."""
-        if bound <= self._bound and np.array_equal(inspected, self._bounded):
-            return
-        self._bound, self._bounded = bound, inspected
+        self._proofs[proof] = bound, inspected
         if self.best is not None:
             known, proof = self._proven(run, self.best.settings)
             if known > self.best.lower_bound:
                 self.end(replace(self.best, lower_bound=known, bound_proof=proof))
+
+    def excluded(self, run: Run) -> None:
+        """Take in the bound of entities that exclude each other, if some are known."""
+        n = len(run.exclusive)
+        if n > 1:
+            self.raised(run, n, np.isin(run.names, run.exclusive), exclusion_proof(run.judge, n))
 
     @property
     def latest(self) -> InspectionPlan:
@@ -116,7 +122,7 @@ class Incumbents:
         self._watch.disarm()
         self.best = None
         self._columns.forget()
-        self._bound, self._bounded = 0, np.zeros(0, dtype=bool)
+        self._proofs.clear()
 
     def end(self, plan: InspectionPlan) -> None:
         """Take in the plan of the whole run, and tell of it."""
@@ -128,11 +134,9 @@ class Incumbents:
         """Return the bound that holds for what settings inspect, and what it rests on."""
         if not settings:
             return 0, "No entity is inspected."
-        seen = {name for setting in settings for name in setting.entities}
-        for_these = self._bound > 1 and all(
-            name in seen for name, one in zip(run.names, self._bounded, strict=True) if one
-        )
-        return (self._bound, _SO_FAR) if for_these else (1, _TRIVIAL)
+        seen = np.isin(run.names, [name for setting in settings for name in setting.entities])
+        for_these = [(bound, proof) for proof, (bound, some) in self._proofs.items() if seen[some].all()]
+        return max(for_these, default=(1, _TRIVIAL), key=lambda one: one[0])
 
 
 def _worth(found: InspectionPlan) -> tuple[int, int]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.bound.lower_bound import lower_bound
+from planner.bound.lower_bound import exclusion_proof, exclusive_entities, lower_bound
 from planner.columns.candidates import Beginning, Pools, column_seed, price_poses
 from planner.columns.judge import Judge
 from planner.columns.pool import ColumnPool
@@ -68,6 +68,9 @@ def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
 
     ledger = Ledger(improve, entries, keep, raised)
     proven, enough = ledger("proven"), run.watch.wanted_bound(values["known"])
+    alone = len(run.exclusive) if inspected[np.isin(run.names, run.exclusive)].all() else 0
+    if proven is None and alone >= enough > 0:
+        proven = alone, exclusion_proof(run.judge, alone)
     if proven is None:
         proven = lower_bound(
             run.judge,
@@ -81,10 +84,18 @@ def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
             progress=run.progress,
         )
         keep({"proven": list(proven)})
-    bound, proof = proven
+    bound, proof = proven if proven[0] >= alone else (alone, exclusion_proof(run.judge, alone))
     incumbents.raised(run, bound, inspected)
     run.reached = bound if bound < enough else None
     return bound, proof
+
+
+def exclude(run: Run) -> None:
+    """Find entities of which no setting inspects two: a bound long before the proof."""
+    seen = np.flatnonzero(run.pool.inspected)
+    if seen.size > 1:
+        found, _ = exclusive_entities(run.judge, seen, run.pool.membership[:, seen], run.executor)
+        run.exclusive = tuple(np.array(run.names)[found].tolist())
 
 
 class _Weighing:

@@ -79,6 +79,8 @@ class Run:
         self.executor, self.progress = executor, self.watch.watched(progress)
         self.pools = Pools(ColumnPool(len(self.names)), ColumnPool(len(self.names)))
         self.uninspectable: dict[str, str] = {}
+        # entities of which no setting inspects two, as known so far
+        self.exclusive: tuple[str, ...] = ()
         # plans made before, of which simulation contradicted something
         self.round = 0
         # where the last proof gave up, and the one of the round before, if they did
@@ -103,6 +105,8 @@ class Run:
         on_grid = tuple(dict.fromkeys(names))
         if on_grid != self.request.on_grid:
             self.request = replace(self.request, on_grid=on_grid)
+            # what is necessary of an edge depends on who decides about it
+            self.exclusive = ()
             self.judge = Judge(self.request)
             self.shared = Shared(self.judge)
 
@@ -126,6 +130,7 @@ class Run:
                 "pools": self.pools.to_dict(),
                 "uninspectable": dict(self.uninspectable),
                 "on_grid": self.request.on_grid,
+                "exclusive": self.exclusive,
                 "round": self.round,
                 "highest": self.highest,
                 **values,
@@ -136,6 +141,7 @@ class Run:
         """Go on from a checkpoint."""
         self.pools, self.uninspectable = Pools.from_dict(last["pools"]), last["uninspectable"]
         self.set_on_grid(last.get("on_grid", ()))
+        self.exclusive = tuple(last.get("exclusive", ()))
         self.round, self.highest = last.get("round", 0), last.get("highest")
 
     def begin_round(self) -> None:

@@ -127,8 +127,10 @@ def test_pairs_that_exclude_each_other_and_the_tree_of_poses_are_kept(space, who
         raise Stop
 
     path, bound = tmp_path / "state.json", import_module("planner.bound.lower_bound")
+    asked, find = [], bound.find_conflicts
     with monkeypatch.context() as patch:
-        patch.setattr(bound, "find_conflicts", stop)
+        # those of the first columns are found long before the proof
+        patch.setattr(bound, "find_conflicts", lambda *given: asked.append(1) or (stop if asked[1:] else find)(*given))
         with pytest.raises(Stop):
             plan_box(space, path)
     assert json.loads(path.read_text())["checkpoint"]["step"] == "weighing"

@@ -57,6 +57,14 @@ def test_incumbents_get_better(whole):
     assert {one.lower_bound for one in told} > {1}
 
 
+def test_entities_that_exclude_each_other_prove_a_bound_before_the_search_for_one(whole):
+    plan, told = whole
+    early = next(one for one in told if one.lower_bound > 1)
+    assert early.unfinished
+    assert early.bound_proof.startswith(f"Of {early.lower_bound} edges no two can be inspected together")
+    assert len(early.settings) > len(plan.settings)
+
+
 def test_incumbents_keep_what_they_promise(whole):
     for k, plan in enumerate(whole[1]):
         # a glance may miss some
@@ -105,7 +113,8 @@ def test_a_gap_is_reached_and_not_more_is_proven(space, whole, gap):
     assert plan.complete
     # as good as asked for, or as good as it gets
     assert plan.gap <= gap or plan.lower_bound == whole[0].lower_bound
-    assert plan.lower_bound <= math.ceil(n * (1 - gap))
+    # what entities that exclude each other prove is known before
+    assert plan.lower_bound <= max(math.ceil(n * (1 - gap)), whole[1][1].lower_bound)
     assert plan.gap == pytest.approx((n - plan.lower_bound) / n)
 
 

@@ -72,14 +72,55 @@ def test_a_proof_that_got_all_it_was_asked_for_does_not_limit_the_next(monkeypat
     assert aims == [2, 4]
 
 
+def test_what_excludes_each_other_is_a_bound_without_a_search(monkeypatch):
+    """Of a plan of 4 settings 3 are proven so, and the search comes to 2, or to 4."""
+    found = [2]
+    monkeypatch.setattr(prove_bound, "lower_bound", lambda *given, **how: (found[0], "by search"))
+    run = run_with(np.eye(4))
+    run.exclusive = tuple(NAMES[:3])
+    bound, proof = prove_bound.prove_bound(run, unwatched())
+    assert bound == 3
+    assert proof.startswith("Of 3 edges no two can be inspected together")
+    found[0] = 4
+    run.memo.keep("another step", {})
+    assert prove_bound.prove_bound(run, unwatched()) == (4, "by search")
+
+
+def test_where_that_is_all_there_is_to_prove_nothing_is_searched(monkeypatch):
+    monkeypatch.setattr(prove_bound, "lower_bound", None)
+    run = run_with(np.eye(4))
+    run.exclusive = tuple(NAMES)
+    assert prove_bound.prove_bound(run, unwatched())[0] == 4
+    # what is resumed there knows it
+    assert prove_bound.prove_bound(run, unwatched())[0] == 4
+
+
+def test_of_what_is_not_inspected_nothing_is_proven(monkeypatch):
+    monkeypatch.setattr(prove_bound, "lower_bound", lambda *given, **how: (1, "by search"))
+    run = run_with([[1, 1, 0, 0], [0, 0, 1, 0]])
+    run.exclusive = tuple(NAMES[1:])
+    assert prove_bound.prove_bound(run, unwatched()) == (1, "by search")
+
+
+def test_who_decides_about_an_edge_changes_what_excludes_it():
+    run = run_with(np.eye(4))
+    run.exclusive = tuple(NAMES[:3])
+    run.set_on_grid([])
+    assert run.exclusive == tuple(NAMES[:3])
+    run.set_on_grid(NAMES[:1])
+    assert run.exclusive == ()
+
+
 def test_a_checkpoint_tells_the_round():
     run = run_with(np.eye(4))
+    run.exclusive = tuple(NAMES[:2])
     run.reached = 2
     run.begin_round()
     run.keep("some step", {})
     other = run_with(np.eye(4))
     other.restore(run.memo.last())
     assert (other.round, other.highest) == (1, 2)
+    assert other.exclusive == tuple(NAMES[:2])
     assert np.array_equal(other.pool.membership, run.pool.membership)
 
 
