@@ -9,10 +9,11 @@ No rival simulates what it promises, as plan_inspection does before it tells of 
 counted, too, that simulation does not contradict in one of its settings at least: ``supported``.
 
 A rival is *ahead* at a time if it inspects at least as many entities as the incumbent then and needs fewer settings by
-more than one, or if there is no incumbent. Printed is for how long, and where the first plan stands beside the greedy
-cover: its time as a share, its settings. Seconds are processor time, threads added up, so that other work on the
-machine does not count; the limit is of wall time. Products of matrices get one thread, as on the command line. Memory
-is the largest resident size of the process up to the end of plan_inspection; every part has a process of its own.
+more than one, or if there is no incumbent. Printed is for how long, and after what share of the time of the greedy
+cover a plan inspects as much, and does so in no more settings. Seconds are processor time, threads added up, so that
+other work on the machine does not count; the limit is of wall time. Products of matrices get one thread, as on the
+command line. Memory is the largest resident size of the process up to the end of plan_inspection; every part has a
+process of its own.
 
 Rivals do not depend on plan_inspection: ``--rivals FILE`` takes their points from such a file.
 
@@ -212,13 +213,24 @@ def measure(name: str, folder: Path, limit_s: float | None, rivals: Path | None)
         late = ahead_s(point, ours)
         print(_row(other, point) + f"{late:7.1f} s" + (" !" if late > TOLERATED_S else ""), flush=True)
         if other.startswith("greedy"):
-            full = next((p for p in ours if p.inspected >= point.inspected), ours[-1])
-            print(
-                f"  the first plan that inspects as much: {full.seconds / point.seconds:.2f} of the time of the greedy "
-                f"cover, {full.settings} settings and not {point.settings}"
-            )
+            for what, n in (("inspects", point.inspected), ("is supported in", point.supported)):
+                print(f"  as many as it {what}, {n}: {_reached(ours, n, point)}")
         rows.append((other, point))
     return rows
+
+
+def _reached(ours: list[Point], n: int, other: Point) -> str:
+    """Say when our plans inspect so many entities, and when in no more settings than another one, in its time."""
+    told = []
+    for limit, what in ((10**6, "first"), (other.settings, f"in {other.settings} settings at most")):
+        point = next((p for p in ours if p.inspected >= n and p.settings <= limit), None)
+        if point is None:
+            told.append(f"{what} never")
+        else:
+            told.append(
+                f"{what} {point.seconds / other.seconds:.2f} of its time, {point.settings} for {point.inspected}"
+            )
+    return "; ".join(told)
 
 
 def _row(name: str, point: Point) -> str:
