@@ -227,9 +227,8 @@ def _reached(ours: list[Point], n: int, other: Point) -> str:
         if point is None:
             told.append(f"{what} never")
         else:
-            told.append(
-                f"{what} {point.seconds / other.seconds:.2f} of its time, {point.settings} for {point.inspected}"
-            )
+            share = point.seconds / other.seconds
+            told.append(f"{what} after {share:.2f} of its time, {point.settings} for {point.inspected}")
     return "; ".join(told)
 
 

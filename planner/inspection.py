@@ -308,7 +308,7 @@ def _plan(run: Run, incumbents: Incumbents, lighting: Lighting | None) -> Inspec
             break
         count_on_grid(run, told.wrong)
         run.begin_round()
-        incumbents.forget()
+        incumbents.forget(run)
         incumbents.offer(run)
         run.keep(COUNTED, {})
     found = assembled(run, told.settings, bound, proof, counted=told.counted)

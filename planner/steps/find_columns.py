@@ -50,8 +50,7 @@ def find_columns(run: Run, incumbents: Incumbents) -> None:
         if on_grid := decided_on_grid(run):
             count_on_grid(run, on_grid)
             exclude(run)
-            incumbents.forget()
-            incumbents.excluded(run)
+            incumbents.forget(run)
         incumbents.offer(run)
     if last is None or last["step"] not in (_PROVEN, COUNTED, WEIGHING):
         _price(run, incumbents, last, _PRICED)
@@ -100,7 +99,7 @@ def _count_contradicted(run: Run, incumbents: Incumbents) -> None:
         if not wrong:
             return
         count_on_grid(run, wrong)
-        incumbents.forget()
+        incumbents.forget(run)
         seed, rounds = column_seed(run.seed, ["look", str(k)]), min(COUNTING.pricing, run.effort.pricing_rounds)
         price_poses(run.shared, run.pools, seed, rounds, run.executor, run.silent)
 

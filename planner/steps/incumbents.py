@@ -117,12 +117,13 @@ class Incumbents:
         assert self.best is not None
         return self.best
 
-    def forget(self) -> None:
-        """What was found so far was judged by other rules than those from now on."""
+    def forget(self, run: Run) -> None:
+        """Rules have changed: what was found so far was judged by others. What excludes each other still does."""
         self._watch.disarm()
         self.best = None
         self._columns.forget()
         self._proofs.clear()
+        self.excluded(run)
 
     def end(self, plan: InspectionPlan) -> None:
         """Take in the plan of the whole run, and tell of it."""

@@ -104,9 +104,10 @@ class Run:
         """Let the pixel grid decide about these edges, and about no other."""
         on_grid = tuple(dict.fromkeys(names))
         if on_grid != self.request.on_grid:
+            # what is necessary of an edge depends on who decides about it, of the others nothing changes
+            changed = set(on_grid) ^ set(self.request.on_grid)
+            self.exclusive = tuple(name for name in self.exclusive if name not in changed)
             self.request = replace(self.request, on_grid=on_grid)
-            # what is necessary of an edge depends on who decides about it
-            self.exclusive = ()
             self.judge = Judge(self.request)
             self.shared = Shared(self.judge)
 

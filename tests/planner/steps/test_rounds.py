@@ -107,8 +107,22 @@ def test_who_decides_about_an_edge_changes_what_excludes_it():
     run.exclusive = tuple(NAMES[:3])
     run.set_on_grid([])
     assert run.exclusive == tuple(NAMES[:3])
+    # of the others nothing changes
     run.set_on_grid(NAMES[:1])
-    assert run.exclusive == ()
+    assert run.exclusive == tuple(NAMES[1:3])
+    run.set_on_grid(NAMES[:1] + NAMES[3:])
+    assert run.exclusive == tuple(NAMES[1:3])
+
+
+def test_a_bound_of_edges_that_exclude_each_other_outlives_a_change_of_the_rules():
+    run, told = run_with(np.eye(4)), []
+    incumbents = Incumbents(told.append, Watch())
+    run.exclusive = tuple(NAMES[:3])
+    incumbents.excluded(run)
+    run.set_on_grid(NAMES[:1])
+    incumbents.forget(run)
+    assert incumbents._proven(run, [SimpleNamespace(entities=NAMES)])[0] == 2
+    assert incumbents._proven(run, [SimpleNamespace(entities=NAMES[:2])])[0] == 1
 
 
 def test_a_checkpoint_tells_the_round():
