@@ -139,7 +139,8 @@ def plan_inspection(
         Default: as good as the effort allows.
     on_incumbent : callable, optional
         ``on_incumbent(plan)`` gets the best plan so far whenever it, or its bound, is better; the plan returned is the
-        last. An exception it raises cancels the work.
+        last. Where the pixel grid comes to decide about more edges, plans and bounds begin anew, and may be worse than
+        those told before. An exception it raises cancels the work.
     state : path, optional
         File to resume from, if it exists, and to keep results in while planning. It stays when the plan is done, and
         the same call then returns the plan at once: delete it when the plan is written. If it can no longer be saved,

@@ -155,8 +155,7 @@ def lower_bound(
     if n_settings <= 1:
         return n_settings, "Fewer settings than one inspect nothing." if n_settings else "No entity is inspected."
     ledger = ledger or Ledger()
-    shared = Shared(judge)
-    regions = Cells.joined(in_order(executor, entity_cells, [(shared, judge.names[i]) for i in entity_idx]))
+    regions = _regions(judge, entity_idx, executor)
     first = ledger("covers")
     if first is None:
         grown = ledger(_GROWING)
@@ -182,7 +181,7 @@ def lower_bound(
 
 def exclusive_entities(
     judge: Judge, entity_idx: NDArray[np.int_], columns: NDArray[np.bool_], executor: Executor | None = None
-) -> tuple[NDArray[np.int_], str]:
+) -> NDArray[np.int_]:
     """Find entities of which no two can be inspected together: a bound that takes seconds.
 
     Parameters
@@ -198,20 +197,22 @@ def exclusive_entities(
 
     Returns
     -------
-    exclusive : array of int (n,)
-        Columns of the judge, ascending. Whatever inspects all of them needs n settings.
-    proof : str
-        What that rests on, in one sentence.
+    array of int (n,)
+        Columns of the judge, ascending. Whatever inspects all of them needs n settings; `exclusion_proof` says why.
     """
-    shared = Shared(judge)
-    regions = Cells.joined(in_order(executor, entity_cells, [(shared, judge.names[i]) for i in entity_idx]))
-    found = entity_idx[large_clique(find_conflicts(judge, entity_idx, columns, regions))]
-    return found, exclusion_proof(judge, len(found))
+    regions = _regions(judge, entity_idx, executor)
+    return entity_idx[large_clique(find_conflicts(judge, entity_idx, columns, regions))]
 
 
 def exclusion_proof(judge: Judge, n: int) -> str:
     """Say what a bound of so many entities that exclude each other rests on."""
     return _proof_of_clique(n, _items(judge))
+
+
+def _regions(judge: Judge, entity_idx: NDArray[np.int_], executor: Executor | None) -> Cells:
+    """Return the cells of entities' regions."""
+    shared = Shared(judge)
+    return Cells.joined(in_order(executor, entity_cells, [(shared, judge.names[i]) for i in entity_idx]))
 
 
 def _items(judge: Judge) -> str:

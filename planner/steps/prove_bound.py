@@ -94,7 +94,7 @@ def exclude(run: Run) -> None:
     """Find entities of which no setting inspects two: a bound long before the proof."""
     seen = np.flatnonzero(run.pool.inspected)
     if seen.size > 1:
-        found, _ = exclusive_entities(run.judge, seen, run.pool.membership[:, seen], run.executor)
+        found = exclusive_entities(run.judge, seen, run.pool.membership[:, seen], run.executor)
         run.exclusive = tuple(np.array(run.names)[found].tolist())
 
 

@@ -17,7 +17,7 @@ from aspectgraph import read_solid
 from planner import Camera, PoseUncertainty
 from planner.bound.boxes.cells import Cells
 from planner.bound.excluded_pairs import find_conflicts
-from planner.bound.lower_bound import exclusive_entities, lower_bound
+from planner.bound.lower_bound import exclusion_proof, exclusive_entities, lower_bound
 from planner.columns.candidates import price_poses
 from planner.columns.judge import Judge
 from planner.columns.outcome import Outcome
@@ -351,12 +351,11 @@ def test_conflicts_are_real(judge):
     found = find_conflicts(far, np.arange(3), np.zeros((0, 3), dtype=bool), cells)
     assert found.tolist() == [[False, True, False], [True, False, True], [False, True, False]]
     # the middle one excludes both others, so two of them are a largest clique; the two outer ones alone are none
-    exclusive, proof = exclusive_entities(far, np.arange(3), np.zeros((0, 3), dtype=bool))
+    exclusive = exclusive_entities(far, np.arange(3), np.zeros((0, 3), dtype=bool))
     assert exclusive.tolist() in ([0, 1], [1, 2])
-    assert proof.startswith("Of 2 edges no two can be inspected together")
-    outer = exclusive_entities(far, np.array([0, 2]), np.zeros((0, 2), dtype=bool))
-    assert len(outer[0]) == 1
-    assert outer[1] == "Fewer settings than one inspect nothing."
+    assert exclusion_proof(far, 2).startswith("Of 2 edges no two can be inspected together")
+    assert len(exclusive_entities(far, np.array([0, 2]), np.zeros((0, 2), dtype=bool))) == 1
+    assert exclusion_proof(far, 1) == "Fewer settings than one inspect nothing."
 
 
 @pytest.mark.uncompiled
