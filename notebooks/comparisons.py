@@ -29,7 +29,6 @@
 
 # %%
 import csv
-import itertools
 import sys
 from collections import defaultdict
 from pathlib import Path
@@ -40,6 +39,7 @@ import numpy as np
 root = next(folder for folder in (Path.cwd(), *Path.cwd().parents) if (folder / "benchmarks").is_dir())
 sys.path.insert(0, str(root / "benchmarks"))
 
+from anytime import Point, ahead_s
 from cases import FEW, case_name
 from rivals import OURS, Problem, run
 
@@ -266,22 +266,17 @@ for (part,), runs in anytime.items():
 
 
 # %%
-def ahead_s(rival, ours):
-    """Return for how many seconds a rival is ahead, from its end to that of ours."""
-    end, seen, settings = float(rival["seconds"]), int(rival["inspected"]), int(rival["settings"])
-    total = 0.0
-    # before the first plan there is none
-    plans = [{"seconds": 0.0, "inspected": 0, "settings": np.inf}, *ours]
-    for now, later in itertools.pairwise(plans):
-        behind = seen >= int(now["inspected"]) and float(now["settings"]) - settings > 1
-        total += behind * max(0.0, float(later["seconds"]) - max(end, float(now["seconds"])))
-    return total
+def point(row):
+    """Return a row as the benchmark has it."""
+    return Point(
+        float(row["seconds"]), *(int(row[name] or 0) for name in ("settings", "inspected", "supported", "bound"))
+    )
 
 
 for (part,), runs in anytime.items():
-    ours = [r for r in runs if r["planner"] == "plan_inspection"]
+    ours = [point(r) for r in runs if r["planner"] == "plan_inspection"]
     for r in runs:
-        if r["planner"] != "plan_inspection" and (seconds := ahead_s(r, ours)) > 0:
+        if r["planner"] != "plan_inspection" and (seconds := ahead_s(point(r), ours)) >= 0.05:
             print(f"{part}: {r['planner']} is ahead for {seconds:.1f} s")
 
 # %%
