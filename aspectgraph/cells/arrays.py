@@ -182,7 +182,8 @@ def add_cell(cx):
     cx.cell[c, CELL_FIRST], cx.cell[c, CELL_SIZE] = cx.count[N_LIST + FACE_LIST], 0
     cx.cell[c, CORNER_FIRST], cx.cell[c, CORNER_SIZE] = cx.count[N_LIST + CORNER_LIST], 0
     cx.cell[c, CELL_PLANE] = -1
-    cx.cell[c, CELL_CHILD] = -1
+    # both, as trees are copied out of these columns, kept in files and compared
+    cx.cell[c, CELL_CHILD], cx.cell[c, CELL_CHILD + 1] = -1, -1
     cx.label[c] = 0
     cx.count[N_CELLS] = c + 1
     return c

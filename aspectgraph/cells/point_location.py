@@ -25,7 +25,7 @@ class Tree(NamedTuple):
     plane : ndarray of int32, shape (n,)
         Plane of each node, -1 at leaves.
     child : ndarray of int32, shape (n, 2)
-        Positive and negative child of inner nodes.
+        Positive and negative child of inner nodes, -1 at leaves.
     """
 
     planes: np.ndarray

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from aspectgraph import compute_regions, read_solid
+from aspectgraph.cells.arrays import allocate
 from aspectgraph.visibility.kept_regions import KeptRegions
 
 pytestmark = pytest.mark.uncompiled
@@ -66,6 +67,19 @@ def test_what_is_damaged_is_computed_again(block, tmp_path, damage):
     assert same(compute_regions(block, EDGES, BOX, kept=kept), first)
     # and whole again
     assert all(kept.get(name) is not None for name in EDGES)
+
+
+def test_a_region_does_not_depend_on_what_its_memory_held_before(block, monkeypatch):
+    def held(value):
+        def allocated(*arguments):
+            cx = allocate(*arguments)
+            cx.cell[:] = cx.face[:] = cx.edge[:] = cx.vertex[:] = value
+            return cx
+
+        monkeypatch.setattr("aspectgraph.visibility.entity_region.allocate", allocated)
+        return compute_regions(block, EDGES, BOX)
+
+    assert same(held(7), held(8))
 
 
 def test_other_arrays_are_no_region(block, tmp_path):
