@@ -16,10 +16,10 @@ import math
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aspectgraph.exact.lean import compiled, inner, lean, put
 from planner.bound.boxes.cells import Cells
 from planner.bound.boxes.necessary import TOUCH_MM, out_of_focus, outside, too_short
 from planner.bound.boxes.view import Segments
@@ -105,7 +105,7 @@ def too_far_apart(camera: Camera, ends: NDArray[np.float64], tangents: NDArray[n
     return result
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled
 def _share_viewpoint(a, b, cells, pair, frustum):
     """Tell whether some cell of entity a may meet some cell of entity b where the lens can take both at once.
 
@@ -124,7 +124,7 @@ def _share_viewpoint(a, b, cells, pair, frustum):
     return False
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _overlap(boxes, i, j, common):
     """Tell whether boxes i and j meet; write the centre and half size of what they share."""
     for k in range(3):
@@ -135,7 +135,7 @@ def _overlap(boxes, i, j, common):
     return True
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def _search(stack, i, j, planes, plane_start, pair, frustum):
     """Subdivide the box on the stack; true when a viewpoint is found or the effort is spent."""
     size = 1
@@ -156,13 +156,14 @@ def _search(stack, i, j, planes, plane_start, pair, frustum):
             return True
         half[axis] /= 2
         for sign in (-1.0, 1.0):
-            stack[size, _MIDDLE], stack[size, _HALF] = centre, half
+            put(stack[size, _MIDDLE], centre)
+            put(stack[size, _HALF], half)
             stack[size, _MIDDLE, axis] += sign * half[axis]
             size += 1
     return True
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _in_both(centre, half, i, j, planes, plane_start):
     """Tell whether a box may meet both cells."""
     return not (
@@ -171,7 +172,7 @@ def _in_both(centre, half, i, j, planes, plane_start):
     )
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def _in_view(centre, radius, pair, frustum):
     """Tell whether some viewpoint of a ball may have all ends in focus, within the sensor, and long enough images."""
     points = pair.ends.reshape(-1, 3)
@@ -196,7 +197,7 @@ def _in_view(centre, radius, pair, frustum):
     return True
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _from_axis(distance, radius, frustum):
     """Return how far off the axis, rad, a point may be seen, given its distance from the middle of a ball of eyes.
 
@@ -209,7 +210,7 @@ def _from_axis(distance, radius, frustum):
     return min(frustum.cone, off) + math.asin(radius / distance)
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _apart_in_view(point, other, centre, most):
     """Tell whether two points are seen farther apart than an angle, rad."""
     cosine = 0.0
@@ -219,7 +220,7 @@ def _apart_in_view(point, other, centre, most):
     return math.acos(min(1.0, max(-1.0, cosine))) > most + _EPS_RAD
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _one_behind_the_other(point, other, centre, deep, off):
     """Tell whether no axis that is at most ``off`` the first point, rad, has both within a depth of ``deep``, mm.
 
@@ -239,13 +240,13 @@ def _one_behind_the_other(point, other, centre, deep, off):
     return turned > slant + off + _EPS_RAD
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _distance(point, other):
     x, y, z = point[0] - other[0], point[1] - other[1], point[2] - other[2]
     return math.sqrt(x * x + y * y + z * z)
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _apart(i, j, cells):
     """Tell whether a plane of cell i has all corners of cell j outside."""
     planes, corners = cells.planes, cells.corners

@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from aspectgraph.exact.lean import compiled, inner, lean, put
 from planner.bound.boxes.exclusive_groups import exclusive_groups
 from planner.bound.boxes.necessary import out_of_focus, outside, too_short_at
 
@@ -85,7 +85,7 @@ class Pairs(NamedTuple):
     conflict: NDArray[np.bool_]
 
 
-@nb.njit(cache=True)
+@compiled
 def clear_unsatisfied(nodes, segments, frustum, possible):
     """Clear ``possible[n, e]`` where no pose of node n has entity e in focus, on the sensor, and long enough there."""
     ends, lengths, length_ratio = segments
@@ -105,7 +105,7 @@ def clear_unsatisfied(nodes, segments, frustum, possible):
                 possible[n, e] = not too_short_at(ends[e], lengths[e], length_ratio[e], centre, radius, depths)
 
 
-@nb.njit(cache=True)
+@lean
 def _nearest_depth(ray, nodes, n, frustum):
     """Return the least depth at which node n may have a point in focus and on the sensor; -1 if it cannot.
 
@@ -147,7 +147,7 @@ def _nearest_depth(ray, nodes, n, frustum):
     return max(nearest - _EPS, near)
 
 
-@nb.njit(cache=True)
+@compiled
 def clear_unmet(centre, half, planes, cell_start, entity_start, possible):
     """Clear ``possible[n, e]`` where box n lies wholly outside some half-space of every cell of entity e."""
     for n in range(centre.shape[0]):
@@ -162,7 +162,7 @@ def clear_unmet(centre, half, planes, cell_start, entity_start, possible):
             possible[n, e] = met
 
 
-@nb.njit(cache=True)
+@compiled
 def separate(places, pairs, first, second):
     """Split sets instead of poses: a pose inspects the most contested entity of a set, or none that it excludes.
 
@@ -173,9 +173,14 @@ def separate(places, pairs, first, second):
     for k in range(n):
         members = np.flatnonzero(first[k])
         excludes = _exclusions(members, places, k, pairs)
-        count = excludes.sum(axis=1)
-        if len(members) and count.max() > 0:
-            worst = np.argmax(count)
+        worst, most = 0, 0
+        for e in range(len(members)):
+            count = 0
+            for f in range(len(members)):
+                count += excludes[e, f]
+            if count > most:
+                worst, most = e, count
+        if most > 0:
             changed[k] = True
             first[k, members[worst]] = False
             for f in range(len(members)):
@@ -184,7 +189,7 @@ def separate(places, pairs, first, second):
     return changed
 
 
-@nb.njit(cache=True)
+@compiled
 def consistent_weights(places, pairs, sets, y):
     """Return for each node a bound on the weight of what one pose of it inspects, with weights y.
 
@@ -206,7 +211,7 @@ def consistent_weights(places, pairs, sets, y):
     return result
 
 
-@nb.njit(cache=True)
+@inner
 def _exclusions(members, places, k, pairs):
     """Return which of the entities exclude each other in node k, (m, m) bool.
 
@@ -223,7 +228,7 @@ def _exclusions(members, places, k, pairs):
         for i in range(2):
             ray = ends[members[e], i] - centre
             length = math.sqrt(ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2)
-            rays[e, i] = ray / max(length, _EPS)
+            put(rays[e, i], ray / max(length, _EPS))
             swing = math.asin(radius / length) if length > radius else math.pi
             half = angle / 2 + swing + _EPS
             wide[e, i, _ANGLE], wide[e, i, _COSINE], wide[e, i, _SINE] = half, math.cos(half), math.sin(half)
@@ -239,7 +244,7 @@ def _exclusions(members, places, k, pairs):
     return excludes
 
 
-@nb.njit(cache=True)
+@lean
 def _too_far(first, second, axes, turns, room):
     """Tell whether an end of one entity is always farther than there is room, along some axis, from one of the other.
 
@@ -261,7 +266,7 @@ def _too_far(first, second, axes, turns, room):
     return False
 
 
-@nb.njit(cache=True)
+@lean
 def _too_wide(first, second, first_wide, second_wide):
     """Tell whether an end of one entity is always farther than an angle from an end of the other."""
     for i in range(2):

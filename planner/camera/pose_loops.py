@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
+
+from aspectgraph.exact.lean import compiled, lean
 
 # squares of smaller numbers lose digits
 _TINY = 1e-150
@@ -13,7 +14,7 @@ _TINY = 1e-150
 _VERTICAL = 1e-9
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def look_along(positions, target, turns, out):
     """Write the poses (n, 4, 4) of `planner.camera.pose.look_at`; ``turns`` (3, n) are pan, tilt and roll."""
     right, down, forward = np.empty(3), np.empty(3), np.empty(3)
@@ -42,7 +43,7 @@ def look_along(positions, target, turns, out):
         out[i, 3, 3] = 1.0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _pan_tilt_roll(pan, tilt, roll, out):
     """Write the product of the rotations by pan about y, by tilt about x and by roll about z."""
     cp, sp, ct, st = math.cos(pan), math.sin(pan), math.cos(tilt), math.sin(tilt)
@@ -52,7 +53,7 @@ def _pan_tilt_roll(pan, tilt, roll, out):
     out[2, 0], out[2, 1], out[2, 2] = cp * st * sr - sp * cr, sp * sr + cp * st * cr, cp * ct
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def move(cam2world, moves, unit, out):
     """Write the poses (n, 4, 4) of `planner.camera.pose.moved`."""
     turn = np.empty((3, 3))
@@ -70,7 +71,7 @@ def move(cam2world, moves, unit, out):
         out[i, 3, 3] = 1.0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _rotation(x, y, z, out):
     """Write the rotation by a vector (Rodrigues): cos a·I + sin a/a·[v]× + (1 − cos a)/a²·v v'."""
     squared = x * x + y * y + z * z
@@ -84,12 +85,12 @@ def _rotation(x, y, z, out):
     out[2, 0], out[2, 1], out[2, 2] = outer * x * z - along * y, outer * y * z + along * x, cosine + outer * z * z
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _cross(a, b, out):
     out[0], out[1], out[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _normalise(vector):
     """Scale a vector to length 1; False if it has none."""
     largest = max(abs(vector[0]), abs(vector[1]), abs(vector[2]))

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 from scipy.optimize import LinearConstraint, milp
 from scipy.sparse import csr_matrix
 
+from aspectgraph.exact.lean import compiled
 from planner.exceptions import CoverError
 
 # the preferences of all chosen columns together stay below this, so they can never outweigh one column
@@ -195,7 +195,7 @@ def maximal_columns(membership: np.ndarray) -> np.ndarray:
     return np.sort(order[_not_contained(_packed(membership[order]))])
 
 
-@nb.njit(cache=True)
+@compiled
 def _not_contained(words):
     """Return which sets, given as rows of bits from large to small, are not empty and not in an earlier such one."""
     n, n_words = words.shape

@@ -18,9 +18,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
+from aspectgraph.exact.lean import compiled
 from planner.camera.camera import Camera
 
 RESOLUTION, FOCUS, FIELD_OF_VIEW = slice(0, 1), slice(1, 5), slice(5, 13)
@@ -91,7 +91,7 @@ def field_of_view_slacks(camera: Camera, ends_cam: np.ndarray, margin_px: float)
     return image_slacks(Lens.of(camera, margin_px=margin_px), ends_cam)[..., FIELD_OF_VIEW]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _image_slacks(lens, ends_cam, out):
     for i in range(ends_cam.shape[0]):
         for j in range(ends_cam.shape[1]):

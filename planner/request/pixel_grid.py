@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from aspectgraph.exact.lean import compiled, lean
 from planner.camera.camera import Camera
 from planner.camera.imaging import image_of, undistorted_px
 from planner.camera.pose import world_to_cam
@@ -156,7 +156,7 @@ def tolerance_px(ends: np.ndarray, cam2world: np.ndarray, camera: Camera, accura
     return (1.0 - accuracy) * length / max(camera.pixel_pitch_mm)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _count(ends_cam, turns, shifts, sensor, allowed, hits):
     """Count the draws in which edges (n, 2, 3) are measured accurately; none if an end is behind the camera."""
     lens, pitch = sensor[0], sensor[1]
@@ -169,7 +169,7 @@ def _count(ends_cam, turns, shifts, sensor, allowed, hits):
             hits[i] = _accurate(ends_cam[i], turns, shifts, sensor, (np.sqrt(x * x + y * y), allowed))
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _accurate(ends, turns, shifts, sensor, length):
     """Count the draws in which the length of an edge (2, 3) on whole pixels is accurate, with both ends on the sensor.
 

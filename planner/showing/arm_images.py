@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba as nb
-
+from aspectgraph.exact.lean import compiled, lean
 from planner.showing.contours import SHOWS
 
 # for dividing by a depth
 _TINY = 1e-9
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def arm_images(poses: Any, pairs: Any, scale: Any, lines: Any, arms: Any, found: Any) -> int:
     """Write which arms show in images, in the order of pairs and arms; return how many there are.
 
@@ -55,7 +54,7 @@ def arm_images(poses: Any, pairs: Any, scale: Any, lines: Any, arms: Any, found:
     return count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _image(pose: Any, scale: Any, point: Any, image: Any) -> bool:
     """Write the image of a point in px, and its depth in mm; return whether it is in front of the camera."""
     x, y, z = point[0] - pose[0, 3], point[1] - pose[1, 3], point[2] - pose[2, 3]

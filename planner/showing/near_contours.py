@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba as nb
 import numpy as np
 
+from aspectgraph.exact.lean import compiled, lean
 from planner.showing.contours import CONNECTED, OWN, SHOWS
 
 # points looked at on the piece of a contour that is near
@@ -20,7 +20,7 @@ _STEPS = 17
 _NEAREST_MM = 1e-3
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def near_contours(poses: Any, pairs: Any, scale: Any, contours: Any, entities: Any, limits: Any, found: Any) -> int:
     """Write points of contours that are near to edges in the image; return how many there are.
 
@@ -101,7 +101,7 @@ def near_contours(poses: Any, pairs: Any, scale: Any, contours: Any, entities: A
     return count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _seen(pose: Any, scale: Any, point: Any) -> tuple[float, float, float]:
     """Return the image of a point in px, and its depth."""
     x, y, z = point[0] - pose[0, 3], point[1] - pose[1, 3], point[2] - pose[2, 3]
@@ -112,7 +112,7 @@ def _seen(pose: Any, scale: Any, point: Any) -> tuple[float, float, float]:
     return scale[0] * u / safe + scale[2], scale[1] * v / safe + scale[3], w
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _project(pose: Any, scale: Any, contours: Any, found: Any) -> int:
     """Write which edges may be contours, images and depths of the vertices, boxes around the edges, and front faces.
 
@@ -140,7 +140,7 @@ def _project(pose: Any, scale: Any, contours: Any, found: Any) -> int:
     return n
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _images(pose: Any, scale: Any, points: Any, image: Any) -> None:
     """Write `_seen` of points (3, v); a loop without calls, so that several are computed at once."""
     px, py, pz = pose[0, 3], pose[1, 3], pose[2, 3]
@@ -158,7 +158,7 @@ def _images(pose: Any, scale: Any, points: Any, image: Any) -> None:
         i2[k] = depth
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _front_faces(eye: Any, planes: Any, front: Any) -> None:
     """Write of which planes (4, f) the eye is in front; computed as `_images` is."""
     x, y, z = eye
@@ -167,7 +167,7 @@ def _front_faces(eye: Any, planes: Any, front: Any) -> None:
         front[f] = nx[f] * x + ny[f] * y + nz[f] * z > offset[f]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _overlap(boxes: Any, low_x: float, low_y: float, high_x: float, high_y: float, within: Any) -> None:
     """Write which boxes overlap with one; a loop without branches, so that several are compared at once."""
     x0, y0, x1, y1 = boxes[0], boxes[1], boxes[2], boxes[3]
@@ -175,7 +175,7 @@ def _overlap(boxes: Any, low_x: float, low_y: float, high_x: float, high_y: floa
         within[i] = (x1[i] >= low_x) & (x0[i] <= high_x) & (y1[i] >= low_y) & (y0[i] <= high_y)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _beyond(line: Any, corners: Any, near: float) -> tuple[float, float]:
     """Return what is left of a line when its ends are cut off as far as they are near to corners."""
     low, high = 0.0, 1.0
@@ -197,7 +197,7 @@ def _beyond(line: Any, corners: Any, near: float) -> tuple[float, float]:
     return low, high
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _beside(line: Any, t: float, corners: Any, near: float) -> bool:
     """Tell whether a point of a line is near to one of the corners."""
     x, y = line[0] + t * (line[2] - line[0]), line[1] + t * (line[3] - line[1])
@@ -207,7 +207,7 @@ def _beside(line: Any, t: float, corners: Any, near: float) -> bool:
     return within
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _apart(line: Any, t: float, a: Any, b: Any) -> float:
     """Return the distance of a point of a line from the segment ab."""
     x, y = line[0] + t * (line[2] - line[0]) - a[0], line[1] + t * (line[3] - line[1]) - a[1]
@@ -218,7 +218,7 @@ def _apart(line: Any, t: float, a: Any, b: Any) -> float:
     return math.sqrt(x * x + y * y)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _nearest(line: Any, start: float, stop: float, a: Any, b: Any) -> float:
     """Return where a piece of a line is nearest to ab: at an end, beside an end of ab, or where they meet."""
     ux, uy, vx, vy = line[2] - line[0], line[3] - line[1], b[0] - a[0], b[1] - a[1]
@@ -241,7 +241,7 @@ def _nearest(line: Any, start: float, stop: float, a: Any, b: Any) -> float:
     return best
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _edge_of(line: Any, inside: float, limit: float, a: Any, b: Any, reach: float) -> float:
     """Return how far from a near point towards an end of the line it stays near, by halving."""
     if _apart(line, limit, a, b) < reach:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
+from aspectgraph.exact.lean import inner
 
-@nb.njit(cache=True, nogil=True)
+
+@inner
 def exclusive_groups(members, conflict, group):
     """Write a group for each member such that those of one group all exclude each other; numbered from 0."""
     m = len(members)

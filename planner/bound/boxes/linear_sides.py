@@ -17,9 +17,9 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
+from aspectgraph.exact.lean import inner, lean, put
 from planner.bound.boxes.view import FAR
 from planner.bound.boxes.windows import Turn, farthest, form, most_turn, seen_from
 
@@ -28,7 +28,7 @@ _EPS = 1e-9
 _RELATIVE = 1e-12
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def linear_sides(stack, i, entities, view, work, rest):
     """Write the sides of box i, given the remainder of the swings, to ``work``; return how many."""
     q, v, u = stack.look[i], stack.turn[i], stack.span[i]
@@ -50,7 +50,7 @@ def linear_sides(stack, i, entities, view, work, rest):
     return at
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _of_nodal_points(stack, i, work, t, rest):
     """Write the sides of the points looked at and of the nodal points; return how many."""
     h, u, eye = stack.half[i], stack.span[i], stack.eye[i]
@@ -69,7 +69,7 @@ def _of_nodal_points(stack, i, work, t, rest):
     return at
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _moved(n0, n1, n2, s, v, n):
     """Return n x s, and (2/N) W'(n x s): how n.R(t)'s changes with d."""
     g0, g1, g2 = n1 * s[2] - n2 * s[1], n2 * s[0] - n0 * s[2], n0 * s[1] - n1 * s[0]
@@ -78,13 +78,13 @@ def _moved(n0, n1, n2, s, v, n):
     return across, f * (g0 + v[1] * g2 - v[2] * g1), f * (g1 + v[2] * g0 - v[0] * g2), f * (g2 + v[0] * g1 - v[1] * g0)
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _rest(along, whole, across, t, nu):
     """Return by how much n.R(t)'s may exceed what is linear in d."""
     return min(t * t * (whole - along) + 2.0 * t * (t * t + nu) * across, 2.0 * whole) + _EPS
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _of_view(s, far, turn, view, room, rows, rhs, side):
     """Write the sides of the view that some point of the box breaks; return how many."""
     v, u, n, t, nu = turn
@@ -108,7 +108,7 @@ def _of_view(s, far, turn, view, room, rows, rhs, side):
     return kept
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _of_length(segment, eye, turn, view, matrix, rows, rhs):
     """Write the side that keeps the image long enough, for nodal points in a box (2, 3); return how many: 0 or 1.
 
@@ -148,7 +148,7 @@ def _of_length(segment, eye, turn, view, matrix, rows, rhs):
     return 1
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def find_apart(work, n, u, apart):
     """Add to ``apart`` (m, m) the members of which opposite sides, of n sides, leave no pose of a box for both."""
     count = np.zeros(6, np.int64)
@@ -157,7 +157,8 @@ def find_apart(work, n, u, apart):
             work.of_side[work.side[r], count[work.side[r]]] = r
             count[work.side[r]] += 1
     half = np.empty(6)
-    half[:3], half[3:] = work.room, u
+    put(half, work.room)
+    put(half[3:], u)
     for c in range(0, 6, 2):
         for r in work.of_side[c, : count[c]]:
             for k in work.of_side[c + 1, : count[c + 1]]:

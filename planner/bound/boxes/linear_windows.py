@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
+
+from aspectgraph.exact.lean import inner, lean, put
 
 NO, YES, UNDECIDED = range(3)
 
@@ -60,7 +61,7 @@ class Seat(NamedTuple):
     slope: np.ndarray
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
     """Tell whether members heavier than a limit may have all their sides satisfied at one point of a box.
 
@@ -91,8 +92,12 @@ def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
     low, high = np.empty((_SHRINKING.levels, 6)), np.empty((_SHRINKING.levels, 6))
     live, n_live = np.empty((_SHRINKING.levels, n_rows), np.int32), np.zeros(_SHRINKING.levels, np.int64)
     alive = np.ones((_SHRINKING.levels, m), np.bool_)
-    low[0], high[0], live[0], n_live[0] = box[0], box[1], np.arange(n_rows), n_rows
-    x[:], meets[:] = (box[0] + box[1]) / 2, False
+    put(low[0], box[0])
+    put(high[0], box[1])
+    put(live[0], np.arange(n_rows))
+    n_live[0] = n_rows
+    put(x, (box[0] + box[1]) / 2)
+    meets[:] = False
     tried, there, best = np.empty(6), np.zeros(m, np.bool_), -1.0
     loss, scores, first = np.empty(m), np.empty(6), np.empty(m, np.int64)
     size, made, answer = 1, 0, NO
@@ -114,21 +119,25 @@ def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
         here = _weight(there, group, y, first, loss)
         if here > best:
             best = here
-            x[:], meets[:] = tried, there
+            put(x, tried)
+            put(meets, there)
         if here > limit:
             return YES, made
         axis = np.argmax(scores)
         if size + 2 > _SHRINKING.levels:
             answer = UNDECIDED
             continue
-        low[i + 1], high[i + 1], alive[i + 1], n_live[i + 1] = low[i], high[i], alive[i], n_live[i]
-        live[i + 1, : n_live[i]] = live[i, : n_live[i]]
+        for field in (low, high):
+            put(field[i + 1], field[i])
+        put(alive[i + 1], alive[i])
+        n_live[i + 1] = n_live[i]
+        put(live[i + 1], live[i, : n_live[i]])
         low[i + 1, axis] = high[i, axis] = (low[i, axis] + high[i, axis]) / 2
         size += 2
     return answer, made
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _keep(sides, live, n_live, alive, low, high, y, scores):
     """Drop the members that a part excludes and the sides that all of it satisfies; return how many sides are left.
 
@@ -160,7 +169,7 @@ def _keep(sides, live, n_live, alive, low, high, y, scores):
     return kept
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _weight(alive, group, y, first, loss):
     """Return the weight alive, of each group the first; write what would be lost with each member."""
     total = 0.0
@@ -180,7 +189,7 @@ def _weight(alive, group, y, first, loss):
     return total
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _shrink(sides, live, alive, loss, spare, low, high):
     """Shrink a part to where the sides of needed members can be satisfied; tell whether by much.
 
@@ -209,7 +218,7 @@ def _shrink(sides, live, alive, loss, spare, low, high):
     return much
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def _try(sides, live, alive, low, high, seat, tried, there):
     """Choose a point of a part and write which members have all sides satisfied there; none, if it is no pose."""
     rows, rhs, owner = sides
@@ -220,7 +229,7 @@ def _try(sides, live, alive, low, high, seat, tried, there):
         for k in range(3):
             at += seat.slope[j, k] * tried[3 + k]
         tried[j] = min(max(at, low[j]), high[j])
-    there[:] = alive
+    put(there, alive)
     for r in live:
         e = owner[r]
         value = -rhs[r]

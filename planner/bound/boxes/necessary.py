@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
+from aspectgraph.exact.lean import compiled, lean
 
 # more than the rounding of planes, corners and viewpoints: cells that only touch count as meeting
 TOUCH_MM = 1e-6
@@ -16,25 +16,25 @@ TOUCH_MM = 1e-6
 _EPS = 1e-9
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def slant(view):
     """Return how much farther away than deep a corner of the view is: 1 / cos(cone)."""
     return math.sqrt(1.0 + view.tan_x**2 + view.tan_y**2)
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled
 def focus_reach(view):
     """Return how far from the nodal point a point in view and in focus can be, mm."""
     return view.far * slant(view)
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def out_of_focus(distance, radius, view):
     """Tell whether a point is too near or too far for a ball of nodal points, given its distance from the middle."""
     return distance - radius > focus_reach(view) or distance + radius < view.near
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def ends_out_of_focus(ends, eye, view):
     """Tell whether one of two ends is too near or too far for a box (2, 3) of nodal points."""
     reach = focus_reach(view)
@@ -48,7 +48,7 @@ def ends_out_of_focus(ends, eye, view):
     return False
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def too_short(ends, length, ratio, c, radius, view):
     """Tell whether an image is too short from every nodal point of a ball: a depth is at least distance cos(cone).
 
@@ -63,7 +63,7 @@ def too_short(ends, length, ratio, c, radius, view):
     return too_short_at(ends, length, ratio, c, radius, depths)
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def too_short_at(ends, length, ratio, c, radius, depths):
     """Tell whether an image is too short from a ball, given the product of the least depths of its ends.
 
@@ -76,7 +76,7 @@ def too_short_at(ends, length, ratio, c, radius, depths):
     return area + radius * length < ratio * depths * (1.0 - _EPS)
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def outside(planes, first, last, middle, half):
     """Tell whether a box lies wholly outside of a cell, that of the planes from ``first`` to ``last``."""
     for p in range(first, last):

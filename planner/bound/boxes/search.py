@@ -15,9 +15,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
+from aspectgraph.exact.lean import compiled, inner, lean, put
 from planner.bound.boxes.exclusive_groups import exclusive_groups
 from planner.bound.boxes.linear_windows import NO, YES
 from planner.bound.boxes.necessary import ends_out_of_focus, too_short
@@ -109,7 +109,7 @@ class Asking(NamedTuple):
 _HALVING, _ASKING = Halving(), Asking()
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def search(box, chart, order, entities, view, tree, task, pose, inspected):
     """Search a box of poses.
 
@@ -185,7 +185,7 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
     return outcome, made
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def _tighten(stack, i, chart, entities, view, y, work):
     """Drop the members that no pose of box i inspects; return the weight of the others. Fills ``work``.
 
@@ -237,7 +237,7 @@ def _tighten(stack, i, chart, entities, view, y, work):
     return total, rest, doubt, short
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def _drop_unseen(stack, i, conflict, limit, tree, work, rest):
     """Drop members that are nowhere visible with more than the limit; return the weight left and the share seen."""
     m = stack.n_members[i]
@@ -254,7 +254,7 @@ def _drop_unseen(stack, i, conflict, limit, tree, work, rest):
     return keep_members(stack, i, work, live), seen
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _write_members(stack, i, inspected):
     """Write all that may be inspected from box i."""
     inspected[:] = False
@@ -262,7 +262,7 @@ def _write_members(stack, i, inspected):
         inspected[e] = True
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def _may_see(stack, i, conflict, limit, view, work, x, meets):
     """Answer whether windows heavier than the limit may meet in box i; if so, write where, with the middle rotation."""
     m, w = stack.n_members[i], x[:3]
@@ -271,14 +271,14 @@ def _may_see(stack, i, conflict, limit, view, work, x, meets):
     least, group, y = work.least[:m], work.group[:m], work.y[:m]
     if np.isfinite(stack.met[i, 0]):
         # where they met before, they often still do
-        w[:] = work.matrix.T @ (stack.met[i] - stack.look[i])
-        w[:] = np.minimum(np.maximum(w, -work.room), work.room)
+        put(w, work.matrix.T @ (stack.met[i] - stack.look[i]))
+        put(w, np.minimum(np.maximum(w, -work.room), work.room))
         if weight_at(least, group, y, w, view) > limit:
             return YES
     return YES if may_exceed(least, group, y, limit, work.room, view, w) else NO
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def _score(stack, i, work, rest, doubt, short, seen, around):
     """Add to the scores what each coordinate of box i leaves open of lengths and of visibility."""
     h, u, eye = stack.half[i], stack.span[i], stack.eye[i]
@@ -301,7 +301,7 @@ def _score(stack, i, work, rest, doubt, short, seen, around):
             work.scores[OF_TURN + k] += part * abs(work.swing[k, axis])
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _axis_to_halve(stack, i, work, total, view):
     """Return along which coordinate box i is to be halved; -1 if it is too small for that."""
     axis, widest = np.argmax(work.scores), np.argmax(stack.half[i])

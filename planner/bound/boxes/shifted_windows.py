@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
+from aspectgraph.exact.lean import inner, lean, put
 from planner.bound.boxes.view import BOTTOM, FAR, LEFT, NEAR, RIGHT, TOP
 
 
@@ -33,7 +33,7 @@ class Meeting(NamedTuple):
 _MEETING = Meeting()
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def weight_at(least, group, y, w, view):
     """Return the weight of the windows (m, 6) that contain w, of each group only the first one's."""
     total = 0.0
@@ -51,7 +51,7 @@ def weight_at(least, group, y, w, view):
     return total
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def may_exceed(least, group, y, limit, room, view, w):
     """Tell whether windows (m, 6) heavier than a limit may meet in the room; if so, write where into ``w`` (3,).
 
@@ -79,17 +79,19 @@ def may_exceed(least, group, y, limit, room, view, w):
         for k in range(3):
             middle[k] = (low[size, k] + high[size, k]) / 2
         if cuts.max() <= 0.0 or weight_at(least, group, y, middle, view) > limit:
-            w[:] = middle
+            put(w, middle)
             return True
         if level[size] >= _MEETING.deepest:
-            w[:] = middle
+            put(w, middle)
             n_doubtful += 1
             if n_doubtful == _MEETING.doubtful:
                 return True
             continue
         axis = np.argmax(cuts)
-        low[size + 1], high[size + 1], n_live[size + 1] = low[size], high[size], n_live[size]
-        live[size + 1, : n_live[size]] = live[size, : n_live[size]]
+        for field in (low, high):
+            put(field[size + 1], field[size])
+        n_live[size + 1] = n_live[size]
+        put(live[size + 1], live[size, : n_live[size]])
         low[size, axis] = high[size + 1, axis] = middle[axis]
         level[size] += 1
         level[size + 1] = level[size]
@@ -97,7 +99,7 @@ def may_exceed(least, group, y, limit, room, view, w):
     return n_doubtful > 0
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _meeting(windows, live, n_live, low, high, view, stamp, n_seen, cuts):
     """Keep the live windows that meet a part of the room; return how many, and their weight.
 

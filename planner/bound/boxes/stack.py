@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
+from aspectgraph.exact.lean import inner, lean, put, put_table
 from planner.bound.boxes.view import HALF, LOOK, OF_NODAL, OF_TURN, SPAN, TURN
 
 # boxes that wait at most: a box has at most two halves waiting for each halving of its coordinates
@@ -62,7 +62,7 @@ class Work(NamedTuple):
     apart: np.ndarray
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def planted(box, order, entities, eye):
     """Return a stack with one box in which every entity of the order may be inspected, from an eye in (2, 3)."""
     m, n_cells = len(order), 0
@@ -83,9 +83,12 @@ def planted(box, order, entities, eye):
         np.empty((LEVELS, 2, 3)),
         np.zeros(LEVELS, np.int64),
     )
-    stack.look[0], stack.half[0], stack.turn[0], stack.span[0] = box[LOOK], box[HALF], box[TURN], box[SPAN]
+    put(stack.look[0], box[LOOK])
+    put(stack.half[0], box[HALF])
+    put(stack.turn[0], box[TURN])
+    put(stack.span[0], box[SPAN])
     stack.met[0] = np.inf
-    stack.eye[0] = eye
+    put_table(stack.eye[0], eye)
     stack.n_members[0], at = m, 0
     for a in range(m):
         stack.members[0, a], stack.start[0, a] = order[a], at
@@ -96,7 +99,7 @@ def planted(box, order, entities, eye):
     return stack
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def new_work(m):
     """Return room for the work on boxes with up to m members."""
     square, line = np.empty((2, 3, 3)), np.empty((2, 3))
@@ -110,7 +113,7 @@ def new_work(m):
     return Work(square[0], line[0], square[1], line[1], least, y, group, scores, *sides, *kinds, apart)
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def keep_members(stack, i, work, live):
     """Drop the members of box i whose bit is not set; return the weight of the others."""
     kept, at, total = 0, 0, 0.0
@@ -123,14 +126,15 @@ def keep_members(stack, i, work, live):
         for c in range(first, last):
             stack.cells[i, at] = stack.cells[i, c]
             at += 1
-        work.y[kept], work.least[kept] = work.y[a], work.least[a]
+        work.y[kept] = work.y[a]
+        put(work.least[kept], work.least[a])
         total += work.y[a]
         kept += 1
     stack.n_members[i], stack.start[i, kept] = kept, at
     return total
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def agree(stack, i, work, rest, middle):
     """Shrink the points looked at and the nodal points of box i to where the ones go with the others; false if none do.
 
@@ -149,7 +153,7 @@ def agree(stack, i, work, rest, middle):
     return True
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def halve(stack, i, axis, met, turn, nodal):
     """Replace box i by its halves in places i and i + 1; the one of a pose that was tried comes on top.
 
@@ -157,16 +161,18 @@ def halve(stack, i, axis, met, turn, nodal):
     ``turn`` (from the middle rotation) and ``nodal``.
     """
     for field in (stack.look, stack.half, stack.turn, stack.span):
-        field[i + 1] = field[i]
+        put(field[i + 1], field[i])
     m = stack.n_members[i]
     n_cells = stack.start[i, m]
     stack.n_members[i + 1] = m
-    stack.members[i + 1, :m] = stack.members[i, :m]
-    stack.sure[i + 1, :m] = stack.sure[i, :m]
-    stack.start[i + 1, : m + 1] = stack.start[i, : m + 1]
-    stack.cells[i + 1, :n_cells] = stack.cells[i, :n_cells]
-    stack.met[i], stack.met[i + 1] = met, met
-    stack.eye[i + 1], stack.pause[i + 1] = stack.eye[i], stack.pause[i]
+    put(stack.members[i + 1], stack.members[i, :m])
+    put(stack.sure[i + 1], stack.sure[i, :m])
+    put(stack.start[i + 1], stack.start[i, : m + 1])
+    put(stack.cells[i + 1], stack.cells[i, :n_cells])
+    put(stack.met[i], met)
+    put(stack.met[i + 1], met)
+    put_table(stack.eye[i + 1], stack.eye[i])
+    stack.pause[i + 1] = stack.pause[i]
     if axis >= OF_NODAL:
         k = axis - OF_NODAL
         middle = (stack.eye[i, 0, k] + stack.eye[i, 1, k]) / 2

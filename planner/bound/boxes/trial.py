@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
+from aspectgraph.exact.lean import inner, lean, put, put_table
 from planner.bound.boxes.visibility import hidden_around, holds_point
 from planner.bound.boxes.windows import farthest, rotation, seen_from
 
@@ -36,7 +36,7 @@ class Trial(NamedTuple):
     look: np.ndarray
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def try_pose(stack, i, chart, x, meets, entities, view, work, trial):
     """Try the pose of box i at x = (w, d), see `planner.bound.boxes.linear_sides`.
 
@@ -55,11 +55,14 @@ def try_pose(stack, i, chart, x, meets, entities, view, work, trial):
     pose, inspected, lost, look = trial
     matrix, zero, s, far, opened = np.empty((3, 3)), np.zeros(3), np.empty((2, 3)), np.empty(2), np.empty(2)
     rotation(chart, stack.turn[i] + x[3:], matrix)
-    look[:] = stack.look[i] + matrix @ x[:3]
+    put(look, stack.look[i] + matrix @ x[:3])
     eye = np.empty((2, 3))
-    eye[:] = np.minimum(np.maximum(look - view.middle * matrix[:, 2], stack.eye[i, 0]), stack.eye[i, 1])
-    look[:] = eye[0] + view.middle * matrix[:, 2]
-    pose[:3, :3], pose[:3, 3] = matrix, eye[0]
+    at = np.minimum(np.maximum(look - view.middle * matrix[:, 2], stack.eye[i, 0]), stack.eye[i, 1])
+    put(eye[0], at)
+    put(eye[1], at)
+    put(look, at + view.middle * matrix[:, 2])
+    put_table(pose, matrix)
+    put(pose[:3, 3], at)
     inspected[:], lost[:], total = False, 0.0, 0.0
     for a in range(stack.n_members[i]):
         if not meets[a]:
@@ -80,7 +83,7 @@ def try_pose(stack, i, chart, x, meets, entities, view, work, trial):
     return total
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def _sees(entities, cells, eye, sure):
     """Tell whether a nodal point lies in one of the cells, and all points around it do."""
     if sure:
@@ -91,7 +94,7 @@ def _sees(entities, cells, eye, sure):
     return False
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def _in_view(ends, look, matrix, view):
     """Tell whether both ends are in focus and on the sensor."""
     for i in range(2):

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
+from aspectgraph.exact.lean import compiled, inner, put, put_table
 from planner.bound.boxes.necessary import ends_out_of_focus, too_short
 from planner.bound.boxes.view import Entities, View
 from planner.bound.boxes.visibility import hidden_around, keep_cells
@@ -116,7 +116,7 @@ def viewpoints_for(
         finest /= 2
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled
 def _grow(root, entities, view, y, limit, finest):
     """Return boxes, second halves and sets of a tree."""
     m, n_cells = len(entities.ends), entities.entity_start[-1]
@@ -129,8 +129,11 @@ def _grow(root, entities, view, y, limit, finest):
     count, members = np.zeros(_GROWTH.depth, np.int64), np.empty((_GROWTH.depth, m), np.int64)
     sure, start = np.zeros((_GROWTH.depth, m), np.bool_), np.zeros((_GROWTH.depth, m + 1), np.int64)
     cells = np.empty((_GROWTH.depth, n_cells), np.int32)
-    place[0], count[0] = root, m
-    members[0], start[0], cells[0] = np.arange(m), entities.entity_start, np.arange(n_cells)
+    put_table(place[0], root)
+    count[0] = m
+    put(members[0], np.arange(m))
+    put(start[0], entities.entity_start)
+    put(cells[0], np.arange(n_cells))
     size, made = 1, 0
     while size > 0:
         size -= 1
@@ -140,7 +143,7 @@ def _grow(root, entities, view, y, limit, finest):
         for e in members[i, : count[i]]:
             sets[made, e // 64] |= np.uint64(1) << np.uint64(e % 64)
             total += y[e]
-        boxes[made] = place[i]
+        put_table(boxes[made], place[i])
         if parent[i] >= 0:
             second[parent[i]] = made
         width = place[i, 1] - place[i, 0]
@@ -153,8 +156,12 @@ def _grow(root, entities, view, y, limit, finest):
             and made + size + 2 < _GROWTH.most
         ):
             n, at = count[i], start[i, count[i]]
-            count[i + 1], members[i + 1, :n], sure[i + 1, :n] = n, members[i, :n], sure[i, :n]
-            start[i + 1, : n + 1], cells[i + 1, :at], place[i + 1] = start[i, : n + 1], cells[i, :at], place[i]
+            count[i + 1] = n
+            put(members[i + 1], members[i, :n])
+            put(sure[i + 1], sure[i, :n])
+            put(start[i + 1], start[i, : n + 1])
+            put(cells[i + 1], cells[i, :at])
+            put_table(place[i + 1], place[i])
             place[i + 1, 1, axis] = place[i, 0, axis] = (place[i, 0, axis] + place[i, 1, axis]) / 2
             parent[i], parent[i + 1] = made, -1
             size += 2
@@ -162,7 +169,7 @@ def _grow(root, entities, view, y, limit, finest):
     return boxes[:made].copy(), second[:made].copy(), sets[:made].copy()
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def _keep(box, members, sure, start, cells, entities, view):
     """Keep the members that may be inspected from a box; return how many, and whether any may also be hidden."""
     still = np.zeros((3, 3))
@@ -190,7 +197,7 @@ def _keep(box, members, sure, start, cells, entities, view):
     return kept, doubt
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def heavy_members(tree, box, eye, asked, live):
     """Find from where members heavier than a limit may be inspected.
 
@@ -223,11 +230,11 @@ def heavy_members(tree, box, eye, asked, live):
             hull[0, k], hull[1, k] = min(hull[0, k], low), max(hull[1, k], high)
         volume += part
     if hull[0, 0] <= hull[1, 0]:
-        eye[:] = hull
+        put_table(eye, hull)
     return volume / max(np.prod(eye[1] - eye[0]), _EPS)
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def _heavy_nodes(tree, box, eye, asked, nodes):
     """Write the nodes, not halved further, from where enough may be inspected in a box; return how many."""
     members, y, group, limit = asked
@@ -274,7 +281,7 @@ def _heavy_nodes(tree, box, eye, asked, nodes):
     return n
 
 
-@nb.njit(cache=True, nogil=True)
+@inner
 def _extents(box):
     """Return how far along the camera's axes the nodal points of a box of poses are from the middle one; (3,)."""
     _, matrix, h, swing, rest = box

@@ -5,12 +5,11 @@ The notation is that of `windows`.
 
 from __future__ import annotations
 
-import numba as nb
-
+from aspectgraph.exact.lean import lean
 from planner.bound.boxes.necessary import TOUCH_MM, outside
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def keep_cells(entities, cells, c, h, swing, rest, eye):
     """Move to the front the cells that some nodal point of a box, or a point around it, may lie in; return how many.
 
@@ -62,7 +61,7 @@ def keep_cells(entities, cells, c, h, swing, rest, eye):
     return kept if met else 0
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def holds_point(entities, cell, c):
     """Tell whether a cell contains a nodal point."""
     for p in range(entities.plane_start[cell], entities.plane_start[cell + 1]):
@@ -72,7 +71,7 @@ def holds_point(entities, cell, c):
     return True
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def hidden_around(entities, cells, eye):
     """Tell whether for every nodal point of a small box (2, 3) the same point around it is in none of the cells."""
     if max(eye[1, 0] - eye[0, 0], eye[1, 1] - eye[0, 1], eye[1, 2] - eye[0, 2]) > 2.0 * entities.around:
@@ -93,7 +92,7 @@ def hidden_around(entities, cells, eye):
     return False
 
 
-@nb.njit(cache=True, nogil=True)
+@lean
 def out_of_range(ends, q, h, radius):
     """Tell whether an end is farther from the whole box of q than any point in view is from the point looked at."""
     for i in range(2):

@@ -1,0 +1,94 @@
+"""Code of compiled functions that only other compiled functions call: kept as instructions of LLVM, to be linked.
+
+Numba makes machine code of every function when it has compiled it, though a caller that is compiled takes the
+function's instructions in, optimises them once more together with its own, and makes machine code of both. Where calls
+are nested deeply, most of the work is done many times over. This leaves it to those functions that Python calls.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.environment import lookup_environment
+
+# how numba names the global variable that points to what a function knows of its module
+_ENVIRONMENT = "_ZN08NumbaEnv"
+
+
+class _Linked(JITCodeLibrary):
+    """Instructions that never become machine code by themselves."""
+
+    @property
+    def codegen(self) -> Any:
+        return _WithoutAddresses(self._codegen)
+
+    def _optimize_final_module(self) -> None:
+        """Leave it to the callers, which do it with what they inline."""
+
+    def _finalize_final_module(self) -> None:
+        own: Any = self
+        own._finalize_dynamic_globals()
+        own._verify_declare_only_symbols()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return 0, which numba takes as a function that Python cannot call."""
+        return 0
+
+    def serialize_using_object_code(self) -> tuple[str, str, bytes]:
+        """Return what is kept in the cache; there is no object code."""
+        return self.serialize_using_bitcode()  # type: ignore[no-untyped-call]
+
+
+class _WithoutAddresses:
+    """The code generator, for code that has no address yet at which a variable could be set."""
+
+    def __init__(self, generator: Any) -> None:
+        self._generator = generator
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._generator, name)
+
+    def set_env(self, name: str, environment: object) -> None:
+        """Leave it to those that link the code."""
+
+
+class _Entry(JITCodeLibrary):
+    """Machine code; sets the environments of functions that were linked into it, too."""
+
+    def _finalize_specific(self) -> None:
+        super()._finalize_specific()  # type: ignore[no-untyped-call]
+        generator: Any = self._codegen
+        for variable in self._final_module.global_variables:
+            if variable.name.startswith(_ENVIRONMENT):
+                environment = lookup_environment(variable.name)  # type: ignore[no-untyped-call]
+                if environment is not None:
+                    generator.set_env(variable.name, environment)
+
+
+class _WithLibrary(Compiler):
+    """A compiler that puts its code into a library of a kind of its own."""
+
+    _kind: type[JITCodeLibrary]
+
+    def define_pipelines(self) -> Any:
+        state = self.state
+        if state.library is None:
+            state.library = self._kind(state.targetctx.codegen(), state.func_id.func_qualname)
+            # as numba does, so that it can be cached
+            state.library.enable_object_caching()
+        return super().define_pipelines()  # type: ignore[no-untyped-call]
+
+
+class LinkedCompiler(_WithLibrary):
+    """For functions that only compiled functions call."""
+
+    _kind = _Linked
+
+
+class EntryCompiler(_WithLibrary):
+    """For functions that Python calls, and that call such functions."""
+
+    _kind = _Entry
