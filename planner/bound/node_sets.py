@@ -190,14 +190,13 @@ def separate(places, pairs, first, second):
 
 
 @compiled
-def consistent_weights(places, pairs, sets, y):
+def consistent_weights(places, pairs, sets, y, order):
     """Return for each node a bound on the weight of what one pose of it inspects, with weights y.
 
     Of entities that all exclude each other, a pose inspects one at most: the heaviest of each such group counts.
+    ``order``: the entities with weights above 0, the heaviest first.
     """
     result = np.zeros(len(sets))
-    order = np.argsort(-y)
-    order = order[y[order] > 0]
     for k in range(len(sets)):
         members = order[sets[k][order]]
         excludes = _exclusions(members, places, k, pairs)

@@ -103,7 +103,8 @@ class PoseTree:
 
     def weights(self, nodes: NDArray[np.int_], y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how much one pose of each node can inspect at most, with weights y (e,) of the entities."""
-        return consistent_weights(self._places(nodes), self._pairs, self.sets[nodes], y)
+        order = np.argsort(-y, kind="stable")
+        return consistent_weights(self._places(nodes), self._pairs, self.sets[nodes], y, order[y[order] > 0])
 
     def _places(self, nodes: NDArray[np.int_]) -> Places:
         """Return what the tests for pairs of entities need to know of nodes."""

@@ -97,7 +97,8 @@ def look_at(
     # compiled, and so imported when first needed
     from planner.camera.pose_loops import look_along
 
-    positions = np.atleast_2d(np.asarray(positions, dtype=np.float64))
+    # of one layout, so that one version of the loop is compiled
+    positions = np.array(positions, dtype=np.float64, order="C", ndmin=2)
     n = len(positions)
     # copied, so that the loop is compiled for one kind of array
     target = np.array(np.broadcast_to(target, (n, 3)), dtype=np.float64, order="C")

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aspectgraph.exact.lean import compiled, inner, lean, put
+from aspectgraph.exact.lean import compiled, inner, lean
 from planner.bound.boxes.exclusive_groups import exclusive_groups
 from planner.bound.boxes.linear_windows import NO, YES
 from planner.bound.boxes.necessary import ends_out_of_focus, too_short
@@ -37,6 +37,7 @@ from planner.bound.boxes.windows import (
     rotation,
     seen_from,
     swings,
+    turned_back,
     window,
 )
 
@@ -271,8 +272,10 @@ def _may_see(stack, i, conflict, limit, view, work, x, meets):
     least, group, y = work.least[:m], work.group[:m], work.y[:m]
     if np.isfinite(stack.met[i, 0]):
         # where they met before, they often still do
-        put(w, work.matrix.T @ (stack.met[i] - stack.look[i]))
-        put(w, np.minimum(np.maximum(w, -work.room), work.room))
+        away = stack.met[i] - stack.look[i]
+        w[0], w[1], w[2] = turned_back(work.matrix, away[0], away[1], away[2])
+        for k in range(3):
+            w[k] = min(max(w[k], -work.room[k]), work.room[k])
         if weight_at(least, group, y, w, view) > limit:
             return YES
     return YES if may_exceed(least, group, y, limit, work.room, view, w) else NO

@@ -16,7 +16,7 @@ from planner.bound.boxes.linear_sides import find_apart, linear_sides
 from planner.bound.boxes.linear_windows import YES, Members, Seat, Sides, may_meet
 from planner.bound.boxes.trial import LENGTH, SIGHT, VIEW
 from planner.bound.boxes.view import OF_NODAL, OF_TURN
-from planner.bound.boxes.windows import most_turn
+from planner.bound.boxes.windows import most_turn, turned_back
 
 
 class SmallTurns(NamedTuple):
@@ -75,7 +75,9 @@ def may_see(stack, i, entities, view, conflict, limit, work, rest, x, meets):
         for k in range(3):
             for c in range(3):
                 slope[j, k] += work.matrix[c, j] * work.swing[k, c] / u[k]
-    seat = Seat(work.matrix.T @ ((eye[0] + eye[1]) / 2 - work.nodal), slope)
+    point, away = np.empty(3), (eye[0] + eye[1]) / 2 - work.nodal
+    point[0], point[1], point[2] = turned_back(work.matrix, away[0], away[1], away[2])
+    seat = Seat(point, slope)
     return may_meet(sides, members, limit, (low, high), seat, _SMALL.parts, x, meets[:m])
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from aspectgraph.exact.lean import inner, lean, put, put_table
 from planner.bound.boxes.visibility import hidden_around, holds_point
-from planner.bound.boxes.windows import farthest, rotation, seen_from
+from planner.bound.boxes.windows import farthest, rotation, seen_from, turned_back
 
 # what a member that should be inspected is lost for
 SIGHT, LENGTH, VIEW = range(3)
@@ -55,7 +55,8 @@ def try_pose(stack, i, chart, x, meets, entities, view, work, trial):
     pose, inspected, lost, look = trial
     matrix, zero, s, far, opened = np.empty((3, 3)), np.zeros(3), np.empty((2, 3)), np.empty(2), np.empty(2)
     rotation(chart, stack.turn[i] + x[3:], matrix)
-    put(look, stack.look[i] + matrix @ x[:3])
+    for k in range(3):
+        look[k] = stack.look[i, k] + (matrix[k, 0] * x[0] + matrix[k, 1] * x[1] + matrix[k, 2] * x[2])
     eye = np.empty((2, 3))
     at = np.minimum(np.maximum(look - view.middle * matrix[:, 2], stack.eye[i, 0]), stack.eye[i, 1])
     put(eye[0], at)
@@ -98,7 +99,7 @@ def _sees(entities, cells, eye, sure):
 def _in_view(ends, look, matrix, view):
     """Tell whether both ends are in focus and on the sensor."""
     for i in range(2):
-        x, y, z = matrix.T @ (ends[i] - look)
+        x, y, z = turned_back(matrix, ends[i, 0] - look[0], ends[i, 1] - look[1], ends[i, 2] - look[2])
         z += view.middle
         if z < view.near or z > view.far or abs(x) > view.tan_x * z or abs(y) > view.tan_y * z:
             return False

@@ -69,6 +69,16 @@ def rotation(chart, v, matrix):
 
 
 @lean
+def turned_back(matrix, x, y, z):
+    """Return R' (x, y, z), in an order of sums that does not depend on the machine."""
+    return (
+        matrix[0, 0] * x + matrix[1, 0] * y + matrix[2, 0] * z,
+        matrix[0, 1] * x + matrix[1, 1] * y + matrix[2, 1] * z,
+        matrix[0, 2] * x + matrix[1, 2] * y + matrix[2, 2] * z,
+    )
+
+
+@lean
 def most_turn(v, u, n):
     """Return the largest |t| and the largest |v0.d| / N of a box."""
     nu = (abs(v[0]) * u[0] + abs(v[1]) * u[1] + abs(v[2]) * u[2]) / n

@@ -1,0 +1,131 @@
+"""Functions that only compiled loops call: what they do when compiled, loaded from the cache, and in part from it."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from aspectgraph.exact.lean import compiled, inner, lean
+
+INNER = """
+import numpy as np
+from aspectgraph.exact.lean import compiled, inner, lean
+
+@lean
+def square(x):
+    return x * x
+
+@inner
+def squares(values):
+    if len(values) > 3:
+        raise ValueError("at most three")
+    result = np.empty(len(values))
+    for i in range(len(values)):
+        result[i] = square(values[i])
+    return result
+
+@compiled
+def total(values):
+    return squares(values).sum()
+"""
+OTHER = """
+from aspectgraph.exact.lean import compiled
+from own_loops import squares
+
+@compiled
+def largest(values):
+    return squares(values).max()
+"""
+RUN = """
+import sys
+import numpy as np
+from numba.core import event
+
+class Compiled(event.Listener):
+    names = []
+    def on_start(self, start):
+        function = start.data["dispatcher"].py_func
+        if function.__module__ in ("own_loops", "other_loops"):
+            self.names.append(function.__name__)
+    def on_end(self, end):
+        pass
+
+event.register("numba:compile", Compiled())
+module, name = sys.argv[1:]
+function = getattr(__import__(module), name)
+print(function(np.array([1.0, 2.0, 3.0])), end=" ")
+try:
+    function(np.ones(4))
+except ValueError as error:
+    print(error, end=" ")
+print(*Compiled.names)
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    place = tmp_path_factory.mktemp("loops")
+    for name, text in (("own_loops", INNER), ("other_loops", OTHER), ("run", RUN)):
+        (place / f"{name}.py").write_text(text)
+    return place
+
+
+def run(folder, module, name):
+    kept = {"NUMBA_CACHE_DIR": str(folder / "compiled"), "NUMBA_DISABLE_JIT": "0"}
+    result = subprocess.run(
+        [sys.executable, folder / "run.py", module, name],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, **kept},
+    )
+    return result.stdout.split()
+
+
+def test_a_loop_is_compiled_once_and_then_found_and_tells_errors_of_inner_ones_either_way(folder):
+    told = ["14.0", "at", "most", "three"]
+    assert run(folder, "own_loops", "total") == [*told, "total", "squares", "square"]
+    assert run(folder, "own_loops", "total") == told
+    # what another loop calls is found, too
+    assert run(folder, "other_loops", "largest") == ["9.0", "at", "most", "three", "largest"]
+    assert run(folder, "other_loops", "largest") == ["9.0", "at", "most", "three"]
+
+
+@inner
+def doubled(values):
+    return 2 * values
+
+
+@lean
+def half(value):
+    return value / 2
+
+
+@compiled(error_model="numpy")
+def of_both(values):
+    return half(doubled(values)[0])
+
+
+@lean(error_model="numpy")
+def inverse(value):
+    return 1 / value
+
+
+def test_inner_functions_can_be_called_from_python_with_the_options_they_have_in_loops():
+    assert of_both(np.array([3.0])) == 3.0
+    assert doubled(np.array([3.0])).tolist() == [6.0]
+    assert half(3.0) == 1.5
+    if hasattr(inverse, "py_func"):
+        assert inverse(0.0) == np.inf
+
+
+@pytest.mark.skipif(not hasattr(half, "py_func"), reason="loops run uncompiled")
+def test_inner_functions_have_no_machine_code_of_their_own():
+    of_both(np.array([3.0]))
+    for function in (doubled, half):
+        for compilation in function.overloads.values():
+            assert compilation.library.get_pointer_to_function(compilation.fndesc.mangled_name) == 0
+    entry = next(iter(of_both.overloads.values()))
+    assert entry.library.get_pointer_to_function(entry.fndesc.mangled_name) != 0
