@@ -105,7 +105,8 @@ def too_far_apart(camera: Camera, ends: NDArray[np.float64], tangents: NDArray[n
     return result
 
 
-@compiled
+# threads run it side by side
+@compiled(nogil=True)
 def _share_viewpoint(a, b, cells, pair, frustum):
     """Tell whether some cell of entity a may meet some cell of entity b where the lens can take both at once.
 

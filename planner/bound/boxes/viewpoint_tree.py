@@ -116,7 +116,8 @@ def viewpoints_for(
         finest /= 2
 
 
-@compiled
+# threads run it side by side
+@compiled(nogil=True)
 def _grow(root, entities, view, y, limit, finest):
     """Return boxes, second halves and sets of a tree."""
     m, n_cells = len(entities.ends), entities.entity_start[-1]

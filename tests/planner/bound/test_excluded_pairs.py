@@ -9,7 +9,9 @@ from grid_box import BoxCell
 
 from planner import Camera
 from planner.bound.boxes.cells import Cells
+from planner.bound.boxes.search import search
 from planner.bound.boxes.view import Frustum, Segments
+from planner.bound.boxes.viewpoint_tree import _grow
 from planner.bound.excluded_pairs import _in_view, _share_viewpoint, too_far_apart
 from planner.camera.pose import look_at
 
@@ -238,3 +240,9 @@ def test_a_ball_about_a_point_itself_may_hold_an_eye_that_sees_it():
     assert possible(first, second, first, second)
     for middle in (first, second):
         assert _in_view(middle, np.linalg.norm(middle), pair([first, second, first, second]), frustum())
+
+
+@pytest.mark.skipif(not hasattr(_share_viewpoint, "targetoptions"), reason="loops run uncompiled")
+@pytest.mark.parametrize("loop", [_share_viewpoint, _grow, search])
+def test_what_threads_call_lets_the_others_run(loop):
+    assert loop.targetoptions["nogil"]
