@@ -69,9 +69,10 @@ def may_see(stack, i, entities, view, conflict, limit, work, rest, x, meets):
     exclusive_groups(np.arange(m), apart, work.group[:m])
     sides, members = Sides(work.rows[:n], work.rhs[:n], work.owner[:n]), Members(work.group[:m], work.y[:m])
     low, high, slope = np.empty(6), np.empty(6), np.zeros((3, 3))
-    low[:3], low[3:], high[:3], high[3:] = -work.room, -u, work.room, u
     # with a turn, w is tried such that the nodal point stays in the middle
     for j in range(3):
+        high[j], high[3 + j] = work.room[j], u[j]
+        low[j], low[3 + j] = -work.room[j], -u[j]
         for k in range(3):
             for c in range(3):
                 slope[j, k] += work.matrix[c, j] * work.swing[k, c] / u[k]
