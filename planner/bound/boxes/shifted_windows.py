@@ -63,7 +63,9 @@ def may_exceed(least, group, y, limit, room, view, w):
     live, n_live = np.empty((_MEETING.deepest + 2, m), np.int16), np.empty(_MEETING.deepest + 2, np.int64)
     level = np.zeros(_MEETING.deepest + 2, np.int64)
     stamp, cuts = np.zeros(m, np.int64), np.empty(3)
-    low[0], high[0], n_live[0] = -room, room, m
+    n_live[0] = m
+    for k in range(3):
+        low[0, k], high[0, k] = -room[k], room[k]
     for a in range(m):
         live[0, a] = a
     size, n_seen, n_doubtful = 1, 0, 0
