@@ -6,9 +6,9 @@
 
 Every plan is made by the command line, ``aspectgraph plan PART --all``, as a user would: reading, regions, plan, bound,
 simulation, report. FOLDER holds the files of CASES (NIST and MFCAD parts; nist_ctc_01_ap242.stp is also in examples).
-Time is that of the whole process tree; memory is the most that all its processes held at once, shared pages counted
-in each. Run it on a machine that does nothing else. The cameras are bodies and lenses of the catalogue, set so that
-nearly every edge can be sharp and long enough.
+Time is that of the whole process tree; memory is the most that all its processes held at once, pages that several of
+them share counted once. Run it on a machine that does nothing else. The cameras are bodies and lenses of the catalogue,
+set so that nearly every edge can be sharp and long enough.
 """
 
 from __future__ import annotations
@@ -101,17 +101,19 @@ def _watch(process: subprocess.Popen, peak: list[float]) -> None:
 
 
 def _held_gib(session: int) -> float:
-    """Memory that the processes of a session hold, GiB (Linux)."""
-    pages = 0
+    """Memory that the processes of a session hold, GiB (Linux): each one's share of the pages it has with others."""
+    kib = 0
     for folder in Path("/proc").iterdir():
         if folder.name.isdigit():
             try:
-                # after the name in brackets: state, parent, group, session; resident pages are the 24th field
-                fields = (folder / "stat").read_text().rpartition(")")[2].split()
-            except OSError:
+                # after the name in brackets: state, parent, group, session
+                if int((folder / "stat").read_text().rpartition(")")[2].split()[3]) == session:
+                    held = (folder / "smaps_rollup").read_text()
+                    kib += int(held.partition("\nPss:")[2].split()[0])
+            except (OSError, IndexError):
+                # it has just ended
                 continue
-            pages += int(fields[21]) if int(fields[3]) == session else 0
-    return pages * os.sysconf("SC_PAGE_SIZE") / 2**30
+    return kib / 2**20
 
 
 def _row(case: str, plan: InspectionPlan, wall: float, cpu: float, peak: float) -> str:
