@@ -44,7 +44,7 @@ versions:
 FUZZ_SECONDS ?= 600
 
 fuzz: setup-test
-	$(BIN)/python benchmarks/fuzz.py --seconds $(FUZZ_SECONDS)
+	$(BIN)/python benchmarks/running/fuzz.py --seconds $(FUZZ_SECONDS)
 
 # What the compiler makes of loops is not counted, so marked tests run a second time without it.
 coverage:

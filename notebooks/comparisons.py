@@ -19,13 +19,13 @@
 # How good is the pose that `plan_setting` finds, and how good are the plans of `plan_inspection`? This notebook shows
 # stored runs; each file is written by one command:
 #
-# * `python benchmarks/optimisers.py --csv notebooks/optimisers.csv`
-# * `python benchmarks/optimisers.py --optimum --csv notebooks/optimum.csv`
-# * `python benchmarks/planners.py --seeds 3 --csv notebooks/planners.csv`
+# * `python benchmarks/planning/optimisers.py --csv notebooks/optimisers.csv`
+# * `python benchmarks/planning/optimisers.py --optimum --csv notebooks/optimum.csv`
+# * `python benchmarks/planning/planners.py --seeds 3 --csv notebooks/planners.csv`
 #
-# The methods and the parts are described in `benchmarks/rivals.py`, `benchmarks/planners.py` and `benchmarks/cases.py`:
-# the paper's two blocks with the paper's variances, and NIST's CTC-01 with a coarse robot arm. Seconds are processor
-# time of one core.
+# The methods and the parts are described in `rivals.py`, `planners.py` and `cases.py` of `benchmarks/planning`: the
+# paper's two blocks with the paper's variances, and NIST's CTC-01 with a coarse robot arm. Seconds are processor time
+# of one core.
 
 # %%
 import csv
@@ -37,7 +37,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 root = next(folder for folder in (Path.cwd(), *Path.cwd().parents) if (folder / "benchmarks").is_dir())
-sys.path.insert(0, str(root / "benchmarks"))
+sys.path.insert(0, str(root / "benchmarks" / "planning"))
 
 from anytime import Point, ahead_s
 from cases import FEW, case_name
@@ -236,7 +236,7 @@ plt.show()
 # How soon is there a plan that can be used, and how soon a better one? `plan_inspection` tells of every better plan and
 # every better bound (`on_incumbent=`); a rival has one plan, at its end. All begin when the visible regions are there.
 # *narrow*: a lens of 25 mm at f/8 with little depth of field, focused at 120 mm (mfcad) and 250 mm (mtc). Stored by
-# `python benchmarks/anytime.py --folder PARTS --limit 200 --csv notebooks/anytime.csv`.
+# `python benchmarks/planning/anytime.py --folder PARTS --limit 200 --csv notebooks/anytime.csv`.
 # Seconds are processor time, threads added up; plans were ended after 200 s of wall time.
 #
 # A plan that `plan_inspection` tells of has been simulated: what 4,000 displaced poses contradict is not in it. The

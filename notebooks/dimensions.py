@@ -28,7 +28,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 root = next(folder for folder in (Path.cwd(), *Path.cwd().parents) if (folder / "benchmarks").is_dir())
-sys.path.insert(0, str(root / "benchmarks"))
+sys.path.insert(0, str(root / "benchmarks" / "images"))
 
 from dimension_images import POINTS, Setting, as_measured, best_lamp, measure, triangles_of
 from rendered_images import Renderer, found_points
@@ -198,8 +198,8 @@ plt.show()
 
 # %% [markdown]
 # Each of three dimensions is measured in 60 images from displaced poses: points found to a fraction of a pixel,
-# carried back with the planned pose, fitted. `benchmarks/dimension_images.py` does this for fifteen dimensions of two
-# parts, 300 poses and three models of localisation.
+# carried back with the planned pose, fitted. `benchmarks/images/dimension_images.py` does this for fifteen dimensions
+# of two parts, 300 poses and three models of localisation.
 
 # %%
 N = 60

@@ -30,7 +30,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 root = next(folder for folder in (Path.cwd(), *Path.cwd().parents) if (folder / "benchmarks").is_dir())
-sys.path.insert(0, str(root / "benchmarks"))
+sys.path.insert(0, str(root / "benchmarks" / "images"))
 
 from edge_images import ACCURACIES, Lines, crossing, fitted, pairs, show
 from rendered_images import Lamp, Renderer, found_points
@@ -156,11 +156,11 @@ plt.show()
 # %% [markdown]
 # ## Promised against measured
 #
-# Every edge of this setting from ten displaced poses, then what `benchmarks/edge_images.py` stored for whole plans. A
-# pair of setting and edge is *clean* if both ends are corners, no other line is within 5 px, 40 px lie around the ends,
-# and the step is five grey levels or more. Promised is what holds of ends rounded to pixels; *fit* counts the lines'
-# crossings as they are, *rounded* those rounded to pixels; *corner* counts what OpenCV's `cornerSubPix` finds, *Canny*
-# where the trace of its edges ends. For these two nothing is promised.
+# Every edge of this setting from ten displaced poses, then what `benchmarks/images/edge_images.py` stored for whole
+# plans. A pair of setting and edge is *clean* if both ends are corners, no other line is within 5 px, 40 px lie around
+# the ends, and the step is five grey levels or more. Promised is what holds of ends rounded to pixels; *fit* counts the
+# lines' crossings as they are, *rounded* those rounded to pixels; *corner* counts what OpenCV's `cornerSubPix` finds,
+# *Canny* where the trace of its edges ends. For these two nothing is promised.
 
 # %%
 from dataclasses import replace

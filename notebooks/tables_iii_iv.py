@@ -25,8 +25,8 @@
 # resolution, focus and blur limit, the bits per gene, and the ε and the patience with which a run ends.
 #
 # Table III takes many minutes, so it is read from `table_iii.csv`, which
-# `python benchmarks/paper_tables.py --runs N --out notebooks/table_iii.csv` writes; part of it is repeated below and
-# compared. With the environment variable `FULL_TABLES=1` this notebook computes all of it itself.
+# `python benchmarks/planning/paper_tables.py --runs N --out notebooks/table_iii.csv` writes; part of it is repeated
+# below and compared. With the environment variable `FULL_TABLES=1` this notebook computes all of it itself.
 
 # %%
 import csv
@@ -39,7 +39,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 root = next(folder for folder in (Path.cwd(), *Path.cwd().parents) if (folder / "benchmarks").is_dir())
-sys.path.insert(0, str(root / "benchmarks"))
+sys.path.insert(0, str(root / "benchmarks" / "planning"))
 
 from cases import PAPER_CAMERA, TABLE_IV, regions
 from paper_tables import (

@@ -12,7 +12,7 @@ from aspectgraph import compute_regions, read_solid
 from planner import Camera, LampBox, PoseUncertainty, SensorSetting, look_at, plan_light
 from planner.plan import InspectionPlan
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "images"))
 from edge_contrast import lamps_of, steps_under, triples, weak
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

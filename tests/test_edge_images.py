@@ -14,7 +14,7 @@ from aspectgraph import Solid, read_solid
 from planner import Camera, PoseUncertainty, Showing
 from planner.showing.image_check import ImageCheck
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "images"))
 from corner_detectors import corner_sub_pix, traced_end
 from edge_images import Lines, Pair, crossing, fitted, pairs
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "images"))
 from rendered_images import Lamp, Measured, Renderer, carried_back, fitted_circle, fitted_line, found_points
 
 MATRIX = np.array([[2000.0, 0.0, 500.0], [0.0, 2000.0, 400.0], [0.0, 0.0, 1.0]])

@@ -30,7 +30,8 @@ except ImportError:  # not on Windows
 
 # Bytes and seconds of a graph for (cells of all regions)^_POWER; how many times as much as the overlay's cells it takes
 # in the end; and the factor by which the estimate may err. With 10, 20 and 60 edges of nist_ctc_01 the memory was 1.56,
-# 1.37 and 0.88 of the estimate (the last by hand, the others by `benchmarks/joint_memory.py`). No other part is known.
+# 1.37 and 0.88 of the estimate (the last by hand, the others by `benchmarks/engine/joint_memory.py`). No other part is
+# known.
 _BYTES, _SECONDS, _POWER = 5.0, 2.5e-7, 2.0
 _OF_OVERLAY = 4.0
 ERROR = 3.0

@@ -1,7 +1,8 @@
 """The optimum is real: nothing that SciPy finds with 20 times the evaluations is more than 0.5 % better.
 
 The rival has another parametrisation than the planner: direction and distance of the viewpoint from the entities, the
-point looked at, and the roll. `benchmarks/optimisers.py --optimum` does the same for twenty cases and more rivals.
+point looked at, and the roll. `benchmarks/planning/optimisers.py --optimum` does the same for twenty cases and more
+rivals.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 """A thousand parts on a Dask cluster of processes of this machine, one of which is killed; and on a process pool.
 
-``python benchmarks/scale_out.py --parts 1000 --broken 9``     all parts, on two workers of a cluster
-``python benchmarks/scale_out.py --parts 60 --compare``        cluster and pool, with one worker and with two
+``python benchmarks/running/scale_out.py --parts 1000 --broken 9``     all parts, on two workers of a cluster
+``python benchmarks/running/scale_out.py --parts 60 --compare``        cluster and pool, with one worker and with two
 
 The parts are those of `made_parts`; their edges on top that are longer than 30 mm are planned by
 ``aspectgraph batch FOLDER --scheduler ADDRESS``. When half of the parts are done one worker is killed (kill -9). At the

@@ -1,8 +1,8 @@
 """Plans that are killed (kill -9) at random moments and resumed: the same plan, no orphans, nothing left, little lost.
 
-``python benchmarks/killed.py --kills 20``
-``python benchmarks/killed.py PART --entities FILE --camera FILE --kills 20``
-``python benchmarks/killed.py PART --entities all --effort quick --kills 20 --within 30``
+``python benchmarks/running/killed.py --kills 20``
+``python benchmarks/running/killed.py PART --entities FILE --camera FILE --kills 20``
+``python benchmarks/running/killed.py PART --entities all --effort quick --kills 20 --within 30``
 
 A plan is made once without interruption. Then it is begun anew, killed at a random moment of that length (or of as much
 as ``--within`` says, where that would take a day), and resumed with ``--resume`` until it has been killed often enough;
@@ -30,7 +30,7 @@ from contextlib import suppress
 from pathlib import Path
 
 _COMMAND = "import sys; from planner.cli import start; sys.exit(start())"
-_EXAMPLES = Path(__file__).parents[1] / "examples"
+_EXAMPLES = Path(__file__).parents[2] / "examples"
 _STATE, _REGIONS = "planning-state.json", "planning-regions"
 _MOST_LOST_S = 20.0
 # how often it is looked whether something was saved

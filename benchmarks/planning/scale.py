@@ -1,7 +1,7 @@
 """Plans for all straight edges of four real parts: time, memory, settings, and what is proven.
 
-``python benchmarks/scale.py --parts FOLDER``            all four, one after the other
-``python benchmarks/scale.py --parts FOLDER mtc d2mi``   some of them
+``python benchmarks/planning/scale.py --parts FOLDER``            all four, one after the other
+``python benchmarks/planning/scale.py --parts FOLDER mtc d2mi``   some of them
 ``... --paper``                                          under the paper's constraints, without any other
 
 Every plan is made by the command line, ``aspectgraph plan PART --all``, as a user would: reading, regions, plan, bound,

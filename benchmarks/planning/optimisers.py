@@ -1,8 +1,8 @@
 """The planner's search against other optimisers on the same objective, constraints and budget.
 
-``python benchmarks/optimisers.py``             six cases; every rival may evaluate as many poses as the plan did
-``python benchmarks/optimisers.py --optimum``   twenty cases; rivals may evaluate 20 times as many, random search 10⁵
-``python benchmarks/optimisers.py --sampling``  first poses from the covering domains against the whole workspace
+``python benchmarks/planning/optimisers.py``  six cases; every rival may evaluate as many poses as the plan did
+``... --optimum``                             twenty cases; rivals may evaluate 20 times as many, random search 10⁵
+``... --sampling``                            first poses from the covering domains against the whole workspace
 
 Shown is the *shortfall*: by how many per cent the fitness (sum of the entities' probabilities) is below the best that
 any method found on the case in this run. `--csv FILE` also writes every run; the notebook comparisons shows these

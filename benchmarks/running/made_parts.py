@@ -1,6 +1,6 @@
 """Parts to plan by the thousand: blocks with holes, pockets and steps, like those of MFCAD, all different.
 
-``python benchmarks/made_parts.py FOLDER --parts 1000 --broken 10``
+``python benchmarks/running/made_parts.py FOLDER --parts 1000 --broken 10``
 
 Part k follows from k alone. Every block has two to four features, one in a quarter of it: a hole through it, a pocket,
 or a step at its corner. Broken files are cut in the middle, lack a face, or are empty; their names say so.

@@ -1,6 +1,6 @@
 """Throughput of `aspectgraph batch`: parts per hour and memory per worker, with one worker and with two.
 
-``python benchmarks/batch_speed.py --parts 16``
+``python benchmarks/running/batch_speed.py --parts 16``
 
 The parts are plates with one to three square holes, different in size; all edges longer than 12 mm of each are planned.
 Each number of workers begins with an empty folder; the plans must be the same. Linux only; run it on a machine that

@@ -1,6 +1,6 @@
 """How true and how fast the error model of dimensions is, against a program that measures from displaced poses.
 
-    python benchmarks/dimension_model.py [--views 40] [--draws 131072]
+    python benchmarks/models/dimension_model.py [--views 40] [--draws 131072]
 
 The measuring program (tests/errors/measurands/measured_exactly.py) shares no code with the model: exact rotations, its
 own projection, carrying back, fits and values. Cameras are 200 to 450 mm away, tilted by up to 60 degrees; covariances
@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "errors" / "measurands"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "errors" / "measurands"))
 
 from dimension_examples import EXAMPLES, PITCH, F, correlated, geometry_of, isotropic
 from measured_exactly import displacements, measure, points_of, random_view

@@ -3,7 +3,7 @@
 Loops run uncompiled, unless one asks for it. Mutants are drawn with a seed; each runs in a process of its own, in a
 copy of the repository. What survives is told.
 
-Usage: python benchmarks/mutants.py MODULE.py TEST.py [--mutants 40] [--seed 0] [--compiled]
+Usage: python benchmarks/running/mutants.py MODULE.py TEST.py [--mutants 40] [--seed 0] [--compiled]
 """
 
 import argparse
@@ -21,7 +21,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 LIBRARIES = (
     "numba",
     "scipy.optimize",

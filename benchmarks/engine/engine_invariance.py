@@ -1,6 +1,6 @@
 """Count the graphs that change when a part is turned, moved, scaled or listed in another order.
 
-    python benchmarks/engine_invariance.py [--solids 150] [--turns 2] [--first 0] [--parts FILE ...]
+    python benchmarks/engine/engine_invariance.py [--solids 150] [--turns 2] [--first 0] [--parts FILE ...]
 
 Every generated solid (every other sharp edge an entity) and every part file (its first edges) is turned at random,
 moved, scaled and listed anew; graphs count as equal if they agree in lists, degrees and adjacencies.
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "aspectgraph" / "helpers"))
 
 from engine_pairs import sharp_edges  # noqa: E402

@@ -1,6 +1,6 @@
 """Speed of the aspect-graph engine, as ratios measured in one run on one core.
 
-    python benchmarks/engine_speed.py [--quick]
+    python benchmarks/engine/engine_speed.py [--quick]
 
 1. Plate of n x n pockets, two floor edges per pocket: the engine against the same insertion in plain rational
    arithmetic (tests/aspectgraph/helpers/rational_twin.py), cells per domain, growth with the number of faces.
@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "aspectgraph" / "helpers"))
 
 import solids  # noqa: E402

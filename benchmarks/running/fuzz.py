@@ -4,7 +4,7 @@ Mutants are numbered, so any of them can be made again. What fails is told with 
 number goes into ``KEPT`` of tests/planner/records/test_fuzz.py. STEP files are read by a kernel in a process
 of its own.
 
-Usage: python benchmarks/fuzz.py --seconds 600 [--readers part.step,plan.json] [--first 0] [--only 17]
+Usage: python benchmarks/running/fuzz.py --seconds 600 [--readers part.step,plan.json] [--first 0] [--only 17]
 """
 
 import argparse
@@ -16,7 +16,7 @@ import time
 import traceback
 from pathlib import Path
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT / "tests" / package / "helpers") for package in ("aspectgraph", "planner")]
 
 from fuzzing import READERS, mutant, outcome  # noqa: E402

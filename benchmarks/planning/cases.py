@@ -19,7 +19,7 @@ from aspectgraph import compute_regions, read_entities, read_solid
 from planner import Camera, PoseUncertainty
 from planner.request.defaults import default_workspace
 
-EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 PAPER_CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 300.0, largest_blur_mm=0.03, name="paper")
 PAPER_UNCERTAINTY = PoseUncertainty(np.diag([0.03] * 3 + [0.003] * 3))

@@ -1,7 +1,7 @@
 """Processor time of one setting on Table II's object with the paper's population of 100 (their machine: 136 s).
 
-``python benchmarks/setting_speed.py`` shows, for the four sets of Table IV, the least and the most over five seeds: the
-plan's whole search, and the genetic algorithm alone, without refinement.
+``python benchmarks/planning/setting_speed.py`` shows, for the four sets of Table IV, the least and the most over five
+seeds: the plan's whole search, and the genetic algorithm alone, without refinement.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Contrast of edges in rendered images against the formula that light domains rest on.
 
-    python benchmarks/edge_contrast.py [--triples 100] [--seed 0] [--csv FILE] [PART ...]
-    python benchmarks/edge_contrast.py --plan plan.json PART
+    python benchmarks/images/edge_contrast.py [--triples 100] [--seed 0] [--csv FILE] [PART ...]
+    python benchmarks/images/edge_contrast.py --plan plan.json PART
 
 Triples are drawn: an edge, a lamp from which it is lit as a whole, and a camera that sees both faces next to it.
 Patches of the image at points along the edge are rendered (`rendered_images`, which shares no code with `aspectgraph`:
@@ -33,7 +33,7 @@ from aspectgraph import Solid, compute_regions, contrast, read_solid
 from aspectgraph.solid import RayScene
 from planner import LampBox, look_at, plan_light, read_plan
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 PARTS = ("nist_ctc_01_ap242.stp", "nist_ctc_03_ap242.stp.gz", "mfcad_4-5-5-6-9-23.step")
 LEVELS = 255
 NOISE, AMBIENT, BRIGHTEST = 0.01, 0.12, 0.9

@@ -1,7 +1,8 @@
 """Ways to plan a whole inspection: settings needed, entities left out, worst probability, time.
 
-Run ``python benchmarks/planners.py [--parts block slotted ctc] [--seeds 3] [--csv FILE]``. The notebook comparisons
-shows such a file.
+``python benchmarks/planning/planners.py [--parts block slotted ctc] [--seeds 3] [--csv FILE]``
+
+The notebook comparisons shows such a file.
 
 * generate and test, one dome: viewpoints on a geodesic dome around the part, looking at its middle (HEAVEN: S. Sakane,
   T. Sato, M. Kakikura, 1987), each rolled to four positions; every pose is tested; then the minimum cover of what they

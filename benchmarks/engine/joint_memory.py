@@ -1,6 +1,6 @@
 """Memory and time of joint graphs, beside the estimate that `aspectgraph.graph.joint_memory` gives before the work.
 
-``python benchmarks/joint_memory.py PART [PART ...] --edges 10 20 40``
+``python benchmarks/engine/joint_memory.py PART [PART ...] --edges 10 20 40``
 
 The first so many straight edges of each part are joined in a process of its own, whose largest memory is read at the
 end. Run it on a machine that does nothing else: the times are those of the clock. Linux only.

@@ -1,6 +1,6 @@
 """Promised against measured: lengths of edges in rendered images from displaced poses, by what the image is like.
 
-    python benchmarks/edge_images.py PLAN.json PART [--poses 30] [--seed 0] [--csv FILE]
+    python benchmarks/images/edge_images.py PLAN.json PART [--poses 30] [--seed 0] [--csv FILE]
 
 For every setting and edge of a plan, the camera is displaced, patches of the image are rendered (`rendered_images`:
 matt faces, cast shadows, blur 0.8 px, noise 1.5 %) under the lamp that the plan names, or one at the camera, and the

@@ -5,7 +5,7 @@ import sys
 import time
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "aspectgraph" / "helpers"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "aspectgraph" / "helpers"))
 
 from engine_pairs import compare
 

@@ -1,7 +1,9 @@
 """Tables III and IV of Yang and Ciarallo (2001) with our reconstruction of their objects.
 
-Run ``python benchmarks/paper_tables.py --runs 5 --out notebooks/table_iii.csv`` for all of Table III: 18 rows of 5 runs
-on 10 entities each. The notebook tables_iii_iv reads that file and repeats a part of it.
+``python benchmarks/planning/paper_tables.py --runs 5 --out notebooks/table_iii.csv``
+
+That is all of Table III: 18 rows of 5 runs on 10 entities each. The notebook tables_iii_iv reads that file and repeats
+a part of it.
 
 The paper does not print its ε. A total over N individuals scatters with N, so ε is set per individual: a run ends when
 the mean fitness of the population has changed by less than 0.003 in five generations running.

@@ -1,6 +1,6 @@
 """Speed, memory and accuracy of `errors.success_probability` against its Monte Carlo referee.
 
-    python benchmarks/errors_speed.py [--edges 200000] [--samples 1000000]
+    python benchmarks/models/errors_speed.py [--edges 200000] [--samples 1000000]
 
 Prints, per rotation s.d. (translation variance 0.03 mm2, accuracy 98 %, 25 mm lens):
 

@@ -1,9 +1,10 @@
 """Settings against time: incumbents of plan_inspection beside what a user would write instead.
 
-Run ``python benchmarks/anytime.py [--parts ctc01 ...] [--limit 300] [--csv FILE]``. The notebook comparisons shows such
-a file. The constraints are the paper's. The rivals are those of `planners`; all are given the visible regions, whose
-seconds are printed apart, and all run in one process, so every clock starts when the regions are there. A rival has one
-point, at its end.
+``python benchmarks/planning/anytime.py [--parts ctc01 ...] [--limit 300] [--csv FILE]``
+
+The notebook comparisons shows such a file. The constraints are the paper's. The rivals are those of `planners`; all are
+given the visible regions, whose seconds are printed apart, and all run in one process, so every clock starts when the
+regions are there. A rival has one point, at its end.
 
 No rival simulates what it promises, as plan_inspection does before it tells of a plan. So of its entities those are
 counted, too, that simulation does not contradict in one of its settings at least: ``supported``.
