@@ -3,6 +3,7 @@
 Numba makes machine code of every function when it has compiled it, though a caller that is compiled takes the
 function's instructions in, optimises them once more together with its own, and makes machine code of both. Where calls
 are nested deeply, most of the work is done many times over. This leaves it to those functions that Python calls.
+Numba's own functions, such as `numpy.empty`, are compiled once for callers of both kinds, and not for each.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
+from numba.core.compiler import Compiler, Flags
 from numba.core.environment import lookup_environment
 
 # how numba names the global variable that points to what a function knows of its module
@@ -68,10 +69,40 @@ class _Entry(JITCodeLibrary):
                     generator.set_env(variable.name, environment)
 
 
+# how a function is entered, which those it calls do not depend on
+_ENTERING = ("no_cpython_wrapper", "no_cfunc_wrapper", "release_gil")
+
+
+class _Flags(Flags):
+    """Options of a function, to numba the key under which it finds what the function calls.
+
+    Those of how it is entered do not count, nor those that are as by default: numba compares all of them, so often that
+    it takes a twentieth of the time of compiling.
+    """
+
+    def _counting(self) -> dict[str, Any]:
+        known: Any = self.options  # type: ignore[attr-defined]
+        return {
+            name: value
+            for name, value in self._values.items()
+            if name not in _ENTERING and value != known[name].default
+        }
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Flags) and self._counting() == other._counting()
+
+    def __hash__(self) -> int:
+        return hash(frozenset(self._counting()))
+
+
 class _WithLibrary(Compiler):
     """A compiler that puts its code into a library of a kind of its own."""
 
     _kind: type[JITCodeLibrary]
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)  # type: ignore[no-untyped-call]
+        self.state.flags = _Flags(self.state.flags)  # type: ignore[no-untyped-call]
 
     def define_pipelines(self) -> Any:
         state = self.state

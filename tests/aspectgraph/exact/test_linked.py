@@ -63,19 +63,58 @@ except ValueError as error:
 print(*Compiled.names)
 """
 
+BOTH = """
+import numpy as np
+from aspectgraph.exact.lean import compiled, inner
+from numba.core import event
+
+@inner
+def inner_mean(values):
+    return np.median(values) / values[0]
+
+@compiled(nogil=True)
+def alone(values):
+    return np.median(values)
+
+@compiled(error_model="numpy")
+def as_numpy(values):
+    return np.median(values) / values[0]
+
+@compiled
+def both(values):
+    return np.median(values) + inner_mean(values)
+
+class Medians(event.Listener):
+    n = 0
+    def on_start(self, start):
+        self.n += start.data["dispatcher"].py_func.__name__ == "median_impl"
+    def on_end(self, end):
+        pass
+
+listener = Medians()
+event.register("numba:compile", listener)
+for function in (both, alone, as_numpy):
+    print(function(np.array([2.0, 4.0, 6.0])), listener.n)
+print(as_numpy(np.zeros(3)))
+try:
+    both(np.zeros(3))
+except ZeroDivisionError:
+    print("zero")
+"""
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("loops")
-    for name, text in (("own_loops", INNER), ("other_loops", OTHER), ("run", RUN)):
+    for name, text in (("own_loops", INNER), ("other_loops", OTHER), ("both_kinds", BOTH), ("run", RUN)):
         (place / f"{name}.py").write_text(text)
     return place
 
 
-def run(folder, module, name):
+def run(folder, script, *arguments):
     kept = {"NUMBA_CACHE_DIR": str(folder / "compiled"), "NUMBA_DISABLE_JIT": "0"}
     result = subprocess.run(
-        [sys.executable, folder / "run.py", module, name],
+        [sys.executable, script, *arguments],
         capture_output=True,
         text=True,
         check=True,
@@ -86,11 +125,15 @@ def run(folder, module, name):
 
 def test_a_loop_is_compiled_once_and_then_found_and_tells_errors_of_inner_ones_either_way(folder):
     told = ["14.0", "at", "most", "three"]
-    assert run(folder, "own_loops", "total") == [*told, "total", "squares", "square"]
-    assert run(folder, "own_loops", "total") == told
+    assert run(folder, folder / "run.py", "own_loops", "total") == [*told, "total", "squares", "square"]
+    assert run(folder, folder / "run.py", "own_loops", "total") == told
     # what another loop calls is found, too
-    assert run(folder, "other_loops", "largest") == ["9.0", "at", "most", "three", "largest"]
-    assert run(folder, "other_loops", "largest") == ["9.0", "at", "most", "three"]
+    assert run(folder, folder / "run.py", "other_loops", "largest") == ["9.0", "at", "most", "three", "largest"]
+    assert run(folder, folder / "run.py", "other_loops", "largest") == ["9.0", "at", "most", "three"]
+
+
+def test_what_numba_has_is_compiled_once_for_callers_of_all_kinds_but_not_for_another_division(folder):
+    assert run(folder, folder / "both_kinds.py") == ["6.0", "1", "4.0", "1", "2.0", "2", "nan", "zero"]
 
 
 @inner
