@@ -37,6 +37,7 @@ SPEED_POSES = 20000
 
 
 def model_of(example, covariance, localisation, permitted):
+    """Return the error model of an example: its kind, plain geometry and direction of measuring."""
     kind, plain, direction = example
     return MeasurandModel(
         measurand(kind, geometry_of(plain), direction),

@@ -29,10 +29,12 @@ SLOW = {"part.step": 100}
 
 
 def too_long(*_):
+    """End a reader that takes too long, at the signal of the alarm."""
     raise TimeoutError(f"took more than {LONGEST_S} s")
 
 
 def main() -> int:
+    """Try mutants until the time is over; return 1 if one of them failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--readers", default=",".join(READERS))

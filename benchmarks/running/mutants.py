@@ -134,6 +134,7 @@ def _tested(folder: Path, tests: list[str]) -> int:
 
 
 def main() -> int:
+    """Try mutants of a module and print those that its tests overlook."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("module")
     parser.add_argument("tests", nargs="+")
