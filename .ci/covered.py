@@ -28,7 +28,10 @@ def main(text: str) -> int:
     """Tell both shares; 1 if one is too small."""
     found = shares(json.loads(text)["totals"])
     # cut, not rounded: 94.96 is not 95.0
-    print("covered:", ", ".join(f"{int(share * 10) / 10:.1f} % of {what}" for what, share in found.items()))
+    print(
+        "covered:",
+        ", ".join(f"{int(share * 10) / 10:.1f} % of {what}" for what, share in found.items()),
+    )
     short = [what for what, share in found.items() if share < LEAST[what]]
     for what in short:
         print(f"covered: at least {LEAST[what]:g} % of {what} must be run.", file=sys.stderr)

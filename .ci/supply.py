@@ -67,10 +67,20 @@ def check_licences() -> int:
 
 def check_advisories() -> int:
     """Ask pip-audit; return the exit code, 0 where nobody could be asked."""
-    command = ["pip-audit", "--format", "json", "--progress-spinner", "off", "--require-hashes", "--disable-pip"]
+    command = [
+        "pip-audit",
+        "--format",
+        "json",
+        "--progress-spinner",
+        "off",
+        "--require-hashes",
+        "--disable-pip",
+    ]
     command += ["--requirement", str(Path(__file__).parent / "pins" / "py3.11-test.txt")]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_SECONDS, check=False)
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=_SECONDS, check=False
+        )
         audited = json.loads(done.stdout)["dependencies"]
     except (OSError, subprocess.TimeoutExpired, ValueError, KeyError):
         print("advisories: SKIPPED, pip-audit is not installed or its service was not reached")
@@ -82,7 +92,9 @@ def check_advisories() -> int:
     if not known:
         print(f"advisories: SKIPPED, the service knows none of {len(audited)} packages")
     else:
-        print(f"advisories: {len(known)} of {len(audited)} packages looked up, {len(found)} advisories")
+        print(
+            f"advisories: {len(known)} of {len(audited)} packages looked up, {len(found)} advisories"
+        )
     return 1 if found else 0
 
 
@@ -94,10 +106,20 @@ def bill_of_materials() -> dict[str, object]:
         purl = f"pkg:pypi/{name}@{one.version}"
         licence = licence_of(one)
         components.append(
-            {"type": "library", "bom-ref": purl, "name": one.name, "version": one.version, "purl": purl}
+            {
+                "type": "library",
+                "bom-ref": purl,
+                "name": one.name,
+                "version": one.version,
+                "purl": purl,
+            }
             | ({"licenses": [{"license": {"name": licence}}]} if licence else {})
         )
-    own = {"type": "library", "name": "aspectgraph", "version": importlib.metadata.version("aspectgraph")}
+    own = {
+        "type": "library",
+        "name": "aspectgraph",
+        "version": importlib.metadata.version("aspectgraph"),
+    }
     metadata = {"component": own | {"licenses": [{"license": {"id": "Apache-2.0"}}]}}
     return {
         "bomFormat": "CycloneDX",

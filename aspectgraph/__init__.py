@@ -29,7 +29,13 @@ from aspectgraph.exceptions import (
     WidthError,
     WorkspaceError,
 )
-from aspectgraph.graph.analysis import Crossing, ListOfEntities, domain_path, richest_domains, stability
+from aspectgraph.graph.analysis import (
+    Crossing,
+    ListOfEntities,
+    domain_path,
+    richest_domains,
+    stability,
+)
 from aspectgraph.graph.aspect_graph import EntityAspectGraph, build_aspect_graph, graph_of
 from aspectgraph.graph.complete_graph import complete_aspect_graph
 from aspectgraph.graph.graphml import read_graphml, write_graphml

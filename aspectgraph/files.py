@@ -42,7 +42,9 @@ def read_text(path: str | os.PathLike[str], encoding: str = "utf-8", *, large: b
     except UnicodeEncodeError as error:
         raise OSError(errno.EINVAL, "half a character is no name of a file") from error
     with open(path, "rb") as file:
-        return io.TextIOWrapper(io.BytesIO(up_to_limit(file, large=large)), encoding=encoding).read()
+        return io.TextIOWrapper(
+            io.BytesIO(up_to_limit(file, large=large)), encoding=encoding
+        ).read()
 
 
 def up_to_limit(file: IO[bytes], *, large: bool) -> bytes:
@@ -83,7 +85,9 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
                     beside.unlink()
     except OSError as error:
         reason = error.strerror or error
-        raise OutputError(f"path must be a file that can be written. Got {str(path)!r}: {reason}.") from error
+        raise OutputError(
+            f"path must be a file that can be written. Got {str(path)!r}: {reason}."
+        ) from error
 
 
 def is_device(path: str | os.PathLike[str]) -> bool:

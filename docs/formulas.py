@@ -14,7 +14,9 @@ from latex2mathml.converter import convert
 from mkdocs.exceptions import PluginError
 
 # what pymdownx.arithmatex makes of $...$ and $$...$$, with the punctuation after it
-_FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>([.,;:)]*)', re.DOTALL)
+_FORMULA = re.compile(
+    r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>([.,;:)]*)', re.DOTALL
+)
 _TAG = re.compile(r"\\tag\{([^}]*)\}")
 
 # bars travel as private characters, so that the opening one is told from the closing one
@@ -24,7 +26,9 @@ _BAR = re.compile("<m[io]([^>]*)>([\ue000\ue001])</m[io]>")
 # of `mathvariant` browsers know "normal" only; the characters exist in Unicode
 _VARIANT = re.compile(r'<mi mathvariant="(bold|sans-serif|script|double-struck)">([A-Za-z])</mi>')
 # names of more than one letter, such as cos and max; other text is mtext
-_FUNCTION = re.compile(r'<m[io]( movablelimits="true")?>([A-Za-z]{2,})</m[io]>(?=(<mo stretchy="false">&#x00028;)?)')
+_FUNCTION = re.compile(
+    r'<m[io]( movablelimits="true")?>([A-Za-z]{2,})</m[io]>(?=(<mo stretchy="false">&#x00028;)?)'
+)
 # things that are taken for operations: the empty set, an angle
 _THING = re.compile("<mo>(&#x0(?:2205|2220);)</mo>")
 
@@ -66,7 +70,9 @@ def mathml(latex: str, display: str = "inline") -> str:
     # few fonts have the reverse solidus operator; the set minus is in most
     found = found.replace("<mi>&#x029F5;</mi>", "<mo>&#x02216;</mo>")
     # no space before the first
-    return found.replace('<mrow><mo form="prefix" lspace="0.17em"', '<mrow><mo form="prefix" lspace="0"')
+    return found.replace(
+        '<mrow><mo form="prefix" lspace="0.17em"', '<mrow><mo form="prefix" lspace="0"'
+    )
 
 
 def _bar(match: re.Match) -> str:

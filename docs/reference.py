@@ -90,7 +90,11 @@ def signature(name: str, value: Any) -> str:
     returned = given.return_annotation if not isinstance(value, type) else given.empty
     end = "" if returned is given.empty else f" -> {_annotation(returned)}"
     found = f"{short}({', '.join(items)}){end}"
-    return found if len(found) <= _MOST_LINE else "\n".join([f"{short}(", *(f"    {i}," for i in items), f"){end}"])
+    return (
+        found
+        if len(found) <= _MOST_LINE
+        else "\n".join([f"{short}(", *(f"    {i}," for i in items), f"){end}"])
+    )
 
 
 def _parameter(one: inspect.Parameter) -> str:

@@ -48,7 +48,9 @@ def check_positive(value: float, name: str) -> float:
     """Return `value` as a float greater than zero."""
     array = check_finite(value, name)
     if array.ndim != 0:
-        raise InvalidShapeError(f"{name} must be a single number. Got an array of shape {array.shape}.")
+        raise InvalidShapeError(
+            f"{name} must be a single number. Got an array of shape {array.shape}."
+        )
     if array <= 0.0:
         raise InvalidParameterError(f"{name} must be > 0. Got {float(array)}.")
     return float(array)
@@ -65,7 +67,9 @@ def check_probability(value: float, name: str) -> float:
     """Return `value` as a float in the open interval (0, 1)."""
     array = check_finite(value, name)
     if array.ndim != 0:
-        raise InvalidShapeError(f"{name} must be a single number. Got an array of shape {array.shape}.")
+        raise InvalidShapeError(
+            f"{name} must be a single number. Got an array of shape {array.shape}."
+        )
     if not 0.0 < array < 1.0:
         raise InvalidParameterError(f"{name} must be in (0, 1). Got {float(array)}.")
     return float(array)
@@ -81,7 +85,9 @@ def check_pixel_pitch(value: ArrayLike, name: str = "pixel_pitch_mm") -> NDArray
     return pitch
 
 
-def check_points(value: ArrayLike, focal_length_mm: float, name: str = "points") -> NDArray[np.float64]:
+def check_points(
+    value: ArrayLike, focal_length_mm: float, name: str = "points"
+) -> NDArray[np.float64]:
     """Return camera-frame points (..., 3), all in front of the lens centre."""
     points = check_finite(value, name)
     if points.ndim < 1 or points.shape[-1] != 3:
@@ -90,7 +96,9 @@ def check_points(value: ArrayLike, focal_length_mm: float, name: str = "points")
     return points
 
 
-def check_endpoints(value: ArrayLike, focal_length_mm: float, name: str = "endpoints") -> NDArray[np.float64]:
+def check_endpoints(
+    value: ArrayLike, focal_length_mm: float, name: str = "endpoints"
+) -> NDArray[np.float64]:
     """Return edge ends (..., 2, 3) that lie in front of the lens and whose image has a length."""
     endpoints = check_finite(value, name)
     if endpoints.ndim < 2 or endpoints.shape[-2:] != (2, 3):
@@ -104,7 +112,9 @@ def check_covariance(value: ArrayLike, name: str = "pose_covariance") -> NDArray
     """Return covariances (..., 6, 6) that are symmetric and positive semi-definite."""
     covariance = check_finite(value, name)
     if covariance.ndim < 2 or covariance.shape[-2:] != (6, 6):
-        raise InvalidShapeError(f"{name} must have shape (..., 6, 6). Got shape {covariance.shape}.")
+        raise InvalidShapeError(
+            f"{name} must have shape (..., 6, 6). Got shape {covariance.shape}."
+        )
     # Translations (mm2) and rotations (rad2) differ by orders of magnitude: judge the scale-free matrix.
     scale = np.sqrt(np.abs(np.diagonal(covariance, axis1=-2, axis2=-1)))
     scale = np.where(scale > 0.0, scale, 1.0)
@@ -112,15 +122,21 @@ def check_covariance(value: ArrayLike, name: str = "pose_covariance") -> NDArray
     asymmetry = np.abs(normalised - np.swapaxes(normalised, -1, -2))
     if (asymmetry > _COVARIANCE_RTOL).any():
         largest = np.abs(covariance - np.swapaxes(covariance, -1, -2)).max()
-        raise CovarianceError(f"{name} must be symmetric. Got a largest asymmetry of {largest:.6g}.")
+        raise CovarianceError(
+            f"{name} must be symmetric. Got a largest asymmetry of {largest:.6g}."
+        )
     smallest = np.linalg.eigvalsh(normalised).min(initial=0.0)
     if smallest < -_COVARIANCE_RTOL:
         smallest = np.linalg.eigvalsh(covariance).min()
-        raise CovarianceError(f"{name} must be positive semi-definite. Got smallest eigenvalue {smallest:.6g}.")
+        raise CovarianceError(
+            f"{name} must be positive semi-definite. Got smallest eigenvalue {smallest:.6g}."
+        )
     return covariance
 
 
-def check_leading_shapes(endpoints: NDArray[np.float64], covariance: NDArray[np.float64]) -> tuple[int, ...]:
+def check_leading_shapes(
+    endpoints: NDArray[np.float64], covariance: NDArray[np.float64]
+) -> tuple[int, ...]:
     """Return the common leading shape of endpoints (..., 2, 3) and covariances (..., 6, 6)."""
     try:
         return np.broadcast_shapes(endpoints.shape[:-2], covariance.shape[:-2])
@@ -193,7 +209,9 @@ def with_keywords_of(kind: type) -> Callable[[_Call], _Call]:
     return decorate
 
 
-def chosen(kind: type[_Options], function: Callable[..., Any], options: Mapping[str, object]) -> _Options:
+def chosen(
+    kind: type[_Options], function: Callable[..., Any], options: Mapping[str, object]
+) -> _Options:
     """Return the options of a call as the dataclass that holds them.
 
     Parameters
@@ -214,5 +232,7 @@ def chosen(kind: type[_Options], function: Callable[..., Any], options: Mapping[
     for name in options:
         if name not in known:
             legal = ", ".join(signature(function).parameters)
-            raise TypeError(f"{function.__name__}() got an unexpected keyword argument {name!r}. It takes {legal}.")
+            raise TypeError(
+                f"{function.__name__}() got an unexpected keyword argument {name!r}. It takes {legal}."
+            )
     return kind(**options)

@@ -71,10 +71,15 @@ def displace(points: ArrayLike, displacement: ArrayLike) -> NDArray[np.float64]:
     InvalidParameterError
         If a value is not finite.
     """
-    points, displacement = check_finite(points, "points"), check_finite(displacement, "displacement")
+    points, displacement = (
+        check_finite(points, "points"),
+        check_finite(displacement, "displacement"),
+    )
     for name, array, size in (("points", points, 3), ("displacement", displacement, 6)):
         if array.ndim < 1 or array.shape[-1] != size:
-            raise InvalidShapeError(f"{name} must have shape (..., {size}). Got shape {array.shape}.")
+            raise InvalidShapeError(
+                f"{name} must have shape (..., {size}). Got shape {array.shape}."
+            )
     phi = displacement[..., 3:]
     angle = np.linalg.norm(phi, axis=-1, keepdims=True)
     # np.sinc(x) = sin(pi x) / (pi x), finite at 0: Rodrigues' formula without a special case.

@@ -62,7 +62,11 @@ def length_expansion(
     endpoints = check_endpoints(endpoints, f)
     lead = endpoints.shape[:-2]
     flat = np.ascontiguousarray(endpoints).reshape(-1, 2, 3)
-    length, gradient, hessian = np.empty(len(flat)), np.empty((len(flat), 6)), np.empty((len(flat), 6, 6))
+    length, gradient, hessian = (
+        np.empty(len(flat)),
+        np.empty((len(flat), 6)),
+        np.empty((len(flat), 6, 6)),
+    )
     _expand_all(flat, f, length, gradient, hessian)
     return length.reshape(lead), gradient.reshape((*lead, 6)), hessian.reshape((*lead, 6, 6))
 

@@ -38,7 +38,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors.checks import MIN_IMAGE_LENGTH_MM
-from errors.expansion import expand  # numba's cache of this file does not notice changes of that one
+from errors.expansion import (
+    expand,
+)  # numba's cache of this file does not notice changes of that one
 
 # The sum stops where its terms are below this, which leaves less than about 1e-5 of it.
 _TAIL = 2e-6
@@ -106,7 +108,9 @@ def _joint_loop(endpoints, f, rx, ry, root, log_low, log_high, out):
         _whiten(g, h, s, b, m, work)
         b_norm2 = _tridiagonalise(b, m, alpha, beta2, work)
         low, high = length * log_low, length * log_high
-        out[i] = _interval_probability(alpha, beta2, b_norm2, (abs(e1) * rx, abs(e2) * ry, 0.0), low, high)
+        out[i] = _interval_probability(
+            alpha, beta2, b_norm2, (abs(e1) * rx, abs(e2) * ry, 0.0), low, high
+        )
 
 
 @nb.njit(cache=True, error_model="numpy")

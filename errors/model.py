@@ -58,7 +58,9 @@ class SuccessModel:
         self.pixel_pitch_mm = check_pixel_pitch(pixel_pitch_mm)
         self.covariance = check_covariance(pose_covariance)
         if self.covariance.shape != (6, 6):
-            raise InvalidShapeError(f"pose_covariance must have shape (6, 6). Got shape {self.covariance.shape}.")
+            raise InvalidShapeError(
+                f"pose_covariance must have shape (6, 6). Got shape {self.covariance.shape}."
+            )
         self.accuracy = check_probability(accuracy, "accuracy")
         self.model = model
         self._root = covariance_root(self.covariance)[None]
@@ -81,7 +83,9 @@ class SuccessModel:
         return solve(flat).reshape(endpoints.shape[:-2])
 
     def _joint(self, flat: NDArray[np.float64]) -> NDArray[np.float64]:
-        return joint_probability(flat, self.focal_length_mm, self.pixel_pitch_mm, self._root, self.accuracy)
+        return joint_probability(
+            flat, self.focal_length_mm, self.pixel_pitch_mm, self._root, self.accuracy
+        )
 
     def _of_imaged(self, flat: NDArray[np.float64]) -> NDArray[np.float64]:
         probability = np.zeros(len(flat))

@@ -70,4 +70,6 @@ def image_segment(
     f = check_positive(focal_length_mm, "focal_length_mm")
     image = project(check_endpoints(endpoints, f), focal_length_mm=f)
     difference = image[..., 1, :] - image[..., 0, :]
-    return np.hypot(difference[..., 0], difference[..., 1]), np.arctan2(difference[..., 1], difference[..., 0])
+    return np.hypot(difference[..., 0], difference[..., 1]), np.arctan2(
+        difference[..., 1], difference[..., 0]
+    )

@@ -143,7 +143,9 @@ class SegmentQuantization:
             Densities per mm, in the broadcast shape.
         """
         error, a, b = self._broadcast(error)
-        parts = _smooth_ramp(error + a, b) - 2.0 * _smooth_ramp(error, b) + _smooth_ramp(error - a, b)
+        parts = (
+            _smooth_ramp(error + a, b) - 2.0 * _smooth_ramp(error, b) + _smooth_ramp(error - a, b)
+        )
         return np.where(np.abs(error) < a + b, np.maximum(parts, 0.0) / a**2, 0.0)
 
     def cdf(self, error: ArrayLike) -> NDArray[np.float64]:
@@ -184,7 +186,10 @@ class SegmentQuantization:
         ends = np.random.default_rng(rng).uniform(-0.5, 0.5, (2, 2, n, *np.shape(self.angle_rad)))
         difference = ends[1] - ends[0]
         rx, ry = self.pixel_pitch_mm
-        return rx * np.cos(self.angle_rad) * difference[0] + ry * np.sin(self.angle_rad) * difference[1]
+        return (
+            rx * np.cos(self.angle_rad) * difference[0]
+            + ry * np.sin(self.angle_rad) * difference[1]
+        )
 
     def characteristic(self, t: ArrayLike) -> NDArray[np.float64]:
         """Return E exp(it error), real because the law is symmetric.

@@ -69,7 +69,9 @@ class NormalRatio:
             object.__setattr__(self, name, array)
         for name in ("var_n", "var_d"):
             if (getattr(self, name) < 0.0).any():
-                raise CovarianceError(f"{name} must be >= 0. Got {float(getattr(self, name).min())}.")
+                raise CovarianceError(
+                    f"{name} must be >= 0. Got {float(getattr(self, name).min())}."
+                )
         if (self.mean_d <= 0.0).any():
             raise InvalidParameterError(f"mean_d must be > 0. Got {float(self.mean_d.min())}.")
         excess = np.abs(self.cov) - np.sqrt(self.var_n * self.var_d) * (1.0 + 1e-9)
@@ -102,11 +104,15 @@ class NormalRatio:
         s, root = self._spread(w), self._root_det
         slope = self.mean_d * (self.var_n - w * self.cov)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            first = slope / (np.sqrt(2.0 * np.pi) * s**3) * np.exp(-0.5 * (self.mean_d * w / s) ** 2)
+            first = (
+                slope / (np.sqrt(2.0 * np.pi) * s**3) * np.exp(-0.5 * (self.mean_d * w / s) ** 2)
+            )
             first = first * erf(slope / (np.sqrt(2.0) * s * root))
             second = root / (np.pi * s**2) * np.exp(-0.5 * self.mean_d**2 * self.var_n / root**2)
         # Undefined only where the density vanishes: det = 0 (no second term) or s = 0 (w never reached).
-        density = np.nan_to_num(first, nan=0.0, posinf=0.0) + np.nan_to_num(second, nan=0.0, posinf=0.0)
+        density = np.nan_to_num(first, nan=0.0, posinf=0.0) + np.nan_to_num(
+            second, nan=0.0, posinf=0.0
+        )
         point_mass = np.where(w == 0.0, np.inf, 0.0)
         return np.where(self.var_n > 0.0, density, point_mass)
 
@@ -127,7 +133,9 @@ class NormalRatio:
         root = self._root_det
         step = np.where(w >= 0.0, 1.0, 0.0)
         height = _divide(self.mean_d * w, self._spread(w))
-        slope = _divide((self.var_n - w * self.cov) * np.where(w < 0.0, -1.0, 1.0), np.abs(w) * root)
+        slope = _divide(
+            (self.var_n - w * self.cov) * np.where(w < 0.0, -1.0, 1.0), np.abs(w) * root
+        )
         tail = owens_t(_divide(self.mean_d, np.sqrt(self.var_d)), _divide(self.cov, root))
         below = np.clip(step - 2.0 * owens_t(height, slope) - 2.0 * tail, 0.0, 1.0)
         return np.where(self.var_n > 0.0, below, step)
@@ -187,7 +195,9 @@ class NormalRatio:
 
     def _regression(self) -> tuple[FloatArray, FloatArray]:
         """Return slope and residual variance of N on D."""
-        slope = np.divide(self.cov, self.var_d, out=np.zeros(self.cov.shape), where=self.var_d > 0.0)
+        slope = np.divide(
+            self.cov, self.var_d, out=np.zeros(self.cov.shape), where=self.var_d > 0.0
+        )
         return slope, np.maximum(self.var_n - slope * self.cov, 0.0)
 
 

@@ -119,7 +119,9 @@ class AxisDisplacement(_FourierLaw):
         As `success_probability`.
     """
 
-    def __init__(self, endpoints: ArrayLike, axis: str, *, focal_length_mm: float, pose_covariance: ArrayLike) -> None:
+    def __init__(
+        self, endpoints: ArrayLike, axis: str, *, focal_length_mm: float, pose_covariance: ArrayLike
+    ) -> None:
         if axis not in ("u", "v"):
             raise InvalidParameterError(f"axis must be 'u' or 'v'. Got {axis!r}.")
         along_u, along_v = _end_laws(endpoints, focal_length_mm, pose_covariance)
@@ -182,11 +184,19 @@ class SegmentDisplacement(_FourierLaw):
         As `success_probability`.
     """
 
-    def __init__(self, endpoints: ArrayLike, *, focal_length_mm: float, pose_covariance: ArrayLike) -> None:
-        kwargs: dict[str, Any] = {"focal_length_mm": focal_length_mm, "pose_covariance": pose_covariance}
+    def __init__(
+        self, endpoints: ArrayLike, *, focal_length_mm: float, pose_covariance: ArrayLike
+    ) -> None:
+        kwargs: dict[str, Any] = {
+            "focal_length_mm": focal_length_mm,
+            "pose_covariance": pose_covariance,
+        }
         angle = image_segment(endpoints, focal_length_mm=focal_length_mm)[1]
         self._cosine, self._sine = np.cos(angle), np.sin(angle)
-        self._u, self._v = AxisDisplacement(endpoints, "u", **kwargs), AxisDisplacement(endpoints, "v", **kwargs)
+        self._u, self._v = (
+            AxisDisplacement(endpoints, "u", **kwargs),
+            AxisDisplacement(endpoints, "v", **kwargs),
+        )
 
     @property
     def std(self) -> NDArray[np.float64]:

@@ -35,7 +35,11 @@ def check_probability(name: str, value: Any) -> float:
 def check_nonnegative(name: str, value: Any) -> float:
     """Return `value` as a finite float that is not negative."""
     number: Any = value
-    if not isinstance(value, Real) or isinstance(value, bool) or not (math.isfinite(number) and number >= 0.0):
+    if (
+        not isinstance(value, Real)
+        or isinstance(value, bool)
+        or not (math.isfinite(number) and number >= 0.0)
+    ):
         raise ParameterError(f"{name} must be finite and not negative. Got {value!r}.")
     return float(value)
 
@@ -65,7 +69,9 @@ def check_flag(name: str, value: Any) -> bool:
 def check_callable(name: str, value: Any, *, optional: bool = False) -> None:
     """Raise unless `value` can be called (or is None where `optional`)."""
     if not callable(value) and not (optional and value is None):
-        raise ParameterError(f"{name} must be callable{' or None' if optional else ''}. Got {value!r}.")
+        raise ParameterError(
+            f"{name} must be callable{' or None' if optional else ''}. Got {value!r}."
+        )
 
 
 def check_rng(rng: Any) -> tuple[np.random.Generator, int | None]:
@@ -82,7 +88,9 @@ def check_rng(rng: Any) -> tuple[np.random.Generator, int | None]:
     elif isinstance(rng, Integral) and not isinstance(rng, bool) and int(rng) >= 0:
         seed = int(rng)
     else:
-        raise ParameterError(f"rng must be a non-negative integer, a numpy Generator or None. Got {rng!r}.")
+        raise ParameterError(
+            f"rng must be a non-negative integer, a numpy Generator or None. Got {rng!r}."
+        )
     return np.random.default_rng(seed), seed
 
 
@@ -99,7 +107,11 @@ def check_range(low: object, high: object, n_genes: int) -> tuple[np.ndarray, np
     ends = []
     for name, value in (("low", low), ("high", high)):
         array = as_array(value)
-        if array.dtype.kind not in "biuf" or array.shape not in ((), (n_genes,)) or not np.isfinite(array).all():
+        if (
+            array.dtype.kind not in "biuf"
+            or array.shape not in ((), (n_genes,))
+            or not np.isfinite(array).all()
+        ):
             raise ParameterError(
                 f"{name} must be one finite number, or one for each of {n_genes} genes. Got {value!r}."
             )
@@ -114,7 +126,9 @@ def check_bits(name: str, bits: object, n_bits: int | None = None) -> np.ndarray
     array = as_array(bits)
     if array.ndim == 0 or (n_bits is not None and array.shape[-1] != n_bits):
         length = "" if n_bits is None else f"{n_bits} "
-        raise ParameterError(f"{name} must have {length}bits along its last axis. Got shape {array.shape}.")
+        raise ParameterError(
+            f"{name} must have {length}bits along its last axis. Got shape {array.shape}."
+        )
     if array.dtype.kind not in "biuf":
         raise ParameterError(f"{name} must hold only 0 and 1. Got an array of {array.dtype}.")
     wrong = (array != 0) & (array != 1)
@@ -142,7 +156,9 @@ def call_fitness(fitness: Callable[..., object], bits: np.ndarray) -> np.ndarray
     values = values.astype(np.float64)
     wrong = np.flatnonzero(~np.isfinite(values))
     if wrong.size:
-        raise FitnessError(f"fitness must be finite. Got {values[wrong[0]]} for individual {wrong[0]} of {len(bits)}.")
+        raise FitnessError(
+            f"fitness must be finite. Got {values[wrong[0]]} for individual {wrong[0]} of {len(bits)}."
+        )
     return values
 
 

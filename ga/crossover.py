@@ -3,7 +3,9 @@
 import numpy as np
 
 
-def exchange_tails(first: np.ndarray, second: np.ndarray, cuts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def exchange_tails(
+    first: np.ndarray, second: np.ndarray, cuts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Two children of each couple: the parents with their bits from the cut on exchanged.
 
     Parameters
@@ -30,7 +32,9 @@ def draw_cuts(n: int, n_bits: int, probability: float, rng: np.random.Generator)
     return np.where(crossed, rng.integers(1, n_bits, n), n_bits)
 
 
-def one_point(first: np.ndarray, second: np.ndarray, probability: float, rng: np.random.Generator) -> np.ndarray:
+def one_point(
+    first: np.ndarray, second: np.ndarray, probability: float, rng: np.random.Generator
+) -> np.ndarray:
     """Cross each couple at one random place, with a given probability.
 
     Parameters

@@ -58,7 +58,9 @@ def breed(
     return flip_bits(children, how.mutation, rng)[:n], parents[:n]
 
 
-def next_generation(population: np.ndarray, fitness: np.ndarray, how: Breeding, rng: np.random.Generator) -> Brood:
+def next_generation(
+    population: np.ndarray, fitness: np.ndarray, how: Breeding, rng: np.random.Generator
+) -> Brood:
     """Make the next population, of the same size and all feasible.
 
     The best `elitism` individuals come first, unchanged. Every other place draws an offspring; one that is infeasible

@@ -35,7 +35,9 @@ class Operators:
     attempts: int = 20
     initial_attempts: int = 100
 
-    def breeding(self, size: int, crossover: float, mutation: float, feasible: Feasible | None) -> Breeding:
+    def breeding(
+        self, size: int, crossover: float, mutation: float, feasible: Feasible | None
+    ) -> Breeding:
         """Return how a population of a size is bred; a broken rule is a `ParameterError`."""
         return Breeding(
             crossover=checks.check_probability("crossover", crossover),

@@ -35,7 +35,9 @@ def first_seen(bits: np.ndarray) -> np.ndarray:
     return first[inverse.ravel()]
 
 
-def evaluate(fitness: Fitness, bits: np.ndarray, known_bits: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, int]:
+def evaluate(
+    fitness: Fitness, bits: np.ndarray, known_bits: np.ndarray, known: np.ndarray
+) -> tuple[np.ndarray, int]:
     """Fitness of every row, calling `fitness` once, and only for what is not known yet.
 
     Parameters
@@ -148,10 +150,14 @@ def _distinct(rows: np.ndarray) -> np.ndarray:
     return result
 
 
-def _given_rows(initial: np.ndarray, size: int, n_bits: int, feasible: Feasible | None) -> np.ndarray:
+def _given_rows(
+    initial: np.ndarray, size: int, n_bits: int, feasible: Feasible | None
+) -> np.ndarray:
     rows = check_population("initial", initial, n_bits)
     if len(rows) > size:
-        raise ParameterError(f"initial must have at most {size} rows, the population size. Got {len(rows)}.")
+        raise ParameterError(
+            f"initial must have at most {size} rows, the population size. Got {len(rows)}."
+        )
     if feasible is not None and len(rows):
         infeasible = np.flatnonzero(~call_feasible(feasible, frozen(rows.copy())))
         if infeasible.size:

@@ -47,7 +47,11 @@ class Record:
         counts = (self.nfev, brood.drawn, brood.eliminated, brood.kept)
         self._rows.append((float(fitness[best]), total / len(fitness), total, *counts))
         if fitness[best] > self.fun:
-            self.x, self.fun, self.improved = frozen(self.population[best].copy()), float(fitness[best]), self.nit
+            self.x, self.fun, self.improved = (
+                frozen(self.population[best].copy()),
+                float(fitness[best]),
+                self.nit,
+            )
 
     def generation(self) -> Generation:
         """Return the present state, as the callback sees it."""

@@ -131,11 +131,15 @@ def maximize(
     size = checks.check_integer("population", population, 2)
     breeding = how.breeding(size, crossover, mutation, feasible)
     if not breeding.duplicates and n_bits < size.bit_length() and 2**n_bits < size:
-        raise ParameterError(f"population must be at most 2**n_bits = {2**n_bits} without duplicates. Got {size}.")
+        raise ParameterError(
+            f"population must be at most 2**n_bits = {2**n_bits} without duplicates. Got {size}."
+        )
     stopping = how.stopping(size, breeding.elitism)
     most_draws = checks.check_integer("initial_attempts", how.initial_attempts, 1)
     generator, seed = checks.check_rng(how.rng)
-    first = initial_population(initial, (size, n_bits), feasible, most_draws, not breeding.duplicates, generator)
+    first = initial_population(
+        initial, (size, n_bits), feasible, most_draws, not breeding.duplicates, generator
+    )
     record, reason = _evolve(fitness, first, breeding, stopping, how.callback, generator)
     return stopping.result(record, reason, seed)
 

@@ -62,8 +62,12 @@ with (
     get_task_stream(client=client) as tasks,
 ):
     begin = time.perf_counter()
-    together = plan_inspection(*request, effort=Effort.named("quick"), executor=client.get_executor())
-    print(f"{time.perf_counter() - begin:.1f} s on {len(client.scheduler_info()['workers'])} workers")
+    together = plan_inspection(
+        *request, effort=Effort.named("quick"), executor=client.get_executor()
+    )
+    print(
+        f"{time.perf_counter() - begin:.1f} s on {len(client.scheduler_info()['workers'])} workers"
+    )
 together
 
 # %% [markdown]
@@ -71,16 +75,37 @@ together
 # client chooses what is needed next.
 
 # %%
-done = [(one["key"].rpartition("-")[0].lstrip("_"), one["worker"], *one["startstops"]) for one in tasks.data]
+done = [
+    (one["key"].rpartition("-")[0].lstrip("_"), one["worker"], *one["startstops"])
+    for one in tasks.data
+]
 first = min(times["start"] for _, _, *steps in done for times in steps)
-workers, kinds = sorted({worker for _, worker, *_ in done}), list(dict.fromkeys(kind for kind, *_ in done))
+workers, kinds = (
+    sorted({worker for _, worker, *_ in done}),
+    list(dict.fromkeys(kind for kind, *_ in done)),
+)
 fig, ax = plt.subplots(figsize=(10, 2.2), layout="constrained")
 for k, kind in enumerate(kinds):
     for row, worker in enumerate(workers):
         steps = [one for name, at, *steps in done if (name, at) == (kind, worker) for one in steps]
-        bars = [(one["start"] - first, one["stop"] - one["start"]) for one in steps if one["action"] == "compute"]
-        ax.broken_barh(bars, (row - 0.35, 0.7), color=f"C{k}", ec="white", lw=0.5, label=kind if row == 0 else None)
-ax.set(xlabel="seconds", yticks=range(len(workers)), yticklabels=[f"worker {k + 1}" for k in range(len(workers))])
+        bars = [
+            (one["start"] - first, one["stop"] - one["start"])
+            for one in steps
+            if one["action"] == "compute"
+        ]
+        ax.broken_barh(
+            bars,
+            (row - 0.35, 0.7),
+            color=f"C{k}",
+            ec="white",
+            lw=0.5,
+            label=kind if row == 0 else None,
+        )
+ax.set(
+    xlabel="seconds",
+    yticks=range(len(workers)),
+    yticklabels=[f"worker {k + 1}" for k in range(len(workers))],
+)
 fig.legend(loc="outside upper center", ncols=len(kinds), frameon=False)
 plt.show()
 assert len(workers) == 2

@@ -36,14 +36,18 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-root = next(folder for folder in (Path.cwd(), *Path.cwd().parents) if (folder / "benchmarks").is_dir())
+root = next(
+    folder for folder in (Path.cwd(), *Path.cwd().parents) if (folder / "benchmarks").is_dir()
+)
 sys.path.insert(0, str(root / "benchmarks" / "planning"))
 
 from anytime import Point, ahead_s
 from cases import FEW, case_name
 from rivals import OURS, Problem, run
 
-plt.rcParams.update({"figure.constrained_layout.use": True, "axes.grid": True, "grid.alpha": 0.3, "font.size": 9})
+plt.rcParams.update(
+    {"figure.constrained_layout.use": True, "axes.grid": True, "grid.alpha": 0.3, "font.size": 9}
+)
 
 
 def load(name):
@@ -79,7 +83,9 @@ for r in equal:
     r["shortfall"] = 100 * (1 - max(float(r["fitness"]), 0) / best[r["case"]])
 methods = grouped(equal, "method")
 
-print(f"{'shortfall in %':<26}{'median':>10}{'worst':>10}{'s.d.':>10}{'evaluated':>12}{'tried':>10}{'seconds':>10}")
+print(
+    f"{'shortfall in %':<26}{'median':>10}{'worst':>10}{'s.d.':>10}{'evaluated':>12}{'tried':>10}{'seconds':>10}"
+)
 for (method,), runs in methods.items():
     lost = column(runs, "shortfall")
     means = [column(runs, key).mean() for key in ("evaluated", "tried", "seconds")]
@@ -96,7 +102,10 @@ for y, runs in enumerate(methods.values()):
         left.plot(np.maximum(own, FLOOR), y + 0.09 * (k - 2.5) + 0 * own, ".", color=f"C{k}", ms=6)
     right.barh(y, column(runs, "seconds").mean(), color="0.6")
 left.set(
-    xscale="log", xlabel=f"shortfall, % (below {FLOOR:g} drawn there)", yticks=range(len(names)), yticklabels=names
+    xscale="log",
+    xlabel=f"shortfall, % (below {FLOOR:g} drawn there)",
+    yticks=range(len(names)),
+    yticklabels=names,
 )
 left.axvline(0.5, color="k", lw=0.8, ls=":")
 for k, case in enumerate(cases):
@@ -113,7 +122,10 @@ plt.show()
 
 # %%
 for (case,), runs in grouped(equal, "case").items():
-    medians = {method: np.median(column(own, "shortfall")) for (method,), own in grouped(runs, "method").items()}
+    medians = {
+        method: np.median(column(own, "shortfall"))
+        for (method,), own in grouped(runs, "method").items()
+    }
     ours = medians.pop("plan_setting")
     ahead = [f"{method} by {ours - lost:.4f} %" for method, lost in medians.items() if lost < ours]
     print(f"{case:<60} {'; '.join(ahead) or 'nowhere'}")
@@ -168,8 +180,14 @@ plt.show()
 # %%
 case = FEW[0]
 again = run(Problem(*case), OURS, 0)
-stored = next(r for r in equal if (r["case"], r["method"], r["seed"]) == (case_name(case), "plan_setting", "0"))
-print(f"{case_name(case)}: stored {float(stored['fitness']):.6f}, now {again.fitness:.6f} in {again.seconds:.2f} s")
+stored = next(
+    r
+    for r in equal
+    if (r["case"], r["method"], r["seed"]) == (case_name(case), "plan_setting", "0")
+)
+print(
+    f"{case_name(case)}: stored {float(stored['fitness']):.6f}, now {again.fitness:.6f} in {again.seconds:.2f} s"
+)
 
 # %% [markdown]
 # ## Planners
@@ -193,8 +211,14 @@ for (part,), runs in grouped(planners, "part").items():
     print(f"{part}: proven that at least {bound} settings are needed")
     print(f"  {'':<36}{'settings':>10}{'left out':>10}{'worst P':>18}{'seconds':>18}")
     for (planner,), own in grouped(runs, "planner").items():
-        cells = (span(column(own, "settings")), span(column(own, "missing")), span(column(own, "worst"), "{:.3f}"))
-        print(f"  {planner:<36}{cells[0]:>10}{cells[1]:>10}{cells[2]:>18}{span(column(own, 'seconds'), '{:.2f}'):>18}")
+        cells = (
+            span(column(own, "settings")),
+            span(column(own, "missing")),
+            span(column(own, "worst"), "{:.3f}"),
+        )
+        print(
+            f"  {planner:<36}{cells[0]:>10}{cells[1]:>10}{cells[2]:>18}{span(column(own, 'seconds'), '{:.2f}'):>18}"
+        )
 
 # %%
 parts, kinds = [list(grouped(planners, key)) for key in ("part", "planner")]
@@ -218,7 +242,9 @@ for j, (part,) in enumerate(parts):
 for ax in axes[:, 0]:
     ax.set(yticks=range(len(kinds)), yticklabels=[planner for (planner,) in kinds])
 axes[0, 0].invert_yaxis()
-fig.suptitle("Plans for all entities of a part; dotted: the proven lower bound, black: range over the seeds")
+fig.suptitle(
+    "Plans for all entities of a part; dotted: the proven lower bound, black: range over the seeds"
+)
 plt.show()
 
 # %% [markdown]
@@ -245,7 +271,8 @@ plt.show()
 # %%
 anytime = grouped(load("anytime.csv"), "part")
 print(
-    f"{'':<14}{'greedy cover':>24}{'supported':>11}{'as many':>24}{'in no more settings':>24}{'in the end':>24}", end=""
+    f"{'':<14}{'greedy cover':>24}{'supported':>11}{'as many':>24}{'in no more settings':>24}{'in the end':>24}",
+    end="",
 )
 print(f"{'at least':>10}")
 for (part,), runs in anytime.items():
@@ -258,7 +285,9 @@ for (part,), runs in anytime.items():
         for r in (greedy, next(iter(as_many), None), next(iter(as_few), None), ours[-1])
     ]
     bound = ours[-1]["bound"]
-    print(f"{part:<14}{told[0]:>24}{greedy['supported']:>11}{told[1]:>24}{told[2]:>24}{told[3]:>24}{bound:>10}")
+    print(
+        f"{part:<14}{told[0]:>24}{greedy['supported']:>11}{told[1]:>24}{told[2]:>24}{told[3]:>24}{bound:>10}"
+    )
 
 # %% [markdown]
 # A rival is *ahead* while it inspects as many entities as the best plan told of so far, supported or not, with fewer
@@ -269,7 +298,8 @@ for (part,), runs in anytime.items():
 def point(row):
     """Return a row as the benchmark has it."""
     return Point(
-        float(row["seconds"]), *(int(row[name] or 0) for name in ("settings", "inspected", "supported", "bound"))
+        float(row["seconds"]),
+        *(int(row[name] or 0) for name in ("settings", "inspected", "supported", "bound")),
     )
 
 
@@ -286,13 +316,20 @@ for ax, ((part,), runs) in zip(axes.flat, anytime.items(), strict=False):
     most = column(ours, "inspected").max()
     times, whole = column(ours, "seconds"), column(ours, "inspected") >= most
     ax.step(times, column(ours, "settings"), "C0:", where="post")
-    ax.step(times[whole], column(ours, "settings")[whole], "C0-", where="post", label="plan_inspection")
+    ax.step(
+        times[whole], column(ours, "settings")[whole], "C0-", where="post", label="plan_inspection"
+    )
     ax.step(times, column(ours, "bound"), "k:", where="post", lw=1, label="at least (proven)")
     for k, r in enumerate(r for r in runs if r["planner"] != "plan_inspection"):
         x, y, seen = float(r["seconds"]), int(r["settings"]), int(r["inspected"])
         if seen:
             ax.plot(
-                x, y, "os^D"[k], color=f"C{k + 1}", label=r["planner"], fillstyle="full" if seen >= most else "none"
+                x,
+                y,
+                "os^D"[k],
+                color=f"C{k + 1}",
+                label=r["planner"],
+                fillstyle="full" if seen >= most else "none",
             )
     ax.set(xscale="log", xlabel="seconds of processor time", ylabel="settings", ylim=(0, None))
     ax.set_title(f"{part}: {most:.0f} entities")

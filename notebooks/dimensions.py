@@ -27,7 +27,9 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-root = next(folder for folder in (Path.cwd(), *Path.cwd().parents) if (folder / "benchmarks").is_dir())
+root = next(
+    folder for folder in (Path.cwd(), *Path.cwd().parents) if (folder / "benchmarks").is_dir()
+)
 sys.path.insert(0, str(root / "benchmarks" / "images"))
 
 from dimension_images import POINTS, Setting, as_measured, best_lamp, measure, triangles_of
@@ -55,7 +57,9 @@ found = read_dimensions(PART, solid)
 print(f"{'name':18}{'kind':10}{'nominal':>8}  {'tolerance':16}entities")
 for one in found:
     tolerance = "" if one.tolerance is None else f"[{one.tolerance[0]:+g}, {one.tolerance[1]:+g}]"
-    print(f"{one.name:18}{one.kind:10}{one.nominal:8g}  {tolerance:16}{', '.join(map(str, one.entities or ()))}")
+    print(
+        f"{one.name:18}{one.kind:10}{one.nominal:8g}  {tolerance:16}{', '.join(map(str, one.entities or ()))}"
+    )
 
 # %% [markdown]
 # ## A plan for four of them
@@ -105,7 +109,9 @@ for name, reason in plan.uninspectable.items():
 best = {}
 for setting in plan.settings:
     for name in setting.entities:
-        best[name] = max(best.get(name, setting), setting, key=lambda one: one.probability.get(name, 0))
+        best[name] = max(
+            best.get(name, setting), setting, key=lambda one: one.probability.get(name, 0)
+        )
 places = {name: setting.cam2world for name, setting in best.items()}
 predictions = {}
 print(f"{'name':18}{'nominal':>8}{'permitted':>11}{'P':>16}{'U':>8}{'U/T':>7}  accepted between")
@@ -124,7 +130,11 @@ for name, pose in places.items():
     if planned.tolerance:
         ratio = f"{uncertainty_ratio(p.expanded_uncertainty, planned.tolerance):.3f}"
         between = acceptance_limits(planned.tolerance, p.expanded_uncertainty)
-        limits = "nowhere" if between is None else f"{p.nominal + between[0]:.4f} and {p.nominal + between[1]:.4f}"
+        limits = (
+            "nowhere"
+            if between is None
+            else f"{p.nominal + between[0]:.4f} and {p.nominal + between[1]:.4f}"
+        )
     print(
         f"{name:18}{p.nominal:8.3f}{p.permitted_error:11.4f}{probability_text(p.probability):>16}{p.expanded_uncertainty:8.4f}"
         f"{ratio:>7}  {limits}"
@@ -138,10 +148,14 @@ assert all(p.probability >= 0.7 for p in predictions.values())
 fig, ax = plt.subplots(figsize=(8, 2.4))
 left = np.zeros(len(predictions))
 for source in ("translation", "rotation", "localisation"):
-    share = np.array([100 * p.budget[source] / sum(p.budget.values()) for p in predictions.values()])
+    share = np.array(
+        [100 * p.budget[source] / sum(p.budget.values()) for p in predictions.values()]
+    )
     ax.barh(range(len(predictions)), share, left=left, label=source)
     left += share
-ax.set(yticks=range(len(predictions)), yticklabels=list(predictions), xlabel="share of the variance, %")
+ax.set(
+    yticks=range(len(predictions)), yticklabels=list(predictions), xlabel="share of the variance, %"
+)
 fig.legend(loc="outside upper center", ncols=3)
 plt.show()
 
@@ -154,7 +168,9 @@ print(simulation)
 for number, rates in enumerate(simulation.rates, 1):
     for name, rate in rates.items():
         share = f"{frequency_text(rate.successes, rate.n)} [{interval_text(rate.low, rate.high)}]"
-        print(f"setting {number}: {name:18} promised {probability_text(rate.predicted)}, simulated {share}")
+        print(
+            f"setting {number}: {name:18} promised {probability_text(rate.predicted)}, simulated {share}"
+        )
 
 # %% [markdown]
 # ## Measured in rendered images
@@ -167,7 +183,9 @@ for number, rates in enumerate(simulation.rates, 1):
 def picture(renderer, pose, lamp, low, high, step):
     """The grey values of a window of the image, every `step` pixels, without blur and noise."""
     u, v = np.meshgrid(np.arange(low[0], high[0], step), np.arange(low[1], high[1], step))
-    rays = np.stack([u, v, np.ones_like(u)], axis=-1).reshape(-1, 3) @ np.linalg.inv(renderer.matrix).T
+    rays = (
+        np.stack([u, v, np.ones_like(u)], axis=-1).reshape(-1, 3) @ np.linalg.inv(renderer.matrix).T
+    )
     return renderer._grey(pose, rays, lamp).reshape(u.shape)
 
 
@@ -182,7 +200,12 @@ for seed, name in enumerate([name for name in NAMES if name in places][:3]):
 shown = list(settings.values())[-1]
 fig, axes = plt.subplots(1, 2, figsize=(10, 4))
 pieces = [
-    (points, found_points(renderer, shown.pose, points, tangents, shown.lamp, np.random.default_rng(0))[0])
+    (
+        points,
+        found_points(renderer, shown.pose, points, tangents, shown.lamp, np.random.default_rng(0))[
+            0
+        ],
+    )
     for points, tangents in shown.measured.points(POINTS)
 ]
 pixels = np.concatenate([found_here for _, found_here in pieces])

@@ -37,7 +37,10 @@ EXAMPLES = Path("../examples") if Path("../examples").is_dir() else Path("exampl
 
 solid = read_solid(EXAMPLES / "nist_ctc_01_ap242.stp")
 named = read_entities(EXAMPLES / "nist_ctc_01_entities.toml", solid)
-wanted = {name: named[name] for name in ("plate_left", "slot_front", "boss_corner_front", "foot_back_left")}
+wanted = {
+    name: named[name]
+    for name in ("plate_left", "slot_front", "boss_corner_front", "foot_back_left")
+}
 eag = build_aspect_graph(solid, wanted)
 eag
 
@@ -48,8 +51,12 @@ eag
 best = richest_domains(eag, 3)
 for node in best:
     data = eag.graph.nodes[node]
-    print(f"domain {node}: {', '.join(data['observable'])}; room for a ball of {data['clearance']:.0f} mm")
-assert len(eag.graph.nodes[best[0]]["observable"]) == max(len(o) for _, o in eag.graph.nodes(data="observable"))
+    print(
+        f"domain {node}: {', '.join(data['observable'])}; room for a ball of {data['clearance']:.0f} mm"
+    )
+assert len(eag.graph.nodes[best[0]]["observable"]) == max(
+    len(o) for _, o in eag.graph.nodes(data="observable")
+)
 
 # %% [markdown]
 # ## Stability by volume
@@ -60,11 +67,15 @@ assert len(eag.graph.nodes[best[0]]["observable"]) == max(len(o) for _, o in eag
 # %%
 lists = stability(eag)
 for one in lists:
-    print(f"{one.share:7.2%}  {len(one.domains):3d} domains  {', '.join(one.observable) or 'nothing'}")
+    print(
+        f"{one.share:7.2%}  {len(one.domains):3d} domains  {', '.join(one.observable) or 'nothing'}"
+    )
 assert abs(sum(one.share for one in lists) - 1) < 1e-9
 
 fig, ax = plt.subplots(figsize=(8, 0.35 * len(lists) + 1), constrained_layout=True)
-ax.barh([", ".join(one.observable) or "nothing" for one in lists], [100 * one.share for one in lists])
+ax.barh(
+    [", ".join(one.observable) or "nothing" for one in lists], [100 * one.share for one in lists]
+)
 ax.set(xlabel="share of the space around the part (%)")
 ax.invert_yaxis()
 
@@ -83,7 +94,9 @@ plt.show()
 # %%
 start = next(one for one in lists if not one.observable).domains[0]
 for step in domain_path(eag, start, best[0]):
-    print(f"into domain {step.domain}: + {', '.join(step.appear) or '-'}   - {', '.join(step.vanish) or '-'}")
+    print(
+        f"into domain {step.domain}: + {', '.join(step.appear) or '-'}   - {', '.join(step.vanish) or '-'}"
+    )
 
 # %% [markdown]
 # It is a networkx graph, so every other question can be asked as well: how many crossings lie between the two domains

@@ -52,7 +52,9 @@ PITCH = (0.010, 0.013)
 PAPER = np.diag([0.03] * 3 + [0.003] * 3)
 CAMERA = {"focal_length_mm": F, "pixel_pitch_mm": PITCH}
 rng = np.random.default_rng(2001)
-plt.rcParams.update({"figure.constrained_layout.use": True, "axes.grid": True, "grid.alpha": 0.3, "font.size": 9})
+plt.rcParams.update(
+    {"figure.constrained_layout.use": True, "axes.grid": True, "grid.alpha": 0.3, "font.size": 9}
+)
 
 
 def edge_at(depth, angle_deg, length=50.0, tilt=0.2, centre=(0.0, 0.0)):
@@ -94,11 +96,17 @@ for ax, degrees in zip(axes, (40.0, 50.0), strict=False):
     law = SegmentQuantization(np.radians(degrees), PITCH)
     ax.hist(law.sample(1_000_000, rng), bins=100, density=True, color="0.85", label="10⁶ samples")
     ax.plot(error, law.pdf(error), label="eq. 3")
-    ax.set(xlabel="quantization error ε (mm)", title=f"γ = {degrees:.0f}°", xticks=[-0.01, 0.0, 0.01])
+    ax.set(
+        xlabel="quantization error ε (mm)", title=f"γ = {degrees:.0f}°", xticks=[-0.01, 0.0, 0.01]
+    )
 axes[0].set_ylabel("probability density (1/mm)")
 axes[0].legend()
 for degrees in (0.0, 1.0, 10.0, 45.0, 90.0):
-    axes[2].plot(error, SegmentQuantization(np.radians(degrees), PITCH).pdf(error), label=f"γ = {degrees:.0f}°")
+    axes[2].plot(
+        error,
+        SegmentQuantization(np.radians(degrees), PITCH).pdf(error),
+        label=f"γ = {degrees:.0f}°",
+    )
 axes[2].set(xlabel="quantization error ε (mm)", title="towards the axes", xticks=[-0.01, 0.0, 0.01])
 axes[2].legend()
 fig.suptitle("Fig. 4: quantization error of a segment's length, pixels of 0.010 × 0.013 mm")
@@ -119,12 +127,16 @@ fig, axes = plt.subplots(1, 2, figsize=(8.5, 3), sharey=True)
 laws = point_displacement(point, focal_length_mm=F, pose_covariance=PAPER)
 for ax, law, moved, name in zip(axes, laws, shift.T, "uv", strict=True):
     w = np.linspace(-6.0, 6.0, 601)
-    ax.hist(moved, bins=np.linspace(-6, 6, 121), density=True, color="0.85", label="10⁶ exact poses")
+    ax.hist(
+        moved, bins=np.linspace(-6, 6, 121), density=True, color="0.85", label="10⁶ exact poses"
+    )
     ax.plot(w, law.pdf(w), label="eq. 11" if name == "v" else "eq. 10")
     ax.set(xlabel=f"displacement of the image point along {name} (mm)")
     ax.legend()
 axes[0].set_ylabel("probability density (1/mm)")
-fig.suptitle("Fig. 7: displacement of the image of the point (30, −20, −275) mm, σ² = 0.03 mm² and 0.003 rad²")
+fig.suptitle(
+    "Fig. 7: displacement of the image of the point (30, −20, −275) mm, σ² = 0.03 mm² and 0.003 rad²"
+)
 plt.show()
 
 # %% [markdown]
@@ -142,11 +154,20 @@ independent = SegmentDisplacement(edge, focal_length_mm=F, pose_covariance=PAPER
 total = SegmentError(edge, **CAMERA, pose_covariance=PAPER)
 fig, axes = plt.subplots(1, 2, figsize=(10, 3.2))
 wide = np.linspace(-6.0, 6.0, 801)
-axes[0].hist(true_error, bins=np.linspace(-6, 6, 801), density=True, color="C1", label="true: 10⁶ exact poses")
+axes[0].hist(
+    true_error,
+    bins=np.linspace(-6, 6, 801),
+    density=True,
+    color="C1",
+    label="true: 10⁶ exact poses",
+)
 axes[0].plot(wide, independent.pdf(wide), label="eq. 14, independent ends")
 axes[0].plot(wide, total.pdf(wide), "C3--", label="eq. 15, with quantization")
 axes[0].set(
-    yscale="log", ylim=(1e-3, 1e2), xlabel="error of the image length ε (mm)", ylabel="probability density (1/mm)"
+    yscale="log",
+    ylim=(1e-3, 1e2),
+    xlabel="error of the image length ε (mm)",
+    ylabel="probability density (1/mm)",
 )
 axes[0].legend()
 narrow = np.linspace(-0.15, 0.2, 351)
@@ -155,9 +176,13 @@ axes[1].plot(narrow, independent.pdf(narrow), label="eq. 14, independent ends")
 axes[1].axvspan(-0.02 * length, 0.02 * length, color="C2", alpha=0.15, label="allowed at 98 %")
 axes[1].set(xlabel="error of the image length ε (mm)", ylabel="probability density (1/mm)")
 axes[1].legend()
-fig.suptitle(f"Error of a {length:.2f} mm image length (50 mm edge at 300 mm): the same, wide and close up")
+fig.suptitle(
+    f"Error of a {length:.2f} mm image length (50 mm edge at 300 mm): the same, wide and close up"
+)
 plt.show()
-print(f"standard deviation: true {true_error.std():.3f} mm, independent ends {float(independent.std):.3f} mm")
+print(
+    f"standard deviation: true {true_error.std():.3f} mm, independent ends {float(independent.std):.3f} mm"
+)
 for model in ("joint", "independent", "montecarlo"):
     p = success_probability(edge, **CAMERA, pose_covariance=PAPER, accuracy=0.98, model=model)
     print(f"P(|ε| ≤ 2 %) by model {model:12s} {probability_text(float(p))}")
@@ -177,7 +202,9 @@ shapes = [(rng.uniform(0, 90), rng.uniform(-0.6, 0.6), rng.uniform(-20, 20, 2)) 
 
 def edges_at(depth):
     """The twelve edges at a depth, (12, 2, 3) in mm."""
-    return np.array([edge_at(depth, angle, tilt=tilt, centre=centre) for angle, tilt, centre in shapes])
+    return np.array(
+        [edge_at(depth, angle, tilt=tilt, centre=centre) for angle, tilt, centre in shapes]
+    )
 
 
 def compare(ax, x, cases):
@@ -185,7 +212,9 @@ def compare(ax, x, cases):
     for model, style in (("joint", "C0-"), ("independent", "C3--"), ("montecarlo", "ko")):
         p = np.array(
             [
-                success_probability(e, **CAMERA, pose_covariance=c, accuracy=0.98, model=model, samples=20_000)
+                success_probability(
+                    e, **CAMERA, pose_covariance=c, accuracy=0.98, model=model, samples=20_000
+                )
                 for e, c in cases
             ]
         )
@@ -195,10 +224,14 @@ def compare(ax, x, cases):
 
 
 fig, axes = plt.subplots(1, 2, figsize=(10, 3.6), sharey=True)
-compare(axes[0], rotations, [(edges_at(300.0), np.diag([0.03] * 3 + [s**2] * 3)) for s in rotations])
+compare(
+    axes[0], rotations, [(edges_at(300.0), np.diag([0.03] * 3 + [s**2] * 3)) for s in rotations]
+)
 axes[0].axvline(np.sqrt(0.003), color="0.5", linewidth=0.8)
 axes[0].text(np.sqrt(0.003), 0.3, " paper's\n value", color="0.4")
-axes[0].set(xscale="log", xlabel="rotation s.d. (rad), at 300 mm", ylabel="P(|ε| ≤ 2 % of the length)")
+axes[0].set(
+    xscale="log", xlabel="rotation s.d. (rad), at 300 mm", ylabel="P(|ε| ≤ 2 % of the length)"
+)
 compare(axes[1], distances, [(edges_at(d), PAPER) for d in distances])
 axes[1].set(xlabel="distance of the edge (mm), at the paper's variances", ylim=(-0.02, 1.02))
 axes[1].legend(loc="center right")
@@ -225,7 +258,9 @@ def random_covariance(rotation_std):
 def random_edge():
     """An edge of 20 to 80 mm, 200 to 600 mm away, anyhow turned."""
     depth, lateral = rng.uniform(200, 600), rng.uniform(-0.2, 0.2, 2)
-    return edge_at(depth, rng.uniform(0, 360), rng.uniform(20, 80), rng.uniform(-0.9, 0.9), lateral * depth)
+    return edge_at(
+        depth, rng.uniform(0, 360), rng.uniform(20, 80), rng.uniform(-0.9, 0.9), lateral * depth
+    )
 
 
 forty = np.array([random_edge() for _ in range(40)])
@@ -234,9 +269,14 @@ print("rotation s.d. (rad)   MC noise   largest difference   smallest P")
 for rotation_std in (0.002, 0.01, 0.03, 0.055):
     covariance = np.array([random_covariance(rotation_std) for _ in forty])
     call = {**CAMERA, "pose_covariance": covariance, "accuracy": 0.98}
-    joint, referee = success_probability(forty, **call), simulate_success(forty, **call, samples=samples).probability
+    joint, referee = (
+        success_probability(forty, **call),
+        simulate_success(forty, **call, samples=samples).probability,
+    )
     noise = np.sqrt((referee * (1 - referee)).max() / samples)
-    print(f"{rotation_std:19.3f}   {noise:8.4f}   {np.abs(joint - referee).max():18.4f}   {joint.min():10.3f}")
+    print(
+        f"{rotation_std:19.3f}   {noise:8.4f}   {np.abs(joint - referee).max():18.4f}   {joint.min():10.3f}"
+    )
 
 # %% [markdown]
 # ## Is the probability true? A digital twin
@@ -248,9 +288,16 @@ for rotation_std in (0.002, 0.01, 0.03, 0.055):
 # %%
 segment = np.array([[-0.083, -0.031], [0.087, 0.064]])
 image, (i0, j0) = coverage_image(segment, pixel_pitch_mm=PITCH)
-extent = [i0 * PITCH[0], (i0 + image.shape[1]) * PITCH[0], j0 * PITCH[1], (j0 + image.shape[0]) * PITCH[1]]
+extent = [
+    i0 * PITCH[0],
+    (i0 + image.shape[1]) * PITCH[0],
+    j0 * PITCH[1],
+    (j0 + image.shape[0]) * PITCH[1],
+]
 fig, axes = plt.subplots(1, 2, figsize=(10, 3), sharey=True)
-for ax, picture, title in zip(axes, (image, image > 0.5), ("covered area", "more than half covered"), strict=True):
+for ax, picture, title in zip(
+    axes, (image, image > 0.5), ("covered area", "more than half covered"), strict=True
+):
     ax.imshow(picture, origin="lower", extent=extent, cmap="gray_r", vmin=0, vmax=1.6)
     ax.plot(*segment.T, "C3o-", markersize=4)
     ax.grid(False)
@@ -270,7 +317,10 @@ for detector in ("axes", "area"):
 # robot's uncertainty (0.1 mm, 0.01 rad). The 50 mm edge is nearly frontal, so its length hardly moves with the pose.
 
 # %%
-depths, angles = np.array([150, 300, 450, 600, 900, 1200]), np.array([0, 10, 20, 30, 45, 60, 75, 90])
+depths, angles = (
+    np.array([150, 300, 450, 600, 900, 1200]),
+    np.array([0, 10, 20, 30, 45, 60, 75, 90]),
+)
 good = np.diag([0.1**2] * 3 + [0.01**2] * 3)
 fig, axes = plt.subplots(2, 2, figsize=(10.5, 6), sharex=True)
 for row, accuracy in zip(axes, (0.99, 0.995), strict=True):
@@ -310,14 +360,20 @@ plt.show()
 tolerance_px, spread_px = 10 ** rng.uniform(-0.5, 0.9, 300), 10 ** rng.uniform(-1.5, 0.7, 300)
 misses = {"axes": [], "area": []}
 for tolerance, spread in zip(tolerance_px, spread_px, strict=True):
-    nominal = edge_at(rng.uniform(150, 600), rng.uniform(0, 90), rng.uniform(30, 60), rng.uniform(0.0, 0.6))
+    nominal = edge_at(
+        rng.uniform(150, 600), rng.uniform(0, 90), rng.uniform(30, 60), rng.uniform(0.0, 0.6)
+    )
     size, gradient, hessian = length_expansion(nominal, focal_length_mm=F)
     angle = float(image_segment(nominal, focal_length_mm=F)[1])
     pixel = np.hypot(PITCH[0] * np.cos(angle), PITCH[1] * np.sin(angle))
     shape = np.diag([1.0] * 3 + [0.003**2] * 3)
     # Scaled so that the length has the wanted spread.
     covariance = shape * (spread * pixel) ** 2 / (gradient @ shape @ gradient)
-    call = {**CAMERA, "pose_covariance": covariance, "accuracy": 1.0 - tolerance * pixel / float(size)}
+    call = {
+        **CAMERA,
+        "pose_covariance": covariance,
+        "accuracy": 1.0 - tolerance * pixel / float(size),
+    }
     p = success_probability(nominal, **call)
     for detector, values in misses.items():
         twin = simulate_measurement(nominal, **call, samples=3000, detector=detector, rng=rng)
@@ -325,7 +381,15 @@ for tolerance, spread in zip(tolerance_px, spread_px, strict=True):
 
 fig, axes = plt.subplots(1, 2, figsize=(10, 3.8), sharey=True)
 for ax, (detector, values) in zip(axes, misses.items(), strict=True):
-    dots = ax.scatter(tolerance_px, spread_px, c=np.clip(values, 1e-3, None), norm="log", vmin=1e-3, vmax=0.6, s=18)
+    dots = ax.scatter(
+        tolerance_px,
+        spread_px,
+        c=np.clip(values, 1e-3, None),
+        norm="log",
+        vmin=1e-3,
+        vmax=0.6,
+        s=18,
+    )
     ax.set(xscale="log", yscale="log", xlabel="tolerance (pixels)", title=f"detector {detector}")
     ax.set_xticks([0.5, 1, 2, 4, 8], ["0.5", "1", "2", "4", "8"])
     ax.set_xticks([], minor=True)
@@ -338,7 +402,12 @@ print("                                     root mean square (largest) of freque
 print("tolerance (px)   spread (px)   dots   axes              area")
 for low, high in ((0.3, 1), (1, 2), (2, 8)):
     for lowest, highest in ((0.03, 0.3), (0.3, 1), (1, 5)):
-        chosen = (tolerance_px >= low) & (tolerance_px < high) & (spread_px >= lowest) & (spread_px < highest)
+        chosen = (
+            (tolerance_px >= low)
+            & (tolerance_px < high)
+            & (spread_px >= lowest)
+            & (spread_px < highest)
+        )
         columns = ""
         for values in misses.values():
             chosen_values = np.array(values)[chosen]

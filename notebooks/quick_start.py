@@ -41,7 +41,9 @@ print(f"{len(edges)} edges: {edges}")
 # %%
 camera = Camera.named("basler-acA2440-20gm-8mm")
 uncertainty = PoseUncertainty.isotropic(translation_mm=0.1, rotation_rad=0.001)
-plan = plan_inspection(solid, edges, camera, uncertainty, accuracy=0.99, effort=Effort.named("quick")).simulated()
+plan = plan_inspection(
+    solid, edges, camera, uncertainty, accuracy=0.99, effort=Effort.named("quick")
+).simulated()
 plan
 
 # %% [markdown]
@@ -68,7 +70,9 @@ SVG(predicted_image(solid, camera, setting.cam2world, plan.entities))
 # %%
 rows = plan.rows()
 for row in rows[:3]:
-    print({key: round(value, 4) if isinstance(value, float) else value for key, value in row.items()})
+    print(
+        {key: round(value, 4) if isinstance(value, float) else value for key, value in row.items()}
+    )
 assert len(rows) == len(edges)
 
 # %% [markdown]

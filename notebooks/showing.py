@@ -29,7 +29,9 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-root = next(folder for folder in (Path.cwd(), *Path.cwd().parents) if (folder / "benchmarks").is_dir())
+root = next(
+    folder for folder in (Path.cwd(), *Path.cwd().parents) if (folder / "benchmarks").is_dir()
+)
 sys.path.insert(0, str(root / "benchmarks" / "images"))
 
 from edge_images import ACCURACIES, Lines, crossing, fitted, pairs, show
@@ -53,7 +55,9 @@ named = read_entities(EXAMPLES / "nist_ctc_01_corners.toml", solid)
 edges = {name: entity for name, entity in named.items() if name.startswith("boss")}
 camera = Camera.from_toml(EXAMPLES / "camera.toml")
 uncertainty = PoseUncertainty.isotropic(translation_mm=0.2, rotation_rad=0.002)
-plan = plan_inspection(solid, edges, camera, uncertainty, accuracy=0.99, effort=Effort.named("quick"))
+plan = plan_inspection(
+    solid, edges, camera, uncertainty, accuracy=0.99, effort=Effort.named("quick")
+)
 light = plan_light(plan, solid, LampBox((-500, -500, 250), (500, 500, 900)))
 print(Showing())
 print(plan)
@@ -83,18 +87,29 @@ renderer = Renderer(solid.vertices, solid.triangles, camera.matrix, noise=0.015)
 def picture(lamp, low, high, step):
     """Return grey values of a part of the image."""
     u, v = np.meshgrid(np.arange(low[0], high[0], step), np.arange(low[1], high[1], step))
-    rays = np.stack([u, v, np.ones_like(u)], axis=-1).reshape(-1, 3) @ np.linalg.inv(camera.matrix).T
+    rays = (
+        np.stack([u, v, np.ones_like(u)], axis=-1).reshape(-1, 3) @ np.linalg.inv(camera.matrix).T
+    )
     return renderer._grey(pose, rays, lamp).reshape(u.shape)
 
 
 ends = np.array([plan.entities[name] for name in setting.entities])
 corners = renderer.projected(ends.reshape(-1, 3), pose)
-low, high = np.maximum(corners.min(axis=0) - 60, 0), np.minimum(corners.max(axis=0) + 60, camera.resolution)
+low, high = (
+    np.maximum(corners.min(axis=0) - 60, 0),
+    np.minimum(corners.max(axis=0) + 60, camera.resolution),
+)
 fig, axes = plt.subplots(1, 3, figsize=(12, 4.2))
 steps = {}
 for ax, (name, place) in zip(axes, lamps.items(), strict=True):
     lamp, rng = Lamp(place), np.random.default_rng(0)
-    ax.imshow(picture(lamp, low, high, 2), cmap="gray", vmin=0, vmax=1, extent=(low[0], high[0], high[1], low[1]))
+    ax.imshow(
+        picture(lamp, low, high, 2),
+        cmap="gray",
+        vmin=0,
+        vmax=1,
+        extent=(low[0], high[0], high[1], low[1]),
+    )
     steps[name] = []
     for a, b in ends:
         points = a + np.linspace(0.06, 0.94, 12)[:, None] * (b - a)
@@ -138,7 +153,9 @@ def line(start, end, low, high):
 along = line(a, b, 0.06, 0.94)
 fig, axes = plt.subplots(1, 2, figsize=(9, 4))
 for ax, end, other in zip(axes, (a, b), (b, a), strict=True):
-    leaving = [arm for arm in lines.arms(real, renderer, end, other, own) if 25 <= arm.seen_deg <= 155]
+    leaving = [
+        arm for arm in lines.arms(real, renderer, end, other, own) if 25 <= arm.seen_deg <= 155
+    ]
     arms = [line(end, arm.tip, 0.1, 0.5) for arm in leaving]
     arm = max(arms, key=len)
     corner = crossing(fitted(along), fitted(arm))
@@ -148,8 +165,12 @@ for ax, end, other in zip(axes, (a, b), (b, a), strict=True):
     ax.plot(*corner, "C1o", mfc="none", ms=10, label="corner found")
     ax.plot(*exact, "k+", ms=10, label="where it is")
     ax.plot(*planned, "C3x", ms=8, label="where it was planned")
-    ax.set(xlim=planned[0] + np.array([-40, 40]), ylim=planned[1] + np.array([40, -40]), aspect="equal")
-    ax.set_title(f"off by {np.linalg.norm(corner - exact):.2f} px, moved by {np.linalg.norm(exact - planned):.1f} px")
+    ax.set(
+        xlim=planned[0] + np.array([-40, 40]), ylim=planned[1] + np.array([40, -40]), aspect="equal"
+    )
+    ax.set_title(
+        f"off by {np.linalg.norm(corner - exact):.2f} px, moved by {np.linalg.norm(exact - planned):.1f} px"
+    )
 fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
 plt.show()
 
@@ -166,7 +187,9 @@ plt.show()
 from dataclasses import replace
 
 part_of_it = replace(
-    plan, settings=(setting,), light=replace(light, images=(light.images[k],), unlit=(light.unlit[k],))
+    plan,
+    settings=(setting,),
+    light=replace(light, images=(light.images[k],), unlit=(light.unlit[k],)),
 )
 measured = list(pairs(part_of_it, solid, 10, 0))
 show(measured)
@@ -184,8 +207,14 @@ print(
 for name in dict.fromkeys(row["plan"] for row in rows):
     for kind in sorted({row["kind"] for row in rows if row["plan"] == name}):
         some = [row for row in rows if (row["plan"], row["kind"]) == (name, kind)]
-        means = [[np.mean([float(row[f"{which} {a}"]) for row in some]) for which in WHICH] for a in ACCURACIES]
-        told = "".join(f"{p:22.3f}{fit:7.3f}{r:8.3f}{corner:7.3f}{canny:7.3f}" for p, fit, r, corner, canny in means)
+        means = [
+            [np.mean([float(row[f"{which} {a}"]) for row in some]) for which in WHICH]
+            for a in ACCURACIES
+        ]
+        told = "".join(
+            f"{p:22.3f}{fit:7.3f}{r:8.3f}{corner:7.3f}{canny:7.3f}"
+            for p, fit, r, corner, canny in means
+        )
         print(f"{name:<22}{kind:<12}{len(some):>6}{sum(int(row['n']) for row in some):>8}{told}")
 
 
@@ -198,9 +227,14 @@ def too_high(row, a):
 
 kept = [row for row in rows if row["plan"].startswith("conditions") and row["kind"] == "clean"]
 wrong = [row for row in kept if max(too_high(row, a) for a in ACCURACIES[:2]) > 3]
-print(f"{len(kept)} clean pairs under the conditions, {len(wrong)} promised too much at A = .98 or .99:")
+print(
+    f"{len(kept)} clean pairs under the conditions, {len(wrong)} promised too much at A = .98 or .99:"
+)
 for row in wrong:
-    told = ", ".join(f"{float(row[f'promised {a}']):.3f} and {float(row[f'measured {a}']):.3f}" for a in ACCURACIES[:2])
+    told = ", ".join(
+        f"{float(row[f'promised {a}']):.3f} and {float(row[f'measured {a}']):.3f}"
+        for a in ACCURACIES[:2]
+    )
     print(f"{row['plan']}, setting {row['setting']} {row['name']}: promised and measured {told}")
 assert not wrong
 

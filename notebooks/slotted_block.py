@@ -57,7 +57,9 @@ EXAMPLES = Path("../examples") if Path("../examples").is_dir() else Path("exampl
 
 slotted = read_solid(EXAMPLES / "slotted_block.off")
 eag = build_aspect_graph(slotted, read_entities(EXAMPLES / "slotted_block_entities.toml", slotted))
-print(f"{len(slotted.faces)} faces, {len(slotted.edges)} edges, entities {', '.join(eag.entity_names)}")
+print(
+    f"{len(slotted.faces)} faces, {len(slotted.edges)} edges, entities {', '.join(eag.entity_names)}"
+)
 print(f"{len(eag.graph)} viewing domains, {eag.graph.number_of_edges()} adjacencies")
 
 # %% [markdown]
@@ -104,11 +106,16 @@ def compare(eag, paper):
     nodes = {}
     for node, listed in eag.graph.nodes(data="observable"):
         nodes.setdefault(listed, []).append(node)
-    print(f"{'paper':27s}{'ours':27s}{'node':>5s}{'neighbours':>14s}{'volume (mm³)':>15s}{'cells':>7s}{'rays':>6s}")
+    print(
+        f"{'paper':27s}{'ours':27s}{'node':>5s}{'neighbours':>14s}{'volume (mm³)':>15s}{'cells':>7s}{'rays':>6s}"
+    )
     for listed in paper:
         node = nodes[listed].pop(0)
         data = eag.graph.nodes[node]
-        ours, near = " ".join(data["observable"]) or "none", ",".join(map(str, sorted(eag.graph[node])))
+        ours, near = (
+            " ".join(data["observable"]) or "none",
+            ",".join(map(str, sorted(eag.graph[node]))),
+        )
         row = f"{' '.join(listed) or 'none':27s}{ours:27s}{node:5d}{near:>14s}"
         print(f"{row}{data['volume']:15.4g}{data['n_cells']:7d}{data['n_rays']:6d}")
     assert Counter(paper) == Counter(listed for _, listed in eag.graph.nodes(data="observable"))
@@ -128,7 +135,9 @@ for surface in eag.graph.edges[node_of["e1", "e4"], node_of["e4",]]["surfaces"]:
     a, b, c, d = surface.plane
     source = {"faces": surface.faces, "edges": surface.edges, "vertices": surface.vertices}
     known = ", ".join(f"{key} {value}" for key, value in source.items() if value)
-    print(f"type {surface.type}, {surface.entity}: {a:+.3f} x {b:+.3f} y {c:+.3f} z = {d:+.3f} mm, from {known}")
+    print(
+        f"type {surface.type}, {surface.entity}: {a:+.3f} x {b:+.3f} y {c:+.3f} z = {d:+.3f} mm, from {known}"
+    )
 
 # %% [markdown]
 # ### In space
@@ -188,13 +197,17 @@ plot_domains(eag, [node_of["e1", "e2"], node_of["e1", "e4"], node_of["e3",]])
 
 # %%
 facts = eag.graph.graph
-print(f"grid step {facts['grid_mm']:.3g} mm, largest displacement of a vertex {facts['snapping_mm']:.3g} mm")
+print(
+    f"grid step {facts['grid_mm']:.3g} mm, largest displacement of a vertex {facts['snapping_mm']:.3g} mm"
+)
 print(f"{facts['n_slivers']} domains merged for being thinner than {facts['min_width_mm']:.3g} mm")
 cells = sum(n for _, n in eag.graph.nodes(data="n_cells"))
 print(f"{cells} convex cells in {len(eag.graph)} domains, confirmed by ray casting: ", end="")
 print(f"{sum(ok for _, ok in eag.graph.nodes(data='confirmed'))} of {len(eag.graph)}")
 assert all(ok for _, ok in eag.graph.nodes(data="confirmed"))
-kinds = Counter(surface.type for *_, surfaces in eag.graph.edges(data="surfaces") for surface in surfaces)
+kinds = Counter(
+    surface.type for *_, surfaces in eag.graph.edges(data="surfaces") for surface in surfaces
+)
 print(f"surfaces on the graph's edges by type: {dict(kinds)}")
 assert set(kinds) <= {"A", "B"}
 
@@ -206,7 +219,9 @@ assert set(kinds) <= {"A", "B"}
 
 # %%
 block = read_solid(EXAMPLES / "two_pocket_block.off")
-pockets = build_aspect_graph(block, read_entities(EXAMPLES / "two_pocket_block_entities.toml", block))
+pockets = build_aspect_graph(
+    block, read_entities(EXAMPLES / "two_pocket_block_entities.toml", block)
+)
 TABLE_2 = [
     ("e1", "e2", "e3"),
     ("e1", "e2"),
@@ -246,7 +261,9 @@ l_block = Solid(vertices, [tuple(range(n))[::-1], tuple(range(n, 2 * n)), *sides
 step_edges = [edge.id for edge in l_block.edges if {4, 5} & set(edge.faces)]
 step = build_aspect_graph(l_block, step_edges)
 n_lists = len({listed for _, listed in step.graph.nodes(data="observable")})
-print(f"step: {len(step.graph)} nodes (paper: 20), {step.graph.number_of_edges()} adjacencies, {n_lists} lists")
+print(
+    f"step: {len(step.graph)} nodes (paper: 20), {step.graph.number_of_edges()} adjacencies, {n_lists} lists"
+)
 assert (len(step.graph), step.graph.number_of_edges(), n_lists) == (20, 40, 13)
 
 # %% [markdown]
@@ -257,7 +274,10 @@ assert (len(step.graph), step.graph.number_of_edges(), n_lists) == (20, 40, 13)
 
 # %%
 complete = complete_aspect_graph(l_block)
-print(f"complete: {len(complete)} nodes (paper: 71), {complete.number_of_edges()} adjacencies, ", end="")
+print(
+    f"complete: {len(complete)} nodes (paper: 71), {complete.number_of_edges()} adjacencies, ",
+    end="",
+)
 print(f"from {complete.graph['n_planes']} planes and {complete.graph['n_cells']} cells")
 assert (len(complete), complete.number_of_edges()) == (71, 164)
 
@@ -265,7 +285,9 @@ assert (len(complete), complete.number_of_edges()) == (71, 164)
 fig, axes = plt.subplots(1, 2, figsize=(15, 7), layout="constrained")
 plot_graph(step, ax=axes[0]).ax.set_title("the seven edges of the step: 20 domains")
 seen = {node: str(k) for node, k in complete.nodes(data="n_visible")}
-plot_graph(complete, ax=axes[1], labels=seen).ax.set_title("complete: 71 domains (number: edges seen whole)")
+plot_graph(complete, ax=axes[1], labels=seen).ax.set_title(
+    "complete: 71 domains (number: edges seen whole)"
+)
 plt.show()
 
 # %%

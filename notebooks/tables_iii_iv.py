@@ -38,7 +38,9 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-root = next(folder for folder in (Path.cwd(), *Path.cwd().parents) if (folder / "benchmarks").is_dir())
+root = next(
+    folder for folder in (Path.cwd(), *Path.cwd().parents) if (folder / "benchmarks").is_dir()
+)
 sys.path.insert(0, str(root / "benchmarks" / "planning"))
 
 from cases import PAPER_CAMERA, TABLE_IV, regions
@@ -58,7 +60,9 @@ from planner.camera.pose import world_to_cam
 from planner.output.predicted_image import PictureMaker
 
 FULL = os.environ.get("FULL_TABLES") == "1"
-plt.rcParams.update({"figure.constrained_layout.use": True, "axes.grid": True, "grid.alpha": 0.3, "font.size": 9})
+plt.rcParams.update(
+    {"figure.constrained_layout.use": True, "axes.grid": True, "grid.alpha": 0.3, "font.size": 9}
+)
 
 # %% [markdown]
 # ## Table III: crossover, mutation, population
@@ -86,7 +90,12 @@ def rows_of(runs):
 
 
 if FULL:
-    jobs = [(*row[:3], *entity, seed) for row in PAPER_TABLE_III for entity in ENTITIES for seed in range(5)]
+    jobs = [
+        (*row[:3], *entity, seed)
+        for row in PAPER_TABLE_III
+        for entity in ENTITIES
+        for seed in range(5)
+    ]
     table = rows_of([vars(table_run(*job)) for job in jobs])
 else:
     table = rows_of(load_table_iii())
@@ -97,7 +106,10 @@ def mean(runs, key):
     return np.mean([float(run[key]) for run in runs])
 
 
-ours = {key: [mean(runs, k) for k in ("best", "last_mean", "generations", "seconds")] for key, runs in table.items()}
+ours = {
+    key: [mean(runs, k) for k in ("best", "last_mean", "generations", "seconds")]
+    for key, runs in table.items()
+}
 
 print(f"{'':>14}|{'paper':^27}|{'ours':^58}")
 print(f"{'P_c':>4}{'P_m':>5}{'N':>5}|{'P':>6}{'generations':>13}{'s':>8}|", end="")
@@ -115,9 +127,16 @@ for crossover, mutation, population, p, generations, seconds in PAPER_TABLE_III:
 
 # %%
 for row in [(0.9, 0.1, 100), (0.1, 0.9, 100)]:
-    stored = next(run for run in table[row] if (run["part"], run["entity"], int(run["seed"])) == ("block", "e3", 0))
+    stored = next(
+        run
+        for run in table[row]
+        if (run["part"], run["entity"], int(run["seed"])) == ("block", "e3", 0)
+    )
     again = table_run(*row, "block", "e3", 0)
-    print(f"{row}: stored {float(stored['best']):.6f} after {stored['generations']} generations, ", end="")
+    print(
+        f"{row}: stored {float(stored['best']):.6f} after {stored['generations']} generations, ",
+        end="",
+    )
     print(f"now {again.best:.6f} after {again.generations}")
 
 # %%
@@ -126,12 +145,19 @@ paper = {tuple(row[:3]): row[3:] for row in PAPER_TABLE_III}
 rates = [0.1, 0.3, 0.5, 0.7, 0.9]
 for n, color in ((100, "C0"), (50, "C1"), (20, "C2")):
     keys = [(round(1 - rate, 1), rate, n) for rate in rates]
-    axes[0].plot(rates, [paper[key][0] for key in keys], "o--", color=color, label=f"paper, N = {n}")
+    axes[0].plot(
+        rates, [paper[key][0] for key in keys], "o--", color=color, label=f"paper, N = {n}"
+    )
     axes[0].plot(rates, [ours[key][0] for key in keys], "o-", color=color, label=f"ours, N = {n}")
     axes[1].plot(rates, [ours[key][1] for key in keys], "s-", color=color, label=f"N = {n}")
     axes[2].plot(rates, [paper[key][1] for key in keys], "o--", color=color)
     axes[2].plot(rates, [ours[key][2] for key in keys], "o-", color=color)
-axes[0].set(title="Table III: probability (ours: best)", ylabel="P", xlabel="$P_m = 1 - P_c$", ylim=(0, 1.02))
+axes[0].set(
+    title="Table III: probability (ours: best)",
+    ylabel="P",
+    xlabel="$P_m = 1 - P_c$",
+    ylim=(0, 1.02),
+)
 axes[0].legend(fontsize=7)
 axes[1].set(title="ours: mean of the last population", xlabel="$P_m = 1 - P_c$", ylabel="P")
 axes[1].legend(fontsize=7)
@@ -191,8 +217,12 @@ for part, entity in ENTITIES:
 def settled_mean(mutation, part, entity, seed=0):
     """Mean P of the population over the last 30 of 60 generations."""
     means = []
-    search = Search.paper(population=50, crossover=0.5, mutation=mutation, epsilon=0.0, max_generations=60)
-    paper_setting(part, [entity], search, seed, lambda generation: means.append(generation.fitness.mean()))
+    search = Search.paper(
+        population=50, crossover=0.5, mutation=mutation, epsilon=0.0, max_generations=60
+    )
+    paper_setting(
+        part, [entity], search, seed, lambda generation: means.append(generation.fitness.mean())
+    )
     return np.mean(means[30:])
 
 
@@ -200,7 +230,12 @@ few = ENTITIES if FULL else [("slotted", "e2"), ("block", "e1"), ("block", "e3")
 mutations = [0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98] if FULL else [0.1, 0.3, 0.5, 0.7, 0.9]
 fig, ax = plt.subplots(figsize=(5, 3))
 for part, entity in few:
-    ax.plot(mutations, [settled_mean(m, part, entity) for m in mutations], "o-", label=f"{part} {entity}")
+    ax.plot(
+        mutations,
+        [settled_mean(m, part, entity) for m in mutations],
+        "o-",
+        label=f"{part} {entity}",
+    )
 ax.set(xlabel="$P_m$ ($P_c$ = 0.5 throughout)", ylabel="mean P of the population")
 ax.set_title("Mutation of every bit: $P_m$ and $1 - P_m$")
 ax.legend()
@@ -226,10 +261,19 @@ def still_seen(setting, n=5000):
 plans = {"best P": table_iv(0), f"{INSIDE_MM:.0f} mm inside": table_iv(0, INSIDE_MM)}
 for k, (names, theirs) in enumerate(zip(TABLE_IV, PAPER_TABLE_IV, strict=True)):
     print(f"{{{', '.join(names)}}}")
-    print(f"   {'paper':<14}", "  ".join(f"{p:.2f} " for p in theirs), f"   mean {np.mean(theirs):.3f}")
+    print(
+        f"   {'paper':<14}",
+        "  ".join(f"{p:.2f} " for p in theirs),
+        f"   mean {np.mean(theirs):.3f}",
+    )
     for label, settings in plans.items():
         found = list(settings[k].probability.values())
-        print(f"   {label:<14}", "  ".join(f"{p:.3f}" for p in found), f"   mean {np.mean(found):.3f}", end="")
+        print(
+            f"   {label:<14}",
+            "  ".join(f"{p:.3f}" for p in found),
+            f"   mean {np.mean(found):.3f}",
+            end="",
+        )
         print(f", still seen after displacement: {still_seen(settings[k]):.1%}")
 
 # %% [markdown]
@@ -286,9 +330,16 @@ frame = (-0.5, width - 0.5, height - 0.5, -0.5)
 def show_edge_map(ax, setting):
     """Draw the predicted edge map, the entities dotted over it."""
     edges = maker.edge_lines(setting.cam2world)
-    ax.imshow(~rasterise(edges, PAPER_CAMERA.resolution), cmap="gray", extent=frame, interpolation="antialiased")
+    ax.imshow(
+        ~rasterise(edges, PAPER_CAMERA.resolution),
+        cmap="gray",
+        extent=frame,
+        interpolation="antialiased",
+    )
     for k, name in enumerate(setting.entities):
-        ax.plot(*pixels(space.entities[name].endpoints, setting.cam2world).T, ":", color=f"C{k}", lw=2)
+        ax.plot(
+            *pixels(space.entities[name].endpoints, setting.cam2world).T, ":", color=f"C{k}", lw=2
+        )
 
 
 fig, axes = plt.subplots(3, 4, figsize=(12, 8))
@@ -304,7 +355,9 @@ for column, best, inside in zip(axes.T, *plans.values(), strict=True):
     show_edge_map(column[2], best)
     for ax in column:
         # a pixel of this camera is 1.3 times as high as wide
-        ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xticks=[], yticks=[], aspect=1.3)
+        ax.set(
+            xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xticks=[], yticks=[], aspect=1.3
+        )
         ax.grid(False)
 for ax, label in zip(axes[:, 0], ("image", "its edge map", "edge map at best P"), strict=True):
     ax.set_ylabel(label)

@@ -17,7 +17,9 @@ _OURS = ("aspectgraph", "errors", "ga", "planner")
 
 
 @contextmanager
-def compiling_told(say: Callable[[str], object], report: Callable[[int, int], object]) -> Iterator[None]:
+def compiling_told(
+    say: Callable[[str], object], report: Callable[[int, int], object]
+) -> Iterator[None]:
     """Tell once that loops are compiled, if they are, how far that has got, and in the end how long it took.
 
     Meanwhile no garbage is collected.
@@ -77,10 +79,19 @@ class _Compiling(event.Listener):
         """Tell how many there were, and how long they took: other work was done between them."""
         if self._done:
             self._report(len(self._done), len(self._done))
-            self._say(f"compiling {len(self._done)} loops took {self._seconds:.0f} s; the next run finds them")
+            self._say(
+                f"compiling {len(self._done)} loops took {self._seconds:.0f} s; the next run finds them"
+            )
 
 
 def _loops() -> int:
     """Return how many compiled functions the modules loaded have."""
     own = [module for name, module in list(sys.modules.items()) if name.partition(".")[0] in _OURS]
-    return len({id(value) for module in own for value in vars(module).values() if isinstance(value, Dispatcher)})
+    return len(
+        {
+            id(value)
+            for module in own
+            for value in vars(module).values()
+            if isinstance(value, Dispatcher)
+        }
+    )

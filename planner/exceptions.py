@@ -39,7 +39,9 @@ class InfeasibleError(PlannerError, RuntimeError):
         Largest margin that was found (negative), in the unit the constraint's name ends with.
     """
 
-    def __init__(self, message: str, *, constraint: str = "", entity: str = "", margin: float = float("nan")):
+    def __init__(
+        self, message: str, *, constraint: str = "", entity: str = "", margin: float = float("nan")
+    ):
         super().__init__(message)
         self.constraint = constraint
         self.entity = entity

@@ -32,20 +32,28 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
     try:
         _check_replaceable(path)
     except OSError as error:
-        raise OutputError(f"{path} must be a file that can be written. Got: {error.strerror}.") from None
+        raise OutputError(
+            f"{path} must be a file that can be written. Got: {error.strerror}."
+        ) from None
     try:
         handle, temporary = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
     except UnicodeEncodeError:
-        raise OutputError(f"path must be the name of a file. Got {str(path)!r} with half a character.") from None
+        raise OutputError(
+            f"path must be the name of a file. Got {str(path)!r} with half a character."
+        ) from None
     except OSError as error:
-        raise OutputError(f"{path} must be in a folder that can be written. Got: {error.strerror}.") from None
+        raise OutputError(
+            f"{path} must be in a folder that can be written. Got: {error.strerror}."
+        ) from None
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as stream:
             stream.write(text)
         os.chmod(temporary, 0o666 & ~_umask())
         os.replace(temporary, path)
     except OSError as error:
-        raise OutputError(f"{path} must be a file that can be written. Got: {error.strerror}.") from None
+        raise OutputError(
+            f"{path} must be a file that can be written. Got: {error.strerror}."
+        ) from None
     finally:
         Path(temporary).unlink(missing_ok=True)
 
@@ -68,7 +76,9 @@ def _write_to_device(path: Path, text: str) -> None:
         with open(path, "w", encoding="utf-8") as stream:
             stream.write(text)
     except OSError as error:
-        raise OutputError(f"{path} must be a file that can be written. Got: {error.strerror}.") from None
+        raise OutputError(
+            f"{path} must be a file that can be written. Got: {error.strerror}."
+        ) from None
 
 
 def check_file_place(path: str | os.PathLike[str], parameter: str = "path") -> None:
@@ -87,13 +97,17 @@ def check_file_place(path: str | os.PathLike[str], parameter: str = "path") -> N
     """
     path = Path(path)
     if path.is_dir():
-        raise OutputError(f"{parameter} must be a file that can be written. Got '{path}', a folder.")
+        raise OutputError(
+            f"{parameter} must be a file that can be written. Got '{path}', a folder."
+        )
     if _is_device(path):
         return
     try:
         _check_replaceable(path)
     except OSError as error:
-        raise OutputError(f"{parameter} must be a file that can be written. Got '{path}': {error.strerror}.") from None
+        raise OutputError(
+            f"{parameter} must be a file that can be written. Got '{path}': {error.strerror}."
+        ) from None
     try:
         _try_to_write(path.parent)
     except OSError as error:
@@ -200,7 +214,11 @@ class _Exchange:
 
     def run(self, names: Sequence[str]) -> None:
         """Put all new files in place of the old ones, ``names[0]`` last; old ones of these names do not stay."""
-        new = [path.relative_to(self.staging) for path in sorted(self.staging.rglob("*")) if not path.is_dir()]
+        new = [
+            path.relative_to(self.staging)
+            for path in sorted(self.staging.rglob("*"))
+            if not path.is_dir()
+        ]
         first = Path(names[0]) if names else None
         new.sort(key=lambda name: name == first)
         old = dict.fromkeys([*map(Path, names), *new])
@@ -318,7 +336,11 @@ def _refused(path: Path, error: OSError, parameter: str) -> OutputError:
     # an error of ours says where, which is a hidden file here; the one behind it says why
     while error.strerror is None and isinstance(error.__context__, OSError):
         error = error.__context__
-    rule = "a folder" if isinstance(error, NotADirectoryError | FileExistsError) else "a folder that can be written"
+    rule = (
+        "a folder"
+        if isinstance(error, NotADirectoryError | FileExistsError)
+        else "a folder that can be written"
+    )
     reason = error.strerror or error
     if isinstance(error.filename, str) and not Path(error.filename).name.startswith(_HIDDEN):
         inside, folder = Path(error.filename).absolute(), path.absolute()

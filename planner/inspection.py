@@ -188,7 +188,9 @@ def plan_inspection(
     memo = PlanningState(_basis(request, seed, effort, watch.gap, lighting), how.state)
     incumbents = Incumbents(how.on_incumbent, watch)
     if memo.plan is None:
-        run = Run(request, seed, effort, memo, executor=how.executor, progress=how.progress, watch=watch)
+        run = Run(
+            request, seed, effort, memo, executor=how.executor, progress=how.progress, watch=watch
+        )
         try:
             memo.finish(_plan(run, incumbents, lighting))
         except TimeIsUpError:
@@ -210,7 +212,9 @@ class _Asked(NamedTuple):
     requirements: Requirements
 
 
-def _request(solid: Solid, wanted: Mapping[str, Any], asked: _Asked, how: InspectionOptions) -> Request:
+def _request(
+    solid: Solid, wanted: Mapping[str, Any], asked: _Asked, how: InspectionOptions
+) -> Request:
     """Return the request for edges, or for edges and dimensions."""
     localisation = how.localisation
     rounded = localisation is None or localisation.model == "rounding"
@@ -238,7 +242,9 @@ def _named(solid: Solid, entities: Sequence[Any]) -> Mapping[str, Any]:
     return resolve_entities(solid, entities)
 
 
-def _visible(solid: Solid, entities: Mapping[str, Any], camera: Camera, how: InspectionOptions) -> Space:
+def _visible(
+    solid: Solid, entities: Mapping[str, Any], camera: Camera, how: InspectionOptions
+) -> Space:
     """Compute from where the entities are observable."""
     from aspectgraph import compute_light, compute_regions
 
@@ -250,12 +256,16 @@ def _visible(solid: Solid, entities: Mapping[str, Any], camera: Camera, how: Ins
     return compute_regions(solid, entities, workspace=box, executor=how.executor, progress=shown)
 
 
-def _basis(request: Request, seed: int, effort: Effort, gap: float, lighting: Lighting | None = None) -> dict[str, Any]:
+def _basis(
+    request: Request, seed: int, effort: Effort, gap: float, lighting: Lighting | None = None
+) -> dict[str, Any]:
     """Return what the plan depends on."""
     need = request.requirements
     return {
         "vertices": np.round(request.space.solid.vertices, 6).tolist(),
-        "entities": {name: ends.tolist() for name, ends in zip(request.names, request.ends, strict=True)},
+        "entities": {
+            name: ends.tolist() for name, ends in zip(request.names, request.ends, strict=True)
+        },
         "workspace": np.asarray(request.space.workspace, dtype=float).tolist(),
         "camera": request.camera.to_dict(),
         "pose_uncertainty": request.pose_uncertainty.to_dict(),

@@ -59,19 +59,31 @@ class InspectionOptions:
         """What is asked of lamps, if any are."""
         from planner.light.lighting import Lighting
 
-        return self.lamps if self.lamps is None or isinstance(self.lamps, Lighting) else Lighting(self.lamps)
+        return (
+            self.lamps
+            if self.lamps is None or isinstance(self.lamps, Lighting)
+            else Lighting(self.lamps)
+        )
 
     def requirements(self, camera: Camera, pose_uncertainty: PoseUncertainty) -> Requirements:
         """Return the limits; where nothing is said, those that suit the pose uncertainty."""
-        margin, radius, focus = self.field_margin_px, self.visibility_radius_mm, self.focus_margin_mm
+        margin, radius, focus = (
+            self.field_margin_px,
+            self.visibility_radius_mm,
+            self.focus_margin_mm,
+        )
         return Requirements(
             min_length_px=self.min_length_px,
-            field_margin_px=corner_margin_px(camera, pose_uncertainty) if margin is None else margin,
+            field_margin_px=corner_margin_px(camera, pose_uncertainty)
+            if margin is None
+            else margin,
             stand_off_mm=self.stand_off_mm,
             reach=self.reach,
             visibility_radius_mm=position_margin_mm(pose_uncertainty) if radius is None else radius,
             focus_margin_mm=(
-                focus_reserve_mm(camera, pose_uncertainty) if focus is None else check_focus_margin(focus, camera)
+                focus_reserve_mm(camera, pose_uncertainty)
+                if focus is None
+                else check_focus_margin(focus, camera)
             ),
             showing=check_showing(self.showing, camera),
         )

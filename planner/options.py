@@ -38,7 +38,9 @@ def with_keywords_of(kind: type) -> Callable[[_Call], _Call]:
     return decorate
 
 
-def chosen(kind: type[_Options], function: Callable[..., Any], options: Mapping[str, object]) -> _Options:
+def chosen(
+    kind: type[_Options], function: Callable[..., Any], options: Mapping[str, object]
+) -> _Options:
     """Return the options of a call as the dataclass that holds them.
 
     Parameters
@@ -59,5 +61,7 @@ def chosen(kind: type[_Options], function: Callable[..., Any], options: Mapping[
     for name in options:
         if name not in known:
             legal = ", ".join(signature(function).parameters)
-            raise TypeError(f"{function.__name__}() got an unexpected keyword argument {name!r}. It takes {legal}.")
+            raise TypeError(
+                f"{function.__name__}() got an unexpected keyword argument {name!r}. It takes {legal}."
+            )
     return kind(**options)

@@ -33,7 +33,11 @@ FORMAT = "aspectgraph inspection plan"
 VERSION = 1
 # of plans that hold dimensions
 WITH_DIMENSIONS = 2
-_UNITS = {"length": "mm", "angle": "rad", "pose": "camera to world, OpenCV axes (x right, y down, z forward)"}
+_UNITS = {
+    "length": "mm",
+    "angle": "rad",
+    "pose": "camera to world, OpenCV axes (x right, y down, z forward)",
+}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -121,11 +125,15 @@ class InspectionPlan(PlanTables):
         inspected = {name for setting in self.settings for name in setting.entities}
         for name in [*inspected, *self.uninspectable]:
             if name not in self.entities:
-                raise PlanFileError(f"entities must hold every name that the plan uses. Got no {name!r}.")
+                raise PlanFileError(
+                    f"entities must hold every name that the plan uses. Got no {name!r}."
+                )
         for name in self.entities:
             if (name in inspected) == (name in self.uninspectable):
                 where = "both" if name in inspected else "neither"
-                raise PlanFileError(f"entity {name!r} must be in a setting or uninspectable. Got {where}.")
+                raise PlanFileError(
+                    f"entity {name!r} must be in a setting or uninspectable. Got {where}."
+                )
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
@@ -133,7 +141,11 @@ class InspectionPlan(PlanTables):
 
         settings = f"{len(self.settings)} settings (at least {self.lower_bound} needed)"
         inspected = self.inspected
-        worst = f", smallest probability {probability_text(min(inspected.values()))}" if inspected else ""
+        worst = (
+            f", smallest probability {probability_text(min(inspected.values()))}"
+            if inspected
+            else ""
+        )
         shares = f"{len(inspected)} of {len(self.entities)} entities inspected"
         return f"<InspectionPlan of {self.part!r}: {settings}, {shares}{worst}>"
 
@@ -156,13 +168,19 @@ class InspectionPlan(PlanTables):
     def inspected(self) -> dict[str, float]:
         """The best probability with which each inspected entity is measured, in the order of ``entities``."""
         best = {
-            name: max((s.probability[name] for s in self.settings if name in s.entities), default=math.nan)
+            name: max(
+                (s.probability[name] for s in self.settings if name in s.entities), default=math.nan
+            )
             for name in self.entities
         }
         return {name: p for name, p in best.items() if name not in self.uninspectable}
 
     def simulate(
-        self, n: int = 10_000, rng: int = 0, progress: Progress | None = None, solid: Solid | None = None
+        self,
+        n: int = 10_000,
+        rng: int = 0,
+        progress: Progress | None = None,
+        solid: Solid | None = None,
     ) -> SimulationResult:
         """Draw displaced poses, measure, and count how often the accuracy is met.
 
@@ -187,7 +205,11 @@ class InspectionPlan(PlanTables):
         return simulate_plan(self, n, rng=rng, progress=progress, solid=solid)
 
     def simulated(
-        self, n: int = 10_000, rng: int = 0, progress: Progress | None = None, solid: Solid | None = None
+        self,
+        n: int = 10_000,
+        rng: int = 0,
+        progress: Progress | None = None,
+        solid: Solid | None = None,
     ) -> InspectionPlan:
         """Return the same plan with the result of `simulate` attached.
 
@@ -290,7 +312,15 @@ class InspectionPlan(PlanTables):
     __hash__ = None  # type: ignore[assignment]
 
 
-_PLAIN_FIELDS = ("lower_bound", "bound_proof", "uninspectable", "entities", "accuracy", "probability", "workspace")
+_PLAIN_FIELDS = (
+    "lower_bound",
+    "bound_proof",
+    "uninspectable",
+    "entities",
+    "accuracy",
+    "probability",
+    "workspace",
+)
 
 
 def read_plan(path: str | os.PathLike[str]) -> InspectionPlan:
@@ -371,8 +401,12 @@ def _check_format(data: Any) -> None:
     if not isinstance(data, Mapping) or data.get("format") != FORMAT:
         found = data.get("format") if isinstance(data, Mapping) else type(data).__name__
         raise PlanFileError(f"format must be {FORMAT!r}. Got {repr(found)[:60]}.")
-    if data.get("version") not in (VERSION, WITH_DIMENSIONS) or isinstance(data.get("version"), bool):
-        raise PlanFileError(f"version must be {VERSION} or {WITH_DIMENSIONS}. Got {shown(data.get('version'))}.")
+    if data.get("version") not in (VERSION, WITH_DIMENSIONS) or isinstance(
+        data.get("version"), bool
+    ):
+        raise PlanFileError(
+            f"version must be {VERSION} or {WITH_DIMENSIONS}. Got {shown(data.get('version'))}."
+        )
 
 
 def _simulation_from(data: Any) -> SimulationResult | None:

@@ -126,16 +126,26 @@ def predict(
         raise RequestError(f"cam2world must have the shape (4, 4). Got {pose.shape}.")
     how = options or InspectionOptions()
     entities, targets = resolve_wanted(solid, wanted, accuracy, as_lengths=True)
-    box = default_workspace(solid, camera) if how.workspace is None else np.asarray(how.workspace, dtype=np.float64)
+    box = (
+        default_workspace(solid, camera)
+        if how.workspace is None
+        else np.asarray(how.workspace, dtype=np.float64)
+    )
     regions = how.space or compute_regions(solid, entities, workspace=box, executor=how.executor)
-    space = TargetSpace(regions, {t.name: t.entities for t in targets}, {t.name: t.ends for t in targets})
+    space = TargetSpace(
+        regions, {t.name: t.entities for t in targets}, {t.name: t.ends for t in targets}
+    )
     need = how.requirements(camera, pose_uncertainty)
     names = tuple(target.name for target in targets)
-    request = Request(space, names, camera, pose_uncertainty, accuracy, 0.5, need, targets, localisation)
+    request = Request(
+        space, names, camera, pose_uncertainty, accuracy, 0.5, need, targets, localisation
+    )
     seen = _observable(space, pose[:3, 3])
     found = {}
     for k, target in enumerate(targets):
-        told = dimension_model(target, camera, pose_uncertainty, localisation).describe(np.linalg.inv(pose))
+        told = dimension_model(target, camera, pose_uncertainty, localisation).describe(
+            np.linalg.inv(pose)
+        )
         margins = {
             name: float(margin.min())
             for name, margin in request.of([target.name]).constraints.margins(pose[None]).items()

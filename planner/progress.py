@@ -71,7 +71,9 @@ def _compiling(progress: Progress | None) -> Iterator[None]:
     """Show that loops are compiled, if they are."""
     from planner.compiling import compiling_told
 
-    with compiling_told(lambda text: note(progress, text), lambda done, total: report(progress, done, total, LOOPS)):
+    with compiling_told(
+        lambda text: note(progress, text), lambda done, total: report(progress, done, total, LOOPS)
+    ):
         yield
 
 
@@ -144,7 +146,13 @@ def duration(seconds: float) -> str:
 @contextmanager
 def _bars(stream: TextIO | None) -> Iterator[Progress]:
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
     from rich.progress import Progress as RichProgress
 
     times = (TimeElapsedColumn(), TextColumn("left:"), TimeRemainingColumn())

@@ -73,7 +73,11 @@ class PlanningState:
             return
         if self.path.exists():
             data = self._read(self.path)
-            self._outcomes, self._checkpoint, self.plan = data["outcomes"], data["checkpoint"], data["plan"]
+            self._outcomes, self._checkpoint, self.plan = (
+                data["outcomes"],
+                data["checkpoint"],
+                data["plan"],
+            )
         # found out now whether that is possible, and not when there is something to lose
         self._write(self.path)
 
@@ -92,7 +96,9 @@ class PlanningState:
     def put(self, names: Iterable[str], outcome: Outcome) -> None:
         """Remember an outcome; save if it is time to."""
         found = outcome.setting
-        self._outcomes[_key(names)] = {"reason": outcome.reason} if found is None else {"setting": found.to_dict()}
+        self._outcomes[_key(names)] = (
+            {"reason": outcome.reason} if found is None else {"setting": found.to_dict()}
+        )
         self._save_in_time()
 
     def last(self) -> dict[str, Any] | None:
@@ -136,7 +142,9 @@ class PlanningState:
 
     def _save_in_time(self) -> None:
         # saving costs a small share of the time; of a very large state more, so that no more is lost
-        if time.monotonic() - self._saved_at > min(max(_SECONDS, _TIMES * self._seconds), _MOST_SECONDS):
+        if time.monotonic() - self._saved_at > min(
+            max(_SECONDS, _TIMES * self._seconds), _MOST_SECONDS
+        ):
             self.save()
 
     def _write(self, path: Path) -> None:
@@ -154,7 +162,9 @@ class PlanningState:
         try:
             make_folder(path.parent, [])
         except OSError as error:
-            raise OutputError(f"{path} must be in a folder that can be made. Got: {error.strerror}.") from None
+            raise OutputError(
+                f"{path} must be in a folder that can be made. Got: {error.strerror}."
+            ) from None
         write_text(path, json.dumps({**data, "digest": _digest(data)}, allow_nan=False) + "\n")
         self._saved_at = time.monotonic()
         self._seconds = self._saved_at - begin
@@ -185,7 +195,9 @@ def read_state(path: str | os.PathLike[str]) -> dict[str, Any]:
     path = Path(path)
     data = read_json(path, "state file")
     if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise PlanFileError(f"{path}: state file must be a planning state of version {VERSION}. Got another file.")
+        raise PlanFileError(
+            f"{path}: state file must be a planning state of version {VERSION}. Got another file."
+        )
     if data.get("version") != VERSION:
         raise PlanFileError(
             f"{path}: state file must be a planning state of version {VERSION}. Got version "
@@ -198,7 +210,9 @@ def read_state(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise PlanFileError(f"{path}: {error}") from None
     # what is inside a checkpoint fits together or not, which no single field tells
     if data["digest"] != _digest({name: value for name, value in data.items() if name != "digest"}):
-        raise PlanFileError(f"{path}: digest must be that of the other fields. Got another; plan again without it.")
+        raise PlanFileError(
+            f"{path}: digest must be that of the other fields. Got another; plan again without it."
+        )
     return data
 
 

@@ -109,7 +109,10 @@ def shortest_path(distances: np.ndarray) -> list[int]:
 def improved_path(distances: np.ndarray, starts: int = _STARTS) -> list[int]:
     """Improve nearest-neighbour paths by reversing and relocating pieces until neither helps (2-opt, or-opt)."""
     distances = np.asarray(distances, dtype=float)
-    paths = (_improve(distances, _nearest_neighbour(distances, start)) for start in range(min(len(distances), starts)))
+    paths = (
+        _improve(distances, _nearest_neighbour(distances, start))
+        for start in range(min(len(distances), starts))
+    )
     return min(paths, key=lambda order: path_length(distances, order))
 
 

@@ -32,7 +32,9 @@ class Watch:
 
     def __init__(self, time_limit_s: float | None = None, gap: float = 0.0):
         if time_limit_s is not None and not _is_number(time_limit_s, above=0.0):
-            raise RequestError(f"time_limit_s must be a positive number of seconds. Got {time_limit_s!r}.")
+            raise RequestError(
+                f"time_limit_s must be a positive number of seconds. Got {time_limit_s!r}."
+            )
         if not (_is_number(gap, above=-math.inf) and 0 <= gap < 1):
             raise RequestError(f"gap must be in [0, 1). Got {gap!r}.")
         self.gap = float(gap)
@@ -74,4 +76,6 @@ class Watch:
 
 
 def _is_number(value: Any, above: float) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and above < value < math.inf
+    return (
+        isinstance(value, int | float) and not isinstance(value, bool) and above < value < math.inf
+    )

@@ -22,10 +22,15 @@ def with_boxes(solid, boxes, path):
     vertices, faces = solid.vertices.tolist(), solid.triangles.tolist()
     for low, high in boxes:
         first = len(vertices)
-        vertices += [[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i, j, k in np.ndindex(2, 2, 2)]
+        vertices += [
+            [(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]]
+            for i, j, k in np.ndindex(2, 2, 2)
+        ]
         faces += [[first + v for v in quad] for quad in QUADS]
     lines = [f"OFF\n{len(vertices)} {len(faces)} 0", *(" ".join(map(str, one)) for one in vertices)]
-    path.write_text("\n".join([*lines, *(f"{len(face)} {' '.join(map(str, face))}" for face in faces)]))
+    path.write_text(
+        "\n".join([*lines, *(f"{len(face)} {' '.join(map(str, face))}" for face in faces)])
+    )
     return read_solid(path)
 
 
@@ -33,10 +38,16 @@ def test_more_that_stands_in_the_way_never_enlarges_a_region(block, tmp_path):
     """Also: what is observable before and not after is hidden by a box, for one that is not hidden stays."""
     rng = np.random.default_rng(0)
     points = rng.uniform(*BOX, (4000, 3))
-    boxes = [((100, 10, 0), (110, 50, 60)), ((10, 120, -20), (60, 130, 80)), ((80, 80, 40), (120, 120, 50))]
+    boxes = [
+        ((100, 10, 0), (110, 50, 60)),
+        ((10, 120, -20), (60, 130, 80)),
+        ((80, 80, 40), (120, 120, 50)),
+    ]
     before = compute_regions(block, RIM, BOX).observable(points)
     for n in range(1, len(boxes) + 1):
-        after = compute_regions(with_boxes(block, boxes[:n], tmp_path / f"{n}.off"), RIM, BOX).observable(points)
+        after = compute_regions(
+            with_boxes(block, boxes[:n], tmp_path / f"{n}.off"), RIM, BOX
+        ).observable(points)
         assert not (after & ~before).any()
         assert (before & ~after).any()
         before = after
@@ -74,5 +85,7 @@ def test_more_to_measure_at_once_never_makes_one_more_certain(block, seed):
     space = compute_regions(block, RIM, BOX)
     both = plan_setting(space, list(RIM), camera, uncertainty, accuracy=0.98, rng=seed).probability
     for name in RIM:
-        alone = plan_setting(space, [name], camera, uncertainty, accuracy=0.98, rng=seed).probability[name]
+        alone = plan_setting(
+            space, [name], camera, uncertainty, accuracy=0.98, rng=seed
+        ).probability[name]
         assert both[name] <= alone + 0.01

@@ -71,7 +71,9 @@ def test_signatures_keep_their_defaults():
 def test_every_public_name_has_its_entry(package):
     page = REFERENCE.page(package)
     lines = page.splitlines()
-    assert [name for name in importlib.import_module(package).__all__ if f"## {name}" not in lines] == []
+    assert [
+        name for name in importlib.import_module(package).__all__ if f"## {name}" not in lines
+    ] == []
     # no section of a docstring is left as it was
     assert not any(set(line) == {"-"} for line in lines)
 

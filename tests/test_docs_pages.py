@@ -69,7 +69,9 @@ def test_two_formulas_without_an_empty_line_between_are_refused():
 
 def test_long_names_may_be_broken_and_code_blocks_stay():
     assert FORMULAS.translated("<code>a.b_c</code>") == "<code>a.<wbr>b_<wbr>c</code>"
-    assert FORMULAS.translated("<code>--sigma-mm</code>") == '<code class="option">--sigma-mm</code>'
+    assert (
+        FORMULAS.translated("<code>--sigma-mm</code>") == '<code class="option">--sigma-mm</code>'
+    )
     assert FORMULAS.translated("<pre><code>a.b</code></pre>") == "<pre><code>a.b</code></pre>"
 
 
@@ -89,7 +91,9 @@ def test_every_notebook_is_shown_with_a_small_picture_of_its_own():
     names = {path.stem for path in (ROOT / "notebooks").glob("*.ipynb")}
     page = (ROOT / "docs/notebooks.md").read_text("utf-8")
     shown = re.findall(
-        r"^## (\w+)\n\n(.*?)\n\n!\[[^\]\n]+\]\(figures/(\w+)\.png\)$", page, flags=re.MULTILINE | re.DOTALL
+        r"^## (\w+)\n\n(.*?)\n\n!\[[^\]\n]+\]\(figures/(\w+)\.png\)$",
+        page,
+        flags=re.MULTILINE | re.DOTALL,
     )
     assert {name for name, _, _ in shown} == names == NOTEBOOK_PICTURES.CHOSEN.keys()
     for name, told, picture in shown:

@@ -13,14 +13,20 @@ import pytest
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 # a name in backticks, by itself or called
-CODE = re.compile(r"(?<!`)`((?:aspectgraph|errors|ga|planner)(?:\.[A-Za-z_]\w*)+)(?:\([^`]*\))?`(?!`)")
+CODE = re.compile(
+    r"(?<!`)`((?:aspectgraph|errors|ga|planner)(?:\.[A-Za-z_]\w*)+)(?:\([^`]*\))?`(?!`)"
+)
 TEST = re.compile(r"`(tests/[\w/]+\.py)(?:::(\w+))?`")
 LINK = re.compile(r"\]\(([^)#\s]+)[^)]*\)")
 
 
 def found(pattern):
     """All that a pattern finds in the documents, each once, with a document that holds it."""
-    return sorted({match: path for path in DOCUMENTS for match in pattern.findall(path.read_text("utf-8"))}.items())
+    return sorted(
+        {
+            match: path for path in DOCUMENTS for match in pattern.findall(path.read_text("utf-8"))
+        }.items()
+    )
 
 
 def resolve(name: str) -> object:
@@ -60,12 +66,16 @@ def test_there_are_documents_and_references():
     assert len(found(TEST)) > 20
 
 
-@pytest.mark.parametrize(("name", "path"), found(CODE), ids=lambda value: str(getattr(value, "name", value)))
+@pytest.mark.parametrize(
+    ("name", "path"), found(CODE), ids=lambda value: str(getattr(value, "name", value))
+)
 def test_code_that_is_named_exists(name, path):
     assert resolve(name) is not None
 
 
-@pytest.mark.parametrize(("test", "path"), found(TEST), ids=lambda value: str(getattr(value, "name", value)))
+@pytest.mark.parametrize(
+    ("test", "path"), found(TEST), ids=lambda value: str(getattr(value, "name", value))
+)
 def test_tests_that_are_named_exist(test, path):
     file, function = test
     assert (ROOT / file).is_file()
@@ -79,7 +89,9 @@ def test_links_within_the_documents_lead_somewhere(path):
             assert (path.parent / target).exists(), target
 
 
-@pytest.mark.parametrize("name", ["planner.no_such_module.f", "planner.bound.lower_bound.no_such_name"])
+@pytest.mark.parametrize(
+    "name", ["planner.no_such_module.f", "planner.bound.lower_bound.no_such_name"]
+)
 def test_a_wrong_name_is_noticed(name):
     with pytest.raises((ImportError, AttributeError)):
         resolve(name)

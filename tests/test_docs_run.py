@@ -11,7 +11,10 @@ from planner.cli.main import build_parser, main
 
 ROOT = Path(__file__).parents[1]
 NAMED = ("tutorial", "dimensions", "cameras", "light", "showing")
-PAGES = [*(ROOT / f"docs/{name}.md" for name in NAMED), *sorted((ROOT / "docs/guides").glob("*.md"))]
+PAGES = [
+    *(ROOT / f"docs/{name}.md" for name in NAMED),
+    *sorted((ROOT / "docs/guides").glob("*.md")),
+]
 # its parts and machines are the reader's: read by the command line, but not run
 CLUSTERS = ROOT / "docs/clusters.md"
 SNIPPET = re.compile(r"^```python\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
@@ -57,10 +60,14 @@ def test_all_that_is_shown_is_known_here(page):
             assert not str(value).startswith("examples/") or (ROOT / value).is_file()
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.stem)
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if commands(page)], ids=lambda page: page.stem
+)
 def test_commands_run_as_printed(page, clone, capsys):
     if page.stem == "dimensions":
-        (clone / "wanted.toml").write_text(TOML.search(page.read_text("utf-8"))[1], encoding="utf-8")
+        (clone / "wanted.toml").write_text(
+            TOML.search(page.read_text("utf-8"))[1], encoding="utf-8"
+        )
     for words in commands(page):
         assert main(words) == 0, words
     if page.stem == "tutorial":
@@ -82,7 +89,9 @@ def test_commands_for_clusters_are_known():
     assert {build_parser().parse_args(words).command for words in found} == {"batch"}
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if snippets(page)], ids=lambda page: page.stem)
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if snippets(page)], ids=lambda page: page.stem
+)
 def test_snippets_run_as_printed(page, clone, capsys):
     names = {"__name__": page.stem}
     for snippet in snippets(page):
@@ -126,7 +135,10 @@ def light(names):
 def showing(names):
     assert names["plan"].complete
     # of the last request, which asks nothing
-    assert not any(names["plan"].requirements.get(key) for key in ("separation_px", "surround_px", "min_corner_deg"))
+    assert not any(
+        names["plan"].requirements.get(key)
+        for key in ("separation_px", "surround_px", "min_corner_deg")
+    )
 
 
 def camera_and_tolerance(names):
@@ -137,7 +149,9 @@ def camera_and_tolerance(names):
 def margins_and_budgets(names):
     rows = names["plan"].rows()
     assert {row["name"] for row in rows} == {"rim", "width"}
-    assert all(value >= 0 for row in rows for key, value in row.items() if key.startswith("margin_"))
+    assert all(
+        value >= 0 for row in rows for key, value in row.items() if key.startswith("margin_")
+    )
 
 
 def pose_uncertainty(names):
@@ -149,14 +163,18 @@ def pose_uncertainty(names):
     assert names["measured"].sigmas == pytest.approx([0.1] * 3 + [0.0005] * 3, rel=0.64)
     # rotations of 0.2 mrad about the flange move the camera by that times its lever arm, per axis by at most all of it
     lever = float(np.hypot(60, 120)) * 0.0002
-    assert np.all(names["uncertainty"].sigmas[:3] <= (0.1**2 + (0.05 / 3.62) ** 2 + lever**2) ** 0.5 + 1e-12)
+    assert np.all(
+        names["uncertainty"].sigmas[:3] <= (0.1**2 + (0.05 / 3.62) ** 2 + lever**2) ** 0.5 + 1e-12
+    )
 
 
 def robot_programs(names):
     import numpy as np
 
     pose = names["pose"]
-    assert np.allclose(names["part2base"] @ names["plan"].settings[0].cam2world, pose @ names["cam2flange"])
+    assert np.allclose(
+        names["part2base"] @ names["plan"].settings[0].cam2world, pose @ names["cam2flange"]
+    )
     cos, sin = (lambda t: np.cos(np.radians(t))), (lambda t: np.sin(np.radians(t)))
 
     def about(axis, t):
@@ -166,15 +184,21 @@ def robot_programs(names):
         return turn
 
     # about z, then the new y, then the new x; and W, P, R about the fixed x, then y, then z
-    assert np.allclose(about(2, names["a"]) @ about(1, names["b"]) @ about(0, names["c"]), pose[:3, :3])
-    assert np.allclose(about(2, names["r"]) @ about(1, names["p"]) @ about(0, names["w"]), pose[:3, :3])
+    assert np.allclose(
+        about(2, names["a"]) @ about(1, names["b"]) @ about(0, names["c"]), pose[:3, :3]
+    )
+    assert np.allclose(
+        about(2, names["r"]) @ about(1, names["p"]) @ about(0, names["w"]), pose[:3, :3]
+    )
     # the rotation vector is the axis, which the rotation leaves alone
     axis = np.array([names["rx"], names["ry"], names["rz"]])
     assert np.allclose(pose[:3, :3] @ axis, axis)
     assert np.trace(pose[:3, :3]) == pytest.approx(1 + 2 * np.cos(np.linalg.norm(axis)))
     # the matrix of a quaternion w x y z: its first column
     w, x, y, z = names["qw"], names["qx"], names["qy"], names["qz"]
-    assert np.allclose(pose[:3, 0], [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)])
+    assert np.allclose(
+        pose[:3, 0], [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)]
+    )
 
 
 def many_cores(names):

@@ -51,8 +51,17 @@ def dotted(thing):
 
 def public_members(cls):
     """Public methods and properties, by name, that a class of ours defines or inherits from one of ours."""
-    own = [base for base in cls.__mro__ if base.__module__.split(".")[0] in {p.__name__ for p in PACKAGES}]
-    members = {name: value for base in reversed(own) for name, value in vars(base).items() if not name.startswith("_")}
+    own = [
+        base
+        for base in cls.__mro__
+        if base.__module__.split(".")[0] in {p.__name__ for p in PACKAGES}
+    ]
+    members = {
+        name: value
+        for base in reversed(own)
+        for name, value in vars(base).items()
+        if not name.startswith("_")
+    }
     kinds = (FunctionType, property, cached_property, classmethod, staticmethod)
     return {name: value for name, value in members.items() if isinstance(value, kinds)}
 
@@ -63,7 +72,10 @@ def documented():
             thing = getattr(package, name)
             yield dotted(thing), thing
             if inspect.isclass(thing):
-                yield from ((f"{dotted(thing)}.{name}", member) for name, member in public_members(thing).items())
+                yield from (
+                    (f"{dotted(thing)}.{name}", member)
+                    for name, member in public_members(thing).items()
+                )
 
 
 THINGS = dict(documented())
@@ -72,7 +84,12 @@ THINGS = dict(documented())
 def undocumented(cls):
     """Parameters of a class that stand neither under Parameters nor, with type and description, under Attributes."""
     doc = Validator(get_doc_object(cls))
-    fields = {one.strip() for names, kind, text in doc.doc["Attributes"] if kind and text for one in names.split(",")}
+    fields = {
+        one.strip()
+        for names, kind, text in doc.doc["Attributes"]
+        if kind and text
+        for one in names.split(",")
+    }
     return set(doc.signature_parameters) - set(doc.doc_all_parameters) - fields
 
 
@@ -84,7 +101,11 @@ def raised(thing):
         makers = [vars(thing).get(name) for name in names]
         return set().union(*(raised(maker) for maker in makers if maker is not None))
     tree = ast.parse(textwrap.dedent(inspect.getsource(thing)))
-    calls = [node.exc for node in ast.walk(tree) if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)]
+    calls = [
+        node.exc
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)
+    ]
     return {call.func.id for call in calls if isinstance(call.func, ast.Name)}
 
 
@@ -96,7 +117,9 @@ def kinds_of(error, function):
 
 def test_every_kind_of_name_is_checked():
     assert len(THINGS) > 200
-    assert {"aspectgraph.solid.solid.Solid.triangles", "errors.segment.SegmentError.pdf"} <= set(THINGS)
+    assert {"aspectgraph.solid.solid.Solid.triangles", "errors.segment.SegmentError.pdf"} <= set(
+        THINGS
+    )
     assert {"planner.camera.camera.Camera.named", "ga.result.History.best_so_far"} <= set(THINGS)
 
 
@@ -113,7 +136,11 @@ def test_complete(name):
 def test_errors_are_named(name):
     """What a call raises in its own body stands under Raises, itself or a class it belongs to."""
     thing = THINGS[name]
-    thing = getattr(thing, "fget", None) or getattr(thing, "func", None) or getattr(thing, "__func__", thing)
+    thing = (
+        getattr(thing, "fget", None)
+        or getattr(thing, "func", None)
+        or getattr(thing, "__func__", thing)
+    )
     section = get_doc_object(thing)["Raises"]
     named = {one.strip() for entry in section for one in (entry.type or entry.name).split(",")}
     assert not [error for error in raised(thing) if not named & kinds_of(error, thing)]

@@ -24,7 +24,8 @@ N = 70
 def test_rendered_contrast_agrees_within_noise(name):
     rows = triples(read_solid(EXAMPLES / name), N, seed=2, n_edges=12)
     predicted, beside, measured, error = (
-        np.array([getattr(row, field) for row in rows]) for field in ("predicted", "beside", "measured", "error")
+        np.array([getattr(row, field) for row in rows])
+        for field in ("predicted", "beside", "measured", "error")
     )
     z = (measured - beside) / error
     # the noise is known: of 70 standard normal values the root mean square is in 0.75 to 1.25 but for 1 in 400

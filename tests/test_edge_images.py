@@ -47,7 +47,10 @@ def margins(asked, solid, edge_ids):
 
 def plate(thickness):
     vertices = [(x, y, z) for x in (0.0, 80) for y in (0.0, 50) for z in (0.0, thickness)]
-    return Solid(vertices, [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
+    return Solid(
+        vertices,
+        [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)],
+    )
 
 
 def test_a_line_and_where_two_meet():
@@ -73,7 +76,9 @@ def test_detectors_find_the_corner_of_a_bright_square():
     end = traced_end(grey, first, corner, np.array([0.0, 1.0]))
     assert np.linalg.norm(end - corner) < 2.0
     # where there is no edge, nothing is traced
-    assert np.isnan(traced_end(np.zeros((45, 45), np.uint8), first, corner, np.array([0.0, 1.0]))).all()
+    assert np.isnan(
+        traced_end(np.zeros((45, 45), np.uint8), first, corner, np.array([0.0, 1.0]))
+    ).all()
 
 
 def test_a_clean_edge_is_measured_as_promised():
@@ -123,6 +128,17 @@ def test_lines_of_a_block():
 
 
 def test_what_is_promised_too_much_is_told_in_standard_errors():
-    one = Pair("p", 0, "e", "clean", 100.0, 50.0, 100, (0.9, 0.9, 0.5), (0.78, 0.9, 0.0), *[(0.8, 0.9, 0.1)] * 3)
+    one = Pair(
+        "p",
+        0,
+        "e",
+        "clean",
+        100.0,
+        50.0,
+        100,
+        (0.9, 0.9, 0.5),
+        (0.78, 0.9, 0.0),
+        *[(0.8, 0.9, 0.1)] * 3,
+    )
     # sqrt(.9 * .1 / 100) = .03
     assert one.worst == pytest.approx(4.0)

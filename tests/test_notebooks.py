@@ -27,7 +27,9 @@ def pair(request):
 
 
 def test_the_pair_is_in_step(pair):
-    opened, script = ([(cell.cell_type, cell.source) for cell in notebook.cells] for notebook in pair)
+    opened, script = (
+        [(cell.cell_type, cell.source) for cell in notebook.cells] for notebook in pair
+    )
     assert opened == script
     assert len(opened) > 3
 

@@ -31,7 +31,9 @@ def test_every_keyword_is_shown_with_its_default(call, kind, _, n):
     """The numbers of parameters are those of the calls when each keyword was written out."""
     shown = inspect.signature(call).parameters
     assert len(shown) == n
-    assert {one.name: one.default for one in fields(kind)}.items() <= {k: p.default for k, p in shown.items()}.items()
+    assert {one.name: one.default for one in fields(kind)}.items() <= {
+        k: p.default for k, p in shown.items()
+    }.items()
     assert not [p for p in shown.values() if p.kind is p.VAR_KEYWORD]
 
 

@@ -12,7 +12,9 @@ from planner.plan import read_plan
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-COMMANDS = [line.strip() for line in README.splitlines() if line.startswith("    ") and line.strip()]
+COMMANDS = [
+    line.strip() for line in README.splitlines() if line.startswith("    ") and line.strip()
+]
 SNIPPETS = re.findall(r"^```python\n(.*?)^```$", README, flags=re.MULTILINE | re.DOTALL)
 
 
@@ -34,7 +36,14 @@ def clone(tmp_path, monkeypatch):
 def test_all_that_is_shown_is_tested_here():
     """The fenced and the indented code are all there is, and of known kinds."""
     assert README.count("```") == 2 * len(SNIPPETS) > 0
-    assert [words(command)[1] for command in OWN] == ["info", "dimensions", "graph", "plan", "simulate", "cameras"]
+    assert [words(command)[1] for command in OWN] == [
+        "info",
+        "dimensions",
+        "graph",
+        "plan",
+        "simulate",
+        "cameras",
+    ]
     rest = [words(command) for command in COMMANDS if command not in OWN]
     assert rest == [["make", "demo"], ["make", "test"], ["pip", "install", ".[step]"]]
 
@@ -75,7 +84,11 @@ def test_make_has_what_is_shown_and_its_demo_names_files_that_are_there():
 
 
 def test_extras_that_are_named_exist():
-    extras = (ROOT / "pyproject.toml").read_text(encoding="utf-8").split("[project.optional-dependencies]")[1]
+    extras = (
+        (ROOT / "pyproject.toml")
+        .read_text(encoding="utf-8")
+        .split("[project.optional-dependencies]")[1]
+    )
     named = set(re.findall(r"\[([a-z]+)\]", README.split("## Command line")[0]))
     assert named == {"step", "plot"}
     assert all(re.search(rf"^{name} = ", extras, flags=re.MULTILINE) for name in named)

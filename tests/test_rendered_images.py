@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "images"))
-from rendered_images import Lamp, Measured, Renderer, carried_back, fitted_circle, fitted_line, found_points
+from rendered_images import (
+    Lamp,
+    Measured,
+    Renderer,
+    carried_back,
+    fitted_circle,
+    fitted_line,
+    found_points,
+)
 
 MATRIX = np.array([[2000.0, 0.0, 500.0], [0.0, 2000.0, 400.0], [0.0, 0.0, 1.0]])
 # 200 mm above the part, looking down
@@ -44,7 +52,9 @@ def measured(shape, one, pose):
     renderer = Renderer(*prism(shape), MATRIX)
     back, steps = [], []
     for (points, tangents), plane in zip(one.points(16), one.planes(), strict=True):
-        pixels, step = found_points(renderer, pose, points, tangents, Lamp(np.array([120.0, 60, 160])), rng)
+        pixels, step = found_points(
+            renderer, pose, points, tangents, Lamp(np.array([120.0, 60, 160])), rng
+        )
         back.append(carried_back(pixels, MATRIX, pose, plane))
         steps.append(step)
     return one.value(back), np.concatenate(steps)
@@ -53,7 +63,9 @@ def measured(shape, one, pose):
 # 0.1 mm are a px here; a fit over sixteen points of 0.1 px each knows a diameter to 0.005 mm
 @pytest.mark.parametrize("angle", [0.0, 0.4])
 def test_diameter(angle):
-    value, step = measured(ROUND, Measured("diameter", [], [(np.zeros(3), Z, 12.0)], [None]), slanted(angle))
+    value, step = measured(
+        ROUND, Measured("diameter", [], [(np.zeros(3), Z, 12.0)], [None]), slanted(angle)
+    )
     assert value == pytest.approx(24.0, abs=0.02)
     assert step.min() > 5
 
@@ -80,7 +92,9 @@ def test_a_face_without_an_edge_has_no_contrast():
     line = (np.array([-5.0, -8, 0]), np.array([5.0, -8, 0]))
     renderer = Renderer(*prism(SQUARE), MATRIX)
     [(points, tangents)] = Measured("length", [line], [], []).points(16)
-    _, step = found_points(renderer, POSE, points, tangents, Lamp(np.array([120.0, 60, 160])), np.random.default_rng(1))
+    _, step = found_points(
+        renderer, POSE, points, tangents, Lamp(np.array([120.0, 60, 160])), np.random.default_rng(1)
+    )
     assert step.max() < 8
 
 

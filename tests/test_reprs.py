@@ -26,7 +26,9 @@ def eag():
 
 @pytest.fixture(scope="module")
 def plan(eag):
-    return plan_inspection(BOX, {"top": 1, "side": 2}, CAMERA, UNCERTAINTY, accuracy=0.95, space=eag, effort=EFFORT)
+    return plan_inspection(
+        BOX, {"top": 1, "side": 2}, CAMERA, UNCERTAINTY, accuracy=0.95, space=eag, effort=EFFORT
+    )
 
 
 def ones(bits):
@@ -36,7 +38,10 @@ def ones(bits):
 def test_graph_and_regions(eag):
     assert repr(eag) == "<EntityAspectGraph of 'box': 2 entities, 4 domains, 5 adjacencies>"
     assert (len(eag.graph), eag.graph.number_of_edges()) == (4, 5)
-    assert repr(eag.regions) == "<VisibilityRegions of 'box': 2 entities, vertices snapped by at most 0 mm>"
+    assert (
+        repr(eag.regions)
+        == "<VisibilityRegions of 'box': 2 entities, vertices snapped by at most 0 mm>"
+    )
     assert eag.regions.grid.snapping_mm == 0
 
 
@@ -56,9 +61,19 @@ def test_drawings(eag):
 
 def test_run_of_the_genetic_algorithm():
     shown = []
-    result = maximize(ones, 8, population=10, max_generations=3, epsilon=0, callback=lambda g: shown.append(repr(g)))
+    result = maximize(
+        ones,
+        8,
+        population=10,
+        max_generations=3,
+        epsilon=0,
+        callback=lambda g: shown.append(repr(g)),
+    )
     best, nfev = result.fun, result.nfev
-    assert repr(result) == f"<GAResult: best fitness {best:g} after 3 generations, {nfev} evaluations, max_generations>"
+    assert (
+        repr(result)
+        == f"<GAResult: best fitness {best:g} after 3 generations, {nfev} evaluations, max_generations>"
+    )
     assert repr(result.history) == f"<History: 3 generations, best fitness {best:g}>"
     assert shown[0].startswith("<Generation 0: best fitness ")
     assert shown[0].endswith(", 10 evaluations>")
@@ -66,10 +81,17 @@ def test_run_of_the_genetic_algorithm():
 
 
 def test_estimate():
-    request = {"focal_length_mm": 25.0, "pixel_pitch_mm": (0.01, 0.01), "pose_covariance": np.eye(6) * 1e-12}
+    request = {
+        "focal_length_mm": 25.0,
+        "pixel_pitch_mm": (0.01, 0.01),
+        "pose_covariance": np.eye(6) * 1e-12,
+    }
     edge = [[-25, 0, -575], [25, 0, -575]]
     one = simulate_success(edge, accuracy=0.9, samples=100, **request)
-    assert repr(one) == "<MonteCarloEstimate: 100 of 100, in 0.9637 or more, confidence 0.95, 100 samples>"
+    assert (
+        repr(one)
+        == "<MonteCarloEstimate: 100 of 100, in 0.9637 or more, confidence 0.95, 100 samples>"
+    )
     many = simulate_success([edge, edge], accuracy=0.9, samples=100, **request)
     assert repr(many) == "<MonteCarloEstimate: shape (2,), confidence 0.95, 100 samples>"
 
@@ -79,7 +101,10 @@ def test_setting(eag):
     x, y, z = setting.position
     place, worst = f"({x:.1f}, {y:.1f}, {z:.1f}) mm", min(setting.probability.values())
     assert worst > 0.9999
-    assert repr(setting) == f"<SensorSetting: 2 entities from {place}, smallest probability 0.9999 or more>"
+    assert (
+        repr(setting)
+        == f"<SensorSetting: 2 entities from {place}, smallest probability 0.9999 or more>"
+    )
 
 
 def test_plan_and_simulation(plan):
@@ -96,11 +121,20 @@ def test_plan_without_settings(plan):
         settings=(),
         lower_bound=0,
         uninspectable={"top": "no view", "side": "no view"},
-        **{name: getattr(plan, name) for name in ("entities", "camera", "pose_uncertainty", "accuracy", "workspace")},
+        **{
+            name: getattr(plan, name)
+            for name in ("entities", "camera", "pose_uncertainty", "accuracy", "workspace")
+        },
         probability=0.9,
     )
-    assert repr(nothing) == "<InspectionPlan of '': 0 settings (at least 0 needed), 0 of 2 entities inspected>"
-    assert repr(nothing.simulate(10)) == "<SimulationResult: 0 settings, 10 poses each: nothing to check>"
+    assert (
+        repr(nothing)
+        == "<InspectionPlan of '': 0 settings (at least 0 needed), 0 of 2 entities inspected>"
+    )
+    assert (
+        repr(nothing.simulate(10))
+        == "<SimulationResult: 0 settings, 10 poses each: nothing to check>"
+    )
 
 
 def test_equality_and_pickling_are_as_before(plan):

@@ -36,12 +36,22 @@ def test_licences_are_choices_of_sums(licence, allowed):
     [
         ("no JSON", 0, "SKIPPED"),
         ('{"dependencies": [{"name": "a", "skip_reason": "not found"}]}', 0, "SKIPPED"),
-        ('{"dependencies": [{"name": "a", "version": "1", "vulns": []}]}', 0, "1 of 1 packages looked up, 0 adv"),
-        ('{"dependencies": [{"name": "a", "version": "1", "vulns": [{"id": "X-1"}]}]}', 1, "a 1 has the advisory X-1"),
+        (
+            '{"dependencies": [{"name": "a", "version": "1", "vulns": []}]}',
+            0,
+            "1 of 1 packages looked up, 0 adv",
+        ),
+        (
+            '{"dependencies": [{"name": "a", "version": "1", "vulns": [{"id": "X-1"}]}]}',
+            1,
+            "a 1 has the advisory X-1",
+        ),
     ],
 )
 def test_what_was_not_looked_up_is_not_called_safe(monkeypatch, capsys, answer, code, words):
-    monkeypatch.setattr(subprocess, "run", lambda command, **_: subprocess.CompletedProcess(command, 0, answer))
+    monkeypatch.setattr(
+        subprocess, "run", lambda command, **_: subprocess.CompletedProcess(command, 0, answer)
+    )
     assert supply.check_advisories() == code
     assert words in capsys.readouterr().out
 
@@ -56,9 +66,13 @@ def test_the_bill_of_materials_names_every_package():
 
 def test_every_pin_has_a_hash_and_every_dependency_a_pin():
     project = (ROOT / "pyproject.toml").read_text()
-    needed = re.findall(r'^    "([a-z0-9-]+)[^"\n]*",$', project.split("dependencies = [")[1].split("]")[0], re.M)
+    needed = re.findall(
+        r'^    "([a-z0-9-]+)[^"\n]*",$', project.split("dependencies = [")[1].split("]")[0], re.M
+    )
     for path in (ROOT / ".ci" / "pins").glob("*.txt"):
         pins = re.sub(r"\\\n\s*", "", path.read_text()).splitlines()
-        assert all(re.match(r"[A-Za-z0-9._-]+==\S+ .*--hash=sha256:[0-9a-f]{64}", pin) for pin in pins)
+        assert all(
+            re.match(r"[A-Za-z0-9._-]+==\S+ .*--hash=sha256:[0-9a-f]{64}", pin) for pin in pins
+        )
         assert {name for name in needed if name != "tomli"} <= {pin.split("==")[0] for pin in pins}
         assert "http" not in path.read_text()

@@ -82,14 +82,24 @@ def allocate(planes: np.ndarray, n_cells: int, n_words: int = 1) -> Complex:
 
 def bytes_in_use(cx: Complex) -> int:
     """Return the memory of the rows in use: what the operating system had to commit."""
-    vertices, edges, faces, cells = (int(cx.count[which]) for which in (N_VERTICES, N_EDGES, N_FACES, N_CELLS))
+    vertices, edges, faces, cells = (
+        int(cx.count[which]) for which in (N_VERTICES, N_EDGES, N_FACES, N_CELLS)
+    )
     of_vertex = sum(part[:1].nbytes for part in (cx.vertices, cx.coordinates, cx.vertex))
     of_cell = cx.cell[:1].nbytes + cx.label[:1].nbytes
     listed = cx.lists.itemsize * int(cx.count[N_LIST:].sum())
-    return vertices * of_vertex + edges * cx.edge[:1].nbytes + faces * cx.face[:1].nbytes + cells * of_cell + listed
+    return (
+        vertices * of_vertex
+        + edges * cx.edge[:1].nbytes
+        + faces * cx.face[:1].nbytes
+        + cells * of_cell
+        + listed
+    )
 
 
-def with_room(build: Callable[[int], Complex], n_cells: int = 1024, limit: int = 1 << 24) -> Complex:
+def with_room(
+    build: Callable[[int], Complex], n_cells: int = 1024, limit: int = 1 << 24
+) -> Complex:
     """Call `build(n_cells)` until the room suffices: with more room if it was full, with less if there is no more.
 
     Raises
@@ -112,7 +122,9 @@ def with_room(build: Callable[[int], Complex], n_cells: int = 1024, limit: int =
                 limit = n_cells = n_cells // 2
                 reason = f"gets no memory for more than {limit} cells"
             if n_cells > limit or n_cells <= full:
-                raise MemoryLimitError(f"the cell complex must fit the memory. Got one that {reason}.") from None
+                raise MemoryLimitError(
+                    f"the cell complex must fit the memory. Got one that {reason}."
+                ) from None
 
 
 def _is_full(error: MemoryError) -> bool:

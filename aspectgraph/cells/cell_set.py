@@ -103,7 +103,9 @@ class CellSet:
         if not len(self):
             raise ValueError("bounds need at least one cell. The set is empty.")
         grid = self._grid
-        return spans(self._cx, self._cells, grid.frame.T * grid.steps_mm) + turned(grid.frame.T, grid.origin_mm)
+        return spans(self._cx, self._cells, grid.frame.T * grid.steps_mm) + turned(
+            grid.frame.T, grid.origin_mm
+        )
 
     def contains(self, points: ArrayLike) -> np.ndarray:
         """Whether the closed set holds points, exactly.
@@ -120,7 +122,9 @@ class CellSet:
         """
         flag = np.zeros(int(self._cx.count[N_CELLS]), bool)
         flag[self._cells] = True
-        return holds(tree_of(self._cx), flag, self._grid.to_points(np.asarray(points, float).reshape(-1, 3)))
+        return holds(
+            tree_of(self._cx), flag, self._grid.to_points(np.asarray(points, float).reshape(-1, 3))
+        )
 
     def sample(self, n: int, rng: int | np.random.Generator = 0) -> np.ndarray:
         """Draw points uniformly from the union.

@@ -51,7 +51,10 @@ def _crop(cx, first, flag):
             outer = c
             if place == CROSSED:
                 split_cell(cx, c, h)
-                outer, c = np.int64(cx.cell[c, CELL_CHILD + 1 - inner]), np.int64(cx.cell[c, CELL_CHILD + inner])
+                outer, c = (
+                    np.int64(cx.cell[c, CELL_CHILD + 1 - inner]),
+                    np.int64(cx.cell[c, CELL_CHILD + inner]),
+                )
             cx.label[outer] = 0
             cx.label[outer, cx.label.shape[1] - 1] = flag
             if outer == c:
@@ -61,7 +64,11 @@ def _crop(cx, first, flag):
 def at_limits(cx: Complex, first: int) -> np.ndarray:
     """Whether each cell has a face on one of the planes it was cropped by, as (c,) bool."""
     faces = cx.face[: int(cx.count[N_FACES])]
-    on_limit = (faces[:, FACE_PLANE] >= first) & (faces[:, FACE_PLANE] < first + N_LIMITS) & (faces[:, FACE_CHILD] < 0)
+    on_limit = (
+        (faces[:, FACE_PLANE] >= first)
+        & (faces[:, FACE_PLANE] < first + N_LIMITS)
+        & (faces[:, FACE_CHILD] < 0)
+    )
     result = np.zeros(int(cx.count[N_CELLS]), bool)
     sides = faces[on_limit, SIDES : SIDES + 2]
     result[sides[sides >= 0]] = True

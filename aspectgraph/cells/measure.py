@@ -84,7 +84,9 @@ def _cell_sizes(cx, cells):
             area, _, _ = face_area(cx, f)
             plane = cx.planes[cx.face[f, FACE_PLANE]]
             a, b, d = np.float64(plane[0]), np.float64(plane[1]), np.float64(plane[2])
-            distance = abs(a * centre[0] + b * centre[1] + d * centre[2] - plane[3]) / np.sqrt(a * a + b * b + d * d)
+            distance = abs(a * centre[0] + b * centre[1] + d * centre[2] - plane[3]) / np.sqrt(
+                a * a + b * b + d * d
+            )
             sizes[row, 0] += area * distance / 3
             sizes[row, 1] += area
     return sizes
@@ -125,9 +127,19 @@ def _interfaces(cx):
     m = 0
     for f in range(n):
         positive, negative = cx.face[f, SIDES], cx.face[f, SIDES + 1]
-        if cx.face[f, FACE_CHILD] >= 0 or positive < 0 or negative < 0 or not _has_face(cx, positive, f):
+        if (
+            cx.face[f, FACE_CHILD] >= 0
+            or positive < 0
+            or negative < 0
+            or not _has_face(cx, positive, f)
+        ):
             continue
-        sides[m, 0], sides[m, 1], sides[m, 2], sides[m, 3] = positive, negative, cx.face[f, FACE_PLANE], f
+        sides[m, 0], sides[m, 1], sides[m, 2], sides[m, 3] = (
+            positive,
+            negative,
+            cx.face[f, FACE_PLANE],
+            f,
+        )
         area, perimeter, sizes[m, 2] = face_area(cx, f)
         sizes[m, 0] = area
         sizes[m, 1] = 2.0 * area / perimeter if perimeter > 0 else 0.0
@@ -187,7 +199,9 @@ def _inner_balls(cx, cells):
             f = cx.lists[FACE_LIST, k]
             plane = cx.planes[cx.face[f, FACE_PLANE]]
             a, b, d = np.float64(plane[0]), np.float64(plane[1]), np.float64(plane[2])
-            distance = abs(a * centre[0] + b * centre[1] + d * centre[2] - plane[3]) / np.sqrt(a * a + b * b + d * d)
+            distance = abs(a * centre[0] + b * centre[1] + d * centre[2] - plane[3]) / np.sqrt(
+                a * a + b * b + d * d
+            )
             radius = min(radius, distance)
             for m in range(cx.face[f, FACE_FIRST], cx.face[f, FACE_FIRST] + cx.face[f, FACE_SIZE]):
                 for end in range(2):

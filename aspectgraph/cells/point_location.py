@@ -36,7 +36,9 @@ class Tree(NamedTuple):
 def tree_of(cx: Complex) -> Tree:
     """The partition whose leaves are the present cells of a complex; node numbers are cell numbers."""
     n = int(cx.count[N_CELLS])
-    return Tree(cx.planes, cx.cell[:n, CELL_PLANE].copy(), cx.cell[:n, CELL_CHILD : CELL_CHILD + 2].copy())
+    return Tree(
+        cx.planes, cx.cell[:n, CELL_PLANE].copy(), cx.cell[:n, CELL_CHILD : CELL_CHILD + 2].copy()
+    )
 
 
 @inner
@@ -52,7 +54,12 @@ def _rows(tree, points):
         if tree.plane[node] >= 0:
             for column in range(4):
                 rows[node, column] = np.float64(tree.planes[tree.plane[node], column])
-            a, b, c, d = abs(rows[node, 0]), abs(rows[node, 1]), abs(rows[node, 2]), abs(rows[node, 3])
+            a, b, c, d = (
+                abs(rows[node, 0]),
+                abs(rows[node, 1]),
+                abs(rows[node, 2]),
+                abs(rows[node, 3]),
+            )
             rows[node, 4] = ((a + b + c) * reach + d) * _FILTER
     return rows
 

@@ -35,7 +35,15 @@ from aspectgraph.cells.arrays import (
     allocate,
     push_edge,
 )
-from aspectgraph.cells.split import cell_side, face_side, leaves, refresh_cell, refresh_face, split_cell, split_face
+from aspectgraph.cells.split import (
+    cell_side,
+    face_side,
+    leaves,
+    refresh_cell,
+    refresh_face,
+    split_cell,
+    split_face,
+)
 from aspectgraph.exact.lean import compiled, holds_value, inner, lean, put
 
 _CANDIDATES = 10
@@ -75,7 +83,9 @@ def _copy_facets(old, cx):
             continue
         if _same(old.label[positive], old.label[negative]):
             continue
-        edges = old.lists[EDGE_LIST, old.face[f, FACE_FIRST] : old.face[f, FACE_FIRST] + old.face[f, FACE_SIZE]]
+        edges = old.lists[
+            EDGE_LIST, old.face[f, FACE_FIRST] : old.face[f, FACE_FIRST] + old.face[f, FACE_SIZE]
+        ]
         for e in edges:
             if new_edge[e] < 0:
                 for end in range(2):

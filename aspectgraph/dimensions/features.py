@@ -100,7 +100,14 @@ class Attachments:
         found: list[Feature] = []
         for shape in shapes:
             feature = self._feature(shape)
-            same = next((k for k, old in enumerate(found) if feature is not None and self._same(old, feature)), None)
+            same = next(
+                (
+                    k
+                    for k, old in enumerate(found)
+                    if feature is not None and self._same(old, feature)
+                ),
+                None,
+            )
             if feature is not None and same is None:
                 found.append(feature)
             elif feature is not None and same is not None:
@@ -109,11 +116,20 @@ class Attachments:
 
     def _feature(self, shape: dict[str, Any]) -> Feature | None:
         if shape["kind"] == "plane":
-            edges = {i for edge in shape["edges"] if edge["kind"] == "line" for i in self._edges_on(edge["ends"])}
+            edges = {
+                i
+                for edge in shape["edges"]
+                if edge["kind"] == "line"
+                for i in self._edges_on(edge["ends"])
+            }
             return Plane(np.array(shape["point"]), np.array(shape["axis"]), tuple(sorted(edges)))
         if shape["kind"] == "line":
             start, end = np.array(shape["ends"])
-            return Line(start, (end - start) / np.linalg.norm(end - start), tuple(self._edges_on(shape["ends"])))
+            return Line(
+                start,
+                (end - start) / np.linalg.norm(end - start),
+                tuple(self._edges_on(shape["ends"])),
+            )
         circles = [edge for edge in (shape, *shape.get("edges", ())) if edge["kind"] == "circle"]
         if shape["kind"] in ("circle", "cylinder"):
             around = Axis(np.array(shape["point"]), np.array(shape["axis"]), shape["radius"], ())
@@ -135,7 +151,9 @@ class Attachments:
     def coaxial(self, one: Axis, other: Axis) -> bool:
         """Return whether two axes are the same line."""
         beside = np.cross(other.point - one.point, one.along)
-        return parallel(one.along, other.along) and float(np.linalg.norm(beside)) <= self._circle_mm(one, other)
+        return parallel(one.along, other.along) and float(
+            np.linalg.norm(beside)
+        ) <= self._circle_mm(one, other)
 
     def _circle_mm(self, *axes: Axis) -> float:
         return max(self.match_mm, *(RELATIVE_CIRCLE * (axis.radius_mm or 0.0) for axis in axes))
@@ -162,17 +180,29 @@ class Attachments:
         offset = self.ends - start
         place = offset @ along
         beside = np.linalg.norm(offset - place[..., None] * along, axis=2)
-        inside = (place >= -self.match_mm) & (place <= length + self.match_mm) & (beside <= self.match_mm)
+        inside = (
+            (place >= -self.match_mm)
+            & (place <= length + self.match_mm)
+            & (beside <= self.match_mm)
+        )
         return [self.edges[k].id for k in np.flatnonzero(inside.all(axis=1)).tolist()]
 
     def _circles_on(self, circles: list[dict[str, Any]]) -> tuple[Arc, ...]:
         """Return the rims and arcs of the solid that lie on some circles of the CAD model."""
-        return tuple(arc for arc in self.circles if any(self._lies_on(arc, self._bare(circle)) for circle in circles))
+        return tuple(
+            arc
+            for arc in self.circles
+            if any(self._lies_on(arc, self._bare(circle)) for circle in circles)
+        )
 
     def _lies_on(self, arc: Arc, circle: Axis) -> bool:
         allowed = self._circle_mm(circle)
         near = float(np.linalg.norm(arc.centre - circle.point)) <= allowed
-        return near and abs(arc.radius_mm - (circle.radius_mm or 0.0)) <= allowed and parallel(arc.axis, circle.along)
+        return (
+            near
+            and abs(arc.radius_mm - (circle.radius_mm or 0.0)) <= allowed
+            and parallel(arc.axis, circle.along)
+        )
 
 
 def parallel(one: FloatArray, other: FloatArray) -> bool:

@@ -19,7 +19,16 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 
 from aspectgraph.dimensions.choice import Sight, arc_order
-from aspectgraph.dimensions.features import Attachments, Axis, Feature, FloatArray, Line, Plane, parallel, perpendicular
+from aspectgraph.dimensions.features import (
+    Attachments,
+    Axis,
+    Feature,
+    FloatArray,
+    Line,
+    Plane,
+    parallel,
+    perpendicular,
+)
 from aspectgraph.dimensions.records import Way
 from aspectgraph.solid.rims import Arc
 
@@ -68,7 +77,9 @@ class Measurer:
     def __init__(self, attachments: Attachments, sight: Sight):
         self.match_mm = attachments.match_mm
         self.coaxial, self.sight = attachments.coaxial, sight
-        self.ends = {edge.id: ends for edge, ends in zip(attachments.edges, attachments.ends, strict=True)}
+        self.ends = {
+            edge.id: ends for edge, ends in zip(attachments.edges, attachments.ends, strict=True)
+        }
 
     def size(self, kind: str, features: Sequence[Feature]) -> Measure:
         """Return how a diameter or radius is measured.
@@ -97,7 +108,11 @@ class Measurer:
             A plane, line or axis each.
         """
         if isinstance(one, Axis):
-            return self._centre_distance(one, other) if isinstance(other, Axis) else self._centre_to_edge(one, other)
+            return (
+                self._centre_distance(one, other)
+                if isinstance(other, Axis)
+                else self._centre_to_edge(one, other)
+            )
         if isinstance(other, Axis):
             return self._centre_to_edge(other, one)
         direction = _across(one, other)
@@ -105,7 +120,11 @@ class Measurer:
             return Measure("distance", reason="the two features it is attached to are not parallel")
         value = abs(float((other.point - one.point) @ direction))
         if value <= self.match_mm:
-            return Measure("distance", (value,), reason="both of its ends are attached to the same plane or line")
+            return Measure(
+                "distance",
+                (value,),
+                reason="both of its ends are attached to the same plane or line",
+            )
         ways = self._edge_pairs(one, other, direction)
         reason = "" if ways else "no two parallel sharp straight edges bound what it is attached to"
         return Measure("distance", (value,), (ways,), reason, direction)
@@ -123,14 +142,26 @@ class Measurer:
         elif isinstance(one, Line) and isinstance(other, Line):
             first, second = one.along, other.along
         else:
-            return Measure("angle", reason="it is attached to other than two planes or two straight edges")
+            return Measure(
+                "angle", reason="it is attached to other than two planes or two straight edges"
+            )
         if parallel(first, second):
             return Measure("angle", reason="the two features it is attached to are parallel")
-        turn = math.degrees(math.atan2(float(np.linalg.norm(np.cross(first, second))), float(first @ second)))
+        turn = math.degrees(
+            math.atan2(float(np.linalg.norm(np.cross(first, second))), float(first @ second))
+        )
         fold = np.cross(first, second) / np.linalg.norm(np.cross(first, second))
-        pairs = [(a, b) for a, b in product(one.edges, other.edges) if a != b and self._both_across(a, b, fold)]
+        pairs = [
+            (a, b)
+            for a, b in product(one.edges, other.edges)
+            if a != b and self._both_across(a, b, fold)
+        ]
         pairs.sort(key=lambda pair: self._pair_order(pair[0], pair[1], fold))
-        reason = "" if pairs else "no two sharp straight edges across its fold bound what it is attached to"
+        reason = (
+            ""
+            if pairs
+            else "no two sharp straight edges across its fold bound what it is attached to"
+        )
         return Measure("angle", (turn, 180.0 - turn), (tuple(pairs),), reason)
 
     def _sorted(self, circles: Sequence[Arc]) -> list[Arc]:
@@ -143,17 +174,24 @@ class Measurer:
     def _both_across(self, a: int, b: int, direction: FloatArray) -> bool:
         return perpendicular(self._along(a), direction) and perpendicular(self._along(b), direction)
 
-    def _edge_pairs(self, one: Plane | Line, other: Plane | Line, direction: FloatArray) -> tuple[Way, ...]:
+    def _edge_pairs(
+        self, one: Plane | Line, other: Plane | Line, direction: FloatArray
+    ) -> tuple[Way, ...]:
         """Return the pairs of parallel edges across a direction, best first."""
         pairs = [
             (a, b)
             for a, b in product(one.edges, other.edges)
             if self._both_across(a, b, direction) and parallel(self._along(a), self._along(b))
         ]
-        keys = {pair: self._pair_order(*pair, np.cross(self._along(pair[0]), direction)) for pair in pairs}
+        keys = {
+            pair: self._pair_order(*pair, np.cross(self._along(pair[0]), direction))
+            for pair in pairs
+        }
         return tuple(sorted(pairs, key=keys.__getitem__))
 
-    def _pair_order(self, a: int, b: int, beside: FloatArray) -> tuple[bool, bool, float, float, int, int]:
+    def _pair_order(
+        self, a: int, b: int, beside: FloatArray
+    ) -> tuple[bool, bool, float, float, int, int]:
         """Return a key for a pair of edges; `beside` is the normal of the plane in which they should both lie."""
         offset = abs(float((self.ends[b][0] - self.ends[a][0]) @ beside))
         apart = offset > self.match_mm
@@ -162,14 +200,19 @@ class Measurer:
 
     def _centre_distance(self, one: Axis, other: Axis) -> Measure:
         if not parallel(one.along, other.along):
-            return Measure("centre_distance", reason="the two axes it is attached to are not parallel")
+            return Measure(
+                "centre_distance", reason="the two axes it is attached to are not parallel"
+            )
         if self.coaxial(one, other):
-            return Measure("centre_distance", (0.0,), reason="both of its ends are attached to the same axis")
+            return Measure(
+                "centre_distance", (0.0,), reason="both of its ends are attached to the same axis"
+            )
         offset = other.point - one.point
         across = offset - (offset @ one.along) * one.along
         value = float(np.linalg.norm(across))
         apart: dict[_Pair, float] = {
-            (a, b): self._apart(a.centre - b.centre, one.along) for a, b in product(one.circles, other.circles)
+            (a, b): self._apart(a.centre - b.centre, one.along)
+            for a, b in product(one.circles, other.circles)
         }
         reason = "" if apart else "no sharp circular edge is around one of its axes"
         return self._with_circle("centre_distance", value, apart, reason, across / value)
@@ -177,16 +220,25 @@ class Measurer:
     def _centre_to_edge(self, axis: Axis, other: Plane | Line) -> Measure:
         direction = other.normal if isinstance(other, Plane) else np.cross(axis.along, other.along)
         if isinstance(other, Line) and not perpendicular(axis.along, other.along):
-            return Measure("centre_to_edge", reason="the edge and the axis it is attached to are not perpendicular")
+            return Measure(
+                "centre_to_edge",
+                reason="the edge and the axis it is attached to are not perpendicular",
+            )
         if isinstance(other, Plane) and not perpendicular(axis.along, other.normal):
-            return Measure("centre_to_edge", reason="the plane and the axis it is attached to are not parallel")
+            return Measure(
+                "centre_to_edge", reason="the plane and the axis it is attached to are not parallel"
+            )
         value = abs(float((axis.point - other.point) @ direction))
         apart: dict[_Pair, float] = {
             (arc, edge): self._apart(arc.centre - self.ends[edge][0], axis.along)
             for arc, edge in product(axis.circles, other.edges)
             if perpendicular(self._along(edge), axis.along)
         }
-        reason = "" if apart else "no sharp circular edge, or no sharp straight edge across its axis, bounds it"
+        reason = (
+            ""
+            if apart
+            else "no sharp circular edge, or no sharp straight edge across its axis, bounds it"
+        )
         return self._with_circle("centre_to_edge", value, apart, reason, direction)
 
     def _apart(self, offset: FloatArray, along: FloatArray) -> float:
@@ -195,19 +247,35 @@ class Measurer:
         return round(apart, 6) if apart > self.match_mm else 0.0
 
     def _with_circle(
-        self, kind: str, value: float, apart: Mapping[_Pair, float], reason: str, direction: FloatArray
+        self,
+        kind: str,
+        value: float,
+        apart: Mapping[_Pair, float],
+        reason: str,
+        direction: FloatArray,
     ) -> Measure:
         """Return the measure by pairs of a circle and another entity, given how far they are apart along the axis."""
 
         def key(pair: _Pair) -> tuple[object, ...]:
             arc, other = pair
-            rest = arc_order(self.sight, other) if isinstance(other, Arc) else (-self.sight.length_mm(other), other)
-            return not self.sight.together(arc, other), apart[pair], *arc_order(self.sight, arc), *rest
+            rest = (
+                arc_order(self.sight, other)
+                if isinstance(other, Arc)
+                else (-self.sight.length_mm(other), other)
+            )
+            return (
+                not self.sight.together(arc, other),
+                apart[pair],
+                *arc_order(self.sight, arc),
+                *rest,
+            )
 
         ranked = sorted(apart, key=cast("Callable[[_Pair], Any]", key))
         offset = apart[ranked[0]] if ranked else 0.0
         note = f"its entities lie {offset:.6g} mm apart along the axis; it is measured along its direction"
-        ways = tuple((arc.id, other.id if isinstance(other, Arc) else other) for arc, other in ranked)
+        ways = tuple(
+            (arc.id, other.id if isinstance(other, Arc) else other) for arc, other in ranked
+        )
         return Measure(kind, (value,), (ways,), reason, direction, note if offset else "")
 
 

@@ -85,18 +85,30 @@ def read_dimensions(
         if not 0 < value < float("inf"):
             raise ReadError(f"{label} must be positive and finite. Got {value}.")
     if not Path(path).name.lower().removesuffix(".gz").endswith(STEP_SUFFIXES):
-        raise ReadError(f"dimensions are read from {' and '.join(STEP_SUFFIXES)} files. Got {Path(path).name!r}.")
+        raise ReadError(
+            f"dimensions are read from {' and '.join(STEP_SUFFIXES)} files. Got {Path(path).name!r}."
+        )
     limits = limits or ReadLimits()
-    with plain_step_file(Path(path), limits) as plain, StepKernel(Path(path).name, limits) as kernel:
+    with (
+        plain_step_file(Path(path), limits) as plain,
+        StepKernel(Path(path).name, limits) as kernel,
+    ):
         answer, _ = kernel.ask("dimensions", path=str(plain.absolute()), name=Path(path).name)
     rows = answer["found"]
     if not rows:
         return ()
     reader = _Reader(solid, agreement_mm, agreement_deg)
     statements = read_statements(rows, answer["stated"])
-    found = [reader.dimension(row, statement) for row, statement in zip(rows, statements, strict=True)]
-    titles = [row["name"] or f"{one.kind} {k}" for k, (row, one) in enumerate(zip(rows, found, strict=True), start=1)]
-    return tuple(replace(one, name=name) for one, name in zip(found, unique_names(titles), strict=True))
+    found = [
+        reader.dimension(row, statement) for row, statement in zip(rows, statements, strict=True)
+    ]
+    titles = [
+        row["name"] or f"{one.kind} {k}"
+        for k, (row, one) in enumerate(zip(rows, found, strict=True), start=1)
+    ]
+    return tuple(
+        replace(one, name=name) for one, name in zip(found, unique_names(titles), strict=True)
+    )
 
 
 class _Reader:
@@ -113,7 +125,10 @@ class _Reader:
         value = _nearest(measure.values, stated)
         nominal, note = stated.nominal, _and(stated.note, measure.note)
         if nominal is None and value is not None:
-            nominal, note = round(value, DIGITS), _and(note, "the file states no nominal value; this is the geometry's")
+            nominal, note = (
+                round(value, DIGITS),
+                _and(note, "the file states no nominal value; this is the geometry's"),
+            )
         tolerance = stated.tolerance
         if stated.limits is not None and nominal is not None:
             tolerance = deviations(nominal, stated.limits)
@@ -153,17 +168,27 @@ class _Reader:
 
     def _disagreement(self, measure: Measure, stated: Statement) -> str | None:
         """Return how the stated value differs from the geometry of a feature, or None if it does not."""
-        unit, allowed = ("degrees", self.agreement_deg) if measure.kind == "angle" else ("mm", self.agreement_mm)
+        unit, allowed = (
+            ("degrees", self.agreement_deg)
+            if measure.kind == "angle"
+            else ("mm", self.agreement_mm)
+        )
         wanted = (stated.nominal, stated.nominal) if stated.nominal is not None else stated.limits
         if wanted is None:
             return None
         values = measure.values
         if measure.kind == "angle" and values:
             values = (min(values, key=lambda value: abs(value - wanted[0])),)
-        wrong = [value for value in values if not wanted[0] - allowed <= value <= wanted[1] + allowed]
+        wrong = [
+            value for value in values if not wanted[0] - allowed <= value <= wanted[1] + allowed
+        ]
         if not wrong:
             return None
-        text = f"{wanted[0]:.6g}" if stated.nominal is not None else f"{wanted[0]:.6g} to {wanted[1]:.6g}"
+        text = (
+            f"{wanted[0]:.6g}"
+            if stated.nominal is not None
+            else f"{wanted[0]:.6g} to {wanted[1]:.6g}"
+        )
         return f"the file states {text} {unit}, the geometry it is attached to has {wrong[0]:.6g} {unit}"
 
 
@@ -180,7 +205,9 @@ def _kind(row: dict[str, Any]) -> str:
     return "distance"
 
 
-def _two_ends(first: Sequence[Feature], second: Sequence[Feature], apart: bool) -> tuple[Feature, Feature] | str:
+def _two_ends(
+    first: Sequence[Feature], second: Sequence[Feature], apart: bool
+) -> tuple[Feature, Feature] | str:
     """Return the two features between which a dimension lies, or why there are not two.
 
     `apart`: the file says which shapes are at which end.
@@ -200,7 +227,9 @@ def _round_values(kind: str, sides: Sequence[Sequence[dict[str, Any]]]) -> tuple
     if kind == "angle":
         return tuple(shape["angle_deg"] for shape in shapes if shape["kind"] == "cone")
     factor = {"spherical_radius": 1.0, "spherical_diameter": 2.0}.get(kind, 0.0)
-    return tuple(factor * shape["radius"] for shape in shapes if shape["kind"] == "sphere" and factor)
+    return tuple(
+        factor * shape["radius"] for shape in shapes if shape["kind"] == "sphere" and factor
+    )
 
 
 def _nearest(values: Sequence[float], stated: Statement) -> float | None:

@@ -78,7 +78,11 @@ class ModelDimension:
     def __repr__(self) -> str:
         """Return a one-line summary."""
         value = "no value" if self.nominal is None else f"{self.nominal:.6g} {self.unit}"
-        how = f"not measurable: {self.reason}" if self.entities is None else f"by {list(self.entities)}"
+        how = (
+            f"not measurable: {self.reason}"
+            if self.entities is None
+            else f"by {list(self.entities)}"
+        )
         return f"<ModelDimension {self.name!r}: {self.kind} {value}, {how}>"
 
 

@@ -44,7 +44,9 @@ class Statement:
     fault: str | None = None
 
 
-def read_statements(found: Sequence[dict[str, Any]], texts: Sequence[dict[str, Any]]) -> list[Statement]:
+def read_statements(
+    found: Sequence[dict[str, Any]], texts: Sequence[dict[str, Any]]
+) -> list[Statement]:
     """Return what the file states of each dimension that the kernel found.
 
     Parameters
@@ -65,7 +67,9 @@ def read_statements(found: Sequence[dict[str, Any]], texts: Sequence[dict[str, A
     return [_from_text(tuple(text["values"]), text["bounds"]) for text in paired]
 
 
-def _pair(found: Sequence[dict[str, Any]], texts: Sequence[dict[str, Any]]) -> list[dict[str, Any]] | None:
+def _pair(
+    found: Sequence[dict[str, Any]], texts: Sequence[dict[str, Any]]
+) -> list[dict[str, Any]] | None:
     """Return the text of each dimension, by order and value; None if some dimension fits no text."""
     rest = iter(texts)
     paired = [next((text for text in rest if _fits(row, text)), None) for row in found]
@@ -86,7 +90,9 @@ def _from_text(values: tuple[float, ...], bounds: Sequence[float] | None) -> Sta
         lower, upper = bounds
         swapped = lower > upper
         note = f"the file states {lower:+.4g} as the lower and {upper:+.4g} as the upper deviation; taken in order"
-        return Statement(values[0] if values else None, (min(bounds), max(bounds)), note=note if swapped else "")
+        return Statement(
+            values[0] if values else None, (min(bounds), max(bounds)), note=note if swapped else ""
+        )
     if len(values) == 2:
         return Statement(limits=(min(values), max(values)))
     if len(values) == 3:
@@ -113,7 +119,9 @@ def _from_kernel(row: dict[str, Any]) -> Statement:
     values = row["values"] or []
     if row["is_range"] and len(values) == 2:
         if values[0] > values[1]:
-            return Statement(fault=f"its limits are in the wrong order: {values[0]:.6g} above {values[1]:.6g}")
+            return Statement(
+                fault=f"its limits are in the wrong order: {values[0]:.6g} above {values[1]:.6g}"
+            )
         return Statement(limits=(values[0], values[1]))
     if row["has_bounds"] and len(values) == 3:
         return Statement(values[0], (-values[1], values[2]), note=_UNSIGNED)

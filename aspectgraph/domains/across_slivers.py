@@ -36,7 +36,9 @@ class Piece(NamedTuple):
     corners: np.ndarray
 
 
-def pieces_across(cx: Complex, sides: np.ndarray, is_thin: np.ndarray, least_width: float) -> list[Piece]:
+def pieces_across(
+    cx: Complex, sides: np.ndarray, is_thin: np.ndarray, least_width: float
+) -> list[Piece]:
     """Where wide cells touch across slivers.
 
     Parameters
@@ -61,10 +63,16 @@ def pieces_across(cx: Complex, sides: np.ndarray, is_thin: np.ndarray, least_wid
     cells, lengths, paths, sizes, corners = _push_all(
         cx, sides, is_thin, first, rows_twice[order], starts, float(least_width)
     )
-    path_ends, corner_ends, points = np.cumsum(lengths), np.cumsum(sizes), np.array(corners).reshape(-1, 3)
+    path_ends, corner_ends, points = (
+        np.cumsum(lengths),
+        np.cumsum(sizes),
+        np.array(corners).reshape(-1, 3),
+    )
     return [
         Piece((int(u), int(v)), tuple(map(int, paths[p - length : p])), points[c - size : c])
-        for (u, v), p, length, c, size in zip(cells, path_ends, lengths, corner_ends, sizes, strict=True)
+        for (u, v), p, length, c, size in zip(
+            cells, path_ends, lengths, corner_ends, sizes, strict=True
+        )
     ]
 
 
@@ -168,7 +176,10 @@ def _push_all(cx, sides, is_thin, first, rows, starts, least_width):
                 continue
             row = rows[following[-1]]
             following[-1] += 1
-            if row == path[-1] or (_normal_out_of(cx, sides, row, here) * direction).sum() < _OPPOSITE:
+            if (
+                row == path[-1]
+                or (_normal_out_of(cx, sides, row, here) * direction).sum() < _OPPOSITE
+            ):
                 continue
             piece = _clip(entered[-1], _flatten(face_polygon(cx, sides[row, 3]), origin, frame))
             if _is_narrow(piece, least_width):
@@ -189,7 +200,9 @@ def _push_all(cx, sides, is_thin, first, rows, starts, least_width):
                 sizes.append(len(piece))
                 for point in piece:
                     for axis in range(3):
-                        corners.append(origin[axis] + point[0] * frame[0, axis] + point[1] * frame[1, axis])
+                        corners.append(
+                            origin[axis] + point[0] * frame[0, axis] + point[1] * frame[1, axis]
+                        )
     return cells, lengths, paths, sizes, corners
 
 

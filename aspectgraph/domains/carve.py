@@ -78,7 +78,9 @@ def _perpendicular_planes(points, pieces, steps, resolution):
     sizes = np.zeros(len(pieces.face), np.int64)
     n = 0
     for k in range(len(pieces.face)):
-        loop = _true_corners(points, pieces.vertices[pieces.first[k] : pieces.first[k + 1]], resolution)
+        loop = _true_corners(
+            points, pieces.vertices[pieces.first[k] : pieces.first[k + 1]], resolution
+        )
         if len(loop) < 3:
             continue
         sizes[k] = len(loop)
@@ -95,7 +97,11 @@ def _true_corners(points, loop, resolution):
     kept = [v for v in loop]  # noqa: C416 - numba makes no list of an array otherwise
     k = 0
     while k < len(kept) and len(kept) > 2:
-        before, here, after = points[kept[k - 1]], points[kept[k]], points[kept[(k + 1) % len(kept)]]
+        before, here, after = (
+            points[kept[k - 1]],
+            points[kept[k]],
+            points[kept[(k + 1) % len(kept)]],
+        )
         turn = length = 0.0
         for axis in range(3):
             i, j = (axis + 1) % 3, (axis + 2) % 3
@@ -124,7 +130,11 @@ def carve(cx: Complex, scene: Scene, facets: Facets, n_box: int) -> None:
         Number of box planes.
     """
     free = _insert_facets(
-        cx, facets.first, n_box + scene.plane_of_face[facets.face], scene.side_of_face[facets.face], len(facets.planes)
+        cx,
+        facets.first,
+        n_box + scene.plane_of_face[facets.face],
+        scene.side_of_face[facets.face],
+        len(facets.planes),
     )
     words = cx.label.shape[1]
     labels = np.zeros((2, words), np.uint64)
@@ -145,12 +155,16 @@ def _insert_facets(cx, first, plane, side, n_perpendicular):
         start, size = first[k], first[k + 1] - first[k]
         corner = np.empty(size, np.int64)
         for i in range(size):
-            corner[i] = add_vertex(cx, plane[k], offset + start + (i + size - 1) % size, offset + start + i)
+            corner[i] = add_vertex(
+                cx, plane[k], offset + start + (i + size - 1) % size, offset + start + i
+            )
         edge = np.empty(size, np.int64)
         for i in range(size):
             edge[i] = add_edge(cx, corner[i], corner[(i + 1) % size], plane[k], offset + start + i)
         outside_positive = side[k] > 0
-        faces[k] = add_face(cx, plane[k], 0 if outside_positive else 1, 1 if outside_positive else 0)
+        faces[k] = add_face(
+            cx, plane[k], 0 if outside_positive else 1, 1 if outside_positive else 0
+        )
         for i in range(size):
             push_edge(cx, faces[k], edge[i])
     return faces
@@ -170,7 +184,11 @@ def _hand_down(cx, facets):
 
     Returns the leaves, where the facets of each begin in the list of all, and that list.
     """
-    leaves, first, handed = [np.int64(0) for _ in range(0)], [np.int64(0)], [np.int64(0) for _ in range(0)]
+    leaves, first, handed = (
+        [np.int64(0) for _ in range(0)],
+        [np.int64(0)],
+        [np.int64(0) for _ in range(0)],
+    )
     stack = [(0, facets)]
     while len(stack) > 0:
         cell, own = stack.pop()
@@ -220,7 +238,14 @@ def is_inside(scene: Scene, position: np.ndarray) -> bool:
         point = as_queries(position + nudge)
         for axis in range(3):
             parity = _parity(
-                point, axis, scene.points, first, loop, scene.pieces.face, scene.planes, scene.plane_of_face
+                point,
+                axis,
+                scene.points,
+                first,
+                loop,
+                scene.pieces.face,
+                scene.planes,
+                scene.plane_of_face,
             )
             if parity >= 0:
                 return parity == 1

@@ -22,7 +22,9 @@ class Touching:
         In squared grid steps.
     """
 
-    def __init__(self, cx: Complex, sides: np.ndarray, sizes: np.ndarray, is_thin: np.ndarray, ruler: Ruler) -> None:
+    def __init__(
+        self, cx: Complex, sides: np.ndarray, sizes: np.ndarray, is_thin: np.ndarray, ruler: Ruler
+    ) -> None:
         direct = ~is_thin[sides[:, :2]].any(axis=1)
         self._cx, self._sides = cx, sides[direct]
         self._pieces = pieces_across(cx, sides, is_thin, ruler.min_width)

@@ -134,7 +134,9 @@ def find_domains(cx: Complex, ruler: Ruler) -> Domains:
     n_slivers = 0
     if is_sliver.any():
         borders = _Borders(sides[:, :2], *sizes.T).at(is_sliver)
-        n_domains, n_slivers = _absorb(of_cell, n_domains, label, free, widths.volume, borders, ruler)
+        n_domains, n_slivers = _absorb(
+            of_cell, n_domains, label, free, widths.volume, borders, ruler
+        )
     members = _members(of_cell, free, n_domains)
     domains = [_domain(cells, labels, label, is_thin, widths, ruler) for cells in members]
     order = sorted(range(n_domains), key=lambda d: _order_key(domains[d]))
@@ -142,15 +144,23 @@ def find_domains(cx: Complex, ruler: Ruler) -> Domains:
     rank[order] = np.arange(n_domains)
     of_cell[of_cell >= 0] = rank[of_cell[of_cell >= 0]]
     return Domains(
-        [domains[d] for d in order], _contacts(of_cell, touching.judged_by(ruler.for_contacts())), of_cell, n_slivers
+        [domains[d] for d in order],
+        _contacts(of_cell, touching.judged_by(ruler.for_contacts())),
+        of_cell,
+        n_slivers,
     )
 
 
-def _join(touching: Touching, label: np.ndarray, counted: np.ndarray, tails: np.ndarray) -> tuple[np.ndarray, int]:
+def _join(
+    touching: Touching, label: np.ndarray, counted: np.ndarray, tails: np.ndarray
+) -> tuple[np.ndarray, int]:
     """Domain of each cell, -1 for slivers and inside the solid, and the number of domains."""
     tail = np.flatnonzero(tails >= 0)
     same = np.flatnonzero(label[touching.cells[:, 0]] == label[touching.cells[:, 1]])
-    links = [touching.cells[same[touching.certainly_wide()[same]]], np.column_stack([tail, tails[tail]])]
+    links = [
+        touching.cells[same[touching.certainly_wide()[same]]],
+        np.column_stack([tail, tails[tail]]),
+    ]
     group = _components(np.concatenate(links), len(label))
     for k in touching.doubtful(same):
         one, other = group[touching.cells[k]]
@@ -176,12 +186,16 @@ def _by_pair(ends: np.ndarray, rows: np.ndarray) -> Iterator[tuple[tuple[int, in
     if outer.any():
         names, place = np.unique(pairs[outer], axis=0, return_inverse=True)
         order = np.argsort(place.ravel(), kind="stable")
-        parts = np.split(rows[outer][order], np.searchsorted(place.ravel()[order], np.arange(1, len(names))))
+        parts = np.split(
+            rows[outer][order], np.searchsorted(place.ravel()[order], np.arange(1, len(names)))
+        )
         yield from zip(map(tuple, names.tolist()), parts, strict=True)
 
 
 def _components(links: np.ndarray, n: int) -> np.ndarray:
-    return connected_components(coo_array((np.ones(len(links)), links.T), shape=(n, n)), directed=False)[1]
+    return connected_components(
+        coo_array((np.ones(len(links)), links.T), shape=(n, n)), directed=False
+    )[1]
 
 
 def _absorb(
@@ -198,7 +212,9 @@ def _absorb(
     Slivers that border on no domain, as between displaced faces of the solid, stay without, unless there is no domain.
     """
     pairs, areas = borders.pairs, borders.areas
-    alike = (label[pairs[:, 0]] == label[pairs[:, 1]]) & (borders.widths >= ruler.least_width(borders.farthest))
+    alike = (label[pairs[:, 0]] == label[pairs[:, 1]]) & (
+        borders.widths >= ruler.least_width(borders.farthest)
+    )
     _spread(of_cell, np.arange(len(of_cell)), pairs[alike], areas[alike])
     left = free[of_cell[free] < 0]
     sliver = _components(pairs[alike & (of_cell[pairs] < 0).all(axis=1)], len(of_cell))
@@ -219,7 +235,9 @@ def _spread(of_cell: np.ndarray, unit: np.ndarray, pairs: np.ndarray, areas: np.
             return
         column = (found[rows, 0] >= 0).astype(int)
         lacking = unit[pairs[rows, column]]
-        keys, place = np.unique(np.column_stack([lacking, found[rows, 1 - column]]), axis=0, return_inverse=True)
+        keys, place = np.unique(
+            np.column_stack([lacking, found[rows, 1 - column]]), axis=0, return_inverse=True
+        )
         shared = np.bincount(place.ravel(), areas[rows])
         best = np.lexsort([shared, keys[:, 0]])
         chosen = np.full(len(unit), -1)
@@ -236,7 +254,12 @@ def _members(of_cell: np.ndarray, free: np.ndarray, n_domains: int) -> list[np.n
 
 
 def _domain(
-    cells: np.ndarray, labels: np.ndarray, label: np.ndarray, is_thin: np.ndarray, widths: CellWidths, ruler: Ruler
+    cells: np.ndarray,
+    labels: np.ndarray,
+    label: np.ndarray,
+    is_thin: np.ndarray,
+    widths: CellWidths,
+    ruler: Ruler,
 ) -> Domain:
     wide = cells[~is_thin[cells]]
     own = wide if len(wide) else cells
@@ -264,5 +287,7 @@ def _contacts(of_cell: np.ndarray, touching: Touching) -> dict[tuple[int, int], 
             contacts[pair] = Contact(float(touching.area[rows].sum()))
             for k in rows.tolist():
                 for plane in touching.planes(k):
-                    contacts[pair].planes[plane] = contacts[pair].planes.get(plane, 0.0) + float(touching.area[k])
+                    contacts[pair].planes[plane] = contacts[pair].planes.get(plane, 0.0) + float(
+                        touching.area[k]
+                    )
     return contacts

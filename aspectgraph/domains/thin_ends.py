@@ -13,7 +13,12 @@ _TAIL_SHARE = 0.1
 
 
 def find_tails(
-    cx: Complex, sides: np.ndarray, areas: np.ndarray, label: np.ndarray, is_thin: np.ndarray, ruler: Ruler
+    cx: Complex,
+    sides: np.ndarray,
+    areas: np.ndarray,
+    label: np.ndarray,
+    is_thin: np.ndarray,
+    ruler: Ruler,
 ) -> np.ndarray:
     """The wide cell, or the tail before it, that each tail carries on: one, so that no tail joins what others part.
 

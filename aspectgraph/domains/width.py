@@ -48,7 +48,9 @@ class Ruler(NamedTuple):
 def largest_extent(points: np.ndarray) -> float:
     """Largest distance between two of (n, 3) points that do not lie in one plane: the same however they are turned."""
     hull = points[ConvexHull(points - points.mean(axis=0)).vertices].astype(float)
-    return max(float(cdist(part, hull).max()) for part in np.array_split(hull, 1 + len(hull) // 1000))
+    return max(
+        float(cdist(part, hull).max()) for part in np.array_split(hull, 1 + len(hull) // 1000)
+    )
 
 
 class _Programme(NamedTuple):
@@ -66,12 +68,22 @@ class _Programme(NamedTuple):
 
     def maximise(self, radius: float, m: float) -> Any:
         """Solve for the largest sum of the radius and m, times their weights."""
-        return linprog([0, 0, 0, -radius, -m], self.coefficients, self.limits, bounds=self.bounds, method="highs")
+        return linprog(
+            [0, 0, 0, -radius, -m],
+            self.coefficients,
+            self.limits,
+            bounds=self.bounds,
+            method="highs",
+        )
 
 
 def _programme(rows: np.ndarray, ruler: Ruler, normal: np.ndarray | None = None) -> _Programme:
     scale = np.abs(rows[:, 3]).max() or 1.0
-    thickness = np.ones(len(rows)) if normal is None else np.linalg.norm(np.cross(rows[:, :3], normal), axis=1)
+    thickness = (
+        np.ones(len(rows))
+        if normal is None
+        else np.linalg.norm(np.cross(rows[:, :3], normal), axis=1)
+    )
     first = 0 if normal is None else 1
     flat = np.zeros((2, 3)) if normal is None else rows[[0, 0], :3] * [[1], [-1]]
     unit = np.eye(3)
@@ -83,8 +95,13 @@ def _programme(rows: np.ndarray, ruler: Ruler, normal: np.ndarray | None = None)
     ]
     level = np.zeros(2) if normal is None else np.array([-1.0, 1.0]) * rows[0, 3]
     limits = np.concatenate([-rows[first:, 3], level, np.zeros(6)]) / scale
-    bounds: list[tuple[float | None, float | None]] = [(None, None)] * 3 + [(0, None), (ruler.reach / scale, None)]
-    return _Programme(np.concatenate(columns), limits, bounds, scale, 0.5 * ruler.min_width / ruler.reach)
+    bounds: list[tuple[float | None, float | None]] = [(None, None)] * 3 + [
+        (0, None),
+        (ruler.reach / scale, None),
+    ]
+    return _Programme(
+        np.concatenate(columns), limits, bounds, scale, 0.5 * ruler.min_width / ruler.reach
+    )
 
 
 def has_room(rows: np.ndarray, ruler: Ruler, normal: np.ndarray | None = None) -> bool:
@@ -106,7 +123,10 @@ def largest_ball(rows: np.ndarray, ruler: Ruler) -> tuple[np.ndarray, float]:
     attempts = [programme]
     if ruler.min_width > 0.0:
         is_wide = [[0.0, 0.0, 0.0, -1.0, programme.slope]]
-        coefficients, limits = np.concatenate([programme.coefficients, is_wide]), np.append(programme.limits, 0.0)
+        coefficients, limits = (
+            np.concatenate([programme.coefficients, is_wide]),
+            np.append(programme.limits, 0.0),
+        )
         attempts.insert(0, programme._replace(coefficients=coefficients, limits=limits))
     for attempt in attempts:
         result = attempt.maximise(1.0, 0.0)
@@ -123,7 +143,9 @@ def disc_has_room(corners: np.ndarray, ruler: Ruler) -> bool:
     kept = length > 0.0
     outward = np.cross(sides[kept], normal) / length[kept, None]
     walls = np.column_stack([outward, -(outward * corners[kept]).sum(axis=1)])
-    return has_room(np.concatenate([[[*normal, -(normal @ corners.mean(axis=0))]], walls]), ruler, normal)
+    return has_room(
+        np.concatenate([[[*normal, -(normal @ corners.mean(axis=0))]], walls]), ruler, normal
+    )
 
 
 def union_has_room(polygons: list[np.ndarray], ruler: Ruler) -> bool:
@@ -134,7 +156,10 @@ def union_has_room(polygons: list[np.ndarray], ruler: Ruler) -> bool:
     polygons = sorted(polygons, key=lambda corners: -shapely.Polygon(_flat(corners, corners)).area)
     while len(polygons) > 1:
         first, normal = polygons[0], _unit_normal(polygons[0])
-        near = [bool((abs((p - first[0]) @ normal) <= _least_width_at(p, ruler)).all()) for p in polygons]
+        near = [
+            bool((abs((p - first[0]) @ normal) <= _least_width_at(p, ruler)).all())
+            for p in polygons
+        ]
         level = [p for p, flag in zip(polygons, near, strict=True) if flag]
         if len(level) > 1 and _level_union_has_room(level, ruler):
             return True
@@ -216,13 +241,19 @@ class CellWidths:
         roomy = 2.0 * balls[:, 3] >= ruler.least_width(distance)
         # as a share of the least width, the width of the largest ball is at most this
         share = np.zeros(len(thin))
-        share[self._cells] = 2.0 * self._bound[self._cells] / ruler.least_width(np.maximum(distance - balls[:, 4], 0.0))
+        share[self._cells] = (
+            2.0
+            * self._bound[self._cells]
+            / ruler.least_width(np.maximum(distance - balls[:, 4], 0.0))
+        )
         thin[self._cells] = ~roomy
         for cell in self._cells[~roomy & (share[self._cells] >= 1.0)].tolist():
             thin[cell] = not has_room(half_spaces(self._cx, cell), ruler)
         # a ball cut in two leaves one of half its radius in one of the parts
         alike = thin[sides[:, :2]].all(axis=1) & (label[sides[:, 0]] == label[sides[:, 1]])
-        for one, other, plane, _ in sides[alike & (share[sides[:, :2]] >= 0.5).any(axis=1)].tolist():
+        for one, other, plane, _ in sides[
+            alike & (share[sides[:, :2]] >= 0.5).any(axis=1)
+        ].tolist():
             # what lies in all other half-spaces of both lies in one of the two
             rows = [half_spaces(self._cx, cell, plane) for cell in (one, other)]
             if thin[[one, other]].any() and has_room(np.concatenate(rows), ruler):
@@ -235,7 +266,9 @@ class CellWidths:
         for cell in cells[np.argsort(-self._bound[cells], kind="stable")].tolist():
             if self._bound[cell] <= best[1]:
                 break
-            best = max(best, largest_ball(half_spaces(self._cx, cell), ruler), key=lambda ball: ball[1])
+            best = max(
+                best, largest_ball(half_spaces(self._cx, cell), ruler), key=lambda ball: ball[1]
+            )
         return best
 
 

@@ -42,7 +42,9 @@ def find_curve(solid: Solid, target: str | Arc, name: str, min_dihedral_deg: flo
     wanted = target if isinstance(target, str) else target.id
     found = next((curve for curve in curves if curve.id == wanted), None)
     if found is None or not (isinstance(target, str) or found == target):
-        n_rims, n_arcs = (sum(isinstance(c, Rim) is is_rim for c in curves) for is_rim in (True, False))
+        n_rims, n_arcs = (
+            sum(isinstance(c, Rim) is is_rim for c in curves) for is_rim in (True, False)
+        )
         raise EntityError(
             f"a rim or arc must be one of the solid's {n_rims} rims and {n_arcs} arcs, r0, r1, … and a0, a1, …. "
             f"Got {wanted!r} for {name!r}{'' if found is None else ', that of another solid'}."

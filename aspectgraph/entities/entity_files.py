@@ -24,7 +24,9 @@ _ENDS = re.compile(r"\(([^()]*)\)\s*-\s*\(([^()]*)\)")
 _LONGEST_RANGE = 100_000
 
 
-def read_entities(text_or_path: str | Path, solid: Solid, tolerance_mm: float | None = None) -> dict[str, Entity]:
+def read_entities(
+    text_or_path: str | Path, solid: Solid, tolerance_mm: float | None = None
+) -> dict[str, Entity]:
     """Read entities as the command line takes them.
 
     Parameters
@@ -66,7 +68,9 @@ def read_entities(text_or_path: str | Path, solid: Solid, tolerance_mm: float | 
         )
     ids = list(dict.fromkeys(one for word in words for one in _ids(word)))
     named: dict[str, Any] = {one if isinstance(one, str) else f"e{one}": one for one in ids}
-    return resolve_entities(solid, {**named, **{f"p{k}": ends for k, ends in enumerate(points, start=1)}}, tolerance_mm)
+    return resolve_entities(
+        solid, {**named, **{f"p{k}": ends for k, ends in enumerate(points, start=1)}}, tolerance_mm
+    )
 
 
 def _point(text: str) -> list[float]:
@@ -74,7 +78,9 @@ def _point(text: str) -> list[float]:
     try:
         x, y, z = (float(word) for word in text.split(","))
     except ValueError:
-        raise EntityError(f"an end point must be three numbers such as (0,0,10). Got ({text}).") from None
+        raise EntityError(
+            f"an end point must be three numbers such as (0,0,10). Got ({text})."
+        ) from None
     return [x, y, z]
 
 
@@ -96,14 +102,18 @@ def _read_csv(path: Path) -> dict[str, Any]:
     try:
         rows = [row for row in csv.reader(read_text(path, "utf-8-sig").splitlines()) if any(row)]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise EntityError(f"entities must name a CSV file that can be read. Got {str(path)!r}: {error}.") from None
+        raise EntityError(
+            f"entities must name a CSV file that can be read. Got {str(path)!r}: {error}."
+        ) from None
     found: dict[str, Any] = {}
     for number, row in enumerate(rows, start=1):
         name, *values = (cell.strip() for cell in row)
         if number == 1 and values and not any(character.isdigit() for character in values[0]):
             continue
         if name in found:
-            raise EntityError(f"a CSV file must name an entity once. Got {name!r} again in {path.name}, row {number}.")
+            raise EntityError(
+                f"a CSV file must name an entity once. Got {name!r} again in {path.name}, row {number}."
+            )
         if len(values) == 1 and re.fullmatch(r"[era]?\d+", values[0]):
             found[name] = _ids(values[0])[0]
         elif len(values) == 6:
@@ -155,5 +165,7 @@ def _read_file(path: Path) -> Any:
     if isinstance(content, dict) and isinstance(content.get("entities"), dict | list):
         content = content["entities"]
     if not isinstance(content, dict | list):
-        raise EntityError(f"an entity file must hold names or edge ids. Got {path.name} with {type(content).__name__}.")
+        raise EntityError(
+            f"an entity file must hold names or edge ids. Got {path.name} with {type(content).__name__}."
+        )
     return content

@@ -38,7 +38,14 @@ _COMPARE: dict[str, Callable[[float, float], bool]] = {
     ">": operator.gt,
     ">=": operator.ge,
 }
-_SIDES = {"left": (0, 0), "right": (1, 0), "front": (0, 1), "back": (1, 1), "bottom": (0, 2), "top": (1, 2)}
+_SIDES = {
+    "left": (0, 0),
+    "right": (1, 0),
+    "front": (0, 1),
+    "back": (1, 1),
+    "bottom": (0, 2),
+    "top": (1, 2),
+}
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
 _POINT = rf"{_NUMBER}(?:\s*,\s*{_NUMBER}){{2}}"
@@ -85,7 +92,10 @@ def select_entities(solid: Solid, rule: str) -> list[int | str]:
     >>> select_entities(block, "length >= 60 and face = bottom")
     [0, 1, 2, 3]
     """
-    tests = [_test(text.strip(), solid) for text in re.split(r"\s+and\s+", rule.strip(), flags=re.IGNORECASE)]
+    tests = [
+        _test(text.strip(), solid)
+        for text in re.split(r"\s+and\s+", rule.strip(), flags=re.IGNORECASE)
+    ]
     if not re.search(r"\bkind\b", rule, flags=re.IGNORECASE):
         tests.append(lambda one: one.kind == "edge")
     found = [one.id for one in _candidates(solid) if all(test(one) for test in tests)]
@@ -100,11 +110,18 @@ def _candidates(solid: Solid) -> list[_Candidate]:
     for edge in solid.straight_edges():
         ends = np.asarray(solid.edge_points(edge.id), dtype=np.float64)
         along = ends[1] - ends[0]
-        found.append(_Candidate(edge.id, "edge", float(np.linalg.norm(along)), edge.turn_deg, ends, along))
+        found.append(
+            _Candidate(edge.id, "edge", float(np.linalg.norm(along)), edge.turn_deg, ends, along)
+        )
     for curve in (*solid.rims(), *solid.arcs()):
-        kind, turn = "rim" if isinstance(curve, Rim) else "arc", solid.edges[curve.edge_ids[0]].turn_deg
+        kind, turn = (
+            "rim" if isinstance(curve, Rim) else "arc",
+            solid.edges[curve.edge_ids[0]].turn_deg,
+        )
         points = np.asarray(solid.vertices[list(curve.vertices)], dtype=np.float64)
-        found.append(_Candidate(curve.id, kind, float(curve.radius_mm), turn, points, np.asarray(curve.axis)))
+        found.append(
+            _Candidate(curve.id, kind, float(curve.radius_mm), turn, points, np.asarray(curve.axis))
+        )
     return found
 
 

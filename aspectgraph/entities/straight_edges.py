@@ -118,7 +118,9 @@ def resolve_entities(
             _check_edge(solid.edges[edge_id], name, min_dihedral_deg)
         key = frozenset(entity.edge_ids)
         if key in named:
-            raise EntityError(f"an edge must be named once. Got {named[key]!r} and {name!r} for edge {min(key)}.")
+            raise EntityError(
+                f"an edge must be named once. Got {named[key]!r} and {name!r} for edge {min(key)}."
+            )
         named[key] = name
         entities[name] = entity
     return entities
@@ -139,25 +141,37 @@ def _id_name(item: Any) -> str:
 def _distinct(items: Iterable[Any]) -> list[Any]:
     items = list(items)
     for i, item in enumerate(items):
-        if any(item is other or item == other for other in items[:i] if np.isscalar(item) and np.isscalar(other)):
+        if any(
+            item is other or item == other
+            for other in items[:i]
+            if np.isscalar(item) and np.isscalar(other)
+        ):
             raise EntityError(f"an edge must be named once. Got edge {item} twice.")
     return items
 
 
-def _resolve(solid: Solid, name: str, target: Any, tolerance_mm: float, min_dihedral_deg: float) -> Entity:
+def _resolve(
+    solid: Solid, name: str, target: Any, tolerance_mm: float, min_dihedral_deg: float
+) -> Entity:
     if isinstance(target, Entity):
         if not target.edge_ids or not all(0 <= i < len(solid.edges) for i in target.edge_ids):
-            raise EntityError(f"edge ids must be in 0..{len(solid.edges) - 1}. Got {target.edge_ids} for {name!r}.")
+            raise EntityError(
+                f"edge ids must be in 0..{len(solid.edges) - 1}. Got {target.edge_ids} for {name!r}."
+            )
         return replace(target, name=name)
     if isinstance(target, Arc) or is_curve_id(target):
         return _curve_entity(solid, name, find_curve(solid, target, name, min_dihedral_deg))
     if isinstance(target, Edge):
         if not (0 <= target.id < len(solid.edges) and solid.edges[target.id] == target):
-            raise EntityError(f"an edge must be one of the solid's. Got another solid's edge {target.id} for {name!r}.")
+            raise EntityError(
+                f"an edge must be one of the solid's. Got another solid's edge {target.id} for {name!r}."
+            )
         target = target.id
     if isinstance(target, int | np.integer) and not isinstance(target, bool):
         if not 0 <= target < len(solid.edges):
-            raise EntityError(f"an edge id must be in 0..{len(solid.edges) - 1}. Got {target} for {name!r}.")
+            raise EntityError(
+                f"an edge id must be in 0..{len(solid.edges) - 1}. Got {target} for {name!r}."
+            )
         return Entity(name, solid.edge_points(int(target)), (int(target),))
     try:
         ends = np.array(target, dtype=np.float64)
@@ -235,7 +249,9 @@ def _walk(steps: dict[int, list[tuple[int, int]]], start: int, goal: int) -> lis
 
 def _no_edge(solid: Solid, name: str, ends: np.ndarray, tolerance_mm: float) -> str:
     points = np.array([solid.edge_points(edge.id) for edge in solid.edges])
-    gaps = [np.linalg.norm(points[:, order] - ends, axis=2).max(axis=1) for order in ([0, 1], [1, 0])]
+    gaps = [
+        np.linalg.norm(points[:, order] - ends, axis=2).max(axis=1) for order in ([0, 1], [1, 0])
+    ]
     gap = np.minimum(*gaps)
     nearest = int(np.argmin(gap))
     a, b = (describe_point(p) for p in points[nearest])

@@ -8,7 +8,14 @@ from aspectgraph.exact.canonical_axes import own_frame
 from aspectgraph.exact.canonical_order import Listing, list_solid
 from aspectgraph.exact.features import resolving_grid
 from aspectgraph.exact.grid import Grid, as_queries, turned
-from aspectgraph.exact.planes import face_planes, find_parallel, find_plane, height, plane_through, side_of
+from aspectgraph.exact.planes import (
+    face_planes,
+    find_parallel,
+    find_plane,
+    height,
+    plane_through,
+    side_of,
+)
 from aspectgraph.exact.predicates import meet, sign_at_point, sign_at_vertex
 
 __all__ = [

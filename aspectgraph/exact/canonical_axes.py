@@ -54,7 +54,9 @@ def own_frame(solid: Solid, marks: Sequence[Sequence[int]] = ()) -> np.ndarray:
         seconds, their_weights = directions[across], weights[across]
         if not len(seconds):
             lengths = np.linalg.norm(runs, axis=1)
-            seconds, their_weights = _classes(runs[np.abs(runs @ first) < _SAME_DIRECTION * lengths])
+            seconds, their_weights = _classes(
+                runs[np.abs(runs @ first) < _SAME_DIRECTION * lengths]
+            )
         for second in seconds[_ties(their_weights)]:
             frames += _right_handed(first, second)
     candidates = np.array(frames[:_MAX_CANDIDATES])
@@ -110,7 +112,9 @@ def _signatures(candidates: np.ndarray, ends: np.ndarray, weights: np.ndarray) -
     for k, frame in enumerate(candidates):
         own = (ends @ frame.T) / size
         forward, backward = own.reshape(-1, 6), own[:, ::-1].reshape(-1, 6)
-        sums[k] = weights @ (np.sin(forward @ _FORMS.T + 0.3) + np.sin(backward @ _FORMS.T + 0.3)).sum(axis=1)
+        sums[k] = weights @ (
+            np.sin(forward @ _FORMS.T + 0.3) + np.sin(backward @ _FORMS.T + 0.3)
+        ).sum(axis=1)
     return sums
 
 

@@ -48,7 +48,10 @@ def list_solid(solid: Solid, points: np.ndarray) -> Listing:
         faces.append((outer, tuple(sorted(holes)), number))
     faces.sort()
     return Listing(
-        rank, vertex, tuple(Face(outer, holes) for outer, holes, _ in faces), np.array([number for *_, number in faces])
+        rank,
+        vertex,
+        tuple(Face(outer, holes) for outer, holes, _ in faces),
+        np.array([number for *_, number in faces]),
     )
 
 

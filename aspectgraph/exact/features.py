@@ -119,7 +119,9 @@ class _Boxes:
     def meeting(self, other: _Boxes) -> tuple[np.ndarray, np.ndarray]:
         """Return the pairs of own and other boxes that meet."""
         own, others = shapely.STRtree(other.shapes).query(self.shapes)
-        keep = (self.low[own, 2] <= other.high[others, 2]) & (self.high[own, 2] >= other.low[others, 2])
+        keep = (self.low[own, 2] <= other.high[others, 2]) & (
+            self.high[own, 2] >= other.low[others, 2]
+        )
         return own[keep], others[keep]
 
 
@@ -137,9 +139,13 @@ class _Shape:
         keep = (i < j) & (self.ends[i][:, :, None] != self.ends[j][:, None, :]).all(axis=(1, 2))
         return i[keep], j[keep]
 
-    def off_the_face(self, vertex: np.ndarray, triangle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def off_the_face(
+        self, vertex: np.ndarray, triangle: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Of pairs of vertex and triangle, keep those whose vertex is none of the triangle's face."""
-        member = {(v, f) for f, face in enumerate(self.solid.faces) for loop in face.loops for v in loop}
+        member = {
+            (v, f) for f, face in enumerate(self.solid.faces) for loop in face.loops for v in loop
+        }
         pairs = zip(vertex.tolist(), self.solid.triangle_face[triangle].tolist(), strict=True)
         keep = np.fromiter((pair not in member for pair in pairs), bool, len(vertex))
         return vertex[keep], triangle[keep]
@@ -151,7 +157,9 @@ class _Shape:
         if kind == VERTEX_EDGE:
             start, end = at[self.ends[j, 0]], at[self.ends[j, 1]]
             own = (self.ends[j] == i[:, None]).any(axis=1)
-            return np.where(own, np.linalg.norm(end - start, axis=1), segment_distance(at[i], at[i], start, end))
+            return np.where(
+                own, np.linalg.norm(end - start, axis=1), segment_distance(at[i], at[i], start, end)
+            )
         corners = at[self.solid.triangles[j]]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
@@ -161,7 +169,11 @@ class _Shape:
     def describe(self, nearest: Nearest) -> tuple[str, str]:
         """Return the two features of a pair in words."""
         at, i, j = self.solid.vertices, nearest.i, nearest.j
-        one = describe_edge(at, *self.ends[i]) if nearest.kind == EDGE_EDGE else f"vertex {describe_point(at[i])}"
+        one = (
+            describe_edge(at, *self.ends[i])
+            if nearest.kind == EDGE_EDGE
+            else f"vertex {describe_point(at[i])}"
+        )
         if nearest.kind == VERTEX_FACE:
             return one, f"face {self.solid.triangle_face[j]}"
         return one, describe_edge(at, *self.ends[j])
@@ -171,14 +183,20 @@ class _Shape:
         shell = np.empty(len(self.solid.vertices), int)
         shell[self.solid.triangles] = self.solid.face_shell[self.solid.triangle_face][:, None]
         one = self.ends[nearest.i, 0] if nearest.kind == EDGE_EDGE else nearest.i
-        other = self.solid.triangles[nearest.j, 0] if nearest.kind == VERTEX_FACE else self.ends[nearest.j, 0]
+        other = (
+            self.solid.triangles[nearest.j, 0]
+            if nearest.kind == VERTEX_FACE
+            else self.ends[nearest.j, 0]
+        )
         return bool(shell[one] != shell[other])
 
 
 def _complaint(solid: Solid, grid: Grid, nearest: Nearest) -> str:
     """What is too near to what, how near it was given, and what can be done."""
     shape = _Shape(solid)
-    given = shape.distance(nearest.kind, solid.vertices, np.array([nearest.i]), np.array([nearest.j]))[0]
+    given = shape.distance(
+        nearest.kind, solid.vertices, np.array([nearest.i]), np.array([nearest.j])
+    )[0]
     one, other = shape.describe(nearest)
     more = f" ({nearest.n} such pairs)" if nearest.n > 1 else ""
     cure = "leave the detail out, or make it larger"

@@ -143,7 +143,9 @@ class Grid:
 
     def to_points(self, viewpoints_mm: np.ndarray) -> np.ndarray:
         """Convert (n, 3) viewpoints in mm to int64 query points, 2**POINT_BITS to a step."""
-        return as_queries((turned(self.frame, np.asarray(viewpoints_mm)) - self.origin_mm) / self.steps_mm)
+        return as_queries(
+            (turned(self.frame, np.asarray(viewpoints_mm)) - self.origin_mm) / self.steps_mm
+        )
 
     def planes_to_mm(self, planes: np.ndarray) -> np.ndarray:
         """Convert planes (a, b, c, d) in grid steps, a·x + b·y + c·z = d, to mm: same form, unit normals, (n, 4)."""
@@ -202,7 +204,9 @@ class Grid:
 
     def _corners(self, workspace: np.ndarray) -> np.ndarray:
         """Corners of a box in mm, in grid steps, shape (8, 3)."""
-        at = np.array([[workspace[i, 0], workspace[j, 1], workspace[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])
+        at = np.array(
+            [[workspace[i, 0], workspace[j, 1], workspace[k, 2]] for i, j, k in np.ndindex(2, 2, 2)]
+        )
         return (turned(self.frame, at) - self.origin_mm) / self.steps_mm
 
     def _check_room(self, planes: np.ndarray, workspace: np.ndarray) -> None:

@@ -40,7 +40,11 @@ def _one_signature(dispatcher: Any) -> Any:
 
 
 # numba's stubs know none of these
-_NO_ENTRY: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": LinkedCompiler}
+_NO_ENTRY: dict[str, Any] = {
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    "pipeline_class": LinkedCompiler,
+}
 _NO_POINTER: dict[str, Any] = {"no_cfunc_wrapper": True, "pipeline_class": EntryCompiler}
 _NO_COUNTS: dict[str, Any] = {"_nrt": False}
 
@@ -62,7 +66,9 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Call
     """Compile a function that Python calls, for one kind of integers; options are numba's."""
     if function is None:
         return partial(compiled, **options)
-    dispatcher: Callable[..., Any] = _one_signature(nb.njit(cache=True, **_NO_POINTER, **options)(function))
+    dispatcher: Callable[..., Any] = _one_signature(
+        nb.njit(cache=True, **_NO_POINTER, **options)(function)
+    )
     return dispatcher
 
 
@@ -74,7 +80,9 @@ def inner(function: Callable[..., Any] | None = None, **options: Any) -> Callabl
     """
     if function is None:
         return partial(inner, **options)
-    return _for_loops_only(_one_signature(nb.njit(cache=True, **_NO_ENTRY, **options)(function)), function, options)
+    return _for_loops_only(
+        _one_signature(nb.njit(cache=True, **_NO_ENTRY, **options)(function)), function, options
+    )
 
 
 def lean(function: Callable[..., Any] | None = None, **options: Any) -> Callable[..., Any]:

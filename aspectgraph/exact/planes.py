@@ -71,7 +71,11 @@ def find_parallel(planes, points, trio, resolution, plane):
         for i in range(1, 3):
             h = height(planes[k], points[trio[i]])
             low, high = min(low, h), max(high, h)
-        square = np.float64(planes[k, 0]) ** 2 + np.float64(planes[k, 1]) ** 2 + np.float64(planes[k, 2]) ** 2
+        square = (
+            np.float64(planes[k, 0]) ** 2
+            + np.float64(planes[k, 1]) ** 2
+            + np.float64(planes[k, 2]) ** 2
+        )
         spread = np.float64(high - low) / np.sqrt(square)
         if spread <= least:
             best, least, level = k, spread, low + (high - low) // 2
@@ -149,7 +153,9 @@ def face_planes(
         trio = _widest_triangle(grid.points, loop)
         plane = plane_through(*grid.points[list(trio)])
         if not plane.any():
-            raise SolidError(f"face {face} must be wider than the grid step of {grid.step_mm:g} mm. It vanishes on it.")
+            raise SolidError(
+                f"face {face} must be wider than the grid step of {grid.step_mm:g} mm. It vanishes on it."
+            )
         table = np.array(planes, np.int64).reshape(-1, 4)
         known = _same_plane(table, grid.points[loop], grid.resolution)
         if known < 0:
@@ -160,7 +166,9 @@ def face_planes(
     return np.array(planes), plane_of_face, side_of_face
 
 
-def _made_parallel(plane: np.ndarray, planes: np.ndarray, points: np.ndarray, resolution: float) -> np.ndarray:
+def _made_parallel(
+    plane: np.ndarray, planes: np.ndarray, points: np.ndarray, resolution: float
+) -> np.ndarray:
     """The plane parallel to one of `planes` nearest to all the points, or `plane` if none is near enough."""
     # half the resolution, to leave some to other vertices on the plane
     heights = points @ planes[:, :3].T

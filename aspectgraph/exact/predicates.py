@@ -42,14 +42,18 @@ def _load_plane(context, builder, signature, args, array, row):
     """Coefficients of one plane, sign-extended."""
     coefficients = []
     for column in range(4):
-        pointer = _element(context, builder, signature, args, array, [row, ir.Constant(ir.IntType(64), column)])
+        pointer = _element(
+            context, builder, signature, args, array, [row, ir.Constant(ir.IntType(64), column)]
+        )
         coefficients.append(builder.sext(builder.load(pointer), _WIDE))
     return coefficients
 
 
 def _wide_pointer(context, builder, signature, args, array, row, column):
     zero = ir.Constant(ir.IntType(64), 0)
-    pointer = _element(context, builder, signature, args, array, [row, ir.Constant(ir.IntType(64), column), zero])
+    pointer = _element(
+        context, builder, signature, args, array, [row, ir.Constant(ir.IntType(64), column), zero]
+    )
     return builder.bitcast(pointer, _WIDE.as_pointer())
 
 
@@ -142,7 +146,9 @@ def _magnitude(limbs):
         limb = np.uint64(limbs[k])
         if negative:
             limb = ~limb + carry
-            carry = np.uint64(1) if (carry == np.uint64(1) and limb == np.uint64(0)) else np.uint64(0)
+            carry = (
+                np.uint64(1) if (carry == np.uint64(1) and limb == np.uint64(0)) else np.uint64(0)
+            )
         total += np.float64(limb) * scale
         scale *= 18446744073709551616.0
     return -total if negative else total

@@ -139,7 +139,9 @@ def domain_path(eag: EntityAspectGraph | nx.Graph, start: int, goal: int) -> lis
     graph = _graph(eag)
     for name, node in (("start", start), ("goal", goal)):
         if node not in graph:
-            raise EntityError(f"{name} must be a domain of the graph, 0 to {len(graph) - 1}. Got {node!r}.")
+            raise EntityError(
+                f"{name} must be a domain of the graph, 0 to {len(graph) - 1}. Got {node!r}."
+            )
     place = {node: np.array(point) for node, point in graph.nodes(data="viewpoint")}
     # a crossing weighs more than every way together is long, so that crossings decide first
     crossing = 1.0 + len(place) * float(np.linalg.norm(np.ptp(list(place.values()), axis=0)))
@@ -150,7 +152,9 @@ def domain_path(eag: EntityAspectGraph | nx.Graph, start: int, goal: int) -> lis
     try:
         way: Sequence[int] = nx.dijkstra_path(graph, start, goal, weight)
     except nx.NetworkXNoPath:
-        raise EntityError(f"start and goal must be connected by domains. Got {start} and {goal}.") from None
+        raise EntityError(
+            f"start and goal must be connected by domains. Got {start} and {goal}."
+        ) from None
     lists = [graph.nodes[node]["observable"] for node in way]
     return [
         Crossing(node, tuple(n for n in new if n not in old), tuple(n for n in old if n not in new))

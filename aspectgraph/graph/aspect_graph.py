@@ -54,7 +54,9 @@ class EntityAspectGraph:
         The regions of the entities, which answer `observable` and `covering_cells`.
     """
 
-    def __init__(self, regions: VisibilityRegions, graph: nx.Graph, cx: Complex, domains: Domains) -> None:
+    def __init__(
+        self, regions: VisibilityRegions, graph: nx.Graph, cx: Complex, domains: Domains
+    ) -> None:
         self.regions = regions
         self.graph = graph
         self._cx = cx
@@ -169,7 +171,11 @@ class EntityAspectGraph:
             If a name is unknown.
         """
         wanted = set(self.regions.check_names(names))
-        return [node for node, listed in self.graph.nodes(data=self.regions.listed_as) if wanted <= set(listed)]
+        return [
+            node
+            for node, listed in self.graph.nodes(data=self.regions.listed_as)
+            if wanted <= set(listed)
+        ]
 
     def cells(self, node: int) -> CellSet:
         """Convex cells of one viewing domain.
@@ -186,7 +192,9 @@ class EntityAspectGraph:
         """
         return CellSet(self._cx, self._domains.domains[node].cells, self.regions.grid)
 
-    def sample(self, names: Sequence[str], n: int, rng: int | np.random.Generator = 0) -> np.ndarray:
+    def sample(
+        self, names: Sequence[str], n: int, rng: int | np.random.Generator = 0
+    ) -> np.ndarray:
         """Draw viewpoints uniformly from all domains that cover the names.
 
         Parameters
@@ -210,7 +218,9 @@ class EntityAspectGraph:
         """
         nodes = self.covering(names)
         if not nodes:
-            raise EntityError(f"names must be observable together from somewhere. Got {', '.join(names)}.")
+            raise EntityError(
+                f"names must be observable together from somewhere. Got {', '.join(names)}."
+            )
         cells = np.concatenate([self._domains.domains[node].cells for node in nodes])
         return CellSet(self._cx, cells, self.regions.grid).sample(n, rng)
 
@@ -275,8 +285,12 @@ def build_aspect_graph(
     ('top', 'side')
     """
     forecast = JointForecast(memory_limit_bytes)
-    regions = compute_regions(solid, entities, workspace, executor=executor, progress=progress, kept=forecast)
-    return graph_of(regions, min_width_mm=min_width_mm, memory_limit_bytes=memory_limit_bytes, progress=progress)
+    regions = compute_regions(
+        solid, entities, workspace, executor=executor, progress=progress, kept=forecast
+    )
+    return graph_of(
+        regions, min_width_mm=min_width_mm, memory_limit_bytes=memory_limit_bytes, progress=progress
+    )
 
 
 def graph_of(
@@ -326,7 +340,9 @@ def graph_of(
         raise memory.refused(error) from None
 
 
-def _joined(chosen: VisibilityRegions, min_width_mm: float, memory: JointMemory) -> EntityAspectGraph:
+def _joined(
+    chosen: VisibilityRegions, min_width_mm: float, memory: JointMemory
+) -> EntityAspectGraph:
     grid, scene = chosen.grid, chosen._scene
     own = [chosen._regions[name] for name in chosen.entity_names]
     cube, limits = grid.cube_planes(chosen.workspace), grid.box_planes(chosen.workspace)
@@ -346,7 +362,11 @@ def _joined(chosen: VisibilityRegions, min_width_mm: float, memory: JointMemory)
 
 
 def _networkx(
-    regions: VisibilityRegions, cx: Complex, domains: Domains, provenance: Provenance, at_boundary: np.ndarray
+    regions: VisibilityRegions,
+    cx: Complex,
+    domains: Domains,
+    provenance: Provenance,
+    at_boundary: np.ndarray,
 ) -> nx.Graph:
     names, grid = regions.entity_names, regions.grid
     graph = nx.Graph(

@@ -80,7 +80,12 @@ def complete_aspect_graph(
     drawings = _label(cx, solid, scene, progress)
     extent = largest_extent(grid.points * grid.scale)
     domains = find_domains(measured(cx, grid), Ruler(_MIN_WIDTH_SHARE * extent, 0.5 * extent))
-    graph = nx.Graph(part=solid.name, n_planes=len(planes), n_cells=len(leaves(cx)), n_slivers=int(domains.n_slivers))
+    graph = nx.Graph(
+        part=solid.name,
+        n_planes=len(planes),
+        n_cells=len(leaves(cx)),
+        n_slivers=int(domains.n_slivers),
+    )
     for node, domain in enumerate(domains.domains):
         drawing = drawings[domain.label[0]]
         graph.add_node(
@@ -109,7 +114,9 @@ def _label(cx: Complex, solid: Solid, scene: Scene, progress: Progress | None) -
         if is_inside(scene, witness):
             cx.label[c, 0] = INSIDE
         else:
-            cx.label[c, 0] = numbers.setdefault(describe_drawing(lines.visible_parts(witness), ids), len(numbers))
+            cx.label[c, 0] = numbers.setdefault(
+                describe_drawing(lines.visible_parts(witness), ids), len(numbers)
+            )
         if progress is not None:
             progress(done, len(present), "cells")
     return list(numbers)
@@ -184,12 +191,21 @@ class Drawing:
         cuts = [[(0.0, -1)] for _ in self.starts]
         for e, f, t in sorted(self._crossings(viewpoint), key=lambda row: row[2]):
             cuts[e].append((t, f))
-        pieces = [(e, *pair) for e, row in enumerate(cuts) for pair in zip(row, [*row[1:], (1.0, -1)], strict=True)]
-        edge, middle = np.array([p[0] for p in pieces]), np.array([0.5 * (p[1][0] + p[2][0]) for p in pieces])
+        pieces = [
+            (e, *pair)
+            for e, row in enumerate(cuts)
+            for pair in zip(row, [*row[1:], (1.0, -1)], strict=True)
+        ]
+        edge, middle = (
+            np.array([p[0] for p in pieces]),
+            np.array([0.5 * (p[1][0] + p[2][0]) for p in pieces]),
+        )
         targets = self.starts[edge] + middle[:, None] * (self.ends - self.starts)[edge]
         parts: list[list[Part]] = [[] for _ in self.starts]
         open_end = False
-        for (e, (start, f), (_, g)), arrives in zip(pieces, self._arrive(viewpoint, targets), strict=True):
+        for (e, (start, f), (_, g)), arrives in zip(
+            pieces, self._arrive(viewpoint, targets), strict=True
+        ):
             if arrives and open_end and start > 0.0:
                 parts[e][-1] = (parts[e][-1][0], g)
             elif arrives:

@@ -23,5 +23,8 @@ def curve_attributes(entities: Collection[Entity]) -> dict[str, tuple[object, ..
     if all(entity.kind == "edge" for entity in entities):
         return {}
     circles = [entity.circle for entity in entities]
-    rows = [() if c is None else (*map(float, (*c.centre, *c.axis)), float(c.radius_mm)) for c in circles]
+    rows = [
+        () if c is None else (*map(float, (*c.centre, *c.axis)), float(c.radius_mm))
+        for c in circles
+    ]
     return {"kinds": tuple(entity.kind for entity in entities), "circles": tuple(rows)}

@@ -51,7 +51,14 @@ NOT_XML = re.compile("[\x00-\x08\x0b-\x1f\x7f\ud800-\udfff\ufffe\uffff]")
 """What XML cannot carry or, as carriage return, changes on the way."""
 
 
-_WRONG_VALUES = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
+_WRONG_VALUES = (
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    RecursionError,
+    TypeError,
+    ValueError,
+)
 """What comes of a file with a value of another type than it should have, or in an encoding that does not exist."""
 
 
@@ -117,7 +124,9 @@ def _content(path: Path) -> bytes:
         except OSError as error:
             if error.errno != errno.EFBIG:
                 raise
-            raise GraphMLError(f"{path}: must be a graph file of a sensible size. Got: {error.strerror}.") from error
+            raise GraphMLError(
+                f"{path}: must be a graph file of a sensible size. Got: {error.strerror}."
+            ) from error
 
 
 def read_graphml(path: str | os.PathLike[str]) -> nx.Graph:
@@ -158,7 +167,15 @@ def read_graphml(path: str | os.PathLike[str]) -> nx.Graph:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             flat = nx.read_graphml(io.BytesIO(_content(path)), node_type=int)
-    except (ParseError, nx.NetworkXError, EOFError, gzip.BadGzipFile, zlib.error, Warning, *_WRONG_VALUES) as error:
+    except (
+        ParseError,
+        nx.NetworkXError,
+        EOFError,
+        gzip.BadGzipFile,
+        zlib.error,
+        Warning,
+        *_WRONG_VALUES,
+    ) as error:
         text = " ".join(str(error).split())[:200]
         raise GraphMLError(f"{path}: must be GraphML with integer node ids. Got {text}.") from error
     if flat.is_directed() or flat.is_multigraph():
@@ -176,7 +193,9 @@ def read_graphml(path: str | os.PathLike[str]) -> nx.Graph:
 
 def _flat_graph(graph: nx.Graph) -> nx.Graph:
     if graph.is_directed() or graph.is_multigraph():
-        raise ValueError(f"the graph must be a plain undirected networkx.Graph. Got a {type(graph).__name__}.")
+        raise ValueError(
+            f"the graph must be a plain undirected networkx.Graph. Got a {type(graph).__name__}."
+        )
     flat = nx.Graph()
     flat.graph.update(_flattened(graph.graph, "the graph"))
     for node, attributes in graph.nodes(data=True):
@@ -210,7 +229,9 @@ def _check_alike(flat: nx.Graph) -> None:
         ("node", dict(flat.nodes(data=True))),
         ("edge", {(u, v): d for u, v, d in flat.edges(data=True)}),
     ):
-        signatures = {name: {k: type(x) for k, x in attributes.items()} for name, attributes in rows.items()}
+        signatures = {
+            name: {k: type(x) for k, x in attributes.items()} for name, attributes in rows.items()
+        }
         first = next(iter(signatures.values()), None)
         for name, signature in signatures.items():
             if first is not None and signature != first:
@@ -227,7 +248,9 @@ def _node_label(attributes: Mapping[str, Any]) -> dict[str, str]:
 
 def _edge_label(attributes: Mapping[str, Any]) -> dict[str, str]:
     surfaces = attributes.get("surfaces")
-    return {} if surfaces is None else {LABEL: "+".join(sorted({s.type for s in surfaces})) or "None"}
+    return (
+        {} if surfaces is None else {LABEL: "+".join(sorted({s.type for s in surfaces})) or "None"}
+    )
 
 
 # --------------------------------------------------------------------------------------------- one set of attributes
@@ -237,9 +260,15 @@ def _flattened(attributes: Mapping[str, Any], owner: str) -> dict[str, bool | in
     flat: dict[str, bool | int | float | str] = {}
     for key, value in attributes.items():
         if type(key) is not str or key == LABEL:
-            raise ValueError(f"attribute names must be text other than {LABEL!r}. Got {key!r} of {owner}.")
+            raise ValueError(
+                f"attribute names must be text other than {LABEL!r}. Got {key!r} of {owner}."
+            )
         try:
-            flat.update(_as_components(key, value) if key in VECTORS else {key: CODECS.get(key, SCALAR).encode(value)})
+            flat.update(
+                _as_components(key, value)
+                if key in VECTORS
+                else {key: CODECS.get(key, SCALAR).encode(value)}
+            )
         except (TypeError, ValueError, AttributeError) as error:
             raise ValueError(f"{key} of {owner} {error}") from error
     return flat
@@ -282,7 +311,9 @@ def _as_scalar(value: Any) -> bool | int | float | str:
     value = _plain(value)
     if type(value) is str:
         if not value or NOT_XML.search(value):
-            raise ValueError(f"must be text, not empty and without control characters. Got {value!r}.")
+            raise ValueError(
+                f"must be text, not empty and without control characters. Got {value!r}."
+            )
     elif type(value) not in (bool, int, float):
         raise ValueError(f"must be a bool, int, float or str. Got {value!r}.")
     elif not math.isfinite(value):
@@ -340,7 +371,9 @@ def _surfaces_to_json(surfaces: Any) -> str:
 
 
 def _surfaces_from_json(text: str) -> tuple[PartitionSurface, ...]:
-    return tuple(PartitionSurface(**{k: _tuples(v) for k, v in row.items()}) for row in json.loads(text))
+    return tuple(
+        PartitionSurface(**{k: _tuples(v) for k, v in row.items()}) for row in json.loads(text)
+    )
 
 
 def _tuples(value: Any) -> Any:
@@ -361,7 +394,9 @@ INT = Codec(_as_int, _as_int)
 BOOL = Codec(_as_bool, _as_bool)
 NAMES = Codec(_names_to_json, _tuples_from_json)
 TEXT = Codec(_text_to_json, _text_from_json)
-POINTS = Codec(lambda points: _to_json([[_as_float(x) for x in point] for point in points]), _tuples_from_json)
+POINTS = Codec(
+    lambda points: _to_json([[_as_float(x) for x in point] for point in points]), _tuples_from_json
+)
 SURFACES = Codec(_surfaces_to_json, _surfaces_from_json)
 
 VECTORS = ("viewpoint", "bbox_min", "bbox_max", "workspace_min", "workspace_max")
@@ -369,7 +404,9 @@ VECTORS = ("viewpoint", "bbox_min", "bbox_max", "workspace_min", "workspace_max"
 
 CODECS = {
     **dict.fromkeys(VECTORS, FLOAT),
-    **dict.fromkeys(("volume", "clearance", "area", "grid_mm", "snapping_mm", "min_width_mm", "contrast"), FLOAT),
+    **dict.fromkeys(
+        ("volume", "clearance", "area", "grid_mm", "snapping_mm", "min_width_mm", "contrast"), FLOAT
+    ),
     **dict.fromkeys(("n_cells", "n_rays", "n_arbitrated", "n_slivers"), INT),
     **dict.fromkeys(("unbounded", "confirmed"), BOOL),
     **dict.fromkeys(("observable", "showing", "entities", "kinds"), NAMES),

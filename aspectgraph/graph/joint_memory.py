@@ -185,7 +185,9 @@ class JointMemory:
         If the limit is no positive number, or the estimate is beyond it by more than its error.
     """
 
-    def __init__(self, regions: Sequence[Region], limit_bytes: float | None, progress: Progress | None = None) -> None:
+    def __init__(
+        self, regions: Sequence[Region], limit_bytes: float | None, progress: Progress | None = None
+    ) -> None:
         self.total, self.progress = len(regions), progress
         self.limit, self.whose = _limit(limit_bytes)
         about = estimate_joint_graph(regions)
@@ -204,7 +206,9 @@ class JointMemory:
         """Return the error to raise in place of one that came on the way."""
         if isinstance(error, MemoryLimitError) and "joint graph" in str(error):
             return error
-        return self._refused(f"a process that gets no more memory ({str(error).rstrip('.') or 'no reason given'})")
+        return self._refused(
+            f"a process that gets no more memory ({str(error).rstrip('.') or 'no reason given'})"
+        )
 
     def _refused(self, got: str) -> MemoryLimitError:
         return MemoryLimitError(_told(self.total, self.whose, self.limit, got))
@@ -224,7 +228,9 @@ def _limit(limit_bytes: float | None) -> tuple[float, str]:
     if limit_bytes is None:
         return free_bytes(), "the memory that is free"
     if not limit_bytes > 0:
-        raise MemoryLimitError(f"memory_limit_bytes must be a positive number of bytes. Got {limit_bytes}.")
+        raise MemoryLimitError(
+            f"memory_limit_bytes must be a positive number of bytes. Got {limit_bytes}."
+        )
     return float(limit_bytes), "memory_limit_bytes"
 
 
@@ -240,8 +246,13 @@ def _left_of_machine() -> float:
 def _left_of_container() -> float:
     """Return what the control group of a container leaves; what files only passed through can be had again."""
     try:
-        most, taken = (float(_GROUP.joinpath(name).read_text("ascii")) for name in ("memory.max", "memory.current"))
-        stated = dict(line.split() for line in _GROUP.joinpath("memory.stat").read_text("ascii").splitlines())
+        most, taken = (
+            float(_GROUP.joinpath(name).read_text("ascii"))
+            for name in ("memory.max", "memory.current")
+        )
+        stated = dict(
+            line.split() for line in _GROUP.joinpath("memory.stat").read_text("ascii").splitlines()
+        )
         return max(most - taken + float(stated["inactive_file"]), 0.0)
     except (OSError, ValueError, KeyError):
         # there is none, or its limit is "max"

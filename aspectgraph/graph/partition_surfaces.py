@@ -71,9 +71,14 @@ class Provenance:
         self._in_mm = grid.planes_to_mm(shared.planes)
         self._entities, self._regions, self._shared = entities, regions, shared
         self._edge_of_pair = {frozenset(edge.vertices): edge.id for edge in solid.edges}
-        self._rows = [{int(n): row for row, n in reversed(list(enumerate(number)))} for number in shared.number]
+        self._rows = [
+            {int(n): row for row, n in reversed(list(enumerate(number)))}
+            for number in shared.number
+        ]
 
-    def surfaces(self, planes: Iterable[int], changed: Iterable[int]) -> tuple[PartitionSurface, ...]:
+    def surfaces(
+        self, planes: Iterable[int], changed: Iterable[int]
+    ) -> tuple[PartitionSurface, ...]:
         """Surfaces on the given shared planes for the entities (by position) that change across them."""
         found = []
         for k in changed:
@@ -90,7 +95,9 @@ class Provenance:
             f
             for edge_id in entity.edge_ids
             for f in self._solid.edges[edge_id].faces
-            if self._same_plane(self._scene.planes[self._scene.plane_of_face[f]], self._shared.planes[plane])
+            if self._same_plane(
+                self._scene.planes[self._scene.plane_of_face[f]], self._shared.planes[plane]
+            )
         )
         vertices: tuple[int, ...] = ()
         edges: tuple[int, ...] = ()

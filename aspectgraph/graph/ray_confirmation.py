@@ -54,7 +54,9 @@ class SightLines:
     rays_per_entity : int
     """
 
-    def __init__(self, solid: Solid, entities: Sequence[Entity], rays_per_entity: int = RAYS_PER_ENTITY) -> None:
+    def __init__(
+        self, solid: Solid, entities: Sequence[Entity], rays_per_entity: int = RAYS_PER_ENTITY
+    ) -> None:
         self._scene = RayScene(solid.vertices, solid.triangles)
         along = (np.arange(rays_per_entity) + 0.5) / rays_per_entity
         # shape (k, rays, 3)
@@ -108,16 +110,26 @@ def confirm_nodes(regions: VisibilityRegions, graph: nx.Graph) -> None:
         If a node's list is wrong.
     """
     names = regions.entity_names
-    viewpoints, clearances = (np.array([graph.nodes[k][key] for k in graph]) for key in ("viewpoint", "clearance"))
+    viewpoints, clearances = (
+        np.array([graph.nodes[k][key] for k in graph]) for key in ("viewpoint", "clearance")
+    )
     aside = np.random.default_rng(0).normal(size=viewpoints.shape)
-    viewpoints = viewpoints + 0.25 * clearances[:, None] * aside / np.linalg.norm(aside, axis=1, keepdims=True)
-    listed = np.array([[name in graph.nodes[node][regions.listed_as] for name in names] for node in graph])
+    viewpoints = viewpoints + 0.25 * clearances[:, None] * aside / np.linalg.norm(
+        aside, axis=1, keepdims=True
+    )
+    listed = np.array(
+        [[name in graph.nodes[node][regions.listed_as] for name in names] for node in graph]
+    )
     found = confirm(regions, viewpoints, listed.reshape(len(graph), -1))
     for node in graph:
-        graph.nodes[node].update(confirmed=True, n_rays=found.n_rays, n_arbitrated=int(found.n_arbitrated[node]))
+        graph.nodes[node].update(
+            confirmed=True, n_rays=found.n_rays, n_arbitrated=int(found.n_arbitrated[node])
+        )
 
 
-def confirm(regions: VisibilityRegions, viewpoints: np.ndarray, observable: np.ndarray) -> Confirmation:
+def confirm(
+    regions: VisibilityRegions, viewpoints: np.ndarray, observable: np.ndarray
+) -> Confirmation:
     """Check the lists of domains against rays cast from their viewpoints.
 
     Parameters
@@ -137,7 +149,9 @@ def confirm(regions: VisibilityRegions, viewpoints: np.ndarray, observable: np.n
     entities = regions.entities
     if not entities or not len(viewpoints):
         return Confirmation(0, np.zeros(len(viewpoints), int))
-    seen = SightLines(regions.solid, list(entities.values())).arrive(viewpoints) & regions._holds_besides(viewpoints)
+    seen = SightLines(regions.solid, list(entities.values())).arrive(
+        viewpoints
+    ) & regions._holds_besides(viewpoints)
     doubts = seen != observable
     queries = regions.grid.to_points(viewpoints)
     for column in np.flatnonzero(doubts.any(axis=0)):

@@ -88,7 +88,9 @@ def silhouettes_from(solid: Solid, entity: Entity, viewpoint: ArrayLike) -> dict
     return found
 
 
-def face_contrast(solid: Solid, entity: Entity, lamps: np.ndarray, silhouettes: Mapping[int, int] = NONE) -> np.ndarray:
+def face_contrast(
+    solid: Solid, entity: Entity, lamps: np.ndarray, silhouettes: Mapping[int, int] = NONE
+) -> np.ndarray:
     """Return the contrast (n,) of an entity under lamps (n, 3) in mm that were checked; see `contrast`.
 
     That of a silhouette is against a dark ground: 1 where the face that is seen is lit, else 0.
@@ -123,7 +125,11 @@ def check_contrast(value: float) -> float:
     LightError
         If it is not strictly between 0 and 1.
     """
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0.0 < value < 1.0:
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float | np.number)
+        or not 0.0 < value < 1.0
+    ):
         raise LightError(f"contrast must lie strictly between 0 and 1. Got {value!r}.")
     return float(value)
 
@@ -142,11 +148,19 @@ def check_lamps(solid: Solid, lamps: ArrayLike) -> np.ndarray:
         raise LightError(f"lamps must be places, shape (n, 3), in mm. Got {lamps!r}.") from error
     places = places[None] if places.shape == (3,) else places
     if places.ndim != 2 or places.shape[1] != 3 or not np.isfinite(places).all():
-        raise LightError(f"lamps must be finite places, shape (n, 3), in mm. Got {places.tolist()}.")
+        raise LightError(
+            f"lamps must be finite places, shape (n, 3), in mm. Got {places.tolist()}."
+        )
     low, high = solid.bounds
     near = np.flatnonzero(((places > low) & (places < high)).all(axis=1))
-    depth = -RayScene(solid.vertices, solid.triangles).signed_distance(places[near]) if len(near) else np.empty(0)
+    depth = (
+        -RayScene(solid.vertices, solid.triangles).signed_distance(places[near])
+        if len(near)
+        else np.empty(0)
+    )
     inside = near[depth > _ON_SURFACE * float(np.linalg.norm(high - low))]
     if len(inside):
-        raise LightError(f"lamps must lie outside the part. Got {places[inside[0]].tolist()} mm inside it.")
+        raise LightError(
+            f"lamps must lie outside the part. Got {places[inside[0]].tolist()} mm inside it."
+        )
     return places

@@ -123,7 +123,9 @@ def build_light_graph(
     >>> light.graph.nodes[0]["showing"]
     ('top', 'side')
     """
-    return light_graph_of(compute_light(solid, entities, contrast, workspace, executor), min_width_mm=min_width_mm)
+    return light_graph_of(
+        compute_light(solid, entities, contrast, workspace, executor), min_width_mm=min_width_mm
+    )
 
 
 def light_graph_of(
@@ -163,6 +165,12 @@ def light_graph_of(
     ContradictionError
         If ray casting and exact arbitration refute a domain's list.
     """
-    made = graph_of(regions, names, min_width_mm=min_width_mm, memory_limit_bytes=memory_limit_bytes, progress=progress)
+    made = graph_of(
+        regions,
+        names,
+        min_width_mm=min_width_mm,
+        memory_limit_bytes=memory_limit_bytes,
+        progress=progress,
+    )
     made.graph.graph["contrast"] = regions.contrast
     return LightGraph(regions.subset(made.entity_names), made.graph, made._cx, made._domains)

@@ -19,7 +19,12 @@ from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.entity_region import Region, carved_region
 from aspectgraph.visibility.scene import Scene
 from aspectgraph.visibility.united_sets import Blockers
-from aspectgraph.visibility.visibility_regions import Progress, VisibilityRegions, laid_out, regions_of
+from aspectgraph.visibility.visibility_regions import (
+    Progress,
+    VisibilityRegions,
+    laid_out,
+    regions_of,
+)
 
 _Task = tuple[Entity, Mapping[int, int]]
 
@@ -134,14 +139,21 @@ class LightRegions(VisibilityRegions):
         names = self.check_names(self.entity_names if names is None else names)
         places = check_lamps(self.solid, lamps)
         values = [self._values(name, places) for name in names]
-        return np.where(self.showing(places, names), np.reshape(values, (len(names), len(places))).T, 0.0)
+        return np.where(
+            self.showing(places, names), np.reshape(values, (len(names), len(places))).T, 0.0
+        )
 
     def _sets(self, entity: Entity) -> Blockers:
-        seen = next((self.silhouettes.get(n, NONE) for n, one in self.entities.items() if one is entity), NONE)
+        seen = next(
+            (self.silhouettes.get(n, NONE) for n, one in self.entities.items() if one is entity),
+            NONE,
+        )
         return light_sets(self._scene, self.grid, self.solid, entity, self.contrast, seen)
 
     def _values(self, name: str, places: np.ndarray) -> np.ndarray:
-        return face_contrast(self.solid, self.entities[name], places, self.silhouettes.get(name, NONE))
+        return face_contrast(
+            self.solid, self.entities[name], places, self.silhouettes.get(name, NONE)
+        )
 
     def _holds_besides(self, points: np.ndarray) -> np.ndarray:
         values = np.array([self._values(name, points) for name in self.entities])
@@ -198,7 +210,9 @@ def compute_light(
     solid, box_mm, resolved, grid, scene = given
     seen = silhouettes or {}
     make = partial(_lamp_region, scene, grid, solid, contrast, grid.cube_planes(box_mm))
-    tasks: dict[str, _Task] = {name: (entity, seen.get(name, {})) for name, entity in resolved.items()}
+    tasks: dict[str, _Task] = {
+        name: (entity, seen.get(name, {})) for name, entity in resolved.items()
+    }
     return LightRegions(*given, regions_of(tasks, make, executor, progress), contrast, seen)
 
 
@@ -226,6 +240,8 @@ def light_region(
     return compute_light(solid, {"edge": edge}, contrast, workspace).covering_cells(["edge"])
 
 
-def _lamp_region(scene: Scene, grid: Grid, solid: Solid, contrast: float, box: np.ndarray, task: _Task) -> Region:
+def _lamp_region(
+    scene: Scene, grid: Grid, solid: Solid, contrast: float, box: np.ndarray, task: _Task
+) -> Region:
     entity, silhouettes = task
     return carved_region(light_sets(scene, grid, solid, entity, contrast, silhouettes), box)

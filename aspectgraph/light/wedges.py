@@ -40,7 +40,12 @@ _COEFFICIENT_BITS, _OFFSET_BITS = 42, 62
 
 
 def light_sets(
-    scene: Scene, grid: Grid, solid: Solid, entity: Entity, contrast: float, silhouettes: Mapping[int, int] = NONE
+    scene: Scene,
+    grid: Grid,
+    solid: Solid,
+    entity: Entity,
+    contrast: float,
+    silhouettes: Mapping[int, int] = NONE,
 ) -> Blockers:
     """Return the sets of lamp positions from which an entity is not lit as a whole or has too little contrast.
 
@@ -58,7 +63,11 @@ def light_sets(
     sets = [blockers(scene, solid, entity)]
     for chord in chords(entity):
         sets += _wedges(scene, grid, solid, chord, contrast, silhouettes)
-        sets += [_behind(scene, silhouettes[edge_id]) for edge_id in chord.edge_ids if edge_id in silhouettes]
+        sets += [
+            _behind(scene, silhouettes[edge_id])
+            for edge_id in chord.edge_ids
+            if edge_id in silhouettes
+        ]
     return united(sets)
 
 
@@ -75,7 +84,12 @@ def _behind(scene: Scene, face: int) -> Blockers:
 
 
 def _wedges(
-    scene: Scene, grid: Grid, solid: Solid, chord: Entity, contrast: float, silhouettes: Mapping[int, int]
+    scene: Scene,
+    grid: Grid,
+    solid: Solid,
+    chord: Entity,
+    contrast: float,
+    silhouettes: Mapping[int, int],
 ) -> list[Blockers]:
     """One set for each pair of face planes next to a straight entity that is seen as a crease."""
     ends = entity_ends(scene, solid, chord)
@@ -84,7 +98,10 @@ def _wedges(
         one, other = solid.edges[edge_id].faces
         pair = frozenset((int(scene.plane_of_face[one]), int(scene.plane_of_face[other])))
         if pair not in found:
-            planes = [contrast_plane(scene, grid, ends, (f, g), contrast) for f, g in ((one, other), (other, one))]
+            planes = [
+                contrast_plane(scene, grid, ends, (f, g), contrast)
+                for f, g in ((one, other), (other, one))
+            ]
             origin = [[CONTRAST, *ends, f] for f in (one, other)]
             found[pair] = Blockers(
                 np.array([0, 2], np.int32),
@@ -113,7 +130,10 @@ def contrast_plane(
         Least contrast.
     """
     # Python integers, which do not overflow
-    one, other = ([int(c) * int(scene.side_of_face[f]) for c in scene.planes[scene.plane_of_face[f]]] for f in faces)
+    one, other = (
+        [int(c) * int(scene.side_of_face[f]) for c in scene.planes[scene.plane_of_face[f]]]
+        for f in faces
+    )
     asked = Fraction(repr(contrast))
     ratio = (1 + asked) / (1 - asked) * _length_ratio(one[:3], other[:3], grid.scale)
     # of the larger of ratio and reciprocal, so that the error is relative
@@ -122,11 +142,20 @@ def contrast_plane(
     else:
         ratio = ratio.limit_denominator(1 << _REACH_BITS)
     points = [[int(x) for x in scene.points[v]] for v in ends]
-    if all(sum(a * x for a, x in zip(plane, p, strict=False)) == plane[3] for plane in (one, other) for p in points):
-        combined = [ratio.denominator * a - ratio.numerator * b for a, b in zip(one, other, strict=True)]
+    if all(
+        sum(a * x for a, x in zip(plane, p, strict=False)) == plane[3]
+        for plane in (one, other)
+        for p in points
+    ):
+        combined = [
+            ratio.denominator * a - ratio.numerator * b for a, b in zip(one, other, strict=True)
+        ]
         divisor = int(np.gcd.reduce([abs(c) for c in combined[:3]]))
         combined = [c // divisor for c in combined]
-        if max(map(abs, combined[:3])) < 1 << _COEFFICIENT_BITS and abs(combined[3]) < 1 << _OFFSET_BITS:
+        if (
+            max(map(abs, combined[:3])) < 1 << _COEFFICIENT_BITS
+            and abs(combined[3]) < 1 << _OFFSET_BITS
+        ):
             return np.array(combined, np.int64)
     return _through_ends(scene.points[list(ends)], (one, other), float(ratio), grid.scale)
 
@@ -142,7 +171,9 @@ def _length_ratio(one: list[int], other: list[int], scale: np.ndarray) -> Fracti
     return Fraction(lengths[0] / lengths[1])
 
 
-def _through_ends(ends: np.ndarray, planes: tuple[list[int], list[int]], ratio: float, scale: np.ndarray) -> np.ndarray:
+def _through_ends(
+    ends: np.ndarray, planes: tuple[list[int], list[int]], ratio: float, scale: np.ndarray
+) -> np.ndarray:
     """Return the plane through both ends and the grid point nearest to where the exact one is, far from the edge."""
     one, other = (np.array(plane[:3], float) / scale for plane in planes)
     normal = one - ratio * other

@@ -9,7 +9,14 @@ from aspectgraph.plot.graph_plot import GraphDrawing, plot_graph
 from aspectgraph.plot.section import SectionDrawing, plot_section
 from aspectgraph.plot.solid_view import plot_domains, plot_solid
 from aspectgraph.plot.style import is_feature
-from aspectgraph.plot.traces import line_trace, part_traces, point_text, scene_figure, surface_trace, xyz
+from aspectgraph.plot.traces import (
+    line_trace,
+    part_traces,
+    point_text,
+    scene_figure,
+    surface_trace,
+    xyz,
+)
 
 __all__ = [
     "GraphDrawing",

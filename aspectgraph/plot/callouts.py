@@ -25,7 +25,13 @@ _MOST_RINGS = 4
 # a line carries its label if it is so many times as long
 _CARRIES = 1.6
 # places beside a short line, in font sizes from its middle, near ones first
-_AROUND = np.array([(r * np.cos(a), r * np.sin(a)) for r in (2, 3, 4, 5) for a in np.arange(0, 2 * np.pi, np.pi / 12)])
+_AROUND = np.array(
+    [
+        (r * np.cos(a), r * np.sin(a))
+        for r in (2, 3, 4, 5)
+        for a in np.arange(0, 2 * np.pi, np.pi / 12)
+    ]
+)
 # room left free inside the frame, pt
 _AIR_PT = 6.0
 
@@ -85,13 +91,25 @@ def draw_labels(spots: Sequence[Spot], low: _Array, high: _Array, ax: Axes) -> i
             middle = spots[n].middle
             ax.plot([middle[0], x], [middle[1], y], color=colour, linewidth=0.5, zorder=2.5)
             ax.plot(*middle, ".", color=colour, markersize=2.5, zorder=2.5)
-        ax.text(x, y, text, color=colour, fontsize=layout.font_pt, ha="center", va="center", bbox=box, zorder=3)
+        ax.text(
+            x,
+            y,
+            text,
+            color=colour,
+            fontsize=layout.font_pt,
+            ha="center",
+            va="center",
+            bbox=box,
+            zorder=3,
+        )
     return len(spots) - len(layout.places)
 
 
 def _size_pt(ax: Axes) -> _Array:
     figure: Any = ax.figure
-    return 72.0 * np.array(ax.get_position(original=True).size) * np.asarray(figure.get_size_inches())
+    return (
+        72.0 * np.array(ax.get_position(original=True).size) * np.asarray(figure.get_size_inches())
+    )
 
 
 def _room(text: str) -> _Array:
@@ -119,7 +137,9 @@ def _layout(spots: Sequence[Spot], low: _Array, high: _Array, size_pt: _Array) -
         near, carried = _near(spots, font * unit_per_pt, (corners[0] + frame, corners[1] - frame))
         rest = [n for n in range(len(spots)) if n not in near]
         waiting = len(rest)
-        found = _Layout(*corners, font, {**near, **_matched(spots, rest, slots)}, frozenset(carried))
+        found = _Layout(
+            *corners, font, {**near, **_matched(spots, rest, slots)}, frozenset(carried)
+        )
         if layout is None or len(found.places) > len(layout.places):
             layout = found
         if len(slots) >= len(rest):
@@ -128,14 +148,18 @@ def _layout(spots: Sequence[Spot], low: _Array, high: _Array, size_pt: _Array) -
     return layout
 
 
-def _near(spots: Sequence[Spot], font: float, corners: tuple[_Array, _Array]) -> tuple[dict[int, _Array], set[int]]:
+def _near(
+    spots: Sequence[Spot], font: float, corners: tuple[_Array, _Array]
+) -> tuple[dict[int, _Array], set[int]]:
     """Return the labels on their lines or close by, inside a box, and which are on them; `font` in picture units.
 
     The longest lines come first among those that carry their labels, then the short ones, shortest first.
     """
     places: dict[int, _Array] = {}
     extents = [spot.extent for spot in spots]
-    carriers = {n for n, spot in enumerate(spots) if extents[n] >= _CARRIES * font * _room(spot.text)[0]}
+    carriers = {
+        n for n, spot in enumerate(spots) if extents[n] >= _CARRIES * font * _room(spot.text)[0]
+    }
     points = np.concatenate([spot.samples for spot in spots] or [np.empty((0, 2))])
     owner = np.repeat(np.arange(len(spots)), [len(spot.samples) for spot in spots])
     taken = np.empty((0, 4))
@@ -144,7 +168,9 @@ def _near(spots: Sequence[Spot], font: float, corners: tuple[_Array, _Array]) ->
     for n in order:
         samples, room = spots[n].samples, font * _room(spots[n].text)
         if n in carriers:
-            middle_first = np.argsort(np.abs(np.arange(len(samples)) - len(samples) // 2), kind="stable")
+            middle_first = np.argsort(
+                np.abs(np.arange(len(samples)) - len(samples) // 2), kind="stable"
+            )
             tries, kept = samples[middle_first[: max(1, 2 * len(samples) // 3)]], points[owner != n]
         else:
             tries, kept = spots[n].middle + font * _AROUND, points
@@ -178,7 +204,9 @@ def _slots(low: _Array, high: _Array, room: _Array, rings: int) -> _Array:
         rows = a[1] + (b[1] - a[1]) * np.arange(n_rows + 1) / max(n_rows, 1)
         # the corners belong to the rows
         columns = (a[0] + (b[0] - a[0]) * np.arange(n_columns + 1) / max(n_columns, 1))[1:-1]
-        found += [(x, y) for x in (a[0], b[0]) for y in rows] + [(x, y) for y in (a[1], b[1]) for x in columns]
+        found += [(x, y) for x in (a[0], b[0]) for y in rows] + [
+            (x, y) for y in (a[1], b[1]) for x in columns
+        ]
     return np.array(found, dtype=np.float64).reshape(-1, 2)
 
 

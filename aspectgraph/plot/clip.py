@@ -58,10 +58,16 @@ def clip_polygon(corners: np.ndarray, half_spaces: np.ndarray) -> np.ndarray:
         if (height <= 0).all():
             continue
         # by hand, as np.roll and np.stack take longer than all the rest of so few corners
-        after, height_after = np.concatenate([corners[1:], corners[:1]]), np.concatenate([height[1:], height[:1]])
+        after, height_after = (
+            np.concatenate([corners[1:], corners[:1]]),
+            np.concatenate([height[1:], height[:1]]),
+        )
         crossed = height * height_after < 0
         share = np.where(crossed, height / np.where(crossed, height - height_after, 1.0), 0.0)
-        both, kept = np.empty((2 * len(corners), corners.shape[1])), np.empty(2 * len(corners), bool)
+        both, kept = (
+            np.empty((2 * len(corners), corners.shape[1])),
+            np.empty(2 * len(corners), bool),
+        )
         both[::2], both[1::2] = corners, corners + share[:, None] * (after - corners)
         kept[::2], kept[1::2] = height <= 0, crossed
         corners = both[kept]
@@ -125,14 +131,18 @@ def domain_facets(cells: Iterable[Cell], solid: Solid, box: np.ndarray) -> list[
         one, other = polygon_union(behind, grid), polygon_union(before, grid)
         wall = shapely.MultiPolygon(polygon_parts(one.symmetric_difference(other, grid_size=grid)))
         wall = wall.difference(_solid_faces(solid, key, size), grid_size=grid)
-        facets += [_lifted(part, key) for part in polygon_parts(wall) if part.area > (1e-4 * size) ** 2]
+        facets += [
+            _lifted(part, key) for part in polygon_parts(wall) if part.area > (1e-4 * size) ** 2
+        ]
     return facets
 
 
 def section_polygon(cell: Cell, axis: int, at: float, window: np.ndarray) -> np.ndarray:
     """Cut a cell by the plane on which one coordinate has a value; corners inside a window (2, 2), shape (n, 2)."""
     u, v = section_axes(axis)
-    rows = np.column_stack([cell.half_spaces[:, [u, v]], cell.half_spaces[:, axis] * at + cell.half_spaces[:, 3]])
+    rows = np.column_stack(
+        [cell.half_spaces[:, [u, v]], cell.half_spaces[:, axis] * at + cell.half_spaces[:, 3]]
+    )
     (x0, y0), (x1, y1) = window
     return clip_polygon(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], float), rows)
 
@@ -142,7 +152,9 @@ def section_axes(axis: int) -> tuple[int, int]:
     return ((1, 2), (0, 2), (0, 1))[axis]
 
 
-def box_around(solid: Solid, workspace: np.ndarray, box: ArrayLike | None = None, margin: float = 0.6) -> np.ndarray:
+def box_around(
+    solid: Solid, workspace: np.ndarray, box: ArrayLike | None = None, margin: float = 0.6
+) -> np.ndarray:
     """Return a box inside the workspace, the given one or one around the part; shape (2, 3).
 
     Raises
@@ -155,10 +167,14 @@ def box_around(solid: Solid, workspace: np.ndarray, box: ArrayLike | None = None
         box = solid.bounds + np.array([[-room], [room]])
     corners = np.asarray(box, float)
     if corners.shape != (2, 3) or not np.isfinite(corners).all():
-        raise WorkspaceError(f"box must be two finite corners, shape (2, 3). Got {np.asarray(box).tolist()}.")
+        raise WorkspaceError(
+            f"box must be two finite corners, shape (2, 3). Got {np.asarray(box).tolist()}."
+        )
     corners = np.array([np.maximum(corners[0], workspace[0]), np.minimum(corners[1], workspace[1])])
     if (corners[0] >= corners[1]).any():
-        raise WorkspaceError(f"box must overlap the workspace, lower corner first. Got {np.asarray(box).tolist()}.")
+        raise WorkspaceError(
+            f"box must overlap the workspace, lower corner first. Got {np.asarray(box).tolist()}."
+        )
     return corners
 
 
@@ -176,7 +192,9 @@ def polygon_union(polygons: list[Any], grid: float) -> shapely.Geometry:
 def polygon_parts(geometry: shapely.Geometry) -> list[Any]:
     """Return the polygons in a geometry."""
     return [
-        part for part in getattr(geometry, "geoms", [geometry]) if part.geom_type == "Polygon" and not part.is_empty
+        part
+        for part in getattr(geometry, "geoms", [geometry])
+        if part.geom_type == "Polygon" and not part.is_empty
     ]
 
 
@@ -189,7 +207,11 @@ def _solid_faces(solid: Solid, key: tuple[float, ...], size: float) -> shapely.G
     if not len(in_plane):
         return shapely.MultiPolygon()
     axes = plane_axes(normal)
-    corners = [solid.vertices[triangle] @ axes.T for face in in_plane for triangle in solid.face_triangles[face]]
+    corners = [
+        solid.vertices[triangle] @ axes.T
+        for face in in_plane
+        for triangle in solid.face_triangles[face]
+    ]
     return polygon_union([shapely.Polygon(triangle) for triangle in corners], _SNAP * size)
 
 
@@ -202,4 +224,7 @@ def _lifted(polygon: shapely.Polygon, key: tuple[float, ...]) -> Facet:
 
     pieces = shapely.constrained_delaunay_triangles(polygon)
     triangles = [lift(piece.exterior)[:3] for piece in pieces.geoms]
-    return Facet([lift(ring) for ring in (polygon.exterior, *polygon.interiors)], np.array(triangles).reshape(-1, 3, 3))
+    return Facet(
+        [lift(ring) for ring in (polygon.exterior, *polygon.interiors)],
+        np.array(triangles).reshape(-1, 3, 3),
+    )

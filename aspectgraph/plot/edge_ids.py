@@ -84,7 +84,9 @@ def write_edge_picture(
     return path
 
 
-def edge_figure(solid: Solid, edge_ids: Iterable[int] | None = None, curve_ids: Iterable[str] | None = None) -> Figure:
+def edge_figure(
+    solid: Solid, edge_ids: Iterable[int] | None = None, curve_ids: Iterable[str] | None = None
+) -> Figure:
     """Return an interactive 3-D picture; pointing at an edge shows its id, length, angle and ends.
 
     Pointing at a rim or arc shows its id, diameter or radius, centre and axis.
@@ -121,7 +123,9 @@ def edge_figure(solid: Solid, edge_ids: Iterable[int] | None = None, curve_ids: 
         name="ids",
     )
     eye = next(iter(VIEWS.values()))
-    figure = scene_figure([*part_traces(solid), *lines, labels], eye, title=f"{solid.name}: {counts_text(items)}")
+    figure = scene_figure(
+        [*part_traces(solid), *lines, labels], eye, title=f"{solid.name}: {counts_text(items)}"
+    )
     return figure.update_layout(showlegend=False)
 
 
@@ -129,10 +133,14 @@ def _line(item: NamedItem, n: int) -> Scatter3d:
     points = np.linspace(item.line[0], item.line[1], 9) if len(item.line) == 2 else item.line
     name = f"edge {item.id}" if item.kind == "edge" else item.id
     text = "<br>".join(item.rows) + "<extra></extra>"
-    return line_trace([points], color=_PALETTE[n % len(_PALETTE)], width=6, name=name, hovertemplate=text)
+    return line_trace(
+        [points], color=_PALETTE[n % len(_PALETTE)], width=6, name=name, hovertemplate=text
+    )
 
 
-def _write_png(solid: Solid, path: Path, edge_ids: Iterable[int] | None, curve_ids: Iterable[str] | None) -> None:
+def _write_png(
+    solid: Solid, path: Path, edge_ids: Iterable[int] | None, curve_ids: Iterable[str] | None
+) -> None:
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
@@ -194,7 +202,15 @@ def _draw_items(solid: Solid, items: list[NamedItem], direction: ArrayLike, ax: 
     towards = np.flatnonzero(front > 1e-9)
     view = ParallelView(points[solid.triangles[towards]])
     image, extent = view.render(0.62 + 0.33 * front[towards])
-    ax.imshow(image, cmap="gray", vmin=0.0, vmax=1.0, extent=extent, origin="lower", interpolation="nearest")
+    ax.imshow(
+        image,
+        cmap="gray",
+        vmin=0.0,
+        vmax=1.0,
+        extent=extent,
+        origin="lower",
+        interpolation="nearest",
+    )
     _draw_outlines(solid, points, view, {e for item in items for e in item.edge_ids}, ax)
     spots = []
     for n, item in enumerate(items):
@@ -225,7 +241,9 @@ def _seen_pieces(samples: np.ndarray, seen: np.ndarray) -> list[np.ndarray]:
     return [samples[k : k + 2, :2] for k in np.flatnonzero(both)]
 
 
-def _draw_outlines(solid: Solid, points: np.ndarray, view: ParallelView, named: set[int], ax: Axes) -> None:
+def _draw_outlines(
+    solid: Solid, points: np.ndarray, view: ParallelView, named: set[int], ax: Axes
+) -> None:
     """Draw the feature edges that are not named, where seen at their middle, in grey."""
     from matplotlib.collections import LineCollection
 

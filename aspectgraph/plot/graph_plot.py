@@ -54,7 +54,9 @@ class GraphDrawing:
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        return f"<GraphDrawing: {len(self.positions)} nodes, {len(self.edges.get_segments())} edges>"
+        return (
+            f"<GraphDrawing: {len(self.positions)} nodes, {len(self.edges.get_segments())} edges>"
+        )
 
 
 def plot_graph(
@@ -118,14 +120,19 @@ def _checked(eag: EntityAspectGraph | nx.Graph) -> nx.Graph:
     missing = [node for node, data in graph.nodes(data=True) if "volume" not in data]
     missing += [edge for *edge, data in graph.edges(data=True) if "area" not in data]
     if missing:
-        raise ValueError(f"every node must have a volume and every edge an area. Got {missing[0]} without.")
+        raise ValueError(
+            f"every node must have a volume and every edge an area. Got {missing[0]} without."
+        )
     return graph
 
 
 def _lists(graph: nx.Graph) -> dict[Hashable, str]:
     lists = {node: listed_on(data) for node, data in graph.nodes(data=True)}
     names = graph.graph.get("entities", ())
-    return {node: "" if None in lists.values() else list_text(listed or (), names) for node, listed in lists.items()}
+    return {
+        node: "" if None in lists.values() else list_text(listed or (), names)
+        for node, listed in lists.items()
+    }
 
 
 def _prepare(ax: Axes, positions: Mapping[Hashable, Any]) -> None:
@@ -163,7 +170,8 @@ def _draw_edges(graph: nx.Graph, positions: Mapping[Hashable, Any], ax: Axes) ->
     rows = list(graph.edges(data=True))
     lines = LineCollection(
         [(positions[i], positions[j]) for i, j, _ in rows],
-        linewidths=_shrink(graph) ** 0.5 * _scaled([data["area"] for *_, data in rows], *_EDGE_POINTS),
+        linewidths=_shrink(graph) ** 0.5
+        * _scaled([data["area"] for *_, data in rows], *_EDGE_POINTS),
         linestyles=[_DASHES if _only_type_b(data) else "solid" for *_, data in rows],
         colors=_EDGE_COLOR,
         zorder=1,
@@ -172,13 +180,16 @@ def _draw_edges(graph: nx.Graph, positions: Mapping[Hashable, Any], ax: Axes) ->
     return lines
 
 
-def _draw_nodes(graph: nx.Graph, positions: Mapping[Hashable, Any], colors: Any, ax: Axes) -> PathCollection:
+def _draw_nodes(
+    graph: nx.Graph, positions: Mapping[Hashable, Any], colors: Any, ax: Axes
+) -> PathCollection:
     points = np.array([positions[node] for node in graph])
     open_domain = [data.get("unbounded", False) for _, data in graph.nodes(data=True)]
     return ax.scatter(
         points[:, 0],
         points[:, 1],
-        s=_shrink(graph) * _scaled([volume for _, volume in graph.nodes(data="volume")], *_NODE_POINTS2),
+        s=_shrink(graph)
+        * _scaled([volume for _, volume in graph.nodes(data="volume")], *_NODE_POINTS2),
         c=[colors[node] for node in graph],
         edgecolors=INK,
         linewidths=1.3 if len(graph) <= _MANY else 0.8,
@@ -188,7 +199,11 @@ def _draw_nodes(graph: nx.Graph, positions: Mapping[Hashable, Any], colors: Any,
 
 
 def _draw_labels(
-    graph: nx.Graph, positions: Mapping[Hashable, Any], labels: Mapping[Hashable, str], nodes: PathCollection, ax: Axes
+    graph: nx.Graph,
+    positions: Mapping[Hashable, Any],
+    labels: Mapping[Hashable, str],
+    nodes: PathCollection,
+    ax: Axes,
 ) -> dict[Hashable, Text]:
     """Write each label below, above or beside its node, wherever it covers least."""
     from matplotlib.patheffects import withStroke
@@ -221,9 +236,13 @@ def _draw_labels(
 class _Spots:
     """Finds room for labels; all in points (1/72 inch)."""
 
-    def __init__(self, graph: nx.Graph, positions: Mapping[Hashable, Any], radius: np.ndarray, ax: Axes) -> None:
+    def __init__(
+        self, graph: nx.Graph, positions: Mapping[Hashable, Any], radius: np.ndarray, ax: Axes
+    ) -> None:
         scale = 72.0 / ax.figure.dpi
-        self._centres = ax.transData.transform(np.array([positions[node] for node in graph])) * scale
+        self._centres = (
+            ax.transData.transform(np.array([positions[node] for node in graph])) * scale
+        )
         self._radius = radius
         place = {node: k for k, node in enumerate(graph)}
         pairs = np.array([(place[i], place[j]) for i, j in graph.edges], int).reshape(-1, 2)
@@ -242,7 +261,9 @@ class _Spots:
             ((gap, 0), "left", "center"),
             ((-gap, 0), "right", "center"),
         ]
-        boxes = [self._centres[k] + np.array(offset) + np.sign(offset) * half for offset, *_ in choices]
+        boxes = [
+            self._centres[k] + np.array(offset) + np.sign(offset) * half for offset, *_ in choices
+        ]
         costs = [self._cost(centre, half, k) for centre in boxes]
         chosen = int(np.argmin(costs))
         self._taken.append(np.array([boxes[chosen], half]))
@@ -260,14 +281,31 @@ def _draw_legend(graph: nx.Graph, ax: Axes) -> None:
     from matplotlib.lines import Line2D
 
     def circle(style: Any, label: str) -> Artist:
-        return ax.scatter([], [], s=90, c="white", edgecolors=INK, linewidths=1.3, linestyles=[style], label=label)
+        return ax.scatter(
+            [], [], s=90, c="white", edgecolors=INK, linewidths=1.3, linestyles=[style], label=label
+        )
 
-    reach = {bool(data.get("unbounded")) for _, data in graph.nodes(data=True) if "unbounded" in data}
+    reach = {
+        bool(data.get("unbounded")) for _, data in graph.nodes(data=True) if "unbounded" in data
+    }
     handles = [circle(_DOTS, "open to the workspace's boundary")] if True in reach else []
     handles += [circle("solid", "bounded domain")] if False in reach else []
     types = {_only_type_b(data) for *_, data in graph.edges(data=True) if "surfaces" in data}
     line: dict[str, Any] = {"color": _EDGE_COLOR, "linewidth": 2.5}
-    handles += [Line2D([], [], **line, label="boundary with a type A surface")] if False in types else []
-    handles += [Line2D([], [], **line, linestyle=_DASHES, label="type B surfaces only")] if True in types else []
+    handles += (
+        [Line2D([], [], **line, label="boundary with a type A surface")] if False in types else []
+    )
+    handles += (
+        [Line2D([], [], **line, linestyle=_DASHES, label="type B surfaces only")]
+        if True in types
+        else []
+    )
     if handles:
-        ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(0, 0), ncols=2, fontsize=8, frameon=False)
+        ax.legend(
+            handles=handles,
+            loc="upper left",
+            bbox_to_anchor=(0, 0),
+            ncols=2,
+            fontsize=8,
+            frameon=False,
+        )

@@ -45,7 +45,9 @@ class ParallelView:
         pixel = float((high - low).max()) / _PIXELS
         low, high = low - 2 * pixel, high + 2 * pixel
         width, height = np.ceil((high - low) / pixel).astype(int)
-        x, y = np.meshgrid(low[0] + (np.arange(width) + 0.5) * pixel, low[1] + (np.arange(height) + 0.5) * pixel)
+        x, y = np.meshgrid(
+            low[0] + (np.arange(width) + 0.5) * pixel, low[1] + (np.arange(height) + 0.5) * pixel
+        )
         above = np.full_like(x, self._high[2] + _PIXELS * pixel)
         downwards = np.broadcast_to([0.0, 0.0, -1.0], (*x.shape, 3))
         hit = self._scene.cast(np.stack([x, y, above], axis=-1), downwards)

@@ -42,10 +42,14 @@ class NamedItem(NamedTuple):
     @property
     def middle(self) -> NDArray[np.float64]:
         """Where its label goes, shape (3,): the middle of an edge, a vertex in the middle of a chain of chords."""
-        return np.asarray(self.line.mean(axis=0) if len(self.line) == 2 else self.line[len(self.line) // 2])
+        return np.asarray(
+            self.line.mean(axis=0) if len(self.line) == 2 else self.line[len(self.line) // 2]
+        )
 
 
-def named_items(solid: Solid, edge_ids: Iterable[int] | None, curve_ids: Iterable[str] | None) -> list[NamedItem]:
+def named_items(
+    solid: Solid, edge_ids: Iterable[int] | None, curve_ids: Iterable[str] | None
+) -> list[NamedItem]:
     """Return what shall be named, edges first.
 
     Parameters
@@ -124,7 +128,9 @@ def _curve_item(solid: Solid, curve: Arc) -> NamedItem:
         f"centre {_point(curve.centre)}",
         f"axis {_point(curve.axis)}",
     )
-    return NamedItem(curve.id, kind, np.asarray(line, np.float64), curve.edge_ids, float(curve.radius_mm), rows)
+    return NamedItem(
+        curve.id, kind, np.asarray(line, np.float64), curve.edge_ids, float(curve.radius_mm), rows
+    )
 
 
 def _turn(dihedral_deg: float) -> str:
@@ -134,7 +140,9 @@ def _turn(dihedral_deg: float) -> str:
 def _faces(solid: Solid, edge_ids: Iterable[int]) -> str:
     """Name the faces on both sides; facets of curved ones together."""
     faces = dict.fromkeys(face for edge_id in edge_ids for face in solid.edges[edge_id].faces)
-    flat = [f"{face} ({normal_text(solid, face)})" for face in faces if not solid.faces[face].curved]
+    flat = [
+        f"{face} ({normal_text(solid, face)})" for face in faces if not solid.faces[face].curved
+    ]
     if len(flat) < len(faces):
         flat.append("a curved one")
     return f"{'face' if len(flat) == 1 else 'faces'} {' and '.join(flat)}"

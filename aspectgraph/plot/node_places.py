@@ -31,7 +31,9 @@ def layout(graph: nx.Graph) -> dict[Hashable, np.ndarray]:
     """
     candidates = list(_placements(graph))
     points = (
-        candidates[0] if len(candidates) == 1 else min(candidates, key=lambda p: crossings(graph, p) + hits(graph, p))
+        candidates[0]
+        if len(candidates) == 1
+        else min(candidates, key=lambda p: crossings(graph, p) + hits(graph, p))
     )
     points = points - points.mean(axis=0)
     rank = np.array([_rank(data) for _, data in graph.nodes(data=True)], float)
@@ -85,7 +87,11 @@ def least_stress(distances: np.ndarray, points: np.ndarray) -> np.ndarray:
     inverse = np.linalg.inv(np.diag(weights.sum(axis=1)) - weights + 1.0 / n)
     for _ in range(_STEPS):
         now = np.linalg.norm(points[:, None] - points[None], axis=2)
-        pull = np.where(apart & (now > _TOUCHING), weights * distances / np.where(now > _TOUCHING, now, 1.0), 0.0)
+        pull = np.where(
+            apart & (now > _TOUCHING),
+            weights * distances / np.where(now > _TOUCHING, now, 1.0),
+            0.0,
+        )
         moved = inverse @ (pull.sum(axis=1)[:, None] * points - pull @ points)
         if np.abs(moved - points).max() < _STILL:
             return moved

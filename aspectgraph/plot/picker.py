@@ -17,7 +17,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.plot.named_items import NamedItem, counts_text, item_faces, named_items, normal_text
+from aspectgraph.plot.named_items import (
+    NamedItem,
+    counts_text,
+    item_faces,
+    named_items,
+    normal_text,
+)
 from aspectgraph.plot.style import is_feature
 from aspectgraph.solid.solid import Solid
 
@@ -26,7 +32,9 @@ _SCRIPTS = ("scene.js", "labels.js", "choice.js", "pointer.js", "picker.js")
 _AIR = 1.05
 
 
-def picker_html(solid: Solid, edge_ids: Iterable[int] | None = None, curve_ids: Iterable[str] | None = None) -> str:
+def picker_html(
+    solid: Solid, edge_ids: Iterable[int] | None = None, curve_ids: Iterable[str] | None = None
+) -> str:
     """Return a page on which edges, rims and arcs can be collected, with a file of them for ``--entities``.
 
     Parameters

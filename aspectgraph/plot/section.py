@@ -12,7 +12,13 @@ import shapely
 from numpy.typing import ArrayLike
 
 from aspectgraph.exceptions import WorkspaceError
-from aspectgraph.plot.clip import box_around, polygon_parts, polygon_union, section_axes, section_polygon
+from aspectgraph.plot.clip import (
+    box_around,
+    polygon_parts,
+    polygon_union,
+    section_axes,
+    section_polygon,
+)
 from aspectgraph.plot.style import INK, list_colors, list_text, new_axes, text_extent
 
 if TYPE_CHECKING:
@@ -107,14 +113,24 @@ def plot_section(
     _fill(eag, domains, solid, ax)
     surfaces = _draw_surfaces(eag, domains, k, at, window, ax)
     _draw_entities(eag, k, at, window, ax)
-    ax.set(xlim=window[:, 0], ylim=window[:, 1], aspect="equal", xlabel=f"{'xyz'[u]} (mm)", ylabel=f"{'xyz'[v]} (mm)")
+    ax.set(
+        xlim=window[:, 0],
+        ylim=window[:, 1],
+        aspect="equal",
+        xlabel=f"{'xyz'[u]} (mm)",
+        ylabel=f"{'xyz'[v]} (mm)",
+    )
     _label(eag, domains, window, ax)
     drawn = [lines for lines in surfaces.values() if lines.get_segments()]
-    ax.legend(handles=drawn, loc="lower left", bbox_to_anchor=(0, 1), ncols=2, fontsize=8, frameon=False)
+    ax.legend(
+        handles=drawn, loc="lower left", bbox_to_anchor=(0, 1), ncols=2, fontsize=8, frameon=False
+    )
     return SectionDrawing(ax, domains, solid, surfaces)
 
 
-def section_domains(eag: EntityAspectGraph, axis: int, at: float, window: np.ndarray) -> dict[Hashable, Any]:
+def section_domains(
+    eag: EntityAspectGraph, axis: int, at: float, window: np.ndarray
+) -> dict[Hashable, Any]:
     """Return the cross-section of each domain that has one inside a window (2, 2), as shapely geometry by node."""
     size = float(np.ptp(window, axis=0).max())
     # a section through a wall between cells would show both of them
@@ -136,21 +152,32 @@ def _fill(eag: EntityAspectGraph, domains: dict[Hashable, Any], solid: Any, ax: 
     for node, geometry in domains.items():
         ax.add_patch(PathPatch(_path(geometry), facecolor=colors[node], alpha=0.55, linewidth=0))
     if not solid.is_empty:
-        ax.add_patch(PathPatch(_path(solid), facecolor="#8b949f", edgecolor=INK, linewidth=1.2, zorder=2))
+        ax.add_patch(
+            PathPatch(_path(solid), facecolor="#8b949f", edgecolor=INK, linewidth=1.2, zorder=2)
+        )
 
 
 def _path(geometry: Any) -> Any:
     from matplotlib.path import Path
 
-    polygons = [part for part in getattr(geometry, "geoms", [geometry]) if part.geom_type == "Polygon"]
+    polygons = [
+        part for part in getattr(geometry, "geoms", [geometry]) if part.geom_type == "Polygon"
+    ]
     rings = [
-        ring for part in map(shapely.geometry.polygon.orient, polygons) for ring in (part.exterior, *part.interiors)
+        ring
+        for part in map(shapely.geometry.polygon.orient, polygons)
+        for ring in (part.exterior, *part.interiors)
     ]
     return Path.make_compound_path(*(Path(np.asarray(ring.coords), closed=True) for ring in rings))
 
 
 def _draw_surfaces(
-    eag: EntityAspectGraph, domains: dict[Hashable, Any], axis: int, at: float, window: np.ndarray, ax: Axes
+    eag: EntityAspectGraph,
+    domains: dict[Hashable, Any],
+    axis: int,
+    at: float,
+    window: np.ndarray,
+    ax: Axes,
 ) -> dict[str, Any]:
     from matplotlib.collections import LineCollection
 
@@ -192,19 +219,29 @@ def _shared_lines(
     along = 2 * size * np.array([-normal[1], normal[0]]) / length
     near = 10 * _NUDGE * size
     shared = (
-        shapely.LineString([foot - along, foot + along]).intersection(one.buffer(near)).intersection(other.buffer(near))
+        shapely.LineString([foot - along, foot + along])
+        .intersection(one.buffer(near))
+        .intersection(other.buffer(near))
     )
     parts = getattr(shared, "geoms", [shared])
-    return [np.asarray(part.coords) for part in parts if part.geom_type == "LineString" and part.length > 100 * near]
+    return [
+        np.asarray(part.coords)
+        for part in parts
+        if part.geom_type == "LineString" and part.length > 100 * near
+    ]
 
 
-def _draw_entities(eag: EntityAspectGraph, axis: int, at: float, window: np.ndarray, ax: Axes) -> None:
+def _draw_entities(
+    eag: EntityAspectGraph, axis: int, at: float, window: np.ndarray, ax: Axes
+) -> None:
     """Mark where entities pierce the section."""
     from matplotlib.patheffects import withStroke
 
     halo = [withStroke(linewidth=2.5, foreground="white")]
     u, v = section_axes(axis)
-    for name, a, b in ((name, *ends) for name, e in eag.entities.items() for ends in pairwise(e.outline)):
+    for name, a, b in (
+        (name, *ends) for name, e in eag.entities.items() for ends in pairwise(e.outline)
+    ):
         if (a[axis] - at) * (b[axis] - at) > 0 or a[axis] == b[axis]:
             continue
         x, y = (a + (at - a[axis]) / (b[axis] - a[axis]) * (b - a))[[u, v]]
@@ -221,11 +258,15 @@ def _draw_entities(eag: EntityAspectGraph, axis: int, at: float, window: np.ndar
             ax.annotate(name, (x, y), (0, -6), textcoords="offset points", fontsize=9, **style)
 
 
-def _label(eag: EntityAspectGraph, domains: dict[Hashable, Any], window: np.ndarray, ax: Axes) -> None:
+def _label(
+    eag: EntityAspectGraph, domains: dict[Hashable, Any], window: np.ndarray, ax: Axes
+) -> None:
     """Write each list into every piece of its domain that has room for it."""
     size = float(np.ptp(window, axis=0).max())
     extent = ax.get_window_extent()
-    mm_per_point = ax.figure.dpi / 72.0 / np.min([extent.width, extent.height] / np.ptp(window, axis=0))
+    mm_per_point = (
+        ax.figure.dpi / 72.0 / np.min([extent.width, extent.height] / np.ptp(window, axis=0))
+    )
     for node, geometry in domains.items():
         text = list_text(eag.graph.nodes[node][eag.regions.listed_as], eag.entity_names, width=8)
         for part in geometry.geoms:

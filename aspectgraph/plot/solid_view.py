@@ -11,7 +11,14 @@ from numpy.typing import ArrayLike
 from aspectgraph.exceptions import AspectGraphError
 from aspectgraph.plot.clip import box_around, box_half_spaces, domain_facets
 from aspectgraph.plot.style import INK, list_colors, list_text
-from aspectgraph.plot.traces import line_trace, part_traces, point_text, scene_figure, surface_trace, xyz
+from aspectgraph.plot.traces import (
+    line_trace,
+    part_traces,
+    point_text,
+    scene_figure,
+    surface_trace,
+    xyz,
+)
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -21,7 +28,9 @@ if TYPE_CHECKING:
     from aspectgraph.solid.solid import Solid
 
 _ENTITY = "#c0152f"
-_VIEWS = [(x, y, z) for z in (0.7, -0.7) for x, y in ((0.9, -1.1), (0.9, 1.1), (-0.9, -1.1), (-0.9, 1.1))]
+_VIEWS = [
+    (x, y, z) for z in (0.7, -0.7) for x, y in ((0.9, -1.1), (0.9, 1.1), (-0.9, -1.1), (-0.9, 1.1))
+]
 _MOST_VISIBLE = 3
 # air around the part, in its diagonals
 _MARGIN = 0.4
@@ -45,7 +54,9 @@ def plot_solid(part: Any, entities: Mapping[str, Entity] | None = None) -> Figur
     solid = getattr(part, "solid", part)
     if entities is None:
         entities = getattr(part, "entities", {})
-    return _figure([*part_traces(solid), *entity_traces(solid, entities)], solid, entities, legend="")
+    return _figure(
+        [*part_traces(solid), *entity_traces(solid, entities)], solid, entities, legend=""
+    )
 
 
 def plot_domains(
@@ -91,7 +102,9 @@ def plot_domains(
     chosen = list(eag.graph) if nodes is None else list(nodes)
     unknown = [node for node in chosen if node not in eag.graph]
     if unknown:
-        raise AspectGraphError(f"nodes must be in the graph, 0 to {len(eag.graph) - 1}. Got {unknown[0]!r}.")
+        raise AspectGraphError(
+            f"nodes must be in the graph, 0 to {len(eag.graph) - 1}. Got {unknown[0]!r}."
+        )
     corners = box_around(eag.solid, eag.workspace, box, margin=_MARGIN)
     colors = list_colors(eag.graph)
     traces = [*part_traces(eag.solid), *entity_traces(eag.solid, eag.entities)]
@@ -109,13 +122,21 @@ def entity_traces(solid: Solid, entities: Mapping[str, Entity]) -> list[Any]:
         return []
     points = [_polyline(entity) for entity in entities.values()]
     texts = [_entity_text(entity) for entity in entities.values()]
-    hover = [text for text, row in zip(texts, points, strict=True) for text in [text] * (len(row) + 1)]
-    style: dict[str, Any] = {"color": _ENTITY, "width": 9, "name": "entities", "legendgroup": "entities"}
+    hover = [
+        text for text, row in zip(texts, points, strict=True) for text in [text] * (len(row) + 1)
+    ]
+    style: dict[str, Any] = {
+        "color": _ENTITY,
+        "width": 9,
+        "name": "entities",
+        "legendgroup": "entities",
+    }
     lines = line_trace(points, hovertext=hover, hoverinfo="text", **style)
     away = 0.03 * float(np.linalg.norm(np.ptp(solid.bounds, axis=0)))
     outwards = [_normals(solid, entity).sum(axis=0) for entity in entities.values()]
     places = [
-        row[len(row) // 2] + away * n / max(np.linalg.norm(n), 1e-9) for row, n in zip(points, outwards, strict=True)
+        row[len(row) // 2] + away * n / max(np.linalg.norm(n), 1e-9)
+        for row, n in zip(points, outwards, strict=True)
     ]
     names = go.Scatter3d(
         **xyz(np.array(places)),
@@ -133,7 +154,11 @@ def entity_traces(solid: Solid, entities: Mapping[str, Entity]) -> list[Any]:
 
 def _polyline(entity: Entity) -> np.ndarray:
     """Return the line to draw: nine points of an edge, the chords of a rim or arc."""
-    return np.linspace(entity.endpoints[0], entity.endpoints[1], 9) if entity.kind == "edge" else entity.outline
+    return (
+        np.linspace(entity.endpoints[0], entity.endpoints[1], 9)
+        if entity.kind == "edge"
+        else entity.outline
+    )
 
 
 def _normals(solid: Solid, entity: Entity) -> np.ndarray:
@@ -156,7 +181,11 @@ def best_view(solid: Solid, entities: Mapping[str, Entity]) -> tuple[float, floa
 def _entity_text(entity: Entity) -> str:
     if entity.circle is not None:
         circle = entity.circle
-        size = f"diameter {2 * circle.radius_mm:.6g}" if entity.kind == "rim" else f"radius {circle.radius_mm:.6g}"
+        size = (
+            f"diameter {2 * circle.radius_mm:.6g}"
+            if entity.kind == "rim"
+            else f"radius {circle.radius_mm:.6g}"
+        )
         return f"<b>{entity.name}</b><br>{size} mm<br>centre {point_text(circle.centre)} mm"
     ends = " to ".join(point_text(end) for end in entity.endpoints)
     return f"<b>{entity.name}</b><br>{np.linalg.norm(np.ptp(entity.endpoints, axis=0)):.6g} mm<br>{ends} mm"
@@ -169,19 +198,29 @@ def _domain_traces(
     cells = list(eag.cells(node))
     facets = domain_facets(cells, eag.solid, box)
     title = f"{node}: {list_text(data['observable'], eag.entity_names, width=30, newline='<br>')}"
-    together: dict[str, Any] = {"legendgroup": f"domain {node}", "visible": True if shown else "legendonly"}
+    together: dict[str, Any] = {
+        "legendgroup": f"domain {node}",
+        "visible": True if shown else "legendonly",
+    }
     if not facets:
         title += " (not in this picture)"
     surface = surface_trace(facets, color=color, opacity=opacity, name=title, **together)
     rings = [ring for facet in facets for ring in facet.outlines]
-    outline = line_trace(rings, color=color, width=2, name=title, hoverinfo="skip", showlegend=False, **together)
+    outline = line_trace(
+        rings, color=color, width=2, name=title, hoverinfo="skip", showlegend=False, **together
+    )
     if not facets:
         return [surface]
     return [surface, outline, *_viewpoint_traces(eag, node, cells, box, color, together)]
 
 
 def _viewpoint_traces(
-    eag: EntityAspectGraph, node: Any, cells: Any, box: np.ndarray, color: str, together: dict[str, Any]
+    eag: EntityAspectGraph,
+    node: Any,
+    cells: Any,
+    box: np.ndarray,
+    color: str,
+    together: dict[str, Any],
 ) -> list[Any]:
     import plotly.graph_objects as go
 

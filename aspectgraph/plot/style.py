@@ -68,7 +68,9 @@ def _color(k: int) -> str:
     return "#" + "".join(f"{round(255 * part):02x}" for part in rgb)
 
 
-def list_text(listed: Sequence[str], names: Sequence[str], width: int = 12, newline: str = "\n") -> str:
+def list_text(
+    listed: Sequence[str], names: Sequence[str], width: int = 12, newline: str = "\n"
+) -> str:
     """Return an observable list as a label, three or more names numbered in turn shortened: ``e1–e4 e6``.
 
     Parameters
@@ -91,7 +93,9 @@ def list_text(listed: Sequence[str], names: Sequence[str], width: int = 12, newl
         else:
             runs.append([name])
     lines = [""]
-    for word in (word for run in runs for word in ([f"{run[0]}–{run[-1]}"] if len(run) >= _RUN else run)):
+    for word in (
+        word for run in runs for word in ([f"{run[0]}–{run[-1]}"] if len(run) >= _RUN else run)
+    ):
         if lines[-1] and len(lines[-1]) + 1 + len(word) > width:
             lines.append("")
         lines[-1] = f"{lines[-1]} {word}".lstrip()
@@ -100,8 +104,12 @@ def list_text(listed: Sequence[str], names: Sequence[str], width: int = 12, newl
 
 def _follows(name: str, other: str) -> bool:
     """Whether two names are alike but for a last number, which is one higher in the other."""
-    (stem, number), (other_stem, other_number) = (re.findall(r"(?s)\A(.*?)(\d*)\Z", text)[0] for text in (name, other))
-    return bool(stem == other_stem and number and other_number and int(number) + 1 == int(other_number))
+    (stem, number), (other_stem, other_number) = (
+        re.findall(r"(?s)\A(.*?)(\d*)\Z", text)[0] for text in (name, other)
+    )
+    return bool(
+        stem == other_stem and number and other_number and int(number) + 1 == int(other_number)
+    )
 
 
 def text_extent(text: str) -> tuple[float, float]:

@@ -23,7 +23,9 @@ def part_traces(solid: Solid) -> list[Any]:
     import plotly.graph_objects as go
 
     # shaded here: what plotly makes of its light depends on the size of the part
-    shades = 0.80 + 0.20 * solid.normals[np.asarray(solid.triangle_face)] @ (_LIGHT / np.linalg.norm(_LIGHT))
+    shades = 0.80 + 0.20 * solid.normals[np.asarray(solid.triangle_face)] @ (
+        _LIGHT / np.linalg.norm(_LIGHT)
+    )
     faces = go.Mesh3d(
         **xyz(solid.vertices),
         **dict(zip("ijk", np.asarray(solid.triangles).T, strict=True)),
@@ -35,11 +37,20 @@ def part_traces(solid: Solid) -> list[Any]:
         showlegend=True,
     )
     sharp = [solid.edge_points(edge.id) for edge in solid.edges if is_feature(solid, edge)]
-    return [faces, line_trace(sharp, color=INK, width=2.5, name="edges", hoverinfo="skip", showlegend=False)]
+    return [
+        faces,
+        line_trace(sharp, color=INK, width=2.5, name="edges", hoverinfo="skip", showlegend=False),
+    ]
 
 
 def line_trace(
-    polylines: Iterable[np.ndarray], *, color: str, width: float, name: str, dash: str = "solid", **options: Any
+    polylines: Iterable[np.ndarray],
+    *,
+    color: str,
+    width: float,
+    name: str,
+    dash: str = "solid",
+    **options: Any,
 ) -> Scatter3d:
     """Return polylines, shape (n, 3) each, as one trace; each takes n + 1 of its points."""
     import plotly.graph_objects as go
@@ -50,7 +61,9 @@ def line_trace(
     return go.Scatter3d(**xyz(rows), mode="lines", line=line, name=name, **options)
 
 
-def surface_trace(facets: Sequence[Facet], *, color: str, opacity: float, name: str, **options: Any) -> Mesh3d:
+def surface_trace(
+    facets: Sequence[Facet], *, color: str, opacity: float, name: str, **options: Any
+) -> Mesh3d:
     """Return a domain's surface as one translucent mesh."""
     import plotly.graph_objects as go
 
@@ -83,7 +96,12 @@ def scene_figure(traces: list[Any], eye: Sequence[float], title: str = "") -> Fi
     """
     import plotly.graph_objects as go
 
-    axis = {"backgroundcolor": "#ffffff", "gridcolor": "#e6e9ee", "zeroline": False, "color": "#6b7480"}
+    axis = {
+        "backgroundcolor": "#ffffff",
+        "gridcolor": "#e6e9ee",
+        "zeroline": False,
+        "color": "#6b7480",
+    }
     scene = {f"{name}axis": {**axis, "title": {"text": f"{name} (mm)"}} for name in "xyz"}
     figure = go.Figure(traces)
     figure.update_layout(
@@ -91,7 +109,10 @@ def scene_figure(traces: list[Any], eye: Sequence[float], title: str = "") -> Fi
         scene={
             **scene,
             "aspectmode": "data",
-            "camera": {"eye": dict(zip("xyz", eye, strict=True)), "projection": {"type": "orthographic"}},
+            "camera": {
+                "eye": dict(zip("xyz", eye, strict=True)),
+                "projection": {"type": "orthographic"},
+            },
         },
         legend={"groupclick": "togglegroup", "itemsizing": "constant"},
         margin={"l": 0, "r": 0, "t": 40 if title else 0, "b": 0},

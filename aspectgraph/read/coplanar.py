@@ -22,7 +22,11 @@ def find_twins(triangles: np.ndarray) -> np.ndarray:
 
 
 def group_coplanar(
-    vertices: np.ndarray, triangles: np.ndarray, twin: np.ndarray, joinable: np.ndarray, tolerance_mm: float
+    vertices: np.ndarray,
+    triangles: np.ndarray,
+    twin: np.ndarray,
+    joinable: np.ndarray,
+    tolerance_mm: float,
 ) -> np.ndarray:
     """Label triangles that lie in one plane and hang together.
 
@@ -50,7 +54,9 @@ def group_coplanar(
     corners = (vertices - vertices.mean(axis=0))[triangles]
     area_vectors = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     neighbour = twin // 3
-    grower = _Grower(corners, area_vectors, np.where(joinable, neighbour, -1).reshape(-1, 3), tolerance_mm)
+    grower = _Grower(
+        corners, area_vectors, np.where(joinable, neighbour, -1).reshape(-1, 3), tolerance_mm
+    )
     for seed in np.argsort(-np.linalg.norm(area_vectors, axis=1), kind="stable").tolist():
         if grower.label[seed] < 0:
             grower.grow(seed)
@@ -69,7 +75,11 @@ class _Grower:
     """State of `group_coplanar`."""
 
     def __init__(
-        self, corners: np.ndarray, area_vectors: np.ndarray, neighbour: np.ndarray, tolerance_mm: float
+        self,
+        corners: np.ndarray,
+        area_vectors: np.ndarray,
+        neighbour: np.ndarray,
+        tolerance_mm: float,
     ) -> None:
         self.corners, self.area_vectors = corners, area_vectors
         self.areas = np.linalg.norm(area_vectors, axis=1)

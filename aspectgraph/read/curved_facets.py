@@ -83,11 +83,17 @@ def find_curved(vertices: np.ndarray, faces: list[Face]) -> tuple[list[Face], se
     inner = edge_strips[:, 0] == edge_strips[:, 1]
     bend = gentle & ~inner & (np.abs(turns) > _FLAT_DEG)
     lengths = np.linalg.norm(vertices[edge_vertices[:, 1]] - vertices[edge_vertices[:, 0]], axis=1)
-    widths = _widths(np.bincount(strip, weights=areas), edge_strips[gentle & ~inner], lengths[gentle & ~inner])
+    widths = _widths(
+        np.bincount(strip, weights=areas), edge_strips[gentle & ~inner], lengths[gentle & ~inner]
+    )
     sagitta_mm = RELATIVE_SAGITTA * float(np.linalg.norm(np.ptp(vertices, axis=0)))
     bends = _bends(len(widths), edge_strips[bend], turns[bend], widths)
-    facet = np.array([_is_facet(around, width, sagitta_mm) for around, width in zip(bends, widths, strict=True)])
-    facet |= np.array([any(facet[b.across] and b.matches and not b.tangent for b in around) for around in bends])
+    facet = np.array(
+        [_is_facet(around, width, sagitta_mm) for around, width in zip(bends, widths, strict=True)]
+    )
+    facet |= np.array(
+        [any(facet[b.across] and b.matches and not b.tangent for b in around) for around in bends]
+    )
     smooth = gentle & ~_sharp(turns, edge_strips, facet, bends)
     curved = _chords(facet, edge_vertices, edge_strips, smooth, inner)
     pairs = {(min(a, b), max(a, b)) for a, b in edge_vertices[curved].tolist()}
@@ -105,7 +111,12 @@ def _pair_triangles(faces: list[Face], edge_faces: np.ndarray, turns: np.ndarray
                 flattest[face] = min(flattest.get(face, (np.inf, -1)), (turn, across))
     strip = np.arange(len(faces))
     for f, (turn, g) in flattest.items():
-        if g < f and g in flattest and flattest[g][1] == f and turn <= FLAT_SHARE * min(steepest[f], steepest[g]):
+        if (
+            g < f
+            and g in flattest
+            and flattest[g][1] == f
+            and turn <= FLAT_SHARE * min(steepest[f], steepest[g])
+        ):
             strip[f] = g
     return np.unique(strip, return_inverse=True)[1].ravel()
 
@@ -127,7 +138,9 @@ class _Bend(NamedTuple):
     tangent: bool
 
 
-def _bends(n_strips: int, edge_strips: np.ndarray, turns: np.ndarray, widths: np.ndarray) -> list[list[_Bend]]:
+def _bends(
+    n_strips: int, edge_strips: np.ndarray, turns: np.ndarray, widths: np.ndarray
+) -> list[list[_Bend]]:
     """Return the gentle edges of every strip that are not flat."""
     around: list[list[float]] = [[] for _ in range(n_strips)]
     pairs = [(f, g, t) for (f, g), t in zip(edge_strips.tolist(), turns.tolist(), strict=True)]
@@ -138,7 +151,9 @@ def _bends(n_strips: int, edge_strips: np.ndarray, turns: np.ndarray, widths: np
     for f, g, turn in pairs:
         for strip, across in ((f, g), (g, f)):
             tangent = abs(turn) < TANGENT_SHARE * _largest_other(around[across], turn)
-            bends[strip].append(_Bend(turn, across, bool(widths[strip] <= WIDTH_RATIO * widths[across]), tangent))
+            bends[strip].append(
+                _Bend(turn, across, bool(widths[strip] <= WIDTH_RATIO * widths[across]), tangent)
+            )
     return bends
 
 
@@ -151,7 +166,9 @@ def _largest_other(turns: list[float], turn: float) -> float:
 
 def _is_facet(bends: list[_Bend], width: float, sagitta_mm: float) -> bool:
     for way in (1.0, -1.0):
-        same = sorted((b for b in bends if b.matches and b.turn * way > 0), key=lambda b: -abs(b.turn))
+        same = sorted(
+            (b for b in bends if b.matches and b.turn * way > 0), key=lambda b: -abs(b.turn)
+        )
         if len(same) >= 2 and not all(bend.tangent for bend in same):
             # A chord of width w under an arc that turns by t: the arc stands off by w / 2 tan(t / 4).
             turn = 0.5 * (abs(same[0].turn) + abs(same[1].turn))
@@ -160,7 +177,9 @@ def _is_facet(bends: list[_Bend], width: float, sagitta_mm: float) -> bool:
     return False
 
 
-def _sharp(turns: np.ndarray, edge_strips: np.ndarray, facet: np.ndarray, bends: list[list[_Bend]]) -> np.ndarray:
+def _sharp(
+    turns: np.ndarray, edge_strips: np.ndarray, facet: np.ndarray, bends: list[list[_Bend]]
+) -> np.ndarray:
     """Return the edges where a curved surface ends at a plane by turning much more than it does inside."""
     sharp = np.zeros(len(turns), dtype=bool)
     for e in np.flatnonzero(facet[edge_strips[:, 0]] != facet[edge_strips[:, 1]]).tolist():
@@ -171,13 +190,19 @@ def _sharp(turns: np.ndarray, edge_strips: np.ndarray, facet: np.ndarray, bends:
 
 
 def _chords(
-    facet: np.ndarray, edge_vertices: np.ndarray, edge_strips: np.ndarray, smooth: np.ndarray, inner: np.ndarray
+    facet: np.ndarray,
+    edge_vertices: np.ndarray,
+    edge_strips: np.ndarray,
+    smooth: np.ndarray,
+    inner: np.ndarray,
 ) -> np.ndarray:
     of_facet = facet[edge_strips]
     curved = smooth & of_facet.any(axis=1)
     rims: set[tuple[int, int]] = set()
     around = curved & ~inner
-    for (a, b), pair, mask in zip(edge_vertices[around].tolist(), edge_strips[around], of_facet[around], strict=True):
+    for (a, b), pair, mask in zip(
+        edge_vertices[around].tolist(), edge_strips[around], of_facet[around], strict=True
+    ):
         rims.update((v, int(f)) for f in pair[mask] for v in (a, b))
     for e in np.flatnonzero(of_facet.any(axis=1) & ~smooth).tolist():
         sides = [int(f) for f in edge_strips[e] if facet[f]]

@@ -22,7 +22,10 @@ from aspectgraph.solid.triangulate import newell_area_vector
 
 
 def assemble(
-    tessellation: Tessellation, name: str = "", planarity_mm: float | None = None, notes: Iterable[str] = ()
+    tessellation: Tessellation,
+    name: str = "",
+    planarity_mm: float | None = None,
+    notes: Iterable[str] = (),
 ) -> Solid:
     """Join coplanar triangles into faces and return the validated solid.
 
@@ -43,7 +46,9 @@ def assemble(
     SolidError
         The triangles do not bound a valid solid.
     """
-    tolerance = default_planarity_mm(tessellation.vertices) if planarity_mm is None else planarity_mm
+    tolerance = (
+        default_planarity_mm(tessellation.vertices) if planarity_mm is None else planarity_mm
+    )
     vertices, faces, curved_edges, new, turns = _joined(tessellation, tolerance)
     circular = tessellation.circular_edges
     return Solid(
@@ -53,12 +58,16 @@ def assemble(
         name=name,
         planarity_mm=2 * tolerance,
         notes=notes,
-        circular_edges=None if circular is None else [_with_vertices(edge, new) for edge in circular],
+        circular_edges=None
+        if circular is None
+        else [_with_vertices(edge, new) for edge in circular],
         surface_turns=turns,
     )
 
 
-def join_facets(tessellation: Tessellation, tolerance_mm: float) -> tuple[np.ndarray, list[Face], set[tuple[int, int]]]:
+def join_facets(
+    tessellation: Tessellation, tolerance_mm: float
+) -> tuple[np.ndarray, list[Face], set[tuple[int, int]]]:
     """Join coplanar triangles into faces; see `assemble`.
 
     Returns
@@ -92,10 +101,18 @@ def _joined(tessellation: Tessellation, tolerance_mm: float) -> Any:
     loops, curved_edges = drop_idle_vertices(vertices, traced, curved_edges, tolerance_mm)
     turns = turns_of_runs(traced, loops, tessellation.surface_turns)
     curved = tessellation.curved_patch[tessellation.patch[_first_member(group)]]
-    faces = [_as_face(vertices, cycles, bool(flag)) for cycles, flag in zip(loops, curved, strict=True)]
+    faces = [
+        _as_face(vertices, cycles, bool(flag)) for cycles, flag in zip(loops, curved, strict=True)
+    ]
     used, faces, curved_edges = _renumber(faces, curved_edges)
     new = {old: i for i, old in enumerate(used)}
-    return vertices[used], faces, curved_edges, new, {(new[a], new[b]): turn for (a, b), turn in turns.items()}
+    return (
+        vertices[used],
+        faces,
+        curved_edges,
+        new,
+        {(new[a], new[b]): turn for (a, b), turn in turns.items()},
+    )
 
 
 def _with_vertices(edge: CircularEdge, new: dict[int, int]) -> CircularEdge:
@@ -133,7 +150,11 @@ def _renumber(
     used = sorted({v for face in faces for loop in face.loops for v in loop})
     new = {old: i for i, old in enumerate(used)}
     faces = [
-        Face(tuple(new[v] for v in face.outer), tuple(tuple(new[v] for v in h) for h in face.holes), face.curved)
+        Face(
+            tuple(new[v] for v in face.outer),
+            tuple(tuple(new[v] for v in h) for h in face.holes),
+            face.curved,
+        )
         for face in faces
     ]
     return used, faces, {(new[a], new[b]) for a, b in curved_edges if a in new and b in new}

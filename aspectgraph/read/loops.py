@@ -11,7 +11,9 @@ from itertools import chain
 import numpy as np
 
 
-def trace_loops(triangles: np.ndarray, twin: np.ndarray, group: np.ndarray) -> list[list[list[int]]]:
+def trace_loops(
+    triangles: np.ndarray, twin: np.ndarray, group: np.ndarray
+) -> list[list[list[int]]]:
     """Return the boundary cycles of every group; the group lies to the left, no cycle visits a vertex twice."""
     start = triangles.ravel().tolist()
     of_half_edge = np.repeat(group, 3)
@@ -54,7 +56,10 @@ def _split_at_repeats(cycle: list[int]) -> list[list[int]]:
 
 
 def drop_idle_vertices(
-    vertices: np.ndarray, loops: list[list[list[int]]], curved_edges: set[tuple[int, int]], tolerance_mm: float
+    vertices: np.ndarray,
+    loops: list[list[list[int]]],
+    curved_edges: set[tuple[int, int]],
+    tolerance_mm: float,
 ) -> tuple[list[list[list[int]]], set[tuple[int, int]]]:
     """Remove vertices on a straight run between two faces.
 
@@ -76,7 +81,9 @@ def drop_idle_vertices(
     return kept_loops, kept_curved
 
 
-def _curved_runs(cycle: list[int], kept: list[int], curved_edges: set[tuple[int, int]]) -> set[tuple[int, int]]:
+def _curved_runs(
+    cycle: list[int], kept: list[int], curved_edges: set[tuple[int, int]]
+) -> set[tuple[int, int]]:
     """Return the edges of `kept` that stand for curved edges of `cycle`."""
     following = dict(zip(cycle, [*cycle[1:], cycle[0]], strict=True))
     pairs = zip(kept, [*kept[1:], kept[0]], strict=True)
@@ -106,13 +113,18 @@ def _pair(a: int, b: int) -> tuple[int, int]:
 
 
 def _idle_vertices(
-    vertices: np.ndarray, loops: list[list[list[int]]], curved_edges: Iterable[tuple[int, int]], tolerance_mm: float
+    vertices: np.ndarray,
+    loops: list[list[list[int]]],
+    curved_edges: Iterable[tuple[int, int]],
+    tolerance_mm: float,
 ) -> set[int]:
     neighbours: dict[int, set[int]] = {}
     visits: dict[int, int] = {}
     for cycles in loops:
         for cycle in cycles:
-            for before, at, after in zip([cycle[-1], *cycle[:-1]], cycle, [*cycle[1:], cycle[0]], strict=True):
+            for before, at, after in zip(
+                [cycle[-1], *cycle[:-1]], cycle, [*cycle[1:], cycle[0]], strict=True
+            ):
                 neighbours.setdefault(at, set()).update((before, after))
                 visits[at] = visits.get(at, 0) + 1
     passing = {v for v, n in visits.items() if n == 2 and len(neighbours[v]) == 2}
@@ -134,7 +146,9 @@ def _idle_inside(vertices: np.ndarray, run: list[int], tolerance_mm: float) -> s
         return set(run[1:-1])
     along = points[-1] - points[0]
     far = 1 + int(np.argmax(np.linalg.norm(np.cross(points[1:-1] - points[0], along), axis=1)))
-    return _idle_inside(vertices, run[: far + 1], tolerance_mm) | _idle_inside(vertices, run[far:], tolerance_mm)
+    return _idle_inside(vertices, run[: far + 1], tolerance_mm) | _idle_inside(
+        vertices, run[far:], tolerance_mm
+    )
 
 
 def _spare_short_cycles(loops: list[list[list[int]]], idle: set[int]) -> set[int]:
@@ -148,7 +162,9 @@ def _spare_short_cycles(loops: list[list[list[int]]], idle: set[int]) -> set[int
 
 def _is_between(vertices: np.ndarray, v: int, ends: set[int], tolerance_mm: float) -> bool:
     a, b = (vertices[w] for w in ends)
-    return bool((vertices[v] - a) @ (b - vertices[v]) > 0) and _is_straight(np.array([a, vertices[v], b]), tolerance_mm)
+    return bool((vertices[v] - a) @ (b - vertices[v]) > 0) and _is_straight(
+        np.array([a, vertices[v], b]), tolerance_mm
+    )
 
 
 def _is_straight(points: np.ndarray, tolerance_mm: float) -> bool:

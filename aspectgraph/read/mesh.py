@@ -80,7 +80,9 @@ def read_mesh(
     vertices, polygons = _parse(data, suffix, notes, most)
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if len(bad):
-        raise ReadError(f"coordinates must be finite. Got {vertices[bad[0]].tolist()} at vertex {bad[0]} of the file.")
+        raise ReadError(
+            f"coordinates must be finite. Got {vertices[bad[0]].tolist()} at vertex {bad[0]} of the file."
+        )
     with np.errstate(over="ignore"):
         vertices = check_vertices(vertices * scale)
     vertices, triangles = _welded_triangles(vertices, polygons, notes)
@@ -88,15 +90,26 @@ def read_mesh(
         raise ReadError(f"a closed mesh must have at least 4 facets. Got {len(triangles)}.")
     tolerance = default_planarity_mm(vertices) if planarity_mm is None else planarity_mm
     vertices, triangles = _close(vertices, triangles, tolerance, notes)
-    triangles = turn_thin(vertices, _orient(vertices, triangles, notes), tolerance * _RELATIVE_WIDTH, notes)
+    triangles = turn_thin(
+        vertices, _orient(vertices, triangles, notes), tolerance * _RELATIVE_WIDTH, notes
+    )
     patch = np.zeros(len(triangles), dtype=np.int64)
     mesh = Tessellation(vertices, triangles, patch, np.zeros(1, dtype=bool))
     vertices, faces, _ = join_facets(mesh, tolerance)
     faces, curved_edges = find_curved(vertices, faces)
     if curved_edges:
         n = sum(face.curved for face in faces)
-        notes.append(f"{n} faces taken for facets of curved surfaces; their chords are no candidates")
-    return Solid(vertices, faces, curved_edges=curved_edges, name=name, planarity_mm=2 * tolerance, notes=notes)
+        notes.append(
+            f"{n} faces taken for facets of curved surfaces; their chords are no candidates"
+        )
+    return Solid(
+        vertices,
+        faces,
+        curved_edges=curved_edges,
+        name=name,
+        planarity_mm=2 * tolerance,
+        notes=notes,
+    )
 
 
 def _parse(
@@ -112,7 +125,11 @@ def _parse(
         vertices, polygons = parse_obj(data, notes)
     else:
         vertices, polygons = (parse_ply if suffix == ".ply" else parse_off)(data)
-    n = len(polygons) if isinstance(polygons, np.ndarray) else sum(len(polygon) - 2 for polygon in polygons)
+    n = (
+        len(polygons)
+        if isinstance(polygons, np.ndarray)
+        else sum(len(polygon) - 2 for polygon in polygons)
+    )
     if n > most_triangles:
         raise ReadError(
             f"a mesh file must hold at most triangles={most_triangles} triangles. Got {n}; "
@@ -128,7 +145,9 @@ def _scale(units: str | None, suffix: str) -> float:
     return UNITS_MM[units]
 
 
-def _welded_triangles(vertices: np.ndarray, polygons: Any, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
+def _welded_triangles(
+    vertices: np.ndarray, polygons: Any, notes: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
     """Merge equal vertices and cut polygons into triangles."""
     vertices, new = weld(vertices)
     if isinstance(polygons, np.ndarray):
@@ -150,7 +169,9 @@ def _cut_polygon(vertices: np.ndarray, loop: list[int], f: int) -> list[tuple[in
     normal = newell_area_vector(vertices[loop])
     if len(set(loop)) < len(loop) or not normal.any():
         raise ReadError(f"a polygon must be simple and have an area. Got polygon {f} of the file.")
-    return triangulate_face(vertices, Face(tuple(loop)), normal, f"polygon {f} of the file").tolist()
+    return triangulate_face(
+        vertices, Face(tuple(loop)), normal, f"polygon {f} of the file"
+    ).tolist()
 
 
 def _close(
@@ -166,7 +187,9 @@ def _close(
         return vertices, attempt
     merged, new = weld(vertices, weld_mm)
     if len(merged) < len(vertices):
-        attempt_notes = [f"merged {len(vertices) - len(merged)} vertices closer than {weld_mm:.3g} mm to another"]
+        attempt_notes = [
+            f"merged {len(vertices) - len(merged)} vertices closer than {weld_mm:.3g} mm to another"
+        ]
         attempt = drop_repetitions(new[triangles], attempt_notes)
         if not is_closed(attempt):
             attempt = drop_thin(merged, attempt, weld_mm * _RELATIVE_WIDTH, attempt_notes)
@@ -215,7 +238,9 @@ def _agree(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, int
                     piece.append(n)
                 elif party[n] != side:
                     text = describe_edge(vertices, *np.roll(triangles[t], -k)[:2].tolist())
-                    raise OrientationError(f"a surface must have two sides. Got one side only at the {text}.")
+                    raise OrientationError(
+                        f"a surface must have two sides. Got one side only at the {text}."
+                    )
         minority = 1 if 2 * party[piece].sum() <= len(piece) else 0
         turn[piece] = party[piece] == minority
     return np.where(turn[:, None], triangles[:, ::-1], triangles), int(turn.sum())

@@ -46,9 +46,13 @@ def parse_obj(data: bytes, notes: list[str]) -> tuple[np.ndarray, list[list[int]
         elif words[0] in ("l", "p"):
             n_lines += 1
         elif words[0] in _OBJ_UNSUPPORTED:
-            raise ReadError(f"an OBJ file must hold polygons. Got free-form geometry ({words[0]!r}) in line {number}.")
+            raise ReadError(
+                f"an OBJ file must hold polygons. Got free-form geometry ({words[0]!r}) in line {number}."
+            )
         elif words[0] not in _OBJ_SKIPPED:
-            raise ReadError(f"an OBJ line must begin with a keyword. Got {words[0][:20]!r} in line {number}.")
+            raise ReadError(
+                f"an OBJ line must begin with a keyword. Got {words[0][:20]!r} in line {number}."
+            )
     if n_lines:
         notes.append(f"ignored {n_lines} loose lines and points")
     return _checked(vertices, polygons, "OBJ")
@@ -59,7 +63,9 @@ def _obj_vertex(words: list[str], number: int) -> list[float]:
     values = _floats(words, number, "OBJ")
     if len(values) not in (3, 4, 6, 7) or (len(values) in (4, 7) and values[3] != 1.0):
         text = " ".join(words)[:40]
-        raise ReadError(f"an OBJ vertex must have three numbers and no weight but 1. Got {text!r} in line {number}.")
+        raise ReadError(
+            f"an OBJ vertex must have three numbers and no weight but 1. Got {text!r} in line {number}."
+        )
     return values[:3]
 
 
@@ -67,7 +73,9 @@ def _obj_index(word: str, n_vertices: int, number: int) -> int:
     try:
         index = parse_integer(word.split("/", 1)[0])
     except ValueError as error:
-        raise ReadError(f"an OBJ face must list vertex numbers. Got {word!r} in line {number}.") from error
+        raise ReadError(
+            f"an OBJ face must list vertex numbers. Got {word!r} in line {number}."
+        ) from error
     return index - 1 if index > 0 else n_vertices + index if index < 0 else -1
 
 
@@ -83,7 +91,9 @@ def parse_off(data: bytes) -> tuple[np.ndarray, list[list[int]]]:
     rows = [(number, row) for number, row in enumerate(lines, start=1) if row]
     keyword = rows[0][1][0] if rows else ""
     if not _OFF_KEYWORD.fullmatch(keyword) or "BINARY" in (word.upper() for word in rows[0][1]):
-        raise ReadError(f"a text OFF file must begin with OFF, COFF, NOFF or STOFF. Got {keyword[:20]!r}.")
+        raise ReadError(
+            f"a text OFF file must begin with OFF, COFF, NOFF or STOFF. Got {keyword[:20]!r}."
+        )
     head = rows[0][1][1:]
     body = rows[1:]
     if not head and body:
@@ -91,7 +101,9 @@ def parse_off(data: bytes) -> tuple[np.ndarray, list[list[int]]]:
     try:
         n_vertices, n_faces = parse_integer(head[0]), parse_integer(head[1])
     except (ValueError, IndexError) as error:
-        raise ReadError(f"an OFF file must count its vertices and faces. Got {' '.join(head)[:40]!r}.") from error
+        raise ReadError(
+            f"an OFF file must count its vertices and faces. Got {' '.join(head)[:40]!r}."
+        ) from error
     if n_vertices < 0 or n_faces < 0 or len(body) != n_vertices + n_faces:
         raise ReadError(
             f"an OFF file must hold the rows it counts. Got {n_vertices} + {n_faces} counted, {len(body)} present."
@@ -106,7 +118,9 @@ def _off_vertex(row: list[str], number: int, keyword: str) -> list[float]:
     # four and five numbers would be a weight, or texture coordinates that the keyword does not announce
     if keyword in ("OFF", "off") and len(values) not in (3, 6, 7):
         text = " ".join(row)[:40]
-        raise ReadError(f"an OFF vertex must have three numbers, or three and a colour. Got {text!r} in line {number}.")
+        raise ReadError(
+            f"an OFF vertex must have three numbers, or three and a colour. Got {text!r} in line {number}."
+        )
     return values[:3]
 
 
@@ -119,7 +133,9 @@ def _off_polygon(row: list[str], number: int) -> list[int]:
             f"an OFF face must list vertex numbers. Got {' '.join(row)[:40]!r} in line {number}."
         ) from error
     if len(indices) != size:
-        raise ReadError(f"an OFF face must hold the indices it counts. Got {len(indices)} of {size} in line {number}.")
+        raise ReadError(
+            f"an OFF face must hold the indices it counts. Got {len(indices)} of {size} in line {number}."
+        )
     return indices
 
 
@@ -131,14 +147,20 @@ def _floats(words: list[str], number: int, kind: str) -> list[float]:
             raise ValueError("too few")
     except ValueError as error:
         text = " ".join(words)[:40]
-        raise ReadError(f"an {kind} vertex must have three numbers. Got {text!r} in line {number}.") from error
+        raise ReadError(
+            f"an {kind} vertex must have three numbers. Got {text!r} in line {number}."
+        ) from error
     return values
 
 
-def _checked(vertices: list[Any], polygons: list[list[int]], kind: str) -> tuple[np.ndarray, list[list[int]]]:
+def _checked(
+    vertices: list[Any], polygons: list[list[int]], kind: str
+) -> tuple[np.ndarray, list[list[int]]]:
     for f, polygon in enumerate(polygons):
         if len(polygon) < 3:
-            raise ReadError(f"an {kind} face must have at least 3 vertices. Got {len(polygon)} in face {f}.")
+            raise ReadError(
+                f"an {kind} face must have at least 3 vertices. Got {len(polygon)} in face {f}."
+            )
         if min(polygon) < 0 or max(polygon) >= len(vertices):
             raise ReadError(
                 f"an {kind} face must list existing vertices. Got {[v + 1 for v in polygon[:8]]} of {len(vertices)} "

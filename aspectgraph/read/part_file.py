@@ -99,15 +99,23 @@ def read_solid(
             "gap_mm": gap_mm,
             "solids": solids,
         }
-        return _read_step(path, _content(path, packed, limits), packed, options | {"name": name, "limits": limits})
+        return _read_step(
+            path, _content(path, packed, limits), packed, options | {"name": name, "limits": limits}
+        )
     if suffix in MESH_SUFFIXES:
         for value, label in ((solids, "solids"), (gap_mm, "gap_mm")):
             if value is not None:
-                raise ReadError(f"{label} applies to STEP files. Got {label}={value} for {path.name}.")
+                raise ReadError(
+                    f"{label} applies to STEP files. Got {label}={value} for {path.name}."
+                )
         content = _content(path, packed, limits)
-        return read_mesh(content, suffix, units=units, planarity_mm=planarity_mm, name=name, limits=limits)
+        return read_mesh(
+            content, suffix, units=units, planarity_mm=planarity_mm, name=name, limits=limits
+        )
     known = ", ".join((*STEP_SUFFIXES, *MESH_SUFFIXES))
-    raise ReadError(f"a part file must end in one of {known} (or one of these and .gz). Got {path.name!r}.")
+    raise ReadError(
+        f"a part file must end in one of {known} (or one of these and .gz). Got {path.name!r}."
+    )
 
 
 def _check_tolerances(
@@ -116,7 +124,11 @@ def _check_tolerances(
     planarity_mm: float | None,
     gap_mm: float | None,
 ) -> None:
-    lengths = {"chord_tolerance_mm": chord_tolerance_mm, "planarity_mm": planarity_mm, "gap_mm": gap_mm}
+    lengths = {
+        "chord_tolerance_mm": chord_tolerance_mm,
+        "planarity_mm": planarity_mm,
+        "gap_mm": gap_mm,
+    }
     for label, value in lengths.items():
         if value is not None and not 0 < value < float("inf"):
             raise ReadError(f"{label} must be positive and finite. Got {value}.")
@@ -181,7 +193,9 @@ def _content(path: Path, packed: bool, limits: ReadLimits) -> bytes:
         with gzip.open(path) if packed else open(path, "rb") as file:
             data = file.read(most + 1)
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise ReadError(f"a .gz file must be a whole gzip file. Got {path.name}: {error}.") from error
+        raise ReadError(
+            f"a .gz file must be a whole gzip file. Got {path.name}: {error}."
+        ) from error
     except OSError as error:
         raise ReadError(
             f"path must name a file that can be read. Got {path.name}: {error.strerror or error}."

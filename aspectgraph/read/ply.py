@@ -47,7 +47,9 @@ def parse_ply(data: bytes) -> tuple[np.ndarray, list[list[int]]]:
         if element.name == "vertex":
             vertices = _columns(rows, names)
         elif element.name == "face":
-            column = next((names.index(n) for n in ("vertex_indices", "vertex_index") if n in names), None)
+            column = next(
+                (names.index(n) for n in ("vertex_indices", "vertex_index") if n in names), None
+            )
             if column is None or len(element.properties[column]) != 3:
                 raise ReadError(f"a PLY face must have a list of vertex_indices. Got {names}.")
             polygons = [_polygon(row[column], f) for f, row in enumerate(rows)]
@@ -56,7 +58,9 @@ def parse_ply(data: bytes) -> tuple[np.ndarray, list[list[int]]]:
         raise ReadError("a PLY file must hold vertices and faces. Got none.")
     for f, polygon in enumerate(polygons):
         if len(polygon) < 3 or min(polygon) < 0 or max(polygon) >= len(vertices):
-            raise ReadError(f"a PLY face must list 3 or more existing vertices. Got {polygon[:8]} in face {f}.")
+            raise ReadError(
+                f"a PLY face must list 3 or more existing vertices. Got {polygon[:8]} in face {f}."
+            )
     return vertices, polygons
 
 
@@ -71,7 +75,9 @@ def _polygon(values: Sequence[float], f: int) -> list[int]:
 def _columns(rows: list[Any], names: list[str]) -> np.ndarray:
     try:
         columns = [names.index(axis) for axis in "xyz"]
-        return np.array([[float(row[c]) for c in columns] for row in rows], dtype=np.float64).reshape(-1, 3)
+        return np.array(
+            [[float(row[c]) for c in columns] for row in rows], dtype=np.float64
+        ).reshape(-1, 3)
     except TypeError as error:
         raise ReadError("the x, y and z of a PLY vertex must be numbers. Got lists.") from error
     except ValueError as error:
@@ -99,13 +105,17 @@ def _parse_header(data: bytes) -> tuple[str, list[_Element], bytes]:
                 *kind, name = words[1:]
                 _check_new(name, [prop[0] for prop in elements[-1].properties])
                 types = [_TYPES[word] for word in (kind[1:] if kind[0] == "list" else kind)]
-                if len(types) != (2 if kind[0] == "list" else 1) or (len(types) == 2 and types[0] in _REALS):
+                if len(types) != (2 if kind[0] == "list" else 1) or (
+                    len(types) == 2 and types[0] in _REALS
+                ):
                     raise ValueError("wrong types")
                 elements[-1].properties.append((name, *types))
             elif words and words[0] not in ("ply", "comment", "obj_info"):
                 raise ValueError("no keyword")
         except (KeyError, IndexError, ValueError) as error:
-            raise ReadError(f"a PLY header line must follow the format. Got {line.strip()[:60]!r}.") from error
+            raise ReadError(
+                f"a PLY header line must follow the format. Got {line.strip()[:60]!r}."
+            ) from error
     if order is None:
         raise ReadError("a PLY header must name its format. Got none.")
     return order, elements, body
@@ -135,11 +145,15 @@ class _TextSource:
         if element.count * len(element.properties) > len(self.words) - self.at:
             raise _too_few(element)
         try:
-            return [[self._value(prop) for prop in element.properties] for _ in range(element.count)]
+            return [
+                [self._value(prop) for prop in element.properties] for _ in range(element.count)
+            ]
         except IndexError as error:
             raise _too_few(element) from error
         except ValueError as error:
-            raise ReadError(f"a PLY value must be a number of its type. Got {error} in {element.name}.") from error
+            raise ReadError(
+                f"a PLY value must be a number of its type. Got {error} in {element.name}."
+            ) from error
 
     def _value(self, prop: tuple[str, ...]) -> Any:
         if len(prop) == 2:
@@ -156,7 +170,9 @@ class _TextSource:
 
     def check_end(self) -> None:
         if self.at < len(self.words):
-            raise ReadError(f"a PLY file must count all its rows. Got {self.words[self.at][:20]!r} after the last one.")
+            raise ReadError(
+                f"a PLY file must count all its rows. Got {self.words[self.at][:20]!r} after the last one."
+            )
 
 
 class _BinarySource:
@@ -170,9 +186,13 @@ class _BinarySource:
             raise _too_few(element)
         try:
             if all(len(prop) == 2 for prop in element.properties):
-                fields = [(f"{i}", self.order + prop[1]) for i, prop in enumerate(element.properties)]
+                fields = [
+                    (f"{i}", self.order + prop[1]) for i, prop in enumerate(element.properties)
+                ]
                 return self._take(np.dtype(fields), element.count).tolist()
-            return [[self._value(prop) for prop in element.properties] for _ in range(element.count)]
+            return [
+                [self._value(prop) for prop in element.properties] for _ in range(element.count)
+            ]
         except ValueError as error:
             raise _too_few(element) from error
 
@@ -192,7 +212,9 @@ class _BinarySource:
     def check_end(self) -> None:
         rest = len(self.body[self.at :].strip(b"\0\r\n "))
         if rest:
-            raise ReadError(f"a PLY file must count all its rows. Got {rest} bytes after the last one.")
+            raise ReadError(
+                f"a PLY file must count all its rows. Got {rest} bytes after the last one."
+            )
 
 
 def _too_few(element: _Element) -> ReadError:

@@ -36,12 +36,20 @@ class SolidChoice:
 
     def __post_init__(self) -> None:
         if isinstance(self.occluders, str) and self.occluders != "all":
-            raise ReadError(f"occluders must be 'all' or numbers of solids. Got {self.occluders!r}.")
+            raise ReadError(
+                f"occluders must be 'all' or numbers of solids. Got {self.occluders!r}."
+            )
         if self.occluders == "all" and self.measured is None:
-            raise ReadError("occluders must be numbers where solids does not say which are measured. Got 'all'.")
-        both = sorted(set(self.measured or ()) & set(() if self.occluders == "all" else self.occluders))
+            raise ReadError(
+                "occluders must be numbers where solids does not say which are measured. Got 'all'."
+            )
+        both = sorted(
+            set(self.measured or ()) & set(() if self.occluders == "all" else self.occluders)
+        )
         if both:
-            raise ReadError(f"a solid must be measured or an occluder. Got solid {both[0]} as both.")
+            raise ReadError(
+                f"a solid must be measured or an occluder. Got solid {both[0]} as both."
+            )
 
     def split(self, n: int) -> tuple[list[int], list[int]]:
         """Return the measured solids and the occluders of a file; numbers are not checked.
@@ -69,4 +77,8 @@ class SolidChoice:
 
 def as_choice(solids: Sequence[int] | SolidChoice | None) -> SolidChoice:
     """Return a choice as a `SolidChoice`."""
-    return solids if isinstance(solids, SolidChoice) else SolidChoice(None if solids is None else tuple(solids))
+    return (
+        solids
+        if isinstance(solids, SolidChoice)
+        else SolidChoice(None if solids is None else tuple(solids))
+    )

@@ -38,7 +38,9 @@ def parse_stl(data: bytes, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
     count = int.from_bytes(data[80:_HEADER], "little") if len(data) >= _HEADER else -1
     fits = count >= 0 and len(data) == _HEADER + _FACET.itemsize * count
     text = b"\0" not in data and data.lstrip(b"\xef\xbb\xbf \t\r\n")[:5].lower() == b"solid"
-    corners = _parse_text(decode_text(data)) if text and not fits else _parse_binary(data, count, notes)
+    corners = (
+        _parse_text(decode_text(data)) if text and not fits else _parse_binary(data, count, notes)
+    )
     if not len(corners):
         raise ReadError("an STL file must hold facets. Got 0.")
     return corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
@@ -68,20 +70,33 @@ def _parse_text(text: str) -> np.ndarray:
         keyword = words[0] if words else ""
         if keyword == "facet":
             if loop is not None:
-                raise ReadError(f"an STL facet must end before the next begins. Got a new one in line {number}.")
+                raise ReadError(
+                    f"an STL facet must end before the next begins. Got a new one in line {number}."
+                )
             loop = []
         elif keyword == "vertex" and loop is not None:
             loop.append(_numbers(words, number))
         elif keyword in ("endfacet", "end_facet"):
             corners.append(_whole(loop, number))
             loop = None
-        elif keyword not in ("", "solid", "endsolid", "end_solid", "outer", "endloop", "end_loop", "color"):
+        elif keyword not in (
+            "",
+            "solid",
+            "endsolid",
+            "end_solid",
+            "outer",
+            "endloop",
+            "end_loop",
+            "color",
+        ):
             raise ReadError(
                 f"a text STL file must hold facets of vertex lines. Got {line.strip()[:40]!r} in line {number}."
             )
         closed = keyword in ("endsolid", "end_solid") or (closed and not keyword)
     if loop is not None or not closed:
-        raise ReadError(f"a text STL file must end with endsolid. Got an end after {len(corners)} facets.")
+        raise ReadError(
+            f"a text STL file must end with endsolid. Got an end after {len(corners)} facets."
+        )
     return np.array(corners).reshape(-1, 3, 3)
 
 
@@ -89,7 +104,9 @@ def _numbers(words: list[str], number: int) -> list[float]:
     try:
         x, y, z = (parse_real(word) for word in words[1:])
     except ValueError as error:
-        raise ReadError(f"an STL vertex must have three numbers. Got {' '.join(words)!r} in line {number}.") from error
+        raise ReadError(
+            f"an STL vertex must have three numbers. Got {' '.join(words)!r} in line {number}."
+        ) from error
     return [x, y, z]
 
 

@@ -32,7 +32,9 @@ def check_vertices(vertices: ArrayLike) -> np.ndarray:
         raise SolidError(f"vertices must have shape (n, 3) with n >= 4. Got shape {points.shape}.")
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
-        raise SolidError(f"vertices must be finite. Got {points[bad[0]].tolist()} at vertex {bad[0]}.")
+        raise SolidError(
+            f"vertices must be finite. Got {points[bad[0]].tolist()} at vertex {bad[0]}."
+        )
     if np.abs(points).max() > FARTHEST_MM:
         raise SolidError(f"coordinates must be below 1e60 mm. Got {np.abs(points).max():.3g}.")
     points.flags.writeable = False
@@ -52,14 +54,20 @@ def check_indices(vertices: np.ndarray, faces: Sequence[Face]) -> None:
     for f, face in enumerate(faces):
         for loop in face.loops:
             if len(loop) < 3 or len(set(loop)) != len(loop):
-                raise SolidError(f"a loop must have at least 3 vertices, all distinct. Got {loop} in face {f}.")
+                raise SolidError(
+                    f"a loop must have at least 3 vertices, all distinct. Got {loop} in face {f}."
+                )
             if min(loop) < 0 or max(loop) >= len(vertices):
-                raise SolidError(f"vertex indices must be in 0..{len(vertices) - 1}. Got {loop} in face {f}.")
+                raise SolidError(
+                    f"vertex indices must be in 0..{len(vertices) - 1}. Got {loop} in face {f}."
+                )
     used = np.unique(np.concatenate([loop for face in faces for loop in face.loops]))
     _, first, counts = np.unique(vertices[used], axis=0, return_index=True, return_counts=True)
     if (counts > 1).any():
         place = describe_point(vertices[used[first[counts > 1][0]]])
-        raise SolidError(f"vertices in use must lie at distinct places. Got {counts.max()} at {place}.")
+        raise SolidError(
+            f"vertices in use must lie at distinct places. Got {counts.max()} at {place}."
+        )
 
 
 def default_planarity_mm(vertices: np.ndarray) -> float:
@@ -69,7 +77,9 @@ def default_planarity_mm(vertices: np.ndarray) -> float:
 
 def face_area_vectors(vertices: np.ndarray, faces: Sequence[Face]) -> np.ndarray:
     """Return the area vector (outward normal times area, mm²) of every face, shape (f, 3)."""
-    return np.array([sum(newell_area_vector(vertices[list(loop)]) for loop in face.loops) for face in faces])
+    return np.array(
+        [sum(newell_area_vector(vertices[list(loop)]) for loop in face.loops) for face in faces]
+    )
 
 
 def check_areas(vertices: np.ndarray, faces: Sequence[Face], area_vectors: np.ndarray) -> None:
@@ -101,7 +111,9 @@ def plane_deviation_mm(vertices: np.ndarray, face: Face, normal: np.ndarray) -> 
     return float(np.ptp(heights)) / 2.0
 
 
-def check_planarity(vertices: np.ndarray, faces: Sequence[Face], normals: np.ndarray, planarity_mm: float) -> None:
+def check_planarity(
+    vertices: np.ndarray, faces: Sequence[Face], normals: np.ndarray, planarity_mm: float
+) -> None:
     """Check that every face is planar.
 
     Raises

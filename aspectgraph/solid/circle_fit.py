@@ -135,4 +135,6 @@ def _is_circular(solid: Surface, run: list[int]) -> bool:
     if lengths.max() > UNEVEN * np.median(lengths):
         return False
     circle = fit_circle(points)
-    return circle is not None and bool(circle.distances_mm(points).max() <= RELATIVE_RESIDUAL * circle.radius_mm)
+    return circle is not None and bool(
+        circle.distances_mm(points).max() <= RELATIVE_RESIDUAL * circle.radius_mm
+    )

@@ -90,7 +90,9 @@ def edges_that_show(solid: _Surface) -> NDArray[np.bool_]:
     """
     turns = np.array([abs(edge.turn_deg) for edge in solid.edges])
     curved = np.array([edge.curved for edge in solid.edges], dtype=bool)
-    inside = np.array([all(solid.faces[face].curved for face in edge.faces) for edge in solid.edges], dtype=bool)
+    inside = np.array(
+        [all(solid.faces[face].curved for face in edge.faces) for edge in solid.edges], dtype=bool
+    )
     least = np.where(inside, CURVED_FEATURE_DEG, np.where(curved, FEATURE_DEG, SHARP_DEG))
     return np.asarray(turns >= least)
 
@@ -126,10 +128,14 @@ def find_edge_ends(
     tuple of EdgeEnd
         In the order of ``edge.vertices``.
     """
-    return tuple(_end(solid, edge, vertex, showing.get(vertex, ()), arc_of) for vertex in edge.vertices)
+    return tuple(
+        _end(solid, edge, vertex, showing.get(vertex, ()), arc_of) for vertex in edge.vertices
+    )
 
 
-def _end(solid: _Surface, edge: Edge, vertex: int, showing: Sequence[Edge], arc_of: Mapping[int, str]) -> EdgeEnd:
+def _end(
+    solid: _Surface, edge: Edge, vertex: int, showing: Sequence[Edge], arc_of: Mapping[int, str]
+) -> EdgeEnd:
     others = [other for other in showing if other.id != edge.id]
     line = _direction(solid, edge, vertex)
     cosines = [float(line @ _direction(solid, other, vertex)) for other in others]

@@ -189,7 +189,12 @@ def _join(one: CircularEdge, other: CircularEdge) -> CircularEdge | None:
     a, b = one.vertices, other.vertices
     if (one.turn_deg < SHARP_DEG) != (other.turn_deg < SHARP_DEG):
         return None
-    if a[0] == a[-1] or b[0] == b[-1] or not {a[0], a[-1]} & {b[0], b[-1]} or not _same(one.circle, other.circle):
+    if (
+        a[0] == a[-1]
+        or b[0] == b[-1]
+        or not {a[0], a[-1]} & {b[0], b[-1]}
+        or not _same(one.circle, other.circle)
+    ):
         return None
     if a[0] in (b[0], b[-1]) and a[-1] not in (b[0], b[-1]):
         a = a[::-1]
@@ -206,7 +211,9 @@ def _same(one: Circle, other: Circle) -> bool:
     return max(apart, tilt, abs(one.radius_mm - other.radius_mm)) <= permitted
 
 
-def _arc(solid: Surface, chain: CircularEdge, edge_of: dict[frozenset[int], int], *, fitted: bool) -> Arc:
+def _arc(
+    solid: Surface, chain: CircularEdge, edge_of: dict[frozenset[int], int], *, fitted: bool
+) -> Arc:
     """Return the rim or arc of a chain, not yet numbered."""
     vertices = chain.vertices
     closed = vertices[0] == vertices[-1]
@@ -253,7 +260,9 @@ def _steps(points: FloatArray, circle: Circle) -> tuple[float, FloatArray]:
     y = np.cross(circle.axis, x)
     offset = points - circle.centre
     angle = np.arctan2(offset @ y, offset @ x)
-    return float(angle[0]), np.asarray((np.diff(angle) + np.pi) % (2.0 * np.pi) - np.pi, dtype=np.float64)
+    return float(angle[0]), np.asarray(
+        (np.diff(angle) + np.pi) % (2.0 * np.pi) - np.pi, dtype=np.float64
+    )
 
 
 def _turns_clockwise(points: FloatArray, circle: Circle) -> bool:

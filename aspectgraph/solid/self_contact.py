@@ -54,7 +54,9 @@ def check_contacts(solid: Surface) -> None:
     for edge in solid.edges:
         if abs(edge.dihedral_deg) > _FOLDED_DEG:
             text = describe_edge(solid.vertices, *edge.vertices)
-            raise SelfIntersectionError(f"neighbouring faces must not be folded onto each other. Got so at the {text}.")
+            raise SelfIntersectionError(
+                f"neighbouring faces must not be folded onto each other. Got so at the {text}."
+            )
     points = solid.vertices - solid.vertices.mean(axis=0)
     tolerance = RELATIVE_CONTACT * float(np.linalg.norm(np.ptp(points, axis=0)))
     ends = np.array([edge.vertices for edge in solid.edges])
@@ -65,17 +67,29 @@ def check_contacts(solid: Surface) -> None:
     contact = np.flatnonzero(gap <= tolerance)
     if len(contact):
         first = contact[np.argmax(pierces[contact])]
-        _complain(solid, int(edge_idx[first]), int(triangle_idx[first]), bool(pierces[first]), len(contact))
+        _complain(
+            solid,
+            int(edge_idx[first]),
+            int(triangle_idx[first]),
+            bool(pierces[first]),
+            len(contact),
+        )
 
 
 def _complain(solid: Surface, edge_id: int, triangle: int, pierces: bool, n_contacts: int) -> None:
     edge, face = solid.edges[edge_id], int(solid.triangle_face[triangle])
     same = solid.face_shell[face] == solid.face_shell[edge.faces[0]]
-    place = f"{describe_edge(solid.vertices, *edge.vertices)} and face {face} ({n_contacts} such pairs)"
+    place = (
+        f"{describe_edge(solid.vertices, *edge.vertices)} and face {face} ({n_contacts} such pairs)"
+    )
     if pierces:
         rule = "the surface must not cross itself" if same else "solids must not overlap"
         raise SelfIntersectionError(f"{rule}. Got a crossing of the {place}.")
-    rule = "parts of the surface that are no neighbours must not touch" if same else "solids must not touch"
+    rule = (
+        "parts of the surface that are no neighbours must not touch"
+        if same
+        else "solids must not touch"
+    )
     raise TouchingError(f"{rule}. Got a contact of the {place}.")
 
 
@@ -90,18 +104,24 @@ def _near_pairs(
     tree = shapely.STRtree(shapely.box(low[:, x], low[:, y], high[:, x], high[:, y]))
     boxes = shapely.box(edge_low[:, x], edge_low[:, y], edge_high[:, x], edge_high[:, y])
     edge_idx, triangle_idx = tree.query(boxes)
-    keep = (edge_low[edge_idx, z] <= high[triangle_idx, z]) & (edge_high[edge_idx, z] >= low[triangle_idx, z])
+    keep = (edge_low[edge_idx, z] <= high[triangle_idx, z]) & (
+        edge_high[edge_idx, z] >= low[triangle_idx, z]
+    )
     edge_faces = np.array([edge.faces for edge in solid.edges])
     keep &= (edge_faces[edge_idx] != solid.triangle_face[triangle_idx][:, None]).all(axis=1)
     edge_idx, triangle_idx = edge_idx[keep], triangle_idx[keep]
-    shared = (ends[edge_idx][:, :, None] == solid.triangles[triangle_idx][:, None, :]).any(axis=(1, 2))
+    shared = (ends[edge_idx][:, :, None] == solid.triangles[triangle_idx][:, None, :]).any(
+        axis=(1, 2)
+    )
     return edge_idx[~shared], triangle_idx[~shared]
 
 
 def _on_rim(triangles: np.ndarray, ends: np.ndarray, n: int) -> np.ndarray:
     """Return which sides of triangles are edges of the solid rather than cuts through a face, shape (t, 3)."""
     sides = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).astype(np.int64)
-    return np.isin(sides.min(axis=-1) * n + sides.max(axis=-1), ends.min(axis=1) * n + ends.max(axis=1))
+    return np.isin(
+        sides.min(axis=-1) * n + sides.max(axis=-1), ends.min(axis=1) * n + ends.max(axis=1)
+    )
 
 
 def segment_triangle_gap(
@@ -166,7 +186,9 @@ def segment_distance(p: np.ndarray, q: np.ndarray, a: np.ndarray, b: np.ndarray)
     uu, vv = np.maximum(uu, 1e-300), np.maximum(vv, 1e-300)
     spread = uu * vv - uv * uv
     slanted = spread > 1e-24 * uu * vv
-    s = np.clip(np.divide(uv * vw - vv * uw, spread, out=np.zeros_like(spread), where=slanted), 0.0, 1.0)
+    s = np.clip(
+        np.divide(uv * vw - vv * uw, spread, out=np.zeros_like(spread), where=slanted), 0.0, 1.0
+    )
     best = np.full(len(p), np.inf)
     # The nearest points either lie inside both segments or involve an end point of one.
     for s_try in (s, np.zeros_like(s), np.ones_like(s)):

@@ -47,7 +47,9 @@ def shell_windings(vertices: np.ndarray, triangles: np.ndarray, shell: np.ndarra
         Entry (i, j): shell j around a vertex of shell i; 0 on the diagonal.
     """
     corners = [vertices[triangles[shell == s]] for s in range(int(shell.max()) + 1)]
-    lows, highs = ([extreme(c.reshape(-1, 3), axis=0) for c in corners] for extreme in (np.min, np.max))
+    lows, highs = (
+        [extreme(c.reshape(-1, 3), axis=0) for c in corners] for extreme in (np.min, np.max)
+    )
     windings = np.zeros((len(corners), len(corners)), dtype=np.int64)
     for i, own in enumerate(corners):
         for j, other in enumerate(corners):
@@ -58,7 +60,9 @@ def shell_windings(vertices: np.ndarray, triangles: np.ndarray, shell: np.ndarra
 
 def shell_volumes(vertices: np.ndarray, triangles: np.ndarray, shell: np.ndarray) -> np.ndarray:
     """Return the signed volume of every shell in mm³, shape (s,)."""
-    return np.array([signed_volume(vertices, triangles[shell == s]) for s in range(int(shell.max()) + 1)])
+    return np.array(
+        [signed_volume(vertices, triangles[shell == s]) for s in range(int(shell.max()) + 1)]
+    )
 
 
 def check_shells(vertices: np.ndarray, triangles: np.ndarray, shell: np.ndarray) -> None:
@@ -76,7 +80,9 @@ def check_shells(vertices: np.ndarray, triangles: np.ndarray, shell: np.ndarray)
     for s, (volume, depth) in enumerate(zip(volumes, around, strict=True)):
         place = describe_point(vertices[triangles[shell == s][0, 0]])
         if volume > 0 and depth > 0:
-            raise SelfIntersectionError(f"solids must not overlap. Got one inside the material of another at {place}.")
+            raise SelfIntersectionError(
+                f"solids must not overlap. Got one inside the material of another at {place}."
+            )
         if volume <= 0 and depth != 1:
             raise OrientationError(
                 f"faces must run counter-clockwise seen from outside. "
@@ -84,7 +90,9 @@ def check_shells(vertices: np.ndarray, triangles: np.ndarray, shell: np.ndarray)
             )
 
 
-def face_outwards(vertices: np.ndarray, triangles: np.ndarray, shell: np.ndarray) -> tuple[np.ndarray, int]:
+def face_outwards(
+    vertices: np.ndarray, triangles: np.ndarray, shell: np.ndarray
+) -> tuple[np.ndarray, int]:
     """Turn inside-out bodies right.
 
     An outermost shell with negative volume is turned together with everything inside it.

@@ -32,7 +32,15 @@ from aspectgraph.solid.edge_ends import EdgeEnd, edges_at_vertices, find_edge_en
 from aspectgraph.solid.rims import SHARP_DEG, Arc, Rim, find_arcs
 from aspectgraph.solid.self_contact import check_contacts
 from aspectgraph.solid.shells import check_shells
-from aspectgraph.solid.topology import Edge, Face, as_face, check_fans, label_shells, pair_edges, signed_dihedrals_deg
+from aspectgraph.solid.topology import (
+    Edge,
+    Face,
+    as_face,
+    check_fans,
+    label_shells,
+    pair_edges,
+    signed_dihedrals_deg,
+)
 from aspectgraph.solid.triangulate import signed_volume, triangulate_face
 
 
@@ -122,7 +130,9 @@ class Solid:
         check_indices(self.vertices, self.faces)
         edge_vertices, edge_faces = pair_edges(self.vertices, self.faces)
         check_fans(self.vertices, self.faces)
-        self.planarity_mm = default_planarity_mm(self.vertices) if planarity_mm is None else float(planarity_mm)
+        self.planarity_mm = (
+            default_planarity_mm(self.vertices) if planarity_mm is None else float(planarity_mm)
+        )
         self.normals = self._checked_normals()
         self.face_triangles = tuple(
             triangulate_face(self.vertices, face, normal, f"face {i}")
@@ -156,11 +166,20 @@ class Solid:
             if named - known:
                 raise SolidError(f"{label} must name edges. Got vertices {min(named - known)}.")
         if not all(0.0 <= turn <= 180.0 for turn in behind.values()):
-            raise SolidError(f"surface_turns must be in 0..180 degrees. Got {sorted(behind.values())[-1]}.")
+            raise SolidError(
+                f"surface_turns must be in 0..180 degrees. Got {sorted(behind.values())[-1]}."
+            )
         turns = signed_dihedrals_deg(self.vertices, self.normals, edge_vertices, edge_faces)
         rows = zip(edge_vertices.tolist(), edge_faces.tolist(), turns.tolist(), strict=True)
         return tuple(
-            Edge(i, (a, b), (f, g), turn, (min(a, b), max(a, b)) in curved, behind.get((min(a, b), max(a, b))))
+            Edge(
+                i,
+                (a, b),
+                (f, g),
+                turn,
+                (min(a, b), max(a, b)) in curved,
+                behind.get((min(a, b), max(a, b))),
+            )
             for i, ((a, b), (f, g), turn) in enumerate(rows)
         )
 
@@ -215,7 +234,9 @@ class Solid:
         start, end = self.edge_points(edge_id)
         return float(np.linalg.norm(end - start))
 
-    def straight_edges(self, min_dihedral_deg: float = 5.0, min_length_mm: float = 0.0) -> tuple[Edge, ...]:
+    def straight_edges(
+        self, min_dihedral_deg: float = 5.0, min_length_mm: float = 0.0
+    ) -> tuple[Edge, ...]:
         """Return the edges that can be entities: straight, sharp and long enough.
 
         Parameters
@@ -255,7 +276,9 @@ class Solid:
         tuple of Rim
             In the order of their ids, which do not depend on `min_dihedral_deg`.
         """
-        return tuple(a for a in self._arcs if isinstance(a, Rim) and a.dihedral_deg >= min_dihedral_deg)
+        return tuple(
+            a for a in self._arcs if isinstance(a, Rim) and a.dihedral_deg >= min_dihedral_deg
+        )
 
     def arcs(self, min_dihedral_deg: float = SHARP_DEG) -> tuple[Arc, ...]:
         """Return the open circular edges that can be entities; see `rims`.
@@ -270,7 +293,9 @@ class Solid:
         tuple of Arc
             In the order of their ids, which do not depend on `min_dihedral_deg`.
         """
-        return tuple(a for a in self._arcs if not isinstance(a, Rim) and a.dihedral_deg >= min_dihedral_deg)
+        return tuple(
+            a for a in self._arcs if not isinstance(a, Rim) and a.dihedral_deg >= min_dihedral_deg
+        )
 
     def edge_ends(self, edge: Edge | int) -> tuple[EdgeEnd, ...]:
         """Return how a straight edge ends: at a corner, or smoothly in an arc.
@@ -293,14 +318,22 @@ class Solid:
             If there is no such edge.
         """
         edge_id = edge.id if isinstance(edge, Edge) else edge
-        if isinstance(edge_id, bool) or not isinstance(edge_id, int | np.integer) or not 0 <= edge_id < len(self.edges):
-            raise SolidError(f"an edge must be one of the solid's, 0..{len(self.edges) - 1}. Got {edge_id!r}.")
+        if (
+            isinstance(edge_id, bool)
+            or not isinstance(edge_id, int | np.integer)
+            or not 0 <= edge_id < len(self.edges)
+        ):
+            raise SolidError(
+                f"an edge must be one of the solid's, 0..{len(self.edges) - 1}. Got {edge_id!r}."
+            )
         return find_edge_ends(self, self.edges[edge_id], *self._ends)
 
     @cached_property
     def _ends(self) -> tuple[dict[int, list[Edge]], dict[int, str]]:
         """What `find_edge_ends` needs to know."""
-        return edges_at_vertices(self), {edge_id: arc.id for arc in self._arcs for edge_id in arc.edge_ids}
+        return edges_at_vertices(self), {
+            edge_id: arc.id for arc in self._arcs for edge_id in arc.edge_ids
+        }
 
     @cached_property
     def _arcs(self) -> tuple[Arc, ...]:

@@ -145,7 +145,9 @@ def pair_edges(vertices: np.ndarray, faces: Sequence[Face]) -> tuple[np.ndarray,
     return np.array(edge_vertices, dtype=np.int64), np.array(edge_faces, dtype=np.int64)
 
 
-def _check_users(vertices: np.ndarray, users: dict[tuple[int, int], list[tuple[int, bool]]]) -> None:
+def _check_users(
+    vertices: np.ndarray, users: dict[tuple[int, int], list[tuple[int, bool]]]
+) -> None:
     """Raise for the first edge that is not used once in each direction."""
     crowded = [edge for edge, uses in users.items() if len(uses) > 2]
     if crowded:
@@ -157,11 +159,15 @@ def _check_users(vertices: np.ndarray, users: dict[tuple[int, int], list[tuple[i
     lonely = [edge for edge, uses in users.items() if len(uses) == 1]
     if lonely:
         text = describe_edge(vertices, *lonely[0])
-        raise OpenSolidError(f"the surface must be closed. Got one face only at the {text} ({len(lonely)} such edges).")
+        raise OpenSolidError(
+            f"the surface must be closed. Got one face only at the {text} ({len(lonely)} such edges)."
+        )
     for edge, uses in users.items():
         if uses[0][1] == uses[1][1]:
             text = describe_edge(vertices, *edge)
-            raise OrientationError(f"faces must run in opposite directions along an edge. Got the same at the {text}.")
+            raise OrientationError(
+                f"faces must run in opposite directions along an edge. Got the same at the {text}."
+            )
 
 
 def check_fans(vertices: np.ndarray, faces: Sequence[Face]) -> None:
@@ -201,7 +207,9 @@ def _corners(vertices: np.ndarray, face: Face) -> Iterator[tuple[int, int, int]]
     """Yield the corners (at, after, before) of a face, each between the edge to `after` and that from `before`."""
     visits: dict[int, list[tuple[int, int]]] = {}
     for loop in face.loops:
-        for before, at, after in zip((loop[-1], *loop[:-1]), loop, (*loop[1:], loop[0]), strict=True):
+        for before, at, after in zip(
+            (loop[-1], *loop[:-1]), loop, (*loop[1:], loop[0]), strict=True
+        ):
             visits.setdefault(at, []).append((after, before))
     for at, pairs in visits.items():
         if len(pairs) > 1:
@@ -209,7 +217,9 @@ def _corners(vertices: np.ndarray, face: Face) -> Iterator[tuple[int, int, int]]
         yield from ((at, after, before) for after, before in pairs)
 
 
-def _pair_around(vertices: np.ndarray, face: Face, at: int, pairs: list[tuple[int, int]]) -> list[tuple[int, int]]:
+def _pair_around(
+    vertices: np.ndarray, face: Face, at: int, pairs: list[tuple[int, int]]
+) -> list[tuple[int, int]]:
     """Pair the edges of a face that touches itself in a vertex: a corner reaches left from `after` to the next edge."""
     ring = vertices[list(face.outer)] - vertices[at]
     normal = np.cross(ring, np.roll(ring, -1, axis=0)).sum(axis=0)
@@ -219,7 +229,10 @@ def _pair_around(vertices: np.ndarray, face: Face, at: int, pairs: list[tuple[in
         sine = np.cross(a, b) @ normal / np.linalg.norm(normal)
         return float(np.arctan2(sine, a @ b)) % (2.0 * np.pi)
 
-    return [(after, min((before for _, before in pairs), key=lambda b: turn(after, b))) for after, _ in pairs]
+    return [
+        (after, min((before for _, before in pairs), key=lambda b: turn(after, b)))
+        for after, _ in pairs
+    ]
 
 
 def label_shells(n_faces: int, edge_faces: np.ndarray) -> np.ndarray:
@@ -230,7 +243,9 @@ def label_shells(n_faces: int, edge_faces: np.ndarray) -> np.ndarray:
     ndarray of int, shape (n_faces,)
         Labels 0, 1, ... in order of each shell's first face.
     """
-    links = coo_array((np.ones(len(edge_faces)), (edge_faces[:, 0], edge_faces[:, 1])), shape=(n_faces, n_faces))
+    links = coo_array(
+        (np.ones(len(edge_faces)), (edge_faces[:, 0], edge_faces[:, 1])), shape=(n_faces, n_faces)
+    )
     labels = connected_components(links, directed=False)[1]
     _, first = np.unique(labels, return_index=True)
     rank = np.empty(len(first), dtype=np.int64)

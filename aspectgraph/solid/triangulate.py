@@ -21,7 +21,9 @@ def newell_area_vector(points: np.ndarray) -> np.ndarray:
     return 0.5 * np.cross(local, np.roll(local, -1, axis=0)).sum(axis=0)
 
 
-def triangulate_face(vertices: np.ndarray, face: Face, normal: np.ndarray, name: str = "face") -> np.ndarray:
+def triangulate_face(
+    vertices: np.ndarray, face: Face, normal: np.ndarray, name: str = "face"
+) -> np.ndarray:
     """Cut a face into triangles, counter-clockwise seen from outside.
 
     Parameters
@@ -52,19 +54,28 @@ def triangulate_face(vertices: np.ndarray, face: Face, normal: np.ndarray, name:
     keep = _projection_axes(normal)
     loops = [vertices[list(loop)][:, keep] for loop in face.loops]
     corners = np.vstack(loops)
-    index = {(x, y): i for (x, y), i in zip(corners.tolist(), np.concatenate(face.loops).tolist(), strict=True)}
+    index = {
+        (x, y): i
+        for (x, y), i in zip(corners.tolist(), np.concatenate(face.loops).tolist(), strict=True)
+    }
     polygon = shapely.Polygon(loops[0], loops[1:])
     if not shapely.is_valid(polygon):
-        raise SolidError(f"the loops of a face must not cross. Got {name}: {shapely.is_valid_reason(polygon)}.")
+        raise SolidError(
+            f"the loops of a face must not cross. Got {name}: {shapely.is_valid_reason(polygon)}."
+        )
     parts = shapely.constrained_delaunay_triangles(polygon)
     rings = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3]
     area = _signed_areas(rings)
     rings[area < 0] = rings[area < 0][:, ::-1]
-    triangles = np.array([[index[x, y] for x, y in ring] for ring in rings.tolist()], dtype=np.int32)
+    triangles = np.array(
+        [[index[x, y] for x, y in ring] for ring in rings.tolist()], dtype=np.int32
+    )
     # a hole that touches another loop in a vertex is joined to it there, and two triangles fewer are needed
     n_expected = len(corners) + 2 * len(face.holes) - 2 - 2 * (len(corners) - len(index))
     if len(triangles) != n_expected or not np.isclose(np.abs(area).sum(), polygon.area, rtol=1e-9):
-        raise SolidError(f"the loops of a face must bound one region. Got {name} with {len(face.loops)} loops.")
+        raise SolidError(
+            f"the loops of a face must bound one region. Got {name} with {len(face.loops)} loops."
+        )
     return triangles
 
 

@@ -8,7 +8,12 @@ from aspectgraph.visibility.blocked_sets import blockers
 from aspectgraph.visibility.entity_region import Region
 from aspectgraph.visibility.overlay import SharedPlanes, overlay, share_planes
 from aspectgraph.visibility.scene import Scene, make_scene, own_order
-from aspectgraph.visibility.visibility_regions import Progress, VisibilityRegions, check_workspace, compute_regions
+from aspectgraph.visibility.visibility_regions import (
+    Progress,
+    VisibilityRegions,
+    check_workspace,
+    compute_regions,
+)
 
 __all__ = [
     "Progress",

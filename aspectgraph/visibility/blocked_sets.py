@@ -46,7 +46,9 @@ def blockers(scene: Scene, solid: Solid, entity: Entity) -> Blockers:
     Those of a rim or arc are the blocked sets of all its chords, for a viewpoint that misses a part of one misses a
     part of the whole.
     """
-    parts = [_chord_blockers(scene, solid, chord, entity.kind != "edge") for chord in chords(entity)]
+    parts = [
+        _chord_blockers(scene, solid, chord, entity.kind != "edge") for chord in chords(entity)
+    ]
     return parts[0] if len(parts) == 1 else united(parts)
 
 
@@ -125,7 +127,11 @@ def _facing(scene, a, b, wedge_first, wedge_plane, wedge_side):
             for j in range(wedge_first[k], wedge_first[k + 1]):
                 for i in range(pieces.first[piece], pieces.first[piece + 1]):
                     point = points[pieces.vertices[i]]
-                    if wedge_side[j] * side_of(scene.planes[wedge_plane[j]], point, scene.resolution) < 0:
+                    if (
+                        wedge_side[j]
+                        * side_of(scene.planes[wedge_plane[j]], point, scene.resolution)
+                        < 0
+                    ):
                         inside = False
             hidden |= inside
         if not hidden:
@@ -234,7 +240,10 @@ def _cast(points, pieces, order, placed, planes, n_planes, origin, ends, settle_
                     trio = np.array([loop[i], ends[0], ends[1]])
                     others = ends[:0]
                 plane = plane_through(points[trio[0]], points[trio[1]], points[trio[2]])
-                if not plane.any() or _separates(plane, points, loop, others, settle_thin, resolution) == 0:
+                if (
+                    not plane.any()
+                    or _separates(plane, points, loop, others, settle_thin, resolution) == 0
+                ):
                     continue
                 known = find_plane(planes, n_planes, points, trio, resolution)
                 if known < 0:
@@ -248,7 +257,9 @@ def _cast(points, pieces, order, placed, planes, n_planes, origin, ends, settle_
                     repeated |= plane_list[k] == known
                 if not repeated:
                     plane_list[n] = known
-                    side_list[n] = _side_of_set(planes[known], points, loop, others, settle_thin, resolution)
+                    side_list[n] = _side_of_set(
+                        planes[known], points, loop, others, settle_thin, resolution
+                    )
                     n += 1
         first[row + 1] = n
     return first, plane_list[:n].copy(), side_list[:n].copy(), max(n_planes, n_face_planes)

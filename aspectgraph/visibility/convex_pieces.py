@@ -37,7 +37,9 @@ class Pieces(NamedTuple):
     face: np.ndarray
 
 
-def convex_pieces(solid: Solid, points: np.ndarray, normals: np.ndarray, listing: Listing) -> Pieces:
+def convex_pieces(
+    solid: Solid, points: np.ndarray, normals: np.ndarray, listing: Listing
+) -> Pieces:
     """Cut every face of a solid into convex pieces, in the part's own order.
 
     Parameters
@@ -60,7 +62,12 @@ def convex_pieces(solid: Solid, points: np.ndarray, normals: np.ndarray, listing
         if not face.holes and _is_convex(face.outer, xy):
             parts = [list(face.outer)]
         else:
-            parts = _join(_triangles(ranked, face, normals[number], listing.rank[solid.face_triangles[number]]), xy)
+            parts = _join(
+                _triangles(
+                    ranked, face, normals[number], listing.rank[solid.face_triangles[number]]
+                ),
+                xy,
+            )
         loops += parts
         faces += [number] * len(parts)
     first = np.concatenate([[0], np.cumsum([len(loop) for loop in loops])])
@@ -72,7 +79,9 @@ def _is_convex(loop: Sequence[int], xy: list[list[int]]) -> bool:
     return _convex_at(loop, range(len(loop)), xy)
 
 
-def _triangles(points: np.ndarray, face: Face, normal: np.ndarray, known: np.ndarray) -> list[list[int]]:
+def _triangles(
+    points: np.ndarray, face: Face, normal: np.ndarray, known: np.ndarray
+) -> list[list[int]]:
     """Triangles of a face as it lies on the grid, or the known ones where a corner snapped straight leaves too few."""
     try:
         return triangulate_face(points.astype(float), face, normal).tolist()
@@ -93,7 +102,11 @@ def _join(triangles: list[list[int]], xy: list[list[int]]) -> list[list[int]]:
     loops: dict[int, list[int]] = dict(enumerate(triangles))
     owner = {(loop[k - 1], loop[k]): n for n, loop in loops.items() for k in range(len(loop))}
     sides = [side for side in owner if side[0] < side[1] and side[::-1] in owner]
-    sides.sort(key=lambda side: -((xy[side[0]][0] - xy[side[1]][0]) ** 2 + (xy[side[0]][1] - xy[side[1]][1]) ** 2))
+    sides.sort(
+        key=lambda side: (
+            -((xy[side[0]][0] - xy[side[1]][0]) ** 2 + (xy[side[0]][1] - xy[side[1]][1]) ** 2)
+        )
+    )
     for i, j in sides:
         n, m = owner[i, j], owner[j, i]
         if n == m:

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from aspectgraph.cells.arrays import CELL_CHILD, CROSSED, N_CELLS, Complex, add_box, allocate, with_room
+from aspectgraph.cells.arrays import (
+    CELL_CHILD,
+    CROSSED,
+    N_CELLS,
+    Complex,
+    add_box,
+    allocate,
+    with_room,
+)
 from aspectgraph.cells.point_location import Tree, tree_of
 from aspectgraph.cells.simplify import n_leaves, simplify
 from aspectgraph.cells.split import cell_side, split_cell
@@ -70,7 +78,9 @@ def carved_region(shadows: Blockers, box: np.ndarray) -> Region:
     """Return the region of all points of a box, planes (6, 4), that no blocked set holds."""
     planes = np.concatenate([box, shadows.planes])
     shifted = shadows._replace(plane=shadows.plane + len(box))
-    cx = with_room(lambda n_cells: _cut(planes, shifted, n_cells), n_cells=max(_ROOM, 32 * len(shadows.first)))
+    cx = with_room(
+        lambda n_cells: _cut(planes, shifted, n_cells), n_cells=max(_ROOM, 32 * len(shadows.first))
+    )
     box_origin = np.full((len(box), 4), -1, np.int32)
     return _compact(cx, np.concatenate([box_origin, shadows.origin]))
 
@@ -143,4 +153,6 @@ def _compact(cx: Complex, origin: np.ndarray) -> Region:
     number[used] = np.arange(len(used))
     inner = plane >= 0
     plane[inner] = number[plane[inner]]
-    return Region(Tree(cx.planes[used], plane, child), origin[used], (cx.label[: len(plane), 0] == 1) & ~inner)
+    return Region(
+        Tree(cx.planes[used], plane, child), origin[used], (cx.label[: len(plane), 0] == 1) & ~inner
+    )

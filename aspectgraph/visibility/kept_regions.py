@@ -70,7 +70,9 @@ class KeptRegions:
         for array in (solid.vertices, solid.triangles, box_mm):
             digest.update(np.ascontiguousarray(array).tobytes())
         for name, entity in entities.items():
-            digest.update(repr((name, entity.kind, tuple(entity.edge_ids))).encode("utf-8", "surrogatepass"))
+            digest.update(
+                repr((name, entity.kind, tuple(entity.edge_ids))).encode("utf-8", "surrogatepass")
+            )
             digest.update(np.ascontiguousarray(entity.points, dtype=np.float64).tobytes())
         self._request = digest.digest()
 
@@ -94,7 +96,12 @@ class KeptRegions:
             self.folder.mkdir(parents=True, exist_ok=True)
             handle, temporary = tempfile.mkstemp(dir=self.folder)
             with os.fdopen(handle, "wb") as file:
-                np.savez(file, **region.tree._asdict(), origin=region.origin, observable=region.observable)
+                np.savez(
+                    file,
+                    **region.tree._asdict(),
+                    origin=region.origin,
+                    observable=region.observable,
+                )
             os.replace(temporary, self._path(name))
         except OSError:
             if temporary is not None:

@@ -88,9 +88,16 @@ def share_planes(
             match = known.get(_key(plane), -1)
             if match < 0 and displaced and origin[0] not in (FACE, CONTRAST):
                 trio = origin[1:].astype(np.int64)
-                match = len(box) + find_plane(planes[len(box) : n], n - len(box), scene.points, trio, scene.resolution)
+                match = len(box) + find_plane(
+                    planes[len(box) : n], n - len(box), scene.points, trio, scene.resolution
+                )
                 if match < len(box):
-                    match, plane = -1, find_parallel(planes[len(box) : n], scene.points, trio, scene.resolution, plane)
+                    match, plane = (
+                        -1,
+                        find_parallel(
+                            planes[len(box) : n], scene.points, trio, scene.resolution, plane
+                        ),
+                    )
             if match < 0:
                 match, n = n, n + 1
                 planes[match] = plane

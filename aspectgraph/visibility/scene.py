@@ -64,7 +64,10 @@ def chords(entity: Entity) -> list[Entity]:
     if entity.kind == "edge":
         return [entity]
     ends = list(pairwise(entity.outline))
-    return [Entity(entity.name, np.array(pair), (e,)) for pair, e in zip(ends, entity.edge_ids, strict=True)]
+    return [
+        Entity(entity.name, np.array(pair), (e,))
+        for pair, e in zip(ends, entity.edge_ids, strict=True)
+    ]
 
 
 def entity_ends(scene: Scene, solid: Solid, entity: Entity) -> tuple[int, int]:
@@ -85,6 +88,10 @@ def make_scene(solid: Solid, entities: Mapping[str, Entity] | None = None) -> tu
     loops = [np.empty(0, int)] * len(solid.faces)
     for face, number in zip(listing.faces, listing.face, strict=True):
         loops[number] = listing.vertex[list(face.outer)]
-    planes, plane_of_face, side_of_face = face_planes(grid, loops, turned(frame, solid.normals), listing.face)
-    pieces = convex_pieces(solid, grid.points, planes[plane_of_face, :3] * side_of_face[:, None], listing)
+    planes, plane_of_face, side_of_face = face_planes(
+        grid, loops, turned(frame, solid.normals), listing.face
+    )
+    pieces = convex_pieces(
+        solid, grid.points, planes[plane_of_face, :3] * side_of_face[:, None], listing
+    )
     return grid, Scene(grid.points, grid.resolution, planes, plane_of_face, side_of_face, pieces)

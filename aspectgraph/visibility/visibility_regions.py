@@ -83,7 +83,9 @@ class VisibilityRegions:
     def __repr__(self) -> str:
         """Return a one-line summary."""
         snapped = f"vertices snapped by at most {self.grid.snapping_mm:.3g} mm"
-        return f"<VisibilityRegions of {self.solid.name!r}: {len(self.entities)} entities, {snapped}>"
+        return (
+            f"<VisibilityRegions of {self.solid.name!r}: {len(self.entities)} entities, {snapped}>"
+        )
 
     @property
     def entity_names(self) -> tuple[str, ...]:
@@ -152,7 +154,9 @@ class VisibilityRegions:
             cx = overlay(regions, shared.extended(limits), covering_only=True)
             crop(cx, len(shared.planes))
             present = leaves(cx)
-            bits = np.unpackbits(cx.label[present].view(np.uint8), axis=1, bitorder="little")[:, : len(key)]
+            bits = np.unpackbits(cx.label[present].view(np.uint8), axis=1, bitorder="little")[
+                :, : len(key)
+            ]
             kept = CellSet(cx, present[bits.all(axis=1)], self.grid)
         # the last one asked for comes last, the first one goes
         self._covering[key] = kept
@@ -213,12 +217,16 @@ class VisibilityRegions:
         """
         for name in names:
             if name not in self.entities:
-                raise EntityError(f"names must be names of entities, {', '.join(self.entities)}. Got {name!r}.")
+                raise EntityError(
+                    f"names must be names of entities, {', '.join(self.entities)}. Got {name!r}."
+                )
         return tuple(names)
 
     def _queries(self, points: ArrayLike) -> np.ndarray:
         viewpoints = np.asarray(points, float).reshape(-1, 3)
-        outside = ~((viewpoints >= self.workspace[0]) & (viewpoints <= self.workspace[1])).all(axis=1)
+        outside = ~((viewpoints >= self.workspace[0]) & (viewpoints <= self.workspace[1])).all(
+            axis=1
+        )
         if outside.any():
             raise WorkspaceError(
                 f"points must lie in the workspace {self.workspace[0].tolist()} to {self.workspace[1].tolist()} mm. "
@@ -241,7 +249,9 @@ def check_workspace(workspace: ArrayLike | None, solid: Solid) -> np.ndarray:
         return np.array([low - room, high + room])
     box = np.asarray(workspace, float)
     if box.shape != (2, 3):
-        raise WorkspaceError(f"workspace must have shape (2, 3), its two corners. Got shape {box.shape}.")
+        raise WorkspaceError(
+            f"workspace must have shape (2, 3), its two corners. Got shape {box.shape}."
+        )
     if not (np.isfinite(box).all() and (box[0] < box[1]).all()):
         raise WorkspaceError(f"workspace must be finite, lower corner first. Got {box.tolist()}.")
     return box
@@ -305,7 +315,9 @@ def laid_out(
     solid: Solid, entities: Mapping[str, Any] | Sequence[Any], workspace: ArrayLike | None
 ) -> tuple[Solid, np.ndarray, dict[str, Entity], Grid, Scene]:
     """Return what regions are computed from: solid, workspace, resolved entities, grid and scene, all checked."""
-    if isinstance(entities, Mapping) and all(isinstance(value, Entity) for value in entities.values()):
+    if isinstance(entities, Mapping) and all(
+        isinstance(value, Entity) for value in entities.values()
+    ):
         resolved = dict(entities)
     else:
         resolved = resolve_entities(solid, entities)
@@ -325,7 +337,9 @@ def regions_of(
     """Make the region of each entity, or of what names one, in parallel if there is an executor, in their order."""
     report = progress or (lambda done, total, label: None)
     known = {} if kept is None else {name: kept.get(name) for name in entities}
-    regions: dict[str, Region] = {name: region for name, region in known.items() if region is not None}
+    regions: dict[str, Region] = {
+        name: region for name, region in known.items() if region is not None
+    }
     todo = {name: entity for name, entity in entities.items() if name not in regions}
 
     def take(name: str, region: Region) -> None:

@@ -15,7 +15,10 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--solids", type=int, default=600)
     parser.add_argument(
-        "--points", type=int, default=400, help="viewpoints per solid, half of them near partition planes"
+        "--points",
+        type=int,
+        default=400,
+        help="viewpoints per solid, half of them near partition planes",
     )
     parser.add_argument("--entities", type=int, default=10)
     chosen = parser.parse_args()
@@ -24,9 +27,13 @@ def main():
         comparison = compare(seed, chosen.points, chosen.entities)
         pairs += comparison.engine.size
         wrong += comparison.disagreements()
-    print(f"{chosen.solids} solids, {pairs} pairs, {len(wrong)} disagreements, {time.perf_counter() - start:.1f} s")
+    print(
+        f"{chosen.solids} solids, {pairs} pairs, {len(wrong)} disagreements, {time.perf_counter() - start:.1f} s"
+    )
     for name, viewpoint, edge, answer in wrong[:20]:
-        print(f"  {name}: viewpoint {viewpoint}, edge {edge}: engine {answer}, referee {not answer}")
+        print(
+            f"  {name}: viewpoint {viewpoint}, edge {edge}: engine {answer}, referee {not answer}"
+        )
     return 1 if wrong else 0
 
 

@@ -25,7 +25,9 @@ from moved_parts import from_file, graph_of, listed, moved, same_graph, shuffled
 def generated(seed):
     """Return the name of a generated solid, and it as a list with every other sharp edge an entity."""
     part = generated_solid(seed)
-    return part.name, listed(part.vertices, part.faces, sharp_edges(part, ExactChecker(part.vertices, part.faces))[::2])
+    return part.name, listed(
+        part.vertices, part.faces, sharp_edges(part, ExactChecker(part.vertices, part.faces))[::2]
+    )
 
 
 def differences(name, part, turns, seed, room):
@@ -38,7 +40,10 @@ def differences(name, part, turns, seed, room):
         if not same_graph(graph, other):
             wrong += 1
             sizes = [f"{len(g)}/{g.number_of_edges()}" for g in (graph, other)]
-            print(f"  {name}, seed {seed}, turn {turn}: {sizes[0]} domains/adjacencies became {sizes[1]}", flush=True)
+            print(
+                f"  {name}, seed {seed}, turn {turn}: {sizes[0]} domains/adjacencies became {sizes[1]}",
+                flush=True,
+            )
     return wrong
 
 
@@ -48,7 +53,9 @@ def main():
     parser.add_argument("--solids", type=int, default=150, help="generated solids")
     parser.add_argument("--first", type=int, default=0, help="seed of the first of them")
     parser.add_argument("--turns", type=int, default=2, help="copies of each")
-    parser.add_argument("--room", type=float, default=200.0, help="workspace around the part, in its diagonals")
+    parser.add_argument(
+        "--room", type=float, default=200.0, help="workspace around the part, in its diagonals"
+    )
     parser.add_argument("--parts", type=Path, nargs="*", default=[], help="part files")
     parser.add_argument("--entities", type=int, default=20, help="entities of part files")
     chosen = parser.parse_args()
@@ -57,10 +64,14 @@ def main():
         wrong += differences(*generated(seed), chosen.turns, seed, chosen.room)
         copies += chosen.turns
     for path in chosen.parts:
-        wrong += differences(path.name, from_file(path, chosen.entities), chosen.turns, 0, chosen.room)
+        wrong += differences(
+            path.name, from_file(path, chosen.entities), chosen.turns, 0, chosen.room
+        )
         copies += chosen.turns
     parts = f"{chosen.solids} solids and {len(chosen.parts)} part files"
-    print(f"{parts}, {copies} turned copies, {wrong} graphs differ, {time.process_time() - start:.0f} s")
+    print(
+        f"{parts}, {copies} turned copies, {wrong} graphs differ, {time.process_time() - start:.0f} s"
+    )
     return 1 if wrong else 0
 
 

@@ -51,7 +51,9 @@ def box_around(solid, room=60):
 
 def twin_seconds(solid, entities, workspace):
     """The twin on the same solid; coordinates of the plates are integers."""
-    checker = ExactChecker(solid.vertices.astype(int).tolist(), [(face.outer, face.holes) for face in solid.faces])
+    checker = ExactChecker(
+        solid.vertices.astype(int).tolist(), [(face.outer, face.holes) for face in solid.faces]
+    )
     index = {tuple(v): k for k, v in enumerate(solid.vertices.astype(int).tolist())}
     edges = {name: tuple(index[tuple(end)] for end in ends) for name, ends in entities.items()}
     low, high = workspace.astype(int).tolist()
@@ -66,17 +68,23 @@ def plates(quick):
         solid, entities = solids.plate(n), solids.plate_entities(n, k)
         workspace = box_around(solid)
         own, eag = seconds(lambda s=solid, e=entities, w=workspace: build_aspect_graph(s, e, w), 5)
-        sizes = f"{len(eag.graph):8d} {eag.graph.number_of_edges():12d} {cells_per_domain(eag):13.1f}"
+        sizes = (
+            f"{len(eag.graph):8d} {eag.graph.number_of_edges():12d} {cells_per_domain(eag):13.1f}"
+        )
         line = f"{n} x {n} {k:11d} {len(solid.faces):7d} {own:9.3f} {sizes}"
         if n == 5 and (k == 8 or not quick):
             other, twin = twin_seconds(solid, entities, workspace)
-            same = sorted(map(sorted, twin.lists)) == sorted(sorted(d["observable"]) for d in eag.graph.nodes.values())
+            same = sorted(map(sorted, twin.lists)) == sorted(
+                sorted(d["observable"]) for d in eag.graph.nodes.values()
+            )
             line += f" {other:7.1f} {other / own:7.0f}  lists {'agree' if same else 'DIFFER'}"
         print(line, flush=True)
         if k == 8:
             rows.append((len(solid.faces), own))
     faces, times = np.log(np.array(rows)).T
-    print(f"growth: time ~ faces ** {np.polyfit(faces, times, 1)[0]:.2f} (2 x 2 to 8 x 8, 8 entities)\n")
+    print(
+        f"growth: time ~ faces ** {np.polyfit(faces, times, 1)[0]:.2f} (2 x 2 to 8 x 8, 8 entities)\n"
+    )
 
 
 def queries(n_viewpoints=1_000_000, n_cast=5_000):
@@ -91,8 +99,12 @@ def queries(n_viewpoints=1_000_000, n_cast=5_000):
     cast = lines.arrive(points[:n_cast])
     other = (time.process_time() - start) * n_viewpoints / n_cast
     wrong = (cast != exact[:n_cast]).mean()
-    print(f"{n_viewpoints} viewpoints x {len(entities)} entities: exact {own:.2f} s; 32 rays per edge {other:.0f} s")
-    print(f"(from {n_cast} viewpoints), {other / own:.0f} times as long, and {wrong:.2%} of its answers wrong\n")
+    print(
+        f"{n_viewpoints} viewpoints x {len(entities)} entities: exact {own:.2f} s; 32 rays per edge {other:.0f} s"
+    )
+    print(
+        f"(from {n_cast} viewpoints), {other / own:.0f} times as long, and {wrong:.2%} of its answers wrong\n"
+    )
 
 
 def real(path, n_entities, joint):
@@ -114,7 +126,13 @@ def main():
     """Measure what the module's description lists."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--quick", action="store_true", help="leave out the twin with 20 entities")
-    parser.add_argument("--parts", type=Path, nargs="*", default=[], help="further part files: all edges, regions only")
+    parser.add_argument(
+        "--parts",
+        type=Path,
+        nargs="*",
+        default=[],
+        help="further part files: all edges, regions only",
+    )
     arguments = parser.parse_args()
     build_aspect_graph(solids.cube(), [0], None)
     plates(arguments.quick)

@@ -20,12 +20,16 @@ from aspectgraph import VisibilityRegions, compute_regions, graph_of, read_solid
 from aspectgraph.graph.joint_memory import estimate_joint_graph
 
 _MIB = 2**20
-_HEADER = "part                      edges   cells  domains    MiB   est. MiB  ratio      s   est. s"
+_HEADER = (
+    "part                      edges   cells  domains    MiB   est. MiB  ratio      s   est. s"
+)
 
 
 def main() -> None:
     """Join and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("parts", nargs="+", type=Path, metavar="PART")
     parser.add_argument("--edges", nargs="+", type=int, default=[10, 20, 40], metavar="N")
     options = parser.parse_args()

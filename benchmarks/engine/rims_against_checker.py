@@ -14,7 +14,12 @@ def main():
     """Count the pairs of viewpoint and rim on which engine and referee disagree."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--solids", type=int, default=200)
-    parser.add_argument("--points", type=int, default=150, help="viewpoints per solid, a third near partition planes")
+    parser.add_argument(
+        "--points",
+        type=int,
+        default=150,
+        help="viewpoints per solid, a third near partition planes",
+    )
     parser.add_argument("--rims", type=int, default=4)
     chosen = parser.parse_args()
     start, pairs, seen, wrong = time.perf_counter(), 0, 0, []
@@ -24,7 +29,9 @@ def main():
         seen += int(comparison.referee.sum())
         wrong += comparison.disagreements
     seconds = time.perf_counter() - start
-    print(f"{chosen.solids} solids, {pairs} pairs, {seen} seen, {len(wrong)} disagreements, {seconds:.1f} s")
+    print(
+        f"{chosen.solids} solids, {pairs} pairs, {seen} seen, {len(wrong)} disagreements, {seconds:.1f} s"
+    )
     for name, viewpoint, rim in wrong[:20]:
         print(f"  {name}: viewpoint {viewpoint}, rim {rim}")
     return 1 if wrong else 0

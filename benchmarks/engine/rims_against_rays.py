@@ -22,7 +22,9 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("parts", nargs="+")
     parser.add_argument("--rims", type=int, default=6)
-    parser.add_argument("--points", type=int, default=1000, help="viewpoints to a rim, half of them in front of it")
+    parser.add_argument(
+        "--points", type=int, default=1000, help="viewpoints to a rim, half of them in front of it"
+    )
     chosen = parser.parse_args()
     for path in chosen.parts:
         compare(path, chosen.rims, chosen.points)
@@ -37,7 +39,9 @@ def compare(path: str, n_rims: int, n_points: int) -> None:
     regions = compute_regions(solid, rims, progress=lambda *_: started.append(time.perf_counter()))
     print(f"{solid.name}: {len(solid.rims())} rims; snapped by {regions.grid.snapping_mm:.2g} mm")
     scene, diagonal = _scene(solid), float(np.linalg.norm(np.ptp(solid.bounds, axis=0)))
-    print("rim chords  s     cells pairs  seen   agree    only rays    only region  (settled as the region says)")
+    print(
+        "rim chords  s     cells pairs  seen   agree    only rays    only region  (settled as the region says)"
+    )
     for rim, seconds in zip(rims, np.diff(started), strict=True):
         points = _viewpoints(rng, rim, diagonal, n_points)
         points = points[~_inside(scene, points)]
@@ -60,7 +64,9 @@ def compare(path: str, n_rims: int, n_points: int) -> None:
 def _scene(solid):
     scene = o3d.t.geometry.RaycastingScene()
     corners = (solid.vertices - solid.bounds.mean(axis=0)).astype(np.float32)
-    scene.add_triangles(o3d.core.Tensor(corners), o3d.core.Tensor(solid.triangles.astype(np.uint32)))
+    scene.add_triangles(
+        o3d.core.Tensor(corners), o3d.core.Tensor(solid.triangles.astype(np.uint32))
+    )
     return scene, solid.bounds.mean(axis=0)
 
 
@@ -71,7 +77,9 @@ def _chords(solid, rim) -> np.ndarray:
 
 def _drawn_in(solid, rim, distance_mm: float) -> np.ndarray:
     """Return the chords moved off the surface, along both faces' normals at a convex edge and a re-entrant one."""
-    normals = np.array([solid.normals[list(solid.edges[e].faces)].sum(axis=0) for e in rim.edge_ids])
+    normals = np.array(
+        [solid.normals[list(solid.edges[e].faces)].sum(axis=0) for e in rim.edge_ids]
+    )
     return _chords(solid, rim) + distance_mm * normals[:, None]
 
 
@@ -79,18 +87,27 @@ def _viewpoints(rng, rim, diagonal: float, n: int) -> np.ndarray:
     """Half of the viewpoints anywhere around the part, half in a cone in front of the rim."""
     away = rng.normal(size=(n, 3))
     away /= np.linalg.norm(away, axis=1, keepdims=True)
-    away[n // 2 :] = 0.35 * away[n // 2 :] + rim.axis * rng.choice([1, 1, 1, -1], size=(n - n // 2, 1))
+    away[n // 2 :] = 0.35 * away[n // 2 :] + rim.axis * rng.choice(
+        [1, 1, 1, -1], size=(n - n // 2, 1)
+    )
     return rim.centre + away * diagonal * rng.uniform(0.05, 3.0, size=(n, 1))
 
 
 def _inside(scene_at, points) -> np.ndarray:
     scene, centre = scene_at
-    return scene.compute_occupancy(o3d.core.Tensor((points - centre).astype(np.float32)), nsamples=3).numpy() > 0
+    return (
+        scene.compute_occupancy(
+            o3d.core.Tensor((points - centre).astype(np.float32)), nsamples=3
+        ).numpy()
+        > 0
+    )
 
 
 def _arrive(scene_at, points, chords, shares) -> np.ndarray:
     scene, centre = scene_at
-    targets = (chords[:, None, 0] + shares[None, :, None] * (chords[:, 1] - chords[:, 0])[:, None]).reshape(-1, 3)
+    targets = (
+        chords[:, None, 0] + shares[None, :, None] * (chords[:, 1] - chords[:, 0])[:, None]
+    ).reshape(-1, 3)
     result = np.empty(len(points), bool)
     for k, eye in enumerate(points):
         rays = np.concatenate([np.broadcast_to(eye - centre, targets.shape), targets - eye], axis=1)

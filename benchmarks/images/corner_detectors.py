@@ -16,12 +16,16 @@ _WINDOW, _THRESHOLDS = 5, (20, 60)
 _INSIDE, _OUTSIDE, _OFF = 14.0, 10.0, 1.0
 
 
-def picture(renderer: Renderer, pose: np.ndarray, centre: np.ndarray, lamp: Lamp, rng) -> tuple[np.ndarray, np.ndarray]:
+def picture(
+    renderer: Renderer, pose: np.ndarray, centre: np.ndarray, lamp: Lamp, rng
+) -> tuple[np.ndarray, np.ndarray]:
     """Return grey values (s, s) of 255 around a place of the image, and the whole px (2,) of the first one."""
     side = 2 * PATCH + 1
     first = np.rint(centre).astype(int) - PATCH - _TILES * side
     n = 2 * _TILES + 1
-    corners = first + side * np.stack(np.meshgrid(np.arange(n), np.arange(n)), axis=-1).reshape(-1, 2)
+    corners = first + side * np.stack(np.meshgrid(np.arange(n), np.arange(n)), axis=-1).reshape(
+        -1, 2
+    )
     tiles = renderer.patches(pose, corners, lamp, rng).reshape(n, n, side, side)
     return np.rint(255 * tiles.swapaxes(1, 2).reshape(n * side, n * side)).astype(np.uint8), first
 
@@ -33,7 +37,9 @@ def corner_sub_pix(grey: np.ndarray, first: np.ndarray, expected: np.ndarray) ->
     return cv2.cornerSubPix(grey, start, (_WINDOW, _WINDOW), (-1, -1), stop).reshape(2) + first
 
 
-def traced_end(grey: np.ndarray, first: np.ndarray, expected: np.ndarray, outward: np.ndarray) -> np.ndarray:
+def traced_end(
+    grey: np.ndarray, first: np.ndarray, expected: np.ndarray, outward: np.ndarray
+) -> np.ndarray:
     """Return where Canny's trace of an edge ends, whole px (2,); nan if there is none where the edge should be.
 
     The trace is followed in the direction ``outward`` (2,) as long as there is a pixel of it near the edge's line.

@@ -41,7 +41,11 @@ from planner.wanted.resolve import resolve_wanted
 
 POINTS = 16
 WEAK = 5.0  # grey levels
-MODELS = {"rounding": Localisation.rounding(), "gaussian": Localisation.gaussian(0.1), "fit": Localisation.fit()}
+MODELS = {
+    "rounding": Localisation.rounding(),
+    "gaussian": Localisation.gaussian(0.1),
+    "fit": Localisation.fit(),
+}
 TRANSLATION, ROTATION = 0.05, 0.0007
 TARGETS = (0.6, 0.75, 0.85, 0.92, 0.97)
 CTC_01 = (
@@ -107,7 +111,9 @@ def triangles_of(path: Path, chord_mm: float = 0.005, turn_rad: float = 0.02):
             nodes = [mesh.Node(i + 1).Transformed(move) for i in range(mesh.NbNodes())]
             vertices.append([(node.X(), node.Y(), node.Z()) for node in nodes])
             corners = [mesh.Triangle(i + 1) for i in range(mesh.NbTriangles())]
-            triangles.append(np.array([[t.Value(k) for k in (1, 2, 3)] for t in corners]) - 1 + count)
+            triangles.append(
+                np.array([[t.Value(k) for k in (1, 2, 3)] for t in corners]) - 1 + count
+            )
             count += len(nodes)
             faces.Next()
         solids.Next()
@@ -120,15 +126,21 @@ def as_measured(planned: PlannedDimension) -> Measured:
     lines = [(one.p, one.q) for one in planned.geometry if not isinstance(one, Circle)]
     arcs = [None if one.is_closed else (one.start, one.span_rad) for one in circles]
     way = None if planned.direction is None else np.array(planned.direction)
-    return Measured(planned.kind, lines, [(one.centre, one.axis, one.radius_mm) for one in circles], arcs, way)
+    return Measured(
+        planned.kind, lines, [(one.centre, one.axis, one.radius_mm) for one in circles], arcs, way
+    )
 
 
-def view(regions, planned: PlannedDimension, measured: Measured, camera: Camera, rng) -> np.ndarray | None:
+def view(
+    regions, planned: PlannedDimension, measured: Measured, camera: Camera, rng
+) -> np.ndarray | None:
     """Return a pose that sees all entities as wholes, some 20 degrees off the normal of their plane if there is one."""
     points = np.concatenate([own for own, _ in measured.points(POINTS)])
     centre, normal = points.mean(axis=0), measured.planes()[0][1]
     reach = np.linalg.norm(points - centre, axis=1).max()
-    distance = max(150.0, 1.25 * reach * camera.image_distance_mm / (min(camera.sensor_size_mm) / 2))
+    distance = max(
+        150.0, 1.25 * reach * camera.image_distance_mm / (min(camera.sensor_size_mm) / 2)
+    )
     ways = rng.normal(size=(4000, 3))
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     seen = regions.observable(centre + distance * ways, planned.entities).all(axis=1)
@@ -195,7 +207,12 @@ def measure(setting: Setting, renderer: Renderer, n: int, seed: int) -> Outcome:
             strong.append(step >= WEAK)
             along = renderer.projected(points + 1e-3 * tangents, real) - exact[-1]
             along /= np.linalg.norm(along, axis=1, keepdims=True)
-            off.append(np.abs(along[:, 0] * (pixels - exact[-1])[:, 1] - along[:, 1] * (pixels - exact[-1])[:, 0]))
+            off.append(
+                np.abs(
+                    along[:, 0] * (pixels - exact[-1])[:, 1]
+                    - along[:, 1] * (pixels - exact[-1])[:, 0]
+                )
+            )
         outcome.weak.append(1 - np.mean(strong))
         outcome.off.append(off)
         enough = min(map(np.count_nonzero, strong)) >= POINTS // 2
@@ -214,11 +231,14 @@ def measure(setting: Setting, renderer: Renderer, n: int, seed: int) -> Outcome:
 def _sigmas(setting: Setting, renderer: Renderer) -> dict[str, list[float]]:
     """Return by model the error of each of our points, px, that an entity's points together state."""
     lengths = [
-        np.linalg.norm(np.diff(renderer.projected(points, setting.pose), axis=0), axis=1).mean() * POINTS
+        np.linalg.norm(np.diff(renderer.projected(points, setting.pose), axis=0), axis=1).mean()
+        * POINTS
         for points, _ in setting.measured.points(POINTS)
     ]
     how = MODELS["fit"]
-    together = [max(how.sigma_px / np.sqrt(length / how.correlation_px), how.floor_px) for length in lengths]
+    together = [
+        max(how.sigma_px / np.sqrt(length / how.correlation_px), how.floor_px) for length in lengths
+    ]
     return {
         "rounding": [0.0] * len(lengths),
         "gaussian": [MODELS["gaussian"].sigma_px] * len(lengths),
@@ -230,7 +250,10 @@ def _error(setting: Setting, planes, pixels, strong) -> float:
     """Return the error of one measurement; points without contrast are left out."""
     kept = pixels if strong is None else [own[use] for own, use in zip(pixels, strong, strict=True)]
     matrix = setting.camera.matrix
-    back = [carried_back(own, matrix, setting.pose, plane) for own, plane in zip(kept, planes, strict=True)]
+    back = [
+        carried_back(own, matrix, setting.pose, plane)
+        for own, plane in zip(kept, planes, strict=True)
+    ]
     return setting.measured.value(back) - setting.planned.nominal
 
 
@@ -240,21 +263,30 @@ def part(path: str, names: tuple[str, ...]):
     solid = read_solid(path)
     wanted = {
         one.name: Dimension(
-            one.kind, one.entities, accuracy=0.999, direction=one.direction if one.kind == "distance" else None
+            one.kind,
+            one.entities,
+            accuracy=0.999,
+            direction=one.direction if one.kind == "distance" else None,
         )
         for one in read_dimensions(path, solid)
         if one.name in names and one.entities is not None
     }
     entities, targets = resolve_wanted(solid, wanted, 0.999)
     planned = {target.name: PlannedDimension.of(target, MODELS["gaussian"]) for target in targets}
-    return planned, compute_regions(solid, entities), triangles_of(Path(path), turn_rad=0.02 if "ctc" in path else 0.04)
+    return (
+        planned,
+        compute_regions(solid, entities),
+        triangles_of(Path(path), turn_rad=0.02 if "ctc" in path else 0.04),
+    )
 
 
 def row(path: str, names: tuple[str, ...], name: str, n: int, seed: int) -> list[dict]:
     """Return a line of the table for each model of one dimension."""
     began, rng = time.time(), np.random.default_rng(seed)
     camera = Camera.named("basler-acA2440-20gm-8mm")
-    covariance = PoseUncertainty.isotropic(translation_mm=TRANSLATION, rotation_rad=ROTATION).covariance
+    covariance = PoseUncertainty.isotropic(
+        translation_mm=TRANSLATION, rotation_rad=ROTATION
+    ).covariance
     dimensions, regions, (vertices, triangles) = part(path, names)
     planned = dimensions[name]
     measured = as_measured(planned)
@@ -266,7 +298,9 @@ def row(path: str, names: tuple[str, ...], name: str, n: int, seed: int) -> list
     lamp = best_lamp(renderer, pose, measured, rng)
     target = TARGETS[names.index(name) % len(TARGETS)]
     permitted = permitted_for(planned, pose, camera, covariance, target)
-    outcome = measure(Setting(Path(path).stem, name, planned, measured, pose, lamp, camera), renderer, n, seed + 1)
+    outcome = measure(
+        Setting(Path(path).stem, name, planned, measured, pose, lamp, camera), renderer, n, seed + 1
+    )
     off = np.array(outcome.off)
     rows = []
     for model, how in MODELS.items():
@@ -307,17 +341,24 @@ def show(rows: list[dict]) -> None:
 
 def main():
     """Measure the dimensions of both parts and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("ctc_01")
     parser.add_argument("d2mi")
     parser.add_argument("-n", type=int, default=300, help="displaced poses for each dimension")
     parser.add_argument("--csv", type=Path)
     parser.add_argument("--processes", type=int, default=2)
     chosen = parser.parse_args()
-    jobs = [(chosen.ctc_01, CTC_01, name) for name in CTC_01] + [(chosen.d2mi, D2MI, name) for name in D2MI]
+    jobs = [(chosen.ctc_01, CTC_01, name) for name in CTC_01] + [
+        (chosen.d2mi, D2MI, name) for name in D2MI
+    ]
     rows = []
     with ProcessPoolExecutor(chosen.processes) as pool:
-        waiting = [pool.submit(row, path, names, name, chosen.n, 100 * k) for k, (path, names, name) in enumerate(jobs)]
+        waiting = [
+            pool.submit(row, path, names, name, chosen.n, 100 * k)
+            for k, (path, names, name) in enumerate(jobs)
+        ]
         for job in waiting:
             rows += job.result()
             show(rows[-len(MODELS) :])

@@ -60,10 +60,15 @@ class Triple:
     points: int
 
 
-def triples(solid: Solid, n: int, seed: int = 0, n_edges: int = 40, wrong_lamp: bool = False) -> list[Triple]:
+def triples(
+    solid: Solid, n: int, seed: int = 0, n_edges: int = 40, wrong_lamp: bool = False
+) -> list[Triple]:
     """Draw, render and measure n triples of some edges; with ``wrong_lamp`` the formula is told of another lamp."""
     rng, found = np.random.default_rng(seed), []
-    scene, renderer = RayScene(solid.vertices, solid.triangles), Renderer(solid.vertices, solid.triangles, MATRIX)
+    scene, renderer = (
+        RayScene(solid.vertices, solid.triangles),
+        Renderer(solid.vertices, solid.triangles, MATRIX),
+    )
     renderer.noise = NOISE
     edges = [edge for edge in solid.straight_edges() if solid.edge_length_mm(edge.id) > 3]
     edges = [edges[i] for i in np.sort(rng.permutation(len(edges))[:n_edges])]
@@ -72,7 +77,9 @@ def triples(solid: Solid, n: int, seed: int = 0, n_edges: int = 40, wrong_lamp: 
     while len(found) < n:
         tries += 1
         if tries > 400 * n:
-            raise RuntimeError(f"triples must be found in {400 * n} draws. Got {len(found)} of {n}.")
+            raise RuntimeError(
+                f"triples must be found in {400 * n} draws. Got {len(found)} of {n}."
+            )
         edge = edges[rng.integers(len(edges))]
         places = _places(rng, solid, regions, edge)
         if places is None:
@@ -121,14 +128,20 @@ def _measured(solid, scene, renderer, edge, places, rng) -> Triple | None:
     across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
     grid = np.stack(np.meshgrid(*[np.arange(2 * PATCH + 1)] * 2), axis=-1) + corners[:, None, None]
     off = (grid - image[:POINTS, None, None]) @ across
-    first = _first_side(solid, edge, renderer, pose, points[POINTS // 2], image[POINTS // 2], across)
-    sides = [(sign * off >= BESIDE_PX[0]) & (sign * off <= BESIDE_PX[1]) for sign in (first, -first)]
+    first = _first_side(
+        solid, edge, renderer, pose, points[POINTS // 2], image[POINTS // 2], across
+    )
+    sides = [
+        (sign * off >= BESIDE_PX[0]) & (sign * off <= BESIDE_PX[1]) for sign in (first, -first)
+    ]
     seen, faces = _seen(scene, pose, grid), solid.normals[list(edge.faces)]
     good = np.ones(POINTS, bool)
     for side, normal in zip(sides, faces, strict=True):
         near = (off * np.sign(off[side][0]) > 0) & (np.abs(off) <= CLEAR_PX)
         on = (seen[1] @ normal > 1 - 1e-6) & (np.abs((seen[0] - points[0]) @ normal) < 1e-3)
-        clear = _reached(scene, seen[0], lamp) | (np.einsum("...i,i->...", lamp - seen[0], normal) <= 0)
+        clear = _reached(scene, seen[0], lamp) | (
+            np.einsum("...i,i->...", lamp - seen[0], normal) <= 0
+        )
         good &= ((on & clear) | ~near | (np.abs(off) < 1)).all(axis=(1, 2))
     if good.sum() < 3:
         return None
@@ -143,7 +156,12 @@ def _measured(solid, scene, renderer, edge, places, rng) -> Triple | None:
     ideal = [float(one.mean()) for one in ideal]
     total = (BRIGHTEST - AMBIENT) * sum(ideal)
     # of both means, by noise and rounding to whole levels; the derivatives of the contrast
-    sigma = np.sqrt(NOISE**2 + 1 / 12 / LEVELS**2) / np.sqrt(counts) * (BRIGHTEST - AMBIENT) * np.array(ideal[::-1])
+    sigma = (
+        np.sqrt(NOISE**2 + 1 / 12 / LEVELS**2)
+        / np.sqrt(counts)
+        * (BRIGHTEST - AMBIENT)
+        * np.array(ideal[::-1])
+    )
     if total * LEVELS < 10:
         return None
     return Triple(
@@ -171,7 +189,11 @@ def _first_side(solid, edge, renderer, pose, point, pixel, across) -> int:
 
 def _seen(scene, pose, grid):
     """Return the places and normals that pixels (..., 2) show."""
-    rays = np.concatenate([grid, np.ones((*grid.shape[:-1], 1))], axis=-1) @ np.linalg.inv(MATRIX).T @ pose[:3, :3].T
+    rays = (
+        np.concatenate([grid, np.ones((*grid.shape[:-1], 1))], axis=-1)
+        @ np.linalg.inv(MATRIX).T
+        @ pose[:3, :3].T
+    )
     hit = scene.cast(pose[:3, 3], rays)
     depth = np.where(np.isfinite(hit["t_hit"]), hit["t_hit"], 0.0)
     return pose[:3, 3] + depth[..., None] * rays, hit["primitive_normals"].astype(float)
@@ -205,11 +227,21 @@ def steps_under(solid: Solid, plan, lamp_of, n: int = 9) -> dict[tuple[int, str]
             along = image[-1] - image[-2]
             across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
             corners = np.rint(image[:n]).astype(int) - PATCH
-            grid = np.stack(np.meshgrid(*[np.arange(2 * PATCH + 1)] * 2), axis=-1) + corners[:, None, None]
+            grid = (
+                np.stack(np.meshgrid(*[np.arange(2 * PATCH + 1)] * 2), axis=-1)
+                + corners[:, None, None]
+            )
             off = (grid - image[:n, None, None]) @ across
-            patches = renderer.patches(pose, corners, Lamp(lamp - middle, AMBIENT), np.random.default_rng(0))
+            patches = renderer.patches(
+                pose, corners, Lamp(lamp - middle, AMBIENT), np.random.default_rng(0)
+            )
             sides = [
-                np.array([patches[i][(sign * off[i] >= 2) & (sign * off[i] <= 4)].mean() for i in range(n)])
+                np.array(
+                    [
+                        patches[i][(sign * off[i] >= 2) & (sign * off[i] <= 4)].mean()
+                        for i in range(n)
+                    ]
+                )
                 for sign in (1, -1)
             ]
             found[k, name] = LEVELS * np.abs(sides[0] - sides[1])
@@ -218,11 +250,14 @@ def steps_under(solid: Solid, plan, lamp_of, n: int = 9) -> dict[tuple[int, str]
 
 def print_table(rows: list[Triple]) -> None:
     """Print per part how far the image is from the formula."""
-    print(f"{'part':24} triples  |C| < .1  max |diff|  rms diff  rms z  |z| > 3  sign wrong  > 10⁻³ beside")
+    print(
+        f"{'part':24} triples  |C| < .1  max |diff|  rms diff  rms z  |z| > 3  sign wrong  > 10⁻³ beside"
+    )
     for part in dict.fromkeys(row.part for row in rows):
         own = [row for row in rows if row.part == part]
         predicted, beside, measured, error = (
-            np.array([getattr(row, name) for row in own]) for name in ("predicted", "beside", "measured", "error")
+            np.array([getattr(row, name) for row in own])
+            for name in ("predicted", "beside", "measured", "error")
         )
         diff, z = measured - predicted, (measured - beside) / error
         wrong = (np.sign(measured) != np.sign(predicted)) & (np.abs(beside) > 3 * error)
@@ -265,8 +300,12 @@ def lamps_of(light) -> dict[tuple[int, str], np.ndarray]:
 
 def main() -> int:
     """Measure all parts and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("parts", nargs="*", default=[str(EXAMPLES / name) for name in PARTS], metavar="PART")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "parts", nargs="*", default=[str(EXAMPLES / name) for name in PARTS], metavar="PART"
+    )
     parser.add_argument("--triples", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--csv", metavar="FILE")

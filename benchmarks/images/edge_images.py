@@ -87,7 +87,9 @@ def fitted(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return middle, way
 
 
-def crossing(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+def crossing(
+    one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]
+) -> np.ndarray:
     """Return where two lines of the image meet."""
     share = np.linalg.solve(np.column_stack([one[1], -other[1]]), other[0] - one[0])
     return one[0] + share[0] * one[1]
@@ -98,20 +100,33 @@ def _mixed_px(deg: float) -> float:
     return float((NEAR_PX + BLURRED_PX) / np.tan(np.radians(max(deg, 1.0))))
 
 
-def found_ends(renderer: Renderer, pose: np.ndarray, ends: np.ndarray, arms: list[Arm], lamp: Lamp, rng) -> np.ndarray:
+def found_ends(
+    renderer: Renderer, pose: np.ndarray, ends: np.ndarray, arms: list[Arm], lamp: Lamp, rng
+) -> np.ndarray:
     """Return the ends (2, 2) of an edge in px as found in the image from a pose; nan where grey steps are too weak."""
     length = np.linalg.norm(np.diff(renderer.projected(ends, pose), axis=0))
     mixed = [float(np.clip(_mixed_px(one.edge_deg) / length, 0.06, 0.4)) for one in arms]
     line = _line(renderer, pose, ends[0], ends[1], (mixed[0], 1 - mixed[1]), ALONG, lamp, rng)
     corners = np.full((2, 2), np.nan)
     for i, (end, one) in enumerate(zip(ends, arms, strict=True)):
-        arm = _line(renderer, pose, end, one.tip, arm_shares(renderer, pose, end, one), ARM_POINTS, lamp, rng)
+        arm = _line(
+            renderer,
+            pose,
+            end,
+            one.tip,
+            arm_shares(renderer, pose, end, one),
+            ARM_POINTS,
+            lamp,
+            rng,
+        )
         if line is not None and arm is not None:
             corners[i] = crossing(line, arm)
     return corners
 
 
-def _missed_px(renderer: Renderer, pose: np.ndarray, ends: np.ndarray, arm: Arm, lamp: Lamp, rng) -> float:
+def _missed_px(
+    renderer: Renderer, pose: np.ndarray, ends: np.ndarray, arm: Arm, lamp: Lamp, rng
+) -> float:
     """Return how far from the first end its corner is found with a line, px, in some noisy images; many if it is not.
 
     One image would choose a line too short for a fit as often as luck has it.
@@ -121,10 +136,14 @@ def _missed_px(renderer: Renderer, pose: np.ndarray, ends: np.ndarray, arm: Arm,
     return missed if np.isfinite(missed) else 1e6
 
 
-def arm_step(renderer: Renderer, pose: np.ndarray, corner: np.ndarray, arm: Arm, lamp: Lamp, rng) -> float:
+def arm_step(
+    renderer: Renderer, pose: np.ndarray, corner: np.ndarray, arm: Arm, lamp: Lamp, rng
+) -> float:
     """Return the grey step across a line that leaves a corner, where it is weakest but for a few points."""
     way = arm.tip - corner
-    points = corner + np.linspace(*arm_shares(renderer, pose, corner, arm), ARM_POINTS)[:, None] * way
+    points = (
+        corner + np.linspace(*arm_shares(renderer, pose, corner, arm), ARM_POINTS)[:, None] * way
+    )
     tangents = np.tile(way / np.linalg.norm(way), (ARM_POINTS, 1))
     return float(np.quantile(found_points(renderer, pose, points, tangents, lamp, rng)[1], 0.2))
 
@@ -143,14 +162,19 @@ def _fitted_px(renderer: Renderer, pose: np.ndarray, corner: np.ndarray, arm: Ar
     return float(np.ptp(arm_shares(renderer, pose, corner, arm)) * length)
 
 
-def detected_ends(renderer: Renderer, pose: np.ndarray, ends: np.ndarray, lamp: Lamp, rng) -> np.ndarray:
+def detected_ends(
+    renderer: Renderer, pose: np.ndarray, ends: np.ndarray, lamp: Lamp, rng
+) -> np.ndarray:
     """Return the ends (2, 2, 2) of an edge in px, as corners and as ends of a trace; nan where there is none."""
     image = renderer.projected(ends, pose)
     found = np.empty((2, 2, 2))
     for i in range(2):
         grey, first = picture(renderer, pose, image[i], lamp, rng)
         outward = (image[i] - image[1 - i]) / np.linalg.norm(image[i] - image[1 - i])
-        found[:, i] = corner_sub_pix(grey, first, image[i]), traced_end(grey, first, image[i], outward)
+        found[:, i] = (
+            corner_sub_pix(grey, first, image[i]),
+            traced_end(grey, first, image[i], outward),
+        )
     return found
 
 
@@ -165,7 +189,12 @@ def _line(renderer, pose, start, end, shares, n, lamp, rng):
 def pairs(plan: InspectionPlan, solid: Solid, n: int, seed: int, triangles=None) -> Iterator[Pair]:
     """Measure every edge of every setting from n displaced poses; ``triangles`` (vertices, triangles) are rendered."""
     lines = Lines(solid)
-    renderer = Renderer(*(triangles or (solid.vertices, solid.triangles)), plan.camera.matrix, samples=4, noise=0.015)
+    renderer = Renderer(
+        *(triangles or (solid.vertices, solid.triangles)),
+        plan.camera.matrix,
+        samples=4,
+        noise=0.015,
+    )
     for k, setting in enumerate(plan.settings):
         pose = np.asarray(setting.cam2world)
         for name in setting.entities:
@@ -179,34 +208,58 @@ def pairs(plan: InspectionPlan, solid: Solid, n: int, seed: int, triangles=None)
                 wide = [one for one in arms if CORNER_DEG <= one.seen_deg <= 180 - CORNER_DEG]
                 if not wide or min(one.seen_deg for one in arms) < CORNER_DEG:
                     kind = "no corner"
-                long = [one for one in wide if _fitted_px(renderer, pose, ends[i], one) >= FITTED_PX]
+                long = [
+                    one for one in wide if _fitted_px(renderer, pose, ends[i], one) >= FITTED_PX
+                ]
                 wide = long or wide
                 steps = [arm_step(renderer, pose, ends[i], one, lamp, rng) for one in wide]
-                missed = [_missed_px(renderer, pose, ends[[i, 1 - i]], one, lamp, rng) for one in wide]
-                chosen.append(wide[int(np.argmin(missed))] if wide else _onward(lines, ends[i], ends[1 - i], own))
+                missed = [
+                    _missed_px(renderer, pose, ends[[i, 1 - i]], one, lamp, rng) for one in wide
+                ]
+                chosen.append(
+                    wide[int(np.argmin(missed))]
+                    if wide
+                    else _onward(lines, ends[i], ends[1 - i], own)
+                )
                 if wide and max(steps) < WEAK and kind == "clean":
                     kind = "weak corner"
             near = lines.nearest_px(renderer, pose, ends, own)
             points = ends[0] + np.linspace(0.1, 0.9, 9)[:, None] * (ends[1] - ends[0])
             tangents = np.tile((ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0]), (9, 1))
-            step = float(np.quantile(found_points(renderer, pose, points, tangents, lamp, rng)[1], 0.1))
+            step = float(
+                np.quantile(found_points(renderer, pose, points, tangents, lamp, rng)[1], 0.1)
+            )
             image = renderer.projected(ends, pose)
             room = min(image.min(), (np.array(plan.camera.resolution) - image).min())
             if kind == "clean":
                 kind = (
-                    "near line" if near < NEAR_PX else "weak" if step < WEAK else "border" if room < AROUND_PX else kind
+                    "near line"
+                    if near < NEAR_PX
+                    else "weak"
+                    if step < WEAK
+                    else "border"
+                    if room < AROUND_PX
+                    else kind
                 )
             if plan.light is not None and name in plan.light.unlit[k]:
                 kind = "not lit"
-            yield _measured(plan, k, name, (renderer, pose, ends, chosen, lamp, rng), n, (kind, near, step))
+            yield _measured(
+                plan, k, name, (renderer, pose, ends, chosen, lamp, rng), n, (kind, near, step)
+            )
 
 
 def _onward(lines: Lines, end: np.ndarray, inward: np.ndarray, own: set[int]) -> Arm:
     """Return the line that an edge runs on in: what a corner detector would take for the other side."""
     vertex = int(np.linalg.norm(lines.solid.vertices - end, axis=1).argmin())
-    others = [e for e in np.flatnonzero((lines.ends == vertex).any(axis=1) & lines.line) if e not in own]
+    others = [
+        e for e in np.flatnonzero((lines.ends == vertex).any(axis=1) & lines.line) if e not in own
+    ]
     tips = [lines.solid.vertices[lines.ends[e].sum() - vertex] for e in others]
-    tip = min(tips, key=lambda tip: abs(angle_deg(tip - end, inward - end) - 90)) if tips else 2 * end - inward
+    tip = (
+        min(tips, key=lambda tip: abs(angle_deg(tip - end, inward - end) - 90))
+        if tips
+        else 2 * end - inward
+    )
     return Arm(tip, 180.0, 90.0)
 
 
@@ -225,10 +278,13 @@ def _measured(plan, k, name, how, n, kind) -> Pair:
             length = np.linalg.norm((one[1] - one[0]) * camera.pixel_pitch_mm)
             errors[i, j] = abs(length / nominal - 1) if np.isfinite(length) else np.inf
     promised = [
-        float(Objective(ends[None], camera, plan.pose_uncertainty, a).probability(pose[None])[0, 0]) for a in ACCURACIES
+        float(Objective(ends[None], camera, plan.pose_uncertainty, a).probability(pose[None])[0, 0])
+        for a in ACCURACIES
     ]
     met = [tuple(float(value) for value in (errors <= 1 - a).mean(axis=0)) for a in ACCURACIES]
-    return Pair(plan.part, k, name, kind[0], kind[1], kind[2], n, tuple(promised), *zip(*met, strict=True))
+    return Pair(
+        plan.part, k, name, kind[0], kind[1], kind[2], n, tuple(promised), *zip(*met, strict=True)
+    )
 
 
 def lamp_place(plan: InspectionPlan, k: int, name: str) -> np.ndarray:
@@ -246,13 +302,18 @@ def show(found: list[Pair]) -> None:
     print(f"{'class':<12}{'pairs':>6}{'images':>7}{head}")
     for kind in sorted({one.kind for one in found}):
         own = [one for one in found if one.kind == kind]
-        means = [[np.mean([getattr(one, which)[i] for one in own]) for which in _TOLD] for i in range(3)]
+        means = [
+            [np.mean([getattr(one, which)[i] for one in own]) for which in _TOLD] for i in range(3)
+        ]
         cells = "".join(f"{p:21.3f}{m:7.3f}{r:8.3f}{c:7.3f}{t:7.3f}" for p, m, r, c, t in means)
         print(f"{kind:<12}{len(own):>6}{sum(one.n for one in own):>7}{cells}")
     for one in found:
         if one.worst > 3:
             told = f"{one.kind}, line at {one.near_px:.1f} px, step {one.step:.0f}"
-            print(f"promised too much: {one.part} setting {one.setting + 1} {one.name} ({told}):", end=" ")
+            print(
+                f"promised too much: {one.part} setting {one.setting + 1} {one.name} ({told}):",
+                end=" ",
+            )
             print(f"{one.promised} against {one.measured}, {one.worst:.1f} standard errors")
 
 
@@ -262,7 +323,11 @@ def write_csv(path: Path, found: list[Pair], plan: str = "") -> None:
     for one in found:
         row = {"plan": plan, **asdict(one), "setting": one.setting + 1}
         row |= {"near_px": round(one.near_px, 2), "step": round(one.step, 1)}
-        told = {f"{which} {a}": round(row[which][i], 6) for i, a in enumerate(ACCURACIES) for which in _TOLD}
+        told = {
+            f"{which} {a}": round(row[which][i], 6)
+            for i, a in enumerate(ACCURACIES)
+            for which in _TOLD
+        }
         rows.append({name: value for name, value in row.items() if name not in _TOLD} | told)
     new = not path.exists()
     with path.open("a", newline="", encoding="utf-8") as file:
@@ -274,7 +339,9 @@ def write_csv(path: Path, found: list[Pair], plan: str = "") -> None:
 
 def main() -> int:
     """Measure the edges of a plan; 1 if a clean pair was promised more than was measured."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("plan", type=Path)
     parser.add_argument("part", type=Path)
     parser.add_argument("--poses", type=int, default=30)
@@ -283,11 +350,25 @@ def main() -> int:
     parser.add_argument("--name", default="", help="what the file calls the plan")
     options = parser.parse_args()
     began, found = time.time(), []
-    fine = triangles_of(options.part) if ".st" in options.part.name and ".stl" not in options.part.name else None
-    for pair in pairs(read_plan(options.plan), read_solid(options.part), options.poses, options.seed, fine):
+    fine = (
+        triangles_of(options.part)
+        if ".st" in options.part.name and ".stl" not in options.part.name
+        else None
+    )
+    for pair in pairs(
+        read_plan(options.plan), read_solid(options.part), options.poses, options.seed, fine
+    ):
         found.append(pair)
-        print(f"{pair.setting + 1} {pair.name:<24}{pair.kind:<10}{pair.near_px:6.1f} px step {pair.step:5.1f}", end=" ")
-        print("  ".join(f"{p:.3f}/{m:.3f}" for p, m in zip(pair.promised, pair.measured, strict=True)), flush=True)
+        print(
+            f"{pair.setting + 1} {pair.name:<24}{pair.kind:<10}{pair.near_px:6.1f} px step {pair.step:5.1f}",
+            end=" ",
+        )
+        print(
+            "  ".join(
+                f"{p:.3f}/{m:.3f}" for p, m in zip(pair.promised, pair.measured, strict=True)
+            ),
+            flush=True,
+        )
     show(found)
     print(f"{time.time() - began:.0f} s")
     if options.csv:

@@ -46,7 +46,10 @@ class Renderer:
 
     def __post_init__(self):
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-        vertices, triangles = np.asarray(self.vertices, np.float32), np.asarray(self.triangles, np.uint32)
+        vertices, triangles = (
+            np.asarray(self.vertices, np.float32),
+            np.asarray(self.triangles, np.uint32),
+        )
         self._scene.add_triangles(o3d.core.Tensor(vertices), o3d.core.Tensor(triangles))
 
     def patches(self, cam2world: np.ndarray, corners: np.ndarray, lamp: Lamp, rng) -> np.ndarray:
@@ -61,8 +64,12 @@ class Renderer:
             # a place at random in each part of a pixel: on a lattice, edges along its rows would move by steps
             grid = lattice + rng.uniform(-0.5, 0.5, lattice.shape) / self.samples
             pixels = np.concatenate([grid + corner, np.ones((*grid.shape[:2], 1))], axis=-1)
-            shade[:] = self._grey(cam2world, pixels.reshape(-1, 3) @ to_rays, lamp).reshape(shade.shape)
-        grey = gaussian_filter(grey, (0, self.blur_px * self.samples, self.blur_px * self.samples), mode="nearest")
+            shade[:] = self._grey(cam2world, pixels.reshape(-1, 3) @ to_rays, lamp).reshape(
+                shade.shape
+            )
+        grey = gaussian_filter(
+            grey, (0, self.blur_px * self.samples, self.blur_px * self.samples), mode="nearest"
+        )
         grey = grey.reshape(len(corners), size, self.samples, size, self.samples).mean(axis=(2, 4))
         grey = grey[:, margin:-margin, margin:-margin]
         grey = grey + rng.normal(0.0, self.noise, grey.shape)
@@ -70,9 +77,14 @@ class Renderer:
 
     def _grey(self, cam2world: np.ndarray, directions: np.ndarray, lamp: Lamp) -> np.ndarray:
         turned = directions @ cam2world[:3, :3].T
-        rays = np.concatenate([np.broadcast_to(cam2world[:3, 3], turned.shape), turned], axis=1).astype(np.float32)
+        rays = np.concatenate(
+            [np.broadcast_to(cam2world[:3, 3], turned.shape), turned], axis=1
+        ).astype(np.float32)
         hit = self._scene.cast_rays(o3d.core.Tensor(rays))
-        depth, normal = hit["t_hit"].numpy().astype(float), hit["primitive_normals"].numpy().astype(float)
+        depth, normal = (
+            hit["t_hit"].numpy().astype(float),
+            hit["primitive_normals"].numpy().astype(float),
+        )
         seen = np.isfinite(depth)
         grey = np.full(len(rays), _DARK)
         points = cam2world[:3, 3] + depth[seen, None] * turned[seen]
@@ -94,7 +106,14 @@ class Renderer:
         return image[:, :2] / image[:, 2:]
 
 
-def found_points(renderer: Renderer, cam2world: np.ndarray, points: np.ndarray, tangents: np.ndarray, lamp: Lamp, rng):
+def found_points(
+    renderer: Renderer,
+    cam2world: np.ndarray,
+    points: np.ndarray,
+    tangents: np.ndarray,
+    lamp: Lamp,
+    rng,
+):
     """Look for an edge at points (m, 3) with tangents (m, 3) in the image from a pose; px (m, 2), and grey steps (m,).
 
     The step is the difference of the grey values, of 255, a little to either side of the point.
@@ -121,7 +140,9 @@ def found_points(renderer: Renderer, cam2world: np.ndarray, points: np.ndarray, 
     shift = np.where(bend < 0, (left - right) / (2 * np.where(bend < 0, bend, -1)), 0.0)
     beside = round(_BESIDE / _STEP)
     low, high = (profile[rows, np.clip(best + k, 0, len(t) - 1)] for k in (-beside, beside))
-    return np.rint(image) + (t[best] + np.clip(shift, -1, 1) * _STEP)[:, None] * across, 255 * np.abs(high - low)
+    return np.rint(image) + (t[best] + np.clip(shift, -1, 1) * _STEP)[
+        :, None
+    ] * across, 255 * np.abs(high - low)
 
 
 def _bilinear(patches: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -135,10 +156,16 @@ def _bilinear(patches: np.ndarray, places: np.ndarray) -> np.ndarray:
     return (1 - b) * upper + b * ((1 - a) * patches[k, j + 1, i] + a * patches[k, j + 1, i + 1])
 
 
-def carried_back(pixels: np.ndarray, matrix: np.ndarray, cam2world: np.ndarray, plane) -> np.ndarray:
+def carried_back(
+    pixels: np.ndarray, matrix: np.ndarray, cam2world: np.ndarray, plane
+) -> np.ndarray:
     """Return where rays through pixels (n, 2) from a pose meet a plane (point (3,), normal (3,)); (n, 3) mm."""
     point, normal = plane
-    rays = np.append(pixels, np.ones((len(pixels), 1)), axis=1) @ np.linalg.inv(matrix).T @ cam2world[:3, :3].T
+    rays = (
+        np.append(pixels, np.ones((len(pixels), 1)), axis=1)
+        @ np.linalg.inv(matrix).T
+        @ cam2world[:3, :3].T
+    )
     depth = ((point - cam2world[:3, 3]) @ normal) / (rays @ normal)
     return cam2world[:3, 3] + depth[:, None] * rays
 
@@ -205,12 +232,17 @@ class Measured:
 
     def value(self, points: list[np.ndarray]) -> float:
         """Return the value, mm (angles: degrees), from points (n, 3) that were carried back, of each entity."""
-        circles = [fitted_circle(own, axis) for own, (_, axis, _) in zip(points, self.circles, strict=False)]
+        circles = [
+            fitted_circle(own, axis)
+            for own, (_, axis, _) in zip(points, self.circles, strict=False)
+        ]
         lines = [fitted_line(own) for own in points[len(circles) :]]
         if self.kind in ("diameter", "radius"):
             return circles[0][1] * (2 if self.kind == "diameter" else 1)
         if self.kind == "centre_distance":
-            return float(np.linalg.norm(np.cross(circles[1][0] - circles[0][0], self.circles[0][1])))
+            return float(
+                np.linalg.norm(np.cross(circles[1][0] - circles[0][0], self.circles[0][1]))
+            )
         if self.kind == "centre_to_edge":
             off = circles[0][0] - lines[0][0]
             across = np.cross(self.circles[0][1], lines[0][1])

@@ -64,7 +64,10 @@ def differences(example, views, draws, rng, rotation):
             continue
         found = model_of(example, covariance, localisation, permitted).describe(pose)
         result.append(
-            (found.probability - np.mean(np.abs(error) <= permitted), found.standard_uncertainty / np.nanstd(error) - 1)
+            (
+                found.probability - np.mean(np.abs(error) <= permitted),
+                found.standard_uncertainty / np.nanstd(error) - 1,
+            )
         )
     return np.array(result).T
 
@@ -113,11 +116,17 @@ def localisation_differences(example, localisation, views, draws, rng):
 
 def main() -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--views", type=int, default=40)
     parser.add_argument("--draws", type=int, default=1 << 17)
     given, rng, missed = parser.parse_args(), np.random.default_rng(8), []
-    print(f"{'largest |dP| (|du|/u)':24s}" + "".join(f"{r:>10g} rad" + " " * 6 for r in ROTATIONS) + "per second")
+    print(
+        f"{'largest |dP| (|du|/u)':24s}"
+        + "".join(f"{r:>10g} rad" + " " * 6 for r in ROTATIONS)
+        + "per second"
+    )
     for name, example in EXAMPLES.items():
         line = f"{name:24s}"
         for rotation, limit in zip(ROTATIONS, LIMITS, strict=True):
@@ -131,7 +140,9 @@ def main() -> None:
     for name, example in EXAMPLES.items():
         line = f"{name:24s}"
         for localisation in models:
-            of_p = localisation_differences(example, localisation, given.views, given.draws // 8, rng)
+            of_p = localisation_differences(
+                example, localisation, given.views, given.draws // 8, rng
+            )
             line += f"    {np.abs(of_p).max():.4f} ({of_p.mean():+.4f})"
         print(line, flush=True)
     print("\nlimits missed: " + ("; ".join(missed) or "none"))

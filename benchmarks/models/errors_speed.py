@@ -57,7 +57,9 @@ def best_time(function, repeat=3):
 
 def main() -> None:
     """Print speed and accuracy per rotation, then the memory of a large batch."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--edges", type=int, default=200_000)
     parser.add_argument("--samples", type=int, default=1_000_000)
     arguments = parser.parse_args()
@@ -66,14 +68,22 @@ def main() -> None:
 
     start = time.process_time()
     success_probability(few, **CALL, pose_covariance=np.eye(6) * 1e-4)
-    print(f"first call: {time.process_time() - start:.2f} s (compiles once, then loads from the cache)")
-    print("rotation s.d.  per second  max diff   rms diff   MC noise (1 s.e., worst edge)  MC time / joint time")
+    print(
+        f"first call: {time.process_time() - start:.2f} s (compiles once, then loads from the cache)"
+    )
+    print(
+        "rotation s.d.  per second  max diff   rms diff   MC noise (1 s.e., worst edge)  MC time / joint time"
+    )
     for std in ROTATION_STD:
         shared = np.diag([0.03] * 3 + [std**2] * 3)
-        joint_time = best_time(lambda c=shared: success_probability(many, **CALL, pose_covariance=c)) / len(many)
+        joint_time = best_time(
+            lambda c=shared: success_probability(many, **CALL, pose_covariance=c)
+        ) / len(many)
         covariance = random_covariances(len(few), std, rng)
         start = time.process_time()
-        referee = simulate_success(few, **CALL, pose_covariance=covariance, samples=arguments.samples, rng=1)
+        referee = simulate_success(
+            few, **CALL, pose_covariance=covariance, samples=arguments.samples, rng=1
+        )
         pose_time = (time.process_time() - start) / (len(few) * arguments.samples)
         p = referee.probability
         difference = np.abs(success_probability(few, **CALL, pose_covariance=covariance) - p)
@@ -88,7 +98,9 @@ def main() -> None:
     start = time.process_time()
     success_probability(million, **CALL, pose_covariance=np.diag([0.03] * 3 + [1e-4] * 3))
     peak = tracemalloc.get_traced_memory()[1]
-    print(f"1,000,000 edges: {time.process_time() - start:.2f} s, {peak / 1e6:.0f} MB at the peak, result included")
+    print(
+        f"1,000,000 edges: {time.process_time() - start:.2f} s, {peak / 1e6:.0f} MB at the peak, result included"
+    )
 
 
 if __name__ == "__main__":

@@ -123,9 +123,12 @@ def judge_of(case: Case, folder: Path) -> tuple[Judge, float]:
     space = compute_regions(solid, wanted, workspace=default_workspace(solid, camera))
     seconds = time.process_time() - start
     need = Requirements(
-        field_margin_px=corner_margin_px(camera, UNCERTAINTY), visibility_radius_mm=position_margin_mm(UNCERTAINTY)
+        field_margin_px=corner_margin_px(camera, UNCERTAINTY),
+        visibility_radius_mm=position_margin_mm(UNCERTAINTY),
     )
-    return Judge(Request(space, space.entity_names, camera, UNCERTAINTY, case.accuracy, PROBABILITY, need)), seconds
+    return Judge(
+        Request(space, space.entity_names, camera, UNCERTAINTY, case.accuracy, PROBABILITY, need)
+    ), seconds
 
 
 def curve(judge: Judge, limit_s: float | None) -> list[Point]:
@@ -194,7 +197,9 @@ def ahead_s(other: Point, ours: list[Point]) -> float:
     total = 0.0
     for begin, end in zip(moments, [*moments[1:], moments[-1]], strict=True):
         now = [p for p in ours if p.seconds <= begin]
-        behind = not now or (other.inspected >= now[-1].inspected and now[-1].settings - other.settings > 1)
+        behind = not now or (
+            other.inspected >= now[-1].inspected and now[-1].settings - other.settings > 1
+        )
         total += (end - begin) * behind
     return total
 
@@ -202,19 +207,32 @@ def ahead_s(other: Point, ours: list[Point]) -> float:
 def stored(path: Path, part: str) -> dict[str, Point]:
     """Return the rivals' points of a case from a file of an earlier run."""
     with path.open(newline="", encoding="utf-8") as file:
-        rows = [row for row in csv.DictReader(file) if row["part"] == part and row["planner"] in PLANNERS]
+        rows = [
+            row
+            for row in csv.DictReader(file)
+            if row["part"] == part and row["planner"] in PLANNERS
+        ]
     return {
-        row["planner"]: Point(float(row["seconds"]), *(int(row[n]) for n in ("settings", "inspected", "supported")))
+        row["planner"]: Point(
+            float(row["seconds"]), *(int(row[n]) for n in ("settings", "inspected", "supported"))
+        )
         for row in rows
     }
 
 
-def measure(name: str, folder: Path, limit_s: float | None, rivals: Path | None) -> list[tuple[str, Point]]:
+def measure(
+    name: str, folder: Path, limit_s: float | None, rivals: Path | None
+) -> list[tuple[str, Point]]:
     """Print the table of a case; return planners and points."""
     known = stored(rivals, name) if rivals else {}
     judge, seconds = judge_of(CASES[name], folder)
-    print(f"\n{name}: {CASES[name].part}, {len(judge.names)} entities, regions {seconds:.1f} s", flush=True)
-    print(f"  {'':<36}{'seconds':>9}{'settings':>10}{'inspected':>11}{'supported':>11}{'at least':>10}{'ahead':>9}")
+    print(
+        f"\n{name}: {CASES[name].part}, {len(judge.names)} entities, regions {seconds:.1f} s",
+        flush=True,
+    )
+    print(
+        f"  {'':<36}{'seconds':>9}{'settings':>10}{'inspected':>11}{'supported':>11}{'at least':>10}{'ahead':>9}"
+    )
     ours = curve(judge, limit_s)
     rows = [("plan_inspection", point) for point in ours]
     for point in ours:
@@ -224,7 +242,9 @@ def measure(name: str, folder: Path, limit_s: float | None, rivals: Path | None)
     for other in PLANNERS:
         point = known[other] if other in known else rival(judge, other)
         late = ahead_s(point, ours)
-        print(_row(other, point) + f"{late:7.1f} s" + (" !" if late > TOLERATED_S else ""), flush=True)
+        print(
+            _row(other, point) + f"{late:7.1f} s" + (" !" if late > TOLERATED_S else ""), flush=True
+        )
         if other.startswith("greedy"):
             for what, n in (("inspects", point.inspected), ("is supported in", point.supported)):
                 print(f"  as many as it {what}, {n}: {_reached(ours, n, point)}")
@@ -245,7 +265,9 @@ def _reached(ours: list[Point], n: int, other: Point) -> str:
             told.append(f"{what} never")
         else:
             share = point.seconds / other.seconds
-            told.append(f"{what} after {share:.2f} of its time, {point.settings} for {point.inspected}")
+            told.append(
+                f"{what} after {share:.2f} of its time, {point.settings} for {point.inspected}"
+            )
     return "; ".join(told)
 
 
@@ -256,17 +278,25 @@ def _row(name: str, point: Point) -> str:
 
 def main() -> None:
     """Print a table per part; write all points to a file if one is named."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--parts", nargs="+", choices=list(CASES), default=list(CASES))
-    parser.add_argument("--folder", type=Path, default=Path(), help="of parts that are not among the examples")
+    parser.add_argument(
+        "--folder", type=Path, default=Path(), help="of parts that are not among the examples"
+    )
     parser.add_argument("--limit", type=float, help="seconds for plan_inspection, wall time")
-    parser.add_argument("--rivals", type=Path, help="take the rivals from this file, of an earlier run")
+    parser.add_argument(
+        "--rivals", type=Path, help="take the rivals from this file, of an earlier run"
+    )
     parser.add_argument("--csv", default=os.devnull, help="write every point to this file")
     given = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with open(given.csv, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["part", "planner", "seconds", "settings", "inspected", "supported", "bound"])
+        writer.writerow(
+            ["part", "planner", "seconds", "settings", "inspected", "supported", "bound"]
+        )
         for name in given.parts:
             if not any((place / CASES[name].part).exists() for place in (EXAMPLES, given.folder)):
                 print(f"\n{name}: {CASES[name].part} is not there")
@@ -274,7 +304,9 @@ def main() -> None:
             with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as alone:
                 rows = alone.submit(measure, name, given.folder, given.limit, given.rivals).result()
             for planner, point in rows:
-                writer.writerow([name, planner, f"{point.seconds:.3f}", *astuple(point)[1:4], point.bound or ""])
+                writer.writerow(
+                    [name, planner, f"{point.seconds:.3f}", *astuple(point)[1:4], point.bound or ""]
+                )
             file.flush()
 
 

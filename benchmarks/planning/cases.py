@@ -21,7 +21,9 @@ from planner.request.defaults import default_workspace
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
-PAPER_CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 300.0, largest_blur_mm=0.03, name="paper")
+PAPER_CAMERA = Camera(
+    25.0, (0.01, 0.013), (640, 480), 8.0, 300.0, largest_blur_mm=0.03, name="paper"
+)
 PAPER_UNCERTAINTY = PoseUncertainty(np.diag([0.03] * 3 + [0.003] * 3))
 COARSE_ARM = PoseUncertainty.isotropic(translation_mm=0.5, rotation_rad=0.02)
 
@@ -54,10 +56,20 @@ class Setup:
 
 SETUPS = {
     "block": Setup(
-        "two_pocket_block.off", "two_pocket_block_entities.toml", lambda: PAPER_CAMERA, PAPER_UNCERTAINTY, 0.98, 0.0
+        "two_pocket_block.off",
+        "two_pocket_block_entities.toml",
+        lambda: PAPER_CAMERA,
+        PAPER_UNCERTAINTY,
+        0.98,
+        0.0,
     ),
     "slotted": Setup(
-        "slotted_block.off", "slotted_block_entities.toml", lambda: PAPER_CAMERA, PAPER_UNCERTAINTY, 0.98, 0.0
+        "slotted_block.off",
+        "slotted_block_entities.toml",
+        lambda: PAPER_CAMERA,
+        PAPER_UNCERTAINTY,
+        0.98,
+        0.0,
     ),
     "ctc": Setup(
         "nist_ctc_01_ap242.stp",
@@ -69,7 +81,12 @@ SETUPS = {
     ),
 }
 
-TABLE_IV = [("e1", "e2"), ("e1", "e2", "e3"), ("e1", "e2", "e3", "e4", "e5"), ("e1", "e2", "e4", "e5")]
+TABLE_IV = [
+    ("e1", "e2"),
+    ("e1", "e2", "e3"),
+    ("e1", "e2", "e3", "e4", "e5"),
+    ("e1", "e2", "e4", "e5"),
+]
 """The four sets of the paper's Table IV."""
 
 CASES = [
@@ -101,7 +118,9 @@ FEW = [CASES[i] for i in (0, 2, 7, 8, 12, 16)]
 def regions(setup: str):
     """Return the visibility regions of a set-up's part for all its entities."""
     chosen = SETUPS[setup]
-    solid = read_solid(EXAMPLES / chosen.part, **({"units": "mm"} if chosen.part.endswith(".off") else {}))
+    solid = read_solid(
+        EXAMPLES / chosen.part, **({"units": "mm"} if chosen.part.endswith(".off") else {})
+    )
     entities = read_entities(EXAMPLES / chosen.entities, solid)
     return compute_regions(solid, entities, workspace=default_workspace(solid, chosen.camera()))
 

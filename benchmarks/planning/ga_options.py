@@ -52,7 +52,11 @@ PROBLEMS = [
     Problem("onemax 72", 72, onemax),
     Problem("trap 10 x 4", 40, trap),
     *(
-        Problem(f"{function.__name__} {'gray' if gray else 'binary'}", 72, partial(function, Chromosome(6, 12, gray)))
+        Problem(
+            f"{function.__name__} {'gray' if gray else 'binary'}",
+            72,
+            partial(function, Chromosome(6, 12, gray)),
+        )
         for function in (rastrigin, ridge)
         for gray in (False, True)
     ),
@@ -68,7 +72,8 @@ VARIANTS = {
     "+ elitism, window": ELITE | {"scaling": "window"},
     "+ elitism, rank": ELITE | {"scaling": "rank"},
     "+ elitism, rank, SUS": ELITE | {"scaling": "rank", "selection": "sus"},
-    "  the same, all distinct": ELITE | {"scaling": "rank", "selection": "sus", "duplicates": False},
+    "  the same, all distinct": ELITE
+    | {"scaling": "rank", "selection": "sus", "duplicates": False},
     "  the same, P_m 0.1": ELITE | {"scaling": "rank", "selection": "sus", "mutation": 0.1},
 }
 
@@ -77,7 +82,13 @@ def run(problem, options, seed, budget):
     """Return best fitness, evaluations until within 0.5 % (inf if never) and seconds of one run."""
     start = time.perf_counter()
     result = maximize(
-        problem.fitness, problem.n_bits, rng=seed, epsilon=0.0, max_generations=10**6, max_nfev=budget, **options
+        problem.fitness,
+        problem.n_bits,
+        rng=seed,
+        epsilon=0.0,
+        max_generations=10**6,
+        max_nfev=budget,
+        **options,
     )
     seconds = time.perf_counter() - start
     reached = np.flatnonzero(result.history.best_so_far >= 0.995)
@@ -95,7 +106,9 @@ def random_search(problem, seed, budget):
 def report(name, runs):
     """Print one row of the table."""
     best, evaluations, seconds = np.array(runs).T
-    median = f"{np.median(evaluations):9.0f}" if np.isfinite(np.median(evaluations)) else "        -"
+    median = (
+        f"{np.median(evaluations):9.0f}" if np.isfinite(np.median(evaluations)) else "        -"
+    )
     print(
         f"  {name:<26} {1 - np.median(best):9.5f} {1 - best.min():9.5f} "
         f"{np.isfinite(evaluations).sum():4d}/{len(runs)} {median} {1e3 * np.median(seconds):8.1f}"
@@ -109,10 +122,18 @@ def main() -> None:
     parser.add_argument("--budget", type=int, default=10_000)
     arguments = parser.parse_args()
     for problem in PROBLEMS:
-        print(f"\n{problem.name}\n  {'':<26} {'median':>9} {'worst':>9} {'within':>7} {'nfev':>9} {'ms':>8}")
-        report("random search", [random_search(problem, seed, arguments.budget) for seed in range(arguments.seeds)])
+        print(
+            f"\n{problem.name}\n  {'':<26} {'median':>9} {'worst':>9} {'within':>7} {'nfev':>9} {'ms':>8}"
+        )
+        report(
+            "random search",
+            [random_search(problem, seed, arguments.budget) for seed in range(arguments.seeds)],
+        )
         for name, options in VARIANTS.items():
-            report(name, [run(problem, options, seed, arguments.budget) for seed in range(arguments.seeds)])
+            report(
+                name,
+                [run(problem, options, seed, arguments.budget) for seed in range(arguments.seeds)],
+            )
 
 
 if __name__ == "__main__":

@@ -38,7 +38,9 @@ def milliseconds_per_generation(population, n_bits, options, generations=50, rep
 def main() -> None:
     """Print a row per set of options, a column per size."""
     sizes = [(20, 72), (100, 72), (1000, 72), (10_000, 72), (100, 720)]
-    print(f"{'ms per generation':<24}" + "".join(f"{f'{n} x {bits} bits':>18}" for n, bits in sizes))
+    print(
+        f"{'ms per generation':<24}" + "".join(f"{f'{n} x {bits} bits':>18}" for n, bits in sizes)
+    )
     for name, options in OPTIONS.items():
         cells = (milliseconds_per_generation(n, bits, options) for n, bits in sizes)
         print(f"{name:<24}" + "".join(f"{cell:18.3f}" for cell in cells))

@@ -48,7 +48,9 @@ def compare(seeds: int, writer) -> None:
             rows[name] += group
             print(_row(name, lost, group))
             for seed, r in enumerate(group):
-                writer.writerow([case_name(case), name, seed, r.fitness, r.evaluated, r.tried, r.seconds])
+                writer.writerow(
+                    [case_name(case), name, seed, r.fitness, r.evaluated, r.tried, r.seconds]
+                )
     print(f"\nall {len(FEW)} cases, {seeds} seeds each\n{_header()}")
     for name, group in rows.items():
         print(_row(name, shortfalls[name], group))
@@ -65,7 +67,9 @@ def _header() -> str:
 
 
 def _row(name: str, lost, group) -> str:
-    evaluated, tried, seconds = (np.mean([getattr(r, key) for r in group]) for key in ("evaluated", "tried", "seconds"))
+    evaluated, tried, seconds = (
+        np.mean([getattr(r, key) for r in group]) for key in ("evaluated", "tried", "seconds")
+    )
     return (
         f"  {name:<24}{np.median(lost):11.4f}{max(lost):11.4f}{np.std(lost):11.4f}"
         f"{evaluated:11.0f}{tried:11.0f}{seconds:11.2f}"
@@ -75,7 +79,11 @@ def _row(name: str, lost, group) -> str:
 def optimum(writer, times: float = 20.0) -> None:
     """Print, per case, how far the plan is below the best of the rivals with many times its evaluations."""
     names = ("differential evolution", "CMA-ES", "random search")
-    print(f"{'case':<52}{'plan':>8}{'evaluated':>10}" + "".join(f"{name:>24}" for name in names) + f"{'below %':>10}")
+    print(
+        f"{'case':<52}{'plan':>8}{'evaluated':>10}"
+        + "".join(f"{name:>24}" for name in names)
+        + f"{'below %':>10}"
+    )
     worst = -np.inf
     for case in CASES:
         problem = Problem(*case)
@@ -89,11 +97,16 @@ def optimum(writer, times: float = 20.0) -> None:
         below = 100.0 * (1.0 - plan.fitness / max(r.fitness for r in rivals))
         worst = max(worst, below)
         figures = "".join(f"{r.fitness:14.4f} ({r.evaluated:7d})" for r in rivals)
-        print(f"{case_name(case)[:51]:<52}{plan.fitness:8.4f}{plan.evaluated:10d}{figures}{below:10.4f}", flush=True)
+        print(
+            f"{case_name(case)[:51]:<52}{plan.fitness:8.4f}{plan.evaluated:10d}{figures}{below:10.4f}",
+            flush=True,
+        )
         for name, r in zip((_PLAN, *names), (plan, *rivals), strict=True):
             writer.writerow([case_name(case), name, 0, r.fitness, r.evaluated, r.tried, r.seconds])
     verdict = "within" if worst <= 0.5 else "NOT within"
-    print(f"The plan is {verdict} 0.5 % of the best of any rival on all {len(CASES)} cases (worst {worst:.4f} %).")
+    print(
+        f"The plan is {verdict} 0.5 % of the best of any rival on all {len(CASES)} cases (worst {worst:.4f} %)."
+    )
 
 
 def sampling(seeds: int) -> None:
@@ -109,7 +122,10 @@ def sampling(seeds: int) -> None:
     )
     for case in FEW:
         problem = Problem(*case)
-        runs = {where: [_converge(problem, where, s) for s in range(seeds)] for where in ("covering", "workspace")}
+        runs = {
+            where: [_converge(problem, where, s) for s in range(seeds)]
+            for where in ("covering", "workspace")
+        }
         # the references are refined, so they come first and stay out of the table
         best = max(run(problem, OURS, seed).fitness for seed in range(2))
         for where, outcomes in runs.items():
@@ -165,7 +181,10 @@ def _feasible_share(problem: Problem, where: str) -> float:
     sampler = problem.sampler
     if where == "workspace":
         sampler = WorkspaceSampler(
-            problem.cells, problem.constraints.ends, problem.camera, problem.constraints.space.workspace
+            problem.cells,
+            problem.constraints.ends,
+            problem.camera,
+            problem.constraints.space.workspace,
         )
     rng = np.random.default_rng(0)
     positions = sampler.sample(_DRAWS, rng)
@@ -179,7 +198,9 @@ def _or_dash(value: float) -> str:
 
 def main() -> None:
     """Run the comparison that the command line asks for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--optimum", action="store_true", help="is the plan's optimum real?")
     parser.add_argument("--sampling", action="store_true", help="what restricted sampling brings")
     parser.add_argument("--seeds", type=int, default=5)

@@ -47,7 +47,12 @@ PAPER_TABLE_III = [
 ]
 """P_c, P_m, N, probability, generations, seconds on their machine."""
 
-PAPER_TABLE_IV = [(0.96, 0.96), (0.94, 0.94, 0.90), (0.92, 0.93, 0.89, 0.92, 0.92), (0.94, 0.93, 0.93, 0.94)]
+PAPER_TABLE_IV = [
+    (0.96, 0.96),
+    (0.94, 0.94, 0.90),
+    (0.92, 0.93, 0.89, 0.92, 0.92),
+    (0.94, 0.93, 0.93, 0.94),
+]
 """P per entity of the four sets `cases.TABLE_IV`."""
 
 
@@ -83,7 +88,9 @@ class TableRun:
     seconds: float
 
 
-def paper_setting(part: str, names, search: Search, seed: int, callback=None, inside_mm: float = 0.0) -> SensorSetting:
+def paper_setting(
+    part: str, names, search: Search, seed: int, callback=None, inside_mm: float = 0.0
+) -> SensorSetting:
     """Plan a setting on one of the two blocks with the paper's parameters, perhaps away from the domains' boundary."""
     return plan_setting(
         regions(part),
@@ -99,14 +106,21 @@ def paper_setting(part: str, names, search: Search, seed: int, callback=None, in
     )
 
 
-def table_run(crossover: float, mutation: float, population: int, part: str, entity: str, seed: int) -> TableRun:
+def table_run(
+    crossover: float, mutation: float, population: int, part: str, entity: str, seed: int
+) -> TableRun:
     """Run the paper's plain algorithm once for one entity."""
     means = []
     search = Search.paper(
-        population=population, crossover=crossover, mutation=mutation, epsilon=EPSILON_PER_INDIVIDUAL * population
+        population=population,
+        crossover=crossover,
+        mutation=mutation,
+        epsilon=EPSILON_PER_INDIVIDUAL * population,
     )
     start = time.process_time()
-    setting = paper_setting(part, [entity], search, seed, lambda generation: means.append(generation.fitness.mean()))
+    setting = paper_setting(
+        part, [entity], search, seed, lambda generation: means.append(generation.fitness.mean())
+    )
     seconds = time.process_time() - start
     how = (crossover, mutation, population, part, entity, seed)
     return TableRun(*how, setting.fitness, float(means[-1]), setting.generations, seconds)
@@ -114,25 +128,39 @@ def table_run(crossover: float, mutation: float, population: int, part: str, ent
 
 def table_iv(seed: int, inside_mm: float = 0.0) -> list[SensorSetting]:
     """Return the setting of the default search for every set of Table IV."""
-    return [paper_setting("block", names, Search(), seed, inside_mm=inside_mm) for names in TABLE_IV]
+    return [
+        paper_setting("block", names, Search(), seed, inside_mm=inside_mm) for names in TABLE_IV
+    ]
 
 
 def main() -> None:
     """Run Table III row by row and write every run to a file."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=1, help="runs per entity and row; the paper's table has 5")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--runs", type=int, default=1, help="runs per entity and row; the paper's table has 5"
+    )
     parser.add_argument("--out", default="table_iii.csv")
     arguments = parser.parse_args()
     with open(arguments.out, "w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [field.name for field in fields(TableRun)], lineterminator="\n")
+        writer = csv.DictWriter(
+            file, [field.name for field in fields(TableRun)], lineterminator="\n"
+        )
         writer.writeheader()
         for seed in range(arguments.runs):
             for row in PAPER_TABLE_III:
                 runs = [table_run(*row[:3], *entity, seed) for entity in ENTITIES]
                 writer.writerows(asdict(run) for run in runs)
                 file.flush()
-                best, mean, nit = (np.mean([getattr(r, k) for r in runs]) for k in ("best", "last_mean", "generations"))
-                print(f"{row[:3]}: best {best:.4f}, last population {mean:.4f}, {nit:.0f} generations", flush=True)
+                best, mean, nit = (
+                    np.mean([getattr(r, k) for r in runs])
+                    for k in ("best", "last_mean", "generations")
+                )
+                print(
+                    f"{row[:3]}: best {best:.4f}, last population {mean:.4f}, {nit:.0f} generations",
+                    flush=True,
+                )
 
 
 if __name__ == "__main__":

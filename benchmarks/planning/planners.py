@@ -80,7 +80,11 @@ def icosphere(subdivisions: int) -> np.ndarray:
 def dome_poses(centre: np.ndarray, radius: float, subdivisions: int) -> np.ndarray:
     """Return poses (n, 4, 4) on a dome, looking at its centre, each in `_ROLLS` rolls of less than half a turn."""
     positions = np.repeat(centre + radius * icosphere(subdivisions), _ROLLS, axis=0)
-    return look_at(positions, centre, roll=np.tile(np.arange(_ROLLS) * np.pi / _ROLLS, len(positions) // _ROLLS))
+    return look_at(
+        positions,
+        centre,
+        roll=np.tile(np.arange(_ROLLS) * np.pi / _ROLLS, len(positions) // _ROLLS),
+    )
 
 
 def one_dome(judge: Judge, seed: int) -> tuple[np.ndarray, int]:
@@ -88,13 +92,17 @@ def one_dome(judge: Judge, seed: int) -> tuple[np.ndarray, int]:
     low, high = judge.space.solid.bounds
     nearest, farthest = judge.camera.depth_of_field_mm
     radius = np.linalg.norm(high - low) / 2
-    distance = nearest + radius if nearest + 2 * radius <= farthest else judge.camera.focus_distance_mm
+    distance = (
+        nearest + radius if nearest + 2 * radius <= farthest else judge.camera.focus_distance_mm
+    )
     return _cover(judge, dome_poses((low + high) / 2, distance, 3))
 
 
 def entity_domes(judge: Judge, seed: int) -> tuple[np.ndarray, int]:
     """Poses on a dome around every entity that a minimum cover chooses."""
-    domes = [dome_poses(ends.mean(axis=0), judge.camera.focus_distance_mm, 3) for ends in judge.ends]
+    domes = [
+        dome_poses(ends.mean(axis=0), judge.camera.focus_distance_mm, 3) for ends in judge.ends
+    ]
     return _cover(judge, np.concatenate(domes))
 
 
@@ -122,7 +130,11 @@ def _best_of_each(membership: np.ndarray, quality: np.ndarray) -> np.ndarray:
 
 def greedy(judge: Judge, seed: int) -> tuple[np.ndarray, int]:
     """Poses chosen greedily from the planner's own first candidates."""
-    return _cover(judge, np.concatenate([entity_poses(judge, name, 100, seed) for name in judge.names]), greedy=True)
+    return _cover(
+        judge,
+        np.concatenate([entity_poses(judge, name, 100, seed) for name in judge.names]),
+        greedy=True,
+    )
 
 
 def synthesis(judge: Judge, seed: int) -> tuple[np.ndarray, int]:
@@ -158,7 +170,9 @@ def synthesise(judge: Judge, idx, rng) -> tuple[np.ndarray | None, int]:
     positions = sampler.sample(_STARTS, rng)
     if not len(positions):
         return None, 0
-    encoding = PoseEncoding(sampler.bounds, constraints.sphere_centre, judge.camera.half_diagonal_rad)
+    encoding = PoseEncoding(
+        sampler.bounds, constraints.sphere_centre, judge.camera.half_diagonal_rad
+    )
     low, span = encoding.low, encoding.high - encoding.low
     around = np.vstack([np.zeros(6), _SYNTHESIS_STEP * np.eye(6), -_SYNTHESIS_STEP * np.eye(6)])
     tested = 0
@@ -173,9 +187,14 @@ def synthesise(judge: Judge, idx, rng) -> tuple[np.ndarray | None, int]:
             total += np.where(scaled < 0, 10 * scaled, scaled).mean(axis=1)
         return -total[0], -(total[1:7] - total[7:]) / (2 * _SYNTHESIS_STEP)
 
-    starts = np.hstack([positions, np.zeros((len(positions), 2)), rng.uniform(-np.pi, np.pi, (len(positions), 1))])
+    starts = np.hstack(
+        [positions, np.zeros((len(positions), 2)), rng.uniform(-np.pi, np.pi, (len(positions), 1))]
+    )
     ends = [
-        minimize(negative_sum, (s - low) / span, jac=True, bounds=[(0.0, 1.0)] * 6, method="SLSQP").x for s in starts
+        minimize(
+            negative_sum, (s - low) / span, jac=True, bounds=[(0.0, 1.0)] * 6, method="SLSQP"
+        ).x
+        for s in starts
     ]
     poses = encoding.poses(low + np.array(ends) * span)
     low_corner, high_corner = judge.space.workspace
@@ -226,7 +245,9 @@ def measure_ours(judge: Judge, setup: str, seed: int) -> Outcome:
     return _outcome(judge, poses, plan.lower_bound, 0, seconds)
 
 
-def _outcome(judge: Judge, poses: np.ndarray, bound: int | None, tested: int, seconds: float) -> Outcome:
+def _outcome(
+    judge: Judge, poses: np.ndarray, bound: int | None, tested: int, seconds: float
+) -> Outcome:
     if not len(poses):
         return Outcome(0, len(judge.names), np.nan, bound, tested, seconds)
     judged = judge(poses)
@@ -238,7 +259,9 @@ def _outcome(judge: Judge, poses: np.ndarray, bound: int | None, tested: int, se
 
 def main() -> None:
     """Print a table per part; write every run to a file if one is named."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--parts", nargs="+", choices=list(SETUPS), default=list(SETUPS))
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--csv", default=os.devnull, help="write every run to this file")
@@ -256,13 +279,26 @@ def compare(setup: str, seeds: int):
     """Print a part's table and yield (planner, seed, `Outcome`) of every run."""
     chosen, space = SETUPS[setup], regions(setup)
     need = Requirements(
-        field_margin_px=chosen.field_margin_px, visibility_radius_mm=position_margin_mm(chosen.pose_uncertainty)
+        field_margin_px=chosen.field_margin_px,
+        visibility_radius_mm=position_margin_mm(chosen.pose_uncertainty),
     )
     judge = Judge(
-        Request(space, space.entity_names, chosen.camera(), chosen.pose_uncertainty, chosen.accuracy, THRESHOLD, need)
+        Request(
+            space,
+            space.entity_names,
+            chosen.camera(),
+            chosen.pose_uncertainty,
+            chosen.accuracy,
+            THRESHOLD,
+            need,
+        )
     )
-    print(f"\n{chosen.part}: {len(judge.names)} entities, P >= {THRESHOLD} for an accuracy of {chosen.accuracy}")
-    print(f"  {'':<36}{'seed':>5}{'settings':>10}{'left out':>10}{'worst P':>9}{'poses':>9}{'seconds':>9}")
+    print(
+        f"\n{chosen.part}: {len(judge.names)} entities, P >= {THRESHOLD} for an accuracy of {chosen.accuracy}"
+    )
+    print(
+        f"  {'':<36}{'seed':>5}{'settings':>10}{'left out':>10}{'worst P':>9}{'poses':>9}{'seconds':>9}"
+    )
     synthesise(judge, [0], np.random.default_rng(0))
     for seed in range(seeds):
         for name, planner in PLANNERS.items():

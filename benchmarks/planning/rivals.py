@@ -66,13 +66,18 @@ class Problem:
     def __init__(self, setup: str, names):
         chosen, self.space, self.camera = SETUPS[setup], regions(setup), SETUPS[setup].camera()
         need = Requirements(
-            field_margin_px=chosen.field_margin_px, visibility_radius_mm=position_margin_mm(chosen.pose_uncertainty)
+            field_margin_px=chosen.field_margin_px,
+            visibility_radius_mm=position_margin_mm(chosen.pose_uncertainty),
         )
         self.constraints = Constraints(self.space, names, self.camera, need)
-        self.goal = Objective(self.constraints.ends, self.camera, chosen.pose_uncertainty, chosen.accuracy)
+        self.goal = Objective(
+            self.constraints.ends, self.camera, chosen.pose_uncertainty, chosen.accuracy
+        )
         self.cells = self.space.covering_cells(names)
         self.sampler = ViewpointSampler(self.cells, self.constraints.ends, self.camera)
-        self.encoding = PoseEncoding(self.sampler.bounds, self.constraints.sphere_centre, self.camera.half_diagonal_rad)
+        self.encoding = PoseEncoding(
+            self.sampler.bounds, self.constraints.sphere_centre, self.camera.half_diagonal_rad
+        )
         self._fitness, self._feasible = self.goal.fitness, self.constraints.feasible
         # the planner's own search goes through the same two counters as its rivals
         self.goal.fitness, self.constraints.feasible = self.fitness, self.feasible
@@ -126,7 +131,11 @@ class Problem:
         """Return −fitness + weight · violation of points (n, 6); (n,)."""
         self._stop_if_spent()
         poses = self.poses(x)
-        violation, inside, fitness = self.constraints.violation(poses), self.feasible(poses), np.zeros(len(poses))
+        violation, inside, fitness = (
+            self.constraints.violation(poses),
+            self.feasible(poses),
+            np.zeros(len(poses)),
+        )
         # seen from its end an entity has no image, and no probability of measuring it
         slacks = self.constraints.slacks(poses, ["resolution_mm"])["resolution_mm"]
         imaged = (slacks > -0.999 * self.constraints.min_length_mm).all(axis=(1, 2))
@@ -144,8 +153,12 @@ def genetic(search: Search):
     """Return a method that runs the planner's search; `budget` caps its genetic algorithm if it is finite."""
 
     def method(problem: Problem, rng, budget):
-        options = search if np.isinf(budget) else Search(**{**search.__dict__, "max_nfev": int(budget)})
-        problem.best = search_pose(problem.cells, problem.constraints, problem.goal, options, rng).fitness
+        options = (
+            search if np.isinf(budget) else Search(**{**search.__dict__, "max_nfev": int(budget)})
+        )
+        problem.best = search_pose(
+            problem.cells, problem.constraints, problem.goal, options, rng
+        ).fitness
 
     return method
 
@@ -208,7 +221,9 @@ def penalty_slsqp(problem: Problem, rng, budget):
     while True:
         x = np.clip(problem.draw(1, rng)[0], 0.0, 1.0)
         for weight in (1.0, 100.0):
-            x = minimize(with_gradient, x, (weight,), jac=True, bounds=[(0.0, 1.0)] * 6, method="SLSQP").x
+            x = minimize(
+                with_gradient, x, (weight,), jac=True, bounds=[(0.0, 1.0)] * 6, method="SLSQP"
+            ).x
 
 
 def run(problem: Problem, method, seed: int, budget: float = np.inf) -> Run:

@@ -47,13 +47,24 @@ CASES = {
         0.95,
     ),
 }
-_PAPER = ["--separation-px", "0", "--surround-px", "0", "--min-corner-deg", "0", "--focus-margin-mm", "0"]
+_PAPER = [
+    "--separation-px",
+    "0",
+    "--surround-px",
+    "0",
+    "--min-corner-deg",
+    "0",
+    "--focus-margin-mm",
+    "0",
+]
 _HEADER = "part     edges  settings  bound  left out  confirmed      s   CPU s   GiB"
 
 
 def main() -> None:
     """Plan the parts asked for and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("cases", nargs="*", metavar="CASE", help=f"of {', '.join(CASES)}")
     parser.add_argument("--parts", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--out", type=Path, help="keep the plans in folders of this one")
@@ -67,7 +78,15 @@ def main() -> None:
             folder.mkdir(parents=True, exist_ok=True)
             camera = folder / "camera.toml"
             camera.write_text(_toml(Camera.named(name, **settings)), encoding="utf-8")
-            arguments = ["--all", "--camera", str(camera), "--accuracy", str(accuracy), "--out", str(folder)]
+            arguments = [
+                "--all",
+                "--camera",
+                str(camera),
+                "--accuracy",
+                str(accuracy),
+                "--out",
+                str(folder),
+            ]
             arguments += _PAPER if options.paper else []
             wall, cpu, peak = _run(["plan", str(options.parts / file), *arguments])
             print(_row(case, read_plan(folder / "plan.json"), wall, cpu, peak), flush=True)
@@ -80,7 +99,12 @@ def _toml(camera: Camera) -> str:
 def _run(arguments: list[str]) -> tuple[float, float, float]:
     """Run the command line; return wall time and processor time, s, and peak memory, GiB."""
     begun, before = time.perf_counter(), os.times()
-    command = [sys.executable, "-c", "import sys; from planner.cli import start; sys.exit(start())", *arguments]
+    command = [
+        sys.executable,
+        "-c",
+        "import sys; from planner.cli import start; sys.exit(start())",
+        *arguments,
+    ]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
     peak = [0.0]
     watch = threading.Thread(target=_watch, args=(process, peak), daemon=True)
@@ -90,7 +114,9 @@ def _run(arguments: list[str]) -> tuple[float, float, float]:
     after = os.times()
     if code not in (0, 1):
         sys.exit(f"aspectgraph {' '.join(arguments)} ended with exit code {code}.")
-    cpu = after.children_user + after.children_system - before.children_user - before.children_system
+    cpu = (
+        after.children_user + after.children_system - before.children_user - before.children_system
+    )
     return time.perf_counter() - begun, cpu, peak[0]
 
 

@@ -20,12 +20,23 @@ from pathlib import Path
 
 _COMMAND = "import sys; from planner.cli import start; sys.exit(start())"
 _REQUEST = ["--camera", "basler-acA2440-20gm-8mm", "--select", "length > 12", "--accuracy", "0.95"]
-_REQUEST += ["--sigma-mm", "0.05", "--sigma-rad", "0.001", "--simulate", "1000", "--effort", "quick"]
+_REQUEST += [
+    "--sigma-mm",
+    "0.05",
+    "--sigma-rad",
+    "0.001",
+    "--simulate",
+    "1000",
+    "--effort",
+    "quick",
+]
 
 
 def main() -> None:
     """Plan and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--parts", type=int, default=16, metavar="N")
     parser.add_argument("--jobs", type=int, nargs="+", default=[1, 2], metavar="N")
     options = parser.parse_args()
@@ -35,7 +46,10 @@ def main() -> None:
         for k in range(options.parts):
             (folder / f"plate-{k:03d}.off").write_text(plate(k), encoding="utf-8")
         print("workers  parts  planned      s  parts/h  s/part of worker  MiB/worker", flush=True)
-        plans = [_measured(folder, Path(scratch) / f"out-{jobs}", jobs, options.parts) for jobs in options.jobs]
+        plans = [
+            _measured(folder, Path(scratch) / f"out-{jobs}", jobs, options.parts)
+            for jobs in options.jobs
+        ]
     if any(one != plans[0] for one in plans):
         sys.exit("the plans depend on the number of workers.")
 
@@ -71,9 +85,21 @@ def plate(k: int) -> str:
 
 def _measured(folder: Path, out: Path, jobs: int, n_parts: int) -> dict[str, str]:
     """Plan with some workers, print a row and return the digests of the plans."""
-    command = ["batch", str(folder), *_REQUEST, "--out", str(out), "--jobs", str(jobs), "--json", "--quiet"]
+    command = [
+        "batch",
+        str(folder),
+        *_REQUEST,
+        "--out",
+        str(out),
+        "--jobs",
+        str(jobs),
+        "--json",
+        "--quiet",
+    ]
     begun, most = time.perf_counter(), 0.0
-    process = subprocess.Popen([sys.executable, "-c", _COMMAND, *command], stdout=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        [sys.executable, "-c", _COMMAND, *command], stdout=subprocess.DEVNULL
+    )
     while process.poll() is None:
         most = max([most, *map(_resident, _children(process.pid))])
         time.sleep(0.1)
@@ -88,7 +114,9 @@ def _measured(folder: Path, out: Path, jobs: int, n_parts: int) -> dict[str, str
 
 def _children(pid: int) -> list[int]:
     try:
-        return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+        return [
+            int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+        ]
     except OSError:
         return []
 

@@ -35,7 +35,9 @@ def too_long(*_):
 
 def main() -> int:
     """Try mutants until the time is over; return 1 if one of them failed."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--readers", default=",".join(READERS))
     parser.add_argument("--first", type=int, default=0, help="number of the first mutant")
@@ -47,7 +49,10 @@ def main() -> int:
     signal.signal(signal.SIGALRM, too_long)
     counts: dict[str, collections.Counter] = {name: collections.Counter() for name in names}
     failures = 0
-    end, seed = time.monotonic() + options.seconds, options.first if options.only is None else options.only
+    end, seed = (
+        time.monotonic() + options.seconds,
+        options.first if options.only is None else options.only,
+    )
     with tempfile.TemporaryDirectory() as folder:
         while time.monotonic() < end:
             for name in names:
@@ -74,7 +79,9 @@ def main() -> int:
     for name, count in counts.items():
         told = ", ".join(f"{n} {what}" for what, n in sorted(count.items()))
         print(f"{name:>16}: {count.total()} mutants: {told}")
-    print(f"{sum(count.total() for count in counts.values())} mutants, {failures} failed; next: --first {seed}")
+    print(
+        f"{sum(count.total() for count in counts.values())} mutants, {failures} failed; next: --first {seed}"
+    )
     return 1 if failures else 0
 
 

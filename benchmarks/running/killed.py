@@ -40,24 +40,43 @@ _ORPHANS_S = 10.0
 
 def main() -> None:
     """Kill, resume, compare."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("part", nargs="?", default=str(_EXAMPLES / "slotted_block.off"))
     parser.add_argument("--entities", default=str(_EXAMPLES / "slotted_block_entities.toml"))
     parser.add_argument("--camera", default="basler-acA2440-20gm-8mm")
     parser.add_argument("--effort", default="standard")
     parser.add_argument("--kills", type=int, default=20, metavar="N")
-    parser.add_argument("--within", type=float, metavar="S", help="processor seconds (default: the length of the plan)")
+    parser.add_argument(
+        "--within",
+        type=float,
+        metavar="S",
+        help="processor seconds (default: the length of the plan)",
+    )
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     chance = random.Random(options.seed)
-    asked = ["plan", options.part, "--entities", options.entities, "--camera", options.camera, "--simulate", "1000"]
+    asked = [
+        "plan",
+        options.part,
+        "--entities",
+        options.entities,
+        "--camera",
+        options.camera,
+        "--simulate",
+        "1000",
+    ]
     asked += ["--sigma-mm", "0.05", "--sigma-rad", "0.001", "--effort", options.effort, "--quiet"]
     with tempfile.TemporaryDirectory() as scratch:
         whole, broken = Path(scratch) / "whole", Path(scratch) / "broken"
         _begin([*asked, "--out", str(whole)]).wait()
         spent = resource.getrusage(resource.RUSAGE_CHILDREN)
         length = spent.ru_utime + spent.ru_stime
-        print(f"without interruption: {length:.1f} s\nkill     at s   lost s  orphans  left over  plan", flush=True)
+        print(
+            f"without interruption: {length:.1f} s\nkill     at s   lost s  orphans  left over  plan",
+            flush=True,
+        )
         kills, wrong, most = 0, 0, 0.0
         while kills < options.kills:
             process = _begin([*asked, "--resume", "--out", str(broken)])
@@ -109,13 +128,19 @@ def _processor_s(session: int) -> float:
     used = 0
     for pid in _of_session(session):
         with suppress(OSError):
-            used += sum(map(int, Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[11:15]))
+            used += sum(
+                map(int, Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[11:15])
+            )
     return used / os.sysconf("SC_CLK_TCK")
 
 
 def _of_session(session: int) -> list[int]:
     """Return the processes of a session."""
-    return [int(pid.name) for pid in Path("/proc").iterdir() if pid.name.isdigit() and _session(pid) == session]
+    return [
+        int(pid.name)
+        for pid in Path("/proc").iterdir()
+        if pid.name.isdigit() and _session(pid) == session
+    ]
 
 
 def _killed(process: subprocess.Popen, folder: Path) -> str:
@@ -142,7 +167,11 @@ def _session(pid: Path) -> int:
 
 
 def _files(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
 if __name__ == "__main__":

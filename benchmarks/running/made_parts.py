@@ -28,7 +28,9 @@ class Feature(NamedTuple):
 
 def main() -> None:
     """Write the files."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("folder", type=Path, metavar="FOLDER")
     parser.add_argument("--parts", type=int, default=1000, metavar="N")
     parser.add_argument("--broken", type=int, default=0, metavar="N")
@@ -74,7 +76,11 @@ def _feature(chance: random.Random, size: tuple[int, int, int], i: int, j: int) 
         length = chance.randint(10, half - 8)
         first = 0 if which == 0 else side - length
         if kind != _STEP:
-            first = chance.randint(4, half - 3 - length) + which * half if half - 3 - length > 4 else 4 + which * half
+            first = (
+                chance.randint(4, half - 3 - length) + which * half
+                if half - 3 - length > 4
+                else 4 + which * half
+            )
         low_high.append((first, first + length))
     depth = size[2] if kind == _HOLE else chance.randint(4, size[2] - 5)
     return Feature(low_high[0], low_high[1], size[2] - depth)
@@ -90,7 +96,11 @@ def _off(size: tuple[int, int, int], features: list[Feature]) -> str:
     def height(i: int, j: int) -> int:
         if not (0 <= i < n_i and 0 <= j < n_j):
             return 0
-        inside = [one.z for one in features if one.x[0] <= xs[i] < one.x[1] and one.y[0] <= ys[j] < one.y[1]]
+        inside = [
+            one.z
+            for one in features
+            if one.x[0] <= xs[i] < one.x[1] and one.y[0] <= ys[j] < one.y[1]
+        ]
         return min(inside, default=size[2])
 
     number: dict[tuple[int, int, int], int] = {}
@@ -107,12 +117,16 @@ def _off(size: tuple[int, int, int], features: list[Feature]) -> str:
             faces.append([point(*p, top) for p in ring])
             faces.append([point(*p, 0) for p in reversed(ring)])
             beside = [(i, j - 1), (i + 1, j), (i, j + 1), (i - 1, j)]
-            for (a, b), neighbour in zip(zip(ring, [*ring[1:], ring[0]], strict=True), beside, strict=True):
+            for (a, b), neighbour in zip(
+                zip(ring, [*ring[1:], ring[0]], strict=True), beside, strict=True
+            ):
                 # cut at all heights there are, so that walls side by side have the same corners
                 bare = [z for z in levels if height(*neighbour) <= z <= top]
                 for low, high in pairwise(bare):
                     faces.append([point(*a, low), point(*b, low), point(*b, high), point(*a, high)])
-    lines = [f"{x} {y} {z}" for x, y, z in number] + [" ".join(map(str, [4, *face])) for face in faces]
+    lines = [f"{x} {y} {z}" for x, y, z in number] + [
+        " ".join(map(str, [4, *face])) for face in faces
+    ]
     return "\n".join(["OFF", f"{len(number)} {len(faces)} 0", *lines]) + "\n"
 
 

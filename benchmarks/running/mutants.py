@@ -129,13 +129,23 @@ def _tested(folder: Path, tests: list[str]) -> int:
     os.dup2(silence, 1)
     os.dup2(silence, 2)
     return pytest.main(
-        ["-x", "-q", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning", *tests]
+        [
+            "-x",
+            "-q",
+            "-p",
+            "no:cacheprovider",
+            "-W",
+            "ignore::pytest.PytestAssertRewriteWarning",
+            *tests,
+        ]
     )
 
 
 def main() -> int:
     """Try mutants of a module and print those that its tests overlook."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("module")
     parser.add_argument("tests", nargs="+")
     parser.add_argument("--mutants", type=int, default=40)
@@ -146,7 +156,9 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         for name in ("aspectgraph", "errors", "ga", "planner", "tests", "examples"):
-            shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copytree(
+                ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__")
+            )
         shutil.copy(ROOT / "pyproject.toml", folder)
         os.environ |= {"PYTHONPATH": place, "NUMBA_DISABLE_JIT": "0" if options.compiled else "1"}
         sys.dont_write_bytecode = True

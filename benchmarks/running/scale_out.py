@@ -29,19 +29,41 @@ from pathlib import Path
 from made_parts import write_parts
 
 _COMMAND = "import sys; from planner.cli import start; sys.exit(start())"
-_REQUEST = ["--camera", "basler-acA2440-20gm-8mm", "--select", "length > 30 and face = top", "--accuracy", "0.95"]
-_REQUEST += ["--sigma-mm", "0.05", "--sigma-rad", "0.001", "--simulate", "1000", "--effort", "quick"]
-_HEADER = "on       workers  parts  planned  refused  failed       s  parts/h  CPU s/part  MiB/worker"
+_REQUEST = [
+    "--camera",
+    "basler-acA2440-20gm-8mm",
+    "--select",
+    "length > 30 and face = top",
+    "--accuracy",
+    "0.95",
+]
+_REQUEST += [
+    "--sigma-mm",
+    "0.05",
+    "--sigma-rad",
+    "0.001",
+    "--simulate",
+    "1000",
+    "--effort",
+    "quick",
+]
+_HEADER = (
+    "on       workers  parts  planned  refused  failed       s  parts/h  CPU s/part  MiB/worker"
+)
 _LOOK_S = 0.2
 
 
 def main() -> None:
     """Plan and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--parts", type=int, default=1000, metavar="N")
     parser.add_argument("--broken", type=int, default=0, metavar="N")
     parser.add_argument("--workers", type=int, default=2, metavar="N")
-    parser.add_argument("--compare", action="store_true", help="one worker and two, cluster and pool")
+    parser.add_argument(
+        "--compare", action="store_true", help="one worker and two, cluster and pool"
+    )
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder, out = Path(scratch) / "parts", Path(scratch) / "plans"
@@ -53,16 +75,33 @@ def main() -> None:
             if any(one != plans[0] for one in plans):
                 sys.exit("the plans depend on who makes them.")
             return
-        first = _row("cluster", options.workers, folder, out, kill_at=(options.parts + options.broken) // 2)
+        first = _row(
+            "cluster", options.workers, folder, out, kill_at=(options.parts + options.broken) // 2
+        )
         begun = time.perf_counter()
         if _row("cluster", options.workers, folder, out) != first:
             sys.exit("the plans are others after a restart.")
-        print(f"all were found again in {time.perf_counter() - begun:.0f} s, with the cluster's start")
+        print(
+            f"all were found again in {time.perf_counter() - begun:.0f} s, with the cluster's start"
+        )
 
 
-def _row(on: str, workers: int, folder: Path, out: Path, kill_at: int | None = None) -> dict[str, str]:
+def _row(
+    on: str, workers: int, folder: Path, out: Path, kill_at: int | None = None
+) -> dict[str, str]:
     """Plan, print a row, and return the digests of the plans."""
-    command = [sys.executable, "-c", _COMMAND, "batch", str(folder), *_REQUEST, "--out", str(out), "--quiet", "--json"]
+    command = [
+        sys.executable,
+        "-c",
+        _COMMAND,
+        "batch",
+        str(folder),
+        *_REQUEST,
+        "--out",
+        str(out),
+        "--quiet",
+        "--json",
+    ]
     if on == "pool":
         begun = time.perf_counter()
         process = subprocess.Popen([*command, "--jobs", str(workers)], stdout=subprocess.DEVNULL)
@@ -70,7 +109,9 @@ def _row(on: str, workers: int, folder: Path, out: Path, kill_at: int | None = N
     else:
         with _cluster(workers) as (address, pid):
             begun = time.perf_counter()
-            process = subprocess.Popen([*command, "--scheduler", address], stdout=subprocess.DEVNULL)
+            process = subprocess.Popen(
+                [*command, "--scheduler", address], stdout=subprocess.DEVNULL
+            )
             used = _watched(process, pid, out, kill_at)
     seconds = time.perf_counter() - begun
     results = json.loads((out / "results.json").read_text(encoding="utf-8"))
@@ -79,7 +120,10 @@ def _row(on: str, workers: int, folder: Path, out: Path, kill_at: int | None = N
     counts = f"{len(results):>7}{states['planned']:>9}{states['refused']:>9}{states['failed']:>8}"
     most = max((size for _, size in used.values()), default=0.0)
     rate = 3600 * len(results) / seconds
-    print(f"{on:<9}{workers:>7}{counts}{seconds:>8.0f}{rate:>9.0f}{each:>12.2f}{most:>12.0f}", flush=True)
+    print(
+        f"{on:<9}{workers:>7}{counts}{seconds:>8.0f}{rate:>9.0f}{each:>12.2f}{most:>12.0f}",
+        flush=True,
+    )
     return {one["part"]: one["plan_sha256"] for one in results}
 
 
@@ -91,9 +135,24 @@ def _cluster(workers: int) -> Iterator[tuple[str, int]]:
         port = free.getsockname()[1]
     address, module = f"tcp://127.0.0.1:{port}", [sys.executable, "-m"]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    begin = ["distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"]
+    begin = [
+        "distributed.cli.dask_scheduler",
+        "--host",
+        "127.0.0.1",
+        "--port",
+        str(port),
+        "--no-dashboard",
+    ]
     scheduler = subprocess.Popen([*module, *begin], **quiet)
-    begin = ["distributed.cli.dask_worker", address, "--nworkers", str(workers), "--nthreads", "1", "--no-dashboard"]
+    begin = [
+        "distributed.cli.dask_worker",
+        address,
+        "--nworkers",
+        str(workers),
+        "--nthreads",
+        "1",
+        "--no-dashboard",
+    ]
     with tempfile.TemporaryDirectory() as scratch:
         keeper = subprocess.Popen([*module, *begin, "--local-directory", scratch], **quiet)
         try:
@@ -104,7 +163,9 @@ def _cluster(workers: int) -> Iterator[tuple[str, int]]:
                 process.wait()
 
 
-def _watched(process: subprocess.Popen, keeper: int, out: Path, kill_at: int | None) -> dict[int, tuple[float, float]]:
+def _watched(
+    process: subprocess.Popen, keeper: int, out: Path, kill_at: int | None
+) -> dict[int, tuple[float, float]]:
     """Wait for a command; return processor seconds and most MiB of each worker. One worker is killed on the way."""
     used: dict[int, tuple[float, float]] = {}
     while process.poll() is None:
@@ -137,7 +198,9 @@ def _taken(pid: int) -> tuple[float, float]:
     """Return processor seconds and MiB of a process."""
     ticks = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[11:13]
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-    return sum(map(int, ticks)) / os.sysconf("SC_CLK_TCK"), pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+    return sum(map(int, ticks)) / os.sysconf("SC_CLK_TCK"), pages * os.sysconf(
+        "SC_PAGE_SIZE"
+    ) / 2**20
 
 
 if __name__ == "__main__":

@@ -35,8 +35,12 @@ SVG_PX = (900, 753)
 def pictures(name: str) -> list[Image.Image]:
     """Execute a notebook and return its pictures in order."""
     book = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", as_version=4)
-    NotebookClient(book, timeout=900, resources={"metadata": {"path": str(ROOT / "notebooks")}}).execute()
-    outputs: list[dict[str, Any]] = [one.get("data", {}) for cell in book.cells for one in cell.get("outputs", ())]
+    NotebookClient(
+        book, timeout=900, resources={"metadata": {"path": str(ROOT / "notebooks")}}
+    ).execute()
+    outputs: list[dict[str, Any]] = [
+        one.get("data", {}) for cell in book.cells for one in cell.get("outputs", ())
+    ]
     found = []
     for data in outputs:
         if "image/png" in data:
@@ -52,7 +56,10 @@ def drawn(svg: str) -> Image.Image:
     width, height = SVG_PX
     with tempfile.TemporaryDirectory() as folder:
         page, shot = Path(folder) / "page.html", Path(folder) / "shot.png"
-        page.write_text(f"<style>*{{margin:0}}svg{{display:block;width:{width}px}}</style>{svg}", encoding="utf-8")
+        page.write_text(
+            f"<style>*{{margin:0}}svg{{display:block;width:{width}px}}</style>{svg}",
+            encoding="utf-8",
+        )
         switches = [
             "--headless",
             "--no-sandbox",

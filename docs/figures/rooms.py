@@ -80,7 +80,9 @@ LEAVES = {"errors": "error of a measured length", "ga": "a genetic algorithm"}
 
 def floors(package: str) -> list[list[str]]:
     """Return the rooms of a package from the top floor to the ground, as its import contract states them."""
-    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
     layers = next(one["layers"] for one in contracts if one.get("containers") == [package])
     return [[room.strip() for room in layer.split("|")] for layer in layers]
 
@@ -97,7 +99,9 @@ def arrows(package: str) -> list[tuple[str, str]]:
     return sorted(edge for edge in nx.transitive_reduction(graph).edges if edge[1] != "exceptions")
 
 
-def box(x: float, y: float, name: str, what: str, colour: str, folder: bool, width: float = BOX[0]) -> str:
+def box(
+    x: float, y: float, name: str, what: str, colour: str, folder: bool, width: float = BOX[0]
+) -> str:
     """Return a room: a box with a name and what it does; a single file has a dashed border."""
     dash = "" if folder else ' stroke-dasharray="4 3"'
     return (
@@ -112,7 +116,9 @@ def arrow(start: tuple[float, float], end: tuple[float, float]) -> str:
     """Return an arrow from the lower side of one box to the upper side of another."""
     (x0, y0), (x1, y1) = start, end
     half = BOX[1] / 2
-    return f'<line x1="{x0:g}" y1="{y0 + half:g}" x2="{x1:g}" y2="{y1 - half - 2:g}" class="arrow"/>'
+    return (
+        f'<line x1="{x0:g}" y1="{y0 + half:g}" x2="{x1:g}" y2="{y1 - half - 2:g}" class="arrow"/>'
+    )
 
 
 def house(package: str, left: float, top: float, columns: float) -> tuple[list[str], float]:
@@ -151,8 +157,21 @@ def draw() -> str:
         left, wide = MARGIN + (4.02 + 1.02 * k) * COLUMN, 0.96 * COLUMN
         middles.append(left + wide / 2)
         parts.append(frame(name, left, top, wide, HEAD + FLOOR))
-        parts.append(box(middles[-1], top + HEAD + FLOOR / 2, "one room", what, COLOURS[name], True, wide - 16))
-    parts += [f'<line x1="{x:g}" y1="{end:g}" x2="{x:g}" y2="{top - 4:g}" class="arrow strong"/>' for x in middles]
+        parts.append(
+            box(
+                middles[-1],
+                top + HEAD + FLOOR / 2,
+                "one room",
+                what,
+                COLOURS[name],
+                True,
+                wide - 16,
+            )
+        )
+    parts += [
+        f'<line x1="{x:g}" y1="{end:g}" x2="{x:g}" y2="{top - 4:g}" class="arrow strong"/>'
+        for x in middles
+    ]
     width, height = 6 * COLUMN + 2 * MARGIN, bottom + MARGIN
     return "\n".join([HEADER.format(width=f"{width:g}", height=f"{height:g}"), *parts, "</svg>\n"])
 

@@ -32,7 +32,9 @@ def uncertainty_ratio(expanded: float, tolerance: tuple[float, float]) -> float:
     return expanded / check_positive(upper - lower, "tolerance")
 
 
-def acceptance_limits(tolerance: tuple[float, float], expanded: float) -> tuple[float, float] | None:
+def acceptance_limits(
+    tolerance: tuple[float, float], expanded: float
+) -> tuple[float, float] | None:
     """Return the deviations between which a measured part is proven to conform (ISO 14253-1: guard band of U).
 
     Parameters

@@ -203,7 +203,9 @@ def line_noise(at, half, of_value, points, fit):
         share = (of_value[0] + of_value[1] * x / spread) / points
         total += share * share * noise(w, p[2], fit[0], fit[1])
     first, last = at[0] - half * at[1], at[0] + half * at[1]
-    along = np.hypot(last[0] / last[2] - first[0] / first[2], last[1] / last[2] - first[1] / first[2])
+    along = np.hypot(
+        last[0] / last[2] - first[0] / first[2], last[1] / last[2] - first[1] / first[2]
+    )
     return total * _fewer(points, along, fit)
 
 

@@ -48,9 +48,13 @@ class FittedEntities:
     ):
         self.gradient = np.ascontiguousarray(gradient, dtype=np.float64)
         self.hessian = np.ascontiguousarray(hessian, dtype=np.float64)
-        self.shapes = np.array([_LINE if isinstance(one, Line) else _CIRCLE + (not one.is_closed) for one in geometry])
+        self.shapes = np.array(
+            [_LINE if isinstance(one, Line) else _CIRCLE + (not one.is_closed) for one in geometry]
+        )
         self.frames = np.array([[frame.origin, frame.x, frame.y] for frame in frames])
-        self.sizes = np.array([one.length / 2 if isinstance(one, Line) else one.radius_mm for one in geometry])
+        self.sizes = np.array(
+            [one.length / 2 if isinstance(one, Line) else one.radius_mm for one in geometry]
+        )
         self._geometry = geometry
 
     def expand(
@@ -62,7 +66,10 @@ class FittedEntities:
     ) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return where the value can be measured (n,), gradient (n, 6), Hessian (n, 6, 6) and variance of the noise."""
         points = localisation.points
-        angles, solve = np.zeros((len(self.shapes), points, 2)), np.zeros((len(self.shapes), 6, points))
+        angles, solve = (
+            np.zeros((len(self.shapes), points, 2)),
+            np.zeros((len(self.shapes), 6, points)),
+        )
         for k, one in enumerate(self._geometry):
             if isinstance(one, Circle):
                 angles[k], solve[k] = circle_fit(one, points)
@@ -71,17 +78,26 @@ class FittedEntities:
         if localisation.model == "fit":
             per_length = image_distance_mm / (localisation.correlation_px * max(pitch_mm))
             floor = (localisation.floor_px / sigma) ** 2 if sigma > 0 else 0.0
-        fit = np.array([*(sigma * pitch / image_distance_mm for pitch in pitch_mm), per_length, floor])
+        fit = np.array(
+            [*(sigma * pitch / image_distance_mm for pitch in pitch_mm), per_length, floor]
+        )
         seen, gradient = np.zeros(n, dtype=np.bool_), np.zeros((n, 6))
         hessian, variance = np.zeros((n, 6, 6)), np.zeros(n)
         entities = self.shapes, self.frames, self.sizes, angles, solve
         _expand_all(
-            np.ascontiguousarray(poses), entities, self.gradient, self.hessian, fit, (seen, gradient, hessian, variance)
+            np.ascontiguousarray(poses),
+            entities,
+            self.gradient,
+            self.hessian,
+            fit,
+            (seen, gradient, hessian, variance),
         )
         return seen, gradient, hessian, variance
 
 
-def circle_fit(one: Circle, points: int = POINTS) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def circle_fit(
+    one: Circle, points: int = POINTS
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return cosines and sines (m, 2) of the points that are fitted, and the linear fit (6, m) of `expand_circle`."""
     step = one.span_rad / points
     angles = (np.arange(points) + 0.5) * step

@@ -36,7 +36,9 @@ class Line:
         object.__setattr__(self, "p", _vector("p", self.p))
         object.__setattr__(self, "q", _vector("q", self.q))
         if not self.length > 0:
-            raise InvalidParameterError(f"a line must have two different ends. Got {self.p.tolist()} twice.")
+            raise InvalidParameterError(
+                f"a line must have two different ends. Got {self.p.tolist()} twice."
+            )
 
     @property
     def length(self) -> float:
@@ -122,7 +124,9 @@ class Circle:
     def points(self, angles: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
         """Return points (n, 3) at angles (n,) from the start, rad."""
         x, y = self.basis
-        return self.centre + self.radius_mm * (np.cos(angles)[:, None] * x + np.sin(angles)[:, None] * y)
+        return self.centre + self.radius_mm * (
+            np.cos(angles)[:, None] * x + np.sin(angles)[:, None] * y
+        )
 
 
 Geometry = Line | Circle
@@ -132,7 +136,11 @@ def to_dict(one: Geometry) -> dict[str, object]:
     """Return a line or circle as plain values, mm, ready for JSON."""
     if isinstance(one, Line):
         return {"p": one.p.tolist(), "q": one.q.tolist()}
-    data: dict[str, object] = {"centre": one.centre.tolist(), "axis": one.axis.tolist(), "radius_mm": one.radius_mm}
+    data: dict[str, object] = {
+        "centre": one.centre.tolist(),
+        "axis": one.axis.tolist(),
+        "radius_mm": one.radius_mm,
+    }
     if one.start is not None:
         data |= {"start": one.start.tolist(), "span_rad": one.span_rad}
     return data

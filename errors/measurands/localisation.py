@@ -45,15 +45,23 @@ class Localisation:
 
     def __post_init__(self) -> None:
         if self.model not in _MODELS:
-            raise InvalidParameterError(f"localisation must be one of {', '.join(_MODELS)}. Got {self.model!r}.")
+            raise InvalidParameterError(
+                f"localisation must be one of {', '.join(_MODELS)}. Got {self.model!r}."
+            )
         for name in ("sigma_px", "correlation_px", "floor_px"):
             value = getattr(self, name)
-            if isinstance(value, bool) or not (isinstance(value, int | float) and math.isfinite(value) and value >= 0):
-                raise InvalidParameterError(f"{name} must be finite and not negative. Got {value!r}.")
+            if isinstance(value, bool) or not (
+                isinstance(value, int | float) and math.isfinite(value) and value >= 0
+            ):
+                raise InvalidParameterError(
+                    f"{name} must be finite and not negative. Got {value!r}."
+                )
         if self.model == "fit" and self.correlation_px == 0:
             raise InvalidParameterError("correlation_px must be positive. Got 0.")
         if isinstance(self.points, bool) or not isinstance(self.points, int) or self.points < 3:
-            raise InvalidParameterError(f"points must be an integer of at least 3. Got {self.points!r}.")
+            raise InvalidParameterError(
+                f"points must be an integer of at least 3. Got {self.points!r}."
+            )
 
     @classmethod
     def rounding(cls, points: int = POINTS) -> Localisation:
@@ -93,7 +101,9 @@ class Localisation:
         return cls("gaussian", sigma_px, points)
 
     @classmethod
-    def fit(cls, sigma_px: float = 0.3, correlation_px: float = 2.0, floor_px: float = 0.02) -> Localisation:
+    def fit(
+        cls, sigma_px: float = 0.3, correlation_px: float = 2.0, floor_px: float = 0.02
+    ) -> Localisation:
         """Return errors that average out over the length of the image, but not below a floor.
 
         Parameters

@@ -103,14 +103,22 @@ class Measurand:
         """
         raise NotImplementedError
 
-    def image_value(self, images: NDArray[np.float64], planned: NDArray[np.float64]) -> NDArray[np.float64]:
+    def image_value(
+        self, images: NDArray[np.float64], planned: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Return deviations (n,) by images of the ends (n, 2, 2) and the planned ones (2, 2), mm on the sensor."""
         raise NotImplementedError
 
-    def expansion(self, poses: NDArray[np.float64], image: Image, localisation: Localisation) -> Expansion:
+    def expansion(
+        self, poses: NDArray[np.float64], image: Image, localisation: Localisation
+    ) -> Expansion:
         """Return the error of the value at poses world to camera (n, 4, 4)."""
-        seen, gradient, hessian, variance = self._fitted.expand(poses, image.distance_mm, image.pitch_mm, localisation)
-        return Expansion(seen, gradient, hessian, variance, np.zeros((len(poses), 2)), np.ones(len(poses)))
+        seen, gradient, hessian, variance = self._fitted.expand(
+            poses, image.distance_mm, image.pitch_mm, localisation
+        )
+        return Expansion(
+            seen, gradient, hessian, variance, np.zeros((len(poses), 2)), np.ones(len(poses))
+        )
 
     def __getstate__(self) -> dict[str, Any]:
         return {"geometry": self.geometry, "direction": self.direction}

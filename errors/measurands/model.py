@@ -96,10 +96,15 @@ class MeasurandModel:
     ):
         self.measurand, self.localisation = measurand, localisation
         pitch = check_pixel_pitch(pixel_pitch_mm)
-        self.image = Image(check_positive(image_distance_mm, "image_distance_mm"), (float(pitch[0]), float(pitch[1])))
+        self.image = Image(
+            check_positive(image_distance_mm, "image_distance_mm"),
+            (float(pitch[0]), float(pitch[1])),
+        )
         self.covariance = check_covariance(pose_covariance)
         if self.covariance.shape != (6, 6):
-            raise InvalidShapeError(f"pose_covariance must have shape (6, 6). Got shape {self.covariance.shape}.")
+            raise InvalidShapeError(
+                f"pose_covariance must have shape (6, 6). Got shape {self.covariance.shape}."
+            )
         self.permitted_error = check_positive(permitted_error, "permitted_error")
         if self.permitted_error >= measurand.nominal:
             raise InvalidParameterError(
@@ -141,19 +146,31 @@ class MeasurandModel:
         expansion = self._expansion(np.asarray(world_to_camera)[None])
         if not expansion.seen[0]:
             nothing = dict.fromkeys(("translation", "rotation", "localisation"), math.inf)
-            return Prediction(self.measurand.nominal, self.permitted_error, 0.0, math.inf, math.inf, math.nan, nothing)
+            return Prediction(
+                self.measurand.nominal,
+                self.permitted_error,
+                0.0,
+                math.inf,
+                math.inf,
+                math.nan,
+                nothing,
+            )
         probability = float(self._within(expansion, np.array([self.permitted_error]))[0])
         budget, bias = self._budget(expansion)
         u = math.sqrt(math.fsum(budget.values()))
         expanded = COVERAGE * u
         if any(map(is_short, self.measurand.geometry)):
             u, expanded = self._quantile(expansion, _ONE), self._quantile(expansion, _TWO)
-        return Prediction(self.measurand.nominal, self.permitted_error, probability, u, expanded, bias, budget)
+        return Prediction(
+            self.measurand.nominal, self.permitted_error, probability, u, expanded, bias, budget
+        )
 
     def _expansion(self, world_to_camera: ArrayLike) -> Expansion:
         poses = np.asarray(world_to_camera, dtype=np.float64)
         if poses.ndim != 3 or poses.shape[1:] != (4, 4):
-            raise InvalidShapeError(f"world_to_camera must have shape (n, 4, 4). Got {poses.shape}.")
+            raise InvalidShapeError(
+                f"world_to_camera must have shape (n, 4, 4). Got {poses.shape}."
+            )
         return self.measurand.expansion(poses, self.image, self.localisation)
 
     def _within(self, expansion: Expansion, error: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -168,7 +185,10 @@ class MeasurandModel:
         else:
             bend = _bend(gradient, hessian, self.covariance, 1 / self.measurand.nominal)
             hessian = hessian - bend[:, None, None] * (gradient[:, :, None] * gradient[:, None, :])
-        limits = _bent(np.stack([-error, error], axis=1)[seen], bend[:, None]) * expansion.scale[seen, None]
+        limits = (
+            _bent(np.stack([-error, error], axis=1)[seen], bend[:, None])
+            * expansion.scale[seen, None]
+        )
         noise = np.concatenate([expansion.widths, expansion.variance[:, None]], axis=1)[seen]
         result[seen] = quadratic_probability(gradient, hessian, self._root, noise, limits)
         return result
@@ -181,7 +201,8 @@ class MeasurandModel:
             # error = nominal (exp(y / nominal) - 1) = y + y^2 / (2 nominal) + ...
             h = h + np.outer(g, g) / self.measurand.nominal
         whole, translation, rotation = (
-            _variance(g[part], h[part, part], self.covariance[part, part]) for part in (slice(6), slice(3), slice(3, 6))
+            _variance(g[part], h[part, part], self.covariance[part, part])
+            for part in (slice(6), slice(3), slice(3, 6))
         )
         common = whole - translation - rotation
         noise = (expansion.variance[0] + (expansion.widths[0] ** 2).sum() / 6) / scale**2
@@ -202,7 +223,9 @@ class MeasurandModel:
         return high
 
 
-def _variance(g: NDArray[np.float64], h: NDArray[np.float64], covariance: NDArray[np.float64]) -> float:
+def _variance(
+    g: NDArray[np.float64], h: NDArray[np.float64], covariance: NDArray[np.float64]
+) -> float:
     """Return the variance of g.delta + 1/2 delta'H delta for normal delta: g'Sg + 1/2 tr (HS)^2."""
     turned = h @ covariance
     return float(g @ covariance @ g + 0.5 * np.trace(turned @ turned))

@@ -13,7 +13,9 @@ PARALLEL_DEG = 0.01
 
 def degrees_between(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
     """Return the angle between two lines of unit directions, degrees in [0, 90]."""
-    return math.degrees(math.atan2(float(np.linalg.norm(np.cross(first, second))), abs(float(first @ second))))
+    return math.degrees(
+        math.atan2(float(np.linalg.norm(np.cross(first, second))), abs(float(first @ second)))
+    )
 
 
 def are_parallel(first: NDArray[np.float64], second: NDArray[np.float64]) -> bool:

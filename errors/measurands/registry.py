@@ -54,10 +54,14 @@ def measurand(name: str, geometry: Sequence[Geometry], direction: Any = None) ->
         raise MeasurandError(f"kind must be one of {', '.join(_KINDS)}. Got {name!r}.")
     cls = _KINDS[name]
     if len(geometry) != len(cls.takes):
-        raise MeasurandError(f"a {name} must have {_several(cls.takes)}. Got {len(geometry)} of them.")
+        raise MeasurandError(
+            f"a {name} must have {_several(cls.takes)}. Got {len(geometry)} of them."
+        )
     for one, wanted in zip(geometry, cls.takes, strict=True):
         if not isinstance(one, wanted):
-            raise MeasurandError(f"a {name} must have {_several(cls.takes)}. Got a {type(one).__name__.lower()}.")
+            raise MeasurandError(
+                f"a {name} must have {_several(cls.takes)}. Got a {type(one).__name__.lower()}."
+            )
     try:
         return cls(tuple(geometry), direction)
     except InvalidParameterError as error:

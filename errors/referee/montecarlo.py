@@ -68,7 +68,9 @@ class MonteCarloEstimate:
         if not shape:
             drawn = frequency_text(round(float(self.probability) * self.samples), self.samples)
             found = f"{drawn}, in {interval_text(float(self.lower), float(self.upper))}"
-        return f"<MonteCarloEstimate: {found}, confidence {self.confidence:g}, {self.samples} samples>"
+        return (
+            f"<MonteCarloEstimate: {found}, confidence {self.confidence:g}, {self.samples} samples>"
+        )
 
 
 @dataclass(frozen=True)
@@ -146,11 +148,24 @@ def simulate_success(
     confidence = check_probability(how.confidence, "confidence")
     quantization = how.quantization
     if quantization not in QUANTIZATIONS:
-        raise InvalidParameterError(f"quantization must be one of {QUANTIZATIONS}. Got {quantization!r}.")
+        raise InvalidParameterError(
+            f"quantization must be one of {QUANTIZATIONS}. Got {quantization!r}."
+        )
     lead, root = check_leading_shapes(endpoints, covariance), covariance_root(covariance)
     flat_ends = np.ascontiguousarray(np.broadcast_to(endpoints, (*lead, 2, 3))).reshape(-1, 2, 3)
-    flat_root = root[None] if root.ndim == 2 else np.broadcast_to(root, (*lead, 6, 6)).reshape(-1, 6, 6)
-    hits = _count(flat_ends, f, pitch, flat_root, 1.0 - accuracy, samples, np.random.default_rng(rng), quantization)
+    flat_root = (
+        root[None] if root.ndim == 2 else np.broadcast_to(root, (*lead, 6, 6)).reshape(-1, 6, 6)
+    )
+    hits = _count(
+        flat_ends,
+        f,
+        pitch,
+        flat_root,
+        1.0 - accuracy,
+        samples,
+        np.random.default_rng(rng),
+        quantization,
+    )
     lower, upper = binomial_interval(hits, samples, confidence)
     probability, lower, upper = (array.reshape(lead) for array in (hits / samples, lower, upper))
     return MonteCarloEstimate(probability, lower, upper, samples=samples, confidence=confidence)
@@ -185,7 +200,9 @@ def binomial_interval(
     hits = np.asarray(hits, dtype=np.float64)
     tail = 0.5 * (1.0 - confidence)
     lower = np.where(hits > 0, betaincinv(np.maximum(hits, 1), samples - hits + 1, tail), 0.0)
-    upper = np.where(hits < samples, betaincinv(hits + 1, np.maximum(samples - hits, 1), 1.0 - tail), 1.0)
+    upper = np.where(
+        hits < samples, betaincinv(hits + 1, np.maximum(samples - hits, 1), 1.0 - tail), 1.0
+    )
     return lower, upper
 
 
@@ -194,7 +211,9 @@ def _count(ends, f, pitch, root, tolerance, samples, rng, quantization):
     for start in range(0, samples, _CHUNK):
         n = min(_CHUNK, samples - start)
         normal = rng.standard_normal((n, 6))
-        uniform = rng.uniform(-0.5, 0.5, (n, 2, 2)) if quantization == "uniform" else np.zeros((1, 2, 2))
+        uniform = (
+            rng.uniform(-0.5, 0.5, (n, 2, 2)) if quantization == "uniform" else np.zeros((1, 2, 2))
+        )
         _count_chunk(ends, f, pitch, root, tolerance, normal, uniform, quantization == "grid", hits)
     return hits
 

@@ -58,7 +58,9 @@ def measure_lengths(
     segments, pitch = check_finite(segments, "segments"), check_pixel_pitch(pixel_pitch_mm)
     band = check_positive(band_px, "band_px") * pitch.max()
     if segments.ndim < 2 or segments.shape[-2:] != (2, 2):
-        raise InvalidShapeError(f"segments must have shape (..., 2, 2). Got shape {segments.shape}.")
+        raise InvalidShapeError(
+            f"segments must have shape (..., 2, 2). Got shape {segments.shape}."
+        )
     if detector not in DETECTORS:
         raise InvalidParameterError(f"detector must be one of {DETECTORS}. Got {detector!r}.")
     if detector == "axes":
@@ -120,7 +122,11 @@ def _render(segment, pitch, band, first_i, first_j, image):
     for j in range(image.shape[0]):
         for i in range(image.shape[1]):
             image[j, i] = _coverage(
-                corners, (first_i + i + 0.5) * pitch[0], (first_j + j + 0.5) * pitch[1], pitch, scratch
+                corners,
+                (first_i + i + 0.5) * pitch[0],
+                (first_j + j + 0.5) * pitch[1],
+                pitch,
+                scratch,
             )
 
 

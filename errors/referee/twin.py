@@ -110,11 +110,17 @@ def simulate_measurement(
     f = check_positive(focal_length_mm, "focal_length_mm")
     endpoints = check_endpoints(endpoints, f)
     covariance = check_covariance(pose_covariance)
-    for name, array, shape in (("endpoints", endpoints, (2, 3)), ("pose_covariance", covariance, (6, 6))):
+    for name, array, shape in (
+        ("endpoints", endpoints, (2, 3)),
+        ("pose_covariance", covariance, (6, 6)),
+    ):
         if array.shape != shape:
             raise InvalidShapeError(f"{name} must have shape {shape}. Got shape {array.shape}.")
     tolerance = 1.0 - check_probability(accuracy, "accuracy")
-    samples, confidence = check_count(samples, "samples"), check_probability(how.confidence, "confidence")
+    samples, confidence = (
+        check_count(samples, "samples"),
+        check_probability(how.confidence, "confidence"),
+    )
     length, rng = image_segment(endpoints, focal_length_mm=f)[0], np.random.default_rng(rng)
     hits = 0
     for start in range(0, samples, _CHUNK):
@@ -122,7 +128,9 @@ def simulate_measurement(
         ends = displace(endpoints, (normal @ covariance_root(covariance).T)[:, None, :])
         ends = ends[(ends[..., 2] < f).all(axis=1)]
         images = project(ends, focal_length_mm=f)
-        measured = measure_lengths(images, pixel_pitch_mm=pixel_pitch_mm, detector=how.detector, band_px=how.band_px)
+        measured = measure_lengths(
+            images, pixel_pitch_mm=pixel_pitch_mm, detector=how.detector, band_px=how.band_px
+        )
         hits += int((np.abs(measured - length) <= tolerance * length).sum())
     lower, upper = binomial_interval(hits, samples, confidence)
     return MonteCarloEstimate(

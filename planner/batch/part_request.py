@@ -98,6 +98,14 @@ class PartRequest:
             },
             "program": program_version(),
         }
-        for name in ("accuracy", "probability", "seed", "select", "units", "simulate", "graph_limit"):
+        for name in (
+            "accuracy",
+            "probability",
+            "seed",
+            "select",
+            "units",
+            "simulate",
+            "graph_limit",
+        ):
             basis[name] = getattr(self, name)
         return hashlib.sha256(json.dumps(basis, sort_keys=True).encode()).hexdigest()

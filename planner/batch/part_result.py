@@ -75,7 +75,11 @@ def found_again(part: str, folder: Path, file_sha256: str, request: str) -> Part
     asked = (part, file_sha256, request)
     if (result.part, result.file_sha256, result.request) != asked or result.status == FAILED:
         return None
-    return result if result.status == REFUSED or digest_of(folder / PLAN) == result.plan_sha256 else None
+    return (
+        result
+        if result.status == REFUSED or digest_of(folder / PLAN) == result.plan_sha256
+        else None
+    )
 
 
 def digest_of(path: Path) -> str:

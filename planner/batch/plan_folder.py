@@ -104,7 +104,9 @@ def part_files(folder: Path, out: Path) -> list[Path]:
         if _is_part(path) and path.is_file() and (out == folder or out not in path.parents)
     ]
     if not found:
-        raise RequestError(f"the folder of parts must hold part files ({_kinds()}). Got {_as_text(folder)}.")
+        raise RequestError(
+            f"the folder of parts must hold part files ({_kinds()}). Got {_as_text(folder)}."
+        )
     return found
 
 

@@ -8,7 +8,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from aspectgraph import AspectGraphError, compute_regions, read_entities, read_solid, resolve_entities, select_entities
+from aspectgraph import (
+    AspectGraphError,
+    compute_regions,
+    read_entities,
+    read_solid,
+    resolve_entities,
+    select_entities,
+)
 from aspectgraph.visibility.kept_regions import KeptRegions
 from errors.exceptions import MeasurementModelError
 from ga.exceptions import GAError
@@ -74,7 +81,9 @@ def plan_part(request: PartRequest, part: str, path: Path, folder: Path) -> Part
 def reason_of(error: BaseException) -> str:
     """Return an error in one line; of errors that are not ours with the kind."""
     text = " ".join(str(error).split()).encode("utf-8", "backslashreplace").decode("utf-8")
-    return text if isinstance(error, _OWN) and text else f"{type(error).__name__}: {text}".rstrip(": ")
+    return (
+        text if isinstance(error, _OWN) and text else f"{type(error).__name__}: {text}".rstrip(": ")
+    )
 
 
 def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
@@ -85,11 +94,26 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
     else:
         entities = resolve_entities(solid, select_entities(solid, request.select))
     state, kept = folder / STATE, KeptRegions(folder / REGIONS)
-    regions = compute_regions(solid, entities, workspace=default_workspace(solid, request.camera), kept=kept)
-    keywords: dict[str, Any] = {name: value for name, value in request.limits.items() if value is not None}
-    keywords |= {"workspace": regions.workspace, "space": regions, "effort": request.effort, "state": state}
-    keywords |= {"accuracy": request.accuracy, "probability": request.probability, "rng": request.seed}
-    plan = partial(plan_inspection, solid, entities, request.camera, request.pose_uncertainty, **keywords)
+    regions = compute_regions(
+        solid, entities, workspace=default_workspace(solid, request.camera), kept=kept
+    )
+    keywords: dict[str, Any] = {
+        name: value for name, value in request.limits.items() if value is not None
+    }
+    keywords |= {
+        "workspace": regions.workspace,
+        "space": regions,
+        "effort": request.effort,
+        "state": state,
+    }
+    keywords |= {
+        "accuracy": request.accuracy,
+        "probability": request.probability,
+        "rng": request.seed,
+    }
+    plan = partial(
+        plan_inspection, solid, entities, request.camera, request.pose_uncertainty, **keywords
+    )
     try:
         found = plan()
     except PlanFileError:

@@ -68,7 +68,9 @@ def on_own_processes(tasks: Sequence[Task], jobs: int) -> Iterator[PartResult]:
                 suspects.extend((yield from _while_whole(pool, waiting, jobs)))
 
 
-def _while_whole(pool: Executor, waiting: deque[Task], jobs: int) -> Generator[PartResult, None, list[Task]]:
+def _while_whole(
+    pool: Executor, waiting: deque[Task], jobs: int
+) -> Generator[PartResult, None, list[Task]]:
     """Yield results until all are there or a process dies; return the parts without a result."""
     running: dict[Future[PartResult], Task] = {}
     lost: list[Task] = []
@@ -98,7 +100,9 @@ def _result(task: Task, future: Future[PartResult]) -> PartResult:
     try:
         return future.result()
     except BrokenProcessPool:
-        return task.failed("the process that planned it died: it crashed, or was ended for its memory")
+        return task.failed(
+            "the process that planned it died: it crashed, or was ended for its memory"
+        )
     except Exception as error:
         return task.failed(reason_of(error))
 
@@ -106,7 +110,9 @@ def _result(task: Task, future: Future[PartResult]) -> PartResult:
 @contextmanager
 def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
     """Provide processes; where the work is interrupted they are ended at once, for what they know is on the disk."""
-    pool = ProcessPoolExecutor(jobs, initializer=leave_signals_to_the_parent, initargs=(os.getpid(),))
+    pool = ProcessPoolExecutor(
+        jobs, initializer=leave_signals_to_the_parent, initargs=(os.getpid(),)
+    )
     try:
         yield pool
     except BaseException:

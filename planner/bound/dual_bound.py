@@ -105,7 +105,9 @@ class _Parts:
         parts = np.flatnonzero(~self.proven & ~self.waits)
         return (parts, self.worth[parts]) if self.worth[parts].sum() <= affordable else None
 
-    def learn(self, parts: NDArray[np.int_], outcomes: NDArray[np.int_], made: NDArray[np.int_]) -> NDArray[np.bool_]:
+    def learn(
+        self, parts: NDArray[np.int_], outcomes: NDArray[np.int_], made: NDArray[np.int_]
+    ) -> NDArray[np.bool_]:
         """Take in what a search of some parts gave, and how many boxes that took; tell which are too hard.
 
         There, some set of entities weighs too much and nearly can be inspected.
@@ -220,7 +222,9 @@ class LinearBound:
         # of a sweep that was interrupted, what came out of its first parts
         self._swept: list[Found] = []
 
-    def raise_from(self, bound: int, n_settings: int, *, max_nodes: int, progress: Progress | None = None) -> int:
+    def raise_from(
+        self, bound: int, n_settings: int, *, max_nodes: int, progress: Progress | None = None
+    ) -> int:
         """Return what is proven, given what is proven already; at most ``n_settings``.
 
         Looks at ``max_nodes`` boxes of poses at most. A large number of settings is aimed at first: what is found on
@@ -253,7 +257,10 @@ class LinearBound:
                 at.bound = max(at.bound, at.target)
                 self.ledger.proven(at.bound)
                 parts.renew()
-                at.target, at.allowed = min(at.bound + 1, n_settings), AIMING.share_of_next * max_nodes
+                at.target, at.allowed = (
+                    min(at.bound + 1, n_settings),
+                    AIMING.share_of_next * max_nodes,
+                )
                 at.limit, at.least = limit_for(at.y, at.target), AIMING.least_limit_of_next
             else:
                 # boxes too small to be halved: more of them would not decide
@@ -264,7 +271,9 @@ class LinearBound:
     def _start(self, bound: int, n_settings: int, max_nodes: int) -> _Course:
         """Return where to begin."""
         n_parts = len(self.space.parts)
-        parts = _Parts(n_parts, min(SWEEPING.first, max_nodes // (SWEEPING.least_sweeps * n_parts) + 1))
+        parts = _Parts(
+            n_parts, min(SWEEPING.first, max_nodes // (SWEEPING.least_sweeps * n_parts) + 1)
+        )
         y = self._weights()
         target = min(n_settings, max(bound, int(float(y.sum()) / AIMING.least_limit)) + 1)
         least = 1.0 + min(AIMING.near_one, AIMING.near_setting / max(1, target - 1))
@@ -301,7 +310,9 @@ class LinearBound:
 
     def _share(self, max_nodes: int, ahead: int) -> float:
         """Return how many boxes may have been looked at when a number of settings so far ahead is given up."""
-        return max_nodes if ahead <= 1 else self.made + AIMING.share_at_first * (max_nodes - self.made)
+        return (
+            max_nodes if ahead <= 1 else self.made + AIMING.share_at_first * (max_nodes - self.made)
+        )
 
     def _weights(self) -> NDArray[np.float64]:
         return spread_weights(np.concatenate([self.columns, self.found]))
@@ -329,7 +340,9 @@ class LinearBound:
         done, self._swept = self._swept, []
         self.made += sum(found.made for found in done)
         left = slice(len(done), None)
-        search = self.space.search(at.y, at.limit, most[left], tick, parts=parts[left], most=SWEEPING.found)
+        search = self.space.search(
+            at.y, at.limit, most[left], tick, parts=parts[left], most=SWEEPING.found
+        )
         with closing(search) as results:
             for found in results:
                 done.append(found)
@@ -338,7 +351,12 @@ class LinearBound:
                 tick()
         self._poses.extend(found.poses for found in done if len(found.poses))
         outcomes, made = np.array([(found.outcome, found.made) for found in done]).T
-        return outcomes, made, np.concatenate([found.sets for found in done]), np.array([found.doubt for found in done])
+        return (
+            outcomes,
+            made,
+            np.concatenate([found.sets for found in done]),
+            np.array([found.doubt for found in done]),
+        )
 
     def _teller(self, at: _Course) -> Callable[[tuple[Found, ...]], None]:
         """Return what tells the ledger of a sweep's parts that are done; all else is as it is before the sweep."""
@@ -347,7 +365,9 @@ class LinearBound:
 
         def tell(done: tuple[Found, ...]) -> None:
             viewpoints = self.space.grown_for()
-            self.ledger.tell("linear", {**before, "viewpoints": viewpoints, "swept": lambda: _packed(done)})
+            self.ledger.tell(
+                "linear", {**before, "viewpoints": viewpoints, "swept": lambda: _packed(done)}
+            )
 
         return tell
 
@@ -368,5 +388,12 @@ def _unpacked(packed: dict[str, NDArray[Any]]) -> list[Found]:
     """Return what `_packed` made few arrays of."""
     cuts = np.cumsum(packed["n_poses"])[:-1]
     poses, sets = np.split(packed["poses"], cuts), np.split(packed["sets"], cuts)
-    rows = zip(packed["outcome"].tolist(), packed["made"].tolist(), poses, sets, packed["doubt"], strict=True)
+    rows = zip(
+        packed["outcome"].tolist(),
+        packed["made"].tolist(),
+        poses,
+        sets,
+        packed["doubt"],
+        strict=True,
+    )
     return [Found(*row) for row in rows]

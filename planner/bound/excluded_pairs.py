@@ -54,7 +54,9 @@ _EPS_RAD = 1e-7
 _MIDDLE, _HALF = range(2)
 
 
-def find_conflicts(judge: Judge, entity_idx: NDArray[np.int_], columns: ArrayLike, regions: Cells) -> NDArray[np.bool_]:
+def find_conflicts(
+    judge: Judge, entity_idx: NDArray[np.int_], columns: ArrayLike, regions: Cells
+) -> NDArray[np.bool_]:
     """Find the pairs of entities that exclude each other.
 
     Parameters
@@ -81,7 +83,9 @@ def find_conflicts(judge: Judge, entity_idx: NDArray[np.int_], columns: ArrayLik
 
     def excludes(pair: NDArray[np.int_]) -> bool:
         a, b = pair
-        return not _share_viewpoint(a, b, cells, Segments(*(values[pair] for values in segments)), frustum)
+        return not _share_viewpoint(
+            a, b, cells, Segments(*(values[pair] for values in segments)), frustum
+        )
 
     pairs = np.argwhere(np.triu(~conflict & ~together, k=1))
     with ThreadPoolExecutor(THREADS) as pool:
@@ -90,7 +94,9 @@ def find_conflicts(judge: Judge, entity_idx: NDArray[np.int_], columns: ArrayLik
     return conflict
 
 
-def too_far_apart(camera: Camera, ends: NDArray[np.float64], tangents: NDArray[np.float64]) -> NDArray[np.bool_]:
+def too_far_apart(
+    camera: Camera, ends: NDArray[np.float64], tangents: NDArray[np.float64]
+) -> NDArray[np.bool_]:
     """Return which pairs of entities (ends: (e, 2, 3), mm) do not fit into the frustum together; (e, e) bool."""
     near, far = camera.depth_of_field_mm
     if not np.isfinite(far):
@@ -99,7 +105,9 @@ def too_far_apart(camera: Camera, ends: NDArray[np.float64], tangents: NDArray[n
     corners = np.concatenate([near * corners, far * corners])
     # the two farthest points of a convex polytope are two of its corners
     diameter = np.linalg.norm(corners[:, None] - corners, axis=-1).max()
-    distance = np.linalg.norm(ends[:, None, :, None] - ends[None, :, None], axis=-1).max(axis=(2, 3))
+    distance = np.linalg.norm(ends[:, None, :, None] - ends[None, :, None], axis=-1).max(
+        axis=(2, 3)
+    )
     result = distance > diameter
     np.fill_diagonal(result, False)
     return result
@@ -153,7 +161,9 @@ def _search(stack, i, j, planes, plane_start, pair, frustum):
         if half[axis] < _SUBDIVISION.finest_mm or size + 2 > _SUBDIVISION.waiting:
             return True
         point = np.zeros(3)
-        if _in_both(centre, point, i, j, planes, plane_start) and _in_view(centre, 0.0, pair, frustum):
+        if _in_both(centre, point, i, j, planes, plane_start) and _in_view(
+            centre, 0.0, pair, frustum
+        ):
             return True
         half[axis] /= 2
         for sign in (-1.0, 1.0):

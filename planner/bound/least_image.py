@@ -45,10 +45,14 @@ def least_images_mm(judge: Judge) -> NDArray[np.float64]:
         be, follows from no constraint. Of edges counted on the pixel grid nothing is claimed but what the request asks.
     """
     request, of_accuracy = judge.request, {}
-    quantile = quantization_quantile(judge.camera.finest_pitch_mm, judge.threshold - _PROBABILITY_ERROR)
+    quantile = quantization_quantile(
+        judge.camera.finest_pitch_mm, judge.threshold - _PROBABILITY_ERROR
+    )
     for accuracy in set(request.accuracies.tolist()):
         half_width = 0.5 * (math.log(2.0 - accuracy) - math.log(accuracy))
-        of_accuracy[accuracy] = max(judge.constraints.min_length_mm, _SAFETY * quantile / half_width)
+        of_accuracy[accuracy] = max(
+            judge.constraints.min_length_mm, _SAFETY * quantile / half_width
+        )
     least = np.array([of_accuracy[accuracy] for accuracy in request.accuracies.tolist()])
     least[list(request.dimensions)] = 0.0
     # on the grid an image of whole pixels may be as short as the constraints allow

@@ -153,18 +153,27 @@ def lower_bound(
         What it rests on, in one sentence.
     """
     if n_settings <= 1:
-        return n_settings, "Fewer settings than one inspect nothing." if n_settings else "No entity is inspected."
+        return (
+            n_settings,
+            "Fewer settings than one inspect nothing." if n_settings else "No entity is inspected.",
+        )
     ledger = ledger or Ledger()
     regions = _regions(judge, entity_idx, executor)
     first = ledger("covers")
     if first is None:
         grown = ledger(_GROWING)
-        conflict = find_conflicts(judge, entity_idx, columns, regions) if grown is None else grown["conflict"]
+        conflict = (
+            find_conflicts(judge, entity_idx, columns, regions)
+            if grown is None
+            else grown["conflict"]
+        )
         tree = PoseTree(judge, entity_idx, regions, conflict)
         # a pair excludes each other for a reason of its own; so do the pairs of a clique
         alone = max(1, len(large_clique(conflict)))
         ledger.proven(min(alone, n_settings))
-        proven = _by_covers(tree, columns, (alone, n_settings), max_nodes, _Growing(ledger, conflict), progress)
+        proven = _by_covers(
+            tree, columns, (alone, n_settings), max_nodes, _Growing(ledger, conflict), progress
+        )
         first = {"conflict": conflict, "bound": proven, "made": tree.made, "alone": alone}
     ledger.tell("covers", first)
     ledger.tell(_GROWING, None)
@@ -176,11 +185,16 @@ def lower_bound(
     report(progress, max_nodes, max_nodes, "lower bound")
     if bound <= first["alone"]:
         return bound, exclusion_proof(judge, bound)
-    return bound, _proof(first["made"] + linear.made, int(first["conflict"].sum()) // 2, _items(judge))
+    return bound, _proof(
+        first["made"] + linear.made, int(first["conflict"].sum()) // 2, _items(judge)
+    )
 
 
 def exclusive_entities(
-    judge: Judge, entity_idx: NDArray[np.int_], columns: NDArray[np.bool_], executor: Executor | None = None
+    judge: Judge,
+    entity_idx: NDArray[np.int_],
+    columns: NDArray[np.bool_],
+    executor: Executor | None = None,
 ) -> NDArray[np.int_]:
     """Find entities of which no two can be inspected together: a bound that takes seconds.
 
@@ -212,7 +226,9 @@ def exclusion_proof(judge: Judge, n: int) -> str:
 def _regions(judge: Judge, entity_idx: NDArray[np.int_], executor: Executor | None) -> Cells:
     """Return the cells of entities' regions."""
     shared = Shared(judge)
-    return Cells.joined(in_order(executor, entity_cells, [(shared, judge.names[i]) for i in entity_idx]))
+    return Cells.joined(
+        in_order(executor, entity_cells, [(shared, judge.names[i]) for i in entity_idx])
+    )
 
 
 def _items(judge: Judge) -> str:
@@ -239,7 +255,11 @@ def _by_covers(
         growing.tell(tree, weights, target, rounds)
         rounds += 1
         sets_first = rounds <= COVERING.cover_rounds or rounds % COVERING.rounds_per_cover == 0
-        heavy = _to_split(tree, weights.solve(tree.sets), target) if sets_first else _above(tree, guide, target)
+        heavy = (
+            _to_split(tree, weights.solve(tree.sets), target)
+            if sets_first
+            else _above(tree, guide, target)
+        )
         if heavy is None:
             growing.ledger.proven(target)
             target, rounds = target + 1, 0
@@ -377,4 +397,6 @@ class _Weights:
         """Drop the sets of leaves that have been split since: they would hold the weights down for ever."""
         if len(self.rows):
             present = {row.tobytes() for row in np.packbits(sets, axis=1)}
-            self.rows = self.rows[[row.tobytes() in present for row in np.packbits(self.rows, axis=1)]]
+            self.rows = self.rows[
+                [row.tobytes() in present for row in np.packbits(self.rows, axis=1)]
+            ]

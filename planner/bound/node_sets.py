@@ -102,7 +102,9 @@ def clear_unsatisfied(nodes, segments, frustum, possible):
                 depths *= nearest
             if possible[n, e]:
                 centre, radius = nodes.centre[n], nodes.radius[n]
-                possible[n, e] = not too_short_at(ends[e], lengths[e], length_ratio[e], centre, radius, depths)
+                possible[n, e] = not too_short_at(
+                    ends[e], lengths[e], length_ratio[e], centre, radius, depths
+                )
 
 
 @lean
@@ -140,7 +142,9 @@ def _nearest_depth(ray, nodes, n, frustum):
         lowest = -math.sin(slack + _EPS) - _EPS
         ahead = (ray[0] * frame[0, 2] + ray[1] * frame[1, 2] + ray[2] * frame[2, 2]) / length
         for i in range(2):
-            across = abs(ray[0] * frame[0, i] + ray[1] * frame[1, i] + ray[2] * frame[2, i]) / length
+            across = (
+                abs(ray[0] * frame[0, i] + ray[1] * frame[1, i] + ray[2] * frame[2, i]) / length
+            )
             tangent = tan_x if i == 0 else tan_y
             if (tangent * ahead - across) / math.sqrt(1.0 + tangent**2) < lowest:
                 return -1.0
@@ -219,7 +223,12 @@ def _exclusions(members, places, k, pairs):
     the frustum between the nearest and the farthest sharp plane is wide or deep.
     """
     ends, angle, room, conflict = pairs
-    centre, radius, axes, turns = places.centre[k], places.radius[k], places.axes[k], places.turns[k]
+    centre, radius, axes, turns = (
+        places.centre[k],
+        places.radius[k],
+        places.axes[k],
+        places.turns[k],
+    )
     m = len(members)
     rays = np.empty((m, 2, 3))
     wide = np.empty((m, 2, 3))
@@ -230,7 +239,11 @@ def _exclusions(members, places, k, pairs):
             put(rays[e, i], ray / max(length, _EPS))
             swing = math.asin(radius / length) if length > radius else math.pi
             half = angle / 2 + swing + _EPS
-            wide[e, i, _ANGLE], wide[e, i, _COSINE], wide[e, i, _SINE] = half, math.cos(half), math.sin(half)
+            wide[e, i, _ANGLE], wide[e, i, _COSINE], wide[e, i, _SINE] = (
+                half,
+                math.cos(half),
+                math.sin(half),
+            )
     excludes = np.zeros((m, m), dtype=np.bool_)
     for e in range(m):
         for f in range(e + 1, m):
@@ -251,7 +264,11 @@ def _too_far(first, second, axes, turns, room):
     """
     for i in range(2):
         for j in range(2):
-            x, y, z = first[i, 0] - second[j, 0], first[i, 1] - second[j, 1], first[i, 2] - second[j, 2]
+            x, y, z = (
+                first[i, 0] - second[j, 0],
+                first[i, 1] - second[j, 1],
+                first[i, 2] - second[j, 2],
+            )
             squared = x * x + y * y + z * z
             for axis in range(3):
                 if squared <= room[axis] ** 2:
@@ -260,7 +277,10 @@ def _too_far(first, second, axes, turns, room):
                 if along <= room[axis]:
                     continue
                 across = math.sqrt(max(squared - along * along, 0.0))
-                if along * math.cos(turns[axis]) - across * math.sin(turns[axis]) > room[axis] + _EPS:
+                if (
+                    along * math.cos(turns[axis]) - across * math.sin(turns[axis])
+                    > room[axis] + _EPS
+                ):
                     return True
     return False
 
@@ -272,8 +292,13 @@ def _too_wide(first, second, first_wide, second_wide):
         for j in range(2):
             if first_wide[i, _ANGLE] + second_wide[j, _ANGLE] >= math.pi:
                 continue
-            limit = first_wide[i, _COSINE] * second_wide[j, _COSINE] - first_wide[i, _SINE] * second_wide[j, _SINE]
-            cosine = first[i, 0] * second[j, 0] + first[i, 1] * second[j, 1] + first[i, 2] * second[j, 2]
+            limit = (
+                first_wide[i, _COSINE] * second_wide[j, _COSINE]
+                - first_wide[i, _SINE] * second_wide[j, _SINE]
+            )
+            cosine = (
+                first[i, 0] * second[j, 0] + first[i, 1] * second[j, 1] + first[i, 2] * second[j, 2]
+            )
             if cosine < limit - _EPS_COSINE:
                 return True
     return False

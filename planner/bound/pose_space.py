@@ -88,12 +88,20 @@ class PoseSpace:
         Pairs that exclude each other.
     """
 
-    def __init__(self, judge: Judge, entity_idx: NDArray[np.int_], regions: Cells, conflict: NDArray[np.bool_]):
+    def __init__(
+        self,
+        judge: Judge,
+        entity_idx: NDArray[np.int_],
+        regions: Cells,
+        conflict: NDArray[np.bool_],
+    ):
         self.view, self.conflict = view_of(judge), np.ascontiguousarray(conflict)
         segments = segments_of(judge, entity_idx)
         self.entities = entities_of(segments, regions, judge.requirements.visibility_radius_mm)
         points = self.entities.ends.reshape(-1, 3)
-        self.nodal_points = np.array([regions.boxes[:, 0].min(axis=0), regions.boxes[:, 1].max(axis=0)])
+        self.nodal_points = np.array(
+            [regions.boxes[:, 0].min(axis=0), regions.boxes[:, 1].max(axis=0)]
+        )
         # the last tree of viewpoints, and the weights and the limit that it was grown for
         self._grown: tuple[Viewpoints, NDArray[np.float64], float] | None = None
         low, high = points.min(axis=0) - self.view.radius, points.max(axis=0) + self.view.radius
@@ -145,8 +153,12 @@ class PoseSpace:
         with ThreadPoolExecutor(THREADS) as pool:
             try:
                 asked = np.arange(len(self.parts)) if parts is None else np.asarray(parts)
-                todo = zip(asked.tolist(), np.broadcast_to(max_nodes, len(asked)).tolist(), strict=True)
-                waiting.extend(pool.submit(look, *one) for one in itertools.islice(todo, 2 * THREADS))
+                todo = zip(
+                    asked.tolist(), np.broadcast_to(max_nodes, len(asked)).tolist(), strict=True
+                )
+                waiting.extend(
+                    pool.submit(look, *one) for one in itertools.islice(todo, 2 * THREADS)
+                )
                 while waiting:
                     while tick is not None and not wait([waiting[0]], DIVISION.tick_s).done:
                         tick()
@@ -200,7 +212,9 @@ class PoseSpace:
             pose, inspected = np.eye(4), np.zeros(len(y), dtype=bool)
             order = np.argsort(-y, kind="stable")[: int((y > 0).sum())]
             task = Task(self.conflict, y, limit, max_nodes - made, stop)
-            outcome, n = search(part, chart, order, self.entities, self.view, tree, task, pose, inspected)
+            outcome, n = search(
+                part, chart, order, self.entities, self.view, tree, task, pose, inspected
+            )
             made += n
             # the weights had better keep away from where it is too close to tell, too
             if outcome in (FOUND, NEARLY):

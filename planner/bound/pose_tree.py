@@ -14,7 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.bound.boxes.cells import Cells
 from planner.bound.boxes.necessary import focus_reach
-from planner.bound.node_sets import Nodes, Pairs, Places, clear_unmet, clear_unsatisfied, consistent_weights, separate
+from planner.bound.node_sets import (
+    Nodes,
+    Pairs,
+    Places,
+    clear_unmet,
+    clear_unsatisfied,
+    consistent_weights,
+    separate,
+)
 from planner.bound.segments import frustum_of, segments_of
 from planner.columns.judge import Judge
 
@@ -39,7 +47,13 @@ class PoseTree:
         Pairs that exclude each other.
     """
 
-    def __init__(self, judge: Judge, entity_idx: NDArray[np.int_], regions: Cells, conflict: NDArray[np.bool_]):
+    def __init__(
+        self,
+        judge: Judge,
+        entity_idx: NDArray[np.int_],
+        regions: Cells,
+        conflict: NDArray[np.bool_],
+    ):
         self.cells = regions.planes, regions.plane_start, regions.entity_start
         self.segments, self.frustum = segments_of(judge, entity_idx), frustum_of(judge)
         near, far, tan_x, tan_y, cone = self.frustum
@@ -54,7 +68,10 @@ class PoseTree:
         """Start with one node per face of the cube of directions, all positions, all rolls."""
         low, high = np.asarray(workspace, dtype=float)
         points = self.segments.ends.reshape(-1, 3)
-        low, high = np.maximum(low, points.min(axis=0) - self.reach), np.minimum(high, points.max(axis=0) + self.reach)
+        low, high = (
+            np.maximum(low, points.min(axis=0) - self.reach),
+            np.minimum(high, points.max(axis=0) + self.reach),
+        )
         n = 6
         self.centre = np.tile((low + high) / 2, (n, 1))
         self.half = np.tile((high - low) / 2, (n, 1))
@@ -88,7 +105,9 @@ class PoseTree:
         """
         keep = np.ones(len(self.face), dtype=bool)
         keep[nodes] = False
-        first, second = ({name: value[nodes].copy() for name, value in self._fields()} for _ in range(2))
+        first, second = (
+            {name: value[nodes].copy() for name, value in self._fields()} for _ in range(2)
+        )
         clash = np.zeros(len(nodes), dtype=bool)
         if sets_first:
             clash = separate(self._places(nodes), self._pairs, first["sets"], second["sets"])
@@ -104,7 +123,9 @@ class PoseTree:
     def weights(self, nodes: NDArray[np.int_], y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how much one pose of each node can inspect at most, with weights y (e,) of the entities."""
         order = np.argsort(-y, kind="stable")
-        return consistent_weights(self._places(nodes), self._pairs, self.sets[nodes], y, order[y[order] > 0])
+        return consistent_weights(
+            self._places(nodes), self._pairs, self.sets[nodes], y, order[y[order] > 0]
+        )
 
     def _places(self, nodes: NDArray[np.int_]) -> Places:
         """Return what the tests for pairs of entities need to know of nodes."""
@@ -116,9 +137,17 @@ class PoseTree:
         return Places(self.centre[nodes], radius, axes, turns)
 
     def _fields(self) -> list[tuple[str, NDArray[Any]]]:
-        return [(name, getattr(self, name)) for name in ("centre", "half", "face", "patch", "roll", "sets")]
+        return [
+            (name, getattr(self, name))
+            for name in ("centre", "half", "face", "patch", "roll", "sets")
+        ]
 
-    def _halve(self, first: dict[str, NDArray[Any]], second: dict[str, NDArray[Any]], kind: NDArray[np.int_]) -> None:
+    def _halve(
+        self,
+        first: dict[str, NDArray[Any]],
+        second: dict[str, NDArray[Any]],
+        kind: NDArray[np.int_],
+    ) -> None:
         rows = np.flatnonzero(kind == _BY_POSITION)
         axis = first["half"][rows].argmax(axis=1)
         quarter = first["half"][rows, axis] / 2
@@ -146,7 +175,9 @@ class PoseTree:
         """Tighten the optimistic sets of nodes."""
         for start in range(0, len(nodes), _BATCH):
             part = nodes[start : start + _BATCH]
-            axis, spread, frame = _patch_frames(self.face[part], self.patch[part], self.roll[part, 0])
+            axis, spread, frame = _patch_frames(
+                self.face[part], self.patch[part], self.roll[part, 0]
+            )
             radius = np.linalg.norm(self.half[part], axis=1)
             possible = self.sets[part].copy()
             turned = self.roll[part, 1] * math.sin(self.frustum.cone)
@@ -178,10 +209,16 @@ def _patch_frames(
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     y = np.cross(axis, x)
     c, s = np.cos(roll)[:, None], np.sin(roll)[:, None]
-    return axis, 2.0 * np.arcsin(chord / 2.0), np.stack([c * x + s * y, c * y - s * x, axis], axis=-1)
+    return (
+        axis,
+        2.0 * np.arcsin(chord / 2.0),
+        np.stack([c * x + s * y, c * y - s * x, axis], axis=-1),
+    )
 
 
-def _directions(face: NDArray[np.int_], u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+def _directions(
+    face: NDArray[np.int_], u: NDArray[np.float64], v: NDArray[np.float64]
+) -> NDArray[np.float64]:
     rows = np.arange(len(face))
     direction = np.zeros((len(face), 3))
     direction[rows, face // 2] = np.where(face % 2 == 0, 1.0, -1.0)

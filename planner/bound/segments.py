@@ -41,7 +41,12 @@ def view_of(judge: Judge) -> View:
     far = min(far, max(float(np.linalg.norm(high - low)), 1.01 * near))
     middle = (near + far) / 2
     corners = np.array(
-        [[x * tan_x * z, y * tan_y * z, z - middle] for x in (-1, 1) for y in (-1, 1) for z in (near, far)]
+        [
+            [x * tan_x * z, y * tan_y * z, z - middle]
+            for x in (-1, 1)
+            for y in (-1, 1)
+            for z in (near, far)
+        ]
     )
     return View(near, far, middle, tan_x, tan_y, float(np.linalg.norm(corners, axis=1).max()))
 

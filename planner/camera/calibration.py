@@ -16,19 +16,32 @@ _NEEDED = ("pixel_pitch_mm", "f_number", "focus_distance_mm")
 
 
 def opencv_fields(
-    matrix: ArrayLike, distortion: ArrayLike | Distortion | None, image_size: tuple[int, int], lens: Mapping[str, Any]
+    matrix: ArrayLike,
+    distortion: ArrayLike | Distortion | None,
+    image_size: tuple[int, int],
+    lens: Mapping[str, Any],
 ) -> dict[str, Any]:
     """Return the fields of the camera that OpenCV calibrated; see `Camera.from_opencv`."""
     try:
         k = np.asarray(matrix, dtype=float)
     except (TypeError, ValueError):
         k = np.empty(0)
-    if k.shape != (3, 3) or not np.isfinite(k).all() or k[0, 1] or k[1, 0] or (k[2] != [0.0, 0.0, 1.0]).any():
-        raise CameraError(f"matrix must be [[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]]. Got {shown(matrix)}.")
+    if (
+        k.shape != (3, 3)
+        or not np.isfinite(k).all()
+        or k[0, 1]
+        or k[1, 0]
+        or (k[2] != [0.0, 0.0, 1.0]).any()
+    ):
+        raise CameraError(
+            f"matrix must be [[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]]. Got {shown(matrix)}."
+        )
     scale_x, scale_y = check_positive("f_x", k[0, 0]), check_positive("f_y", k[1, 1])
     for name in _NEEDED:
         if name not in lens:
-            raise CameraError(f"{name} must be given: a calibration in pixels does not know it. Got none.")
+            raise CameraError(
+                f"{name} must be given: a calibration in pixels does not know it. Got none."
+            )
     pitch = check_positive("pixel_pitch_mm", lens["pixel_pitch_mm"])
     focus = check_positive("focus_distance_mm", lens["focus_distance_mm"])
     distance = scale_x * pitch

@@ -27,7 +27,15 @@ from numpy.typing import ArrayLike
 
 from planner.camera.calibration import opencv_fields
 from planner.camera.catalogue import check_lens, find_camera
-from planner.camera.checks import check_count, check_number, check_pair, check_positive, line_of, read_toml, shown
+from planner.camera.checks import (
+    check_count,
+    check_number,
+    check_pair,
+    check_positive,
+    line_of,
+    read_toml,
+    shown,
+)
 from planner.camera.distortion import Distortion
 from planner.camera.field import Field, field_of
 from planner.camera.readers import calibrated_fields
@@ -82,13 +90,18 @@ class Camera:
     def __post_init__(self) -> None:
         for field in ("focal_length_mm", "f_number", "focus_distance_mm"):
             object.__setattr__(self, field, check_positive(field, getattr(self, field)))
-        pitch = tuple(check_positive("pixel_pitch_mm", p) for p in check_pair("pixel_pitch_mm", self.pixel_pitch_mm))
+        pitch = tuple(
+            check_positive("pixel_pitch_mm", p)
+            for p in check_pair("pixel_pitch_mm", self.pixel_pitch_mm)
+        )
         if max(pitch) > _LARGEST_PITCH_MM:
             raise CameraError(
                 f"pixel_pitch_mm must be at most {_LARGEST_PITCH_MM:g} mm; 3.45 um are 0.00345. Got {max(pitch):g}."
             )
         object.__setattr__(self, "pixel_pitch_mm", pitch)
-        counts = tuple(check_count("resolution", n) for n in check_pair("resolution", self.resolution))
+        counts = tuple(
+            check_count("resolution", n) for n in check_pair("resolution", self.resolution)
+        )
         object.__setattr__(self, "resolution", counts)
         blur = min(pitch) if self.largest_blur_mm is None else self.largest_blur_mm
         object.__setattr__(self, "largest_blur_mm", check_positive("largest_blur_mm", blur))
@@ -106,7 +119,8 @@ class Camera:
         object.__setattr__(self, "distortion", Distortion.of(self.distortion))
         if self.principal_point_px is not None:
             point = tuple(
-                check_number("principal_point_px", c) for c in check_pair("principal_point_px", self.principal_point_px)
+                check_number("principal_point_px", c)
+                for c in check_pair("principal_point_px", self.principal_point_px)
             )
             object.__setattr__(self, "principal_point_px", point)
             if not all(-0.5 < c < n - 0.5 for c, n in zip(point, self.resolution, strict=True)):
@@ -128,7 +142,9 @@ class Camera:
     @property
     def sensor_size_mm(self) -> tuple[float, float]:
         """Width and height of the sensor."""
-        return self.resolution[0] * self.pixel_pitch_mm[0], self.resolution[1] * self.pixel_pitch_mm[1]
+        return self.resolution[0] * self.pixel_pitch_mm[0], self.resolution[
+            1
+        ] * self.pixel_pitch_mm[1]
 
     @property
     def half_diagonal_rad(self) -> float:
@@ -224,7 +240,11 @@ class Camera:
 
     @classmethod
     def from_opencv(
-        cls, matrix: ArrayLike, distortion: ArrayLike | Distortion | None, image_size: tuple[int, int], **lens: Any
+        cls,
+        matrix: ArrayLike,
+        distortion: ArrayLike | Distortion | None,
+        image_size: tuple[int, int],
+        **lens: Any,
     ) -> Camera:
         """Make a camera of what OpenCV's calibration found.
 
@@ -345,7 +365,9 @@ class Camera:
         text, data = read_toml(path)
         try:
             if "calibration" in data:
-                return cls.from_calibration(path.parent / str(data.pop("calibration")), **{"name": path.stem, **data})
+                return cls.from_calibration(
+                    path.parent / str(data.pop("calibration")), **{"name": path.stem, **data}
+                )
             return cls.from_dict({"name": path.stem, **data})
         except CameraError as error:
             field = str(error).split(" ", 1)[0]
@@ -391,8 +413,12 @@ class Camera:
         for key in data:
             if key not in known:
                 named = key if key.isidentifier() else shown(key)
-                raise CameraError(f"{named} must be one of {', '.join(known)}. Got an unknown field.")
+                raise CameraError(
+                    f"{named} must be one of {', '.join(known)}. Got an unknown field."
+                )
         for key in known[:5]:
             if key not in data:
-                raise CameraError(f"{key} must be given. Got {shown(', '.join(map(str, data)) or 'nothing', str)}.")
+                raise CameraError(
+                    f"{key} must be given. Got {shown(', '.join(map(str, data)) or 'nothing', str)}."
+                )
         return cls(**data)

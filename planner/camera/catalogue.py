@@ -40,7 +40,10 @@ def camera_parts() -> dict[str, dict[str, dict[str, Any]]]:
         maker's own page.
     """
     data = _data()
-    return {kind: {name: {"maker": True, **facts} for name, facts in data[kind].items()} for kind in ("body", "lens")}
+    return {
+        kind: {name: {"maker": True, **facts} for name, facts in data[kind].items()}
+        for kind in ("body", "lens")
+    }
 
 
 @cache
@@ -69,17 +72,28 @@ def find_camera(name: str) -> tuple[str, dict[str, Any], dict[str, Any]]:
     known = {key.lower(): key for key in catalogued()}
     key = known.get(str(name).lower())
     if key is None:
-        near = difflib.get_close_matches(str(name).lower(), known, n=3, cutoff=0.3) or sorted(known)[:3]
+        near = (
+            difflib.get_close_matches(str(name).lower(), known, n=3, cutoff=0.3)
+            or sorted(known)[:3]
+        )
         offered = ", ".join(known[n] for n in near)
-        raise CameraError(f"camera must be a name of the catalogue. Got {str(name)!r}; nearest: {offered}.")
+        raise CameraError(
+            f"camera must be a name of the catalogue. Got {str(name)!r}; nearest: {offered}."
+        )
     return key, *catalogued()[key]
 
 
 def check_lens(lens: Mapping[str, Any], f_number: float, focus_distance_mm: float) -> None:
     """Raise `CameraError` unless a lens of the catalogue can be set so."""
-    widest, narrowest, closest = lens["widest_f_number"], lens["narrowest_f_number"], lens["closest_object_mm"]
+    widest, narrowest, closest = (
+        lens["widest_f_number"],
+        lens["narrowest_f_number"],
+        lens["closest_object_mm"],
+    )
     if not widest <= f_number <= narrowest:
-        raise CameraError(f"f_number must be in {widest:g} to {narrowest:g}, the lens's range. Got {f_number:g}.")
+        raise CameraError(
+            f"f_number must be in {widest:g} to {narrowest:g}, the lens's range. Got {f_number:g}."
+        )
     if focus_distance_mm < closest:
         raise CameraError(
             f"focus_distance_mm must be at least {closest:g}, the lens's closest object. Got {focus_distance_mm:g}."

@@ -37,16 +37,22 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
         line = int(found.group(1)) if found else len(text.splitlines())
         raise CameraError(f"{path}:{line}: camera file must be TOML. {error}.") from None
     except RecursionError:
-        raise CameraError(f"{path}: camera file must not nest arrays or tables so deep. Got too many levels.") from None
+        raise CameraError(
+            f"{path}: camera file must not nest arrays or tables so deep. Got too many levels."
+        ) from None
     except ValueError:
         # Python reads no integer of more than some thousand digits
-        raise CameraError(f"{path}: camera file must hold numbers of a sensible length. Got a longer one.") from None
+        raise CameraError(
+            f"{path}: camera file must hold numbers of a sensible length. Got a longer one."
+        ) from None
 
 
 def line_of(field: str, text: str) -> int:
     """Return the line that assigns a field; 1 when the field is missing."""
     pattern = re.compile(rf"\s*[\"']?{re.escape(field)}[\"']?\s*[=.\]]")
-    return next((i for i, line in enumerate(text.splitlines(), 1) if pattern.match(line.lstrip("["))), 1)
+    return next(
+        (i for i, line in enumerate(text.splitlines(), 1) if pattern.match(line.lstrip("["))), 1
+    )
 
 
 def check_pair(field: str, values: Any) -> tuple[Any, ...]:

@@ -70,9 +70,13 @@ class Distortion:
         except (TypeError, ValueError):
             numbers = np.empty(0)
         if len(numbers) < 4:
-            raise CameraError(f"distortion must be four or five numbers k1, k2, p1, p2, k3. Got {values!r}.")
+            raise CameraError(
+                f"distortion must be four or five numbers k1, k2, p1, p2, k3. Got {values!r}."
+            )
         if np.any(numbers[5:]):
-            raise CameraError(f"distortion must have no coefficients beyond k1, k2, p1, p2, k3. Got {values!r}.")
+            raise CameraError(
+                f"distortion must have no coefficients beyond k1, k2, p1, p2, k3. Got {values!r}."
+            )
         return cls.of(cls(*map(float, numbers[:5])))
 
     @property
@@ -139,5 +143,7 @@ class Distortion:
                 break
             found = found - np.linalg.solve(jacobian, rest[..., None])[..., 0]
         if not np.max(np.abs(self.distort(found) - wanted), initial=0.0) <= _RESIDUAL:
-            raise CameraError(f"points must be images of the lens model before it folds. Got {self}.")
+            raise CameraError(
+                f"points must be images of the lens model before it folds. Got {self}."
+            )
         return found

@@ -77,14 +77,21 @@ def field_of(lens: Distortion, sides: Rectangle) -> Field:
         return Field(sides, sides)
     along = np.linspace(0.0, 1.0, _POINTS)
     x, y = left + (right - left) * along, top + (bottom - top) * along
-    walls = [np.stack(np.broadcast_arrays(*wall), axis=-1) for wall in ((left, y), (x, top), (right, y), (x, bottom))]
+    walls = [
+        np.stack(np.broadcast_arrays(*wall), axis=-1)
+        for wall in ((left, y), (x, top), (right, y), (x, bottom))
+    ]
     ideal = [lens.undistort(wall) for wall in walls]
     every = np.concatenate(ideal)
     size = np.ptp(every, axis=0)
     widest = np.concatenate([every.min(axis=0), every.max(axis=0)])
     outer = _first(widest, np.concatenate([-size, size]), lambda box: _off_sensor(lens, box, sides))
-    narrowest = np.array([ideal[0][:, 0].max(), ideal[1][:, 1].max(), ideal[2][:, 0].min(), ideal[3][:, 1].min()])
-    inner = _first(narrowest, np.concatenate([size, -size]), lambda box: _on_sensor(lens, box, sides))
+    narrowest = np.array(
+        [ideal[0][:, 0].max(), ideal[1][:, 1].max(), ideal[2][:, 0].min(), ideal[3][:, 1].min()]
+    )
+    inner = _first(
+        narrowest, np.concatenate([size, -size]), lambda box: _on_sensor(lens, box, sides)
+    )
     if outer is None or inner is None or _stretch(lens, outer)[0] <= 0.0:
         raise CameraError(f"distortion must not fold within the field of view. Got {lens}.")
     return Field(inner, outer, _stretch(lens, inner)[0], _stretch(lens, outer)[1])
@@ -105,7 +112,12 @@ def _off_sensor(lens: Distortion, box: Rectangle, sides: Rectangle) -> bool:
     (x_low, x_high), (y_low, y_high) = _border_images(lens, box)
     left, top, right, bottom = sides
     gap = _ROUNDING
-    off = (x_high < left - gap) | (x_low > right + gap) | (y_high < top - gap) | (y_low > bottom + gap)
+    off = (
+        (x_high < left - gap)
+        | (x_low > right + gap)
+        | (y_high < top - gap)
+        | (y_low > bottom + gap)
+    )
     return bool(off.all())
 
 
@@ -115,7 +127,12 @@ def _on_sensor(lens: Distortion, box: Rectangle, sides: Rectangle) -> bool:
     (x_low, x_high), (y_low, y_high) = _border_images(lens, box)
     left, top, right, bottom = sides
     gap = _ROUNDING
-    on = (x_low > left + gap) & (x_high < right - gap) & (y_low > top + gap) & (y_high < bottom - gap)
+    on = (
+        (x_low > left + gap)
+        & (x_high < right - gap)
+        & (y_low > top + gap)
+        & (y_high < bottom - gap)
+    )
     return bool(on.all()) and _stretch(lens, box)[0] > 0.0
 
 
@@ -125,14 +142,23 @@ def _border_images(lens: Distortion, box: Rectangle) -> tuple[_Interval, _Interv
     xs, ys = np.linspace(left, right, _PIECES + 1), np.linspace(top, bottom, _PIECES + 1)
     pieces = [(_still(wall, _PIECES), (ys[:-1], ys[1:])) for wall in (left, right)]
     pieces += [((xs[:-1], xs[1:]), _still(wall, _PIECES)) for wall in (top, bottom)]
-    x = np.concatenate([piece[0][0] for piece in pieces]), np.concatenate([piece[0][1] for piece in pieces])
-    y = np.concatenate([piece[1][0] for piece in pieces]), np.concatenate([piece[1][1] for piece in pieces])
+    x = (
+        np.concatenate([piece[0][0] for piece in pieces]),
+        np.concatenate([piece[0][1] for piece in pieces]),
+    )
+    y = (
+        np.concatenate([piece[1][0] for piece in pieces]),
+        np.concatenate([piece[1][1] for piece in pieces]),
+    )
     middle = lens.distort(np.stack([(x[0] + x[1]) / 2, (y[0] + y[1]) / 2], axis=-1))
     half_x, half_y = (x[1] - x[0]) / 2, (y[1] - y[0]) / 2
     mean, half, mixed = _jacobian(lens, x, y)
     across = _largest(_plus(mean, half)) * half_x + _largest(mixed) * half_y
     down = _largest(mixed) * half_x + _largest(_plus(mean, _times(-1.0, half))) * half_y
-    return (middle[:, 0] - across, middle[:, 0] + across), (middle[:, 1] - down, middle[:, 1] + down)
+    return (middle[:, 0] - across, middle[:, 0] + across), (
+        middle[:, 1] - down,
+        middle[:, 1] + down,
+    )
 
 
 def _stretch(lens: Distortion, box: Rectangle) -> tuple[float, float]:
@@ -145,16 +171,23 @@ def _stretch(lens: Distortion, box: Rectangle) -> tuple[float, float]:
     return float((mean[0] - root).min()) - _ROUNDING, float((mean[1] + root).max()) + _ROUNDING
 
 
-def _jacobian(lens: Distortion, x: _Interval, y: _Interval) -> tuple[_Interval, _Interval, _Interval]:
+def _jacobian(
+    lens: Distortion, x: _Interval, y: _Interval
+) -> tuple[_Interval, _Interval, _Interval]:
     """Return bounds of (J_xx + J_yy)/2, (J_xx - J_yy)/2 and J_xy."""
     xx, yy = _square(x), _square(y)
     r2 = _plus(xx, yy)
     radial = _polynomial((1.0, lens.k1, lens.k2, lens.k3), r2)
     slope = _polynomial((2.0 * lens.k1, 4.0 * lens.k2, 6.0 * lens.k3), r2)
-    mean = _plus(_plus(radial, _times(0.5, _product(slope, r2))), _plus(_times(4 * lens.p1, y), _times(4 * lens.p2, x)))
+    mean = _plus(
+        _plus(radial, _times(0.5, _product(slope, r2))),
+        _plus(_times(4 * lens.p1, y), _times(4 * lens.p2, x)),
+    )
     half = _times(0.5, _product(slope, _plus(xx, _times(-1.0, yy))))
     half = _plus(half, _plus(_times(2 * lens.p2, x), _times(-2 * lens.p1, y)))
-    mixed = _plus(_product(slope, _product(x, y)), _plus(_times(2 * lens.p1, x), _times(2 * lens.p2, y)))
+    mixed = _plus(
+        _product(slope, _product(x, y)), _plus(_times(2 * lens.p1, x), _times(2 * lens.p2, y))
+    )
     return mean, half, mixed
 
 

@@ -37,7 +37,9 @@ def look_along(positions, target, turns, out):
         for row in range(3):
             for column in range(3):
                 out[i, row, column] = (
-                    right[row] * turn[0, column] + down[row] * turn[1, column] + forward[row] * turn[2, column]
+                    right[row] * turn[0, column]
+                    + down[row] * turn[1, column]
+                    + forward[row] * turn[2, column]
                 )
             out[i, row, 3] = positions[i, row]
         out[i, 3, 3] = 1.0
@@ -80,14 +82,30 @@ def _rotation(x, y, z, out):
     along = math.sin(angle) / angle if angle > 0.0 else 1.0
     outer = 2.0 * half * half / squared if squared > 0.0 else 0.5
     cosine = 1.0 - 2.0 * half * half
-    out[0, 0], out[0, 1], out[0, 2] = cosine + outer * x * x, outer * x * y - along * z, outer * x * z + along * y
-    out[1, 0], out[1, 1], out[1, 2] = outer * x * y + along * z, cosine + outer * y * y, outer * y * z - along * x
-    out[2, 0], out[2, 1], out[2, 2] = outer * x * z - along * y, outer * y * z + along * x, cosine + outer * z * z
+    out[0, 0], out[0, 1], out[0, 2] = (
+        cosine + outer * x * x,
+        outer * x * y - along * z,
+        outer * x * z + along * y,
+    )
+    out[1, 0], out[1, 1], out[1, 2] = (
+        outer * x * y + along * z,
+        cosine + outer * y * y,
+        outer * y * z - along * x,
+    )
+    out[2, 0], out[2, 1], out[2, 2] = (
+        outer * x * z - along * y,
+        outer * y * z + along * x,
+        cosine + outer * z * z,
+    )
 
 
 @lean(error_model="numpy")
 def _cross(a, b, out):
-    out[0], out[1], out[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    out[0], out[1], out[2] = (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
 
 
 @lean(error_model="numpy")

@@ -101,9 +101,15 @@ class PoseUncertainty:
         """
         cam2flange = np.asarray(cam2flange, dtype=float)
         if cam2flange.shape != (4, 4):
-            raise UncertaintyError(f"cam2flange must have the shape (4, 4). Got {cam2flange.shape}.")
-        robot = cls.isotropic(translation_mm=robot_translation_mm, rotation_rad=robot_rotation_rad).covariance
-        hand_eye = cls.isotropic(translation_mm=hand_eye_translation_mm, rotation_rad=hand_eye_rotation_rad).covariance
+            raise UncertaintyError(
+                f"cam2flange must have the shape (4, 4). Got {cam2flange.shape}."
+            )
+        robot = cls.isotropic(
+            translation_mm=robot_translation_mm, rotation_rad=robot_rotation_rad
+        ).covariance
+        hand_eye = cls.isotropic(
+            translation_mm=hand_eye_translation_mm, rotation_rad=hand_eye_rotation_rad
+        ).covariance
         rotation, lever = cam2flange[:3, :3].T, cam2flange[:3, 3]
         jacobian = np.zeros((6, 6))
         jacobian[:3, :3] = jacobian[3:, 3:] = rotation
@@ -162,7 +168,9 @@ class PoseUncertainty:
             If the covariance is missing or breaks a rule.
         """
         if "covariance" not in data:
-            raise UncertaintyError(f"covariance must be given. Got {', '.join(map(str, data)) or 'nothing'}.")
+            raise UncertaintyError(
+                f"covariance must be given. Got {', '.join(map(str, data)) or 'nothing'}."
+            )
         return cls(data["covariance"])
 
     def __eq__(self, other: object) -> bool:
@@ -178,14 +186,18 @@ def _check_covariance(covariance: np.ndarray) -> np.ndarray:
     try:
         cov = np.array(covariance, dtype=np.float64)
     except (TypeError, ValueError):
-        raise UncertaintyError(f"covariance must be a (6, 6) array of numbers. Got {covariance!r}.") from None
+        raise UncertaintyError(
+            f"covariance must be a (6, 6) array of numbers. Got {covariance!r}."
+        ) from None
     if cov.shape != (6, 6):
         raise UncertaintyError(f"covariance must have the shape (6, 6). Got {cov.shape}.")
     if not np.isfinite(cov).all():
         raise UncertaintyError(f"covariance must be finite. Got {cov[~np.isfinite(cov)][0]}.")
     scale = np.abs(cov).max()
     if not np.allclose(cov, cov.T, rtol=0, atol=1e-9 * scale):
-        raise UncertaintyError(f"covariance must be symmetric. Got a difference of {np.abs(cov - cov.T).max():g}.")
+        raise UncertaintyError(
+            f"covariance must be symmetric. Got a difference of {np.abs(cov - cov.T).max():g}."
+        )
     cov = (cov + cov.T) / 2
     _check_semidefinite(cov)
     for name, sigma, limit, unit in zip(
@@ -208,8 +220,12 @@ def _check_semidefinite(cov: np.ndarray) -> None:
     """Test the correlation matrix, so that millimetres and radians weigh the same."""
     variances = np.diag(cov)
     if variances.min() < 0:
-        raise UncertaintyError(f"covariance must have non-negative variances. Got {variances.min():g}.")
+        raise UncertaintyError(
+            f"covariance must have non-negative variances. Got {variances.min():g}."
+        )
     scale = np.where(variances > 0, np.sqrt(variances), 1.0)
     lowest = np.linalg.eigvalsh(cov / np.outer(scale, scale)).min()
     if lowest < -1e-9:
-        raise UncertaintyError(f"covariance must be positive semi-definite. Got the (scaled) eigenvalue {lowest:g}.")
+        raise UncertaintyError(
+            f"covariance must be positive semi-definite. Got the (scaled) eigenvalue {lowest:g}."
+        )

@@ -62,17 +62,27 @@ def read_colmap(path: Path) -> Calibration:
     CameraError
         If the file cannot be read, holds none or several cameras, or another model.
     """
-    lines = [line.split() for line in _text(path).splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    lines = [
+        line.split()
+        for line in _text(path).splitlines()
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
     if len(lines) != 1 or len(lines[0]) < 5:
-        raise CameraError(f"{path}: file must hold one camera: id, model, width, height, numbers. Got {len(lines)}.")
+        raise CameraError(
+            f"{path}: file must hold one camera: id, model, width, height, numbers. Got {len(lines)}."
+        )
     _, model, width, height, *rest = lines[0]
     if model not in _COLMAP:
-        raise CameraError(f"{path}: camera model must be one of {', '.join(_COLMAP)}. Got {shown(model)}.")
+        raise CameraError(
+            f"{path}: camera model must be one of {', '.join(_COLMAP)}. Got {shown(model)}."
+        )
     count, scales, coefficients = _COLMAP[model]
     try:
         size, numbers = (int(width), int(height)), [*map(float, rest)]
     except ValueError:
-        raise CameraError(f"{path}: numbers must follow the model. Got {shown(' '.join(lines[0][2:]))}.") from None
+        raise CameraError(
+            f"{path}: numbers must follow the model. Got {shown(' '.join(lines[0][2:]))}."
+        ) from None
     if len(numbers) != count:
         raise CameraError(f"{path}: {model} must have {count} parameters. Got {len(numbers)}.")
     fx, fy, cx, cy = (numbers[k] for k in scales)

@@ -13,29 +13,42 @@ _MEMORY = re.compile(r"(\d+(?:\.\d*)?(?:e[+-]?\d+)?) ?([MGT]i?B)?", re.ASCII | r
 
 def add_asked(parser: argparse.ArgumentParser) -> None:
     """Add what is asked of every plan."""
-    parser.add_argument("--camera", metavar="NAME|FILE", required=True, help="name of the catalogue, or a TOML file")
+    parser.add_argument(
+        "--camera", metavar="NAME|FILE", required=True, help="name of the catalogue, or a TOML file"
+    )
     parser.add_argument("--out", metavar="DIR", required=True, help="folder to write to")
     add_promise(parser)
     add_limits(parser)
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same plan")
     parser.add_argument(
-        "--time-limit", type=float, metavar="S", help="end after so many seconds with the best plan so far"
+        "--time-limit",
+        type=float,
+        metavar="S",
+        help="end after so many seconds with the best plan so far",
     )
     parser.add_argument(
-        "--gap", type=float, default=0.0, metavar="G", help="0.2: end the search when 20%% of the settings are unproven"
+        "--gap",
+        type=float,
+        default=0.0,
+        metavar="G",
+        help="0.2: end the search when 20%% of the settings are unproven",
     )
     parser.add_argument(
         "--effort",
         choices=("quick", "standard", "thorough"),
         help="how long to search and to prove (default: standard)",
     )
-    parser.add_argument("--simulate", type=int, default=10_000, metavar="N", help="displaced poses per setting")
+    parser.add_argument(
+        "--simulate", type=int, default=10_000, metavar="N", help="displaced poses per setting"
+    )
 
 
 def add_wanted(parser: argparse.ArgumentParser) -> None:
     """Add what is to be measured, and how points are found."""
     add_entities(parser).add_argument(
-        "--dimensions", metavar="FILE|all", help="TOML or JSON file of dimensions, or all that the part (AP242) states"
+        "--dimensions",
+        metavar="FILE|all",
+        help="TOML or JSON file of dimensions, or all that the part (AP242) states",
     )
     parser.add_argument(
         "--localisation",
@@ -44,13 +57,23 @@ def add_wanted(parser: argparse.ArgumentParser) -> None:
         "(default: rounding for entities, gaussian:0.1 for dimensions)",
     )
     parser.add_argument(
-        "--share", type=float, default=0.25, metavar="S", help="part of a tolerance's half width, permitted as error"
+        "--share",
+        type=float,
+        default=0.25,
+        metavar="S",
+        help="part of a tolerance's half width, permitted as error",
     )
 
 
 def add_promise(parser: argparse.ArgumentParser) -> None:
     """Add what is to be promised of a measurement, and how far the camera may be from its planned pose."""
-    parser.add_argument("--accuracy", type=float, default=0.98, metavar="A", help="0.98 allows 2%% of an edge's length")
+    parser.add_argument(
+        "--accuracy",
+        type=float,
+        default=0.98,
+        metavar="A",
+        help="0.98 allows 2%% of an edge's length",
+    )
     parser.add_argument(
         "--probability",
         type=float,
@@ -58,18 +81,36 @@ def add_promise(parser: argparse.ArgumentParser) -> None:
         metavar="P",
         help="required probability of it, given a registered image in which the edge is found",
     )
-    parser.add_argument("--sigma-mm", type=float, default=0.2, metavar="MM", help="camera position, std. deviation")
     parser.add_argument(
-        "--sigma-rad", type=float, default=0.002, metavar="RAD", help="camera orientation, std. deviation"
+        "--sigma-mm", type=float, default=0.2, metavar="MM", help="camera position, std. deviation"
+    )
+    parser.add_argument(
+        "--sigma-rad",
+        type=float,
+        default=0.002,
+        metavar="RAD",
+        help="camera orientation, std. deviation",
     )
 
 
 def add_limits(plan: argparse.ArgumentParser) -> None:
     """Add what every setting must satisfy beside the accuracy."""
-    limits = plan.add_argument_group("limits", "what every setting must satisfy; plan.json and the report tell them")
-    limits.add_argument("--stand-off", type=float, default=50.0, metavar="MM", help="smallest distance from the part")
+    limits = plan.add_argument_group(
+        "limits", "what every setting must satisfy; plan.json and the report tell them"
+    )
     limits.add_argument(
-        "--min-length-px", type=float, default=20.0, metavar="PX", help="shortest image of an edge that is measured"
+        "--stand-off",
+        type=float,
+        default=50.0,
+        metavar="MM",
+        help="smallest distance from the part",
+    )
+    limits.add_argument(
+        "--min-length-px",
+        type=float,
+        default=20.0,
+        metavar="PX",
+        help="shortest image of an edge that is measured",
     )
     limits.add_argument(
         "--field-margin-px",
@@ -95,15 +136,29 @@ def add_limits(plan: argparse.ArgumentParser) -> None:
 
 def add_showing(plan: argparse.ArgumentParser) -> None:
     """Add what the image needs so that edges can be found in it."""
-    shows = plan.add_argument_group("showing", "what edges need to be found in the image, and 0 where they need not")
-    shows.add_argument(
-        "--separation-px", type=float, default=5.0, metavar="PX", help="no other visible line comes so near to an edge"
+    shows = plan.add_argument_group(
+        "showing", "what edges need to be found in the image, and 0 where they need not"
     )
     shows.add_argument(
-        "--surround-px", type=float, default=40.0, metavar="PX", help="so much of the image lies around each end"
+        "--separation-px",
+        type=float,
+        default=5.0,
+        metavar="PX",
+        help="no other visible line comes so near to an edge",
     )
     shows.add_argument(
-        "--min-corner-deg", type=float, default=25.0, metavar="DEG", help="another line leaves each end at this angle"
+        "--surround-px",
+        type=float,
+        default=40.0,
+        metavar="PX",
+        help="so much of the image lies around each end",
+    )
+    shows.add_argument(
+        "--min-corner-deg",
+        type=float,
+        default=25.0,
+        metavar="DEG",
+        help="another line leaves each end at this angle",
     )
 
 
@@ -117,7 +172,11 @@ def add_light(plan: argparse.ArgumentParser) -> None:
         "fixed ones at:X,Y,Z[;X,Y,Z...] or a TOML file with lamps = [[X, Y, Z], ...]; in mm (default: no lamps)",
     )
     light.add_argument(
-        "--contrast", type=float, default=0.1, metavar="C", help="least contrast of an edge, (I1 - I2) / (I1 + I2)"
+        "--contrast",
+        type=float,
+        default=0.1,
+        metavar="C",
+        help="least contrast of an edge, (I1 - I2) / (I1 + I2)",
     )
     light.add_argument(
         "--grey-step",
@@ -127,7 +186,10 @@ def add_light(plan: argparse.ArgumentParser) -> None:
         help="least difference of grey values across an edge, as a share of a face that is lit frontally",
     )
     light.add_argument(
-        "--ground", choices=("dark", "bright"), default="dark", help="what is behind the part; bright: a back light"
+        "--ground",
+        choices=("dark", "bright"),
+        default="dark",
+        help="what is behind the part; bright: a back light",
     )
     light.add_argument(
         "--together",
@@ -148,7 +210,9 @@ def memory(text: str) -> float:
     """Return an amount of memory in bytes; a number alone is in GiB."""
     found = _MEMORY.fullmatch(text.strip())
     if found is None or not float(found[1]) > 0:
-        raise argparse.ArgumentTypeError(f"must be a positive number of GiB, or like 8GB or 500MB. Got {text!r}.")
+        raise argparse.ArgumentTypeError(
+            f"must be a positive number of GiB, or like 8GB or 500MB. Got {text!r}."
+        )
     return float(found[1]) * _BYTES[(found[2] or "gib").lower()]
 
 
@@ -160,15 +224,24 @@ def add_part(parser: argparse.ArgumentParser) -> None:
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
     """Add how the file of a part is read."""
-    parser.add_argument("--units", metavar="UNIT", help="of a mesh: mm, inch, m, ... (default: mm, m for .glb)")
-    parser.add_argument("--solids", type=numbers, metavar="N,N", help="which solids of a STEP file, counted from 0")
+    parser.add_argument(
+        "--units", metavar="UNIT", help="of a mesh: mm, inch, m, ... (default: mm, m for .glb)"
+    )
+    parser.add_argument(
+        "--solids", type=numbers, metavar="N,N", help="which solids of a STEP file, counted from 0"
+    )
     parser.add_argument(
         "--occluders",
         type=all_or_numbers,
         metavar="all|N,N",
         help="solids that only stand in the way; all: those --solids does not name",
     )
-    parser.add_argument("--gap-mm", type=float, metavar="MM", help="widest gap between a STEP file's edges and faces")
+    parser.add_argument(
+        "--gap-mm",
+        type=float,
+        metavar="MM",
+        help="widest gap between a STEP file's edges and faces",
+    )
 
 
 def numbers(text: str) -> list[int]:
@@ -198,7 +271,9 @@ def add_entities(parser: argparse.ArgumentParser) -> argparse._MutuallyExclusive
         help="by conditions joined by 'and': length > 20, turn < 100, convex, reentrant, kind = rim, direction = z, "
         "face = top (bottom, left, right, front, back: of the part's box), near 10,20,30 < 5",
     )
-    which.add_argument("--all", dest="entities", action="store_const", const="all", help="all sharp straight edges")
+    which.add_argument(
+        "--all", dest="entities", action="store_const", const="all", help="all sharp straight edges"
+    )
     return which
 
 

@@ -28,7 +28,12 @@ def cameras(options: argparse.Namespace) -> int:
         parts = camera_parts()
         if options.json:
             # JSON knows no infinity: an iris that closes fully has no narrowest aperture
-            print_json({kind: {name: _finite(one) for name, one in of.items()} for kind, of in parts.items()})
+            print_json(
+                {
+                    kind: {name: _finite(one) for name, one in of.items()}
+                    for kind, of in parts.items()
+                }
+            )
         else:
             terminal_tables.print_sources(parts)
         return DONE
@@ -40,7 +45,9 @@ def cameras(options: argparse.Namespace) -> int:
     return DONE
 
 
-def rank_optics(options: argparse.Namespace, solid: Solid, items: Mapping[str, Any], limits: InspectionOptions) -> int:
+def rank_optics(
+    options: argparse.Namespace, solid: Solid, items: Mapping[str, Any], limits: InspectionOptions
+) -> int:
     """Print bodies and lenses, ranked by how well they measure what is wanted; return the exit code."""
     found = propose_optics(
         solid,

@@ -80,7 +80,9 @@ def info(options: argparse.Namespace) -> int:
         edges = tuple(edge for edge in edges if edge.id in chosen)
         curves = tuple(curve for curve in curves if curve.id in chosen)
     if options.picture:
-        write_edge_picture(solid, options.picture, [edge.id for edge in edges], [curve.id for curve in curves])
+        write_edge_picture(
+            solid, options.picture, [edge.id for edge in edges], [curve.id for curve in curves]
+        )
     if options.json:
         print_json(part_record(solid, edges, curves, filter(None, [_unit_note(options)])))
         return DONE
@@ -110,7 +112,9 @@ def graph(options: argparse.Namespace) -> int:
     return DONE
 
 
-def _graph(options: argparse.Namespace, solid: Solid, entities: Any, box: Any, progress: Any) -> EntityAspectGraph:
+def _graph(
+    options: argparse.Namespace, solid: Solid, entities: Any, box: Any, progress: Any
+) -> EntityAspectGraph:
     """Return the graph of viewpoints, or of lamp positions."""
     shown = labelled(progress, "visible regions")
     limit = options.memory_limit
@@ -118,7 +122,9 @@ def _graph(options: argparse.Namespace, solid: Solid, entities: Any, box: Any, p
         lit = compute_light(solid, entities, options.contrast, box, progress=shown)
         note(progress, cost_sentence(estimate_graph(lit), len(entities)))
         return light_graph_of(lit, memory_limit_bytes=limit, progress=progress)
-    regions = compute_regions(solid, entities, workspace=box, progress=shown, kept=JointForecast(limit))
+    regions = compute_regions(
+        solid, entities, workspace=box, progress=shown, kept=JointForecast(limit)
+    )
     note(progress, cost_sentence(estimate_graph(regions), len(entities)))
     return graph_of(regions, memory_limit_bytes=limit, progress=progress)
 
@@ -142,9 +148,14 @@ def plan(options: argparse.Namespace) -> int:
     check_fraction("accuracy", options.accuracy)
     check_fraction("probability", options.probability)
     names = (*PLAN_FILES, STATE_FILE)
-    with output_folder(options.out, names, "--out") as folder, (leftovers := Leftovers(folder)).told():
+    with (
+        output_folder(options.out, names, "--out") as folder,
+        (leftovers := Leftovers(folder)).told(),
+    ):
         camera = read_camera(options.camera)
-        uncertainty = PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad)
+        uncertainty = PoseUncertainty.isotropic(
+            translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
+        )
         solid = _read_part(options)
         wanted, lighting = read_request(options, solid), read_lighting(options)
         if lighting is not None:
@@ -152,7 +163,9 @@ def plan(options: argparse.Namespace) -> int:
         how = _limits(options, solid, camera)
         asked = asked_request(options, solid.name, wanted.items, camera, uncertainty, how)
         check_owner(folder, asked, force=options.force)
-        found, written, interrupted = _planned(options, solid, wanted, camera, uncertainty, leftovers)
+        found, written, interrupted = _planned(
+            options, solid, wanted, camera, uncertainty, leftovers
+        )
         _print_planned(options, found, wanted, written, leftovers.state)
         if interrupted:
             raise KeyboardInterrupt
@@ -164,7 +177,10 @@ def _print_planned(
     options: argparse.Namespace, found: InspectionPlan, wanted: Any, written: Written, state: Path
 ) -> None:
     """Print a plan, and the files it is in."""
-    files = [os.path.relpath(path) if path.is_relative_to(Path.cwd()) else str(path) for path in written.files]
+    files = [
+        os.path.relpath(path) if path.is_relative_to(Path.cwd()) else str(path)
+        for path in written.files
+    ]
     if options.json:
         print_json(plan_record(found, files, wanted.left_out))
         return
@@ -188,9 +204,14 @@ def _planned(
     """Plan and write; return plan, files, and whether it was interrupted. The state is deleted only after the end."""
     state, how, lighting = leftovers.state, _limits(options, solid, camera), read_lighting(options)
     leftovers.prepare(resume=options.resume, quiet=options.quiet)
-    with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress, _executor(options.jobs) as executor:
+    with (
+        terminal_progress(quiet=options.quiet, lines=options.verbose) as progress,
+        _executor(options.jobs) as executor,
+    ):
         best = BestSoFar(progress)
-        regions = _regions(options, solid, wanted.entities, how.workspace, (executor, progress, leftovers))
+        regions = _regions(
+            options, solid, wanted.entities, how.workspace, (executor, progress, leftovers)
+        )
         try:
             found = plan_inspection(
                 solid,
@@ -203,7 +224,9 @@ def _planned(
                 **_limit_keywords(options),
                 **_ends(options, best),
                 lamps=lighting,
-                space=RingSpace(regions, camera, options.grey_step) if isinstance(regions, LightRegions) else regions,
+                space=RingSpace(regions, camera, options.grey_step)
+                if isinstance(regions, LightRegions)
+                else regions,
                 localisation=wanted.localisation,
                 state=state,
                 executor=executor,
@@ -214,7 +237,9 @@ def _planned(
         found = found.simulated(options.simulate, rng=options.seed, progress=progress, solid=solid)
         found = with_light(found, solid, lighting, progress)
         try:
-            written = write_outputs(found, regions, Path(options.out), progress, graph_limit=options.graph_limit)
+            written = write_outputs(
+                found, regions, Path(options.out), progress, graph_limit=options.graph_limit
+            )
         except OutputError as error:
             raise OutputError(f"{error} {rescue(found, state)}") from None
     if not found.unfinished:
@@ -223,14 +248,20 @@ def _planned(
 
 
 def _regions(
-    options: argparse.Namespace, solid: Solid, entities: Any, box: Any, how: tuple[Any, Any, Leftovers]
+    options: argparse.Namespace,
+    solid: Solid,
+    entities: Any,
+    box: Any,
+    how: tuple[Any, Any, Leftovers],
 ) -> VisibilityRegions:
     """Return from where a camera observes entities; with a ring light on it, from where they show besides."""
     executor, progress, leftovers = how
     shown = labelled(progress, "visible regions")
     if options.light == RING:
         return compute_light(solid, entities, options.contrast, box, executor, shown)
-    return compute_regions(solid, entities, workspace=box, executor=executor, progress=shown, kept=leftovers.regions)
+    return compute_regions(
+        solid, entities, workspace=box, executor=executor, progress=shown, kept=leftovers.regions
+    )
 
 
 def _ends(options: argparse.Namespace, best: BestSoFar) -> dict[str, Any]:
@@ -261,13 +292,16 @@ def _limits(options: argparse.Namespace, solid: Solid, camera: Camera) -> Inspec
     """Return workspace and limits of a request."""
     box = _workspace(options)
     return InspectionOptions(
-        workspace=default_workspace(solid, camera) if box is None else box, **_limit_keywords(options)
+        workspace=default_workspace(solid, camera) if box is None else box,
+        **_limit_keywords(options),
     )
 
 
 def batch(options: argparse.Namespace) -> int:
     """Plan every part of a folder."""
-    uncertainty = PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad)
+    uncertainty = PoseUncertainty.isotropic(
+        translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
+    )
     request = PartRequest(
         read_camera(options.camera),
         uncertainty,
@@ -283,11 +317,23 @@ def batch(options: argparse.Namespace) -> int:
     )
     workers = nullcontext() if options.scheduler is None else dask_executor(options.scheduler)
     try:
-        with workers as executor, terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
+        with (
+            workers as executor,
+            terminal_progress(quiet=options.quiet, lines=options.verbose) as progress,
+        ):
             jobs = min(options.jobs, usable_cores())
-            results = plan_folder(options.folder, options.out, request, jobs=jobs, executor=executor, progress=progress)
+            results = plan_folder(
+                options.folder,
+                options.out,
+                request,
+                jobs=jobs,
+                executor=executor,
+                progress=progress,
+            )
     except KeyboardInterrupt:
-        raise KeyboardInterrupt("the same command goes on with the parts that are not done") from None
+        raise KeyboardInterrupt(
+            "the same command goes on with the parts that are not done"
+        ) from None
     if options.json:
         print_json([asdict(one) for one in results])
     else:
@@ -301,7 +347,9 @@ def simulate(options: argparse.Namespace) -> int:
     found = read_plan(options.plan)
     solid = None if options.part is None else _read_part(options)
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
-        result = simulate_plan(found, options.poses, rng=options.seed, progress=progress, solid=solid)
+        result = simulate_plan(
+            found, options.poses, rng=options.seed, progress=progress, solid=solid
+        )
     if options.json:
         print_json(result.to_dict())
     else:
@@ -313,7 +361,11 @@ def optics(options: argparse.Namespace) -> int:
     """Rank bodies and lenses of the catalogue by how well they measure what is wanted."""
     solid = _read_part(options)
     wanted = read_request(options, solid)
-    given = {"workspace": _workspace(options), "localisation": wanted.localisation, **_limit_keywords(options)}
+    given = {
+        "workspace": _workspace(options),
+        "localisation": wanted.localisation,
+        **_limit_keywords(options),
+    }
     code = rank_optics(options, solid, wanted.items, InspectionOptions(**given))
     if not options.json:
         _print_unit(options)
@@ -329,13 +381,19 @@ def completion(options: argparse.Namespace) -> int:
 def read_camera(text: str) -> Camera:
     """Return the camera of a TOML file, or the one with that name in the catalogue."""
     path = Path(text)
-    return Camera.from_toml(path) if path.suffix.lower() == ".toml" or path.is_file() else Camera.named(text)
+    return (
+        Camera.from_toml(path)
+        if path.suffix.lower() == ".toml" or path.is_file()
+        else Camera.named(text)
+    )
 
 
 def _read_part(options: argparse.Namespace) -> Solid:
     """Read the part; an error names the file."""
     try:
-        solids = SolidChoice(options.solids, options.occluders) if options.occluders else options.solids
+        solids = (
+            SolidChoice(options.solids, options.occluders) if options.occluders else options.solids
+        )
         return read_solid(options.part, units=options.units, solids=solids, gap_mm=options.gap_mm)
     except AspectGraphError as error:
         if str(options.part) in str(error):
@@ -368,7 +426,9 @@ def _executor(jobs: int) -> Iterator[Executor | None]:
     if jobs == 1:
         yield None
         return
-    executor = ProcessPoolExecutor(jobs, initializer=leave_signals_to_the_parent, initargs=(os.getpid(),))
+    executor = ProcessPoolExecutor(
+        jobs, initializer=leave_signals_to_the_parent, initargs=(os.getpid(),)
+    )
     try:
         yield executor
     finally:

@@ -45,12 +45,16 @@ def completion_script(parser: argparse.ArgumentParser, cameras: Sequence[str], s
     str
         To be evaluated when the shell starts.
     """
-    choices = next(one.choices for one in parser._actions if isinstance(one, argparse._SubParsersAction))
+    choices = next(
+        one.choices for one in parser._actions if isinstance(one, argparse._SubParsersAction)
+    )
     cases = [
         f"            {name}) words={_words(option for action in one._actions for option in action.option_strings)} ;;"
         for name, one in choices.items()
     ]
-    script = _SCRIPT.format(cameras=_words(cameras), commands=_words(choices), cases="\n".join(cases))
+    script = _SCRIPT.format(
+        cameras=_words(cameras), commands=_words(choices), cases="\n".join(cases)
+    )
     return (_ZSH if shell == "zsh" else "") + script
 
 

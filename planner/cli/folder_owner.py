@@ -86,7 +86,11 @@ def check_owner(folder: Path, asked: Mapping[str, Any], *, force: bool) -> None:
     for name, value in asked.items():
         # a file of an earlier program knows no limits
         if found[name] != {} and not _same(found[name], value):
-            told = f", {found[name]!r} and not {value!r}" if isinstance(value, str | int | float) else ""
+            told = (
+                f", {found[name]!r} and not {value!r}"
+                if isinstance(value, str | int | float)
+                else ""
+            )
             raise OutputError(f"{_RULE} Got {path} with another {name}{told}.")
 
 
@@ -109,7 +113,9 @@ def _light_of(plan: InspectionPlan) -> dict[str, Any]:
 def _same(first: Any, second: Any) -> bool:
     """Compare plain values, numbers up to rounding."""
     if isinstance(first, Mapping) and isinstance(second, Mapping):
-        return first.keys() == second.keys() and all(_same(first[key], second[key]) for key in first)
+        return first.keys() == second.keys() and all(
+            _same(first[key], second[key]) for key in first
+        )
     if isinstance(first, list | tuple) and isinstance(second, list | tuple):
         return len(first) == len(second) and all(map(_same, first, second))
     if isinstance(first, int | float) and isinstance(second, int | float):

@@ -53,14 +53,19 @@ class Leftovers:
             if self.state.exists():
                 read_state(self.state)
             elif not self and not quiet:
-                print(f"nothing to resume in {self.state.parent}: planned from the beginning", file=sys.stderr)
+                print(
+                    f"nothing to resume in {self.state.parent}: planned from the beginning",
+                    file=sys.stderr,
+                )
             return
         self.regions.remove()
         try:
             self.state.unlink(missing_ok=True)
         except OSError as error:
             reason = f"{self.state} cannot be deleted: {error.strerror}"
-            raise OutputError(f"--out must be a folder that can be written. Got {reason}.") from None
+            raise OutputError(
+                f"--out must be a folder that can be written. Got {reason}."
+            ) from None
 
     def remove(self) -> None:
         """Delete all of it, after the end; what stays does no harm: it gives the same plan again."""
@@ -78,5 +83,7 @@ class Leftovers:
                 yield
         except KeyboardInterrupt:
             if self:
-                raise KeyboardInterrupt("'plan' continues from where it was with --resume") from None
+                raise KeyboardInterrupt(
+                    "'plan' continues from where it was with --resume"
+                ) from None
             raise

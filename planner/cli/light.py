@@ -47,7 +47,10 @@ def read_lighting(options: Any) -> Lighting | None:
     if lamps is None:
         return None
     return Lighting(
-        LampsTogether(lamps) if options.together else lamps, options.contrast, options.grey_step, options.ground
+        LampsTogether(lamps) if options.together else lamps,
+        options.contrast,
+        options.grey_step,
+        options.ground,
     )
 
 
@@ -105,8 +108,12 @@ def _from_file(path: Path) -> Any:
     try:
         return tomllib.loads(read_text(path))["lamps"]
     except KeyError:
-        raise RequestError(f"{path}: a file of lamps must hold lamps = [[X, Y, Z], ...]. Got no lamps.") from None
+        raise RequestError(
+            f"{path}: a file of lamps must hold lamps = [[X, Y, Z], ...]. Got no lamps."
+        ) from None
     except OSError as error:
-        raise RequestError(f"{path}: file of lamps must be readable. Got: {error.strerror}.") from error
+        raise RequestError(
+            f"{path}: file of lamps must be readable. Got: {error.strerror}."
+        ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise RequestError(f"{path}: file of lamps must be TOML. Got: {error}.") from error

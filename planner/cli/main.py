@@ -71,7 +71,9 @@ class _Help(argparse.RawDescriptionHelpFormatter):
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
         text = action.help or ""
-        plain = isinstance(action.default, int | float | str) and not isinstance(action.default, bool)
+        plain = isinstance(action.default, int | float | str) and not isinstance(
+            action.default, bool
+        )
         told = not plain or action.default == argparse.SUPPRESS or "default" in text
         return text if told else f"{text} (default: %(default)s)"
 
@@ -162,9 +164,13 @@ def build_parser() -> argparse.ArgumentParser:
     _add_cameras(commands)
     _add_optics(commands)
     completion = commands.add_parser(
-        "completion", help="script that completes commands and options in a shell", formatter_class=_Help
+        "completion",
+        help="script that completes commands and options in a shell",
+        formatter_class=_Help,
     )
-    completion.add_argument("shell", choices=("bash", "zsh"), help='for bash: eval "$(aspectgraph completion bash)"')
+    completion.add_argument(
+        "shell", choices=("bash", "zsh"), help='for bash: eval "$(aspectgraph completion bash)"'
+    )
     completion.set_defaults(parser=parser)
     return parser
 
@@ -173,7 +179,9 @@ def _command(commands: Any, name: str, what: str) -> argparse.ArgumentParser:
     parser: argparse.ArgumentParser = commands.add_parser(
         name, help=what, description=what, formatter_class=_Help, allow_abbrev=False
     )
-    told = "print records for other programs instead of tables; mm and degrees where no unit is named"
+    told = (
+        "print records for other programs instead of tables; mm and degrees where no unit is named"
+    )
     parser.add_argument("--json", action="store_true", help=told)
     how_much = parser.add_mutually_exclusive_group()
     how_much.add_argument("--quiet", "-q", action="store_true", help="show no progress")
@@ -191,25 +199,39 @@ def _add_info(commands: Any) -> None:
         metavar="FILE",
         help="draw the edges with their ids: .png, or .html to pick edges from and save them for --entities",
     )
-    info.add_argument("--select", metavar="RULE", help="only edges, rims and arcs for which it holds; see plan --help")
-    info.add_argument("--min-length", type=float, default=0.0, metavar="MM", help="leave out shorter edges")
+    info.add_argument(
+        "--select",
+        metavar="RULE",
+        help="only edges, rims and arcs for which it holds; see plan --help",
+    )
+    info.add_argument(
+        "--min-length", type=float, default=0.0, metavar="MM", help="leave out shorter edges"
+    )
 
 
 def _add_graph(commands: Any) -> None:
     graph = _command(commands, "graph", "build and export the entity-based aspect graph")
     add_part(graph)
     add_entities(graph)
-    graph.add_argument("--graphml", metavar="FILE", required=True, help="GraphML for Gephi, yEd, Cytoscape, igraph")
+    graph.add_argument(
+        "--graphml", metavar="FILE", required=True, help="GraphML for Gephi, yEd, Cytoscape, igraph"
+    )
     graph.add_argument(
         "--camera",
         metavar="NAME|FILE",
         help="take the workspace 'plan' takes for this camera (default: ten diagonals of room around the part)",
     )
     graph.add_argument(
-        "--lamps", action="store_true", help="of lamp positions instead of viewpoints: under which lamps edges show"
+        "--lamps",
+        action="store_true",
+        help="of lamp positions instead of viewpoints: under which lamps edges show",
     )
     graph.add_argument(
-        "--contrast", type=float, default=0.1, metavar="C", help="with --lamps: least contrast, (I1 - I2) / (I1 + I2)"
+        "--contrast",
+        type=float,
+        default=0.1,
+        metavar="C",
+        help="with --lamps: least contrast, (I1 - I2) / (I1 + I2)",
     )
     graph.add_argument(
         "--memory-limit",
@@ -222,7 +244,9 @@ def _add_graph(commands: Any) -> None:
 
 
 def _add_dimensions(commands: Any) -> None:
-    dimensions = _command(commands, "dimensions", "dimensions an AP242 file states, and how to measure them")
+    dimensions = _command(
+        commands, "dimensions", "dimensions an AP242 file states, and how to measure them"
+    )
     add_part(dimensions)
 
 
@@ -233,16 +257,24 @@ def _add_plan(commands: Any) -> None:
     add_asked(plan)
     add_light(plan)
     plan.add_argument(
-        "--jobs", type=int, default=usable_cores(), metavar="N", help="processes to use, at most one per core"
+        "--jobs",
+        type=int,
+        default=usable_cores(),
+        metavar="N",
+        help="processes to use, at most one per core",
     )
-    plan.add_argument("--resume", action="store_true", help="continue an interrupted plan from its state in DIR")
+    plan.add_argument(
+        "--resume", action="store_true", help="continue an interrupted plan from its state in DIR"
+    )
     plan.add_argument(
         "--graph-limit",
         type=int,
         metavar="N",
         help="write graph.graphml, the joint graph, for up to so many entities (default: 24; more if it is small)",
     )
-    plan.add_argument("--force", action="store_true", help="replace a plan of another request in DIR")
+    plan.add_argument(
+        "--force", action="store_true", help="replace a plan of another request in DIR"
+    )
     add_workspace(plan)
 
 
@@ -250,27 +282,45 @@ def _add_batch(commands: Any) -> None:
     batch = _command(commands, "batch", "plan every part of a folder, on many processes")
     batch.add_argument("folder", metavar="FOLDER", help="part files, in it or in folders of it")
     which = batch.add_mutually_exclusive_group()
-    which.add_argument("--select", metavar="RULE", help="edges for which it holds, see plan --help (default: all)")
+    which.add_argument(
+        "--select", metavar="RULE", help="edges for which it holds, see plan --help (default: all)"
+    )
     which.add_argument("--all", action="store_true", help="all sharp straight edges, as without it")
-    batch.add_argument("--units", metavar="UNIT", help="of meshes: mm, inch, m, ... (default: mm, m for .glb)")
+    batch.add_argument(
+        "--units", metavar="UNIT", help="of meshes: mm, inch, m, ... (default: mm, m for .glb)"
+    )
     add_asked(batch)
     batch.add_argument(
-        "--graph-limit", type=int, default=0, metavar="N", help="write the joint graph for up to so many entities"
+        "--graph-limit",
+        type=int,
+        default=0,
+        metavar="N",
+        help="write the joint graph for up to so many entities",
     )
     batch.add_argument(
-        "--jobs", type=int, default=usable_cores(), metavar="N", help="parts at a time, at most one per core"
+        "--jobs",
+        type=int,
+        default=usable_cores(),
+        metavar="N",
+        help="parts at a time, at most one per core",
     )
     batch.add_argument(
-        "--scheduler", metavar="ADDRESS", help="of a Dask scheduler, like tcp://host:8786, to work there"
+        "--scheduler",
+        metavar="ADDRESS",
+        help="of a Dask scheduler, like tcp://host:8786, to work there",
     )
 
 
 def _add_simulate(commands: Any) -> None:
     simulate = _command(commands, "simulate", "check a plan by drawing displaced poses")
     simulate.add_argument("plan", metavar="PLAN", help="plan.json")
-    simulate.add_argument("--poses", type=int, default=100_000, metavar="N", help="displaced poses per setting")
+    simulate.add_argument(
+        "--poses", type=int, default=100_000, metavar="N", help="displaced poses per setting"
+    )
     simulate.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same poses")
-    told = "the plan's part; then it is counted, too, in how many displaced images edges can be found"
+    told = (
+        "the plan's part; then it is counted, too, in how many displaced images edges can be found"
+    )
     simulate.add_argument("--part", metavar="PART", help=told)
     add_reading(simulate)
 
@@ -282,14 +332,18 @@ def _add_cameras(commands: Any) -> None:
 
 
 def _add_optics(commands: Any) -> None:
-    optics = _command(commands, "optics", "which body, lens, distance and aperture measure a part, and how well")
+    optics = _command(
+        commands, "optics", "which body, lens, distance and aperture measure a part, and how well"
+    )
     add_part(optics)
     add_wanted(optics)
     told = "only this body; can be given again (default: all of 'cameras --sources')"
     optics.add_argument("--body", action="append", metavar="NAME", help=told)
     told = "working distances to be tried, from the front nodal point (default: 100 to 1600 in seven steps)"
     optics.add_argument("--distances", type=lengths, metavar="MM,MM", help=told)
-    optics.add_argument("--rows", type=int, default=10, metavar="N", help="rows of the table, at most")
+    optics.add_argument(
+        "--rows", type=int, default=10, metavar="N", help="rows of the table, at most"
+    )
     add_promise(optics)
     add_limits(optics)
     add_workspace(optics)

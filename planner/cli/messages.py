@@ -18,7 +18,9 @@ _FIRST = re.compile(
 # in a plan's file it is a field
 _CAMERA = re.compile(r"\bcamera must be a name of the catalogue")
 _MEMORY = re.compile(r"\bmemory_limit_bytes\b")
-_REGIONS = re.compile(r", or for the regions only: compute_regions answers the same questions, and (?=a plan needs no)")
+_REGIONS = re.compile(
+    r", or for the regions only: compute_regions answers the same questions, and (?=a plan needs no)"
+)
 _PICTURE = re.compile(r"^path of a picture(?= must )")
 _PART = re.compile(r"\bpath must name an existing part file")
 _TYPED = {"step": "grey-step", "stand_off_mm": "stand-off"}
@@ -41,7 +43,9 @@ def as_typed(text: str) -> str:
     text = _SOLIDS.sub("--solids", text)
     text = _PICTURE.sub("--picture", text)
     text = _PART.sub("the part must be an existing file", text)
-    text = _CAMERA.sub("--camera must be a TOML file, or a name that 'aspectgraph cameras' lists", text)
+    text = _CAMERA.sub(
+        "--camera must be a TOML file, or a name that 'aspectgraph cameras' lists", text
+    )
     text = _VALUE.sub(lambda found: f"{_option(found[1])} ", text)
     text = _FIRST.sub(lambda found: _option(found[1]), text)
     return _RULE.sub(lambda found: found[1] + _option(found[2]), text)

@@ -26,7 +26,9 @@ def termination_as_interruption() -> Iterator[None]:
     # signals are the main thread's; one that is ignored, as after nohup, stays so
     if threading.current_thread() is threading.main_thread():
         before = {one: signal.getsignal(one) for one in (signal.SIGINT, *TERMINATING)}
-    ours = [one for one, now in before.items() if now in (signal.SIG_DFL, signal.default_int_handler)]
+    ours = [
+        one for one, now in before.items() if now in (signal.SIG_DFL, signal.default_int_handler)
+    ]
     try:
         for one in ours:
             signal.signal(one, _interrupt)

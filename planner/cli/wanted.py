@@ -56,10 +56,14 @@ def read_request(options: Any, solid: Solid) -> Wanted:
     localisation, left_out = read_localisation(options.localisation or "gaussian"), {}
     if options.dimensions.strip().lower() == "all":
         stated = _stated(options.part, solid)
-        items: dict[str, Any] = {one.name: _dimension(one, options.share) for one in stated if one.entities}
+        items: dict[str, Any] = {
+            one.name: _dimension(one, options.share) for one in stated if one.entities
+        }
         left_out = {one.name: one.reason or "" for one in stated if not one.entities}
         if not items:
-            raise RequestError(f"--dimensions all needs a dimension that can be measured. Got none in {options.part}.")
+            raise RequestError(
+                f"--dimensions all needs a dimension that can be measured. Got none in {options.part}."
+            )
     else:
         items = read_wanted(Path(options.dimensions), kinds())
     rounded = localisation.model == "rounding"
@@ -95,7 +99,9 @@ def _dimension(stated: ModelDimension, share: float) -> Dimension:
     assert stated.entities is not None
     along = stated.direction if stated.kind in ("distance", "centre_distance") else None
     try:
-        return Dimension(stated.kind, stated.entities, tolerance=stated.tolerance, share=share, direction=along)
+        return Dimension(
+            stated.kind, stated.entities, tolerance=stated.tolerance, share=share, direction=along
+        )
     except RequestError as error:
         raise RequestError(f"dimension {stated.name!r}: {error}") from error
 
@@ -124,4 +130,6 @@ def read_localisation(text: str) -> Localisation:
     except InvalidParameterError as error:
         raise RequestError(f"--localisation: {error}") from error
     except ValueError:
-        raise RequestError(f"--localisation must hold numbers of px after the model. Got {text!r}.") from None
+        raise RequestError(
+            f"--localisation must hold numbers of px after the model. Got {text!r}."
+        ) from None

@@ -105,12 +105,18 @@ def entity_poses(judge: Judge, name: str, n_viewpoints: int, seed: int) -> np.nd
     """
     rng = np.random.default_rng(column_seed(seed, [name]))
     own = judge.names.index(name)
-    sampler = ViewpointSampler(cells_of(judge.space, [name]), judge.ends[own : own + 1], judge.camera)
+    sampler = ViewpointSampler(
+        cells_of(judge.space, [name]), judge.ends[own : own + 1], judge.camera
+    )
     viewpoints = sampler.sample(n_viewpoints, rng)
     if not len(viewpoints):
         return np.zeros((0, 4, 4))
     viewpoints = np.repeat(viewpoints, PRICING.axes_per_viewpoint, axis=0)
-    return look_at(viewpoints, _targets(judge, viewpoints, own, rng), roll=rng.uniform(-np.pi, np.pi, len(viewpoints)))
+    return look_at(
+        viewpoints,
+        _targets(judge, viewpoints, own, rng),
+        roll=rng.uniform(-np.pi, np.pi, len(viewpoints)),
+    )
 
 
 def first_poses(judge: Judge, n_directions: int, seed: int) -> np.ndarray:
@@ -133,21 +139,32 @@ def first_poses(judge: Judge, n_directions: int, seed: int) -> np.ndarray:
     """
     rng = np.random.default_rng(column_seed(seed, ["first"]))
     low, high = np.asarray(judge.space.solid.bounds, dtype=float)
-    radius, (nearest, farthest) = float(np.linalg.norm(high - low)) / 2, judge.camera.depth_of_field_mm
+    radius, (nearest, farthest) = (
+        float(np.linalg.norm(high - low)) / 2,
+        judge.camera.depth_of_field_mm,
+    )
     focus = judge.camera.focus_distance_mm
     # as close as all of the part is in focus, if it ever is
     whole = nearest + radius if nearest + 2 * radius <= farthest else focus
-    targets = np.concatenate([judge.ends.mean(axis=1), np.repeat([(low + high) / 2], PRICING.whole, axis=0)])
-    distances = np.repeat(np.append(np.full(len(judge.ends), focus), np.full(PRICING.whole, whole)), n_directions)
+    targets = np.concatenate(
+        [judge.ends.mean(axis=1), np.repeat([(low + high) / 2], PRICING.whole, axis=0)]
+    )
+    distances = np.repeat(
+        np.append(np.full(len(judge.ends), focus), np.full(PRICING.whole, whole)), n_directions
+    )
     targets = np.repeat(targets, n_directions, axis=0)
     away = rng.normal(size=targets.shape)
     positions = targets + (distances / np.linalg.norm(away, axis=1))[:, None] * away
     low, high = np.asarray(judge.space.workspace, dtype=float)
     inside = ((positions >= low) & (positions <= high)).all(axis=1)
-    return look_at(positions[inside], targets[inside], roll=rng.uniform(-np.pi, np.pi, int(inside.sum())))
+    return look_at(
+        positions[inside], targets[inside], roll=rng.uniform(-np.pi, np.pi, int(inside.sum()))
+    )
 
 
-def judged_poses(shared: Shared, name: str, n_viewpoints: int, seed: int) -> tuple[np.ndarray, Judgement]:
+def judged_poses(
+    shared: Shared, name: str, n_viewpoints: int, seed: int
+) -> tuple[np.ndarray, Judgement]:
     """Draw poses for an entity and judge them: `entity_poses` as a task; ``shared`` holds the judge."""
     poses = entity_poses(shared.value, name, n_viewpoints, seed)
     return poses, shared.value(poses)
@@ -157,7 +174,9 @@ def _judged(shared: Shared, poses: np.ndarray, prices: np.ndarray) -> Judgement:
     return shared.value(poses, prices)
 
 
-def _targets(judge: Judge, viewpoints: np.ndarray, own: int, rng: np.random.Generator) -> np.ndarray:
+def _targets(
+    judge: Judge, viewpoints: np.ndarray, own: int, rng: np.random.Generator
+) -> np.ndarray:
     """Choose points to look at: the entity's middle, or a point between it and the middle of another one near it."""
     middles = judge.ends.mean(axis=1)
     width = 2 * judge.camera.focus_distance_mm * np.tan(judge.camera.half_diagonal_rad)
@@ -253,7 +272,9 @@ def price_poses(
     values: list[float] = []
     first, prices, ledger = 0, np.zeros(len(covered)), ledger or Ledger()
     if (kept := ledger("pricing")) is not None:
-        first, breed, values, prices, covered = (kept[k] for k in ("done", "breed", "values", "prices", "covered"))
+        first, breed, values, prices, covered = (
+            kept[k] for k in ("done", "breed", "values", "prices", "covered")
+        )
         rng.bit_generator.state = kept["rng"]
     for done in range(first, rounds):
         if sought is not None and (now := pools.realised.inspected).sum() > covered.sum():
@@ -261,7 +282,9 @@ def price_poses(
             covered, values = now, []
         missing = np.zeros(len(covered), dtype=bool) if sought is None else sought & ~covered
         membership = pools.realised.membership[:, covered]
-        if not len(pools.near) or (not missing.any() and (not covered.any() or membership.all(axis=1).any())):
+        if not len(pools.near) or (
+            not missing.any() and (not covered.any() or membership.all(axis=1).any())
+        ):
             break
         if done % PRICING.rounds_per_check == 0 and covered.any():
             values = [*values, fractional_cover(membership)[0]]
@@ -273,7 +296,13 @@ def price_poses(
         prices[covered] = fractional_cover(membership, bias, guess)[1]
         prices[missing] = PRICING.sought
         breed = _improve(shared, pools, breed, prices, rng, executor)
-        so_far = {"done": done + 1, "breed": breed, "values": values, "prices": prices, "covered": covered}
+        so_far = {
+            "done": done + 1,
+            "breed": breed,
+            "values": values,
+            "prices": prices,
+            "covered": covered,
+        }
         ledger.tell("pricing", {**so_far, "rng": rng.bit_generator.state})
         report(progress, done + 1, rounds, "column generation")
     report(progress, rounds, rounds, "column generation")
@@ -296,19 +325,33 @@ def _is_settled(values: list[float], membership: np.ndarray, left: int) -> bool:
 
 
 def _improve(
-    shared: Shared, pools: Pools, breed: Any, prices: np.ndarray, rng: np.random.Generator, executor: Executor | None
+    shared: Shared,
+    pools: Pools,
+    breed: Any,
+    prices: np.ndarray,
+    rng: np.random.Generator,
+    executor: Executor | None,
 ) -> np.ndarray:
     """Breed from the most promising poses; return the next parents."""
     pool, near = pools
-    at_random = pool.poses[rng.integers(len(pool), size=PRICING.parents // 4)] if len(pool) else pool.poses
-    worthy = pool.poses[np.argsort(-(pool.membership @ prices), kind="stable")[: PRICING.parents // 4]]
+    at_random = (
+        pool.poses[rng.integers(len(pool), size=PRICING.parents // 4)] if len(pool) else pool.poses
+    )
+    worthy = pool.poses[
+        np.argsort(-(pool.membership @ prices), kind="stable")[: PRICING.parents // 4]
+    ]
     # what is nearly inspected and worth more than 1 would improve the cover if only the pose were put right
     rows = np.flatnonzero(near.membership @ prices > 1.0)
     hopeful = near.poses[rows[rng.permutation(len(rows))[: PRICING.parents // 2]]]
     parents = np.concatenate([breed, at_random, worthy, hopeful])
-    children = perturbed(np.repeat(parents, PRICING.children, axis=0), shared.value.camera.focus_distance_mm, rng)
+    children = perturbed(
+        np.repeat(parents, PRICING.children, axis=0), shared.value.camera.focus_distance_mm, rng
+    )
     # batches of one size, whoever judges them: the last digits must not depend on the executor
-    batches = [(shared, children[i : i + PRICING.batch], prices) for i in range(0, len(children), PRICING.batch)]
+    batches = [
+        (shared, children[i : i + PRICING.batch], prices)
+        for i in range(0, len(children), PRICING.batch)
+    ]
     judged = Judgement.joined(list(in_order(executor, _judged, batches)))
     pools.add(children, judged)
     return children[_champions(judged.promise, prices, rng)]
@@ -318,5 +361,7 @@ def _champions(promise: np.ndarray, prices: np.ndarray, rng: np.random.Generator
     """Choose poses of much promised worth, each for another entity, so that the search stays spread over the part."""
     worth = promise @ prices
     entities = rng.permutation(np.flatnonzero(prices > 0))[: PRICING.parents // 2]
-    best = [int(np.argmax(np.where(promise[:, e] > PRICING.promising, worth, -1.0))) for e in entities]
+    best = [
+        int(np.argmax(np.where(promise[:, e] > PRICING.promising, worth, -1.0))) for e in entities
+    ]
     return np.unique(best)

@@ -81,7 +81,12 @@ class Judgement:
     @classmethod
     def joined(cls, parts: Sequence[Judgement]) -> Judgement:
         """Return the judgements of several groups of poses as one; there must be one at least."""
-        return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
+        return cls(
+            *(
+                np.concatenate([getattr(part, field.name) for part in parts])
+                for field in fields(cls)
+            )
+        )
 
 
 class Judge:
@@ -97,7 +102,11 @@ class Judge:
         self.request = request
         self.space, self.names, self.camera = request.space, request.names, request.camera
         self.accuracy, self.threshold = request.accuracy, request.probability
-        self.requirements, self.constraints, self.ends = request.requirements, request.constraints, request.ends
+        self.requirements, self.constraints, self.ends = (
+            request.requirements,
+            request.constraints,
+            request.ends,
+        )
         nearest, farthest = self.camera.depth_of_field_mm
         depth = min(farthest, 10 * nearest) - nearest
         self._tolerance = {
@@ -126,7 +135,8 @@ class Judge:
             inspect a worth of more than 1, the others inspect nothing.
         """
         parts = [
-            self._judge(cam2world[i : i + NEARNESS.batch], prices) for i in range(0, len(cam2world), NEARNESS.batch)
+            self._judge(cam2world[i : i + NEARNESS.batch], prices)
+            for i in range(0, len(cam2world), NEARNESS.batch)
         ]
         if not parts:
             empty = np.zeros((0, len(self.names)))
@@ -178,7 +188,9 @@ class Judge:
                 hidden = visibility_slacks(self.space, positions[rows], [name])[:, 0, 0] < 0
                 missed[rows[hidden], k] = np.inf
 
-    def _hide_around(self, cam2world: np.ndarray, nearly: np.ndarray, probability: np.ndarray) -> None:
+    def _hide_around(
+        self, cam2world: np.ndarray, nearly: np.ndarray, probability: np.ndarray
+    ) -> None:
         """Ask for visibility all around the positions, which costs most, only of what would otherwise be inspected."""
         positions, radius = cam2world[:, :3, 3], self.requirements.visibility_radius_mm
         for k, name in enumerate(self.names if radius > 0 else ()):
@@ -189,13 +201,19 @@ class Judge:
                 probability[rows[hidden], k] = 0.0
 
     def _show(
-        self, cam2world: np.ndarray, nearly: np.ndarray, probability: np.ndarray, prices: np.ndarray | None
+        self,
+        cam2world: np.ndarray,
+        nearly: np.ndarray,
+        probability: np.ndarray,
+        prices: np.ndarray | None,
     ) -> np.ndarray:
         """Return who can be found in the image (n, k), asked only of what would otherwise be inspected."""
         shown = np.ones_like(nearly)
         for name in self.constraints.shows if nearly.any() else ():
             image = self.constraints.image
-            for some in _most_worthy_first(nearly, prices, NEARNESS.first if name == "corner_deg" else 0):
+            for some in _most_worthy_first(
+                nearly, prices, NEARNESS.first if name == "corner_deg" else 0
+            ):
                 wanted = nearly & some
                 margin = (
                     image.corners(cam2world, wanted)
@@ -208,7 +226,9 @@ class Judge:
         return shown
 
 
-def _most_worthy_first(nearly: np.ndarray, prices: np.ndarray | None, n: int) -> Iterator[np.ndarray]:
+def _most_worthy_first(
+    nearly: np.ndarray, prices: np.ndarray | None, n: int
+) -> Iterator[np.ndarray]:
     """Yield who is to be asked of (n, k), and drop what is worth too little by then.
 
     First the n entities of each pose that are worth most, if any, then the others.

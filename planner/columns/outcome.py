@@ -42,5 +42,6 @@ class Outcome:
         # so many digits that it is seen to be below
         digits = next((n for n in range(4, 16) if round(best, n) < threshold), 16)
         return (
-            f"probability too low: the best pose found reaches P = {best:.{digits}f}, below the required {threshold:g}."
+            f"probability too low: the best pose found reaches P = {best:.{digits}f}, "
+            f"below the required {threshold:g}."
         )

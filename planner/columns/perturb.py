@@ -17,9 +17,13 @@ def perturbed(cam2world: np.ndarray, distance_mm: float, rng: np.random.Generato
     shift = rng.normal(size=(n, 3)) * scale * distance_mm * [0.3, 0.3, 0.2]
     pivot = cam2world[:, :3, 3] + distance_mm * cam2world[:, :3, 2]
     swing = rng.normal(size=(n, 2)) * scale * 0.6 * (rng.random((n, 1)) < 0.6)
-    roll = np.where(rng.random(n) < 0.3, rng.uniform(-np.pi, np.pi, n), rng.normal(size=n) * scale[:, 0])
+    roll = np.where(
+        rng.random(n) < 0.3, rng.uniform(-np.pi, np.pi, n), rng.normal(size=n) * scale[:, 0]
+    )
     # looking along z from the origin is the identity, so this is the turn in the camera's own axes
-    local = look_at(np.zeros((n, 3)), np.array([0.0, 0.0, 1.0]), pan=swing[:, 0], tilt=swing[:, 1], roll=roll)
+    local = look_at(
+        np.zeros((n, 3)), np.array([0.0, 0.0, 1.0]), pan=swing[:, 0], tilt=swing[:, 1], roll=roll
+    )
     moved = cam2world.copy()
     moved[:, :3, :3] = cam2world[:, :3, :3] @ local[:, :3, :3]
     moved[:, :3, 3] = pivot - distance_mm * moved[:, :3, 2]

@@ -36,7 +36,11 @@ class ColumnPool:
     def from_dict(cls, data: dict[str, Any]) -> ColumnPool:
         """Build from the result of `to_dict`."""
         pool = cls(data["membership"].shape[1])
-        pool.membership, pool.poses, pool.quality = data["membership"], data["poses"], data["quality"]
+        pool.membership, pool.poses, pool.quality = (
+            data["membership"],
+            data["poses"],
+            data["quality"],
+        )
         return pool
 
     def add(self, membership: np.ndarray, poses: np.ndarray, probability: np.ndarray) -> None:
@@ -46,9 +50,14 @@ class ColumnPool:
         """
         some = membership.any(axis=1)
         membership, poses, probability = membership[some], poses[some], probability[some]
-        quality = np.where(membership, probability, 0.0).sum(axis=1) / np.maximum(membership.sum(axis=1), 1)
+        quality = np.where(membership, probability, 0.0).sum(axis=1) / np.maximum(
+            membership.sum(axis=1), 1
+        )
         membership = np.concatenate([self.membership, membership])
-        poses, quality = np.concatenate([self.poses, poses]), np.concatenate([self.quality, quality])
+        poses, quality = (
+            np.concatenate([self.poses, poses]),
+            np.concatenate([self.quality, quality]),
+        )
         best_first = np.argsort(-quality, kind="stable")
         kept = best_first[maximal_columns(membership[best_first])]
         self.membership, self.poses, self.quality = membership[kept], poses[kept], quality[kept]

@@ -74,7 +74,9 @@ _MEANING = {
 }
 
 
-def realise(shared: Shared, names: Sequence[str], seed: int, start: np.ndarray | None = None) -> Outcome:
+def realise(
+    shared: Shared, names: Sequence[str], seed: int, start: np.ndarray | None = None
+) -> Outcome:
     """Look for a setting that inspects a set of entities: first by the sum of probabilities, then by the smallest.
 
     Parameters
@@ -111,7 +113,10 @@ def realise(shared: Shared, names: Sequence[str], seed: int, start: np.ndarray |
 
 def without_corners(judge: Judge) -> dict[str, str]:
     """Return the entities that no pose can inspect as they lack a corner that is asked for, and the reason."""
-    return {name: f"{meaning(error)}: {error}" for name, error in missing_corners(judge.constraints).items()}
+    return {
+        name: f"{meaning(error)}: {error}"
+        for name, error in missing_corners(judge.constraints).items()
+    }
 
 
 def meaning(error: InfeasibleError) -> str:
@@ -141,7 +146,9 @@ def best_supported(judge: Judge, options: Sequence[SensorSetting], seed: int) ->
     rng = np.random.default_rng([seed, SUPPORT.trial_poses])
     found: SensorSetting | PosedOnly = options[0]
     least = np.inf
-    poses: Iterable[SensorSetting | PosedOnly] = itertools.chain(options, _near(judge, options[0], rng))
+    poses: Iterable[SensorSetting | PosedOnly] = itertools.chain(
+        options, _near(judge, options[0], rng)
+    )
     for pose in poses:
         too_much = max(_excess(judge, pose, rng).values())
         if too_much < least:
@@ -154,7 +161,9 @@ def best_supported(judge: Judge, options: Sequence[SensorSetting], seed: int) ->
     return setting_at(judge.request, found.cam2world, found.entities, message, seed=options[0].seed)
 
 
-def without_contradicted(judge: Judge, settings: Iterable[SensorSetting], seed: int) -> list[SensorSetting]:
+def without_contradicted(
+    judge: Judge, settings: Iterable[SensorSetting], seed: int
+) -> list[SensorSetting]:
     """Take from settings the entities that simulation contradicts there and supports in another one.
 
     Parameters
@@ -166,14 +175,24 @@ def without_contradicted(judge: Judge, settings: Iterable[SensorSetting], seed: 
     """
     settings, rng = list(settings), np.random.default_rng([seed, SUPPORT.trial_poses])
     excess = [_excess(judge, setting, rng) for setting in settings]
-    supported = [{name for name, too_much in rates.items() if too_much <= SUPPORT.too_high} for rates in excess]
+    supported = [
+        {name for name, too_much in rates.items() if too_much <= SUPPORT.too_high}
+        for rates in excess
+    ]
     result = []
     for k, setting in enumerate(settings):
         elsewhere = set().union(*supported[:k], *supported[k + 1 :])
-        kept = tuple(name for name in setting.entities if name in supported[k] or name not in elsewhere)
+        kept = tuple(
+            name for name in setting.entities if name in supported[k] or name not in elsewhere
+        )
         if len(kept) < len(setting.entities):
             fewer = setting_at(
-                judge.request, setting.cam2world, kept, setting.message, seed=setting.seed, nfev=setting.nfev
+                judge.request,
+                setting.cam2world,
+                kept,
+                setting.message,
+                seed=setting.seed,
+                nfev=setting.nfev,
             )
             setting = replace(fewer, generations=setting.generations)
         result.append(setting)
@@ -186,7 +205,9 @@ def promised_too_much(judge: Judge, setting: Posed, seed: int) -> dict[str, floa
     suspected = tuple(name for name, too_much in excess.items() if too_much > SUPPORT.too_high)
     if not suspected:
         return {}
-    some = PosedOnly(setting.cam2world, suspected, {name: setting.probability[name] for name in suspected})
+    some = PosedOnly(
+        setting.cam2world, suspected, {name: setting.probability[name] for name in suspected}
+    )
     rng = np.random.default_rng([seed, SUPPORT.sure_poses])
     excess = _excess(judge, some, rng, SUPPORT.sure_poses)
     return {name: too_much for name, too_much in excess.items() if too_much > SUPPORT.contradicted}
@@ -200,7 +221,9 @@ class PosedOnly(NamedTuple):
     probability: dict[str, float]
 
 
-def _excess(judge: Judge, setting: Posed, rng: np.random.Generator, n: int = SUPPORT.trial_poses) -> dict[str, float]:
+def _excess(
+    judge: Judge, setting: Posed, rng: np.random.Generator, n: int = SUPPORT.trial_poses
+) -> dict[str, float]:
     """Simulate a setting; return by how much it promises too much for each entity."""
     rates = simulate_setting(
         setting,
@@ -217,7 +240,9 @@ def _excess(judge: Judge, setting: Posed, rng: np.random.Generator, n: int = SUP
 def _near(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> Iterator[PosedOnly]:
     """Yield poses near a setting that inspect the same entities."""
     poses = perturbed(
-        np.repeat(setting.cam2world[None], SUPPORT.neighbours, axis=0), judge.camera.focus_distance_mm, rng
+        np.repeat(setting.cam2world[None], SUPPORT.neighbours, axis=0),
+        judge.camera.focus_distance_mm,
+        rng,
     )
     own, tried = np.isin(judge.names, setting.entities), 0
     # worth more than 1 is only what nearly inspects all of them: no more is looked at of the others
@@ -228,4 +253,6 @@ def _near(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> Ite
         for k in np.flatnonzero(judged.inspects[:, own].all(axis=1))[: SUPPORT.most_trials - tried]:
             tried += 1
             stated = dict(zip(judge.names, judged.probability[k].tolist(), strict=True))
-            yield PosedOnly(some[k], setting.entities, {name: stated[name] for name in setting.entities})
+            yield PosedOnly(
+                some[k], setting.entities, {name: stated[name] for name in setting.entities}
+            )

@@ -3,7 +3,14 @@
 from planner.cover.exchange_search import exchange_columns
 from planner.cover.few_columns import few_columns, sets_to_realise
 from planner.cover.relaxation import fractional_cover, mean_dual
-from planner.cover.set_cover import Cover, cover_within, distinct_rows, is_cover, maximal_columns, min_cover
+from planner.cover.set_cover import (
+    Cover,
+    cover_within,
+    distinct_rows,
+    is_cover,
+    maximal_columns,
+    min_cover,
+)
 
 __all__ = [
     "Cover",

@@ -37,7 +37,9 @@ class Exchange(NamedTuple):
     wanted: np.ndarray
 
 
-def exchange_columns(membership: np.ndarray, size: int, *, steps: int, rng: int | np.random.Generator = 0) -> Exchange:
+def exchange_columns(
+    membership: np.ndarray, size: int, *, steps: int, rng: int | np.random.Generator = 0
+) -> Exchange:
     """Look for a cover of a given size, or for what would make one.
 
     Parameters
@@ -101,7 +103,11 @@ def _free(columns: np.ndarray, free_from: np.ndarray, step: int) -> np.ndarray:
 
 
 def _least(
-    own: np.ndarray, missing: np.ndarray, contains: np.ndarray, weights: np.ndarray, rng: np.random.Generator
+    own: np.ndarray,
+    missing: np.ndarray,
+    contains: np.ndarray,
+    weights: np.ndarray,
+    rng: np.random.Generator,
 ) -> tuple[int, int]:
     """Return which of the chosen columns (k, e) to exchange for which other one (c, e); equal ones at random."""
     to_cover = (own | missing) * weights

@@ -69,7 +69,12 @@ def few_columns(
 
 
 def sets_to_realise(
-    realised: np.ndarray, near: np.ndarray, refuted: np.ndarray, enough: int, nodes: int, rng: np.random.Generator
+    realised: np.ndarray,
+    near: np.ndarray,
+    refuted: np.ndarray,
+    enough: int,
+    nodes: int,
+    rng: np.random.Generator,
 ) -> list[np.ndarray]:
     """Choose sets of entities of which poses would make a cover of fewer columns than are enough, or nearly so.
 
@@ -93,7 +98,9 @@ def sets_to_realise(
     while missing == 0:
         if enough == 1:
             return []
-        chosen, missing, wanted = exchange_columns(realised, enough - 1, steps=COVERING.exchanges, rng=rng)
+        chosen, missing, wanted = exchange_columns(
+            realised, enough - 1, steps=COVERING.exchanges, rng=rng
+        )
         enough = enough if missing else len(chosen)
     wanted = wanted[~_contain(wanted, refuted)]
     wanted = wanted[_contained(wanted, near)]
@@ -132,7 +139,9 @@ def _contained(sets: np.ndarray, columns: np.ndarray) -> np.ndarray:
     return (sets @ (~columns).T.astype(float) == 0).any(axis=1)
 
 
-def _cover(membership: np.ndarray, core: np.ndarray, nodes: int, quality: np.ndarray | None) -> np.ndarray:
+def _cover(
+    membership: np.ndarray, core: np.ndarray, nodes: int, quality: np.ndarray | None
+) -> np.ndarray:
     """Choose few of the core columns by integer programming."""
     quality = None if quality is None else quality[core]
     slack = COVERING.quality_slack

@@ -110,7 +110,8 @@ def mean_dual(membership: np.ndarray, bias: float, n: int) -> np.ndarray:
     with ThreadPoolExecutor(THREADS) as pool:
         # in a fixed number of shares, so that the result does not depend on the machine
         weights = pool.map(
-            lambda k: _duals(membership, factors[k :: RELAXATION.shares]), range(min(n, RELAXATION.shares))
+            lambda k: _duals(membership, factors[k :: RELAXATION.shares]),
+            range(min(n, RELAXATION.shares)),
         )
         weights = np.mean(np.concatenate(list(weights)), axis=0)
     return weights / max(1.0, float((membership @ weights).max(initial=0.0)))

@@ -98,11 +98,15 @@ def min_cover(
     )
     chosen = greedy if result.x is None else np.flatnonzero(result.x > 0.5)
     chosen = _without_spare(membership, chosen, preference)
-    bound = len(chosen) if result.status == 0 else _bound_on_count(result.mip_dual_bound, n_entities)
+    bound = (
+        len(chosen) if result.status == 0 else _bound_on_count(result.mip_dual_bound, n_entities)
+    )
     return Cover(tuple(int(c) for c in chosen), bound)
 
 
-def cover_within(membership: np.ndarray, size: int, *, node_limit: int) -> tuple[np.ndarray | None, bool]:
+def cover_within(
+    membership: np.ndarray, size: int, *, node_limit: int
+) -> tuple[np.ndarray | None, bool]:
     """Look for any cover of at most so many columns; much quicker than looking for the smallest one.
 
     Parameters
@@ -263,11 +267,15 @@ def check_membership(membership: np.ndarray) -> np.ndarray:
         raise CoverError(f"membership must have shape (columns, entities). Got {membership.shape}.")
     missing = np.flatnonzero(~membership.any(axis=0))
     if missing.size:
-        raise CoverError(f"every entity must be in some column. Entities {missing.tolist()} are in none.")
+        raise CoverError(
+            f"every entity must be in some column. Entities {missing.tolist()} are in none."
+        )
     return membership
 
 
-def _without_spare(membership: np.ndarray, chosen: Iterable[int], preference: np.ndarray) -> np.ndarray:
+def _without_spare(
+    membership: np.ndarray, chosen: Iterable[int], preference: np.ndarray
+) -> np.ndarray:
     """Drop chosen columns that the others make superfluous (only a stopped solver leaves any)."""
     kept = sorted(int(c) for c in chosen)
     for column in sorted(kept, key=lambda c: preference[c]):

@@ -54,7 +54,12 @@ class Backdrop:
 
 
 def backdrops(
-    solid: Solid, scene: RayScene, eye: Array, entity: Entity, silhouettes: Mapping[int, int], pixel_rad: float
+    solid: Solid,
+    scene: RayScene,
+    eye: Array,
+    entity: Entity,
+    silhouettes: Mapping[int, int],
+    pixel_rad: float,
 ) -> list[Backdrop]:
     """Return what is behind the silhouettes of an entity, where it is the part.
 
@@ -113,7 +118,9 @@ def seen_beside(
     distance, normals = hit["t_hit"].astype(np.float64), hit["primitive_normals"].astype(np.float64)
     normals *= np.where((normals * rays).sum(axis=1) > 0, -1.0, 1.0)[:, None]
     met = np.isfinite(distance)
-    return np.where(met[:, None], eye + np.where(met, distance, 0.0)[:, None] * rays, np.nan), normals
+    return np.where(
+        met[:, None], eye + np.where(met, distance, 0.0)[:, None] * rays, np.nan
+    ), normals
 
 
 def across(sight: Array, along: Array) -> Array:
@@ -139,10 +146,14 @@ def rays_beside(sight: Array, along: Array, hidden: Array, pixel_rad: float) -> 
     """
     aside = across(sight, along)
     aside *= np.where((aside * hidden).sum(axis=-1) < 0, -1.0, 1.0)[..., None]
-    return np.asarray(sight + _BESIDE_PX * pixel_rad * np.linalg.norm(sight, axis=-1, keepdims=True) * aside)
+    return np.asarray(
+        sight + _BESIDE_PX * pixel_rad * np.linalg.norm(sight, axis=-1, keepdims=True) * aside
+    )
 
 
-def backdrop_contrasts(scene: RayScene, backdrop: tuple[Backdrop, ...], lamps: Array) -> tuple[Array, Array]:
+def backdrop_contrasts(
+    scene: RayScene, backdrop: tuple[Backdrop, ...], lamps: Array
+) -> tuple[Array, Array]:
     """Return least contrast (n,) and step (n,) between silhouettes and what is behind them under lamps (n, 3).
 
     The two places differ, so that irradiances of a point lamp fall with the square of the distance, those of a large or

@@ -100,7 +100,11 @@ class Corners:
 
 
 def _clear(
-    beside: Beside, scene: RayScene, places: Array, sets: NDArray[np.int_], wanted: NDArray[np.bool_]
+    beside: Beside,
+    scene: RayScene,
+    places: Array,
+    sets: NDArray[np.int_],
+    wanted: NDArray[np.bool_],
 ) -> NDArray[np.bool_]:
     """Return whether no lamp of a set (sets, lines) ends a shadow beside lines, for those that are wanted."""
     asked = np.zeros((len(places), beside.n_lines), dtype=bool)
@@ -138,21 +142,35 @@ def corners_of(
     """
     asked, camera = plan.requirements, plan.camera
     separation, least = asked.get("separation_px", 0.0), asked.get("min_corner_deg", 0.0)
-    poses = np.array([np.asarray(one.cam2world) for one in plan.settings], np.float64).reshape(-1, 4, 4)
+    poses = np.array([np.asarray(one.cam2world) for one in plan.settings], np.float64).reshape(
+        -1, 4, 4
+    )
     pixel = max(camera.pixel_pitch_mm) / camera.image_distance_mm
     edges = _seen_edges(solid, poses, names, edge_ids, separation > 0)
     beside_edges = beside_lines(scene, edges, separation, pixel)
     numbers = np.flatnonzero([bool(one) and least > 0 for one in edge_ids])
-    ends = np.array([plan.entities[names[k][1]] for k in numbers.tolist()], np.float64).reshape(-1, 2, 3)
-    image = ImageCheck(solid, [edge_ids[k] for k in numbers.tolist()], ends, camera, Showing(separation, 0.0, least))
-    pairs = np.array([(names[k][0], i) for i, k in enumerate(numbers.tolist())], np.int64).reshape(-1, 2)
+    ends = np.array([plan.entities[names[k][1]] for k in numbers.tolist()], np.float64).reshape(
+        -1, 2, 3
+    )
+    image = ImageCheck(
+        solid,
+        [edge_ids[k] for k in numbers.tolist()],
+        ends,
+        camera,
+        Showing(separation, 0.0, least),
+    )
+    pairs = np.array([(names[k][0], i) for i, k in enumerate(numbers.tolist())], np.int64).reshape(
+        -1, 2
+    )
     seen, arms = image.corner_lines(poses, pairs), image.arms
     used, end = np.unique(seen.of, return_inverse=True)
     eyes = poses[pairs[seen.of // 2, 0], :3, 3]
     sites, lines = [], []
     for a, eye in zip(seen.arm.tolist(), eyes, strict=True):
         points = _points_of_arm(arms.corner[a], arms.tip[a], eye, pixel)
-        sites.append(_compared(solid, scene, int(image.contours.ids[arms.contour[a]]), points, eye, pixel))
+        sites.append(
+            _compared(solid, scene, int(image.contours.ids[arms.contour[a]]), points, eye, pixel)
+        )
         lines.append(SeenLine(eye, points, arms.tip[a] - arms.corner[a]))
     beside = beside_lines(scene, lines, separation, pixel)
     return Corners(_joined(sites), end, numbers[pairs[used // 2, 1]], beside, beside_edges)
@@ -171,7 +189,10 @@ def _seen_edges(
         points, along = np.empty((0, 3)), np.array([1.0, 0.0, 0.0])
         for edge in edges if asked else ():
             start, end = solid.vertices[list(solid.edges[edge].vertices)]
-            points, along = np.concatenate([points, start + SHARES[:, None] * (end - start)]), end - start
+            points, along = (
+                np.concatenate([points, start + SHARES[:, None] * (end - start)]),
+                end - start,
+            )
         found.append(SeenLine(poses[setting, :3, 3], points, along))
     return found
 
@@ -181,13 +202,18 @@ _Pair = tuple[tuple[Array, Array], tuple[Array, Array] | None]
 
 def _points_of_arm(corner: Array, tip: Array, eye: Array, pixel_rad: float) -> Array:
     """Return points (n, 3) of a line near a corner."""
-    length, pixel = float(np.linalg.norm(tip - corner)), float(np.linalg.norm(corner - eye)) * pixel_rad
+    length, pixel = (
+        float(np.linalg.norm(tip - corner)),
+        float(np.linalg.norm(corner - eye)) * pixel_rad,
+    )
     last = min(FITTED_PX * pixel, _SHARE * length)
     steps = np.linspace(min(_FROM_PX * pixel, last / 2), last, _POINTS)
     return np.asarray(corner + steps[:, None] * (tip - corner) / length)
 
 
-def _compared(solid: Solid, scene: RayScene, edge_id: int, points: Array, eye: Array, pixel_rad: float) -> list[_Pair]:
+def _compared(
+    solid: Solid, scene: RayScene, edge_id: int, points: Array, eye: Array, pixel_rad: float
+) -> list[_Pair]:
     """Return what is compared at points of a line: both faces, or the seen one with what is behind."""
     edge = solid.edges[edge_id]
     normals = solid.normals[list(edge.faces)]
@@ -198,7 +224,10 @@ def _compared(solid: Solid, scene: RayScene, edge_id: int, points: Array, eye: A
     seen = int(front.argmax())
     places, behind = seen_beside(scene, eye, points, (along, normals[1 - seen]), pixel_rad)
     met = np.isfinite(places[:, 0])
-    return [((points[i], normals[seen]), (places[i], behind[i]) if met[i] else None) for i in range(len(points))]
+    return [
+        ((points[i], normals[seen]), (places[i], behind[i]) if met[i] else None)
+        for i in range(len(points))
+    ]
 
 
 def _joined(arms: Sequence[Sequence[_Pair]]) -> Sites:
@@ -213,4 +242,10 @@ def _joined(arms: Sequence[Sequence[_Pair]]) -> Sites:
             compared.append((first, -1 if other is None else first + 1))
             owner.append(k)
     found = np.array(places).reshape(-1, 6)
-    return Sites(found[:, :3], found[:, 3:], np.array(compared, int).reshape(-1, 2), np.array(owner, int), len(arms))
+    return Sites(
+        found[:, :3],
+        found[:, 3:],
+        np.array(compared, int).reshape(-1, 2),
+        np.array(owner, int),
+        len(arms),
+    )

@@ -129,7 +129,9 @@ def demands_of(plan: Planned, solid: Solid, scene: RayScene, ground: str) -> Dem
     RequestError
         If the part lacks an edge, rim or arc of the plan.
     """
-    parts = {name: _parts(plan, solid, name) for setting in plan.settings for name in setting.entities}
+    parts = {
+        name: _parts(plan, solid, name) for setting in plan.settings for name in setting.entities
+    }
     radius = plan.requirements.get("visibility_radius_mm", 0.0)
     pixel = max(plan.camera.pixel_pitch_mm) / plan.camera.image_distance_mm
     found = Demands()
@@ -141,7 +143,12 @@ def demands_of(plan: Planned, solid: Solid, scene: RayScene, ground: str) -> Dem
                 for seen in seen_as(solid, entity, eye, radius):
                     own = backdrops(solid, scene, eye, entity, seen, pixel)
                     some |= bool(seen)
-                    if seen and ground == "bright" and not own and set(seen) == set(entity.edge_ids):
+                    if (
+                        seen
+                        and ground == "bright"
+                        and not own
+                        and set(seen) == set(entity.edge_ids)
+                    ):
                         # all of it in front of the back light
                         continue
                     behind += own
@@ -151,7 +158,9 @@ def demands_of(plan: Planned, solid: Solid, scene: RayScene, ground: str) -> Dem
     return found
 
 
-def seen_as(solid: Solid, entity: Entity, eye: NDArray[np.float64], radius_mm: float) -> Iterator[Silhouettes]:
+def seen_as(
+    solid: Solid, entity: Entity, eye: NDArray[np.float64], radius_mm: float
+) -> Iterator[Silhouettes]:
     """Yield the silhouettes of an entity, once or twice: edge to the face that is seen, from around a camera's place.
 
     Where the plane of a face passes by the camera within the radius, an edge is taken as a crease and as a silhouette.
@@ -176,7 +185,9 @@ def _parts(plan: Planned, solid: Solid, name: str) -> tuple[Entity, ...]:
     if one is None:
         return (_line(solid, name, plan.entities[name]),)
     return tuple(
-        _curve(solid, name, item) if isinstance(item, Circle) else _line(solid, name, (item.p, item.q))
+        _curve(solid, name, item)
+        if isinstance(item, Circle)
+        else _line(solid, name, (item.p, item.q))
         for item in one.geometry
     )
 
@@ -194,10 +205,17 @@ def _curve(solid: Solid, name: str, circle: Circle) -> Entity:
     """Return the rim or arc with a circle."""
     size = _SAME * float(np.linalg.norm(np.ptp(solid.bounds, axis=0)))
     for arc in solid.rims() if circle.start is None else solid.arcs():
-        off = max(float(np.linalg.norm(arc.centre - circle.centre)), abs(arc.radius_mm - circle.radius_mm))
+        off = max(
+            float(np.linalg.norm(arc.centre - circle.centre)), abs(arc.radius_mm - circle.radius_mm)
+        )
         if off > size or abs(abs(arc.axis @ circle.axis) - 1) > _SAME:
             continue
         entity = resolve_entities(solid, {name: arc.id})[name]
-        if circle.start is None or np.linalg.norm(entity.points[0] - circle.points(np.zeros(1))[0]) < 1e3 * size:
+        if (
+            circle.start is None
+            or np.linalg.norm(entity.points[0] - circle.points(np.zeros(1))[0]) < 1e3 * size
+        ):
             return entity
-    raise RequestError(f"solid must be the plan's part. Got no rim or arc of {name!r} in {solid.name!r}.")
+    raise RequestError(
+        f"solid must be the plan's part. Got no rim or arc of {name!r} in {solid.name!r}."
+    )

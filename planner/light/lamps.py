@@ -79,7 +79,9 @@ class LampBox:
     def __post_init__(self) -> None:
         box = _numbers("the corners of a box of lamps", (self.low, self.high), (2, 3))
         if not (box[0] < box[1]).all():
-            raise RequestError(f"low must be below high in every coordinate. Got {self.low!r} and {self.high!r}.")
+            raise RequestError(
+                f"low must be below high in every coordinate. Got {self.low!r} and {self.high!r}."
+            )
         _check_clearance(self.clearance_mm)
         check_reach(self.reach)
 
@@ -124,7 +126,9 @@ class LampBox:
         """
         low, high = self.bounds
         apart = _APART * float(np.linalg.norm(high - low))
-        if (cell.vertices < low - apart).all(axis=0).any() or (cell.vertices > high + apart).all(axis=0).any():
+        if (cell.vertices < low - apart).all(axis=0).any() or (cell.vertices > high + apart).all(
+            axis=0
+        ).any():
             return True
         planes = cell.half_spaces
         nearest = np.where(planes[:, :3] > 0, low, high)
@@ -212,7 +216,9 @@ class LampDome:
         if not self.radius_mm > 0:
             raise RequestError(f"radius_mm must be positive. Got {self.radius_mm!r}.")
         if not self.lowest_mm < self.radius_mm:
-            raise RequestError(f"lowest_mm must be below radius_mm, {self.radius_mm:g}. Got {self.lowest_mm!r}.")
+            raise RequestError(
+                f"lowest_mm must be below radius_mm, {self.radius_mm:g}. Got {self.lowest_mm!r}."
+            )
         _check_clearance(self.clearance_mm)
 
     def __str__(self) -> str:
@@ -264,7 +270,11 @@ class LampDome:
         apart = _APART * self.radius_mm
         beyond = cell.half_spaces[:, :3] @ np.array(self.centre) + cell.half_spaces[:, 3]
         inside = np.linalg.norm(own, axis=1).max() < self.radius_mm - apart
-        return bool(inside or beyond.max() > self.radius_mm + apart or own[:, 2].max() < self.lowest_mm - apart)
+        return bool(
+            inside
+            or beyond.max() > self.radius_mm + apart
+            or own[:, 2].max() < self.lowest_mm - apart
+        )
 
     def places_in(self, cell: Cell) -> Array:
         """Return those of many places that are in the cell.
@@ -304,7 +314,9 @@ class LampsTogether:
     def __post_init__(self) -> None:
         given = check_lamps_given(self.lamps)
         if given is None or isinstance(given, LampsTogether):
-            raise RequestError(f"lamps together must be places, a LampBox or a LampDome. Got {self.lamps!r}.")
+            raise RequestError(
+                f"lamps together must be places, a LampBox or a LampDome. Got {self.lamps!r}."
+            )
         object.__setattr__(self, "lamps", given)
 
 
@@ -321,7 +333,9 @@ def check_lamps_given(lamps: Any) -> LampSpace | LampsTogether | Array | None:
     if isinstance(lamps, str):
         if lamps == RING:
             return None
-        raise RequestError(f"lamps must be places, a LampBox, a LampDome, LampsTogether, or {RING!r}. Got {lamps!r}.")
+        raise RequestError(
+            f"lamps must be places, a LampBox, a LampDome, LampsTogether, or {RING!r}. Got {lamps!r}."
+        )
     return _numbers("lamps", lamps, (-1, 3))
 
 

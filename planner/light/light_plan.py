@@ -110,7 +110,11 @@ class LightPlan:
             "settings": [
                 {
                     "images": [
-                        {"lamps": list(one.lamps), "contrast": dict(one.contrast), "silhouettes": list(one.silhouettes)}
+                        {
+                            "lamps": list(one.lamps),
+                            "contrast": dict(one.contrast),
+                            "silhouettes": list(one.silhouettes),
+                        }
                         for one in images
                     ],
                     "unlit": dict(unlit),
@@ -133,7 +137,16 @@ class LightPlan:
         LightPlan
             Equal to the one written.
         """
-        names = ("kind", "contrast", "step", "ground", "lamps", "lower_bound", "bound_proof", "together")
+        names = (
+            "kind",
+            "contrast",
+            "step",
+            "ground",
+            "lamps",
+            "lower_bound",
+            "bound_proof",
+            "together",
+        )
         plain = {name: data[name] for name in names}
         images = tuple(
             tuple(
@@ -142,7 +155,11 @@ class LightPlan:
             )
             for setting in data["settings"]
         )
-        return cls(**plain, images=images, unlit=tuple(dict(setting["unlit"]) for setting in data["settings"]))
+        return cls(
+            **plain,
+            images=images,
+            unlit=tuple(dict(setting["unlit"]) for setting in data["settings"]),
+        )
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, LightPlan):

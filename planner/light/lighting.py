@@ -63,13 +63,21 @@ class Lighting:
         if self.ground not in GROUNDS:
             raise RequestError(f"ground must be one of {', '.join(GROUNDS)}. Got {self.ground!r}.")
         if not (isinstance(self.tolerance_mm, int | float) and 0 <= self.tolerance_mm < np.inf):
-            raise RequestError(f"tolerance_mm must be finite and not negative. Got {self.tolerance_mm!r}.")
+            raise RequestError(
+                f"tolerance_mm must be finite and not negative. Got {self.tolerance_mm!r}."
+            )
         check_step(self.step)
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
         given = self.given
-        told = "a ring light" if given is None else f"{len(given)} lamps" if isinstance(given, np.ndarray) else given
+        told = (
+            "a ring light"
+            if given is None
+            else f"{len(given)} lamps"
+            if isinstance(given, np.ndarray)
+            else given
+        )
         return f"<Lighting by {told}: contrast {self.contrast:g}, step {self.step:g}, {self.ground} ground>"
 
     @property
@@ -123,7 +131,12 @@ class Lighting:
             fields = vars(given)
             content = {k: reach_name(v) if k == "reach" else v for k, v in fields.items()}
         kind = "ring" if given is None else type(given).__name__
-        rest = {"contrast": self.contrast, "step": self.step, "ground": self.ground, "tolerance_mm": self.tolerance_mm}
+        rest = {
+            "contrast": self.contrast,
+            "step": self.step,
+            "ground": self.ground,
+            "tolerance_mm": self.tolerance_mm,
+        }
         return {"kind": kind, "together": self.together, **content, **rest}
 
     def served(self, plan: Planned, solid: Solid, progress: Progress | None = None) -> Served:
@@ -154,7 +167,13 @@ class Lighting:
         given = self.given
         scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
         demands = demands_of(plan, solid, scene, self.ground)
-        room = given if isinstance(given, np.ndarray) else eyes_of(plan) if given is None else given.bounds
+        room = (
+            given
+            if isinstance(given, np.ndarray)
+            else eyes_of(plan)
+            if given is None
+            else given.bounds
+        )
         # a displaced camera takes its ring along
         moved = plan.requirements.get("visibility_radius_mm", 0.0) if given is None else 0.0
         off = max(self.tolerance_mm, moved)
@@ -162,7 +181,9 @@ class Lighting:
         clearance = 0.0 if given is None or isinstance(given, np.ndarray) else given.clearance_mm
         names = [(pair.setting, pair.name) for pair in demands.pairs]
         corners = corners_of(plan, solid, scene, names, demands.edge_ids)
-        return Served(light, scene, demands.pairs, self.contrast, self.step, clearance, off, corners)
+        return Served(
+            light, scene, demands.pairs, self.contrast, self.step, clearance, off, corners
+        )
 
 
 def eyes_of(plan: Planned) -> NDArray[np.float64]:
@@ -195,4 +216,6 @@ def _regions(
     if not demands.entities:
         return None
     shown = labelled(progress, "light regions")
-    return compute_light(solid, demands.entities, contrast, workspace, None, shown, demands.silhouettes)
+    return compute_light(
+        solid, demands.entities, contrast, workspace, None, shown, demands.silhouettes
+    )

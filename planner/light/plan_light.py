@@ -95,7 +95,11 @@ def plan_light(
 
 
 def chosen_lamps(
-    lighting: Lighting, plan: Planned, solid: Solid, progress: Progress | None = None, also: ArrayLike = ()
+    lighting: Lighting,
+    plan: Planned,
+    solid: Solid,
+    progress: Progress | None = None,
+    also: ArrayLike = (),
 ) -> LightPlan:
     """Choose lamps as `plan_light` does; ``also`` (n, 3) are places to try besides, mm, where lamps are placed."""
     given, served = lighting.given, lighting.served(plan, solid, progress)
@@ -123,18 +127,26 @@ class _Work:
         """Return the pairs each lamp has to show at once: all of a setting where some place does, else each alone."""
         found: list[tuple[int, ...]] = []
         for k in range(self.n_settings):
-            own = [i for i, pair in enumerate(self.served.pairs) if pair.setting == k and shown[:, i].any()]
+            own = [
+                i
+                for i, pair in enumerate(self.served.pairs)
+                if pair.setting == k and shown[:, i].any()
+            ]
             together = bool(own) and bool(shown[:, own].all(axis=1).any())
             found += [tuple(own)] if together else [(i,) for i in own]
         return found
 
-    def image(self, lamps: Sequence[int], pairs: Sequence[int], contrast: NDArray[np.float64]) -> LitImage:
+    def image(
+        self, lamps: Sequence[int], pairs: Sequence[int], contrast: NDArray[np.float64]
+    ) -> LitImage:
         """Return an image of some pairs under lamps, with contrasts (pairs,) of all."""
         own = [self.served.pairs[i] for i in pairs]
         values = {pair.name: float(contrast[i]) for i, pair in zip(pairs, own, strict=True)}
         return LitImage(tuple(lamps), values, tuple(pair.name for pair in own if pair.silhouette))
 
-    def result(self, kind: str, chosen: Sequence[int], images: Any, bound: int, proof: str, reasons: Any) -> LightPlan:
+    def result(
+        self, kind: str, chosen: Sequence[int], images: Any, bound: int, proof: str, reasons: Any
+    ) -> LightPlan:
         """Return the plan of lamps; ``images`` (setting, place, pairs), ``reasons`` by pair."""
         served, number = self.served, {place: i for i, place in enumerate(chosen)}
         shots: list[list[LitImage]] = [[] for _ in range(self.n_settings)]
@@ -171,7 +183,10 @@ def _ring(work: _Work, eyes: NDArray[np.float64]) -> LightPlan:
     """The lamp of each setting is at its camera."""
     served = work.served
     served.keep_own(eyes)
-    own = [[i for i, pair in enumerate(served.pairs) if pair.setting == k] for k in range(work.n_settings)]
+    own = [
+        [i for i, pair in enumerate(served.pairs) if pair.setting == k]
+        for k in range(work.n_settings)
+    ]
     lit = [[i for i in pairs if served.contrast[k, i] > 0] for k, pairs in enumerate(own)]
     dark = {
         i: f"the ring light gives it too little contrast or light{_before(served, i)}, there or nearby."
@@ -214,7 +229,9 @@ def _placed(work: _Work, space: LampSpace) -> LightPlan:
         if not (served.contrast[:, i] > 0).any():
             none = served.search(space, [i])
             if not (served.contrast[:, i] > 0).any():
-                told = "lights all of it" if not served.pairs[i].silhouette else "lights its seen face"
+                told = (
+                    "lights all of it" if not served.pairs[i].silhouette else "lights its seen face"
+                )
                 proven = "no place in" if none else "no place that was found in"
                 beside = ", and another line at each end" if served.needs_corners(i) else ""
                 beside += ", and no shadow beside it" if served.clear_beside(i) else ""
@@ -228,7 +245,11 @@ def _placed(work: _Work, space: LampSpace) -> LightPlan:
     def decide(some: Jobs) -> bool:
         return served.search(space, [i for j in some for i in jobs[j]])
 
-    bound = Search(len(jobs), lambda: _columns(served, jobs), decide).bound() if len(jobs) > 1 else len(jobs)
+    bound = (
+        Search(len(jobs), lambda: _columns(served, jobs), decide).bound()
+        if len(jobs) > 1
+        else len(jobs)
+    )
     chosen, images, _ = _covered(served, jobs)
     proof = (
         f"For sets of settings, the exact light regions were intersected: where no cell of them meets {space}, no lamp "
@@ -249,32 +270,52 @@ def _all_on(work: _Work, given: LampSpace | NDArray[np.float64]) -> LightPlan:
     # those that show most alone first, where there are too many
     order = np.argsort(-(served.contrast > 0).sum(axis=1), kind="stable")
     places = served.places if fixed else served.places[np.sort(order[:_TOGETHER_PLACES])]
-    sets = LampSets(served.scene, sites_of(served.light, served.pairs), places, served.offsets, served.corners_under)
+    sets = LampSets(
+        served.scene,
+        sites_of(served.light, served.pairs),
+        places,
+        served.offsets,
+        served.corners_under,
+    )
     found = fewest_together(sets, served.least, served.least_step)
     lit = [i for i in every if found.contrast[i] > 0]
     told = "of the given lamps" if fixed else f"of {len(places)} places in {given}"
-    dark = {i: f"no set that was tried {told} shows it together with the most others." for i in every if i not in lit}
+    dark = {
+        i: f"no set that was tried {told} shows it together with the most others."
+        for i in every
+        if i not in lit
+    }
     n = len(found.chosen)
-    bound, proof = min(n, found.listed + 1), f"All sets of fewer than {min(n, found.listed + 1)} {told} were tried."
+    bound, proof = (
+        min(n, found.listed + 1),
+        f"All sets of fewer than {min(n, found.listed + 1)} {told} were tried.",
+    )
     if not isinstance(given, np.ndarray):
         alone = n > 1 and served.search(given, lit)
         bound, proof = min(n, 1 + alone), "One lamp at least is needed."
         if alone:
             proof = (
-                f"No single lamp in {given} lights all of it with the contrast: the exact regions have no cell there."
+                f"No single lamp in {given} lights all of it with the contrast: "
+                "the exact regions have no cell there."
             )
     shots: list[list[LitImage]] = [[] for _ in range(work.n_settings)]
     for k in range(work.n_settings):
         if own := [i for i in lit if served.pairs[i].setting == k]:
             shots[k].append(work.image(range(n), own, found.contrast))
     kind = "fixed" if fixed else "placed"
-    return replace(work.plan(kind, places[list(found.chosen)], shots, (bound, proof), dark), together=True)
+    return replace(
+        work.plan(kind, places[list(found.chosen)], shots, (bound, proof), dark), together=True
+    )
 
 
 def _columns(served: Served, jobs: Sequence[tuple[int, ...]]) -> NDArray[np.bool_]:
     """Return which places (n, jobs) do which jobs."""
     shown = served.contrast > 0
-    return np.array([shown[:, list(pairs)].all(axis=1) for pairs in jobs]).reshape(len(jobs), len(shown)).T
+    return (
+        np.array([shown[:, list(pairs)].all(axis=1) for pairs in jobs])
+        .reshape(len(jobs), len(shown))
+        .T
+    )
 
 
 def _covered(served: Served, jobs: Sequence[tuple[int, ...]]) -> tuple[list[int], list[Any], int]:
@@ -297,7 +338,11 @@ def _covered(served: Served, jobs: Sequence[tuple[int, ...]]) -> tuple[list[int]
         on = np.array([(setting, place) in images for place in chosen])
         best = int(np.argmax(values + 2.0 * (on & (values > 0))))
         images.setdefault((setting, chosen[best]), []).extend(pairs)
-    return chosen, [(setting, place, pairs) for (setting, place), pairs in images.items()], cover.lower_bound
+    return (
+        chosen,
+        [(setting, place, pairs) for (setting, place), pairs in images.items()],
+        cover.lower_bound,
+    )
 
 
 def _why_dark(served: Served, i: int) -> str:
@@ -306,7 +351,9 @@ def _why_dark(served: Served, i: int) -> str:
     if served.light is None or not pair.regions:
         return "what is behind it is as bright."
     entities = [served.light.entities[name] for name in pair.regions]
-    raw = np.array([_formula(served.light, entity.name, served.places) for entity in entities]).min(axis=0)
+    raw = np.array([_formula(served.light, entity.name, served.places) for entity in entities]).min(
+        axis=0
+    )
     steps = np.array([served.steps(entity.name, served.places) for entity in entities]).min(axis=0)
     even = raw < served.least
     weak = ~even & (steps < served.least_step)
@@ -323,4 +370,6 @@ def _formula(light: LightRegions, name: str, places: NDArray[np.float64]) -> NDA
     """Return the contrast of an entity, without shadows."""
     from aspectgraph.light.contrast import face_contrast
 
-    return np.abs(face_contrast(light.solid, light.entities[name], places, light.silhouettes.get(name, {})))
+    return np.abs(
+        face_contrast(light.solid, light.entities[name], places, light.silhouettes.get(name, {}))
+    )

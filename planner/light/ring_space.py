@@ -146,15 +146,24 @@ class RingSpace:
         good = np.ones(len(eyes), dtype=bool)
         for point in (start, (start + end) / 2, end):
             towards = eyes - point
-            cosines = np.maximum(towards @ normals.T, 0.0) / np.linalg.norm(towards, axis=1, keepdims=True)
-            good &= np.where(crease, np.abs(cosines[:, 0] - cosines[:, 1]), cosines.max(axis=1)) >= self.step
+            cosines = np.maximum(towards @ normals.T, 0.0) / np.linalg.norm(
+                towards, axis=1, keepdims=True
+            )
+            good &= (
+                np.where(crease, np.abs(cosines[:, 0] - cosines[:, 1]), cosines.max(axis=1))
+                >= self.step
+            )
         rows = np.flatnonzero(good & ~crease)
         if len(rows):
             front = heights[rows].argmax(axis=1)
-            good[rows] = self._stands_out((start, end), eyes[rows], normals[front], normals[1 - front])
+            good[rows] = self._stands_out(
+                (start, end), eyes[rows], normals[front], normals[1 - front]
+            )
         return good
 
-    def _stands_out(self, ends: tuple[Array, Array], eyes: Array, seen: Array, hidden: Array) -> NDArray[np.bool_]:
+    def _stands_out(
+        self, ends: tuple[Array, Array], eyes: Array, seen: Array, hidden: Array
+    ) -> NDArray[np.bool_]:
         """Return from which places (n,) a silhouette differs from what is beside it; normals (n, 3)."""
         if self._rays is None:
             self._rays = RayScene(self.solid.vertices, self.solid.triangles, n_threads=1)
@@ -169,5 +178,7 @@ class RingSpace:
         other = np.abs(np.einsum("nsi,nsi->ns", rays, hit["primitive_normals"])) / length
         far = np.where(part, hit["t_hit"], 1.0) * length
         # the lamp is where the camera is, so that nothing that is seen is in shadow
-        differs = (sure_contrast((one, near), (other, far)) >= self.contrast) & (np.abs(one - other) >= self.step)
+        differs = (sure_contrast((one, near), (other, far)) >= self.contrast) & (
+            np.abs(one - other) >= self.step
+        )
         return np.asarray((differs | ~part).all(axis=1))

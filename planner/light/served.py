@@ -68,11 +68,15 @@ class Served:
     def offsets(self) -> Array:
         """Where a lamp may be, relative to its place, (n, 3) mm; the first is (0, 0, 0)."""
         none = np.zeros((1, 3))
-        return np.concatenate([none, self.tolerance_mm * _AROUND]) if self.tolerance_mm > 0 else none
+        return (
+            np.concatenate([none, self.tolerance_mm * _AROUND]) if self.tolerance_mm > 0 else none
+        )
 
     def add(self, places: Array) -> int:
         """Add places that are clear of the part, and return how many that are."""
-        clear = places[self.scene.signed_distance(places) >= max(self.clearance_mm, self.tolerance_mm)]
+        clear = places[
+            self.scene.signed_distance(places) >= max(self.clearance_mm, self.tolerance_mm)
+        ]
         self.keep(clear)
         return len(clear)
 
@@ -80,11 +84,18 @@ class Served:
         """Add places, wherever they are; ``wanted`` (n, pairs) is what they are to show, all if None."""
         contrast, step = self.shown(places, wanted)
         self.places = np.concatenate([self.places, places])
-        self.contrast, self.step = np.concatenate([self.contrast, contrast]), np.concatenate([self.step, step])
+        self.contrast, self.step = (
+            np.concatenate([self.contrast, contrast]),
+            np.concatenate([self.step, step]),
+        )
 
     def keep_own(self, places: Array) -> None:
         """Add a place for each setting, which is to show what belongs to that setting."""
-        self.keep(places, np.arange(len(places))[:, None] == np.array([pair.setting for pair in self.pairs], dtype=int))
+        self.keep(
+            places,
+            np.arange(len(places))[:, None]
+            == np.array([pair.setting for pair in self.pairs], dtype=int),
+        )
 
     def shown(self, places: Array, wanted: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
         """Return contrast and step (n, pairs) under lamps at places (n, 3), both 0 where a pair does not show.
@@ -96,7 +107,10 @@ class Served:
         for off in self.offsets[1:]:
             good = np.flatnonzero((contrast > 0).any(axis=1))
             beside = self._at(places[good] + off, contrast[good] > 0)
-            contrast[good], step[good] = np.minimum(contrast[good], beside[0]), np.minimum(step[good], beside[1])
+            contrast[good], step[good] = (
+                np.minimum(contrast[good], beside[0]),
+                np.minimum(step[good], beside[1]),
+            )
         return contrast, step
 
     def _at(self, places: Array, wanted: NDArray[np.bool_]) -> tuple[Array, Array]:
@@ -161,7 +175,11 @@ class Served:
             self.add(space.places(_ENOUGH))
             return False
         cells = self.light.covering_cells(names)
-        near = [int(i) for i in np.argsort(-cells.volumes, kind="stable") if not space.misses(cells[int(i)])]
+        near = [
+            int(i)
+            for i in np.argsort(-cells.volumes, kind="stable")
+            if not space.misses(cells[int(i)])
+        ]
         found = [space.places_in(cells[i]) for i in near[:_MOST_CELLS]]
         if found:
             self.add(np.concatenate(found))

@@ -82,7 +82,10 @@ class Beside:
             if rows.size and own.stop > own.start:
                 lit = self._lit(scene, lamps[rows], own)
                 starts = np.flatnonzero(np.diff(self.strip[own], prepend=-1))
-                least, most = np.logical_and.reduceat(lit, starts, axis=1), np.logical_or.reduceat(lit, starts, axis=1)
+                least, most = (
+                    np.logical_and.reduceat(lit, starts, axis=1),
+                    np.logical_or.reduceat(lit, starts, axis=1),
+                )
                 found[rows, line] = (least == most).all(axis=1)
         return found
 
@@ -94,7 +97,9 @@ class Beside:
         return lit
 
 
-def beside_lines(scene: RayScene, lines: Sequence[SeenLine], reach_px: float, pixel_rad: float) -> Beside:
+def beside_lines(
+    scene: RayScene, lines: Sequence[SeenLine], reach_px: float, pixel_rad: float
+) -> Beside:
     """Return places on the surface beside lines in images.
 
     Parameters
@@ -122,18 +127,25 @@ def beside_lines(scene: RayScene, lines: Sequence[SeenLine], reach_px: float, pi
         owner.append(np.full(len(places), number))
         strips += 2 * len(line.points)
     if not found:
-        return Beside(np.empty((0, 3)), np.empty((0, 3)), np.empty(0, int), np.empty(0, int), len(lines))
+        return Beside(
+            np.empty((0, 3)), np.empty((0, 3)), np.empty(0, int), np.empty(0, int), len(lines)
+        )
     places, normals, strip = (np.concatenate(one) for one in zip(*found, strict=True))
     return Beside(places, normals, strip, np.concatenate(owner), len(lines))
 
 
-def _strips(scene: RayScene, line: SeenLine, reach_rad: float) -> tuple[Array, Array, NDArray[np.int_]]:
+def _strips(
+    scene: RayScene, line: SeenLine, reach_rad: float
+) -> tuple[Array, Array, NDArray[np.int_]]:
     """Return places (n, 3), normals (n, 3) and strips (n,) beside a line."""
     sight = line.points - line.eye
     aside = across(sight, line.along) * np.linalg.norm(sight, axis=1, keepdims=True)
     off = reach_rad * _PLACES
     # (points, sides, places, 3)
-    rays = sight[:, None, None] + np.array([1.0, -1.0])[:, None, None] * off[:, None] * aside[:, None, None]
+    rays = (
+        sight[:, None, None]
+        + np.array([1.0, -1.0])[:, None, None] * off[:, None] * aside[:, None, None]
+    )
     hit = scene.cast(line.eye, rays)
     t_hit = hit["t_hit"].astype(np.float64)
     met = np.isfinite(t_hit)
@@ -143,7 +155,9 @@ def _strips(scene: RayScene, line: SeenLine, reach_rad: float) -> tuple[Array, A
     first, way = normals[:, :, _FACE, None], places - places[:, :, _FACE, None]
     height, distance = np.abs((way * first).sum(axis=-1)), np.linalg.norm(way, axis=-1)
     turn = np.radians(_TURN_DEG)
-    flat = height <= np.sin(turn) * distance + _ROUNDING * np.linalg.norm(sight, axis=1)[:, None, None]
+    flat = (
+        height <= np.sin(turn) * distance + _ROUNDING * np.linalg.norm(sight, axis=1)[:, None, None]
+    )
     same = met & met[:, :, _FACE, None] & flat & ((normals * first).sum(axis=-1) >= np.cos(turn))
     strip = np.broadcast_to(np.arange(2 * len(sight)).reshape(-1, 2, 1), same.shape)
     return places[same], normals[same], strip[same]

@@ -87,13 +87,23 @@ def sites_of(light: LightRegions | None, pairs: Sequence[Pair]) -> Sites:
         return known
 
     for k, pair in enumerate(pairs):
-        both = [side for name in pair.regions for side in _sides(light, name)] if light is not None else []
+        both = (
+            [side for name in pair.regions for side in _sides(light, name)]
+            if light is not None
+            else []
+        )
         both += [one.sides for one in pair.backdrops]
         for one, other in both:
             compared.append((number(*one), -1 if other is None else number(*other)))
             owner.append(k)
     found = np.array(places).reshape(-1, 6)
-    return Sites(found[:, :3], found[:, 3:], np.array(compared, int).reshape(-1, 2), np.array(owner, int), len(pairs))
+    return Sites(
+        found[:, :3],
+        found[:, 3:],
+        np.array(compared, int).reshape(-1, 2),
+        np.array(owner, int),
+        len(pairs),
+    )
 
 
 _Side = tuple[Array, Array]
@@ -129,7 +139,12 @@ class LampSets:
     """
 
     def __init__(
-        self, scene: RayScene, sites: Sites, places: Array, offsets: Array, besides: Besides | None = None
+        self,
+        scene: RayScene,
+        sites: Sites,
+        places: Array,
+        offsets: Array,
+        besides: Besides | None = None,
     ) -> None:
         self._sites, self.n, self._places, self._besides = sites, len(places), places, besides
         # (with the fall of light and without, lamps, sites), at least and at most
@@ -244,7 +259,9 @@ def fewest_together(sets: LampSets, least: float, least_step: float) -> Fewest:
         if listed == size - 1 and comb(sets.n, size) <= _MOST_SETS:
             tried, listed = np.array(list(combinations(range(sets.n), size))), size
         else:
-            larger = sorted({tuple(sorted((*some, k))) for some in wide for k in range(sets.n) if k not in some})
+            larger = sorted(
+                {tuple(sorted((*some, k))) for some in wide for k in range(sets.n) if k not in some}
+            )
             tried = np.array(list(islice(larger, _MOST_SETS)))
         contrast, step = sets.shown(tried)
         shows = (contrast >= least) & (step >= least_step)
@@ -253,7 +270,9 @@ def fewest_together(sets: LampSets, least: float, least_step: float) -> Fewest:
         top = int(order[0])
         if n_shown[top] > most:
             most = int(n_shown[top])
-            best = Fewest(tuple(map(int, tried[top])), np.where(shows[top], contrast[top], 0.0), listed)
+            best = Fewest(
+                tuple(map(int, tried[top])), np.where(shows[top], contrast[top], 0.0), listed
+            )
         if most == n_pairs:
             break
         wide = [tuple(map(int, tried[i])) for i in order[: max(1, _MOST_SETS // (10 * sets.n))]]

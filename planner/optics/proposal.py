@@ -118,5 +118,6 @@ def optics_table(proposals: Sequence[OpticsProposal], most: int = 10) -> str:
         )
     sizes = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     return "\n".join(
-        "  ".join(cell.ljust(size) for cell, size in zip(row, sizes, strict=True)).rstrip() for row in rows
+        "  ".join(cell.ljust(size) for cell, size in zip(row, sizes, strict=True)).rstrip()
+        for row in rows
     )

@@ -148,7 +148,9 @@ def propose_optics(
 def _checked(distances_mm: Sequence[float]) -> list[float]:
     distances = [float(distance) for distance in distances_mm]
     if not distances or not all(math.isfinite(one) and one > 0 for one in distances):
-        raise RequestError(f"distances_mm must be finite and positive, at least one. Got {distances_mm!r}.")
+        raise RequestError(
+            f"distances_mm must be finite and positive, at least one. Got {distances_mm!r}."
+        )
     return distances
 
 
@@ -158,7 +160,9 @@ def _fitting(bodies: Sequence[str] | None) -> list[tuple[str, str]]:
     chosen = list(parts["body"]) if bodies is None else list(bodies)
     for name in chosen:
         if name not in parts["body"]:
-            raise RequestError(f"bodies must be of the catalogue: {', '.join(parts['body'])}. Got {name!r}.")
+            raise RequestError(
+                f"bodies must be of the catalogue: {', '.join(parts['body'])}. Got {name!r}."
+            )
     return [
         (body, lens)
         for body, lens in itertools.product(chosen, parts["lens"])
@@ -167,7 +171,9 @@ def _fitting(bodies: Sequence[str] | None) -> list[tuple[str, str]]:
 
 
 def _diagonal_mm(body: Mapping[str, Any]) -> float:
-    return math.hypot(*(n * pitch for n, pitch in zip(body["resolution"], body["pixel_pitch_mm"], strict=True)))
+    return math.hypot(
+        *(n * pitch for n, pitch in zip(body["resolution"], body["pixel_pitch_mm"], strict=True))
+    )
 
 
 def _set(body: str, lens: str, distance: float) -> Camera | None:
@@ -194,16 +200,25 @@ def _set(body: str, lens: str, distance: float) -> Camera | None:
 
 
 def _space(
-    solid: Solid, entities: Mapping[str, Any], targets: Sequence[Target], farthest: float, how: InspectionOptions
+    solid: Solid,
+    entities: Mapping[str, Any],
+    targets: Sequence[Target],
+    farthest: float,
+    how: InspectionOptions,
 ) -> TargetSpace:
     from aspectgraph import compute_regions
 
     size = float(np.linalg.norm(solid.bounds[1] - solid.bounds[0]))
     box = solid.bounds + np.array([[-1.0], [1.0]]) * (farthest + size)
     regions = how.space or compute_regions(
-        solid, entities, workspace=box if how.workspace is None else how.workspace, executor=how.executor
+        solid,
+        entities,
+        workspace=box if how.workspace is None else how.workspace,
+        executor=how.executor,
     )
-    return TargetSpace(regions, {t.name: t.entities for t in targets}, {t.name: t.ends for t in targets})
+    return TargetSpace(
+        regions, {t.name: t.entities for t in targets}, {t.name: t.ends for t in targets}
+    )
 
 
 def _limits(how: InspectionOptions, pose_uncertainty: PoseUncertainty) -> Requirements:
@@ -239,7 +254,9 @@ def _views(
         for distance in distances:
             tried = _around(constraints.sphere_centre, distance)
             slacks = constraints.slacks(tried, others)
-            poses[distance] = tried[np.all([one.min(axis=(1, 2)) >= 0 for one in slacks.values()], axis=0)]
+            poses[distance] = tried[
+                np.all([one.min(axis=(1, 2)) >= 0 for one in slacks.values()], axis=0)
+            ]
         views.append(_View(target, constraints, poses))
     return views
 
@@ -269,7 +286,12 @@ def _judged(
         nothing = {view.target.name: 0.0 for view in views}
         return OpticsProposal(*names, camera, required, nothing, {}, {})
     need = replace(how, focus_margin_mm=margin).requirements(camera, pose_uncertainty)
-    lens = Lens.of(camera, need.min_length_px * max(camera.pixel_pitch_mm), need.border_px, need.focus_margin_mm)
+    lens = Lens.of(
+        camera,
+        need.min_length_px * max(camera.pixel_pitch_mm),
+        need.border_px,
+        need.focus_margin_mm,
+    )
     probability, share, poses = {}, {}, {}
     for view in views:
         name = view.target.name

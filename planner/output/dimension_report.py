@@ -71,7 +71,9 @@ def budget_percents(budget: Mapping[str, float]) -> dict[str, float]:
         return dict.fromkeys(budget, 0.0)
     exact = {name: 1000 * value / total for name, value in budget.items()}
     tenths = {name: math.floor(value) for name, value in exact.items()}
-    for name in sorted(exact, key=lambda key: tenths[key] - exact[key])[: 1000 - sum(tenths.values())]:
+    for name in sorted(exact, key=lambda key: tenths[key] - exact[key])[
+        : 1000 - sum(tenths.values())
+    ]:
         tenths[name] += 1
     return {name: value / 10 for name, value in tenths.items()}
 
@@ -162,14 +164,20 @@ def _accepted(dimension: PlannedDimension, one: Measurement) -> str:
 
 
 def _notes(plan: InspectionPlan) -> list[str]:
-    models = list(dict.fromkeys(localisation_text(one.localisation) for one in plan.dimensions.values()))
+    models = list(
+        dict.fromkeys(localisation_text(one.localisation) for one in plan.dimensions.values())
+    )
     rounded = any(one.localisation.model == "rounding" for one in plan.dimensions.values())
     return [
         "P is the probability that the error of the measurement is at most the permitted one, given a "
         "registered image in which what is measured is found. It is not the "
         "probability that a part conforms, which depends on how parts vary, too (JCGM 106).",
         f"Localisation of points in the image: {'; '.join(models)}."
-        + (" On whole pixels, points of one line or circle are taken to err independently." if rounded else ""),
+        + (
+            " On whole pixels, points of one line or circle are taken to err independently."
+            if rounded
+            else ""
+        ),
         "u is the standard uncertainty of the measured value and U = 2u; of an arc of less than half a circle they are "
         "half the widths of the intervals that hold 68.27 and 95.45 % of the errors. The three sources of the budget "
         "sum to u². T is the whole width of the tolerance. A part is accepted if its measured value lies "

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aspectgraph.plot.clip import domain_facets
-from aspectgraph.plot.traces import line_trace, part_traces, point_text, scene_figure, surface_trace, xyz
+from aspectgraph.plot.traces import (
+    line_trace,
+    part_traces,
+    point_text,
+    scene_figure,
+    surface_trace,
+    xyz,
+)
 from errors.telling import probability_text
 from planner.output.outlines import polylines
 from planner.report.views import EVERYTHING, SceneFrame, box_around, plan_views
@@ -71,11 +78,20 @@ def plan_figure(plan: InspectionPlan, solid: Solid, space: Space | None = None) 
         for k, setting in enumerate(plan.settings):
             facets = domain_facets(space.covering_cells(list(setting.entities)), solid, frame.box)
             name = f"domains of setting {k + 1}"
-            traces.append(surface_trace(facets, color=color_of(k), opacity=0.16, name=name, visible="legendonly"))
+            traces.append(
+                surface_trace(
+                    facets, color=color_of(k), opacity=0.16, name=name, visible="legendonly"
+                )
+            )
     figure = scene_figure(traces, eye=EVERYTHING)
-    camera = {**figure_views(plan, solid, frame)["everything"], "projection": {"type": "perspective"}}
+    camera = {
+        **figure_views(plan, solid, frame)["everything"],
+        "projection": {"type": "perspective"},
+    }
     figure.update_scenes({**frame.layout, "camera": camera})
-    return figure.update_layout(legend={"y": 0.93, "bgcolor": "rgba(255,255,255,0.8)"}, uirevision="plan")
+    return figure.update_layout(
+        legend={"y": 0.93, "bgcolor": "rgba(255,255,255,0.8)"}, uirevision="plan"
+    )
 
 
 def _entity_trace(lines: Sequence[tuple[str, np.ndarray]], color: str, group: str) -> go.Scatter3d:
@@ -95,8 +111,12 @@ def _frustum_trace(setting: SensorSetting, camera: Camera, k: int, group: str) -
     """Draw the pyramid from the nodal point to the plane in focus, and the number of the setting."""
     corners = _corners(setting, camera)
     apex = setting.position
-    pieces = [(apex, c) for c in corners] + list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
-    probabilities = "<br>".join(f"{name}: P = {probability_text(p)}" for name, p in setting.probability.items())
+    pieces = [(apex, c) for c in corners] + list(
+        zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    )
+    probabilities = "<br>".join(
+        f"{name}: P = {probability_text(p)}" for name, p in setting.probability.items()
+    )
     return line_trace(
         pieces,
         color=color_of(k),
@@ -150,10 +170,18 @@ def _lamp_trace(light: LightPlan) -> go.Scatter3d:
     return go.Scatter3d(
         **xyz(light.lamps),
         mode="markers+text",
-        marker={"size": 8, "symbol": "diamond", "color": _YELLOW, "line": {"color": "#333", "width": 1}},
+        marker={
+            "size": 8,
+            "symbol": "diamond",
+            "color": _YELLOW,
+            "line": {"color": "#333", "width": 1},
+        },
         text=[f"lamp {lamp + 1}" for lamp in range(len(light.lamps))],
         textposition="top center",
-        hovertext=[f"lamp at {point_text(place)} mm<br>{told}" for place, told in zip(light.lamps, shown, strict=True)],
+        hovertext=[
+            f"lamp at {point_text(place)} mm<br>{told}"
+            for place, told in zip(light.lamps, shown, strict=True)
+        ],
         hoverinfo="text",
         name="lamps",
     )
@@ -165,7 +193,9 @@ def scene_frame(plan: InspectionPlan, solid: Solid) -> SceneFrame:
     return SceneFrame(box_around(_shown(plan, solid), limits))
 
 
-def figure_views(plan: InspectionPlan, solid: Solid, frame: SceneFrame | None = None) -> dict[str, dict[str, Any]]:
+def figure_views(
+    plan: InspectionPlan, solid: Solid, frame: SceneFrame | None = None
+) -> dict[str, dict[str, Any]]:
     """Return plotly's cameras by name: everything, the part, and each setting's view of it."""
     corners = np.array(list(product(*np.asarray(solid.bounds).T)))
     return plan_views(plan, frame or scene_frame(plan, solid), corners, _shown(plan, solid))
@@ -174,7 +204,11 @@ def figure_views(plan: InspectionPlan, solid: Solid, frame: SceneFrame | None = 
 def _shown(plan: InspectionPlan, solid: Solid) -> np.ndarray:
     """Return points (n, 3) around all that is shown at first, mm."""
     corners = np.array(list(product(*np.asarray(solid.bounds).T)))
-    pyramids = [point for setting in plan.settings for point in (setting.position, *_corners(setting, plan.camera))]
+    pyramids = [
+        point
+        for setting in plan.settings
+        for point in (setting.position, *_corners(setting, plan.camera))
+    ]
     return np.vstack([corners, *pyramids, *_lamps(plan)])
 
 

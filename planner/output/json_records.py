@@ -53,13 +53,18 @@ def graph_record(result: EntityAspectGraph, path: str | Path) -> dict[str, Any]:
     return {
         "entities": list(result.entity_names),
         "workspace": np.asarray(result.workspace, dtype=float).tolist(),
-        "domains": [{"id": n, "volume": float(nodes[n]["volume"]), listed: sorted(nodes[n][listed])} for n in nodes],
+        "domains": [
+            {"id": n, "volume": float(nodes[n]["volume"]), listed: sorted(nodes[n][listed])}
+            for n in nodes
+        ],
         "adjacent": [list(pair) for pair in result.graph.edges()],
         "file": str(path),
     }
 
 
-def plan_record(plan: InspectionPlan, files: Sequence[str], not_planned: Mapping[str, str]) -> dict[str, Any]:
+def plan_record(
+    plan: InspectionPlan, files: Sequence[str], not_planned: Mapping[str, str]
+) -> dict[str, Any]:
     """Return a plan as in its file, the files written, and what could not be planned, with the reason."""
     return {"plan": plan.to_dict(), "files": list(files), "not_planned": dict(not_planned)}
 

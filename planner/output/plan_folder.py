@@ -77,7 +77,9 @@ def write_outputs(
     with staged_folder(folder, PLAN_FILES, "--out") as staging:
         found.write(staging / "plan.json")
         graph, notes = _joint_graph(regions, graph_limit)
-        report = report_html(found, _space(found, regions), progress=progress, notes=notes, graph=graph)
+        report = report_html(
+            found, _space(found, regions), progress=progress, notes=notes, graph=graph
+        )
         (staging / "report.html").write_text(report, encoding="utf-8")
         # lines end as the format says, on every system
         (staging / "measurements.csv").write_bytes(found.to_csv().encode())
@@ -89,7 +91,9 @@ def write_outputs(
     return Written([folder / name for name in written], notes)
 
 
-def _joint_graph(regions: VisibilityRegions, graph_limit: int | None) -> tuple[EntityAspectGraph | None, list[str]]:
+def _joint_graph(
+    regions: VisibilityRegions, graph_limit: int | None
+) -> tuple[EntityAspectGraph | None, list[str]]:
     """Return the joint graph; or none, why it is left out, and what the regions say instead."""
     n = len(regions.entity_names)
     if graph_limit is not None and n > graph_limit:
@@ -99,19 +103,26 @@ def _joint_graph(regions: VisibilityRegions, graph_limit: int | None) -> tuple[E
         return graph_of(regions, memory_limit_bytes=limit), []
     except MemoryLimitError as error:
         # a plan that is done must not be lost for its picture
-        return None, [f"graph.graphml is left out: {error}"] if limit is None else _instead(regions, None)
+        return None, [f"graph.graphml is left out: {error}"] if limit is None else _instead(
+            regions, None
+        )
 
 
 def _instead(regions: VisibilityRegions, graph_limit: int | None) -> list[str]:
     """Say that the joint graph is left out, and what the regions say of it."""
-    return [graph_sentence(len(regions.entity_names), graph_limit), regions_sentence(*_observable_shares(regions))]
+    return [
+        graph_sentence(len(regions.entity_names), graph_limit),
+        regions_sentence(*_observable_shares(regions)),
+    ]
 
 
 def _observable_shares(regions: VisibilityRegions) -> tuple[dict[str, float], int]:
     """Return from which share of the workspace each entity is observable, and how many at most from one place."""
     low, high = regions.workspace
     seen = regions.observable(np.random.default_rng(0).uniform(low, high, (_PLACES, 3)))
-    return dict(zip(regions.entity_names, seen.mean(axis=0).tolist(), strict=True)), int(seen.sum(axis=1).max())
+    return dict(zip(regions.entity_names, seen.mean(axis=0).tolist(), strict=True)), int(
+        seen.sum(axis=1).max()
+    )
 
 
 def _space(found: InspectionPlan, regions: Space) -> Space:
@@ -119,7 +130,10 @@ def _space(found: InspectionPlan, regions: Space) -> Space:
     if not found.dimensions:
         return regions
     dimensions = found.dimensions
-    needs = {name: dimensions[name].entities if name in dimensions else (name,) for name in found.entities}
+    needs = {
+        name: dimensions[name].entities if name in dimensions else (name,)
+        for name in found.entities
+    }
     return TargetSpace(regions, needs, found.entities)
 
 

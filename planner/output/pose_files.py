@@ -115,11 +115,17 @@ def colmap_cameras(plan: InspectionPlan) -> str:
     numbers = (matrix[0, 0], matrix[1, 1], matrix[0, 2] + 0.5, matrix[1, 2] + 0.5)
     parameters = " ".join(repr(float(x)) for x in numbers)
     if plan.camera.distortion is None:
-        return f"# CAMERA_ID MODEL WIDTH HEIGHT FX FY CX CY\n1 PINHOLE {width} {height} {parameters}\n"
+        return (
+            f"# CAMERA_ID MODEL WIDTH HEIGHT FX FY CX CY\n1 PINHOLE {width} {height} {parameters}\n"
+        )
     k1, k2, p1, p2, k3 = _coefficients(plan)
     model, names, rest = "OPENCV", "K1 K2 P1 P2", [k1, k2, p1, p2]
     if k3:
-        model, names, rest = "FULL_OPENCV", "K1 K2 P1 P2 K3 K4 K5 K6", [k1, k2, p1, p2, k3, 0.0, 0.0, 0.0]
+        model, names, rest = (
+            "FULL_OPENCV",
+            "K1 K2 P1 P2 K3 K4 K5 K6",
+            [k1, k2, p1, p2, k3, 0.0, 0.0, 0.0],
+        )
     parameters = " ".join([parameters, *map(repr, rest)])
     return f"# CAMERA_ID MODEL WIDTH HEIGHT FX FY CX CY {names}\n1 {model} {width} {height} {parameters}\n"
 
@@ -160,7 +166,11 @@ def open3d_json(plan: InspectionPlan) -> str:
         }
         for setting in plan.settings
     ]
-    data: dict[str, object] = {"class_name": "PinholeCameraTrajectory", "parameters": parameters, **version}
+    data: dict[str, object] = {
+        "class_name": "PinholeCameraTrajectory",
+        "parameters": parameters,
+        **version,
+    }
     if plan.camera.distortion is not None:
         data["comment"] = "for undistorted images: Open3D's pinhole camera has no lens distortion"
     return json.dumps(data, indent=1) + "\n"
@@ -172,7 +182,9 @@ def ros_yaml(plan: InspectionPlan, frame_id: str = "part") -> str:
     lines.append("poses:" if plan.settings else "poses: []")
     for setting in plan.settings:
         position = np.asarray(setting.cam2world)[:3, 3] / 1000.0
-        quaternion = Rotation.from_matrix(np.asarray(setting.cam2world)[:3, :3]).as_quat(canonical=True)
+        quaternion = Rotation.from_matrix(np.asarray(setting.cam2world)[:3, :3]).as_quat(
+            canonical=True
+        )
         lines.append(f"- position: {_flow('xyz', position)}")
         lines.append(f"  orientation: {_flow('xyzw', quaternion)}")
     return "\n".join(lines) + "\n"
@@ -191,7 +203,12 @@ def ros_camera_yaml(plan: InspectionPlan) -> str:
     lines += [f"camera_name: {json.dumps(camera.name or 'camera')}", "distortion_model: plumb_bob"]
     for name, table in tables.items():
         rows, cols = table.shape
-        lines += [f"{name}:", f"  rows: {rows}", f"  cols: {cols}", f"  data: {json.dumps(table.ravel().tolist())}"]
+        lines += [
+            f"{name}:",
+            f"  rows: {rows}",
+            f"  cols: {cols}",
+            f"  data: {json.dumps(table.ravel().tolist())}",
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -238,4 +255,8 @@ def inverse(cam2world: np.ndarray) -> np.ndarray:
 def _flow(names: str, values: Iterable[float]) -> str:
     # YAML 1.1 reads 1e-05 as a string, so no exponents
     pairs = zip(names, values, strict=True)
-    return "{" + ", ".join(f"{n}: {np.format_float_positional(float(v), trim='0')}" for n, v in pairs) + "}"
+    return (
+        "{"
+        + ", ".join(f"{n}: {np.format_float_positional(float(v), trim='0')}" for n, v in pairs)
+        + "}"
+    )

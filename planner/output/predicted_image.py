@@ -87,8 +87,12 @@ def predicted_image(
     """
     ends = {name: np.asarray(one, dtype=np.float64) for name, one in (entities or {}).items()}
     place = None if lamp is None else np.asarray(lamp, dtype=np.float64)
-    picture = PictureMaker(solid, camera).image_svg(np.asarray(cam2world, dtype=np.float64), ends, color, place)
-    return picture.replace("<svg ", f"<svg {_NAMESPACE} ", 1).replace(">", f"><style>{_ALONE}</style>", 1)
+    picture = PictureMaker(solid, camera).image_svg(
+        np.asarray(cam2world, dtype=np.float64), ends, color, place
+    )
+    return picture.replace("<svg ", f"<svg {_NAMESPACE} ", 1).replace(
+        ">", f"><style>{_ALONE}</style>", 1
+    )
 
 
 class PictureMaker:
@@ -138,14 +142,21 @@ class PictureMaker:
     def window(self, cam2world: np.ndarray, entities: dict[str, Any]) -> Window:
         """Return the part of the sensor around entities, of the sensor's shape and with room for their names."""
         width, height = self.camera.resolution
-        pixels = np.concatenate([uv.reshape(-1, 2) for uv, _ in self._project_entities(cam2world, entities)])
-        low, high = np.clip(pixels.min(axis=0), 0, (width, height)), np.clip(pixels.max(axis=0), 0, (width, height))
+        pixels = np.concatenate(
+            [uv.reshape(-1, 2) for uv, _ in self._project_entities(cam2world, entities)]
+        )
+        low, high = (
+            np.clip(pixels.min(axis=0), 0, (width, height)),
+            np.clip(pixels.max(axis=0), 0, (width, height)),
+        )
         share = float(np.clip(1.3 * ((high - low) / (width, height)).max(), 40 / width, 1.0))
         size = np.round([share * width, share * height])
         corner = np.clip(np.round((low + high - size) / 2), 0, np.array([width, height]) - size)
         return int(corner[0]), int(corner[1]), int(size[0]), int(size[1])
 
-    def edge_map_svg(self, cam2world: np.ndarray, entities: dict[str, Any], *, window: Window | None = None) -> str:
+    def edge_map_svg(
+        self, cam2world: np.ndarray, entities: dict[str, Any], *, window: Window | None = None
+    ) -> str:
         """Return the edge map: visible edges as thin lines, the measured ones bold, with the ends of edges marked."""
         left, top, width, height = window or (0, 0, *self.camera.resolution)
         marks = []
@@ -153,7 +164,10 @@ class PictureMaker:
             marks.append(f'<path class="measured" d="{_path(lines)}"/>')
             # of dimensions no ends are looked for
             ends = uv if uv.ndim == 2 else ()
-            marks += [f'<circle class="end" cx="{u:.1f}" cy="{v:.1f}" r="{width / 170:.2f}"/>' for u, v in ends]
+            marks += [
+                f'<circle class="end" cx="{u:.1f}" cy="{v:.1f}" r="{width / 170:.2f}"/>'
+                for u, v in ends
+            ]
         return (
             f'<svg class="shot map" viewBox="{left} {top} {width} {height}" role="img" aria-label="edge map">'
             f'<path class="edge" d="{_path(self.edge_lines(cam2world))}"/>{"".join(marks)}</svg>'
@@ -172,13 +186,19 @@ class PictureMaker:
         size = width / (42 if len(entities) <= _MANY_NAMES else 54)
         parts: list[str] = []
         taken: list[tuple[float, ...]] = []
-        for name, (uv, lines) in zip(entities, self._project_entities(cam2world, entities), strict=True):
+        for name, (uv, lines) in zip(
+            entities, self._project_entities(cam2world, entities), strict=True
+        ):
             parts.append(f'<path class="entity" stroke="{color}" d="{_path(lines)}"/>')
             if not named:
                 continue
             u, v = uv.reshape(-1, 2).mean(axis=0)
             length = 0.6 * size * len(name)
-            anchor = "end" if u > left + 0.75 * width or left + width - u < length < u - left else "start"
+            anchor = (
+                "end"
+                if u > left + 0.75 * width or left + width - u < length < u - left
+                else "start"
+            )
             v = min(max(v - 0.4 * size, top + 1.2 * size), top + height - 0.6 * size)
             v = _free_line(taken, u - length if anchor == "end" else u, v, size, length)
             parts.append(
@@ -188,7 +208,9 @@ class PictureMaker:
             )
         return "".join(parts)
 
-    def _project_entities(self, cam2world: np.ndarray, entities: dict[str, Any]) -> list[tuple[np.ndarray, np.ndarray]]:
+    def _project_entities(
+        self, cam2world: np.ndarray, entities: dict[str, Any]
+    ) -> list[tuple[np.ndarray, np.ndarray]]:
         """Return the images of the points of entities, and lines (l, 2, 2) to be drawn through them."""
         return [self._bent(world_to_cam(np.asarray(ends), cam2world)) for ends in entities.values()]
 
@@ -206,7 +228,10 @@ class PictureMaker:
         """Return the images of points in px; a lens with distortion has none off the sensor, where they are put."""
         matrix = self.camera.matrix
         if self.camera.distortion is None:
-            return points_cam[..., :2] / points_cam[..., 2:] * [matrix[0, 0], matrix[1, 1]] + matrix[:2, 2]
+            return (
+                points_cam[..., :2] / points_cam[..., 2:] * [matrix[0, 0], matrix[1, 1]]
+                + matrix[:2, 2]
+            )
         pixels = image_of(self.camera, points_cam / points_cam[..., 2:])
         return np.where(np.isnan(pixels), -_FAR_PX, pixels)
 
@@ -217,7 +242,12 @@ class PictureMaker:
         """
         solid = self.solid
         first = solid.vertices[self._edge_vertices[:, 0]]
-        facing = np.einsum("nfi,nfi->nf", solid.normals[self._edge_faces], cam2world[:3, 3] - first[:, None]) > 0
+        facing = (
+            np.einsum(
+                "nfi,nfi->nf", solid.normals[self._edge_faces], cam2world[:3, 3] - first[:, None]
+            )
+            > 0
+        )
         outline = facing[:, 0] != facing[:, 1]
         drawn = facing.any(axis=1) & (self._feature | outline)
         segments = world_to_cam(solid.vertices[self._edge_vertices[drawn]], cam2world)
@@ -246,8 +276,14 @@ class PictureMaker:
         pixels = segment[:, :2] / segment[:, 2:] * scale + centre
         # what is clipped is the undistorted image, where the segment is straight
         lens = self.camera.distortion
-        sides = None if lens is None else np.array(self.camera.field().outer).reshape(2, 2) * scale + centre
-        low, high = (np.full(2, -0.5), np.array(self.camera.resolution) - 0.5) if sides is None else sides
+        sides = (
+            None
+            if lens is None
+            else np.array(self.camera.field().outer).reshape(2, 2) * scale + centre
+        )
+        low, high = (
+            (np.full(2, -0.5), np.array(self.camera.resolution) - 0.5) if sides is None else sides
+        )
         span = _clip_rectangle(pixels, low, high)
         if span is None:
             return None
@@ -269,9 +305,15 @@ class PictureMaker:
         self, cam2world: np.ndarray, lamp: np.ndarray | None = None, *, window: Window | None = None
     ) -> np.ndarray:
         """Return a small grey image (h, w) of uint8, by lamps (3,) or (n, 3), or from its left shoulder."""
-        matrix, (left, top, width, height) = self.camera.matrix, window or (0, 0, *self.camera.resolution)
+        matrix, (left, top, width, height) = (
+            self.camera.matrix,
+            window or (0, 0, *self.camera.resolution),
+        )
         scale = width / _SHADED_WIDTH
-        u, v = np.meshgrid((np.arange(_SHADED_WIDTH) + 0.5) * scale, (np.arange(round(height / scale)) + 0.5) * scale)
+        u, v = np.meshgrid(
+            (np.arange(_SHADED_WIDTH) + 0.5) * scale,
+            (np.arange(round(height / scale)) + 0.5) * scale,
+        )
         u, v = u + left, v + top
         if self.camera.distortion is None:
             x, y = (u - matrix[0, 2]) / matrix[0, 0], (v - matrix[1, 2]) / matrix[1, 1]
@@ -286,7 +328,9 @@ class PictureMaker:
         brightness = 0.50 + 0.42 * np.clip(normals @ light, 0.0, 1.0)
         return np.where(np.isfinite(hit["t_hit"]), 255 * brightness, 250).astype(np.uint8)
 
-    def _lit(self, eye: np.ndarray, rays: np.ndarray, hit: dict[str, np.ndarray], lamp: np.ndarray) -> np.ndarray:
+    def _lit(
+        self, eye: np.ndarray, rays: np.ndarray, hit: dict[str, np.ndarray], lamp: np.ndarray
+    ) -> np.ndarray:
         """Return grey values under point lamps, with cast shadows, before a dark ground; the brightest is 235."""
         seen = np.isfinite(hit["t_hit"])
         points = eye + hit["t_hit"][seen, None] * rays[seen]
@@ -296,12 +340,17 @@ class PictureMaker:
         irradiance = np.zeros(len(points))
         for place in np.atleast_2d(lamp):
             towards = place - points
-            own = np.maximum(np.einsum("ni,ni->n", normals, towards), 0.0) / np.linalg.norm(towards, axis=1) ** 3
+            own = (
+                np.maximum(np.einsum("ni,ni->n", normals, towards), 0.0)
+                / np.linalg.norm(towards, axis=1) ** 3
+            )
             reached = self._scene.cast(place, -towards)["t_hit"] >= 1.0 - _SHADOW_TOLERANCE
             irradiance += np.where(reached, own, 0.0)
         # a little of all sides' light, so that shadows are no holes
         grey = np.full(seen.shape, _GROUND, np.uint8)
-        grey[seen] = _AMBIENT + (_BRIGHTEST - _AMBIENT) * irradiance / max(irradiance.max(initial=0.0), 1e-300)
+        grey[seen] = _AMBIENT + (_BRIGHTEST - _AMBIENT) * irradiance / max(
+            irradiance.max(initial=0.0), 1e-300
+        )
         return grey
 
 
@@ -320,7 +369,8 @@ def png_grey(image: np.ndarray) -> bytes:
     header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
     chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(raw, 9)), (b"IEND", b""))
     return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in chunks
     )
 
 
@@ -339,7 +389,10 @@ def _free_line(taken: list[Any], u: float, v: float, size: float, length: float)
     steps = [v + sign * k * 1.3 * size for k in range(len(taken) + 1) for sign in (1, -1)]
 
     def is_free(height: float) -> bool:
-        return all(abs(height - y) >= 1.25 * size or u >= x + wide or x >= u + length for x, y, wide in taken)
+        return all(
+            abs(height - y) >= 1.25 * size or u >= x + wide or x >= u + length
+            for x, y, wide in taken
+        )
 
     found = next((height for height in steps if height > size and is_free(height)), v)
     taken.append((u, found, length))
@@ -364,7 +417,9 @@ def _clip_near(segment: np.ndarray) -> np.ndarray | None:
     return np.array([segment[0], crossing] if depth[0] > 0 else [crossing, segment[1]])
 
 
-def _clip_rectangle(pixels: np.ndarray, least: np.ndarray, most: np.ndarray) -> tuple[float, float] | None:
+def _clip_rectangle(
+    pixels: np.ndarray, least: np.ndarray, most: np.ndarray
+) -> tuple[float, float] | None:
     """Return the parameter interval of a line (2, 2) inside a rectangle (Liang and Barsky 1984), or None."""
     low, high = 0.0, 1.0
     step = pixels[1] - pixels[0]

@@ -83,7 +83,9 @@ def report_html(
     picture, domains = _graph(plan, graph)
     dimensions = dimension_section(plan)
     views, rows = figure_views(plan, space.solid), measured_rows(plan)
-    template = Template(resources.files("planner.output").joinpath("report.html").read_text(encoding="utf-8"))
+    template = Template(
+        resources.files("planner.output").joinpath("report.html").read_text(encoding="utf-8")
+    )
     return template.substitute(
         title=escape(f"Inspection plan: {plan.part}"),
         plotly=get_plotlyjs(),
@@ -103,7 +105,9 @@ def report_html(
         buttons=view_buttons(views),
         graph=picture,
         domains=domains,
-        attention=attention(rows, [k for k, one in enumerate(plan.settings, 1) if may_be_unsharp(plan, one)]),
+        attention=attention(
+            rows, [k for k, one in enumerate(plan.settings, 1) if may_be_unsharp(plan, one)]
+        ),
         results=results(plan, rows, _named(plan)[0]),
         csv=download(plan.to_csv(), "measurements.csv", "measurements.csv"),
         robot=robot(plan),
@@ -127,7 +131,10 @@ def _graph(plan: InspectionPlan, graph: EntityAspectGraph | None) -> tuple[str, 
     colors = [color_of(k) for k in range(len(plan.settings))]
     picture = graph_picture(plan, graph, scene_frame(plan, graph.solid).box, colors)
     told = '<p id="domain" class="note" aria-live="polite"></p>'
-    return f"<figure>{picture.svg}{told}<figcaption>{picture.note}</figcaption></figure>", picture.domains
+    return (
+        f"<figure>{picture.svg}{told}<figcaption>{picture.note}</figcaption></figure>",
+        picture.domains,
+    )
 
 
 def _named(plan: InspectionPlan) -> tuple[str, str]:
@@ -144,7 +151,9 @@ def _lead(plan: InspectionPlan) -> str:
     """Say what the plan does, what is proven and what the simulation made of it."""
     n, inspected, asked = len(plan.settings), len(plan.inspected), len(plan.entities)
     if not n:
-        return f"{inspected} of {count(asked, *_named(plan))} inspected: the plan has no camera poses."
+        return (
+            f"{inspected} of {count(asked, *_named(plan))} inspected: the plan has no camera poses."
+        )
     verb = "is" if inspected == 1 else "are"
     told = "Not simulated."
     if plan.simulation is not None:
@@ -160,18 +169,30 @@ def _figures(plan: InspectionPlan) -> str:
     n = len(plan.settings)
     cells = [(str(n), "camera pose" if n == 1 else "camera poses")]
     if n:
-        cells.append((str(plan.lower_bound), "proven minimum" if plan.minimal else "proven lower bound"))
+        cells.append(
+            (str(plan.lower_bound), "proven minimum" if plan.minimal else "proven lower bound")
+        )
     cells.append((f"{len(plan.inspected)} / {len(plan.entities)}", f"{_named(plan)[1]} inspected"))
     if n:
         worst = min(plan.inspected.values())
         cells.append(
-            (probability_text(worst, plan.probability), f"smallest probability (required {plan.probability:g})")
+            (
+                probability_text(worst, plan.probability),
+                f"smallest probability (required {plan.probability:g})",
+            )
         )
     if n and plan.simulation is not None:
         kinds = plan.simulation.verdicts
-        cells.append((f"{kinds[CONFIRMED]} / {sum(kinds.values())}", "stated probabilities confirmed by simulation"))
+        cells.append(
+            (
+                f"{kinds[CONFIRMED]} / {sum(kinds.values())}",
+                "stated probabilities confirmed by simulation",
+            )
+        )
         cells.append((str(kinds[CONTRADICTED]), "contradicted by simulation"))
-    return "".join(f"<div><b>{escape(value)}</b><span>{escape(what)}</span></div>" for value, what in cells)
+    return "".join(
+        f"<div><b>{escape(value)}</b><span>{escape(what)}</span></div>" for value, what in cells
+    )
 
 
 def _request(plan: InspectionPlan) -> str:
@@ -197,7 +218,11 @@ def _request(plan: InspectionPlan) -> str:
         **requirement_rows(plan),
         "Seed": str(plan.seed),
     }
-    return "<dl>" + "".join(f"<dt>{escape(k)}</dt><dd>{escape(v)}</dd>" for k, v in rows.items()) + "</dl>"
+    return (
+        "<dl>"
+        + "".join(f"<dt>{escape(k)}</dt><dd>{escape(v)}</dd>" for k, v in rows.items())
+        + "</dl>"
+    )
 
 
 def _accuracy(plan: InspectionPlan) -> str:
@@ -212,7 +237,11 @@ def _accuracy(plan: InspectionPlan) -> str:
 
 def _localisation(plan: InspectionPlan) -> str:
     models = dict.fromkeys(localisation_text(one.localisation) for one in plan.dimensions.values())
-    edges = [] if len(plan.dimensions) == len(plan.entities) else ["of edges, both ends on whole pixels"]
+    edges = (
+        []
+        if len(plan.dimensions) == len(plan.entities)
+        else ["of edges, both ends on whole pixels"]
+    )
     return "; ".join([*models, *edges])
 
 
@@ -256,7 +285,8 @@ def _seen(plan: InspectionPlan) -> str:
 def _drawn_and_measured(plan: InspectionPlan) -> str:
     """Say what a simulation does at each displaced pose."""
     edges = (
-        "the edges projected, their ends rounded to pixels and measured. An end outside the image counts as a failure."
+        "the edges projected, their ends rounded to pixels and measured. "
+        "An end outside the image counts as a failure."
     )
     if not plan.dimensions:
         return edges
@@ -264,7 +294,11 @@ def _drawn_and_measured(plan: InspectionPlan) -> str:
         "points of the entities projected, found with an error after the localisation model, carried back to the part "
         "with the planned pose, and fitted. A point outside the image counts as a failure."
     )
-    return own if len(plan.dimensions) == len(plan.entities) else f"{own} Of edges that are no dimensions: {edges}"
+    return (
+        own
+        if len(plan.dimensions) == len(plan.entities)
+        else f"{own} Of edges that are no dimensions: {edges}"
+    )
 
 
 def _simulated(plan: InspectionPlan, simulation: SimulationResult) -> str:

@@ -59,7 +59,11 @@ def settings_table(plan: InspectionPlan, named: tuple[str, str]) -> str:
 
 
 def settings_section(
-    plan: InspectionPlan, solid: Solid, rows: Sequence[Sequence[Row]], noun: str, progress: Progress | None = None
+    plan: InspectionPlan,
+    solid: Solid,
+    rows: Sequence[Sequence[Row]],
+    noun: str,
+    progress: Progress | None = None,
 ) -> str:
     """Return each setting: pose, predicted images, how sure each measurement is, what binds, margins and lamps.
 
@@ -88,7 +92,9 @@ def _setting(plan: InspectionPlan, k: int, table: str, maker: PictureMaker) -> s
     setting = plan.settings[k]
     x, y, z, w = Rotation.from_matrix(setting.cam2world[:3, :3]).as_quat(canonical=True)
     position = ", ".join(f"{value:.3f}" for value in setting.position)
-    lamps = "".join(f'<p class="note">{escape(text[0].upper() + text[1:])}</p>' for text in lamp_texts(plan, k))
+    lamps = "".join(
+        f'<p class="note">{escape(text[0].upper() + text[1:])}</p>' for text in lamp_texts(plan, k)
+    )
     return (
         f'<section class="setting" id="setting-{k + 1}"><div class="head"><h3>{_swatch(k)}Setting {k + 1}</h3>'
         f'<span class="note">camera at ({position}) mm, '
@@ -103,19 +109,29 @@ def _setting(plan: InspectionPlan, k: int, table: str, maker: PictureMaker) -> s
 
 def _shots(plan: InspectionPlan, k: int, maker: PictureMaker) -> str:
     """Return predicted image and edge map; beside each, enlarged, what is measured, where that is worth it."""
-    pose, entities, color = plan.settings[k].cam2world, drawn(plan, plan.settings[k].entities), color_of(k)
+    pose, entities, color = (
+        plan.settings[k].cam2world,
+        drawn(plan, plan.settings[k].entities),
+        color_of(k),
+    )
     images = plan.light.images[k] if plan.light is not None else ()
     lamp = plan.light.lamps[list(images[0].lamps)] if plan.light is not None and images else None
-    shaded = "Predicted image, hidden lines removed" + (f", under {lamps_named(images[0])}" if images else "")
+    shaded = "Predicted image, hidden lines removed" + (
+        f", under {lamps_named(images[0])}" if images else ""
+    )
     window = maker.window(pose, entities)
     times = maker.camera.resolution[0] / window[2]
     if times < _WORTH_ENLARGING:
         image = maker.image_svg(pose, entities, color, lamp)
-        return _figure(image, shaded) + _figure(maker.edge_map_svg(pose, entities), _map_caption(plan))
+        return _figure(image, shaded) + _figure(
+            maker.edge_map_svg(pose, entities), _map_caption(plan)
+        )
     told = f"the frame enlarged {times:.3g} times: {window[2]} x {window[3]} px"
     return (
         _figure(maker.image_svg(pose, entities, color, lamp, outlined=window), shaded)
-        + _figure(maker.image_svg(pose, entities, color, lamp, window=window), f"Predicted image, {told}")
+        + _figure(
+            maker.image_svg(pose, entities, color, lamp, window=window), f"Predicted image, {told}"
+        )
         + _figure(maker.edge_map_svg(pose, entities), _map_caption(plan))
         + _figure(maker.edge_map_svg(pose, entities, window=window), f"Edge map, {told}")
     )

@@ -69,7 +69,14 @@ def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> No
         ends = solid.edge_ends(edge)
         tangent += any(one.kind == "tangent" for one in ends)
         length = f"{np.linalg.norm(end - start):.3f}"
-        table.add_row(str(edge.id), _vector(start), _vector(end), length, f"{edge.turn_deg:+.1f}", _ends_text(ends))
+        table.add_row(
+            str(edge.id),
+            _vector(start),
+            _vector(end),
+            length,
+            f"{edge.turn_deg:+.1f}",
+            _ends_text(ends),
+        )
     _print_rows(console, table)
     if tangent:
         console.print(
@@ -77,7 +84,9 @@ def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> No
             "to measure a length to; distance and angle need none"
         )
     for kind in ("rim", "arc"):
-        _print_curves(console, kind, [curve for curve in curves if isinstance(curve, Rim) == (kind == "rim")])
+        _print_curves(
+            console, kind, [curve for curve in curves if isinstance(curve, Rim) == (kind == "rim")]
+        )
 
 
 def _ends_text(ends: Sequence[EdgeEnd]) -> str:
@@ -90,7 +99,9 @@ def _print_curves(console: Console, kind: str, curves: Sequence[Any]) -> None:
     """Print the rims or arcs of a part, if it has any."""
     if not curves:
         return
-    console.print(f"{count(len(curves), kind)}, {count(sum(len(c.edge_ids) for c in curves), 'chord')}")
+    console.print(
+        f"{count(len(curves), kind)}, {count(sum(len(c.edge_ids) for c in curves), 'chord')}"
+    )
     table = _table(
         ("id", "right"),
         ("diameter (mm)" if kind == "rim" else "radius (mm)", "right"),
@@ -105,7 +116,9 @@ def _print_curves(console: Console, kind: str, curves: Sequence[Any]) -> None:
         table.add_row(curve.id, *row, f"{curve.chord_mm:.3f}")
     console.print(table)
     if curves[0].fitted:
-        console.print(f"note: circles of these {kind}s are fitted to chords, of which the mesh has no other record")
+        console.print(
+            f"note: circles of these {kind}s are fitted to chords, of which the mesh has no other record"
+        )
 
 
 def print_graph(graph: EntityAspectGraph) -> None:
@@ -134,9 +147,15 @@ def print_dimensions(dimensions: Sequence[Any]) -> None:
     console = _console()
     able = sum(one.entities is not None for one in dimensions)
     stated = sum(one.tolerance is not None for one in dimensions)
-    console.print(f"{count(len(dimensions), 'dimension')}, {stated} with a tolerance, {able} measurable")
+    console.print(
+        f"{count(len(dimensions), 'dimension')}, {stated} with a tolerance, {able} measurable"
+    )
     table = _table(
-        ("name", "left"), ("kind", "left"), ("nominal", "right"), ("tolerance", "right"), ("entities or reason", "left")
+        ("name", "left"),
+        ("kind", "left"),
+        ("nominal", "right"),
+        ("tolerance", "right"),
+        ("entities or reason", "left"),
     )
     for one in dimensions:
         nominal = "" if one.nominal is None else f"{one.nominal:.6g} {one.unit}"
@@ -167,7 +186,9 @@ def print_cameras(cameras: Sequence[Camera]) -> None:
     for one in cameras:
         nearest, farthest = one.depth_of_field_mm
         # similar triangles: the sensor's size by how many times farther the object is than the image
-        field = [side * one.focus_distance_mm / one.image_distance_mm for side in one.sensor_size_mm]
+        field = [
+            side * one.focus_distance_mm / one.image_distance_mm for side in one.sensor_size_mm
+        ]
         table.add_row(
             one.name,
             f"{one.resolution[0]} x {one.resolution[1]}",
@@ -189,7 +210,11 @@ def print_sources(parts: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> None:
         for name, one in parts[kind].items():
             whose = "" if one["maker"] else " (not the maker's page on it)"
             # addresses must not be broken
-            console.print(f"{kind} {name}: {facts(one)}\n    {one['source']}{whose}", soft_wrap=True, markup=False)
+            console.print(
+                f"{kind} {name}: {facts(one)}\n    {one['source']}{whose}",
+                soft_wrap=True,
+                markup=False,
+            )
 
 
 def _body_facts(one: Mapping[str, Any]) -> str:
@@ -198,7 +223,9 @@ def _body_facts(one: Mapping[str, Any]) -> str:
 
 
 def _lens_facts(one: Mapping[str, Any]) -> str:
-    narrowest = "closed" if one["narrowest_f_number"] == math.inf else f"f/{one['narrowest_f_number']:g}"
+    narrowest = (
+        "closed" if one["narrowest_f_number"] == math.inf else f"f/{one['narrowest_f_number']:g}"
+    )
     return (
         f"{one['focal_length_mm']:g} mm, f/{one['widest_f_number']:g} to {narrowest}, "
         f"from {one['closest_object_mm']:g} mm on, image circle {one['image_circle_mm']:g} mm"
@@ -262,7 +289,9 @@ def print_simulation(plan: InspectionPlan, result: SimulationResult) -> None:
             interval = interval_text(rate.low, rate.high, " .. ")
             predicted = probability_text(rate.predicted, plan.probability)
             cells = predicted, frequency_text(rate.successes, rate.n), interval, rate.verdict
-            table.add_row(str(k + 1) if i == 0 else "", name, *cells, end_section=i == len(rates) - 1)
+            table.add_row(
+                str(k + 1) if i == 0 else "", name, *cells, end_section=i == len(rates) - 1
+            )
     _print_rows(console, table)
     for name, reason in plan.uninspectable.items():
         console.print(f"not inspected: {name}: {reason}")
@@ -292,7 +321,9 @@ def _measured(plan: InspectionPlan, name: str) -> tuple[str, ...]:
         return (f"length, error up to {100 * (1 - plan.accuracy):.3g} %",)
     one = plan.dimensions[name]
     kind = one.kind.replace("_", " ")
-    return (f"{kind} {one.nominal:.6g} {one.unit}, error up to {one.permitted_error:.4g} {one.unit}",)
+    return (
+        f"{kind} {one.nominal:.6g} {one.unit}, error up to {one.permitted_error:.4g} {one.unit}",
+    )
 
 
 def _interval(rate: SuccessRate | None) -> str:

@@ -14,7 +14,14 @@ from planner.request.defaults import corner_margin_px
 from planner.rows.measured import line_warning, unshown_warning
 from planner.showing.image_check import MOST_PX
 from planner.verify.setting_record import search_windows_px
-from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, MODEL_TOLERANCE, TOLERATED, UNSTATED
+from planner.verify.simulate_setting import (
+    CONFIRMED,
+    CONSERVATIVE,
+    CONTRADICTED,
+    MODEL_TOLERANCE,
+    TOLERATED,
+    UNSTATED,
+)
 
 if TYPE_CHECKING:
     from aspectgraph import JointEstimate
@@ -35,10 +42,16 @@ def nouns(plan: InspectionPlan, edges: tuple[str, str] = ("entity", "entities"))
     n = sum(name in plan.dimensions for name in plan.entities)
     if not n:
         return edges
-    return ("dimension", "dimensions") if n == len(plan.entities) else ("edge or dimension", "edges and dimensions")
+    return (
+        ("dimension", "dimensions")
+        if n == len(plan.entities)
+        else ("edge or dimension", "edges and dimensions")
+    )
 
 
-def bound_sentence(plan: InspectionPlan, what: Sequence[str] = ("entity", "entities"), place: str = "setting") -> str:
+def bound_sentence(
+    plan: InspectionPlan, what: Sequence[str] = ("entity", "entities"), place: str = "setting"
+) -> str:
     """Say how many settings are proven to be needed, and for what; nothing of a plan without settings."""
     n, bound, inspected = len(plan.settings), plan.lower_bound, len(plan.inspected)
     if not n:
@@ -47,9 +60,12 @@ def bound_sentence(plan: InspectionPlan, what: Sequence[str] = ("entity", "entit
     if plan.complete:
         these = f"all {count(inspected, *what)}" if inspected > 1 else f"the {what[0]}"
     if plan.minimal:
-        return f"Proven minimal: no plan that inspects {these} under this request has fewer {place}s."
-    return f"Proven lower bound: {bound}. Every plan that inspects {these} under this request has at least " + (
-        f"{count(bound, place)}."
+        return (
+            f"Proven minimal: no plan that inspects {these} under this request has fewer {place}s."
+        )
+    return (
+        f"Proven lower bound: {bound}. Every plan that inspects {these} under this request has at least "
+        + (f"{count(bound, place)}.")
     )
 
 
@@ -62,7 +78,11 @@ def incumbent_line(plan: InspectionPlan, seconds: float) -> str:
 
 def cost_sentence(about: JointEstimate, n: int) -> str:
     """Say about what the joint graph of n entities costs."""
-    memory = f"{about.memory_bytes / 2**30:.1g} GiB" if about.memory_bytes >= 2**29 else "less than 0.5 GiB"
+    memory = (
+        f"{about.memory_bytes / 2**30:.1g} GiB"
+        if about.memory_bytes >= 2**29
+        else "less than 0.5 GiB"
+    )
     graph = f"joint graph of {count(n, 'entity', 'entities')}"
     sure = "from the cells of the visible regions; either may be three times that, and a busy machine takes longer"
     return f"{graph}: about {duration(about.seconds)} and {memory}, {sure}"
@@ -72,7 +92,11 @@ def unfinished_sentence(plan: InspectionPlan) -> str:
     """Say what a planning that was ended before its end may have missed; empty of one that was not."""
     if not plan.unfinished:
         return ""
-    more = "find surer poses" if plan.minimal and plan.complete else "need fewer settings or prove a larger bound"
+    more = (
+        "find surer poses"
+        if plan.minimal and plan.complete
+        else "need fewer settings or prove a larger bound"
+    )
     if not plan.complete:
         more = f"inspect more, {more}"
     return f"The planning was ended before its end: a longer one may {more}."
@@ -105,7 +129,10 @@ def window_texts(plan: InspectionPlan, k: int) -> list[str]:
     windows = search_windows_px(plan, setting)
     least, most = min(windows.values()), max(windows.values())
     told = f"{most:.3g}" if most - least < 0.1 else f"{least:.3g} to {most:.3g}"
-    lines = [f"{name}: {line_warning(px, windows[name])}" for name, px in setting.lines_in_window_px.items()]
+    lines = [
+        f"{name}: {line_warning(px, windows[name])}"
+        for name, px in setting.lines_in_window_px.items()
+    ]
     images = None if plan.simulation is None else plan.simulation.shown
     return [f"search window ±{told} px around the prediction", *lines, *unshown_texts(images, k)]
 
@@ -114,7 +141,11 @@ def unshown_texts(images: ShownImages | None, k: int) -> list[str]:
     """Return of which edges of a setting the conditions for showing are not met in all images of displaced cameras."""
     if images is None:
         return []
-    return [f"{name}: {unshown_warning(n, images.n)}" for name, n in images.counts[k].items() if n < images.n]
+    return [
+        f"{name}: {unshown_warning(n, images.n)}"
+        for name, n in images.counts[k].items()
+        if n < images.n
+    ]
 
 
 def simulation_sentence(result: SimulationResult) -> str:
@@ -142,7 +173,9 @@ def shown_sentence(images: ShownImages | None) -> str:
     always, n = sum(found == images.n for found in counts), len(counts)
     told = f"From {count(images.n, 'displaced pose')} per setting, the conditions for an edge to be found in the image "
     if always == n:
-        return told + ("are met in every image." if n > 1 else "are met in every image by the edge measured.")
+        return told + (
+            "are met in every image." if n > 1 else "are met in every image by the edge measured."
+        )
     kept = f"are met in every image by {always} of {count(n, 'measured edge')}"
     return told + f"{kept}, and by each of the others in {min(counts)} of {images.n} at least."
 
@@ -157,15 +190,21 @@ def _counted(result: SimulationResult, n: int) -> str:
     kinds = result.verdicts
     if n == 1 and kinds[CONFIRMED]:
         return "the one stated probability confirmed"
-    parts = [f"{kinds[CONFIRMED]} of {count(n, 'stated probability', 'stated probabilities')} confirmed"]
+    parts = [
+        f"{kinds[CONFIRMED]} of {count(n, 'stated probability', 'stated probabilities')} confirmed"
+    ]
     if kinds[CONSERVATIVE]:
-        parts.append(f"{kinds[CONSERVATIVE]} conservative (measured up to {_largest(result, CONSERVATIVE)} better)")
+        parts.append(
+            f"{kinds[CONSERVATIVE]} conservative (measured up to {_largest(result, CONSERVATIVE)} better)"
+        )
     if kinds[TOLERATED]:
         parts.append(
             f"{kinds[TOLERATED]} above the interval by no more than the model's tolerance of {MODEL_TOLERANCE:g}"
         )
     if kinds[CONTRADICTED]:
-        parts.append(f"{kinds[CONTRADICTED]} contradicted (measured up to {_largest(result, CONTRADICTED)} worse)")
+        parts.append(
+            f"{kinds[CONTRADICTED]} contradicted (measured up to {_largest(result, CONTRADICTED)} worse)"
+        )
     if kinds[UNSTATED]:
         parts.append(f"{kinds[UNSTATED]} missing")
     return ", ".join(parts)
@@ -215,7 +254,10 @@ def light_sentence(plan: InspectionPlan) -> str:
     light = plan.light
     if light is None or not plan.settings:
         return ""
-    pairs, dark = sum(len(setting.entities) for setting in plan.settings), sum(map(len, light.unlit))
+    pairs, dark = (
+        sum(len(setting.entities) for setting in plan.settings),
+        sum(map(len, light.unlit)),
+    )
     shown = f"{pairs - dark} of the {pairs} measurements" if dark else "all that is measured"
     of = f"in its setting with a contrast of at least {light.contrast:g}"
     if light.kind == "ring":
@@ -224,7 +266,9 @@ def light_sentence(plan: InspectionPlan) -> str:
     lamps = f"{count(n, 'lamp')} of the given ones {'shows' if n == 1 else 'show'}"
     if light.kind == "placed":
         lamps = f"{count(n, 'place')} of a lamp {'shows' if n == 1 else 'show'}"
-    told = "proven to be the fewest" if light.minimal else f"proven lower bound: {light.lower_bound}"
+    told = (
+        "proven to be the fewest" if light.minimal else f"proven lower bound: {light.lower_bound}"
+    )
     several = [len(images) for images in light.images if len(images) > 1]
     taken = count(len(several), "setting takes", "settings take")
     images = f" {taken} more than one image, {sum(several)} together." if several else ""
@@ -244,7 +288,9 @@ def lamp_texts(plan: InspectionPlan, k: int) -> list[str]:
         return []
     texts = []
     for image in plan.light.images[k]:
-        places = [", ".join(f"{x:.1f}" for x in place) for place in plan.light.lamps[list(image.lamps)]]
+        places = [
+            ", ".join(f"{x:.1f}" for x in place) for place in plan.light.lamps[list(image.lamps)]
+        ]
         at = " and ".join(f"({place})" for place in places)
         parts = [
             f"{name} {value:.2f}{' (silhouette)' if name in image.silhouettes else ''}"
@@ -257,7 +303,9 @@ def lamp_texts(plan: InspectionPlan, k: int) -> list[str]:
 def verdict(plan: InspectionPlan) -> str:
     """Say in a few sentences how good a plan is."""
     inspected, n = len(plan.inspected), len(plan.settings)
-    sentences = [f"{inspected} of {count(len(plan.entities), *nouns(plan))} inspected from {count(n, 'setting')}."]
+    sentences = [
+        f"{inspected} of {count(len(plan.entities), *nouns(plan))} inspected from {count(n, 'setting')}."
+    ]
     if n:
         sentences.append(bound_sentence(plan, nouns(plan)))
         told = "Not simulated." if plan.simulation is None else simulation_sentence(plan.simulation)
@@ -279,7 +327,9 @@ def calibration_rows(camera: Camera) -> dict[str, str]:
         rows["Principal point"] = "({:.2f}, {:.2f}) px".format(*camera.principal_point_px)
     if camera.distortion is not None:
         told = ", ".join(f"{c:g}" for c in camera.distortion.coefficients)
-        rows["Lens distortion"] = f"k1, k2, p1, p2, k3 = {told}; lengths are those of the undistorted image"
+        rows["Lens distortion"] = (
+            f"k1, k2, p1, p2, k3 = {told}; lengths are those of the undistorted image"
+        )
     return rows
 
 
@@ -290,9 +340,13 @@ def requirement_rows(plan: InspectionPlan) -> dict[str, str]:
         return {}
     asked = {}
     if need.get("separation_px"):
-        asked["Separation"] = f"no other visible line within {need['separation_px']:g} px of an edge"
+        asked["Separation"] = (
+            f"no other visible line within {need['separation_px']:g} px of an edge"
+        )
     if need.get("surround_px"):
-        asked["Surroundings"] = f"{need['surround_px']:g} px of the image around each end, beside the reserve"
+        asked["Surroundings"] = (
+            f"{need['surround_px']:g} px of the image around each end, beside the reserve"
+        )
     if need.get("min_corner_deg"):
         asked["Corners"] = f"another line leaves each end at {need['min_corner_deg']:g}° or more"
     corner = corner_margin_px(plan.camera, uncertainty, 1.0)

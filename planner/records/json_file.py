@@ -48,14 +48,20 @@ def read_json(path: str | os.PathLike[str], what: str) -> Any:
         raise PlanFileError(f"{path}: {what} must be UTF-8 text. Got other bytes.") from None
     except json.JSONDecodeError as error:
         found = f": {error.msg}" if text.strip() else " an empty file"
-        raise PlanFileError(f"{path}:{error.lineno}:{error.colno}: {what} must be JSON. Got{found}.") from None
+        raise PlanFileError(
+            f"{path}:{error.lineno}:{error.colno}: {what} must be JSON. Got{found}."
+        ) from None
     except RecursionError:
-        raise PlanFileError(f"{path}: {what} must be nested at most {_DEEPEST} deep. Got more.") from None
+        raise PlanFileError(
+            f"{path}: {what} must be nested at most {_DEEPEST} deep. Got more."
+        ) from None
     except _Refused as error:
         raise PlanFileError(f"{path}: {what} {error}") from None
     except ValueError:
         # Python reads no integer of more than some thousand digits
-        raise PlanFileError(f"{path}: {what} must hold numbers of a sensible length. Got a longer one.") from None
+        raise PlanFileError(
+            f"{path}: {what} must hold numbers of a sensible length. Got a longer one."
+        ) from None
 
 
 def encoded(value: object) -> Any:
@@ -109,4 +115,6 @@ def _check_text(text: str) -> None:
     try:
         text.encode()
     except UnicodeEncodeError:
-        raise _Refused(f"must hold text of whole characters. Got half of one in {ascii(text)[:60]}.") from None
+        raise _Refused(
+            f"must hold text of whole characters. Got half of one in {ascii(text)[:60]}."
+        ) from None

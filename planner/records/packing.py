@@ -43,7 +43,11 @@ def unpacked(value: object) -> Any:
         If something looks like a packed array and is none.
     """
     if isinstance(value, dict):
-        return _unpacked_array(value) if "base64" in value else {key: unpacked(item) for key, item in value.items()}
+        return (
+            _unpacked_array(value)
+            if "base64" in value
+            else {key: unpacked(item) for key, item in value.items()}
+        )
     return [unpacked(item) for item in value] if isinstance(value, list) else value
 
 
@@ -53,13 +57,19 @@ def _packed_array(array: np.ndarray) -> dict[str, Any]:
     else:
         kind = "<i8" if np.issubdtype(array.dtype, np.integer) else "<f8"
         content = np.ascontiguousarray(array, dtype=kind).tobytes()
-    return {"array": kind, "shape": list(array.shape), "base64": base64.b64encode(content).decode("ascii")}
+    return {
+        "array": kind,
+        "shape": list(array.shape),
+        "base64": base64.b64encode(content).decode("ascii"),
+    }
 
 
 def _unpacked_array(data: dict[str, Any]) -> np.ndarray:
     kind, shape = data.get("array"), data.get("shape")
     if kind not in _TYPES or not isinstance(shape, list):
-        raise ValueError(f"array must be one of {', '.join(_TYPES)}, with a shape. Got {kind!r} and {shape!r}")
+        raise ValueError(
+            f"array must be one of {', '.join(_TYPES)}, with a shape. Got {kind!r} and {shape!r}"
+        )
     content = base64.b64decode(data["base64"], validate=True)
     if kind == "bits":
         bits = np.unpackbits(np.frombuffer(content, dtype=np.uint8))

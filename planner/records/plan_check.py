@@ -80,10 +80,14 @@ def _check_rigid(poses: np.ndarray, name: str) -> None:
     # beyond this, products overflow before they can be compared
     off = np.inf if np.abs(turns).max(initial=0.0) > 2.0 else _off_rotation(turns)
     if off > _RIGID:
-        raise PlanFileError(f"{name} must hold a rotation: orthonormal, determinant +1. Got one off by {off:.3g}.")
+        raise PlanFileError(
+            f"{name} must hold a rotation: orthonormal, determinant +1. Got one off by {off:.3g}."
+        )
     if np.abs(poses[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(initial=0.0) > 0.0:
         wrong = poses[(poses[:, 3] != [0.0, 0.0, 0.0, 1.0]).any(axis=1), 3][0]
-        raise PlanFileError(f"{name} must have the last row [0, 0, 0, 1]. Got {shown(wrong.tolist())}.")
+        raise PlanFileError(
+            f"{name} must have the last row [0, 0, 0, 1]. Got {shown(wrong.tolist())}."
+        )
 
 
 def _off_rotation(turns: np.ndarray) -> float:
@@ -124,10 +128,14 @@ def _check_promises(setting: Mapping[str, Any], data: Mapping[str, Any], k: int)
     position = np.array(setting["cam2world"], dtype=float)[:3, 3]
     low, high = np.array(data["workspace"], dtype=float)
     if not ((position >= low - _SAME) & (position <= high + _SAME)).all():
-        _refuse(field_name("settings", k, "cam2world"), "must be in the workspace", position.tolist())
+        _refuse(
+            field_name("settings", k, "cam2world"), "must be in the workspace", position.tolist()
+        )
     for i, name in enumerate(setting["entities"]):
         if name not in data["entities"]:
-            _refuse(field_name("settings", k, "entities", i), "must be one of the plan's entities", name)
+            _refuse(
+                field_name("settings", k, "entities", i), "must be one of the plan's entities", name
+            )
     required = data["probability"]
     for name, value in setting["probability"].items():
         if value < required - _SAME:
@@ -135,7 +143,11 @@ def _check_promises(setting: Mapping[str, Any], data: Mapping[str, Any], k: int)
             _refuse(field_name("settings", k, "probability", name), rule, value)
     for name, value in setting["margins"].items():
         if not isinstance(value, Mapping) and value < -_SAME:
-            _refuse(field_name("settings", k, "margins", name), "must not be negative: the constraint is met", value)
+            _refuse(
+                field_name("settings", k, "margins", name),
+                "must not be negative: the constraint is met",
+                value,
+            )
 
 
 def _check_windows(setting: Mapping[str, Any], k: int) -> None:
@@ -159,13 +171,19 @@ def _check_everyone_once(data: Mapping[str, Any]) -> None:
     for name in data["entities"]:
         if (name in inspected) == (name in data["uninspectable"]):
             found = "both" if name in inspected else "neither"
-            raise PlanFileError(f"{field_name('entities', name)} must be in a setting or uninspectable. Got {found}.")
+            raise PlanFileError(
+                f"{field_name('entities', name)} must be in a setting or uninspectable. Got {found}."
+            )
 
 
 def _check_bound(data: Mapping[str, Any]) -> None:
     n, bound = len(data["settings"]), data["lower_bound"]
     if not min(n, 1) <= bound <= n:
-        rule = f"must be 1 to {n}, the number of settings" if n else "must be 0, as there are no settings"
+        rule = (
+            f"must be 1 to {n}, the number of settings"
+            if n
+            else "must be 0, as there are no settings"
+        )
         _refuse("lower_bound", rule, bound)
     # of a plan without settings, both have been written
     if n and data.get("minimal", bound == n) != (bound == n):
@@ -210,7 +228,9 @@ def _check_light(light: Mapping[str, Any], settings: Sequence[Any]) -> None:
     """Check that every setting tells of each name once how it is lit, and that lamps and bound are possible."""
     n = len(light["lamps"])
     if light["lower_bound"] > n:
-        _refuse("light.lower_bound", f"must be at most {n}, the number of lamps", light["lower_bound"])
+        _refuse(
+            "light.lower_bound", f"must be at most {n}, the number of lamps", light["lower_bound"]
+        )
     if len(light["settings"]) != len(settings):
         raise PlanFileError(
             f"light.settings must hold one object per setting, {len(settings)}. Got {len(light['settings'])}."
@@ -231,9 +251,13 @@ def _check_light(light: Mapping[str, Any], settings: Sequence[Any]) -> None:
                     _refuse(field_name(*own, "contrast", name), rule, value)
             for name in image["silhouettes"]:
                 if name not in image["contrast"]:
-                    _refuse(field_name(*own, "silhouettes"), "must be names that the image shows", name)
+                    _refuse(
+                        field_name(*own, "silhouettes"), "must be names that the image shows", name
+                    )
         if sorted(told) != sorted(setting["entities"]):
-            _refuse(field_name(*where), "must tell of each of the setting's entities once", sorted(told))
+            _refuse(
+                field_name(*where), "must tell of each of the setting's entities once", sorted(told)
+            )
 
 
 def _check_rate(rate: Mapping[str, Any], simulation: Mapping[str, Any], *where: object) -> None:

@@ -21,7 +21,9 @@ _LONGEST = 60
 
 def read_schema() -> dict[str, Any]:
     """Return the JSON Schema of plan and state files."""
-    return json.loads(resources.files("planner.records").joinpath("schema.json").read_text(encoding="utf-8"))
+    return json.loads(
+        resources.files("planner.records").joinpath("schema.json").read_text(encoding="utf-8")
+    )
 
 
 def check_schema(data: Any, kind: str) -> None:
@@ -82,7 +84,9 @@ def _message(error: Any) -> str:
     if error.validator == "additionalProperties":
         known = error.schema.get("properties", {})
         unknown = next(name for name in value if name not in known)
-        return f"{field_name(*path, unknown)} must be one of {', '.join(known)}. Got an unknown field."
+        return (
+            f"{field_name(*path, unknown)} must be one of {', '.join(known)}. Got an unknown field."
+        )
     rule = error.schema["title"]
     found = _shape(value) if "shape" in rule else shown(value)
     return f"{field_name(*path) or 'file'} {rule}. Got {found}."
@@ -105,8 +109,13 @@ def _validator(kind: str) -> Any:
     from jsonschema import Draft202012Validator
     from jsonschema.validators import extend
 
-    types = {"number": lambda _, value: _is_number(value), "integer": lambda _, value: _is_integer(value)}
-    strict = extend(Draft202012Validator, type_checker=Draft202012Validator.TYPE_CHECKER.redefine_many(types))
+    types = {
+        "number": lambda _, value: _is_number(value),
+        "integer": lambda _, value: _is_integer(value),
+    }
+    strict = extend(
+        Draft202012Validator, type_checker=Draft202012Validator.TYPE_CHECKER.redefine_many(types)
+    )
     return strict({"$ref": f"#/$defs/{kind}", "$defs": read_schema()["$defs"]})
 
 

@@ -45,11 +45,17 @@ def attention(rows: Sequence[Sequence[Row]], unsharp: Sequence[int] = ()) -> str
 def _kind(kind: str, found: Sequence[tuple[Row, str]]) -> list[str]:
     """Return a line per warning if they are few, else one for all."""
     if len(found) <= FEW:
-        return [f"<b>{escape(row.name)}</b> (setting {setting_link(row.setting)}): {escape(t)}" for row, t in found]
+        return [
+            f"<b>{escape(row.name)}</b> (setting {setting_link(row.setting)}): {escape(t)}"
+            for row, t in found
+        ]
     settings: dict[str, list[int]] = {}
     for row, _ in found:
         settings.setdefault(row.name, []).append(row.setting)
-    names = ", ".join(f"{escape(name)} ({', '.join(map(setting_link, where))})" for name, where in settings.items())
+    names = ", ".join(
+        f"{escape(name)} ({', '.join(map(setting_link, where))})"
+        for name, where in settings.items()
+    )
     return [f"<b>{escape(kind)}</b> in {len(found)} measurements: {names}"]
 
 
@@ -72,7 +78,8 @@ def not_inspected(reasons: Mapping[str, str], noun: str) -> str:
     for name, why in reasons.items():
         kinds.setdefault(why.partition(":")[0], []).append(name)
     lines = "".join(
-        f"<li><b>{escape(kind)}</b> ({len(names)}): {escape(', '.join(names))}</li>" for kind, names in kinds.items()
+        f"<li><b>{escape(kind)}</b> ({len(names)}): {escape(', '.join(names))}</li>"
+        for kind, names in kinds.items()
     )
     told = '<p class="note">What is in no setting. <a href="#reasons">Why, one by one</a></p>'
     return f'{head}{told}<ul class="warnings">{lines}</ul>'
@@ -94,6 +101,8 @@ def reasons_section(reasons: Mapping[str, str], noun: str) -> str:
 
 
 def _table(reasons: Mapping[str, str], noun: str) -> str:
-    rows = "".join(f"<tr><td>{escape(name)}</td><td>{escape(why)}</td></tr>" for name, why in reasons.items())
+    rows = "".join(
+        f"<tr><td>{escape(name)}</td><td>{escape(why)}</td></tr>" for name, why in reasons.items()
+    )
     head = f"<thead><tr><th>{noun.capitalize()}</th><th>Reason</th></tr></thead>"
     return f'<div class="scroll"><table>{head}<tbody>{rows}</tbody></table></div>'

@@ -50,7 +50,10 @@ def nearest_limits(plan: InspectionPlan, setting: SensorSetting) -> list[Nearnes
         Those the plan knows enough of.
     """
     rooms = _rooms(plan, setting)
-    shares = {"probability": (min(setting.probability.values()) - plan.probability) / (1 - plan.probability)}
+    shares = {
+        "probability": (min(setting.probability.values()) - plan.probability)
+        / (1 - plan.probability)
+    }
     for key, margin in setting.margins.items():
         name = key.rpartition("_")[0].replace("_", " ")
         room = rooms.get(key)
@@ -72,7 +75,12 @@ def _rooms(plan: InspectionPlan, setting: SensorSetting) -> dict[str, float]:
     if need:
         if "clearance_mm" in margins:
             rooms["clearance_mm"] = margins["clearance_mm"] + need["stand_off_mm"]
-        rooms["separation_px"], rooms["corner_deg"] = need.get("separation_px", 0.0), need.get("min_corner_deg", 0.0)
+        rooms["separation_px"], rooms["corner_deg"] = (
+            need.get("separation_px", 0.0),
+            need.get("min_corner_deg", 0.0),
+        )
         if "resolution_mm" in margins:
-            rooms["resolution_mm"] = margins["resolution_mm"] + need["min_length_px"] * max(camera.pixel_pitch_mm)
+            rooms["resolution_mm"] = margins["resolution_mm"] + need["min_length_px"] * max(
+                camera.pixel_pitch_mm
+            )
     return rooms

@@ -104,7 +104,9 @@ def graph_picture(
         for node in shown.nodes
     }
     domains = json.dumps(told, separators=(",", ":")).replace("<", "\\u003c")
-    return GraphPicture(_svg(graph, shown, colors), _note(len(shown.nodes), len(graph.graph)), domains)
+    return GraphPicture(
+        _svg(graph, shown, colors), _note(len(shown.nodes), len(graph.graph)), domains
+    )
 
 
 def _note(drawn: int, n: int) -> str:
@@ -132,7 +134,9 @@ def needed_entities(plan: InspectionPlan, setting: SensorSetting) -> list[str]:
         One of its settings.
     """
     dimensions = plan.dimensions
-    lists = (dimensions[name].entities if name in dimensions else (name,) for name in setting.entities)
+    lists = (
+        dimensions[name].entities if name in dimensions else (name,) for name in setting.entities
+    )
     return list(dict.fromkeys(entity for one in lists for entity in one))
 
 
@@ -179,15 +183,21 @@ def _grown(graph: nx.Graph, nodes: Sequence[int], most: int) -> list[int]:
 
 def _is_inside(data: dict[str, Any], box: NDArray[np.float64]) -> bool:
     """Say if something of a domain may lie in the box."""
-    return bool((np.array(data["bbox_max"]) > box[0]).all() and (np.array(data["bbox_min"]) < box[1]).all())
+    return bool(
+        (np.array(data["bbox_max"]) > box[0]).all() and (np.array(data["bbox_min"]) < box[1]).all()
+    )
 
 
-def _surfaces(graph: EntityAspectGraph, shown: _Shown, box: NDArray[np.float64]) -> dict[int, dict[str, Any] | None]:
+def _surfaces(
+    graph: EntityAspectGraph, shown: _Shown, box: NDArray[np.float64]
+) -> dict[int, dict[str, Any] | None]:
     """Return surfaces by domain, None of those for which there is no time: simple ones and those with cameras first."""
     cells = dict(graph.graph.nodes(data="n_cells"))
     found: dict[int, dict[str, Any] | None] = {}
     taken = 0
-    for node in sorted(shown.nodes, key=lambda node: (node not in shown.standing, cells[node], node)):
+    for node in sorted(
+        shown.nodes, key=lambda node: (node not in shown.standing, cells[node], node)
+    ):
         taken += cells[node]
         found[node] = _surface(graph, node, box) if taken <= MOST_CELLS else None
     return found
@@ -205,7 +215,9 @@ def _surface(graph: EntityAspectGraph, node: int, box: NDArray[np.float64]) -> d
     facets = domain_facets(graph.cells(node), graph.solid, box)
     triangles = np.concatenate([np.zeros((0, 3, 3)), *(facet.triangles for facet in facets)])
     decimals = _DIGITS - math.floor(math.log10(float(np.linalg.norm(box[1] - box[0]))))
-    corners, index = np.unique(triangles.reshape(-1, 3).round(decimals) + 0.0, axis=0, return_inverse=True)
+    corners, index = np.unique(
+        triangles.reshape(-1, 3).round(decimals) + 0.0, axis=0, return_inverse=True
+    )
     index = index.reshape(-1, 3)
     return {
         **{name: corners[:, i].round(decimals).tolist() for i, name in enumerate("xyz")},
@@ -228,7 +240,9 @@ def _text(plan: InspectionPlan, graph: EntityAspectGraph, node: int, shown: _Sho
     if inside:
         told += f" Camera{'s are' if len(inside) > 1 else ' is'} in it: {_numbers(inside)}."
     others = [k for k in shown.covering.get(node, []) if k not in inside]
-    return told + (f" All that setting {_numbers(others)} measures can be seen from here." if others else "")
+    return told + (
+        f" All that setting {_numbers(others)} measures can be seen from here." if others else ""
+    )
 
 
 def _volume(mm3: float) -> str:
@@ -257,7 +271,9 @@ def _svg(graph: EntityAspectGraph, shown: _Shown, colors: Sequence[str]) -> str:
     radius = _radii(drawn)
     # small ones are not covered by large ones
     order = sorted(shown.nodes, key=lambda node: (-radius[node], node))
-    circles = "".join(_circle(graph, shown, node, places[node], radius[node], colors) for node in order)
+    circles = "".join(
+        _circle(graph, shown, node, places[node], radius[node], colors) for node in order
+    )
     return (
         f'<svg class="graph" viewBox="0 0 {_WIDTH:g} {_HEIGHT:g}" role="group" aria-label="aspect graph">'
         f"<g>{lines}</g>{circles}</svg>"
@@ -278,8 +294,14 @@ def _places(drawn: nx.Graph) -> dict[int, NDArray[np.float64]]:
 def _radii(drawn: nx.Graph) -> dict[int, float]:
     """Return radii that grow with the logarithm of the volume."""
     logs = {node: math.log(max(volume, 1e-300)) for node, volume in drawn.nodes(data="volume")}
-    low, span = min(logs.values(), default=0.0), max(np.ptp(list(logs.values())), 1e-9) if logs else 1.0
-    return {node: _RADII[0] + (_RADII[1] - _RADII[0]) * (value - low) / span for node, value in logs.items()}
+    low, span = (
+        min(logs.values(), default=0.0),
+        max(np.ptp(list(logs.values())), 1e-9) if logs else 1.0,
+    )
+    return {
+        node: _RADII[0] + (_RADII[1] - _RADII[0]) * (value - low) / span
+        for node, value in logs.items()
+    }
 
 
 def _circle(
@@ -295,7 +317,9 @@ def _circle(
     radius = max(radius, 5 + 2.6 * len(_numbers(cameras))) if cameras else radius
     listed = graph.graph.nodes[node][graph.regions.listed_as]
     title = escape(f"domain {node}: {', '.join(listed) or 'nothing'}")
-    number = f'<text x="{x:.1f}" y="{y:.1f}" dy="0.36em">{_numbers(cameras)}</text>' if cameras else ""
+    number = (
+        f'<text x="{x:.1f}" y="{y:.1f}" dy="0.36em">{_numbers(cameras)}</text>' if cameras else ""
+    )
     kind = ' class="stands"' if cameras else ""
     return (
         f'<g data-domain="{node}" tabindex="0" role="button" aria-label="{title}"{kind}><title>{title}</title>'

@@ -12,14 +12,26 @@ from errors.telling import frequency_text, interval_text, probability_text
 from planner.report.binding import Nearness, nearest_limits
 from planner.report.tables import budget_bar, cells, heads, permitted, warned
 from planner.rows.measured import Row
-from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, TOLERATED, UNSTATED
+from planner.verify.simulate_setting import (
+    CONFIRMED,
+    CONSERVATIVE,
+    CONTRADICTED,
+    TOLERATED,
+    UNSTATED,
+)
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
     from planner.setting.sensor_setting import SensorSetting
     from planner.verify.simulate_setting import SuccessRate
 
-_STYLES = {CONFIRMED: "good", CONSERVATIVE: "good", TOLERATED: "note", CONTRADICTED: "bad", UNSTATED: "bad"}
+_STYLES = {
+    CONFIRMED: "good",
+    CONSERVATIVE: "good",
+    TOLERATED: "note",
+    CONTRADICTED: "bad",
+    UNSTATED: "bad",
+}
 
 
 def setting_table(plan: InspectionPlan, told: Sequence[Row], noun: str) -> str:
@@ -59,7 +71,11 @@ def _rows(plan: InspectionPlan, one: Row, what: str) -> str:
         "n:P": probability,
         **({} if one.rate is None else _rate(one.rate, plan.probability)),
     }
-    below = f'<tr class="warning"><td colspan="8">{escape(warned(one))}</td></tr>' if one.warnings else ""
+    below = (
+        f'<tr class="warning"><td colspan="8">{escape(warned(one))}</td></tr>'
+        if one.warnings
+        else ""
+    )
     return cells(values) + below
 
 
@@ -67,7 +83,9 @@ def binding_sentence(plan: InspectionPlan, setting: SensorSetting) -> str:
     """Say which constraint fixes the pose, and what comes next."""
     first, *rest = nearest_limits(plan, setting)
     told = f"Nearest to its limit: {first.name}, with {_share(first)} of its room left; {first.meaning}."
-    return told + (f" Next: {', '.join(f'{one.name} {_share(one)}' for one in rest)}." if rest else "")
+    return told + (
+        f" Next: {', '.join(f'{one.name} {_share(one)}' for one in rest)}." if rest else ""
+    )
 
 
 def _share(one: Nearness) -> str:
@@ -118,7 +136,11 @@ def _value(plan: InspectionPlan, name: str) -> str:
     if not plan.dimensions:
         return f"{length:.3f}"
     one = plan.dimensions.get(name)
-    return f"length {length:.3f} mm" if one is None else f"{one.kind.replace('_', ' ')} {one.nominal:.3f} {one.unit}"
+    return (
+        f"length {length:.3f} mm"
+        if one is None
+        else f"{one.kind.replace('_', ' ')} {one.nominal:.3f} {one.unit}"
+    )
 
 
 def _rate(rate: SuccessRate, threshold: float) -> dict[str, str]:
@@ -135,4 +157,8 @@ def _rate(rate: SuccessRate, threshold: float) -> dict[str, str]:
     )
     told = f'<span class="{_STYLES[rate.verdict]}">{escape(rate.verdict)}</span>'
     interval = f"{interval_text(rate.low, rate.high)}{bar}"
-    return {"n:Simulated": frequency_text(rate.successes, rate.n), "Interval": interval, "Verdict": told}
+    return {
+        "n:Simulated": frequency_text(rate.successes, rate.n),
+        "Interval": interval,
+        "Verdict": told,
+    }

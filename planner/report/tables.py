@@ -28,12 +28,26 @@ def results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], noun: str) -> s
             best[row.name] = row
     if not best:
         return ""
-    where = {name: [row.setting for setting in rows for row in setting if row.name == name] for name in best}
+    where = {
+        name: [row.setting for setting in rows for row in setting if row.name == name]
+        for name in best
+    }
     body = "".join(_result(best[name], where[name]) for name in plan.entities if name in best)
     head = heads(
-        (noun.capitalize(), "What", "n:Nominal", "n:Permitted error", "Setting", "n:P", "n:u", "Budget of the variance")
+        (
+            noun.capitalize(),
+            "What",
+            "n:Nominal",
+            "n:Permitted error",
+            "Setting",
+            "n:P",
+            "n:u",
+            "Budget of the variance",
+        )
     )
-    legend = " ".join(f'<span class="source"><i style="background:{COLOURS[s]}"></i>{s}</span>' for s in SOURCES)
+    legend = " ".join(
+        f'<span class="source"><i style="background:{COLOURS[s]}"></i>{s}</span>' for s in SOURCES
+    )
     return (
         f'<div class="scroll"><table class="stack results">{head}<tbody>{body}</tbody></table></div>'
         f'<p class="note">{legend} &nbsp; u: standard uncertainty of the measured value. P and u are those of the '
@@ -67,7 +81,8 @@ def heads(names: Sequence[str]) -> str:
 def cells(values: Mapping[str, str]) -> str:
     """Return a row of a table from HTML by column; each cell knows its column, for pages too narrow for a head."""
     told = "".join(
-        f'<td{_kind(name)} data-label="{escape(_plain(name))}">{value}</td>' for name, value in values.items()
+        f'<td{_kind(name)} data-label="{escape(_plain(name))}">{value}</td>'
+        for name, value in values.items()
     )
     return f"<tr>{told}</tr>"
 
@@ -98,7 +113,9 @@ def budget_bar(row: Row) -> str:
         return ""
     shares = {source: 100 * row.budget.get(source, 0.0) / total for source in SOURCES}
     title = ", ".join(f"{source} {share:.0f} %" for source, share in shares.items())
-    parts = "".join(f'<i style="width:{share:.1f}%;background:{COLOURS[s]}"></i>' for s, share in shares.items())
+    parts = "".join(
+        f'<i style="width:{share:.1f}%;background:{COLOURS[s]}"></i>' for s, share in shares.items()
+    )
     return f'<span class="budget" title="{title}">{parts}</span>'
 
 
@@ -109,12 +126,17 @@ def robot(plan: InspectionPlan) -> str:
     body = []
     for k, setting in enumerate(plan.settings, start=1):
         turn = Rotation.from_matrix(setting.cam2world[:3, :3])
-        cells = [*(f"{c:.3f}" for c in setting.position), *(f"{c:.6f}" for c in turn.as_quat(canonical=True))]
+        cells = [
+            *(f"{c:.3f}" for c in setting.position),
+            *(f"{c:.6f}" for c in turn.as_quat(canonical=True)),
+        ]
         with warnings.catch_warnings():
             # of two angles about one axis, one is 0 then
             warnings.filterwarnings("ignore", "Gimbal lock", UserWarning)
             cells += [f"{c:.3f}" for c in turn.as_euler("xyz", degrees=True)]
-        body.append(f"<tr><td>{setting_link(k)}</td>{''.join(f'<td class=n>{cell}</td>' for cell in cells)}</tr>")
+        body.append(
+            f"<tr><td>{setting_link(k)}</td>{''.join(f'<td class=n>{cell}</td>' for cell in cells)}</tr>"
+        )
     names = ("x (mm)", "y (mm)", "z (mm)", "qx", "qy", "qz", "qw", "Rx (°)", "Ry (°)", "Rz (°)")
     head = "<th>Setting</th>" + "".join(f'<th class="n">{name}</th>' for name in names)
     return (

@@ -53,9 +53,13 @@ class SceneFrame:
 
     def placed(self, points: Any) -> _Array:
         """Return points (n, 3) in mm as the scene has them."""
-        return np.asarray(self.per_mm * (np.asarray(points, dtype=np.float64) - self.box.mean(axis=0)))
+        return np.asarray(
+            self.per_mm * (np.asarray(points, dtype=np.float64) - self.box.mean(axis=0))
+        )
 
-    def camera(self, points: Any, direction: Sequence[float] | _Array, up: Sequence[float] | _Array) -> dict[str, Any]:
+    def camera(
+        self, points: Any, direction: Sequence[float] | _Array, up: Sequence[float] | _Array
+    ) -> dict[str, Any]:
         """Return plotly's camera that shows points (n, 3), mm, as large as the picture's height allows.
 
         `direction` leads from them towards the viewer.
@@ -77,7 +81,9 @@ class SceneFrame:
                 (("eye", eye), ("center", middle), ("up", axes[1]))}  # fmt: skip
 
 
-def plan_views(plan: InspectionPlan, frame: SceneFrame, part: _Array, shown: _Array) -> dict[str, dict[str, Any]]:
+def plan_views(
+    plan: InspectionPlan, frame: SceneFrame, part: _Array, shown: _Array
+) -> dict[str, dict[str, Any]]:
     """Return plotly's cameras by name: ``everything``, ``part`` and ``setting-1`` and so on.
 
     Parameters
@@ -107,7 +113,10 @@ def box_around(points: _Array, limits: _Array, air: float = 0.08) -> _Array:
     low, high = points.min(axis=0), points.max(axis=0)
     more = air * float(np.linalg.norm(high - low))
     return np.array(
-        [np.minimum(low, np.maximum(low - more, limits[0])), np.maximum(high, np.minimum(high + more, limits[1]))]
+        [
+            np.minimum(low, np.maximum(low - more, limits[0])),
+            np.maximum(high, np.minimum(high + more, limits[1])),
+        ]
     )
 
 

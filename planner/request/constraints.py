@@ -22,7 +22,14 @@ import numpy as np
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.exceptions import RequestError
-from planner.request.image_constraints import FIELD_OF_VIEW, FOCUS, RESOLUTION, Lens, cone_slacks, image_slacks
+from planner.request.image_constraints import (
+    FIELD_OF_VIEW,
+    FOCUS,
+    RESOLUTION,
+    Lens,
+    cone_slacks,
+    image_slacks,
+)
 from planner.request.reach import Reach, SignedDistance, check_reach, reach_margin
 from planner.request.space import Space
 from planner.showing.image_check import MOST_PX, ImageCheck, edges_of
@@ -38,17 +45,27 @@ _FEW = 40
 # Open3D's distances are good to 1e-7 of the part's size; only what is surely farther is not asked for
 _SURELY = 1.001
 # fields of `Requirements`
-_NUMBERS = ("min_length_px", "field_margin_px", "focus_margin_mm", "stand_off_mm", "visibility_radius_mm")
+_NUMBERS = (
+    "min_length_px",
+    "field_margin_px",
+    "focus_margin_mm",
+    "stand_off_mm",
+    "visibility_radius_mm",
+)
 
 
-def visibility_slacks(space: Space, positions: np.ndarray, names: Sequence[str], radius_mm: float = 0.0) -> np.ndarray:
+def visibility_slacks(
+    space: Space, positions: np.ndarray, names: Sequence[str], radius_mm: float = 0.0
+) -> np.ndarray:
     """+1 where an entity is observable from a position and all around it, else -1; (n, k, 1).
 
     All around it are 14 points at `radius_mm`: along the axes and the diagonals of the part's frame. Outside the
     workspace nothing is observable.
     """
     if radius_mm > 0 and len(positions) <= _FEW:
-        return np.where(_observable_around(space, positions, names, radius_mm, _AND_HERE), 1.0, -1.0)[..., None]
+        return np.where(
+            _observable_around(space, positions, names, radius_mm, _AND_HERE), 1.0, -1.0
+        )[..., None]
     visible = _observable(space, positions, names)
     rows = np.flatnonzero(visible.any(axis=1))
     if radius_mm > 0 and rows.size:
@@ -62,7 +79,9 @@ def _observable_around(
     """Return which entities are observable from all points around positions; (n, k)."""
     # all points in one call: asking costs more than answering
     eyes = positions[:, None] + radius_mm * around
-    visible = _observable(space, eyes.reshape(-1, 3), names).reshape(len(positions), len(around), -1)
+    visible = _observable(space, eyes.reshape(-1, 3), names).reshape(
+        len(positions), len(around), -1
+    )
     return np.asarray(visible.all(axis=1))
 
 
@@ -144,10 +163,14 @@ class Requirements:
     def __post_init__(self) -> None:
         for name in _NUMBERS:
             value = getattr(self, name)
-            if not (isinstance(value, int | float | np.number) and math.isfinite(value) and value >= 0):
+            if not (
+                isinstance(value, int | float | np.number) and math.isfinite(value) and value >= 0
+            ):
                 raise RequestError(f"{name} must be finite and not negative. Got {value!r}.")
         if self.field_of_view not in ("exact", "cone"):
-            raise RequestError(f"field_of_view must be 'exact' or 'cone'. Got {self.field_of_view!r}.")
+            raise RequestError(
+                f"field_of_view must be 'exact' or 'cone'. Got {self.field_of_view!r}."
+            )
         check_reach(self.reach)
 
     def to_dict(self) -> dict[str, float]:
@@ -159,7 +182,10 @@ class Requirements:
             By field.
         """
         asked = {} if self.showing.asks_nothing else asdict(self.showing)
-        return {name: float(value) for name, value in {**{n: getattr(self, n) for n in _NUMBERS}, **asked}.items()}
+        return {
+            name: float(value)
+            for name, value in {**{n: getattr(self, n) for n in _NUMBERS}, **asked}.items()
+        }
 
     @property
     def border_px(self) -> float:
@@ -201,7 +227,12 @@ class Constraints:
         requirements: Requirements,
         targets: Sequence[Target] | None = None,
     ):
-        self.space, self.names, self.camera, self.requirements = space, tuple(names), camera, requirements
+        self.space, self.names, self.camera, self.requirements = (
+            space,
+            tuple(names),
+            camera,
+            requirements,
+        )
         if targets is None:
             targets = [edge_target(name, space.entities[name].endpoints) for name in self.names]
         self.ends = np.array([target.ends for target in targets], dtype=np.float64)
@@ -211,10 +242,14 @@ class Constraints:
         self.owner = np.repeat(np.arange(len(targets)), sizes)
         self._first = np.cumsum([0, *sizes[:-1]])
         self.min_length_mm = requirements.min_length_px * max(camera.pixel_pitch_mm)
-        self._lens = Lens.of(camera, self.min_length_mm, requirements.border_px, requirements.focus_margin_mm)
+        self._lens = Lens.of(
+            camera, self.min_length_mm, requirements.border_px, requirements.focus_margin_mm
+        )
         self._exact_field = requirements.field_of_view == "exact"
         self._workspace = np.array(space.workspace, dtype=np.float64)
-        self._box = np.array([np.min(space.solid.vertices, axis=0), np.max(space.solid.vertices, axis=0)])
+        self._box = np.array(
+            [np.min(space.solid.vertices, axis=0), np.max(space.solid.vertices, axis=0)]
+        )
         self._distance = SignedDistance(space.solid.vertices, space.solid.triangles)
         # of the image, in columns of `image_slacks`
         self._columns = {"resolution_mm": RESOLUTION, "focus_mm": FOCUS}
@@ -234,7 +269,9 @@ class Constraints:
         checks["workspace_mm"] = lambda pose: workspace_slacks(self._workspace, pose[:, :3, 3])
         if (reach := need.reach) is not None:
             checks["reach"] = lambda pose: reach_margin(reach, pose[:, :3, 3])[:, None, None]
-        checks["clearance_mm"] = lambda pose: clearance_slacks(self._distance, pose[:, :3, 3], need.stand_off_mm)
+        checks["clearance_mm"] = lambda pose: clearance_slacks(
+            self._distance, pose[:, :3, 3], need.stand_off_mm
+        )
         checks["visibility"] = lambda pose: visibility_slacks(
             self.space, pose[:, :3, 3], self.names, need.visibility_radius_mm
         )
@@ -283,7 +320,9 @@ class Constraints:
             edges_of(self.space, name) if length else None
             for name, length in zip(self.names, self._lengths, strict=True)
         ]
-        return ImageCheck(self.space.solid, edge_ids, self.ends, self.camera, self.requirements.showing)
+        return ImageCheck(
+            self.space.solid, edge_ids, self.ends, self.camera, self.requirements.showing
+        )
 
     @property
     def shows(self) -> tuple[str, ...]:
@@ -300,14 +339,18 @@ class Constraints:
         """Names of the constraints; each ends with the unit of its margin."""
         return (*self._columns, *self._checks, *self._shows)
 
-    def slacks(self, cam2world: np.ndarray, only: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+    def slacks(
+        self, cam2world: np.ndarray, only: Sequence[str] | None = None
+    ) -> dict[str, np.ndarray]:
         """Return the slacks (n, k or 1, s) of poses (n, 4, 4) per constraint."""
         names = self.constraint_names if only is None else only
         checks = {**self._checks, **self._shows}
         if any(name in self._columns for name in names):
             image = self._image_slacks(cam2world)
         return {
-            name: image[..., self._columns[name]] if name in self._columns else checks[name](cam2world)
+            name: image[..., self._columns[name]]
+            if name in self._columns
+            else checks[name](cam2world)
             for name in names
         }
 
@@ -320,7 +363,9 @@ class Constraints:
             return image
         return np.asarray(np.minimum.reduceat(image, self._first, axis=1))
 
-    def margins(self, cam2world: np.ndarray, only: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+    def margins(
+        self, cam2world: np.ndarray, only: Sequence[str] | None = None
+    ) -> dict[str, np.ndarray]:
         """Return the margin of poses (n, 4, 4) per constraint and entity: (n, k), or (n, 1) where entities share it."""
         return {name: slacks.min(axis=-1) for name, slacks in self.slacks(cam2world, only).items()}
 
@@ -370,7 +415,11 @@ class Constraints:
         With images of the ends only it is no larger, and computed soon.
         """
         total = np.zeros(len(cam2world))
-        cheap = self.of_image if images_only else [name for name in self.constraint_names if name not in self._shows]
+        cheap = (
+            self.of_image
+            if images_only
+            else [name for name in self.constraint_names if name not in self._shows]
+        )
         for name, slacks in self.slacks(cam2world, cheap).items():
             total += self._share_missed(name, slacks.min(axis=-1))
         if images_only:

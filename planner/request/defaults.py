@@ -39,7 +39,9 @@ def default_workspace(solid: Solid, camera: Camera) -> np.ndarray:
     return solid.bounds + np.array([[-1.0], [1.0]]) * max(distance, size)
 
 
-def corner_margin_px(camera: Camera, pose_uncertainty: PoseUncertainty, sigmas: float = 4.0) -> float:
+def corner_margin_px(
+    camera: Camera, pose_uncertainty: PoseUncertainty, sigmas: float = 4.0
+) -> float:
     """Return the strip along the sensor's sides that pose uncertainty cannot take an image point across.
 
     An end that leaves the image cannot be measured, whatever its probability of being measured accurately. A camera
@@ -69,7 +71,9 @@ def corner_margin_px(camera: Camera, pose_uncertainty: PoseUncertainty, sigmas: 
         down = [0, -1 / z, v / z, 1 + v * v, -u * v, -u]
         for row, pitch in zip((across, down), camera.pixel_pitch_mm, strict=True):
             variance = np.array(row) @ pose_uncertainty.covariance @ row
-            widest = max(widest, camera.image_distance_mm / pitch * float(np.sqrt(max(variance, 0.0))))
+            widest = max(
+                widest, camera.image_distance_mm / pitch * float(np.sqrt(max(variance, 0.0)))
+            )
     return min(sigmas * most * widest, min(camera.resolution) / 4)
 
 
@@ -111,7 +115,11 @@ def check_focus_margin(margin_mm: float, camera: Camera) -> float:
         If it is negative, not finite, or at least half the depth of field.
     """
     nearest, farthest = camera.depth_of_field_mm
-    if isinstance(margin_mm, bool) or not isinstance(margin_mm, int | float | np.number) or not margin_mm >= 0:
+    if (
+        isinstance(margin_mm, bool)
+        or not isinstance(margin_mm, int | float | np.number)
+        or not margin_mm >= 0
+    ):
         raise RequestError(f"focus_margin_mm must be finite and not negative. Got {margin_mm!r}.")
     if not (math.isfinite(margin_mm) and 2 * margin_mm < farthest - nearest):
         raise RequestError(
@@ -123,7 +131,11 @@ def check_focus_margin(margin_mm: float, camera: Camera) -> float:
 
 def check_fraction(name: str, value: object) -> float:
     """Return a number in (0, 1) or raise `RequestError`."""
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0 < value < 1:
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float | np.number)
+        or not 0 < value < 1
+    ):
         raise RequestError(f"{name} must be in (0, 1). Got {value!r}.")
     return float(value)
 
@@ -150,14 +162,19 @@ def pose_margin_px(camera: Camera, pose_uncertainty: PoseUncertainty) -> float:
     """
     d, s = camera.image_distance_mm, camera.focus_distance_mm
     # a camera moved by dx and turned by phi_y about its nodal point moves the image of (0, 0, s) by −d·(dx/s + phi_y)
-    rows = np.array([[1 / s, 0, 0, 0, 1, 0], [0, 1 / s, 0, -1, 0, 0]]) * (d / np.array(camera.pixel_pitch_mm))[:, None]
+    rows = (
+        np.array([[1 / s, 0, 0, 0, 1, 0], [0, 1 / s, 0, -1, 0, 0]])
+        * (d / np.array(camera.pixel_pitch_mm))[:, None]
+    )
     variances = np.diag(rows @ pose_uncertainty.covariance @ rows.T)
     return 3.0 * math.sqrt(max(variances.max(), 0.0))
 
 
 def position_margin_mm(pose_uncertainty: PoseUncertainty) -> float:
     """Return three standard deviations of the position, in mm, in the direction where it is least certain."""
-    return 3.0 * math.sqrt(max(float(np.linalg.eigvalsh(pose_uncertainty.covariance[:3, :3]).max()), 0.0))
+    return 3.0 * math.sqrt(
+        max(float(np.linalg.eigvalsh(pose_uncertainty.covariance[:3, :3]).max()), 0.0)
+    )
 
 
 def check_showing(showing: Showing, camera: Camera) -> Showing:
@@ -186,5 +203,7 @@ def check_showing(showing: Showing, camera: Camera) -> Showing:
     for name in ("separation_px", "surround_px"):
         value = getattr(showing, name)
         if 2 * value >= side:
-            raise RequestError(f"{name} must be less than half the image's smaller side, {side} px. Got {value:g}.")
+            raise RequestError(
+                f"{name} must be less than half the image's smaller side, {side} px. Got {value:g}."
+            )
     return showing

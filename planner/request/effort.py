@@ -79,4 +79,8 @@ class Effort:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            check_count(field.name, getattr(self, field.name), int(field.name in ("viewpoints", "cover_nodes")))
+            check_count(
+                field.name,
+                getattr(self, field.name),
+                int(field.name in ("viewpoints", "cover_nodes")),
+            )

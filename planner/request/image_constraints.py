@@ -48,7 +48,11 @@ class Lens(NamedTuple):
 
     @classmethod
     def of(
-        cls, camera: Camera, min_length_mm: float = 0.0, margin_px: float = 0.0, focus_margin_mm: float = 0.0
+        cls,
+        camera: Camera,
+        min_length_mm: float = 0.0,
+        margin_px: float = 0.0,
+        focus_margin_mm: float = 0.0,
     ) -> Lens:
         """Return the numbers of a camera and of what is asked of its image."""
         matrix, (width, height) = camera.matrix, camera.resolution
@@ -57,12 +61,21 @@ class Lens(NamedTuple):
         if camera.distortion is not None:
             # the margin is counted in pixels of the real image, the sides in those of the undistorted one
             tangents, margin_px = np.array(camera.field(margin_px).inner).reshape(2, 2), 0.0
-            left, top, right, bottom = (tangents * np.diag(matrix)[:2] + matrix[:2, 2]).ravel().tolist()
+            left, top, right, bottom = (
+                (tangents * np.diag(matrix)[:2] + matrix[:2, 2]).ravel().tolist()
+            )
             sides = left, top, right, bottom
         scales = float(matrix[0, 0]), float(matrix[1, 1]), float(matrix[0, 2]), float(matrix[1, 2])
         near, far = map(float, camera.depth_of_field_mm)
         depths = near + focus_margin_mm, far - focus_margin_mm
-        return cls(camera.image_distance_mm, float(min_length_mm), *depths, *scales, *sides, float(margin_px))
+        return cls(
+            camera.image_distance_mm,
+            float(min_length_mm),
+            *depths,
+            *scales,
+            *sides,
+            float(margin_px),
+        )
 
 
 def image_slacks(lens: Lens, ends_cam: np.ndarray) -> np.ndarray:
@@ -109,8 +122,14 @@ def _image_slacks(lens, ends_cam, out):
                     continue
                 u = lens.scale_x_px * x / z + lens.centre_x_px
                 v = lens.scale_y_px * y / z + lens.centre_y_px
-                row[5 + e], row[7 + e] = u - lens.left_px - lens.margin_px, lens.right_px - u - lens.margin_px
-                row[9 + e], row[11 + e] = v - lens.top_px - lens.margin_px, lens.bottom_px - v - lens.margin_px
+                row[5 + e], row[7 + e] = (
+                    u - lens.left_px - lens.margin_px,
+                    lens.right_px - u - lens.margin_px,
+                )
+                row[9 + e], row[11 + e] = (
+                    v - lens.top_px - lens.margin_px,
+                    lens.bottom_px - v - lens.margin_px,
+                )
 
 
 def cone_slacks(camera: Camera, centre_cam: np.ndarray, radius_mm: float) -> np.ndarray:

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 def measured_items(request: Request) -> dict[str, NDArray[np.float64] | PlannedDimension]:
     """Return both ends (2, 3) of each edge, and each dimension, by name."""
-    items: dict[str, NDArray[np.float64] | PlannedDimension] = dict(zip(request.names, request.ends, strict=True))
+    items: dict[str, NDArray[np.float64] | PlannedDimension] = dict(
+        zip(request.names, request.ends, strict=True)
+    )
     if request.dimensions:
         items |= planned_dimensions(request)
     return items
@@ -27,4 +29,7 @@ def planned_dimensions(request: Request) -> dict[str, PlannedDimension]:
         return {}
     from planner.wanted.planned import PlannedDimension
 
-    return {item.name: PlannedDimension.of(item, request.localisation) for item in request.dimensions.values()}
+    return {
+        item.name: PlannedDimension.of(item, request.localisation)
+        for item in request.dimensions.values()
+    }

@@ -50,7 +50,10 @@ def longest_image_mm(camera: Camera, lengths_mm: NDArray[np.float64]) -> NDArray
     array
         Lengths on the sensor, mm, in the shape of ``lengths_mm``.
     """
-    return lengths_mm * (camera.image_distance_mm / (camera.depth_of_field_mm[0] * math.cos(camera.half_diagonal_rad)))
+    return lengths_mm * (
+        camera.image_distance_mm
+        / (camera.depth_of_field_mm[0] * math.cos(camera.half_diagonal_rad))
+    )
 
 
 def widest_view_mm(camera: Camera) -> float:
@@ -65,7 +68,11 @@ def widest_view_mm(camera: Camera) -> float:
 
 
 def boxes_reach(
-    low: NDArray[np.float64], high: NDArray[np.float64], points: NDArray[np.float64], near: float, far: float
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    points: NDArray[np.float64],
+    near: float,
+    far: float,
 ) -> NDArray[np.bool_]:
     """Return which boxes can hold a viewpoint at a distance in [near, far] of each of some points.
 

@@ -57,7 +57,13 @@ class Objective:
             raise RequestError(f"accuracy must be in (0, 1). Got {accuracy!r}.")
         if kind not in ("sum", "min"):
             raise RequestError(f"objective must be 'sum' or 'min'. Got {kind!r}.")
-        self.ends, self.camera, self.accuracy, self.kind, self.model = ends, camera, accuracy, kind, model
+        self.ends, self.camera, self.accuracy, self.kind, self.model = (
+            ends,
+            camera,
+            accuracy,
+            kind,
+            model,
+        )
         self._image_distance = _IMAGE_SCALE * camera.image_distance_mm
         self._probability = errors.SuccessModel(
             focal_length_mm=self._image_distance,

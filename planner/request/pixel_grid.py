@@ -73,11 +73,16 @@ class GridObjective(Objective):
         # what of it is not overridden, is the smooth one's
         self.__dict__.update(smooth.__dict__)
         self._smooth, self._counted, self._allowed = smooth, counted, 1.0 - accuracy
-        self._pitch, self._size = np.array(camera.pixel_pitch_mm), np.array(camera.resolution, dtype=float)
+        self._pitch, self._size = (
+            np.array(camera.pixel_pitch_mm),
+            np.array(camera.resolution, dtype=float),
+        )
         self._camera, matrix = camera, camera.matrix
         self._lens = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]])
         rng = np.random.default_rng(GRID.seed)
-        moves = rng.multivariate_normal(np.zeros(6), pose_uncertainty.covariance, size=GRID.draws, method="eigh")
+        moves = rng.multivariate_normal(
+            np.zeros(6), pose_uncertainty.covariance, size=GRID.draws, method="eigh"
+        )
         turns = Rotation.from_rotvec(moves[:, 3:]).as_matrix()
         # numbers of one kind beside each other, so that the compiler can take several draws at a time
         self._turns = np.ascontiguousarray(np.moveaxis(turns, 0, -1))
@@ -96,7 +101,9 @@ class GridObjective(Objective):
         for i in self._counted:
             rows = np.flatnonzero(wanted[:, i])
             if rows.size:
-                result[rows, i] = lowered(self.frequencies(world_to_cam(self.ends[i], cam2world[rows])))
+                result[rows, i] = lowered(
+                    self.frequencies(world_to_cam(self.ends[i], cam2world[rows]))
+                )
         return result[wanted]
 
     def frequencies(self, ends_cam: np.ndarray) -> np.ndarray:
@@ -105,7 +112,9 @@ class GridObjective(Objective):
             return np.array([self._distorted_frequency(ends) for ends in ends_cam])
         hits = np.empty(len(ends_cam))
         sensor = self._lens, self._pitch, self._size
-        _count(np.ascontiguousarray(ends_cam), self._turns, self._shifts, sensor, self._allowed, hits)
+        _count(
+            np.ascontiguousarray(ends_cam), self._turns, self._shifts, sensor, self._allowed, hits
+        )
         return hits / GRID.draws
 
     def _distorted_frequency(self, ends_cam: np.ndarray) -> float:
@@ -115,7 +124,9 @@ class GridObjective(Objective):
         depth = np.where(local[..., 2:] > 0, local[..., 2:], np.nan)
         pixels = image_of(camera, local / depth)
         lost = ~((pixels >= -0.5) & (pixels <= self._size - 0.5)).all(axis=(1, 2))
-        ideal = np.concatenate([undistorted_px(camera, np.rint(pixels)), self._nominal_px(ends_cam)[None]])
+        ideal = np.concatenate(
+            [undistorted_px(camera, np.rint(pixels)), self._nominal_px(ends_cam)[None]]
+        )
         length = np.linalg.norm((ideal[:, 1] - ideal[:, 0]) * self._pitch, axis=-1)
         accurate = np.abs(length[:-1] - length[-1]) <= self._allowed * length[-1]
         return float((accurate & ~lost).sum() / GRID.draws)
@@ -131,7 +142,9 @@ def lowered(frequency: np.ndarray) -> np.ndarray:
     return np.clip(frequency - GRID.errors * error, 0.0, 1.0)
 
 
-def tolerance_px(ends: np.ndarray, cam2world: np.ndarray, camera: Camera, accuracy: float) -> np.ndarray:
+def tolerance_px(
+    ends: np.ndarray, cam2world: np.ndarray, camera: Camera, accuracy: float
+) -> np.ndarray:
     """Return the permitted errors of edges' images in pixels of the larger pitch.
 
     Parameters
@@ -164,9 +177,15 @@ def _count(ends_cam, turns, shifts, sensor, allowed, hits):
         one, other = ends_cam[i, 0], ends_cam[i, 1]
         hits[i] = 0.0
         if one[2] > 0.0 and other[2] > 0.0:
-            x = (lens[0] * other[0] / other[2] + lens[2] - (lens[0] * one[0] / one[2] + lens[2])) * pitch[0]
-            y = (lens[1] * other[1] / other[2] + lens[3] - (lens[1] * one[1] / one[2] + lens[3])) * pitch[1]
-            hits[i] = _accurate(ends_cam[i], turns, shifts, sensor, (np.sqrt(x * x + y * y), allowed))
+            x = (
+                lens[0] * other[0] / other[2] + lens[2] - (lens[0] * one[0] / one[2] + lens[2])
+            ) * pitch[0]
+            y = (
+                lens[1] * other[1] / other[2] + lens[3] - (lens[1] * one[1] / one[2] + lens[3])
+            ) * pitch[1]
+            hits[i] = _accurate(
+                ends_cam[i], turns, shifts, sensor, (np.sqrt(x * x + y * y), allowed)
+            )
 
 
 @lean(error_model="numpy")
@@ -180,14 +199,33 @@ def _accurate(ends, turns, shifts, sensor, length):
     for j in range(turns.shape[2]):
         x, y, z = ends[0, 0] - shifts[0, j], ends[0, 1] - shifts[1, j], ends[0, 2] - shifts[2, j]
         near = turns[0, 2, j] * x + turns[1, 2, j] * y + turns[2, 2, j] * z
-        u = lens[0] * (turns[0, 0, j] * x + turns[1, 0, j] * y + turns[2, 0, j] * z) / near + lens[2]
-        v = lens[1] * (turns[0, 1, j] * x + turns[1, 1, j] * y + turns[2, 1, j] * z) / near + lens[3]
+        u = (
+            lens[0] * (turns[0, 0, j] * x + turns[1, 0, j] * y + turns[2, 0, j] * z) / near
+            + lens[2]
+        )
+        v = (
+            lens[1] * (turns[0, 1, j] * x + turns[1, 1, j] * y + turns[2, 1, j] * z) / near
+            + lens[3]
+        )
         seen = (near > 0.0) & (u >= -0.5) & (v >= -0.5) & (u <= u_max) & (v <= v_max)
         x, y, z = ends[1, 0] - shifts[0, j], ends[1, 1] - shifts[1, j], ends[1, 2] - shifts[2, j]
         far = turns[0, 2, j] * x + turns[1, 2, j] * y + turns[2, 2, j] * z
-        other_u = lens[0] * (turns[0, 0, j] * x + turns[1, 0, j] * y + turns[2, 0, j] * z) / far + lens[2]
-        other_v = lens[1] * (turns[0, 1, j] * x + turns[1, 1, j] * y + turns[2, 1, j] * z) / far + lens[3]
-        seen &= (far > 0.0) & (other_u >= -0.5) & (other_v >= -0.5) & (other_u <= u_max) & (other_v <= v_max)
-        x, y = (np.rint(other_u) - np.rint(u)) * pitch[0], (np.rint(other_v) - np.rint(v)) * pitch[1]
+        other_u = (
+            lens[0] * (turns[0, 0, j] * x + turns[1, 0, j] * y + turns[2, 0, j] * z) / far + lens[2]
+        )
+        other_v = (
+            lens[1] * (turns[0, 1, j] * x + turns[1, 1, j] * y + turns[2, 1, j] * z) / far + lens[3]
+        )
+        seen &= (
+            (far > 0.0)
+            & (other_u >= -0.5)
+            & (other_v >= -0.5)
+            & (other_u <= u_max)
+            & (other_v <= v_max)
+        )
+        x, y = (
+            (np.rint(other_u) - np.rint(u)) * pitch[0],
+            (np.rint(other_v) - np.rint(v)) * pitch[1],
+        )
         n += np.int64(seen & (abs(np.sqrt(x * x + y * y) - nominal) <= tolerance))
     return n

@@ -69,7 +69,9 @@ class BoxRegion:
 
     def __post_init__(self) -> None:
         if not np.all(np.asarray(self.low, dtype=float) < np.asarray(self.high, dtype=float)):
-            raise RequestError(f"low must be below high in every coordinate. Got {self.low!r} and {self.high!r}.")
+            raise RequestError(
+                f"low must be below high in every coordinate. Got {self.low!r} and {self.high!r}."
+            )
 
     def margin(self, positions: np.ndarray) -> np.ndarray:
         """Return the distance to the nearest face, positive inside.
@@ -84,7 +86,9 @@ class BoxRegion:
         array, shape (n,)
             Distances, mm; outside, minus the largest overshoot along an axis.
         """
-        return np.minimum(positions - np.asarray(self.low), np.asarray(self.high) - positions).min(axis=-1)
+        return np.minimum(positions - np.asarray(self.low), np.asarray(self.high) - positions).min(
+            axis=-1
+        )
 
 
 @dataclass(frozen=True)
@@ -208,5 +212,7 @@ def reach_margin(reach: Reach, positions: np.ndarray) -> np.ndarray:
     else:
         margin = np.where(np.asarray(reach(positions), dtype=bool), 1.0, -1.0)
     if margin.shape != (len(positions),):
-        raise RequestError(f"reach must return one value per position, shape ({len(positions)},). Got {margin.shape}.")
+        raise RequestError(
+            f"reach must return one value per position, shape ({len(positions)},). Got {margin.shape}."
+        )
     return margin

@@ -111,7 +111,9 @@ class Request:
         if not self.dimensions:
             return edges
         given = self.camera, self.pose_uncertainty, self.localisation
-        return TargetObjective(edges, {i: dimension_model(item, *given) for i, item in self.dimensions.items()})
+        return TargetObjective(
+            edges, {i: dimension_model(item, *given) for i, item in self.dimensions.items()}
+        )
 
     def of(self, names: Sequence[str]) -> Request:
         """Return the same request for some of the entities."""
@@ -123,4 +125,6 @@ class Request:
     @property
     def dimensions(self) -> dict[int, Target]:
         """The items that are dimensions, by their column."""
-        return {i: target for i, target in enumerate(self.targets or ()) if target.measurand is not None}
+        return {
+            i: target for i, target in enumerate(self.targets or ()) if target.measurand is not None
+        }

@@ -51,7 +51,10 @@ class TargetObjective(Objective):
 
 
 def dimension_model(
-    target: Target, camera: Camera, pose_uncertainty: PoseUncertainty, localisation: Localisation | None
+    target: Target,
+    camera: Camera,
+    pose_uncertainty: PoseUncertainty,
+    localisation: Localisation | None,
 ) -> MeasurandModel:
     """Return how sure a dimension is measured; without a localisation, points lie on whole pixels."""
     from errors.measurands import Localisation, MeasurandModel

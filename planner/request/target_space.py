@@ -32,7 +32,12 @@ class TargetSpace:
         For each dimension two points of it, mm.
     """
 
-    def __init__(self, space: Space, needs: Mapping[str, Sequence[str]], segments: Mapping[str, NDArray[np.float64]]):
+    def __init__(
+        self,
+        space: Space,
+        needs: Mapping[str, Sequence[str]],
+        segments: Mapping[str, NDArray[np.float64]],
+    ):
         self.space = space
         self.needs = {name: tuple(entities) for name, entities in needs.items()}
         self.segments = dict(segments)
@@ -57,7 +62,9 @@ class TargetSpace:
         """Names of the dimensions, in order."""
         return tuple(self.needs)
 
-    def observable(self, points: NDArray[np.float64], names: Sequence[str] | None = None) -> NDArray[np.bool_]:
+    def observable(
+        self, points: NDArray[np.float64], names: Sequence[str] | None = None
+    ) -> NDArray[np.bool_]:
         """Return which dimensions have all their entities observable from which viewpoints (n, 3); (n, k) bool."""
         names = self.entity_names if names is None else names
         wanted = self.entities_of(names)
@@ -81,5 +88,7 @@ class TargetSpace:
         entities = self.entities_of(names)
         space = self.space.subset(entities) if hasattr(self.space, "subset") else self.space
         return TargetSpace(
-            space, {name: self.needs[name] for name in names}, {name: self.segments[name] for name in names}
+            space,
+            {name: self.needs[name] for name in names},
+            {name: self.segments[name] for name in names},
         )

@@ -14,7 +14,13 @@ from errors.telling import frequency_text, probability_text
 from planner.camera.pose import world_to_cam
 from planner.verify.measurements import measurements
 from planner.verify.setting_record import search_windows_px
-from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, TOLERATED, UNSTATED, SuccessRate
+from planner.verify.simulate_setting import (
+    CONFIRMED,
+    CONTRADICTED,
+    TOLERATED,
+    UNSTATED,
+    SuccessRate,
+)
 
 TRUSTED_PX = 2.0
 """Permitted errors below this are told: there the phases of the pixel grid are not random for one planned pose."""
@@ -126,17 +132,28 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
     measured, windows = measurements(plan, setting), search_windows_px(plan, setting)
     rows = []
     for name in setting.entities:
-        value = _dimension(plan.dimensions[name], measured[name]) if name in measured else _edge(plan, setting, name)
+        value = (
+            _dimension(plan.dimensions[name], measured[name])
+            if name in measured
+            else _edge(plan, setting, name)
+        )
         rate, probability = rates.get(name), setting.probability[name]
         coarse = value.permitted_error_px if _is_rounded(plan, name) else None
         warnings = _warnings(coarse, name in plan.on_grid, probability, rate)
         if name in setting.lines_in_window_px:
-            warnings += (Warned(LINE, line_warning(setting.lines_in_window_px[name], windows[name])),)
+            warnings += (
+                Warned(LINE, line_warning(setting.lines_in_window_px[name], windows[name])),
+            )
         if images is not None and images.counts[k].get(name, images.n) < images.n:
             warnings += (Warned(UNSHOWN, unshown_warning(images.counts[k][name], images.n)),)
         if plan.light is not None and name in plan.light.unlit[k]:
             warnings = (Warned(UNLIT, f"shown by no lamp: {plan.light.unlit[k][name]}"), *warnings)
-        told = {"probability": probability, "rate": rate, "search_window_px": windows[name], "warnings": warnings}
+        told = {
+            "probability": probability,
+            "rate": rate,
+            "search_window_px": windows[name],
+            "warnings": warnings,
+        }
         rows.append(Row(k + 1, name, **told, **vars(value)))
     return rows
 
@@ -191,7 +208,9 @@ def _edge(plan: Any, setting: Any, name: str) -> _Value:
     in_camera = world_to_cam(ends, setting.cam2world)
     pixels = (in_camera / in_camera[:, 2:] @ camera.matrix.T)[:, :2]
     px = (1 - plan.accuracy) * float(np.linalg.norm(pixels[1] - pixels[0]))
-    return _Value("length", length, "mm", permitted, px, told.standard_uncertainty, dict(told.budget))
+    return _Value(
+        "length", length, "mm", permitted, px, told.standard_uncertainty, dict(told.budget)
+    )
 
 
 def _is_rounded(plan: Any, name: str) -> bool:
@@ -199,11 +218,15 @@ def _is_rounded(plan: Any, name: str) -> bool:
     return name not in plan.dimensions or plan.dimensions[name].localisation.model == "rounding"
 
 
-def _warnings(px: float | None, on_grid: bool, probability: float, rate: SuccessRate | None) -> tuple[Warned, ...]:
+def _warnings(
+    px: float | None, on_grid: bool, probability: float, rate: SuccessRate | None
+) -> tuple[Warned, ...]:
     found = []
     if px is not None and px < TRUSTED_PX:
         told = f"tolerance of {px:.2g} px, under two pixels"
-        found.append(Warned(FINE, told + (": P was counted on the sensor's grid" if on_grid else "")))
+        found.append(
+            Warned(FINE, told + (": P was counted on the sensor's grid" if on_grid else ""))
+        )
     if rate is not None:
         off, drawn = rate.frequency - probability, frequency_text(rate.successes, rate.n)
         if rate.verdict in (CONTRADICTED, TOLERATED, UNSTATED):

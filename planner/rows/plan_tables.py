@@ -102,14 +102,26 @@ class PlanTables:
             worst = min(rates, key=lambda rate: rate.frequency, default=None)
             least = min(setting.probability[name] for name in setting.entities)
             simulated = "not yet" if worst is None else frequency_text(worst.successes, worst.n)
-            lines.append(_line((str(k + 1), place, ", ".join(setting.entities), probability_text(least), simulated)))
+            lines.append(
+                _line(
+                    (
+                        str(k + 1),
+                        place,
+                        ", ".join(setting.entities),
+                        probability_text(least),
+                        simulated,
+                    )
+                )
+            )
         n, total = len(self.entities) - len(self.uninspectable), len(self.entities)
         settings = "1 setting" if len(self.settings) == 1 else f"{len(self.settings)} settings"
         caption = (
             f"{self.part or 'part'}: {n} of {total} inspected in {settings} (at least "
             f"{self.lower_bound} needed), A = {self.accuracy:g}, P ≥ {self.probability:g}"
         )
-        reasons = "".join(f"<li>{escape(name)}: {escape(why)}</li>" for name, why in self.uninspectable.items())
+        reasons = "".join(
+            f"<li>{escape(name)}: {escape(why)}</li>" for name, why in self.uninspectable.items()
+        )
         missing = f"<p>Not inspected:</p><ul>{reasons}</ul>" if reasons else ""
         caption = f'<caption style="text-align:left">{escape(caption)}</caption>'
         return f"<div><table>{caption}{''.join(lines)}</table>{missing}</div>"
@@ -123,7 +135,13 @@ class PlanTables:
             start, end = self.entities[name]
             kind, nominal, unit = "length", float(np.linalg.norm(end - start)), "mm"
             error = (1.0 - self.accuracy) * nominal
-        return {"name": name, "kind": kind, "nominal": nominal, "permitted_error": error, "unit": unit}
+        return {
+            "name": name,
+            "kind": kind,
+            "nominal": nominal,
+            "permitted_error": error,
+            "unit": unit,
+        }
 
 
 def _values(row: Row) -> dict[str, Any]:
@@ -143,7 +161,10 @@ def _values(row: Row) -> dict[str, Any]:
         "simulated_high": None if rate is None else rate.high,
         "verdict": None if rate is None else rate.verdict,
         "standard_uncertainty": row.standard_uncertainty,
-        **{f"variance_{source}": row.budget.get(source) for source in ("translation", "rotation", "localisation")},
+        **{
+            f"variance_{source}": row.budget.get(source)
+            for source in ("translation", "rotation", "localisation")
+        },
         "search_window_px": row.search_window_px,
         "warnings": "; ".join(warning.text for warning in row.warnings) or None,
     }
@@ -156,7 +177,11 @@ def _pose(setting: Any) -> dict[str, Any]:
     turn = Rotation.from_matrix(setting.cam2world[:3, :3]).as_rotvec() * _DEG
     place = dict(zip(("x", "y", "z"), map(float, setting.position), strict=True))
     turns = dict(zip(("rx", "ry", "rz"), map(float, turn), strict=True))
-    return {**place, **turns, **{f"margin_{name}": float(value) for name, value in setting.margins.items()}}
+    return {
+        **place,
+        **turns,
+        **{f"margin_{name}": float(value) for name, value in setting.margins.items()},
+    }
 
 
 def _line(cells: Sequence[str], tag: str = "td") -> str:

@@ -101,14 +101,20 @@ def draw_start(
     return Start(np.concatenate(found)[:n], nearest, drawn, hits - given)
 
 
-def snap(parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints) -> tuple[np.ndarray, np.ndarray]:
+def snap(
+    parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints
+) -> tuple[np.ndarray, np.ndarray]:
     """Encode parameters (m, 6); return the bits and whether the pose *they* stand for is feasible."""
     bits = encoding.encode(parameters)
     return bits, constraints.feasible(encoding.decode(bits))
 
 
 def repair(
-    n: int, tried: np.ndarray, encoding: PoseEncoding, constraints: Constraints, rng: np.random.Generator
+    n: int,
+    tried: np.ndarray,
+    encoding: PoseEncoding,
+    constraints: Constraints,
+    rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Move the least violating parameters towards feasibility; return up to n feasible bits, and the last pool."""
     pool, found = tried[: REPAIR.pool], []
@@ -125,7 +131,9 @@ def repair(
     return np.concatenate(found)[:n], pool
 
 
-def neighbours(pool: np.ndarray, n: int, step: float, encoding: PoseEncoding, rng: np.random.Generator) -> np.ndarray:
+def neighbours(
+    pool: np.ndarray, n: int, step: float, encoding: PoseEncoding, rng: np.random.Generator
+) -> np.ndarray:
     """Return n normal steps (n, 6) around members of the pool, of `step` times the range; roll wraps around."""
     span = encoding.high - encoding.low
     children = pool[rng.integers(len(pool), size=n)] + rng.normal(size=(n, 6)) * span * step
@@ -133,7 +141,9 @@ def neighbours(pool: np.ndarray, n: int, step: float, encoding: PoseEncoding, rn
     return np.clip(children, encoding.low, encoding.high)
 
 
-def _least_violating(parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints) -> np.ndarray:
+def _least_violating(
+    parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints
+) -> np.ndarray:
     """Return those of the parameters (m, 6) whose poses violate least, sorted; at most so many as repair keeps.
 
     Images of ends cost little. What they miss is missed at least, so the costly rest is asked of the hopeful only.
@@ -147,5 +157,7 @@ def _least_violating(parameters: np.ndarray, encoding: PoseEncoding, constraints
     return parameters[hopeful[np.argsort(violation, kind="stable")[: REPAIR.pool]]]
 
 
-def _violation(parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints) -> np.ndarray:
+def _violation(
+    parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints
+) -> np.ndarray:
     return constraints.violation(encoding.poses(parameters))

@@ -54,7 +54,12 @@ def _pair_never_seen_together(space: Space, names: Sequence[str]) -> tuple[str, 
     """
     if len(names) == 2:
         return names[0], names[1]
-    seen = np.array([space.observable(cells_of(space, [name]).sample(1000, 0), names).any(axis=0) for name in names])
+    seen = np.array(
+        [
+            space.observable(cells_of(space, [name]).sample(1000, 0), names).any(axis=0)
+            for name in names
+        ]
+    )
     doubtful = [(names[i], names[j]) for i, j in np.argwhere(~(seen | seen.T)) if i < j]
     return next((pair for pair in doubtful[:5] if not len(cells_of(space, list(pair)))), None)
 
@@ -67,7 +72,9 @@ def check_resolvable(constraints: Constraints) -> None:
     camera = constraints.camera
     nearest = camera.depth_of_field_mm[0]
     segments = constraints.segments
-    lengths = np.where(constraints.resolved, np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1), np.inf)
+    lengths = np.where(
+        constraints.resolved, np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1), np.inf
+    )
     worst = int(np.argmin(lengths))
     name = constraints.names[constraints.owner[worst]]
     longest = float(longest_image_mm(camera, lengths)[worst])
@@ -94,8 +101,14 @@ def check_extent(constraints: Constraints) -> None:
     apart = np.linalg.norm(ends[:, None] - ends, axis=-1)
     first, second = np.unravel_index(np.argmax(apart), apart.shape)
     if apart[first, second] > limit:
-        names = list(dict.fromkeys(constraints.names[constraints.owner[i // 2]] for i in (first, second)))
-        who = f"entities {names[0]!r} and {names[1]!r}: their" if len(names) > 1 else f"entity {names[0]!r}: its"
+        names = list(
+            dict.fromkeys(constraints.names[constraints.owner[i // 2]] for i in (first, second))
+        )
+        who = (
+            f"entities {names[0]!r} and {names[1]!r}: their"
+            if len(names) > 1
+            else f"entity {names[0]!r}: its"
+        )
         margin = (
             (limit - apart[first, second])
             * camera.image_distance_mm
@@ -117,7 +130,10 @@ def missing_corners(constraints: Constraints) -> dict[str, InfeasibleError]:
     for k, name in enumerate(constraints.names if "corner_deg" in constraints.shows else ()):
         end = constraints.image.without_corner(k)
         if end is not None:
-            place, least = ", ".join(f"{x:.6g}" for x in end), constraints.requirements.showing.min_corner_deg
+            place, least = (
+                ", ".join(f"{x:.6g}" for x in end),
+                constraints.requirements.showing.min_corner_deg,
+            )
             found[name] = InfeasibleError(
                 f"corner_deg cannot be met for entity {name!r}: at ({place}) mm the edge runs on smoothly, so its "
                 "length has no corner to be measured to; a distance or an angle can be measured of it, and so can its "
@@ -129,7 +145,9 @@ def missing_corners(constraints: Constraints) -> dict[str, InfeasibleError]:
     return found
 
 
-def explain_positions(constraints: Constraints, cells: CellSet, rng: np.random.Generator) -> InfeasibleError:
+def explain_positions(
+    constraints: Constraints, cells: CellSet, rng: np.random.Generator
+) -> InfeasibleError:
     """Explain a request whose covering domains hold no viewpoint at a distance where the lens can focus."""
     positions = np.concatenate([cells.sample(4096, rng), *(cell.vertices for cell in cells)])
     distance = np.linalg.norm(positions[:, None, None] - constraints.ends, axis=-1)
@@ -148,7 +166,10 @@ def explain_positions(constraints: Constraints, cells: CellSet, rng: np.random.G
 
 
 def explain_infeasible(
-    constraints: Constraints, encoding: PoseEncoding, tried: np.ndarray, rng: np.random.Generator | None
+    constraints: Constraints,
+    encoding: PoseEncoding,
+    tried: np.ndarray,
+    rng: np.random.Generator | None,
 ) -> InfeasibleError:
     """Explain why none of the tried parameters (m, 6), the least violating first, could be made feasible.
 
@@ -159,13 +180,19 @@ def explain_infeasible(
     margins = constraints.margins(encoding.poses(tried))
     if rng is None:
         return _nearest_misses(margins, constraints)
-    for name in sorted(margins, key=lambda name: margins[name].min(axis=1).max() / constraints.scale(name)):
+    for name in sorted(
+        margins, key=lambda name: margins[name].min(axis=1).max() / constraints.scale(name)
+    ):
         if margins[name].min(axis=1).max() >= 0:
             break
         margin, entity = _best_margin(name, constraints, encoding, tried, rng)
         if margin < 0:
             # of visibility the margin is only a sign
-            best = "" if name == "visibility" else f": the best margin found is {_quantity(name, margin)}"
+            best = (
+                ""
+                if name == "visibility"
+                else f": the best margin found is {_quantity(name, margin)}"
+            )
             return InfeasibleError(
                 f"{name} was met by no pose tried{_for(entity)}{best}.",
                 constraint=name,
@@ -176,7 +203,11 @@ def explain_infeasible(
 
 
 def _best_margin(
-    name: str, constraints: Constraints, encoding: PoseEncoding, tried: np.ndarray, rng: np.random.Generator
+    name: str,
+    constraints: Constraints,
+    encoding: PoseEncoding,
+    tried: np.ndarray,
+    rng: np.random.Generator,
 ) -> tuple[float, str]:
     """Search poses for the largest margin of one constraint; return it and the entity that sets it."""
     pool = tried[:32]
@@ -199,9 +230,15 @@ def _nearest_misses(margins: dict[str, np.ndarray], constraints: Constraints) ->
     """Explain by the first pose, which comes nearest: what it still misses."""
     worst = {name: _worst(margin[0], constraints) for name, margin in margins.items()}
     missed = sorted((m / constraints.scale(name), name) for name, (m, _) in worst.items() if m < 0)
-    parts = [f"{name} by {_quantity(name, -worst[name][0])}{_for(worst[name][1])}" for _, name in missed]
+    parts = [
+        f"{name} by {_quantity(name, -worst[name][0])}{_for(worst[name][1])}" for _, name in missed
+    ]
     name = missed[0][1] if missed else ""
-    what = f"the nearest pose misses {', '.join(parts)}" if parts else "no pose was found that meets all of them"
+    what = (
+        f"the nearest pose misses {', '.join(parts)}"
+        if parts
+        else "no pose was found that meets all of them"
+    )
     return InfeasibleError(
         f"constraints were met together by no pose tried for {', '.join(constraints.names)}: {what}.",
         constraint=name,

@@ -114,11 +114,17 @@ class Ascent:
             for signs in _MIRRORINGS:
                 parameters = self.encoding.parameters_of(self.cam2world[None])
                 parameters[:, 3:5] *= signs
-                merit, pose = self._approach(self.encoding.poses(parameters)[0], _NO_WALLS, STARTS.steps_mirrored)
-                if merit > STARTS.promising * self.fitness and self._is_apart(pose, [self.cam2world]):
+                merit, pose = self._approach(
+                    self.encoding.poses(parameters)[0], _NO_WALLS, STARTS.steps_mirrored
+                )
+                if merit > STARTS.promising * self.fitness and self._is_apart(
+                    pose, [self.cam2world]
+                ):
                     self._follow(pose)
 
-    def _approach(self, pose: np.ndarray, walls: np.ndarray, steps: int = STARTS.steps) -> tuple[float, np.ndarray]:
+    def _approach(
+        self, pose: np.ndarray, walls: np.ndarray, steps: int = STARTS.steps
+    ) -> tuple[float, np.ndarray]:
         pose, merit, nfev = approach(pose, walls, self.objective, self.constraints, steps)
         self.nfev += nfev
         return merit, pose
@@ -150,7 +156,9 @@ class Ascent:
             if self.fitness >= self.enough:
                 return
             last = fitness
-            pose, fitness, nfev = refine(pose, _NO_WALLS if walls is None else walls, self.objective, self.constraints)
+            pose, fitness, nfev = refine(
+                pose, _NO_WALLS if walls is None else walls, self.objective, self.constraints
+            )
             self.nfev += nfev
             self._keep(pose, fitness)
             if walls is None and fitness <= last * (1.0 + STARTS.onward_gain):
@@ -168,10 +176,14 @@ def best_apart(bits: np.ndarray, fitness: np.ndarray, encoding: PoseEncoding, n:
     Apart means by a tenth of some parameter's range: neighbours would be refined to the same optimum.
     """
     bits = bits[np.argsort(-fitness, kind="stable")]
-    places = encoding.parameters(bits) / np.where(encoding.high > encoding.low, encoding.high - encoding.low, 1.0)
+    places = encoding.parameters(bits) / np.where(
+        encoding.high > encoding.low, encoding.high - encoding.low, 1.0
+    )
     chosen: list[int] = []
     for i in range(len(bits)):
-        if len(chosen) < n and np.all(np.abs(places[chosen] - places[i]).max(axis=1, initial=0.0) > STARTS.apart):
+        if len(chosen) < n and np.all(
+            np.abs(places[chosen] - places[i]).max(axis=1, initial=0.0) > STARTS.apart
+        ):
             chosen.append(i)
     return bits[chosen]
 
@@ -196,7 +208,9 @@ def spread(positions: np.ndarray, n: int, first: int = 0) -> tuple[list[int], np
     return centres, group
 
 
-def turned_views(n: int, sampler: ViewpointSampler, encoding: PoseEncoding, rng: np.random.Generator) -> np.ndarray:
+def turned_views(
+    n: int, sampler: ViewpointSampler, encoding: PoseEncoding, rng: np.random.Generator
+) -> np.ndarray:
     """Draw up to n poses (m, 4, 4), feasible or not, in the covering domains.
 
     Positions are far apart; pan and tilt are at most half of what they may be, roll is anything.

@@ -15,7 +15,12 @@ from planner.exceptions import RequestError
 from planner.options import chosen, with_keywords_of
 from planner.request.request import Request
 from planner.request.space import Space
-from planner.setting.infeasible import check_extent, check_observable, check_resolvable, missing_corners
+from planner.setting.infeasible import (
+    check_extent,
+    check_observable,
+    check_resolvable,
+    missing_corners,
+)
 from planner.setting.pose_search import Search, search_pose
 from planner.setting.sensor_setting import SensorSetting
 from planner.setting.setting_options import SettingKeywords, SettingOptions
@@ -114,7 +119,9 @@ def plan_setting(
     """
     wanted = chosen(SettingOptions, plan_setting, options)
     need = wanted.requirements(camera, pose_uncertainty)
-    request = Request(space, check_names(space, names), camera, pose_uncertainty, accuracy, requirements=need)
+    request = Request(
+        space, check_names(space, names), camera, pose_uncertainty, accuracy, requirements=need
+    )
     return best_setting(
         request,
         rng,
@@ -166,7 +173,9 @@ def best_setting(
     for error in missing_corners(constraints).values():
         raise error
     cells = check_observable(request.space, request.names)
-    outcome = search_pose(cells, constraints, goal, search or Search(), generator, _check_poses(start), callback)
+    outcome = search_pose(
+        cells, constraints, goal, search or Search(), generator, _check_poses(start), callback
+    )
     pose = outcome.cam2world[None]
     probability = goal.probability(pose)[0]
     if request.counted.size:
@@ -193,7 +202,9 @@ def check_names(space: Space, names: Sequence[str]) -> tuple[str, ...]:
         raise RequestError("names must hold at least one entity. Got none.")
     for name in names:
         if name not in space.entities:
-            raise RequestError(f"names must be entities ({', '.join(map(str, space.entity_names))}). Got {name!r}.")
+            raise RequestError(
+                f"names must be entities ({', '.join(map(str, space.entity_names))}). Got {name!r}."
+            )
         if names.count(name) > 1:
             raise RequestError(f"names must be different. Got {name!r} twice.")
     return names
@@ -205,7 +216,9 @@ def _check_rng(rng: object) -> tuple[np.random.Generator, int | None]:
     if rng is None:
         rng = int(np.random.SeedSequence().generate_state(1)[0])
     if not isinstance(rng, Integral) or isinstance(rng, bool) or rng < 0:
-        raise RequestError(f"rng must be a non-negative integer, a numpy Generator or None. Got {rng!r}.")
+        raise RequestError(
+            f"rng must be a non-negative integer, a numpy Generator or None. Got {rng!r}."
+        )
     return np.random.default_rng(int(rng)), int(rng)
 
 

@@ -36,7 +36,12 @@ class PoseEncoding:
     """
 
     def __init__(
-        self, bounds: np.ndarray, target: np.ndarray, max_turn_rad: float, gene_bits: int = 16, gray: bool = True
+        self,
+        bounds: np.ndarray,
+        target: np.ndarray,
+        max_turn_rad: float,
+        gene_bits: int = 16,
+        gray: bool = True,
     ) -> None:
         self.chromosome = Chromosome(6, gene_bits, gray)
         self.target = np.asarray(target, dtype=np.float64)

@@ -109,8 +109,15 @@ class Search:
 
     def __post_init__(self) -> None:
         if self.sampling not in ("covering", "workspace"):
-            raise RequestError(f"sampling must be 'covering' or 'workspace'. Got {self.sampling!r}.")
-        for name, least in (("refine_starts", 0), ("spread_starts", 0), ("turned_starts", 0), ("max_draws", 1)):
+            raise RequestError(
+                f"sampling must be 'covering' or 'workspace'. Got {self.sampling!r}."
+            )
+        for name, least in (
+            ("refine_starts", 0),
+            ("spread_starts", 0),
+            ("turned_starts", 0),
+            ("max_draws", 1),
+        ):
             check_count(name, getattr(self, name), least)
 
     @classmethod
@@ -177,7 +184,15 @@ class Search:
         dict
             Those of the fields that `ga.maximize` takes.
         """
-        own = ("gene_bits", "gray_code", "max_draws", "stop_at_perfect", "explain", "sampling", *_STARTS)
+        own = (
+            "gene_bits",
+            "gray_code",
+            "max_draws",
+            "stop_at_perfect",
+            "explain",
+            "sampling",
+            *_STARTS,
+        )
         return {name: value for name, value in self.__dict__.items() if name not in own}
 
 
@@ -227,12 +242,18 @@ def search_pose(
     known = np.empty((0, 4, 4)) if known is None else known
     sampler = ViewpointSampler(cells, constraints.ends, constraints.camera)
     if search.sampling == "workspace":
-        sampler = WorkspaceSampler(cells, constraints.ends, constraints.camera, constraints.space.workspace)
+        sampler = WorkspaceSampler(
+            cells, constraints.ends, constraints.camera, constraints.space.workspace
+        )
     if sampler.empty:
         raise explain_positions(constraints, cells, rng)
     turn = constraints.camera.half_diagonal_rad
-    encoding = PoseEncoding(sampler.bounds, constraints.sphere_centre, turn, search.gene_bits, search.gray_code)
-    start = draw_start(search.population, sampler, encoding, constraints, rng, search.max_draws, known)
+    encoding = PoseEncoding(
+        sampler.bounds, constraints.sphere_centre, turn, search.gene_bits, search.gray_code
+    )
+    start = draw_start(
+        search.population, sampler, encoding, constraints, rng, search.max_draws, known
+    )
     known = known[constraints.feasible(known)]
     if len(start.bits):
         result = _evolve(start.bits, encoding, constraints, objective, search, rng, callback)
@@ -240,14 +261,29 @@ def search_pose(
     elif len(known):
         # feasible only between the steps of the encoding: what is left is to refine
         result = None
-        outcome = Outcome(known[0], -np.inf, 0, 0, "No encoded pose is feasible; the known poses were refined.", ())
+        outcome = Outcome(
+            known[0],
+            -np.inf,
+            0,
+            0,
+            "No encoded pose is feasible; the known poses were refined.",
+            (),
+        )
     else:
         raise (
             explain_infeasible(constraints, encoding, start.tried, rng if search.explain else None)
             if len(start.tried)
             else explain_positions(constraints, cells, rng)
         )
-    ascent = Ascent(sampler, encoding, objective, constraints, _enough(objective), outcome.cam2world, outcome.fitness)
+    ascent = Ascent(
+        sampler,
+        encoding,
+        objective,
+        constraints,
+        _enough(objective),
+        outcome.cam2world,
+        outcome.fitness,
+    )
     ascent.consider(known)
     if search.refines and ascent.fitness < ascent.enough:
         ascent.climb(np.concatenate([_starts(result, start.bits, ascent, search, rng), known]))
@@ -257,15 +293,28 @@ def search_pose(
 
 
 def _starts(
-    result: GAResult | None, first: np.ndarray, ascent: Ascent, search: Search, rng: np.random.Generator
+    result: GAResult | None,
+    first: np.ndarray,
+    ascent: Ascent,
+    search: Search,
+    rng: np.random.Generator,
 ) -> np.ndarray:
     """Return the poses (m, 4, 4) to refine from, given how the genetic algorithm ended and its first chromosomes."""
-    encoding, poses = ascent.encoding, [turned_views(search.turned_starts, ascent.sampler, ascent.encoding, rng)]
+    encoding, poses = (
+        ascent.encoding,
+        [turned_views(search.turned_starts, ascent.sampler, ascent.encoding, rng)],
+    )
     if result is not None:
-        bits, fitness = np.vstack([result.x, result.population]), np.append(result.fun, result.fitness)
+        bits, fitness = (
+            np.vstack([result.x, result.population]),
+            np.append(result.fun, result.fitness),
+        )
         best = best_apart(bits, fitness, encoding, search.refine_starts)
         first = encoding.decode(first)
-        poses += [encoding.decode(best), best_around(first, ascent.objective.fitness(first), search.spread_starts)]
+        poses += [
+            encoding.decode(best),
+            best_around(first, ascent.objective.fitness(first), search.spread_starts),
+        ]
         ascent.nfev += len(first)
     return np.concatenate(poses)
 
@@ -295,7 +344,9 @@ def _evolve(
 def _outcome(result: GAResult, encoding: PoseEncoding) -> Outcome:
     history = tuple(result.history.best_so_far.tolist())
     pose = encoding.decode(result.x[None])[0]
-    return Outcome(pose, float(result.fun), int(result.nfev), int(result.nit), result.message, history)
+    return Outcome(
+        pose, float(result.fun), int(result.nfev), int(result.nit), result.message, history
+    )
 
 
 def _enough(objective: Objective) -> float:

@@ -52,19 +52,34 @@ class Climbing:
 
 CLIMBING = Climbing()
 _AROUND = np.vstack([np.zeros(6), CLIMBING.step * np.eye(6), -CLIMBING.step * np.eye(6)])
-_SMOOTH = ("resolution_mm", "focus_mm", "field_of_view_px", "field_of_view_mm", "workspace_mm", "reach", "clearance_mm")
+_SMOOTH = (
+    "resolution_mm",
+    "focus_mm",
+    "field_of_view_px",
+    "field_of_view_mm",
+    "workspace_mm",
+    "reach",
+    "clearance_mm",
+)
 
 
 class _Neighbourhood:
     """Fitness and slacks around a pose, with central differences, evaluated once per point."""
 
     def __init__(
-        self, cam2world: np.ndarray, half_spaces: np.ndarray, objective: Objective, constraints: Constraints
+        self,
+        cam2world: np.ndarray,
+        half_spaces: np.ndarray,
+        objective: Objective,
+        constraints: Constraints,
     ) -> None:
         self.start, self.objective, self.constraints = cam2world, objective, constraints
         self.distance = float(np.linalg.norm(cam2world[:3, 3] - constraints.sphere_centre)) or 1.0
         norms = np.linalg.norm(half_spaces[:, :3], axis=1)
-        self._normals, self._scales = half_spaces[:, :3], np.where(norms > 0, norms * self.distance, 1.0)
+        self._normals, self._scales = (
+            half_spaces[:, :3],
+            np.where(norms > 0, norms * self.distance, 1.0),
+        )
         self._offsets = half_spaces[:, 3] + constraints.requirements.visibility_radius_mm * norms
         self.names = [name for name in _SMOOTH if name in constraints.constraint_names]
         self._units = {name: constraints.scale(name) for name in self.names}
@@ -105,7 +120,9 @@ class _Neighbourhood:
         ]
         inside = -(poses[:, :3, 3] @ self._normals.T + self._offsets) / self._scales
         slacks = (
-            np.hstack([*columns, inside, CLIMBING.largest_move - moves, CLIMBING.largest_move + moves])
+            np.hstack(
+                [*columns, inside, CLIMBING.largest_move - moves, CLIMBING.largest_move + moves]
+            )
             - CLIMBING.back_off
         )
         return np.minimum(slacks, CLIMBING.never_broken)
@@ -124,7 +141,11 @@ class _Neighbourhood:
             lambda x: -self.at(x)[0],
             np.zeros(6),
             jac=lambda x: -self.at(x)[1],
-            constraints={"type": "ineq", "fun": lambda x: self.at(x)[2], "jac": lambda x: self.at(x)[3]},
+            constraints={
+                "type": "ineq",
+                "fun": lambda x: self.at(x)[2],
+                "jac": lambda x: self.at(x)[3],
+            },
             method="SLSQP",
             options={"maxiter": max_iterations, "ftol": CLIMBING.tolerance},
         )
@@ -132,7 +153,11 @@ class _Neighbourhood:
 
 
 def approach(
-    cam2world: np.ndarray, half_spaces: np.ndarray, objective: Objective, constraints: Constraints, iterations: int
+    cam2world: np.ndarray,
+    half_spaces: np.ndarray,
+    objective: Objective,
+    constraints: Constraints,
+    iterations: int,
 ) -> tuple[np.ndarray, float, int]:
     """Take a few steps from a pose, feasible or not, towards the nearest local optimum.
 
@@ -156,7 +181,11 @@ def approach(
     near.without("clearance_mm")
     x = near.climb(iterations)
     fitness, _, slacks, _ = near.at(x)
-    return near.poses(x[None])[0], float(fitness + objective.highest * min(slacks.min(), 0.0)), near.nfev
+    return (
+        near.poses(x[None])[0],
+        float(fitness + objective.highest * min(slacks.min(), 0.0)),
+        near.nfev,
+    )
 
 
 def refine(
@@ -213,7 +242,9 @@ def _best_of_the_way(near: _Neighbourhood, x: np.ndarray) -> tuple[np.ndarray, f
     mask = near.constraints.feasible(near.poses(shares[:, None] * x))
     if not mask[1]:
         shares = np.linspace(0.0, 1.0, 41)[:-1]
-        mask = np.concatenate([mask[:1], near.constraints.feasible(near.poses(shares[1:, None] * x))])
+        mask = np.concatenate(
+            [mask[:1], near.constraints.feasible(near.poses(shares[1:, None] * x))]
+        )
     poses = near.poses(shares[mask, None] * x)
     if not len(poses):
         return near.start, -np.inf, near.nfev

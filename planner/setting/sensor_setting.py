@@ -65,7 +65,11 @@ class SensorSetting:
         from errors.telling import probability_text
 
         place = ", ".join(f"{c:.1f}" for c in self.position)
-        worst = f", smallest probability {probability_text(min(self.probability.values()))}" if self.probability else ""
+        worst = (
+            f", smallest probability {probability_text(min(self.probability.values()))}"
+            if self.probability
+            else ""
+        )
         return f"<SensorSetting: {len(self.entities)} entities from ({place}) mm{worst}>"
 
     @property
@@ -92,7 +96,11 @@ class SensorSetting:
             "message": self.message,
             "seed": self.seed,
             "history": list(self.history),
-            **({"lines_in_window_px": dict(self.lines_in_window_px)} if self.lines_in_window_px else {}),
+            **(
+                {"lines_in_window_px": dict(self.lines_in_window_px)}
+                if self.lines_in_window_px
+                else {}
+            ),
         }
 
     @classmethod

@@ -11,7 +11,12 @@ from numpy.typing import ArrayLike
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.request.constraints import Requirements
-from planner.request.defaults import check_focus_margin, check_showing, pose_margin_px, position_margin_mm
+from planner.request.defaults import (
+    check_focus_margin,
+    check_showing,
+    pose_margin_px,
+    position_margin_mm,
+)
 from planner.request.reach import Reach
 from planner.setting.pose_search import Search
 from planner.showing.showing import NOT_ASKED, Showing

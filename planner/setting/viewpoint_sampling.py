@@ -59,14 +59,22 @@ class ViewpointSampler:
     def _clip_boxes(self) -> None:
         """Clip the bounding box of every cell to the box that contains the shell."""
         self._parts = list(self.cells)
-        corners = np.array([[part.vertices.min(axis=0), part.vertices.max(axis=0)] for part in self._parts])
+        corners = np.array(
+            [[part.vertices.min(axis=0), part.vertices.max(axis=0)] for part in self._parts]
+        )
         corners = corners.reshape(-1, 2, 3)
         low = np.maximum(corners[:, 0], (self.points - self.far).max(axis=0))
         high = np.minimum(corners[:, 1], (self.points + self.far).min(axis=0))
-        self._kept = np.flatnonzero((low < high).all(axis=1) & boxes_reach(low, high, self.points, self.near, self.far))
+        self._kept = np.flatnonzero(
+            (low < high).all(axis=1) & boxes_reach(low, high, self.points, self.near, self.far)
+        )
         self._low, self._high = low[self._kept], high[self._kept]
         self.empty = not len(self._kept)
-        self.bounds = np.empty((2, 0)) if self.empty else np.array([self._low.min(axis=0), self._high.max(axis=0)])
+        self.bounds = (
+            np.empty((2, 0))
+            if self.empty
+            else np.array([self._low.min(axis=0), self._high.max(axis=0)])
+        )
 
     def _choose_proposal(self) -> None:
         inner, outer = self._radii
@@ -124,7 +132,9 @@ class ViewpointSampler:
         keep = self.in_shell(positions)
         positions, chosen = positions[keep], chosen[keep]
         planes = self._half_spaces[chosen]
-        return positions[((planes[..., :3] @ positions[:, :, None])[..., 0] + planes[..., 3] <= 0).all(axis=1)]
+        return positions[
+            ((planes[..., :3] @ positions[:, :, None])[..., 0] + planes[..., 3] <= 0).all(axis=1)
+        ]
 
     @property
     def _half_spaces(self) -> np.ndarray:
@@ -138,14 +148,18 @@ class ViewpointSampler:
 
     def cell_of(self, position: np.ndarray) -> np.ndarray | None:
         """Return the half-spaces (s, 4) of the cell that contains a position (3,), or None."""
-        inside = (self._half_spaces[..., :3] @ position + self._half_spaces[..., 3] <= 0).all(axis=1)
+        inside = (self._half_spaces[..., :3] @ position + self._half_spaces[..., 3] <= 0).all(
+            axis=1
+        )
         return self._half_spaces[np.argmax(inside)] if inside.any() else None
 
 
 class WorkspaceSampler(ViewpointSampler):
     """Uniform draws from the whole workspace: what the restriction to the covering domains is measured against."""
 
-    def __init__(self, cells: CellSet, ends: np.ndarray, camera: Camera, workspace: np.ndarray) -> None:
+    def __init__(
+        self, cells: CellSet, ends: np.ndarray, camera: Camera, workspace: np.ndarray
+    ) -> None:
         super().__init__(cells, ends, camera)
         if not self.empty:
             self.bounds = np.array(workspace, dtype=np.float64)

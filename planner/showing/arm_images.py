@@ -41,7 +41,11 @@ def arm_images(poses: Any, pairs: Any, scale: Any, lines: Any, arms: Any, found:
             e = contour[a]
             front = 0
             for f in faces[e]:
-                side = planes[0, f] * pose[0, 3] + planes[1, f] * pose[1, 3] + planes[2, f] * pose[2, 3]
+                side = (
+                    planes[0, f] * pose[0, 3]
+                    + planes[1, f] * pose[1, 3]
+                    + planes[2, f] * pose[2, 3]
+                )
                 front += side > planes[3, f]
             if not SHOWS[kinds[e], front]:
                 continue

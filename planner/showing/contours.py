@@ -23,7 +23,9 @@ OTHER, OWN, CONNECTED = 0, 1, 2
 SHARP, CONVEX, CURVED = 1, 2, 4
 # whether an edge shows, by its kind and how many of its faces turn to the camera: smooth ones where one turns away,
 # sharp ones where none does, and convex ones in both cases
-SHOWS = np.array([[0, not kind & SHARP or kind & CONVEX > 0, kind & SHARP > 0] for kind in range(8)], np.int64)
+SHOWS = np.array(
+    [[0, not kind & SHARP or kind & CONVEX > 0, kind & SHARP > 0] for kind in range(8)], np.int64
+)
 
 
 class Contours(NamedTuple):
@@ -72,11 +74,18 @@ def contours_of(solid: Solid) -> Contours:
     edges = [solid.edges[i] for i in ids]
     ends = np.array([edge.vertices for edge in edges], np.int64).reshape(-1, 2)
     faces = np.array([edge.faces for edge in edges], np.int64).reshape(-1, 2)
-    vertices, normals = np.ascontiguousarray(solid.vertices, np.float64), np.asarray(solid.normals, np.float64)
+    vertices, normals = (
+        np.ascontiguousarray(solid.vertices, np.float64),
+        np.asarray(solid.normals, np.float64),
+    )
     offsets = np.zeros(len(normals))
     offsets[faces] = np.einsum("efk,ek->ef", normals[faces], vertices[ends[:, 0]])
     curved = np.array([edge.curved for edge in edges], bool)
-    kinds = np.where(shows[ids], SHARP, 0) | np.where(turns[ids] > 0, CONVEX, 0) | np.where(curved, CURVED, 0)
+    kinds = (
+        np.where(shows[ids], SHARP, 0)
+        | np.where(turns[ids] > 0, CONVEX, 0)
+        | np.where(curved, CURVED, 0)
+    )
     planes = np.ascontiguousarray(np.column_stack([normals, offsets]))
     return Contours(vertices, ends, planes, faces, kinds.astype(np.uint8), ids.astype(np.int64))
 
@@ -94,7 +103,9 @@ def meeting(contours: Contours) -> Meeting:
     return at
 
 
-def relation_to(contours: Contours, at: Meeting, edge_ids: Sequence[int], radius_mm: float) -> NDArray[np.uint8]:
+def relation_to(
+    contours: Contours, at: Meeting, edge_ids: Sequence[int], radius_mm: float
+) -> NDArray[np.uint8]:
     """Return what each edge (m,) is to an entity: another one, its own, or connected to it at a vertex.
 
     Connected are the edges that meet it, and of curves that meet it the next chords.

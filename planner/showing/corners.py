@@ -57,7 +57,11 @@ class Arms(NamedTuple):
 
 
 def arms_of(
-    contours: Contours, at: Meeting, relations: NDArray[np.uint8], ends: Array, asked: NDArray[np.bool_]
+    contours: Contours,
+    at: Meeting,
+    relations: NDArray[np.uint8],
+    ends: Array,
+    asked: NDArray[np.bool_],
 ) -> Arms:
     """Return the edges that leave the ends of entities.
 
@@ -85,11 +89,18 @@ def arms_of(
                 if sharp[e] and relations[k, e] != OWN:
                     rows.append((k, end, e, vertex, int(contours.ends[e].sum()) - vertex))
     entity, which, contour, start, stop = np.array(rows, np.int64).reshape(-1, 5).T
-    corner, tips, inward = contours.vertices[start], contours.vertices[stop], ends[entity, 1 - which]
+    corner, tips, inward = (
+        contours.vertices[start],
+        contours.vertices[stop],
+        ends[entity, 1 - which],
+    )
     along, edge = tips - corner, inward - corner
     length = np.linalg.norm(along, axis=1) * np.linalg.norm(edge, axis=1)
     wide = np.abs((along * edge).sum(axis=1)) <= np.cos(np.radians(CORNER_DEG)) * length
-    others = [[e for e in at[tip] if e != own] for own, tip in zip(contour.tolist(), stop.tolist(), strict=True)]
+    others = [
+        [e for e in at[tip] if e != own]
+        for own, tip in zip(contour.tolist(), stop.tolist(), strict=True)
+    ]
     beyond = np.full((len(rows), max(map(len, others), default=0)), -1)
     for a, one in enumerate(others):
         beyond[a, : len(one)] = one
@@ -149,7 +160,9 @@ class SeenArms(NamedTuple):
         least = self.bend
         for apart in range(1, int(np.bincount(self.of).max(initial=0))):
             one = np.flatnonzero(self.of[apart:] == self.of[:-apart])
-            between = np.abs((self.direction[one + apart] - self.direction[one] + 180.0) % 360.0 - 180.0)
+            between = np.abs(
+                (self.direction[one + apart] - self.direction[one] + 180.0) % 360.0 - 180.0
+            )
             np.minimum.at(least, one, between)
             np.minimum.at(least, one + apart, between)
         return least
@@ -182,7 +195,9 @@ def mixed_px(fork_deg: Array, separation_px: float) -> Array:
     return np.asarray(across / np.tan(np.radians(np.maximum(fork_deg, _LEAST_DEG))))
 
 
-def corner_arms(cam2world: Array, pairs: NDArray[np.int64], scale: Array, lines: Any, arms: Arms) -> SeenArms:
+def corner_arms(
+    cam2world: Array, pairs: NDArray[np.int64], scale: Array, lines: Any, arms: Arms
+) -> SeenArms:
     """Return what leaves the ends of entities in the image.
 
     Parameters
@@ -211,7 +226,9 @@ def corner_arms(cam2world: Array, pairs: NDArray[np.int64], scale: Array, lines:
     last = _place(ends, depths, np.minimum(1.0, FITTED_PX / np.maximum(length, _TINY)))
     direction, no_line = np.degrees(np.arctan2(along[:, 1], along[:, 0])), np.full(len(arm), 90.0)
     angle = _angle_deg(along, edge)
-    return SeenArms(angle, near, 2 * pair + arms.end[arm], arms.wide[arm], arm, length, last, direction, no_line)
+    return SeenArms(
+        angle, near, 2 * pair + arms.end[arm], arms.wide[arm], arm, length, last, direction, no_line
+    )
 
 
 def tip_lines(
@@ -246,7 +263,9 @@ def tip_lines(
     tips, ends = arms.tip[arm[of]], contours.vertices[contours.ends[contour]]
     second = np.linalg.norm(ends[:, 0] - tips, axis=1) < np.linalg.norm(ends[:, 1] - tips, axis=1)
     far = np.where(second[:, None], ends[:, 1], ends[:, 0])
-    corner, tip, other = (images(poses[of], scale, points) for points in (arms.corner[arm[of]], tips, far))
+    corner, tip, other = (
+        images(poses[of], scale, points) for points in (arms.corner[arm[of]], tips, far)
+    )
     back, line = corner[:, :2] - tip[:, :2], other[:, :2] - tip[:, :2]
     angle = _angle_deg(back, line)
     place = _place((tips, far), (tip[:, 2], other[:, 2]), _near_share(np.linalg.norm(line, axis=1)))

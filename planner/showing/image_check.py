@@ -15,7 +15,15 @@ from numpy.typing import NDArray
 
 from planner.camera.camera import Camera
 from planner.showing.contours import OWN, Contours
-from planner.showing.corners import FITTED_PX, SeenArms, arms_of, corner_arms, images, mixed_px, tip_lines
+from planner.showing.corners import (
+    FITTED_PX,
+    SeenArms,
+    arms_of,
+    corner_arms,
+    images,
+    mixed_px,
+    tip_lines,
+)
 from planner.showing.near_contours import near_contours
 from planner.showing.part_lines import PartLines
 from planner.showing.showing import Showing
@@ -68,7 +76,12 @@ class ImageCheck:
     """
 
     def __init__(
-        self, solid: Solid, edge_ids: Sequence[Sequence[int] | None], ends: Array, camera: Camera, showing: Showing
+        self,
+        solid: Solid,
+        edge_ids: Sequence[Sequence[int] | None],
+        ends: Array,
+        camera: Camera,
+        showing: Showing,
     ) -> None:
         self.showing, self._ends = showing, np.ascontiguousarray(ends, np.float64)
         matrix, (near, far) = camera.matrix, camera.depth_of_field_mm
@@ -79,14 +92,20 @@ class ImageCheck:
         self._near_own_px = near_own_px(showing)
         radius = 2.0 * self._near_own_px * min(far, _FAR * near) / float(self._scale[:2].min())
         edges = [[] if one is None else list(one) for one in edge_ids]
-        self._entities = _Lines.of(self.contours, [self._part.relation(one, radius) for one in edges])
-        self.arms = arms_of(self.contours, self._part.at, self._entities.relations, self._ends, self._asked)
+        self._entities = _Lines.of(
+            self.contours, [self._part.relation(one, radius) for one in edges]
+        )
+        self.arms = arms_of(
+            self.contours, self._part.at, self._entities.relations, self._ends, self._asked
+        )
         # the same line may leave several entities
         lines, self._line_of_arm = np.unique(self.arms.contour, return_inverse=True)
         own = [[int(self.contours.ids[line])] for line in lines]
         self._lines = _Lines.of(self.contours, [self._part.relation(one, radius) for one in own])
 
-    def separations(self, cam2world: Array, wanted: NDArray[np.bool_], most_px: float = MOST_PX) -> Array:
+    def separations(
+        self, cam2world: Array, wanted: NDArray[np.bool_], most_px: float = MOST_PX
+    ) -> Array:
         """Return how far other visible lines are from entities in the image, less what is asked for, px; (n, k).
 
         Parameters
@@ -170,7 +189,9 @@ class ImageCheck:
         np.minimum.at(apart, pair[visible], distance[visible])
         return apart
 
-    def _has_near(self, cam2world: Array, pairs: Pairs, entities: Any, reach: float) -> NDArray[np.bool_]:
+    def _has_near(
+        self, cam2world: Array, pairs: Pairs, entities: Any, reach: float
+    ) -> NDArray[np.bool_]:
         """Return to what (p,) other visible lines come nearer than `reach` px: fewer rays than for how near."""
         pair, distance, place = self._near(cam2world, pairs, entities, reach)
         has, near = np.zeros(len(pairs), bool), distance < reach
@@ -181,14 +202,22 @@ class ImageCheck:
             has[pair[asked[visible]]] = True
         return has
 
-    def _near(self, cam2world: Array, pairs: Pairs, entities: Any, reach: float) -> tuple[Pairs, Array, Array]:
+    def _near(
+        self, cam2world: Array, pairs: Pairs, entities: Any, reach: float
+    ) -> tuple[Pairs, Array, Array]:
         """Return points of other lines, visible or not, that are near in the image; see `near_contours`."""
         # one kind of arrays, so that the loop is compiled once: in order of rows, and not read-only
-        room, poses, pairs = _ROOM, np.array(cam2world, np.float64, order="C"), np.ascontiguousarray(pairs)
+        room, poses, pairs = (
+            _ROOM,
+            np.array(cam2world, np.float64, order="C"),
+            np.ascontiguousarray(pairs),
+        )
         while True:
             found = np.empty(room, np.int64), np.empty(room), np.empty((room, 3))
             limits = reach, self._near_own_px
-            n = near_contours(poses, pairs, self._scale, self._part.compiled, entities, limits, found)
+            n = near_contours(
+                poses, pairs, self._scale, self._part.compiled, entities, limits, found
+            )
             if n <= room:
                 return found[0][:n], found[1][:n], found[2][:n]
             room = n
@@ -210,13 +239,17 @@ class ImageCheck:
         seen = corner_arms(cam2world, pairs, self._scale, self._part.compiled, self.arms)
         return seen.chosen(self._visible(cam2world[pairs[seen.of // 2, 0], :3, 3], seen.place))
 
-    def _find_tips(self, cam2world: Array, pairs: Pairs, seen: SeenArms, asked: NDArray[np.int64]) -> None:
+    def _find_tips(
+        self, cam2world: Array, pairs: Pairs, seen: SeenArms, asked: NDArray[np.int64]
+    ) -> None:
         """Find the angles at which other lines come back from the tips of some of the arms."""
         # what comes back from a tip farther away is not beside what is fitted, or too near anyway
         short = asked[seen.length_px[asked] < FITTED_PX + self._near_own_px]
         if len(short):
             poses = cam2world[pairs[seen.of[short] // 2, 0]]
-            of, angle, place = tip_lines(poses, self._scale, self.contours, self.arms, seen.arm[short])
+            of, angle, place = tip_lines(
+                poses, self._scale, self.contours, self.arms, seen.arm[short]
+            )
             visible = self._visible(poses[of, :3, 3], place)
             np.minimum.at(seen.tip_deg, short[of[visible]], angle[visible])
 
@@ -233,9 +266,13 @@ class ImageCheck:
         poses, ends = cam2world[pairs[:, 0]], self._ends[pairs[:, 1]]
         one, other = (images(poses, self._scale, ends[:, end])[:, :2] for end in range(2))
         beside = mixed_px(sharpest, self.showing.separation_px).reshape(-1, 2).sum(axis=1)
-        return np.asarray(np.linalg.norm(other - one, axis=1) - beside >= 2.0 * self.showing.separation_px)
+        return np.asarray(
+            np.linalg.norm(other - one, axis=1) - beside >= 2.0 * self.showing.separation_px
+        )
 
-    def _making_corners(self, cam2world: Array, pairs: Pairs, seen: SeenArms) -> tuple[SeenArms, Array]:
+    def _making_corners(
+        self, cam2world: Array, pairs: Pairs, seen: SeenArms
+    ) -> tuple[SeenArms, Array]:
         """Return lines that are long enough for a fit and as far from others as is asked of edges; and sharpest angles.
 
         The latter is not asked where an end has no corner anyway, or of a line at a smaller angle than is asked for.
@@ -255,7 +292,9 @@ class ImageCheck:
             seen = seen.chosen(far)
         return seen, sharpest
 
-    def _far(self, cam2world: Array, pairs: Pairs, seen: SeenArms, asked: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def _far(
+        self, cam2world: Array, pairs: Pairs, seen: SeenArms, asked: NDArray[np.int64]
+    ) -> NDArray[np.bool_]:
         """Return which arms are as far from other lines as is asked of edges, as long as they are fitted to."""
         ends = np.stack([self.arms.corner[seen.arm[asked]], seen.last[asked]], axis=1)
         entities = np.ascontiguousarray(ends), self._line_of_arm[seen.arm[asked]], *self._lines
@@ -266,7 +305,9 @@ class ImageCheck:
         """Return the arms that may make a corner, of edges that may have one at both ends."""
         least = self.showing.min_corner_deg
         may = (seen.bend >= least) & (sharpest[seen.of] >= least)
-        both = np.asarray(np.isin(np.arange(len(sharpest)), seen.of[may]).reshape(-1, 2).all(axis=1))
+        both = np.asarray(
+            np.isin(np.arange(len(sharpest)), seen.of[may]).reshape(-1, 2).all(axis=1)
+        )
         return np.flatnonzero(may & both[seen.of // 2])
 
     def _visible(self, eyes: Array, places: Array) -> NDArray[np.bool_]:

@@ -21,7 +21,9 @@ _NEAREST_MM = 1e-3
 
 
 @compiled(error_model="numpy")
-def near_contours(poses: Any, pairs: Any, scale: Any, contours: Any, entities: Any, limits: Any, found: Any) -> int:
+def near_contours(
+    poses: Any, pairs: Any, scale: Any, contours: Any, entities: Any, limits: Any, found: Any
+) -> int:
     """Write points of contours that are near to edges in the image; return how many there are.
 
     Parameters
@@ -83,22 +85,27 @@ def near_contours(poses: Any, pairs: Any, scale: Any, contours: Any, entities: A
             best = _nearest(line, start, stop, a, b)
             if _apart(line, best, a, b) >= reach:
                 continue
-            low, high = _edge_of(line, best, start, a, b, reach), _edge_of(line, best, stop, a, b, reach)
+            low = _edge_of(line, best, start, a, b, reach)
+            high = _edge_of(line, best, stop, a, b, reach)
             samples = _MORE if relation == CONNECTED else _SAMPLES
             for s in range(samples + 1):
                 t = best if s == samples else low + (high - low) * s / (samples - 1)
                 if relation == CONNECTED and _beside(line, t, corners[:n_corners], near_own):
                     continue
                 if count < len(found[0]):
-                    # depths are linear in the image as their inverses
-                    z0, z1 = image[2, one], image[2, other]
-                    share = t * z0 / ((1.0 - t) * z1 + t * z0)
+                    share = _share_in_space(t, image[2, one], image[2, other])
                     found[0][count], found[1][count] = p, _apart(line, t, a, b)
                     for c in range(3):
                         u, v = vertices[c, one], vertices[c, other]
                         found[2][count, c] = u + share * (v - u)
                 count += 1
     return count
+
+
+@lean(error_model="numpy")
+def _share_in_space(share: float, start_depth: float, end_depth: float) -> float:
+    """Return the share of a line in space from its share in the image, where inverse depths are linear."""
+    return share * start_depth / ((1.0 - share) * end_depth + share * start_depth)
 
 
 @lean(error_model="numpy")
@@ -168,7 +175,9 @@ def _front_faces(eye: Any, planes: Any, front: Any) -> None:
 
 
 @lean(error_model="numpy")
-def _overlap(boxes: Any, low_x: float, low_y: float, high_x: float, high_y: float, within: Any) -> None:
+def _overlap(
+    boxes: Any, low_x: float, low_y: float, high_x: float, high_y: float, within: Any
+) -> None:
     """Write which boxes overlap with one; a loop without branches, so that several are compared at once."""
     x0, y0, x1, y1 = boxes[0], boxes[1], boxes[2], boxes[3]
     for i in range(len(within)):

@@ -20,7 +20,11 @@ _STEP = 1e-6
 
 
 def search_window_px(
-    cam2world: Array, points: Array, camera: Camera, pose_uncertainty: PoseUncertainty, sigmas: float = SIGMAS
+    cam2world: Array,
+    points: Array,
+    camera: Camera,
+    pose_uncertainty: PoseUncertainty,
+    sigmas: float = SIGMAS,
 ) -> float:
     """Return within how many pixels of its prediction an image is found, if the pose is as uncertain as is said.
 
@@ -47,7 +51,9 @@ def search_window_px(
     float
         Pixels, to either side.
     """
-    local = world_to_cam(np.asarray(points, dtype=np.float64), np.asarray(cam2world, dtype=np.float64))
+    local = world_to_cam(
+        np.asarray(points, dtype=np.float64), np.asarray(cam2world, dtype=np.float64)
+    )
     x, y, z = np.moveaxis(local, -1, 0)
     moved = np.zeros((len(local), 3, 6))
     moved[:, :, :3] = -np.eye(3)
@@ -71,5 +77,8 @@ def _pixels_per_slope(camera: Camera, directions: Array) -> Array:
     for axis in range(2):
         step = np.zeros(3)
         step[axis] = _STEP
-        columns.append((image_of(camera, directions + step) - image_of(camera, directions - step)) / (2 * _STEP))
+        columns.append(
+            (image_of(camera, directions + step) - image_of(camera, directions - step))
+            / (2 * _STEP)
+        )
     return np.stack(columns, axis=-1)

@@ -94,13 +94,18 @@ def _count_contradicted(run: Run, incumbents: Incumbents) -> None:
         inspected = run.pool.membership.any(axis=0)
         if not inspected.any():
             return
-        chosen = few_columns(run.pool.membership[:, inspected], run.nodes(SHARES.refuting), run.rng(f"look {k}"))
+        chosen = few_columns(
+            run.pool.membership[:, inspected], run.nodes(SHARES.refuting), run.rng(f"look {k}")
+        )
         wrong = told_on_grid(run, candidate_settings(run, run.pool, chosen)).wrong
         if not wrong:
             return
         count_on_grid(run, wrong)
         incumbents.forget(run)
-        seed, rounds = column_seed(run.seed, ["look", str(k)]), min(COUNTING.pricing, run.effort.pricing_rounds)
+        seed, rounds = (
+            column_seed(run.seed, ["look", str(k)]),
+            min(COUNTING.pricing, run.effort.pricing_rounds),
+        )
         price_poses(run.shared, run.pools, seed, rounds, run.executor, run.silent)
 
 

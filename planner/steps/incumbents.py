@@ -90,14 +90,20 @@ class Incumbents:
 
     def _offer(self, run: Run, pool: ColumnPool, covers: int = TRYING.covers) -> None:
         """See whether the columns of a pool make a better plan."""
-        found = self._columns.cover(run, pool, (0, 0) if self.best is None else _worth(self.best), covers)
+        found = self._columns.cover(
+            run, pool, (0, 0) if self.best is None else _worth(self.best), covers
+        )
         if found is not None and found.settings:
             bound, proof = self._proven(run, found.settings)
-            plan = assembled(run, found.settings, bound, proof, counted=found.counted, unfinished=True)
+            plan = assembled(
+                run, found.settings, bound, proof, counted=found.counted, unfinished=True
+            )
             if self.best is None or _worth(plan) > _worth(self.best):
                 self.end(plan)
 
-    def raised(self, run: Run, bound: int, inspected: NDArray[np.bool_], proof: str = _SO_FAR) -> None:
+    def raised(
+        self, run: Run, bound: int, inspected: NDArray[np.bool_], proof: str = _SO_FAR
+    ) -> None:
         """Take in a bound that was proven for some entities (k,)."""
         self._proofs[proof] = bound, inspected
         if self.best is not None:
@@ -131,12 +137,16 @@ class Incumbents:
         if self._tell is not None:
             self._tell(plan)
 
-    def _proven(self, run: Run, settings: tuple[SensorSetting, ...] | list[SensorSetting]) -> tuple[int, str]:
+    def _proven(
+        self, run: Run, settings: tuple[SensorSetting, ...] | list[SensorSetting]
+    ) -> tuple[int, str]:
         """Return the bound that holds for what settings inspect, and what it rests on."""
         if not settings:
             return 0, "No entity is inspected."
         seen = np.isin(run.names, [name for setting in settings for name in setting.entities])
-        for_these = [(bound, proof) for proof, (bound, some) in self._proofs.items() if seen[some].all()]
+        for_these = [
+            (bound, proof) for proof, (bound, some) in self._proofs.items() if seen[some].all()
+        ]
         return max(for_these, default=(1, _TRIVIAL), key=lambda one: one[0])
 
 

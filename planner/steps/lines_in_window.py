@@ -38,7 +38,9 @@ def with_lines_in_windows(plan: InspectionPlan, request: Request) -> InspectionP
     asked = replace(showing, separation_px=widest)
     check = ImageCheck(request.space.solid, edge_ids, request.ends, request.camera, asked)
     poses = np.array([setting.cam2world for setting in plan.settings])
-    wanted = np.array([[name in setting.entities for name in request.names] for setting in plan.settings])
+    wanted = np.array(
+        [[name in setting.entities for name in request.names] for setting in plan.settings]
+    )
     apart = check.separations(poses, wanted, 0.0) + widest
     settings = []
     for k, setting in enumerate(plan.settings):

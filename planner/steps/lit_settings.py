@@ -71,7 +71,9 @@ class _Posed(NamedTuple):
     requirements: Mapping[str, float]
 
 
-def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan, counted: Sequence[str]) -> InspectionPlan:
+def with_lamps(
+    run: Run, lighting: Lighting, draft: InspectionPlan, counted: Sequence[str]
+) -> InspectionPlan:
     """Return a plan with lamps, of other settings where that shows more.
 
     **Guarantee.** It measures what the draft measures, as surely as is asked. What a lamp shows in a setting of the
@@ -97,15 +99,29 @@ def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan, counted: Seq
     settings = _chosen_among(run, found, others)
     if settings == list(found.settings):
         return found
-    plan = assembled(run, settings, draft.lower_bound, draft.bound_proof, counted=counted, unfinished=draft.unfinished)
-    better = replace(plan, light=chosen_lamps(lighting, plan, run.request.space.solid, run.silent, places))
+    plan = assembled(
+        run,
+        settings,
+        draft.lower_bound,
+        draft.bound_proof,
+        counted=counted,
+        unfinished=draft.unfinished,
+    )
+    better = replace(
+        plan, light=chosen_lamps(lighting, plan, run.request.space.solid, run.silent, places)
+    )
     return better if set(_dark(better)) <= set(dark) else found
 
 
 def _dark(plan: InspectionPlan) -> list[str]:
     """Return what no lamp shows in any setting, in the order of the plan."""
     assert plan.light is not None
-    lit = {n for one, dark in zip(plan.settings, plan.light.unlit, strict=True) for n in one.entities if n not in dark}
+    lit = {
+        n
+        for one, dark in zip(plan.settings, plan.light.unlit, strict=True)
+        for n in one.entities
+        if n not in dark
+    }
     return [name for name in plan.entities if name in plan.inspected and name not in lit]
 
 
@@ -121,23 +137,33 @@ def _places(lighting: Lighting, plan: InspectionPlan) -> NDArray[np.float64]:
 
 
 def _shown_from_elsewhere(
-    run: Run, lighting: Lighting, plan: InspectionPlan, wanted: tuple[Sequence[str], NDArray[np.float64]]
+    run: Run,
+    lighting: Lighting,
+    plan: InspectionPlan,
+    wanted: tuple[Sequence[str], NDArray[np.float64]],
 ) -> list[SensorSetting]:
     """Return settings in which lamps at some places show entities that are dark so far, and what else they show."""
     names, places = wanted
     kept: list[SensorSetting] = []
     for k, name in enumerate(names):
         poses = _poses_that_inspect(run, plan, name)
-        settings = [setting_at(run.request, pose, [name], "pose in which a lamp shows it") for pose in poses]
+        settings = [
+            setting_at(run.request, pose, [name], "pose in which a lamp shows it") for pose in poses
+        ]
         lit = _shown(run, lighting, plan, settings, places)
         seen = [setting for setting, some in zip(settings, lit, strict=True) if name in some]
-        more = run.judge(np.array([one.cam2world for one in seen]).reshape(-1, 4, 4)).inspects.sum(axis=1)
+        more = run.judge(np.array([one.cam2world for one in seen]).reshape(-1, 4, 4)).inspects.sum(
+            axis=1
+        )
         order = sorted(range(len(seen)), key=lambda i: (-more[i], -seen[i].fitness))
         kept += [seen[i] for i in order[: LOOKING.kept]]
         report(run.progress, k + 1, len(names), "poses in the light")
     full = [one for one in map(_with_all(run), kept) if one.entities]
     lit = _shown(run, lighting, plan, full, places)
-    cut = [without(run, one, [n for n in one.entities if n not in some]) for one, some in zip(full, lit, strict=True)]
+    cut = [
+        without(run, one, [n for n in one.entities if n not in some])
+        for one, some in zip(full, lit, strict=True)
+    ]
     return [one for one in cut if one.entities]
 
 
@@ -147,7 +173,9 @@ def _with_all(run: Run) -> Any:
     def with_all(setting: SensorSetting) -> SensorSetting:
         pose = setting.cam2world
         names = run.names_of(run.judge(pose[None]).inspects[0])
-        full = setting_at(run.request, pose, names, setting.message, seed=column_seed(run.seed, names))
+        full = setting_at(
+            run.request, pose, names, setting.message, seed=column_seed(run.seed, names)
+        )
         wrong = run.contradicted_in(full)
         return without(run, full, list(wrong)) if wrong else full
 
@@ -176,7 +204,11 @@ def _poses_that_inspect(run: Run, plan: InspectionPlan, name: str) -> NDArray[np
 
 
 def _shown(
-    run: Run, lighting: Lighting, plan: InspectionPlan, settings: Sequence[SensorSetting], places: NDArray[np.float64]
+    run: Run,
+    lighting: Lighting,
+    plan: InspectionPlan,
+    settings: Sequence[SensorSetting],
+    places: NDArray[np.float64],
 ) -> list[set[str]]:
     """Return what lamps at some places, or the ring on the camera, show in each setting, whichever lamp it takes."""
     found: list[set[str]] = [set() for _ in settings]
@@ -197,11 +229,15 @@ def _shown(
     return found
 
 
-def _chosen_among(run: Run, plan: InspectionPlan, others: Sequence[SensorSetting]) -> list[SensorSetting]:
+def _chosen_among(
+    run: Run, plan: InspectionPlan, others: Sequence[SensorSetting]
+) -> list[SensorSetting]:
     """Return the fewest settings, of a plan and others, that show what any of them shows; the rest stays measured."""
     assert plan.light is not None
     dark = _dark(plan)
-    shown = {name for setting in others for name in setting.entities} | {n for n in plan.inspected if n not in dark}
+    shown = {name for setting in others for name in setting.entities} | {
+        n for n in plan.inspected if n not in dark
+    }
     old = []
     for setting, shadows in zip(plan.settings, plan.light.unlit, strict=True):
         needless = [name for name in shadows if name in shown]

@@ -90,7 +90,11 @@ def contradicted(run: Run, settings: Sequence[SensorSetting]) -> list[str]:
     names = []
     for setting in settings:
         excess = run.contradicted_in(setting)
-        names += [name for name in excess if name not in run.request.on_grid and _is_fine(run, name, setting.cam2world)]
+        names += [
+            name
+            for name in excess
+            if name not in run.request.on_grid and _is_fine(run, name, setting.cam2world)
+        ]
     return [name for name in run.names if name in names]
 
 
@@ -109,10 +113,14 @@ def decided_on_grid(run: Run) -> list[str]:
 def _is_fine(run: Run, name: str, cam2world: NDArray[np.float64]) -> bool:
     """Tell whether the pixel grid may decide about an item seen from a pose: an edge, and its tolerance is small."""
     request, i = run.request, run.names.index(name)
-    if i in request.dimensions or (request.localisation is not None and request.localisation.model != "rounding"):
+    if i in request.dimensions or (
+        request.localisation is not None and request.localisation.model != "rounding"
+    ):
         return False
     ends = request.ends[i : i + 1]
-    return bool(tolerance_px(ends, cam2world[None], request.camera, request.accuracy)[0, 0] < GRID.below_px)
+    return bool(
+        tolerance_px(ends, cam2world[None], request.camera, request.accuracy)[0, 0] < GRID.below_px
+    )
 
 
 def _poses_around(run: Run, name: str) -> NDArray[np.float64]:
@@ -148,7 +156,9 @@ def _poses_of(run: Run, i: int) -> NDArray[np.float64]:
     if run.names[i] in run.uninspectable:
         outcome = run.memo.get((run.names[i],))
         none = np.zeros((0, 4, 4))
-        return none if outcome is None or outcome.setting is None else outcome.setting.cam2world[None]
+        return (
+            none if outcome is None or outcome.setting is None else outcome.setting.cam2world[None]
+        )
     rows = np.flatnonzero(run.pool.membership[:, i])
     return run.pool.poses[rows[np.argsort(-run.pool.quality[rows], kind="stable")[: COUNTING.best]]]
 
@@ -157,6 +167,10 @@ def frequencies(run: Run, i: int, poses: NDArray[np.float64]) -> NDArray[np.floa
     """Return how often the edge with number i is measured accurately on the pixel grid from poses (n, 4, 4); (n,)."""
     request = run.request
     grid = GridObjective(
-        request.objective_of("sum", "joint"), np.array([i]), request.camera, request.pose_uncertainty, request.accuracy
+        request.objective_of("sum", "joint"),
+        np.array([i]),
+        request.camera,
+        request.pose_uncertainty,
+        request.accuracy,
     )
     return grid.frequencies(world_to_cam(request.ends[i], poses))

@@ -50,7 +50,11 @@ def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
     """Prove a lower bound; return it, and what the proof rests on. Better plans and bounds are told on the way."""
     last = run.kept(_STEP)
     entries = None if last is None else last["entries"]
-    values = _known(run) if last is None else {name: last[name] for name in ("known", "inspected", "joined")}
+    values = (
+        _known(run)
+        if last is None
+        else {name: last[name] for name in ("known", "inspected", "joined")}
+    )
     inspected = values["inspected"]
     weighing = _Weighing(run, last)
 
@@ -111,7 +115,9 @@ class _Weighing:
         self._own: Pools | None = None
         if showing == need.showing:
             return
-        self._shared = Shared(Judge(replace(run.request, requirements=replace(need, showing=showing))))
+        self._shared = Shared(
+            Judge(replace(run.request, requirements=replace(need, showing=showing)))
+        )
         if last is not None:
             self._own = Pools.from_dict(last["weighing"])
             return
@@ -125,7 +131,9 @@ class _Weighing:
             kept=None if begun is None else begun["entries"],
             keep=lambda told: run.keep(WEIGHING, {**self.to_dict(), "entries": told}),
         )
-        self._price(self._own, poses, column_seed(run.seed, ["weighing"]), run.effort.pricing_rounds, ledger)
+        self._price(
+            self._own, poses, column_seed(run.seed, ["weighing"]), run.effort.pricing_rounds, ledger
+        )
 
     @property
     def columns(self) -> np.ndarray:
@@ -147,15 +155,26 @@ class _Weighing:
         return {} if self._own is None else {"weighing": self._own.to_dict()}
 
     def _price(
-        self, pools: Pools, poses: np.ndarray | None, seed: int, rounds: int, ledger: Ledger | None = None
+        self,
+        pools: Pools,
+        poses: np.ndarray | None,
+        seed: int,
+        rounds: int,
+        ledger: Ledger | None = None,
     ) -> None:
         run = self._run
-        price_poses(self._shared, pools, seed, rounds, run.executor, run.silent, Beginning(poses), ledger)
+        price_poses(
+            self._shared, pools, seed, rounds, run.executor, run.silent, Beginning(poses), ledger
+        )
 
 
 def _known(run: Run) -> dict[str, Any]:
     """Return what a proof needs to know: which entities are to be covered, and in how many settings they can be."""
     inspected, known = run.pool.membership.any(axis=0), 0
     if inspected.any():
-        known = len(few_columns(run.pool.membership[:, inspected], run.nodes(SHARES.refuting), run.rng("known")))
+        known = len(
+            few_columns(
+                run.pool.membership[:, inspected], run.nodes(SHARES.refuting), run.rng("known")
+            )
+        )
     return {"inspected": inspected, "known": known, "joined": 0}

@@ -172,7 +172,10 @@ class Run:
         Each promise is simulated once, and what comes out depends on nothing else that is stated of its pose, nor on
         what was simulated before.
         """
-        pose, stated = setting.cam2world.tobytes(), {name: setting.probability[name] for name in setting.entities}
+        pose, stated = (
+            setting.cam2world.tobytes(),
+            {name: setting.probability[name] for name in setting.entities},
+        )
         new = [name for name in stated if (pose, name, stated[name]) not in self._excess]
         # edges see the same displaced poses, whichever they are; a dimension is displaced by draws of its own
         own = [name for name in new if self.names.index(name) in self.request.dimensions]
@@ -180,8 +183,12 @@ class Run:
             if names:
                 some = PosedOnly(setting.cam2world, names, {name: stated[name] for name in names})
                 wrong = promised_too_much(self.judge, some, self.seed)
-                self._excess.update({(pose, name, stated[name]): wrong.get(name, 0.0) for name in names})
-        found = {name: self._excess[pose, name, probability] for name, probability in stated.items()}
+                self._excess.update(
+                    {(pose, name, stated[name]): wrong.get(name, 0.0) for name in names}
+                )
+        found = {
+            name: self._excess[pose, name, probability] for name, probability in stated.items()
+        }
         return {name: too_much for name, too_much in found.items() if too_much > 0.0}
 
     def accept(self, outcome: Outcome) -> tuple[str, ...]:
@@ -197,8 +204,13 @@ class Run:
         """Run the genetic algorithm for sets of entities not tried before; return all outcomes in order."""
         todo = [names for names in dict.fromkeys(sets) if self.memo.get(names) is None]
         done, self._begun = self._begun, self._begun + len(todo)
-        arguments = [(self.shared, names, column_seed(self.seed, names), self._start(names)) for names in todo]
-        for names, outcome in zip(todo, in_order(self.executor, realise, arguments, self.check), strict=True):
+        arguments = [
+            (self.shared, names, column_seed(self.seed, names), self._start(names))
+            for names in todo
+        ]
+        for names, outcome in zip(
+            todo, in_order(self.executor, realise, arguments, self.check), strict=True
+        ):
             self.memo.put(names, outcome)
             done += 1
             report(self.progress, done, self._begun, "genetic algorithm")

@@ -41,7 +41,9 @@ def settle(run: Run, inspected: np.ndarray) -> list[SensorSetting]:
         Entities that are to be covered.
     """
     pool, request = run.pool, run.request
-    chosen = few_columns(pool.membership[:, inspected], run.nodes(), run.rng("settings"), pool.quality)
+    chosen = few_columns(
+        pool.membership[:, inspected], run.nodes(), run.rng("settings"), pool.quality
+    )
     sets = [run.names_of(pool.membership[c]) for c in chosen]
     settings = []
     for c, names, outcome in zip(chosen, sets, run.realise(sets), strict=True):
@@ -58,7 +60,10 @@ def _as_judged_now(run: Run, setting: SensorSetting) -> SensorSetting:
     """Return a setting with the probabilities of now: it may be older than the pixel grid's say about an edge."""
     if not run.request.counted.size:
         return setting
-    return replace(setting, probability=setting_at(run.request, setting.cam2world, setting.entities, "").probability)
+    return replace(
+        setting,
+        probability=setting_at(run.request, setting.cam2world, setting.entities, "").probability,
+    )
 
 
 def _holds(run: Run, setting: SensorSetting, names: tuple[str, ...]) -> bool:

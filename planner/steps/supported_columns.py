@@ -114,8 +114,12 @@ class SupportedColumns:
             self._give_up(run, membership, done)
             if k + 1 < covers:
                 chosen = _short_cover(membership, beaten, run.rng("incumbent"))
-            own = _short_cover(np.where(done[:, None], membership, False), beaten, run.rng("incumbent"))
-            if k + 1 == covers or (own is not None and chosen is not None and _as_good(membership, own, chosen)):
+            own = _short_cover(
+                np.where(done[:, None], membership, False), beaten, run.rng("incumbent")
+            )
+            if k + 1 == covers or (
+                own is not None and chosen is not None and _as_good(membership, own, chosen)
+            ):
                 chosen = own
         return None if chosen is None else self._as_settings(run, pool, chosen)
 
@@ -146,7 +150,9 @@ class SupportedColumns:
     def _as_settings(self, run: Run, pool: ColumnPool, chosen: NDArray[np.int_]) -> SupportedCover:
         tried = [self._tried[_key(run, pool, c)] for c in chosen.tolist()]
         settings = [one.setting for one in tried if one.setting is not None]
-        return SupportedCover(settings, tuple(dict.fromkeys(name for one in tried for name in one.counted)))
+        return SupportedCover(
+            settings, tuple(dict.fromkeys(name for one in tried for name in one.counted))
+        )
 
 
 def candidate_settings(run: Run, pool: ColumnPool, columns: Iterable[int]) -> list[SensorSetting]:
@@ -199,6 +205,10 @@ def _short_cover(
     return None if chosen is None else np.sort(chosen)
 
 
-def _as_good(membership: NDArray[np.bool_], some: NDArray[np.int_], other: NDArray[np.int_]) -> bool:
+def _as_good(
+    membership: NDArray[np.bool_], some: NDArray[np.int_], other: NDArray[np.int_]
+) -> bool:
     """Tell whether some columns cover as many entities as others, and are no more."""
-    return len(some) <= len(other) and bool(membership[some].any(axis=0).sum() >= membership[other].any(axis=0).sum())
+    return len(some) <= len(other) and bool(
+        membership[some].any(axis=0).sum() >= membership[other].any(axis=0).sum()
+    )

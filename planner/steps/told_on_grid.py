@@ -58,7 +58,9 @@ def told_on_grid(run: Run, settings: Sequence[SensorSetting]) -> Told:
         counted.append(name)
         for k, probability in zip(rows, stated.tolist(), strict=True):
             if probability >= run.request.probability:
-                found[k] = replace(found[k], probability={**found[k].probability, name: probability})
+                found[k] = replace(
+                    found[k], probability={**found[k].probability, name: probability}
+                )
             else:
                 found[k] = without(run, found[k], [name])
     return Told([setting for setting in found if setting.entities], tuple(counted), wrong)
@@ -69,6 +71,8 @@ def without(run: Run, setting: SensorSetting, names: Sequence[str]) -> SensorSet
     kept = tuple(name for name in setting.entities if name not in names)
     if not kept:
         return replace(setting, entities=(), probability={})
-    fewer = setting_at(run.request, setting.cam2world, kept, setting.message, seed=setting.seed, nfev=setting.nfev)
+    fewer = setting_at(
+        run.request, setting.cam2world, kept, setting.message, seed=setting.seed, nfev=setting.nfev
+    )
     stated = {name: setting.probability[name] for name in kept}
     return replace(fewer, generations=setting.generations, probability=stated)

@@ -58,7 +58,9 @@ def measured_errors(
         if value.in_image:
             pitch = np.array(camera.pixel_pitch_mm)
             nominal = undistorted_px(camera, _pixels(points, planned[None], camera)[0])
-            return value.image_value(undistorted_px(camera, found) * pitch, nominal * pitch), outside
+            return value.image_value(
+                undistorted_px(camera, found) * pitch, nominal * pitch
+            ), outside
         flat = _carried_back(found, planned, camera, np.array([frame.origin, frame.x, frame.y]))
         fits.append(_circles(flat, one.radius_mm) if isinstance(one, Circle) else _lines(flat))
     return value.value(fits), outside
@@ -82,7 +84,9 @@ def _points(
     return sample_points(one, independent)
 
 
-def _pixels(points: NDArray[np.float64], poses: NDArray[np.float64], camera: Camera) -> NDArray[np.float64]:
+def _pixels(
+    points: NDArray[np.float64], poses: NDArray[np.float64], camera: Camera
+) -> NDArray[np.float64]:
     """Return images (n, m, 2) in px of points (m, 3) from poses (n, 4, 4); nan behind the camera."""
     local = world_to_cam(points, poses)
     depth = np.where(local[..., 2:] > 0, local[..., 2:], np.nan)
@@ -94,7 +98,9 @@ def _on_sensor(pixels: NDArray[np.float64], camera: Camera) -> NDArray[np.bool_]
     return np.asarray(inside.all(axis=(1, 2)))
 
 
-def _localised(pixels: NDArray[np.float64], how: Localisation, rng: np.random.Generator) -> NDArray[np.float64]:
+def _localised(
+    pixels: NDArray[np.float64], how: Localisation, rng: np.random.Generator
+) -> NDArray[np.float64]:
     """Return where points are found instead of where they are."""
     if how.model == "rounding":
         return np.rint(pixels)
@@ -102,12 +108,17 @@ def _localised(pixels: NDArray[np.float64], how: Localisation, rng: np.random.Ge
 
 
 def _carried_back(
-    pixels: NDArray[np.float64], planned: NDArray[np.float64], camera: Camera, frame: NDArray[np.float64]
+    pixels: NDArray[np.float64],
+    planned: NDArray[np.float64],
+    camera: Camera,
+    frame: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Return coordinates (n, m, 2) in a plane (3, 3: origin, x, y) where rays from the planned pose meet it."""
     ones = np.ones((*pixels.shape[:2], 1))
     ideal = undistorted_px(camera, pixels)
-    rays = np.concatenate([ideal, ones], axis=2) @ np.linalg.inv(camera.matrix).T @ planned[:3, :3].T
+    rays = (
+        np.concatenate([ideal, ones], axis=2) @ np.linalg.inv(camera.matrix).T @ planned[:3, :3].T
+    )
     normal = np.cross(frame[1], frame[2])
     depth = ((frame[0] - planned[:3, 3]) @ normal) / (rays @ normal)
     local = planned[:3, 3] + depth[..., None] * rays - frame[0]

@@ -61,7 +61,11 @@ def measurements(plan: Any, setting: Any) -> dict[str, Measurement]:
     dict of str to Measurement
         By name, in the setting's order; nothing of edges.
     """
-    return {name: _measurement(plan, setting, name) for name in setting.entities if name in plan.dimensions}
+    return {
+        name: _measurement(plan, setting, name)
+        for name in setting.entities
+        if name in plan.dimensions
+    }
 
 
 def measurements_dict(plan: Any, setting: Any) -> dict[str, dict[str, Any]]:
@@ -94,7 +98,9 @@ def _measurement(plan: Any, setting: Any, name: str) -> Measurement:
     )
     told = model.describe(np.linalg.inv(setting.cam2world))
     points = world_to_cam(dimension_points(dimension), setting.cam2world)
-    scale = plan.camera.image_distance_mm / (float(points[:, 2].mean()) * max(plan.camera.pixel_pitch_mm))
+    scale = plan.camera.image_distance_mm / (
+        float(points[:, 2].mean()) * max(plan.camera.pixel_pitch_mm)
+    )
     margins = {
         "probability": (setting.probability[name] - plan.probability) / (1 - plan.probability),
         **_image_margins(points, plan.camera),

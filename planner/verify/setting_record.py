@@ -37,7 +37,9 @@ def search_windows_px(plan: Any, setting: Any) -> dict[str, float]:
             from planner.verify.measurements import dimension_points
 
             points = dimension_points(plan.dimensions[name])
-        found[name] = search_window_px(setting.cam2world, points, plan.camera, plan.pose_uncertainty)
+        found[name] = search_window_px(
+            setting.cam2world, points, plan.camera, plan.pose_uncertainty
+        )
     return found
 
 
@@ -111,7 +113,11 @@ def _check_same(where: str, given: Any, computed: Any) -> None:
     if isinstance(computed, dict) and isinstance(given, Mapping):
         for name in [*computed, *given]:
             if name not in computed or name not in given:
-                rule = "must be given. Got none." if name in computed else "must be of an item of the setting."
+                rule = (
+                    "must be given. Got none."
+                    if name in computed
+                    else "must be of an item of the setting."
+                )
                 raise PlanFileError(f"{where}.{name} {rule}")
             _check_same(f"{where}.{name}", given[name], computed[name])
         return
@@ -120,4 +126,6 @@ def _check_same(where: str, given: Any, computed: Any) -> None:
     else:
         same = given == computed
     if not same:
-        raise PlanFileError(f"{where} must be that of the pose, {shown(computed)}. Got {shown(given)}.")
+        raise PlanFileError(
+            f"{where} must be that of the pose, {shown(computed)}. Got {shown(given)}."
+        )

@@ -97,7 +97,9 @@ def count_shown(
         If the part lacks an edge of the plan.
     """
     asked = {name: plan.requirements.get(name, 0.0) for name in ("separation_px", "min_corner_deg")}
-    measured = [[name for name in one.entities if name not in plan.dimensions] for one in plan.settings]
+    measured = [
+        [name for name in one.entities if name not in plan.dimensions] for one in plan.settings
+    ]
     if not any(asked.values()) or not any(measured):
         return None
     names = sorted({name for own in measured for name in own})

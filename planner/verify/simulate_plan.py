@@ -10,7 +10,13 @@ import numpy as np
 
 from planner.progress import Progress, report
 from planner.verify.shown_images import ShownImages, count_shown
-from planner.verify.simulate_setting import CONTRADICTED, UNSTATED, VERDICTS, SuccessRate, simulate_setting
+from planner.verify.simulate_setting import (
+    CONTRADICTED,
+    UNSTATED,
+    VERDICTS,
+    SuccessRate,
+    simulate_setting,
+)
 from planner.verify.simulated import Planned
 
 if TYPE_CHECKING:
@@ -58,7 +64,10 @@ class SimulationResult:
     def broken(self) -> tuple[tuple[int, str], ...]:
         """Setting index and entity wherever the prediction promises too much."""
         return tuple(
-            (k, name) for k, rates in enumerate(self.rates) for name, rate in rates.items() if promises_too_much(rate)
+            (k, name)
+            for k, rates in enumerate(self.rates)
+            for name, rate in rates.items()
+            if promises_too_much(rate)
         )
 
     @property
@@ -76,7 +85,10 @@ class SimulationResult:
     @property
     def worst_difference(self) -> float:
         """Largest absolute difference between a prediction and its frequency; 0 without settings."""
-        return max((abs(r.predicted - r.frequency) for rates in self.rates for r in rates.values()), default=0.0)
+        return max(
+            (abs(r.predicted - r.frequency) for rates in self.rates for r in rates.values()),
+            default=0.0,
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain Python values, ready for JSON.
@@ -88,7 +100,13 @@ class SimulationResult:
         """
         rates = [{name: asdict(rate) for name, rate in setting.items()} for setting in self.rates]
         shown = None if self.shown is None else self.shown.to_dict()
-        return {"rates": rates, "n": self.n, "seed": self.seed, "confidence": self.confidence, "shown": shown}
+        return {
+            "rates": rates,
+            "n": self.n,
+            "seed": self.seed,
+            "confidence": self.confidence,
+            "shown": shown,
+        }
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> SimulationResult:
@@ -104,7 +122,10 @@ class SimulationResult:
         SimulationResult
             Equal to the one written.
         """
-        rates = tuple({name: SuccessRate(**rate) for name, rate in setting.items()} for setting in data["rates"])
+        rates = tuple(
+            {name: SuccessRate(**rate) for name, rate in setting.items()}
+            for setting in data["rates"]
+        )
         # files of earlier programs do not tell
         shown = data.get("shown")
         counted = None if shown is None else ShownImages.from_dict(shown)
@@ -112,7 +133,11 @@ class SimulationResult:
 
 
 def simulate_plan(
-    plan: Planned, n: int = 10_000, rng: int = 0, progress: Progress | None = None, solid: Solid | None = None
+    plan: Planned,
+    n: int = 10_000,
+    rng: int = 0,
+    progress: Progress | None = None,
+    solid: Solid | None = None,
 ) -> SimulationResult:
     """Measure every entity of every setting from n displaced poses.
 

@@ -170,13 +170,26 @@ def simulate_setting(
     if n < 1:
         raise RequestError(f"n must be at least 1. Got {n!r}.")
     rng = np.random.default_rng(rng)
-    dimensions = {name: entities[name] for name in setting.entities if isinstance(entities[name], PlannedDimension)}
+    dimensions = {
+        name: entities[name]
+        for name in setting.entities
+        if isinstance(entities[name], PlannedDimension)
+    }
     edges = [name for name in setting.entities if name not in dimensions]
     counts = _edge_successes(
-        setting, {name: entities[name] for name in edges}, camera, pose_uncertainty, accuracy, n, rng, how
+        setting,
+        {name: entities[name] for name in edges},
+        camera,
+        pose_uncertainty,
+        accuracy,
+        n,
+        rng,
+        how,
     )
     for name, dimension in dimensions.items():
-        counts[name] = _dimension_successes(setting, dimension, camera, pose_uncertainty, n, rng, how)
+        counts[name] = _dimension_successes(
+            setting, dimension, camera, pose_uncertainty, n, rng, how
+        )
     return {
         name: SuccessRate(
             counts[name][0],
@@ -237,7 +250,10 @@ def _edge_successes(
         lost = ~_in_image(pixels, camera)
         successes += (accurate & ~lost if how.sensor_limits else accurate).sum(axis=0)
         outside += lost.sum(axis=0)
-    return {name: (int(hits), int(lost)) for name, hits, lost in zip(entities, successes, outside, strict=True)}
+    return {
+        name: (int(hits), int(lost))
+        for name, hits, lost in zip(entities, successes, outside, strict=True)
+    }
 
 
 def displaced_poses(

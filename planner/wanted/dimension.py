@@ -63,7 +63,11 @@ class Dimension:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "entities", tuple(self.entities))
-        given = [name for name in ("tolerance", "max_error", "accuracy") if getattr(self, name) is not None]
+        given = [
+            name
+            for name in ("tolerance", "max_error", "accuracy")
+            if getattr(self, name) is not None
+        ]
         if len(given) > 1:
             raise RequestError(
                 f"a dimension must have one of tolerance, max_error and accuracy. Got {', '.join(given)}."
@@ -276,23 +280,33 @@ def _renamed(asked: dict[str, Any], unit: str) -> dict[str, Any]:
     names |= {name: name for name in ("accuracy", "share", "direction")}
     unknown = [name for name in asked if name not in names]
     if unknown:
-        raise RequestError(f"what is asked of a dimension must be one of {', '.join(names)}. Got {unknown[0]!r}.")
+        raise RequestError(
+            f"what is asked of a dimension must be one of {', '.join(names)}. Got {unknown[0]!r}."
+        )
     return {names[name]: value for name, value in asked.items()}
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+    return (
+        isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and abs(value) <= sys.float_info.max
+    )
 
 
 def _checked_tolerance(given: Sequence[float]) -> tuple[float, float]:
     try:
         lower, upper = (float(value) for value in given)
     except (OverflowError, TypeError, ValueError) as error:
-        raise RequestError(f"tolerance must be two numbers, lower and upper deviation. Got {given!r}.") from error
+        raise RequestError(
+            f"tolerance must be two numbers, lower and upper deviation. Got {given!r}."
+        ) from error
     if not (math.isfinite(lower) and math.isfinite(upper)):
         raise RequestError(f"tolerance must be finite. Got {given!r}.")
     if lower >= upper:
-        raise RequestError(f"tolerance must have its lower deviation below its upper one. Got [{lower:g}, {upper:g}].")
+        raise RequestError(
+            f"tolerance must have its lower deviation below its upper one. Got [{lower:g}, {upper:g}]."
+        )
     return lower, upper
 
 

@@ -45,7 +45,9 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...]) -> dict[str, Any]:
     content = _content(Path(path))
     content = content.get("dimensions", content)
     if not isinstance(content, dict) or not content:
-        raise RequestError(f"a file of dimensions must hold one name at least. Got none in {Path(path).name}.")
+        raise RequestError(
+            f"a file of dimensions must hold one name at least. Got none in {Path(path).name}."
+        )
     return {name: _wanted(name, value, kinds) for name, value in content.items()}
 
 
@@ -55,9 +57,13 @@ def _content(path: Path) -> dict[str, Any]:
     try:
         content = parse_names(path)
     except ValueError as error:
-        raise RequestError(f"a file of dimensions must be valid TOML or JSON. Got {path.name}: {error}.") from error
+        raise RequestError(
+            f"a file of dimensions must be valid TOML or JSON. Got {path.name}: {error}."
+        ) from error
     if not isinstance(content, dict):
-        raise RequestError(f"a file of dimensions must hold names. Got {path.name} with {type(content).__name__}.")
+        raise RequestError(
+            f"a file of dimensions must hold names. Got {path.name} with {type(content).__name__}."
+        )
     return content
 
 
@@ -72,7 +78,9 @@ def _wanted(name: str, value: Any, kinds: tuple[str, ...]) -> Any:
             f"Got {unknown[0]!r}."
         )
     if len(kind) != 1:
-        raise RequestError(f"dimension {name!r} must have one kind. Got {', '.join(kind) or 'none'}.")
+        raise RequestError(
+            f"dimension {name!r} must have one kind. Got {', '.join(kind) or 'none'}."
+        )
     try:
         return _dimension("length" if kind[0] == "edge" else kind[0], value[kind[0]], value)
     except RequestError as error:
@@ -87,7 +95,9 @@ def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
     options = {key: value[key] for key in _OPTIONS if key in value and key != "unit"}
     factor = _UNITS[unit]
     if isinstance(options.get("tolerance"), list):
-        options["tolerance"] = tuple(_scaled(deviation, factor) for deviation in options["tolerance"])
+        options["tolerance"] = tuple(
+            _scaled(deviation, factor) for deviation in options["tolerance"]
+        )
     if "max_error" in options:
         options["max_error"] = _scaled(options["max_error"], factor)
     several = isinstance(entities, list) and not _is_end_points(entities)
@@ -107,6 +117,8 @@ def _scaled(value: Any, factor: float) -> Any:
 def _is_end_points(value: list[Any]) -> bool:
     """Whether a list is two points of three numbers rather than two entities."""
     return len(value) == 2 and all(
-        isinstance(point, list) and len(point) == 3 and all(isinstance(x, int | float) for x in point)
+        isinstance(point, list)
+        and len(point) == 3
+        and all(isinstance(x, int | float) for x in point)
         for point in value
     )

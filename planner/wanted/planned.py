@@ -142,7 +142,9 @@ class PlannedDimension:
         except (MeasurandError, ValueError, TypeError, KeyError) as error:
             raise PlanFileError(f"must be a dimension that can be measured. Got: {error}") from None
         if abs(nominal - data["nominal"]) > 1e-6 * max(1.0, abs(nominal)):
-            raise PlanFileError(f"nominal must be that of the geometry, {nominal:.9g}. Got {data['nominal']!r}.")
+            raise PlanFileError(
+                f"nominal must be that of the geometry, {nominal:.9g}. Got {data['nominal']!r}."
+            )
         return found
 
     def __eq__(self, other: object) -> bool:

@@ -65,12 +65,20 @@ def resolve_wanted(
         else:
             target = _edge(entities[name])
             length = Dimension("length", (name,), accuracy=accuracy)
-            targets.append(_dimension_target(solid, name, length, [entities[name]], accuracy) if as_lengths else target)
+            targets.append(
+                _dimension_target(solid, name, length, [entities[name]], accuracy)
+                if as_lengths
+                else target
+            )
     return entities, tuple(targets)
 
 
 def _entity_of(
-    solid: Solid, name: str, given: Any, known: dict[frozenset[int], str], entities: dict[str, Entity]
+    solid: Solid,
+    name: str,
+    given: Any,
+    known: dict[frozenset[int], str],
+    entities: dict[str, Entity],
 ) -> Entity:
     """Return what an item of a dimension stands for; an entity that others need, too, is the same one."""
     from aspectgraph import EntityError, resolve_entities
@@ -84,7 +92,10 @@ def _entity_of(
     if key not in known:
         # an item may have the name that an id would give
         label = next(text for text in _labels(label) if text not in entities)
-        known[key], entities[label] = label, next(iter(resolve_entities(solid, {label: given}).values()))
+        known[key], entities[label] = (
+            label,
+            next(iter(resolve_entities(solid, {label: given}).values())),
+        )
     return entities[known[key]]
 
 
@@ -97,13 +108,17 @@ def _label(given: Any) -> str:
     """Return a name for an entity that has none: its id."""
     own = getattr(given, "id", getattr(given, "name", given))
     if isinstance(own, bool):
-        raise RequestError(f"an entity must be an id, an edge, a rim or two end points. Got {given!r}.")
+        raise RequestError(
+            f"an entity must be an id, an edge, a rim or two end points. Got {given!r}."
+        )
     if isinstance(own, int | np.integer):
         return f"e{own}"
     if isinstance(own, str):
         return own
     try:
-        return "edge from " + " to ".join("(" + ", ".join(f"{x:.6g}" for x in point) + ")" for point in own)
+        return "edge from " + " to ".join(
+            "(" + ", ".join(f"{x:.6g}" for x in point) + ")" for point in own
+        )
     except (TypeError, ValueError):
         return repr(own)
 
@@ -113,7 +128,9 @@ def _edge(entity: Entity) -> Target:
     return edge_target(entity.name, entity.endpoints)
 
 
-def _dimension_target(solid: Solid, name: str, dimension: Dimension, parts: list[Entity], accuracy: float) -> Target:
+def _dimension_target(
+    solid: Solid, name: str, dimension: Dimension, parts: list[Entity], accuracy: float
+) -> Target:
     curves = {arc.edge_ids: arc for arc in (*solid.rims(), *solid.arcs())}
     geometry = [_geometry(entity, curves) for entity in parts]
     try:
@@ -143,10 +160,18 @@ def _geometry(entity: Entity, curves: Mapping[tuple[int, ...], Arc]) -> Line | C
     arc = curves[entity.edge_ids]
     if entity.kind == "rim":
         return Circle(arc.centre, arc.axis, arc.radius_mm)
-    return Circle(arc.centre, arc.axis, arc.radius_mm, entity.points[0] - arc.centre, arc.end_rad - arc.start_rad)
+    return Circle(
+        arc.centre,
+        arc.axis,
+        arc.radius_mm,
+        entity.points[0] - arc.centre,
+        arc.end_rad - arc.start_rad,
+    )
 
 
-def _check_chords(name: str, entity: Entity, curves: Mapping[tuple[int, ...], Arc], permitted: float) -> None:
+def _check_chords(
+    name: str, entity: Entity, curves: Mapping[tuple[int, ...], Arc], permitted: float
+) -> None:
     """Refuse a circle that is known only by too few chords for what is asked of it."""
     arc = curves.get(entity.edge_ids)
     if arc is None or not arc.fitted or arc.chord_mm <= permitted:
@@ -171,7 +196,9 @@ def _segments(one: Line | Circle) -> tuple[NDArray[np.float64], NDArray[np.bool_
     step = one.span_rad / (2 * _DIAMETERS)
     middles = one.points((np.arange(2 * _DIAMETERS) + 0.5) * step)
     outer = one.centre + (middles - one.centre) / math.cos(step / 2)
-    pairs = np.concatenate([one.points(np.array([0.0, one.span_rad], dtype=np.float64))[None], outer.reshape(-1, 2, 3)])
+    pairs = np.concatenate(
+        [one.points(np.array([0.0, one.span_rad], dtype=np.float64))[None], outer.reshape(-1, 2, 3)]
+    )
     return pairs, np.arange(len(pairs)) == 0
 
 

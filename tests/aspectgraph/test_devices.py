@@ -28,7 +28,10 @@ def test_a_pipe_is_written_to(tmp_path):
 def test_a_device_is_never_replaced():
     """As root one may rename a file over it."""
     with (
-        pytest.raises(OutputError, match=r"file that can be written\. Got '/dev/full': No space left on device"),
+        pytest.raises(
+            OutputError,
+            match=r"file that can be written\. Got '/dev/full': No space left on device",
+        ),
         replacing("/dev/full") as beside,
     ):
         beside.write_text("some text")
@@ -38,4 +41,6 @@ def test_a_device_is_never_replaced():
 def test_files_folders_and_what_is_not_there_are_no_devices(tmp_path):
     (tmp_path / "file").write_text("")
     (tmp_path / "link").symlink_to("nowhere")
-    assert not any(map(is_device, (tmp_path, tmp_path / "file", tmp_path / "link", tmp_path / "none", "a\0b")))
+    assert not any(
+        map(is_device, (tmp_path, tmp_path / "file", tmp_path / "link", tmp_path / "none", "a\0b"))
+    )

@@ -27,5 +27,7 @@ def random_covariance(rng, rotation_std, translation_variance=0.03):
     """Draw a correlated covariance with the given variances."""
     factor = rng.normal(size=(6, 12))
     covariance = factor @ factor.T
-    std = np.array([np.sqrt(translation_variance)] * 3 + [rotation_std] * 3) / np.sqrt(np.diag(covariance))
+    std = np.array([np.sqrt(translation_variance)] * 3 + [rotation_std] * 3) / np.sqrt(
+        np.diag(covariance)
+    )
     return covariance * std[:, None] * std

@@ -6,7 +6,9 @@ from scipy.stats import chisquare
 
 from errors import displace, displacement_terms, image_segment, point_displacement, project
 
-POINTS = np.array([[10.0, -20.0, -200.0], [-35.0, 4.0, -80.0], [0.0, 0.0, -300.0], [60.0, 45.0, -500.0]])
+POINTS = np.array(
+    [[10.0, -20.0, -200.0], [-35.0, 4.0, -80.0], [0.0, 0.0, -300.0], [60.0, 45.0, -500.0]]
+)
 
 
 def test_projection_by_hand():
@@ -45,17 +47,27 @@ def test_terms_against_finite_differences_of_the_exact_rotation():
         np.testing.assert_allclose(n_v[:, k] / d_mean, slope[:, 1], atol=1e-7)
         # D / (f - C3) is the depth after the displacement, which the translation and the rotation change linearly.
         depth = [F - displace(POINTS, s * delta)[:, 2] for s in (1, -1)]
-        np.testing.assert_allclose(d[:, k] / (F - POINTS[:, 2]), (depth[0] - depth[1]) / (2 * step), atol=1e-7)
+        np.testing.assert_allclose(
+            d[:, k] / (F - POINTS[:, 2]), (depth[0] - depth[1]) / (2 * step), atol=1e-7
+        )
 
 
 def test_numerator_u_is_the_papers():
     c1, c2, c3 = POINTS.T
     phi_x, phi_y, phi_z, dx, dz = 0.01, -0.02, 0.03, 0.4, -0.5
-    paper = F * (c1 * c2 * phi_x + ((F - c3) * c3 - c1**2) * phi_y - c2 * (F - c3) * phi_z + (F - c3) * dx + c1 * dz)
+    paper = F * (
+        c1 * c2 * phi_x
+        + ((F - c3) * c3 - c1**2) * phi_y
+        - c2 * (F - c3) * phi_z
+        + (F - c3) * dx
+        + c1 * dz
+    )
     terms = displacement_terms(POINTS, focal_length_mm=F)
     delta = np.array([dx, 0.7, dz, phi_x, phi_y, phi_z])
     np.testing.assert_allclose(terms.n_u @ delta, paper)
-    np.testing.assert_allclose(terms.d_mean + terms.d @ delta, (F - c3) * ((F - c3) - c2 * phi_x + c1 * phi_y - dz))
+    np.testing.assert_allclose(
+        terms.d_mean + terms.d @ delta, (F - c3) * ((F - c3) - c2 * phi_x + c1 * phi_y - dz)
+    )
 
 
 @pytest.mark.parametrize("axis", [0, 1])

@@ -52,7 +52,9 @@ def test_turning_about_the_optical_axis_changes_no_length(seed, turn):
 def test_swapping_the_ends_changes_nothing():
     edges = random_edges(5, np.random.default_rng(1))
     for one, other in zip(
-        length_expansion(edges, focal_length_mm=F), length_expansion(edges[:, ::-1], focal_length_mm=F), strict=True
+        length_expansion(edges, focal_length_mm=F),
+        length_expansion(edges[:, ::-1], focal_length_mm=F),
+        strict=True,
     ):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
 

@@ -42,7 +42,11 @@ def with_entry(array, index, value):
         ({"accuracy": 1.2}, InvalidParameterError, r"accuracy must be in \(0, 1\)\. Got 1\.2\."),
         ({"accuracy": 0.0}, InvalidParameterError, r"accuracy must be in \(0, 1\)\. Got 0\.0\."),
         ({"accuracy": np.nan}, InvalidParameterError, r"accuracy must be finite\. Got nan"),
-        ({"accuracy": [0.9]}, InvalidShapeError, r"accuracy must be a single number\. Got an array of shape \(1,\)"),
+        (
+            {"accuracy": [0.9]},
+            InvalidShapeError,
+            r"accuracy must be a single number\. Got an array of shape \(1,\)",
+        ),
         (
             {"pose_covariance": with_entry(PAPER_COVARIANCE, (0, 1), 0.01)},
             CovarianceError,
@@ -58,7 +62,11 @@ def with_entry(array, index, value):
             CovarianceError,
             r"positive semi-definite\. Got smallest eigenvalue -1\.",
         ),
-        ({"pose_covariance": np.eye(5)}, InvalidShapeError, r"must have shape \(\.\.\., 6, 6\)\. Got shape \(5, 5\)"),
+        (
+            {"pose_covariance": np.eye(5)},
+            InvalidShapeError,
+            r"must have shape \(\.\.\., 6, 6\)\. Got shape \(5, 5\)",
+        ),
         (
             {"pose_covariance": with_entry(np.eye(6), (3, 3), np.inf)},
             InvalidParameterError,
@@ -86,12 +94,31 @@ def with_entry(array, index, value):
             r"endpoints must have shape \(\.\.\., 2, 3\)\. Got shape \(4, 3\)\.",
         ),
         ({"endpoints": "edge"}, InvalidParameterError, r"endpoints must be numeric\. Got 'edge'\."),
-        ({"focal_length_mm": -1.0}, InvalidParameterError, r"focal_length_mm must be > 0\. Got -1\.0\."),
-        ({"focal_length_mm": [1.0]}, InvalidShapeError, r"focal_length_mm must be a single number\."),
-        ({"pixel_pitch_mm": (0.01, 0.0)}, InvalidParameterError, r"pixel_pitch_mm must be > 0\. Got \(0\.01, 0\.0\)"),
-        ({"pixel_pitch_mm": 0.01}, InvalidShapeError, r"pixel_pitch_mm must have shape \(2,\)\. Got shape \(\)\."),
         (
-            {"endpoints": np.tile(EDGE, (3, 1, 1)), "pose_covariance": np.tile(PAPER_COVARIANCE, (2, 1, 1))},
+            {"focal_length_mm": -1.0},
+            InvalidParameterError,
+            r"focal_length_mm must be > 0\. Got -1\.0\.",
+        ),
+        (
+            {"focal_length_mm": [1.0]},
+            InvalidShapeError,
+            r"focal_length_mm must be a single number\.",
+        ),
+        (
+            {"pixel_pitch_mm": (0.01, 0.0)},
+            InvalidParameterError,
+            r"pixel_pitch_mm must be > 0\. Got \(0\.01, 0\.0\)",
+        ),
+        (
+            {"pixel_pitch_mm": 0.01},
+            InvalidShapeError,
+            r"pixel_pitch_mm must have shape \(2,\)\. Got shape \(\)\.",
+        ),
+        (
+            {
+                "endpoints": np.tile(EDGE, (3, 1, 1)),
+                "pose_covariance": np.tile(PAPER_COVARIANCE, (2, 1, 1)),
+            },
             InvalidShapeError,
             r"leading shapes that broadcast\. Got \(3, 2, 3\) and \(2, 6, 6\)",
         ),
@@ -105,41 +132,75 @@ def test_bad_input_is_named(model, changes, error, message):
 
 
 def test_unknown_model():
-    with pytest.raises(InvalidParameterError, match=r"model must be one of .*'joint'.*\. Got 'exact'\."):
+    with pytest.raises(
+        InvalidParameterError, match=r"model must be one of .*'joint'.*\. Got 'exact'\."
+    ):
         call(model="exact")
 
 
 @pytest.mark.parametrize("samples", [0, 1.5, True])
 def test_samples(samples):
-    with pytest.raises(InvalidParameterError, match=rf"samples must be an integer >= 1\. Got {samples}\."):
+    with pytest.raises(
+        InvalidParameterError, match=rf"samples must be an integer >= 1\. Got {samples}\."
+    ):
         call(model="montecarlo", samples=samples)
 
 
 @pytest.mark.parametrize(
     ("function", "message"),
     [
-        (lambda: simulate_success(EDGE, **VALID, confidence=1.0), r"confidence must be in \(0, 1\)\. Got 1\.0\."),
         (
-            lambda: simulate_success([EDGE] * 3, **{**VALID, "pose_covariance": [PAPER_COVARIANCE] * 2}),
+            lambda: simulate_success(EDGE, **VALID, confidence=1.0),
+            r"confidence must be in \(0, 1\)\. Got 1\.0\.",
+        ),
+        (
+            lambda: simulate_success(
+                [EDGE] * 3, **{**VALID, "pose_covariance": [PAPER_COVARIANCE] * 2}
+            ),
             r"leading shapes that broadcast",
         ),
-        (lambda: simulate_success(EDGE, **VALID, quantization="x"), r"quantization must be one of .* Got 'x'\."),
-        (lambda: simulate_measurement(EDGE, **VALID, detector="x"), r"detector must be one of .* Got 'x'\."),
-        (lambda: simulate_measurement([EDGE], **VALID), r"endpoints must have shape \(2, 3\)\. Got shape \(1, 2, 3\)"),
-        (lambda: measure_lengths(np.zeros(4), pixel_pitch_mm=(1, 1)), r"segments must have shape .* Got shape \(4,\)"),
+        (
+            lambda: simulate_success(EDGE, **VALID, quantization="x"),
+            r"quantization must be one of .* Got 'x'\.",
+        ),
+        (
+            lambda: simulate_measurement(EDGE, **VALID, detector="x"),
+            r"detector must be one of .* Got 'x'\.",
+        ),
+        (
+            lambda: simulate_measurement([EDGE], **VALID),
+            r"endpoints must have shape \(2, 3\)\. Got shape \(1, 2, 3\)",
+        ),
+        (
+            lambda: measure_lengths(np.zeros(4), pixel_pitch_mm=(1, 1)),
+            r"segments must have shape .* Got shape \(4,\)",
+        ),
         (lambda: AxisQuantization(0.0), r"pitch_mm must be > 0\. Got 0\.0\."),
         (lambda: SegmentQuantization(np.inf, (1, 1)), r"angle_rad must be finite\. Got inf"),
         (lambda: NormalRatio(-1.0, 1.0, 0.0, 1.0), r"var_n must be >= 0\. Got -1\.0\."),
-        (lambda: NormalRatio(1.0, 1.0, 1.1, 1.0), r"cov must satisfy cov\^2 <= var_n var_d\. Got 1\.1\."),
-        (lambda: NormalRatio(1.0, 1.0, 0.0, 0.0), r"mean_d must be > 0\. Got 0\.0\."),
-        (lambda: project(np.zeros(2), focal_length_mm=F), r"points must have shape \(\.\.\., 3\)\. Got shape \(2,\)\."),
-        (lambda: displace(EDGE, np.zeros(5)), r"displacement must have shape \(\.\.\., 6\)\. Got shape \(5,\)\."),
         (
-            lambda: AxisDisplacement(EDGE, "w", focal_length_mm=F, pose_covariance=PAPER_COVARIANCE),
+            lambda: NormalRatio(1.0, 1.0, 1.1, 1.0),
+            r"cov must satisfy cov\^2 <= var_n var_d\. Got 1\.1\.",
+        ),
+        (lambda: NormalRatio(1.0, 1.0, 0.0, 0.0), r"mean_d must be > 0\. Got 0\.0\."),
+        (
+            lambda: project(np.zeros(2), focal_length_mm=F),
+            r"points must have shape \(\.\.\., 3\)\. Got shape \(2,\)\.",
+        ),
+        (
+            lambda: displace(EDGE, np.zeros(5)),
+            r"displacement must have shape \(\.\.\., 6\)\. Got shape \(5,\)\.",
+        ),
+        (
+            lambda: AxisDisplacement(
+                EDGE, "w", focal_length_mm=F, pose_covariance=PAPER_COVARIANCE
+            ),
             r"axis must be 'u' or 'v'\. Got 'w'\.",
         ),
         (
-            lambda: point_displacement([0.0, 0.0, 30.0], focal_length_mm=F, pose_covariance=PAPER_COVARIANCE),
+            lambda: point_displacement(
+                [0.0, 0.0, 30.0], focal_length_mm=F, pose_covariance=PAPER_COVARIANCE
+            ),
             r"points must lie in front of the lens centre .* Got C3 = 30\.0",
         ),
     ],

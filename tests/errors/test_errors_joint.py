@@ -7,7 +7,13 @@ from edge_examples import CAMERA, EDGE, PAPER_COVARIANCE, PITCH, F, random_covar
 from scipy.integrate import quad
 from scipy.stats import chi2, ncx2, norm
 
-from errors import SegmentQuantization, image_segment, length_expansion, simulate_success, success_probability
+from errors import (
+    SegmentQuantization,
+    image_segment,
+    length_expansion,
+    simulate_success,
+    success_probability,
+)
 from errors.joint import quadratic_probability
 
 CALL = {**CAMERA, "accuracy": 0.98}
@@ -25,14 +31,20 @@ def probability_by_diagonalisation(edge, covariance, accuracy):
     low, high = length * np.log(accuracy), length * np.log(2.0 - accuracy)
 
     def integrand(t):
-        value = np.prod((1 - 1j * t * lam) ** -0.5 * np.exp(-0.5 * t * t * b**2 / (1 - 1j * t * lam)))
+        value = np.prod(
+            (1 - 1j * t * lam) ** -0.5 * np.exp(-0.5 * t * t * b**2 / (1 - 1j * t * lam))
+        )
         value *= quantization.characteristic(t)
         return ((np.exp(-1j * t * low) - np.exp(-1j * t * high)) * value).imag / (np.pi * t)
 
     scale = 1.0 / np.sqrt(np.sum(b**2) + 0.5 * np.sum(lam**2) + float(quantization.std) ** 2)
     # The characteristic function falls off as a power of t at worst, so a few decades of pieces suffice.
-    knots = np.concatenate([[1e-12], np.linspace(0.5, 40.0, 80), np.geomspace(45.0, 400.0, 60)]) * scale
-    return sum(quad(integrand, a, b, epsabs=1e-10, limit=200)[0] for a, b in itertools.pairwise(knots))
+    knots = (
+        np.concatenate([[1e-12], np.linspace(0.5, 40.0, 80), np.geomspace(45.0, 400.0, 60)]) * scale
+    )
+    return sum(
+        quad(integrand, a, b, epsabs=1e-10, limit=200)[0] for a, b in itertools.pairwise(knots)
+    )
 
 
 @pytest.mark.uncompiled
@@ -43,10 +55,14 @@ def test_against_diagonalisation_and_adaptive_quadrature(rotation_std, accuracy)
     for edge in random_edges(3, rng):
         covariance = random_covariance(rng, rotation_std)
         p = success_probability(edge, **CAMERA, pose_covariance=covariance, accuracy=accuracy)
-        assert p == pytest.approx(probability_by_diagonalisation(edge, covariance, accuracy), abs=5e-5)
+        assert p == pytest.approx(
+            probability_by_diagonalisation(edge, covariance, accuracy), abs=5e-5
+        )
 
 
-@pytest.mark.parametrize(("rotation_std", "bound"), [(0.002, 0.001), (0.01, 0.001), (0.03, 0.003), (0.055, 0.006)])
+@pytest.mark.parametrize(
+    ("rotation_std", "bound"), [(0.002, 0.001), (0.01, 0.001), (0.03, 0.003), (0.055, 0.006)]
+)
 def test_accuracy_table_against_a_million_poses(rotation_std, bound):
     rng = np.random.default_rng(2001)
     edges = random_edges(40, rng)
@@ -76,7 +92,11 @@ def test_pure_depth_error_by_hand():
     edge, sigma, depth = np.array([[-20.0, 0.0, -275.0], [20.0, 0.0, -275.0]]), 4.0, 300.0
     covariance = np.diag([0.0, 0.0, sigma**2, 0.0, 0.0, 0.0])
     p = success_probability(
-        edge, focal_length_mm=F, pixel_pitch_mm=(1e-6, 1e-6), pose_covariance=covariance, accuracy=0.98
+        edge,
+        focal_length_mm=F,
+        pixel_pitch_mm=(1e-6, 1e-6),
+        pose_covariance=covariance,
+        accuracy=0.98,
     )
     expected = norm.cdf(depth * (1 - 1 / 1.02) / sigma) - norm.cdf(depth * (1 - 1 / 0.98) / sigma)
     assert p == pytest.approx(expected, abs=1e-4)
@@ -119,11 +139,15 @@ def test_batches_agree_with_single_edges_and_covariances_broadcast():
     whole = success_probability(edges, **CALL, pose_covariance=covariance)
     for i in range(2):
         for j in range(3):
-            assert whole[i, j] == success_probability(edges[i, j], **CALL, pose_covariance=covariance[j])
+            assert whole[i, j] == success_probability(
+                edges[i, j], **CALL, pose_covariance=covariance[j]
+            )
     fanned = success_probability(edges[0, 0], **CALL, pose_covariance=covariance)
     assert fanned.shape == (3,)
     assert fanned[0] == whole[0, 0]
-    assert success_probability(np.empty((0, 2, 3)), **CALL, pose_covariance=PAPER_COVARIANCE).shape == (0,)
+    assert success_probability(
+        np.empty((0, 2, 3)), **CALL, pose_covariance=PAPER_COVARIANCE
+    ).shape == (0,)
     assert np.ndim(success_probability(EDGE, **CALL, pose_covariance=PAPER_COVARIANCE)) == 0
 
 
@@ -131,9 +155,13 @@ def test_batches_agree_with_single_edges_and_covariances_broadcast():
 def test_views_need_not_be_contiguous():
     edges = random_edges(8, np.random.default_rng(5))
     call = {**CALL, "pose_covariance": PAPER_COVARIANCE}
-    np.testing.assert_array_equal(success_probability(edges[::-2], **call), success_probability(edges, **call)[::-2])
+    np.testing.assert_array_equal(
+        success_probability(edges[::-2], **call), success_probability(edges, **call)[::-2]
+    )
     swapped = np.asfortranarray(edges)
-    np.testing.assert_array_equal(success_probability(swapped, **call), success_probability(edges, **call))
+    np.testing.assert_array_equal(
+        success_probability(swapped, **call), success_probability(edges, **call)
+    )
 
 
 @pytest.mark.uncompiled
@@ -141,17 +169,24 @@ def test_symmetries():
     rng = np.random.default_rng(6)
     edges, covariance = random_edges(20, rng), random_covariance(rng, 0.02)
     p = success_probability(edges, **CALL, pose_covariance=covariance)
-    np.testing.assert_allclose(success_probability(edges[:, ::-1], **CALL, pose_covariance=covariance), p, atol=1e-6)
+    np.testing.assert_allclose(
+        success_probability(edges[:, ::-1], **CALL, pose_covariance=covariance), p, atol=1e-6
+    )
     # Mirrored in the vertical plane: C1, dx flip, rotations about the other two axes flip.
     flip = np.diag([-1.0, 1.0, 1.0, 1.0, -1.0, -1.0])
-    mirrored = success_probability(edges * [-1.0, 1.0, 1.0], **CALL, pose_covariance=flip @ covariance @ flip)
+    mirrored = success_probability(
+        edges * [-1.0, 1.0, 1.0], **CALL, pose_covariance=flip @ covariance @ flip
+    )
     np.testing.assert_allclose(mirrored, p, atol=1e-6)
 
 
 @pytest.mark.uncompiled
 def test_probability_grows_with_the_tolerance():
     accuracies = np.linspace(0.9, 0.9995, 30)
-    p = [success_probability(EDGE, **CAMERA, pose_covariance=PAPER_COVARIANCE, accuracy=a) for a in accuracies]
+    p = [
+        success_probability(EDGE, **CAMERA, pose_covariance=PAPER_COVARIANCE, accuracy=a)
+        for a in accuracies
+    ]
     assert (np.diff(p) <= 1e-5).all()
     assert p[0] > 0.99 > 0.2 > p[-1]
 

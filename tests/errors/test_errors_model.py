@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from edge_examples import CAMERA, EDGE, PAPER_COVARIANCE, F, random_covariance, random_edges
 
-from errors import CovarianceError, InvalidParameterError, InvalidShapeError, SuccessModel, success_probability
+from errors import (
+    CovarianceError,
+    InvalidParameterError,
+    InvalidShapeError,
+    SuccessModel,
+    success_probability,
+)
 
 BEHIND = EDGE + np.array([0.0, 0.0, 400.0])
 END_ON = np.array([[20.0, 10.0, F - 200.0], [40.0, 20.0, F - 400.0]])
@@ -14,11 +20,20 @@ END_ON = np.array([[20.0, 10.0, F - 200.0], [40.0, 20.0, F - 400.0]])
 def test_the_same_values_as_the_one_call(model):
     rng = np.random.default_rng(3)
     edges = random_edges(12, rng).reshape(3, 4, 2, 3)
-    how = {**CAMERA, "pose_covariance": random_covariance(rng, 0.01), "accuracy": 0.98, "model": model}
-    np.testing.assert_allclose(SuccessModel(**how)(edges), success_probability(edges, **how), atol=1e-9)
+    how = {
+        **CAMERA,
+        "pose_covariance": random_covariance(rng, 0.01),
+        "accuracy": 0.98,
+        "model": model,
+    }
+    np.testing.assert_allclose(
+        SuccessModel(**how)(edges), success_probability(edges, **how), atol=1e-9
+    )
 
 
-@pytest.mark.parametrize("model", [pytest.param("joint", marks=pytest.mark.uncompiled), "independent", "montecarlo"])
+@pytest.mark.parametrize(
+    "model", [pytest.param("joint", marks=pytest.mark.uncompiled), "independent", "montecarlo"]
+)
 def test_edges_without_image_have_no_chance_and_disturb_no_other(model):
     how = {**CAMERA, "pose_covariance": PAPER_COVARIANCE, "accuracy": 0.98, "model": model}
     half_behind = np.array([EDGE[0], BEHIND[1]])
@@ -34,8 +49,16 @@ def test_edges_without_image_have_no_chance_and_disturb_no_other(model):
     [
         ({"accuracy": 1.2}, InvalidParameterError, r"accuracy must be in \(0, 1\)\. Got 1\.2\."),
         ({"model": "best"}, InvalidParameterError, r"model must be one of .*Got 'best'\."),
-        ({"focal_length_mm": 0}, InvalidParameterError, r"focal_length_mm must be > 0\. Got 0\.0\."),
-        ({"pose_covariance": -np.eye(6)}, CovarianceError, r"positive semi-definite\. Got smallest eigenvalue -1\."),
+        (
+            {"focal_length_mm": 0},
+            InvalidParameterError,
+            r"focal_length_mm must be > 0\. Got 0\.0\.",
+        ),
+        (
+            {"pose_covariance": -np.eye(6)},
+            CovarianceError,
+            r"positive semi-definite\. Got smallest eigenvalue -1\.",
+        ),
         (
             {"pose_covariance": np.ones((2, 6, 6))},
             InvalidShapeError,

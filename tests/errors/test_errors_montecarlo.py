@@ -24,8 +24,12 @@ def test_against_poses_drawn_and_projected_step_by_step():
         ends = project(displace(edge, delta[:, None, :]), focal_length_mm=F)
         ends = ends + rng.uniform(-0.5, 0.5, ends.shape) * PITCH
         length = image_segment(edge, focal_length_mm=F)[0]
-        frequency = (np.abs(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) - length) <= 0.02 * length).mean()
-        estimate = simulate_success(edge, **CAMERA, pose_covariance=covariance, accuracy=0.98, samples=400_000)
+        frequency = (
+            np.abs(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) - length) <= 0.02 * length
+        ).mean()
+        estimate = simulate_success(
+            edge, **CAMERA, pose_covariance=covariance, accuracy=0.98, samples=400_000
+        )
         assert estimate.probability == pytest.approx(frequency, abs=0.004)
 
 
@@ -88,5 +92,9 @@ def test_a_pose_behind_the_edge_is_a_failure():
     wild = np.diag([0.0, 0.0, 400.0, 0.0, 0.0, 0.0])
     call = {**CAMERA, "pose_covariance": wild, "accuracy": 0.01}
     # Accepted: dz between 10 (1 - 1/0.01) and 10 (1 - 1/1.99), i.e. below 4.97 mm; failures include 31 % behind.
-    assert simulate_success(edge, **call, samples=100_000).probability == pytest.approx(0.598, abs=0.01)
-    assert simulate_measurement(edge, **call, samples=20_000).probability == pytest.approx(0.598, abs=0.02)
+    assert simulate_success(edge, **call, samples=100_000).probability == pytest.approx(
+        0.598, abs=0.01
+    )
+    assert simulate_measurement(edge, **call, samples=20_000).probability == pytest.approx(
+        0.598, abs=0.02
+    )

@@ -13,11 +13,16 @@ ANGLES = np.radians([0.0, 1e-6, 0.5, 20.0, 40.0, 50.0, 89.99, 90.0, 135.0, 180.0
 
 def mixture_cdf(error, angle):
     """Independent route: the average of the wider triangular law over the narrower one, by quadrature."""
-    wide, narrow = sorted([PITCH[0] * abs(np.cos(angle)), PITCH[1] * abs(np.sin(angle))], reverse=True)
+    wide, narrow = sorted(
+        [PITCH[0] * abs(np.cos(angle)), PITCH[1] * abs(np.sin(angle))], reverse=True
+    )
     law = AxisQuantization(wide)
     if narrow < 1e-12:
         return float(law.cdf(error))
-    knots = sorted({float(np.clip((x - error) / narrow, -1.0, 1.0)) for x in (-wide, 0.0, wide)} | {-1.0, 0.0, 1.0})
+    knots = sorted(
+        {float(np.clip((x - error) / narrow, -1.0, 1.0)) for x in (-wide, 0.0, wide)}
+        | {-1.0, 0.0, 1.0}
+    )
     pieces = [
         quad(lambda y: (1.0 - abs(y)) * law.cdf(error + narrow * y), a, b, epsabs=1e-13)[0]
         for a, b in itertools.pairwise(knots)
@@ -28,7 +33,9 @@ def mixture_cdf(error, angle):
 def test_triangular_by_hand():
     law = AxisQuantization(0.01)
     np.testing.assert_allclose(law.pdf([-0.02, -0.005, 0.0, 0.0075]), [0.0, 50.0, 100.0, 25.0])
-    np.testing.assert_allclose(law.cdf([-1.0, -0.005, 0.0, 0.005, 1.0]), [0.0, 0.125, 0.5, 0.875, 1.0])
+    np.testing.assert_allclose(
+        law.cdf([-1.0, -0.005, 0.0, 0.005, 1.0]), [0.0, 0.125, 0.5, 0.875, 1.0]
+    )
 
 
 @pytest.mark.parametrize("angle", ANGLES)
@@ -50,7 +57,9 @@ def test_pdf_is_the_derivative_of_the_cdf(angle):
 @pytest.mark.parametrize("angle", ANGLES)
 def test_pdf_integrates_to_one_with_the_stated_std(angle):
     law = SegmentQuantization(angle, PITCH)
-    knots = sorted({s * w + t * v for w, v in [law.widths_mm] for s in (-1, 0, 1) for t in (-1, 0, 1)})
+    knots = sorted(
+        {s * w + t * v for w, v in [law.widths_mm] for s in (-1, 0, 1) for t in (-1, 0, 1)}
+    )
     pieces = list(itertools.pairwise(knots))
     assert sum(quad(law.pdf, a, b)[0] for a, b in pieces) == pytest.approx(1.0, abs=1e-9)
     variance = sum(quad(lambda x: x * x * law.pdf(x), a, b)[0] for a, b in pieces)
@@ -75,7 +84,9 @@ def test_a_million_samples_fit(angle):
     edges = np.linspace(-0.95, 0.95, 41) * sum(law.widths_mm)
     expected = np.diff(np.concatenate([[0.0], law.cdf(edges), [1.0]])) * len(sample)
     observed = np.histogram(sample, np.concatenate([[-np.inf], edges, [np.inf]]))[0]
-    assert chisquare(observed[expected > 10], expected[expected > 10], sum_check=False).pvalue > 1e-3
+    assert (
+        chisquare(observed[expected > 10], expected[expected > 10], sum_check=False).pvalue > 1e-3
+    )
 
 
 def test_axis_samples_fit():

@@ -27,7 +27,12 @@ def paper_pdf(w, var_n, var_d, cov, mu):
     c = mu**2 / sd**2
     k = np.exp((b**2 - c * a**2) / (2 * (1 - rho**2) * a**2))
     root = np.sqrt(1 - rho**2)
-    first = b * k / (np.sqrt(2 * np.pi) * sn * sd * a**3) * (norm.cdf(b / (root * a)) - norm.cdf(-b / (root * a)))
+    first = (
+        b
+        * k
+        / (np.sqrt(2 * np.pi) * sn * sd * a**3)
+        * (norm.cdf(b / (root * a)) - norm.cdf(-b / (root * a)))
+    )
     return first + root / (np.pi * sn * sd * a**2) * np.exp(-c / (2 * (1 - rho**2)))
 
 
@@ -42,7 +47,9 @@ def test_pdf_against_quadrature_over_the_denominator(case):
     joint = multivariate_normal([0.0, mu], [[var_n, cov], [cov, var_d]])
     sd = np.sqrt(var_d)
     for w in W:
-        pieces = np.unique(np.clip([mu - 12 * sd, 0.0, mu, mu + 12 * sd], mu - 12 * sd, mu + 12 * sd))
+        pieces = np.unique(
+            np.clip([mu - 12 * sd, 0.0, mu, mu + 12 * sd], mu - 12 * sd, mu + 12 * sd)
+        )
         value = sum(
             quad(lambda d, w=w: abs(d) * joint.pdf([w * d, d]), a, b, epsabs=1e-12, limit=200)[0]
             for a, b in itertools.pairwise(pieces)
@@ -50,7 +57,9 @@ def test_pdf_against_quadrature_over_the_denominator(case):
         assert float(NormalRatio(*case).pdf(w)) == pytest.approx(value, abs=1e-8)
 
 
-@pytest.mark.parametrize("case", [*CASES, (1.0, 0.04, 0.2, 1.0), (1.0, 0.04, -0.2, 1.0), (1.0, 0.0, 0.0, 2.0)])
+@pytest.mark.parametrize(
+    "case", [*CASES, (1.0, 0.04, 0.2, 1.0), (1.0, 0.04, -0.2, 1.0), (1.0, 0.0, 0.0, 2.0)]
+)
 def test_cdf_is_the_integral_of_the_pdf(case):
     law, step = NormalRatio(*case), 1e-6
     slope = (law.cdf(W + step) - law.cdf(W - step)) / (2 * step)
@@ -63,7 +72,9 @@ def test_a_million_samples_fit(case):
     law = NormalRatio(*case)
     edges = np.linspace(-4.0, 4.0, 61)
     expected = np.diff(np.concatenate([[0.0], law.cdf(edges), [1.0]])) * 1_000_000
-    observed = np.histogram(law.sample(1_000_000, rng=11), np.concatenate([[-np.inf], edges, [np.inf]]))[0]
+    observed = np.histogram(
+        law.sample(1_000_000, rng=11), np.concatenate([[-np.inf], edges, [np.inf]])
+    )[0]
     keep = expected > 10
     assert chisquare(observed[keep], expected[keep], sum_check=False).pvalue > 1e-3
 
@@ -98,7 +109,9 @@ def test_zero_numerator_is_a_point_mass(var_d):
     np.testing.assert_array_equal(law.sample(3), np.zeros(3))
 
 
-@pytest.mark.parametrize("case", [(1.0, 0.01, 0.05, 1.0), (1.0, 0.01, 0.1, 1.0), (1.0, 0.0, 0.0, 1.0)])
+@pytest.mark.parametrize(
+    "case", [(1.0, 0.01, 0.05, 1.0), (1.0, 0.01, 0.1, 1.0), (1.0, 0.0, 0.0, 1.0)]
+)
 def test_characteristic_function_is_the_fourier_transform(case):
     law = NormalRatio(*case)
     for t in (0.0, 0.7, 2.5):

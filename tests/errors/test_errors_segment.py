@@ -30,7 +30,13 @@ def test_eqs_12_and_13_are_the_correlation_integral_of_eq_11(axis, index):
     law = AxisDisplacement(EDGE, axis, **POSE)
     reach = 8.0 * float(first.std)
     for error in np.array([-2.0, -0.5, 0.0, 1.0, 2.5]) * float(law.std):
-        value = quad(lambda x, e=error: second.pdf(x + e) * first.pdf(x), -reach, reach, points=[0.0], limit=200)[0]
+        value = quad(
+            lambda x, e=error: second.pdf(x + e) * first.pdf(x),
+            -reach,
+            reach,
+            points=[0.0],
+            limit=200,
+        )[0]
         assert float(law.pdf(error)) == pytest.approx(value, rel=1e-5)
 
 
@@ -41,7 +47,9 @@ def test_eq_14_is_the_convolution_of_the_axes():
     x = np.linspace(-10.0, 10.0, 4001) * float(u.std)
     for error in (-1.0, 0.0, 2.0):
         # Average over the horizontal error of the density of what the vertical one must then contribute.
-        value = trapezoid(u.pdf(x) * v.pdf((error - x * np.cos(angle)) / np.sin(angle)), x) / abs(np.sin(angle))
+        value = trapezoid(u.pdf(x) * v.pdf((error - x * np.cos(angle)) / np.sin(angle)), x) / abs(
+            np.sin(angle)
+        )
         assert float(law.pdf(error)) == pytest.approx(value, rel=1e-4)
 
 
@@ -94,7 +102,9 @@ def test_independent_probability_is_the_frequency_of_its_own_samples():
         law = SegmentError(edge, **CAMERA, pose_covariance=covariance)
         tolerance = 0.02 * image_segment(edge, focal_length_mm=F)[0]
         frequency = (np.abs(law.sample(1_000_000, rng)) <= tolerance).mean()
-        p = success_probability(edge, **CAMERA, pose_covariance=covariance, accuracy=0.98, model="independent")
+        p = success_probability(
+            edge, **CAMERA, pose_covariance=covariance, accuracy=0.98, model="independent"
+        )
         assert p == pytest.approx(frequency, abs=0.002)
 
 

@@ -89,7 +89,9 @@ def displaced(value, pose, moves, localisation, rng):
         if value.in_image:
             share = np.array([0.0, 1.0])
         points = (
-            one.points(share * one.span_rad) if isinstance(one, Circle) else one.p + share[:, None] * (one.q - one.p)
+            one.points(share * one.span_rad)
+            if isinstance(one, Circle)
+            else one.p + share[:, None] * (one.q - one.p)
         )
         local = points @ pose[:3, :3].T + pose[:3, 3]
         seen = np.einsum("nji,npj->npi", turn, local[None] - shift[:, None])
@@ -98,7 +100,11 @@ def displaced(value, pose, moves, localisation, rng):
         if value.in_image:
             planned = np.linalg.norm(np.diff(DISTANCE * local[:, :2] / local[:, 2:], axis=0))
             return value.nominal * (np.linalg.norm(image[:, 1] - image[:, 0], axis=1) / planned - 1)
-        origin, x, y = pose[:3, :3] @ frame.origin + pose[:3, 3], pose[:3, :3] @ frame.x, pose[:3, :3] @ frame.y
+        origin, x, y = (
+            pose[:3, :3] @ frame.origin + pose[:3, 3],
+            pose[:3, :3] @ frame.x,
+            pose[:3, :3] @ frame.y,
+        )
         rays = np.concatenate([image / DISTANCE, np.ones((*image.shape[:2], 1))], axis=2)
         normal = np.cross(x, y)
         back = rays * (normal @ origin) / (rays @ normal)[..., None] - origin
@@ -116,7 +122,10 @@ def fitted(one, a, b):
         dx, dy = a - found[:, :1], b - found[:, 1:2]
         r = np.hypot(dx, dy)
         slopes = np.stack([dx / r, dy / r, np.ones_like(r)], axis=2)
-        normal, right = np.einsum("nmi,nmj->nij", slopes, slopes), np.einsum("nmi,nm->ni", slopes, r - found[:, 2:])
+        normal, right = (
+            np.einsum("nmi,nmj->nij", slopes, slopes),
+            np.einsum("nmi,nm->ni", slopes, r - found[:, 2:]),
+        )
         found += np.linalg.solve(normal, right[..., None])[..., 0]
     return found
 
@@ -133,7 +142,9 @@ def test_an_error_along_the_axis_scales_what_is_seen_straight_on():
             continue
         told = model(name, translation=[0, 0, 0.05]).describe(straight_on())
         assert told.standard_uncertainty == pytest.approx(nominal * 0.05 / 300, rel=1e-3)
-    assert model("angle", translation=[0, 0, 0.05]).describe(straight_on()).standard_uncertainty < 1e-9
+    assert (
+        model("angle", translation=[0, 0, 0.05]).describe(straight_on()).standard_uncertainty < 1e-9
+    )
 
 
 @pytest.mark.parametrize("name", GEOMETRY)
@@ -156,7 +167,10 @@ def test_localisation_of_circles_and_lines_in_closed_form(points):
             [whole, Circle([-20, -8, 0], [0, 0, 1], 6.0)],
             math.sqrt(2) * sigma * math.sqrt(2 / points),
         ),
-        "distance": ([Line([-20, 0, 0], [20, 0, 0]), Line([-20, 9, 0], [20, 9, 0])], sigma * math.sqrt(2 / points)),
+        "distance": (
+            [Line([-20, 0, 0], [20, 0, 0]), Line([-20, 9, 0], [20, 9, 0])],
+            sigma * math.sqrt(2 / points),
+        ),
     }
     for name, (geometry, expected) in cases.items():
         value = measurand(name, geometry)
@@ -187,11 +201,15 @@ def test_derivatives_are_those_of_the_exact_measurement(name):
     for i in range(6):
         for j in range(i + 1):
             first, second = np.eye(6)[i] * steps[i], np.eye(6)[j] * steps[j]
-            moves = np.array([first + second, first - second, second - first, -first - second, first, -first])
+            moves = np.array(
+                [first + second, first - second, second - first, -first - second, first, -first]
+            )
             e = displaced(value, pose, moves, exact, rng)
             bent = (e[0] - e[1] - e[2] + e[3]) / (4 * steps[i] * steps[j])
             size = np.abs(hessian[: i + 1]).max() + 1e-6
-            assert hessian[i, j] == pytest.approx(bent, rel=2e-3, abs=2e-3 * size + 1e-6 * abs(gradient[i]) / steps[j])
+            assert hessian[i, j] == pytest.approx(
+                bent, rel=2e-3, abs=2e-3 * size + 1e-6 * abs(gradient[i]) / steps[j]
+            )
         assert gradient[i] == pytest.approx((e[4] - e[5]) / (2 * steps[i]), rel=1e-4, abs=1e-7)
 
 
@@ -213,10 +231,15 @@ def test_probability_agrees_with_exact_displaced_measurements(name, sigma, toler
 def test_rounding_of_a_length_is_the_papers():
     """The same law in the paper's frame: the origin on the image plane, z from the part to the camera."""
     rng = np.random.default_rng(2)
-    told = model("length", translation=0.05, rotation=1e-9, localisation=Localisation.rounding(), error=0.45)
+    told = model(
+        "length", translation=0.05, rotation=1e-9, localisation=Localisation.rounding(), error=0.45
+    )
     for _ in range(5):
         pose = oblique(rng)
-        ends = np.array([GEOMETRY["length"][0].p, GEOMETRY["length"][0].q]) @ pose[:3, :3].T + pose[:3, 3]
+        ends = (
+            np.array([GEOMETRY["length"][0].p, GEOMETRY["length"][0].q]) @ pose[:3, :3].T
+            + pose[:3, 3]
+        )
         paper = np.stack([-ends[:, 0], ends[:, 1], DISTANCE - ends[:, 2]], axis=-1)
         paper = paper * [1, 1, 1]
         expected = success_probability(
@@ -230,7 +253,9 @@ def test_rounding_of_a_length_is_the_papers():
 
 
 def test_budget_sums_to_the_variance_and_uncertainty_to_its_root():
-    told = model("centre_to_edge", translation=0.1, rotation=0.002, localisation=Localisation.gaussian(0.2))
+    told = model(
+        "centre_to_edge", translation=0.1, rotation=0.002, localisation=Localisation.gaussian(0.2)
+    )
     found = told.describe(oblique(np.random.default_rng(8)))
     assert sum(found.budget.values()) == pytest.approx(found.standard_uncertainty**2)
     assert found.expanded_uncertainty == 2 * found.standard_uncertainty
@@ -248,9 +273,13 @@ def test_a_short_arc_has_quantiles():
         localisation=Localisation.gaussian(0.1),
         permitted_error=0.1,
     ).describe(straight_on())
-    assert found.standard_uncertainty == pytest.approx(math.sqrt(found.budget["localisation"]), rel=1e-3)
+    assert found.standard_uncertainty == pytest.approx(
+        math.sqrt(found.budget["localisation"]), rel=1e-3
+    )
     hopeless = measurand("radius", [Circle([10, 5, 0], [0, 0, 1], 6.0, [1, 0, 0], 0.1)])
-    seen = hopeless.expansion(straight_on()[None], model("radius").image, Localisation.gaussian(0.5)).seen
+    seen = hopeless.expansion(
+        straight_on()[None], model("radius").image, Localisation.gaussian(0.5)
+    ).seen
     assert not seen[0]
 
 
@@ -263,7 +292,9 @@ def test_nothing_is_measured_behind_the_camera():
 
 def test_a_fit_gets_no_better_than_its_floor():
     exact = model("diameter", localisation=Localisation.fit(0.3, 2.0, 0.0)).describe(straight_on())
-    floored = model("diameter", localisation=Localisation.fit(0.3, 2.0, 0.2)).describe(straight_on())
+    floored = model("diameter", localisation=Localisation.fit(0.3, 2.0, 0.2)).describe(
+        straight_on()
+    )
     sigma = 0.2 * PITCH[0] * 300 / DISTANCE
     assert floored.standard_uncertainty == pytest.approx(2 * sigma, rel=1e-9)
     assert exact.standard_uncertainty < floored.standard_uncertainty
@@ -306,7 +337,11 @@ def test_a_new_kind_is_one_class():
     ("name", "geometry", "message"),
     [
         ("width", [], "kind must be one of"),
-        ("distance", [GEOMETRY["length"][0]], "a distance must have one straight edge and one straight edge. Got 1"),
+        (
+            "distance",
+            [GEOMETRY["length"][0]],
+            "a distance must have one straight edge and one straight edge. Got 1",
+        ),
         ("diameter", GEOMETRY["length"], "a diameter must have one rim or arc. Got a line"),
         ("distance", GEOMETRY["angle"], "must be parallel. Got 33.69 degrees"),
         ("angle", GEOMETRY["distance"], "must not be parallel"),
@@ -315,8 +350,16 @@ def test_a_new_kind_is_one_class():
             [GEOMETRY["diameter"][0], Circle([0, 0, 9], [0, 1, 0], 2.0)],
             "must lie in parallel planes. Got 90 degrees",
         ),
-        ("centre_distance", [GEOMETRY["diameter"][0], Circle([10, 5, 9], [0, 0, 1], 2.0)], "must lie apart"),
-        ("centre_to_edge", [GEOMETRY["diameter"][0], Line([0, 0, 0], [0, 9, 9])], "parallel to the rim's plane"),
+        (
+            "centre_distance",
+            [GEOMETRY["diameter"][0], Circle([10, 5, 9], [0, 0, 1], 2.0)],
+            "must lie apart",
+        ),
+        (
+            "centre_to_edge",
+            [GEOMETRY["diameter"][0], Line([0, 0, 0], [0, 9, 9])],
+            "parallel to the rim's plane",
+        ),
     ],
 )
 def test_what_entities_do_not_define_is_refused(name, geometry, message):
@@ -331,5 +374,9 @@ def test_conformity():
 
 
 def test_localisation_round_trip():
-    for one in (Localisation.rounding(), Localisation.gaussian(0.05, 20), Localisation.fit(0.2, 3.0, 0.01)):
+    for one in (
+        Localisation.rounding(),
+        Localisation.gaussian(0.05, 20),
+        Localisation.fit(0.2, 3.0, 0.01),
+    ):
         assert Localisation.from_dict(one.to_dict()) == one

@@ -27,7 +27,9 @@ def test_a_probability_is_told_rounded_down_and_never_as_one(value, told):
     assert probability_text(value) == told
 
 
-@pytest.mark.parametrize(("required", "least"), [(0.99, "0.9999"), (0.999, "0.9999"), (0.9999, "0.99999")])
+@pytest.mark.parametrize(
+    ("required", "least"), [(0.99, "0.9999"), (0.999, "0.9999"), (0.9999, "0.99999")]
+)
 def test_digits_tell_a_probability_from_the_required_one(required, least):
     assert probability_text(1.0, required) == f"{least} or more"
     assert Decimal(probability_text(1.0, required).split()[0]) > Decimal(repr(required))

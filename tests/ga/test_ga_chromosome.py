@@ -41,7 +41,10 @@ def test_a_single_chromosome_needs_no_population_axis():
 
 
 def test_fractions_reach_both_ends():
-    assert Chromosome(2, 3).fractions(rows(["000111", "001100"])).tolist() == [[0.0, 1.0], [1 / 7, 4 / 7]]
+    assert Chromosome(2, 3).fractions(rows(["000111", "001100"])).tolist() == [
+        [0.0, 1.0],
+        [1 / 7, 4 / 7],
+    ]
 
 
 def test_decode_returns_the_ends_exactly():
@@ -51,7 +54,9 @@ def test_decode_returns_the_ends_exactly():
 
 
 def test_decode_with_one_range_for_all_genes():
-    assert Chromosome(2, 2).decode(rows(["0110"]), 0.0, 3.0) == pytest.approx(np.array([[1.0, 2.0]]))
+    assert Chromosome(2, 2).decode(rows(["0110"]), 0.0, 3.0) == pytest.approx(
+        np.array([[1.0, 2.0]])
+    )
 
 
 def test_longest_gene_is_exact():
@@ -73,13 +78,18 @@ def test_encoding_and_decoding_are_inverse(n_genes, bits_per_gene, gray, seed):
     assert np.array_equal(chromosome.bits_from_integers(chromosome.integers(bits)), bits)
     assert np.array_equal(chromosome.encode(chromosome.fractions(bits)), bits)
     t = rng.random((7, n_genes))
-    assert np.abs(chromosome.fractions(chromosome.encode(t)) - t).max() <= 0.5 / (2**bits_per_gene - 1) + 1e-15
+    assert (
+        np.abs(chromosome.fractions(chromosome.encode(t)) - t).max()
+        <= 0.5 / (2**bits_per_gene - 1) + 1e-15
+    )
 
 
 def test_every_integer_once():
     chromosome = Chromosome(2, 2, gray=True)
     bits = np.array(list(itertools.product([False, True], repeat=4)))
-    assert sorted(map(tuple, chromosome.integers(bits).tolist())) == list(itertools.product(range(4), repeat=2))
+    assert sorted(map(tuple, chromosome.integers(bits).tolist())) == list(
+        itertools.product(range(4), repeat=2)
+    )
 
 
 @pytest.mark.parametrize(
@@ -88,19 +98,46 @@ def test_every_integer_once():
         (lambda: Chromosome(0, 4), r"n_genes must be an integer of at least 1\. Got 0\."),
         (lambda: Chromosome(2, 54), r"bits_per_gene must be an integer in \[1, 53\]\. Got 54\."),
         (lambda: Chromosome(2, 4, gray="yes"), r"gray must be True or False\. Got 'yes'\."),
-        (lambda: Chromosome(2, 4).integers(np.zeros((3, 7))), r"bits must have 8 bits .* Got shape \(3, 7\)\."),
+        (
+            lambda: Chromosome(2, 4).integers(np.zeros((3, 7))),
+            r"bits must have 8 bits .* Got shape \(3, 7\)\.",
+        ),
         (lambda: Chromosome(1, 2).integers([[0, 2]]), r"bits must hold only 0 and 1\. Got 2\."),
-        (lambda: Chromosome(1, 2).integers([["0", "1"]]), r"bits must hold only 0 and 1\. Got an array of <U1\."),
-        (lambda: gray_from_binary(1), r"bits must have bits along its last axis\. Got shape \(\)\."),
+        (
+            lambda: Chromosome(1, 2).integers([["0", "1"]]),
+            r"bits must hold only 0 and 1\. Got an array of <U1\.",
+        ),
+        (
+            lambda: gray_from_binary(1),
+            r"bits must have bits along its last axis\. Got shape \(\)\.",
+        ),
         (lambda: binary_from_gray([0, 3]), r"bits must hold only 0 and 1\. Got 3\."),
         (lambda: Chromosome(1, 2).encode([1.5]), r"fractions must be in \[0, 1\]\. Got 1\.5\."),
         (lambda: Chromosome(1, 2).encode([np.nan]), r"fractions must be in \[0, 1\]\. Got nan\."),
-        (lambda: Chromosome(2, 2).encode([0.5]), r"fractions must have 2 genes .* Got shape \(1,\)\."),
-        (lambda: Chromosome(1, 2).bits_from_integers([4]), r"integers must be integers in \[0, 3\]\. Got 4\."),
-        (lambda: Chromosome(1, 2).bits_from_integers([0.5]), r"integers in \[0, 3\]\. Got an array of float64\."),
-        (lambda: Chromosome(1, 2).decode([0, 1], 0.0, np.inf), r"high must be one finite number.*Got inf\."),
-        (lambda: Chromosome(1, 2).decode([0, 1], 2.0, 1.0), r"low must not be above high\. Got 2\.0 and 1\.0\."),
-        (lambda: Chromosome(2, 1).decode([0, 1], [0.0, 0.0, 0.0], 1.0), r"low must be one .* each of 2 genes"),
+        (
+            lambda: Chromosome(2, 2).encode([0.5]),
+            r"fractions must have 2 genes .* Got shape \(1,\)\.",
+        ),
+        (
+            lambda: Chromosome(1, 2).bits_from_integers([4]),
+            r"integers must be integers in \[0, 3\]\. Got 4\.",
+        ),
+        (
+            lambda: Chromosome(1, 2).bits_from_integers([0.5]),
+            r"integers in \[0, 3\]\. Got an array of float64\.",
+        ),
+        (
+            lambda: Chromosome(1, 2).decode([0, 1], 0.0, np.inf),
+            r"high must be one finite number.*Got inf\.",
+        ),
+        (
+            lambda: Chromosome(1, 2).decode([0, 1], 2.0, 1.0),
+            r"low must not be above high\. Got 2\.0 and 1\.0\.",
+        ),
+        (
+            lambda: Chromosome(2, 1).decode([0, 1], [0.0, 0.0, 0.0], 1.0),
+            r"low must be one .* each of 2 genes",
+        ),
     ],
 )
 def test_bad_input(call, message):

@@ -22,14 +22,20 @@ def onemax(bits):
         ({"n_bits": 8.0}, "n_bits must be an integer of at least 1. Got 8.0."),
         ({"population": 1}, "population must be an integer of at least 2. Got 1."),
         ({"population": True}, "population must be an integer of at least 2. Got True."),
-        ({"population": 9, "n_bits": 3, "duplicates": False}, "at most 2**n_bits = 8 without duplicates. Got 9."),
+        (
+            {"population": 9, "n_bits": 3, "duplicates": False},
+            "at most 2**n_bits = 8 without duplicates. Got 9.",
+        ),
         ({"crossover": 1.2}, "crossover must be in [0, 1]. Got 1.2."),
         ({"crossover": float("nan")}, "crossover must be in [0, 1]. Got nan."),
         ({"mutation": -0.1}, "mutation must be in [0, 1]. Got -0.1."),
         ({"mutation": "0.1"}, "mutation must be in [0, 1]. Got '0.1'."),
         ({"rng": -1}, "rng must be a non-negative integer, a numpy Generator or None. Got -1."),
         ({"rng": 1.5}, "rng must be a non-negative integer, a numpy Generator or None. Got 1.5."),
-        ({"selection": "tournament"}, "selection must be one of 'roulette', 'sus'. Got 'tournament'."),
+        (
+            {"selection": "tournament"},
+            "selection must be one of 'roulette', 'sus'. Got 'tournament'.",
+        ),
         ({"scaling": None}, "scaling must be one of 'proportional', 'window', 'rank'. Got None."),
         ({"elitism": 10}, "elitism must be an integer in [0, 9]. Got 10."),
         ({"duplicates": 1}, "duplicates must be True or False. Got 1."),
@@ -42,12 +48,21 @@ def onemax(bits):
         ({"max_nfev": 9}, "max_nfev must be an integer of at least 10. Got 9."),
         ({"attempts": 0}, "attempts must be an integer of at least 1. Got 0."),
         ({"initial_attempts": 0}, "initial_attempts must be an integer of at least 1. Got 0."),
-        ({"initial": np.zeros((2, 7))}, "initial must have 8 bits along its last axis. Got shape (2, 7)."),
+        (
+            {"initial": np.zeros((2, 7))},
+            "initial must have 8 bits along its last axis. Got shape (2, 7).",
+        ),
         ({"initial": np.zeros(8)}, "initial must have shape (N, 8). Got shape (8,)."),
-        ({"initial": np.zeros((11, 8))}, "initial must have at most 10 rows, the population size. Got 11."),
+        (
+            {"initial": np.zeros((11, 8))},
+            "initial must have at most 10 rows, the population size. Got 11.",
+        ),
         ({"initial": np.full((2, 8), 0.5)}, "initial must hold only 0 and 1. Got 0.5."),
         ({"initial": [[0] * 8, [1]]}, "initial must have 8 bits along its last axis."),
-        ({"initial": lambda n, rng: np.zeros((n, 3))}, "initial(n, rng) must have 8 bits along its last axis."),
+        (
+            {"initial": lambda n, rng: np.zeros((n, 3))},
+            "initial(n, rng) must have 8 bits along its last axis.",
+        ),
     ],
 )
 def test_parameters(options, message):
@@ -65,12 +80,18 @@ def test_parameters(options, message):
             lambda bits: np.where(np.arange(len(bits)) == 4, np.nan, 1.0),
             "fitness must be finite. Got nan for individual 4",
         ),
-        (lambda bits: np.full(len(bits), -np.inf), "fitness must be finite. Got -inf for individual 0"),
+        (
+            lambda bits: np.full(len(bits), -np.inf),
+            "fitness must be finite. Got -inf for individual 0",
+        ),
         (lambda bits: 1.0, "fitness must return one number per individual"),
         (lambda bits: bits, "fitness must return one number per individual"),
         (lambda bits: None, "fitness must return one number per individual"),
         (lambda bits: [[1.0], [1.0, 2.0]], "fitness must return one number per individual"),
-        (lambda bits: np.ones(len(bits), dtype=complex), "fitness must return one number per individual"),
+        (
+            lambda bits: np.ones(len(bits), dtype=complex),
+            "fitness must return one number per individual",
+        ),
     ],
 )
 def test_fitness_values(fitness, message):
@@ -80,7 +101,12 @@ def test_fitness_values(fitness, message):
 
 @pytest.mark.parametrize(
     "feasible",
-    [lambda bits: True, lambda bits: np.ones(len(bits)), lambda bits: bits, lambda bits: np.ones(3, dtype=bool)],
+    [
+        lambda bits: True,
+        lambda bits: np.ones(len(bits)),
+        lambda bits: bits,
+        lambda bits: np.ones(3, dtype=bool),
+    ],
 )
 def test_feasible_values(feasible):
     with pytest.raises(FitnessError, match="feasible must return one bool per individual, shape"):
@@ -90,11 +116,15 @@ def test_feasible_values(feasible):
 def test_nothing_is_feasible():
     message = "initial population must hold 10 feasible individuals. Got 0 after 30 draws, 30 of them infeasible."
     with pytest.raises(InfeasiblePopulationError, match=re.escape(message)):
-        maximize(onemax, 8, 10, feasible=lambda bits: np.zeros(len(bits), dtype=bool), initial_attempts=3)
+        maximize(
+            onemax, 8, 10, feasible=lambda bits: np.zeros(len(bits), dtype=bool), initial_attempts=3
+        )
 
 
 def test_given_individuals_are_infeasible():
-    message = "initial must hold only feasible individuals. Got 1 infeasible of 2, the first in row 1."
+    message = (
+        "initial must hold only feasible individuals. Got 1 infeasible of 2, the first in row 1."
+    )
     with pytest.raises(InfeasiblePopulationError, match=re.escape(message)):
         maximize(onemax, 3, 10, initial=[[1, 0, 0], [0, 1, 0]], feasible=lambda bits: bits[:, 0])
 
@@ -102,7 +132,14 @@ def test_given_individuals_are_infeasible():
 def test_a_sampler_that_repeats_itself_cannot_fill_a_distinct_population():
     message = "initial population must hold 10 distinct feasible individuals. Got 1 after 20 draws"
     with pytest.raises(InfeasiblePopulationError, match=re.escape(message)):
-        maximize(onemax, 8, 10, initial=lambda n, rng: np.zeros((n, 8)), duplicates=False, initial_attempts=2)
+        maximize(
+            onemax,
+            8,
+            10,
+            initial=lambda n, rng: np.zeros((n, 8)),
+            duplicates=False,
+            initial_attempts=2,
+        )
 
 
 @pytest.mark.parametrize("value", [0.0, -2.5, 7.0])

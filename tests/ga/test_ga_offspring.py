@@ -21,14 +21,18 @@ POPULATION = rows("1110", "0110", "0001", "1000")
 
 
 def test_only_parents_with_weight_are_copied():
-    brood = next_generation(POPULATION, np.array([0.0, 3.0, 0.0, 0.0]), COPY, np.random.default_rng(0))
+    brood = next_generation(
+        POPULATION, np.array([0.0, 3.0, 0.0, 0.0]), COPY, np.random.default_rng(0)
+    )
     assert np.array_equal(brood.population, rows("0110", "0110", "0110", "0110"))
     assert (brood.drawn, brood.eliminated, brood.kept) == (4, 0, 0)
 
 
 def test_elites_come_first_best_first_and_unchanged():
     how = replace(FLIP, elitism=2)
-    brood = next_generation(POPULATION, np.array([0.0, 0.0, 0.0, 3.0]), how, np.random.default_rng(0))
+    brood = next_generation(
+        POPULATION, np.array([0.0, 0.0, 0.0, 3.0]), how, np.random.default_rng(0)
+    )
     assert np.array_equal(brood.population, rows("1000", "1110", "0111", "0111"))
     assert brood.drawn == 2
 
@@ -36,7 +40,9 @@ def test_elites_come_first_best_first_and_unchanged():
 def test_an_eliminated_place_draws_again():
     # Certain mutation turns 1110 into 0001 and 0110 into 1001: only the second child is let live.
     how = replace(FLIP, attempts=200, feasible=lambda bits: bits[:, 0])
-    brood = next_generation(POPULATION, np.array([1.0, 1.0, 0.0, 0.0]), how, np.random.default_rng(0))
+    brood = next_generation(
+        POPULATION, np.array([1.0, 1.0, 0.0, 0.0]), how, np.random.default_rng(0)
+    )
     assert np.array_equal(brood.population, rows("1001", "1001", "1001", "1001"))
     assert brood.kept == 0
     assert brood.drawn == brood.eliminated + 4
@@ -51,10 +57,14 @@ def test_a_place_that_draws_in_vain_goes_to_a_parent():
         return np.zeros(len(bits), dtype=bool)
 
     how = replace(FLIP, feasible=feasible)
-    brood = next_generation(POPULATION, np.array([0.0, 1.0, 1.0, 0.0]), how, np.random.default_rng(1))
+    brood = next_generation(
+        POPULATION, np.array([0.0, 1.0, 1.0, 0.0]), how, np.random.default_rng(1)
+    )
     assert calls == [4] * 5
     assert (brood.drawn, brood.eliminated, brood.kept) == (20, 20, 4)
-    assert all(any(np.array_equal(row, parent) for parent in POPULATION[1:3]) for row in brood.population)
+    assert all(
+        any(np.array_equal(row, parent) for parent in POPULATION[1:3]) for row in brood.population
+    )
 
 
 def test_without_duplicates_all_rows_differ():
@@ -92,7 +102,9 @@ def test_nothing_new_is_no_call():
 
 
 def test_initial_rows_come_first_then_draws():
-    brood = initial_population([[1, 0, 1], [0, 0, 0]], (6, 3), None, 10, False, np.random.default_rng(0))
+    brood = initial_population(
+        [[1, 0, 1], [0, 0, 0]], (6, 3), None, 10, False, np.random.default_rng(0)
+    )
     assert brood.population.shape == (6, 3)
     assert brood.population[:2].astype(int).tolist() == [[1, 0, 1], [0, 0, 0]]
 
@@ -110,7 +122,9 @@ def test_a_sampler_is_filtered_and_asked_again():
         asked.append(n)
         return rng.integers(0, 2, (3, 5))
 
-    brood = initial_population(sampler, (8, 5), lambda bits: bits[:, 2], 100, False, np.random.default_rng(0))
+    brood = initial_population(
+        sampler, (8, 5), lambda bits: bits[:, 2], 100, False, np.random.default_rng(0)
+    )
     assert brood.population[:, 2].all()
     assert set(asked) == {8}
     assert brood.drawn == 3 * len(asked)
@@ -127,5 +141,7 @@ def test_a_distinct_initial_population():
 @pytest.mark.parametrize("seed", range(3))
 def test_no_population_is_changed_in_place(seed):
     before = POPULATION.copy()
-    next_generation(POPULATION, np.ones(4), replace(FLIP, crossover=0.9), np.random.default_rng(seed))
+    next_generation(
+        POPULATION, np.ones(4), replace(FLIP, crossover=0.9), np.random.default_rng(seed)
+    )
     assert np.array_equal(POPULATION, before)

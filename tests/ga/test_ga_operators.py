@@ -17,7 +17,10 @@ def rows(*strings):
 
 
 def test_exchange_tails():
-    first, second = rows("11111", "11111", "10101", "11111"), rows("00000", "00000", "01010", "00000")
+    first, second = (
+        rows("11111", "11111", "10101", "11111"),
+        rows("00000", "00000", "01010", "00000"),
+    )
     left, right = exchange_tails(first, second, np.array([1, 4, 2, 5]))
     assert np.array_equal(left, rows("10000", "11110", "10010", "11111"))
     assert np.array_equal(right, rows("01111", "00001", "01101", "00000"))
@@ -43,7 +46,9 @@ def test_crossover_happens_with_its_probability():
 
 
 def test_one_bit_cannot_be_cut():
-    assert np.array_equal(one_point(rows("1"), rows("0"), 1.0, np.random.default_rng(0)), rows("1", "0"))
+    assert np.array_equal(
+        one_point(rows("1"), rows("0"), 1.0, np.random.default_rng(0)), rows("1", "0")
+    )
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -73,17 +78,25 @@ def exact_offspring_distribution(population, fitness, crossover, mutation):
     n_bits = population.shape[1]
     chance = dict.fromkeys(itertools.product([False, True], repeat=n_bits), 0.0)
     share = fitness / fitness.sum()
-    ways = [(n_bits, 1.0 - crossover)] + [(cut, crossover / (n_bits - 1)) for cut in range(1, n_bits)]
-    for (i, a), (j, b), (cut, way) in itertools.product(enumerate(population), enumerate(population), ways):
+    ways = [(n_bits, 1.0 - crossover)] + [
+        (cut, crossover / (n_bits - 1)) for cut in range(1, n_bits)
+    ]
+    for (i, a), (j, b), (cut, way) in itertools.product(
+        enumerate(population), enumerate(population), ways
+    ):
         child = [*a[:cut], *b[cut:]]
         for mask in itertools.product([False, True], repeat=n_bits):
             mutated = tuple(bool(bit) != flip for bit, flip in zip(child, mask, strict=True))
             flips = sum(mask)
-            chance[mutated] += share[i] * share[j] * way * mutation**flips * (1 - mutation) ** (n_bits - flips)
+            chance[mutated] += (
+                share[i] * share[j] * way * mutation**flips * (1 - mutation) ** (n_bits - flips)
+            )
     return np.array([chance[key] for key in sorted(chance)])
 
 
-@pytest.mark.parametrize(("crossover", "mutation"), [(0.9, 0.1), (0.5, 0.5), (0.3, 0.02), (1.0, 0.0)])
+@pytest.mark.parametrize(
+    ("crossover", "mutation"), [(0.9, 0.1), (0.5, 0.5), (0.3, 0.02), (1.0, 0.0)]
+)
 def test_offspring_have_the_exact_distribution(crossover, mutation):
     population, fitness = rows("1110", "0110", "0001", "1000"), np.array([4.0, 2.0, 1.0, 1.0])
     how = Breeding(crossover, mutation, proportional_weights, roulette, 0, True, 1, None)
@@ -98,6 +111,8 @@ def test_offspring_have_the_exact_distribution(crossover, mutation):
 
 def test_an_odd_number_of_offspring():
     how = Breeding(1.0, 0.0, proportional_weights, roulette, 0, True, 1, None)
-    children, parents = breed(rows("11", "00"), np.array([1.0, 0.0]), 3, how, np.random.default_rng(0))
+    children, parents = breed(
+        rows("11", "00"), np.array([1.0, 0.0]), 3, how, np.random.default_rng(0)
+    )
     assert np.array_equal(children, rows("11", "11", "11"))
     assert parents.tolist() == [0, 0, 0]

@@ -24,9 +24,14 @@ def first_or_last(bits):
 
 
 def same(a, b):
-    numbers = all(np.array_equal(getattr(a.history, name), getattr(b.history, name)) for name in vars(a.history))
+    numbers = all(
+        np.array_equal(getattr(a.history, name), getattr(b.history, name))
+        for name in vars(a.history)
+    )
     bits = np.array_equal(a.x, b.x) and np.array_equal(a.population, b.population)
-    return numbers and bits and (a.fun, a.nit, a.nfev, a.message) == (b.fun, b.nit, b.nfev, b.message)
+    return (
+        numbers and bits and (a.fun, a.nit, a.nfev, a.message) == (b.fun, b.nit, b.nfev, b.message)
+    )
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -74,9 +79,13 @@ def test_a_constrained_optimum():
     assert result.history.eliminated.sum() > 0
 
 
-@pytest.mark.parametrize("options", [{}, STRONG, {"duplicates": False}, {"feasible": first_or_last}])
+@pytest.mark.parametrize(
+    "options", [{}, STRONG, {"duplicates": False}, {"feasible": first_or_last}]
+)
 def test_same_seed_same_bits(options):
-    first, again, other = (maximize(onemax, 40, rng=seed, max_generations=30, **options) for seed in (3, 3, 4))
+    first, again, other = (
+        maximize(onemax, 40, rng=seed, max_generations=30, **options) for seed in (3, 3, 4)
+    )
     assert same(first, again)
     assert not same(first, other)
     assert first.seed == 3
@@ -134,7 +143,9 @@ def test_guarantees(n_bits, population, offset, seed, **options):
         assert first_or_last(generation.population).all()
         assert np.array_equal(generation.fitness, onemax(generation.population) + offset)
     assert (
-        result.fun == max(generation.fitness.max() for generation in generations) == onemax(result.x[None])[0] + offset
+        result.fun
+        == max(generation.fitness.max() for generation in generations)
+        == onemax(result.x[None])[0] + offset
     )
     assert result.nfev == sum(evaluated) == result.history.nfev[-1]
     assert len(evaluated) <= result.nit + 1 == len(generations) == len(result.history.best)
@@ -142,7 +153,9 @@ def test_guarantees(n_bits, population, offset, seed, **options):
 
 def test_history_matches_the_generations():
     seen = []
-    result = maximize(onemax, 25, population=7, feasible=first_or_last, max_generations=12, callback=seen.append)
+    result = maximize(
+        onemax, 25, population=7, feasible=first_or_last, max_generations=12, callback=seen.append
+    )
     history = result.history
     assert history.best.tolist() == [g.fitness.max() for g in seen]
     assert history.total.tolist() == [g.fitness.sum() for g in seen]
@@ -182,7 +195,10 @@ def test_results_can_be_pickled():
 def test_converged():
     result = maximize(lambda bits: np.full(len(bits), 0.5), 8, patience=4)
     assert (result.success, result.reason, result.nit) == (True, "converged", 4)
-    assert result.message == "The total fitness changed by less than epsilon = 0.001 in 4 generations running."
+    assert (
+        result.message
+        == "The total fitness changed by less than epsilon = 0.001 in 4 generations running."
+    )
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chisquare
 
-from ga.selection import proportional_weights, rank_weights, roulette, spin, stochastic_universal, window_weights
+from ga.selection import (
+    proportional_weights,
+    rank_weights,
+    roulette,
+    spin,
+    stochastic_universal,
+    window_weights,
+)
 
 WEIGHTS = np.array([1.0, 3.0, 0.0, 4.0])  # edges of the slots at 1/8, 4/8, 4/8, 8/8
 
@@ -17,7 +24,15 @@ def shares(weights):
 
 @pytest.mark.parametrize(
     ("position", "slot"),
-    [(0.0, 0), (0.1249, 0), (0.125, 1), (0.4999, 1), (0.5, 3), (0.9999, 3), (np.nextafter(1.0, 0.0), 3)],
+    [
+        (0.0, 0),
+        (0.1249, 0),
+        (0.125, 1),
+        (0.4999, 1),
+        (0.5, 3),
+        (0.9999, 3),
+        (np.nextafter(1.0, 0.0), 3),
+    ],
 )
 def test_spin(position, slot):
     assert spin(WEIGHTS, np.array([position])).tolist() == [slot]
@@ -29,7 +44,12 @@ def test_spin_never_meets_an_empty_slot_at_either_end():
 
 
 def test_proportional_weights_are_the_fitness():
-    assert shares(proportional_weights(np.array([1.0, 3.0, 0.0, 4.0]))).tolist() == [0.125, 0.375, 0.0, 0.5]
+    assert shares(proportional_weights(np.array([1.0, 3.0, 0.0, 4.0]))).tolist() == [
+        0.125,
+        0.375,
+        0.0,
+        0.5,
+    ]
 
 
 def test_proportional_weights_of_negative_fitness_are_raised_by_the_lowest():
@@ -42,7 +62,12 @@ def test_proportional_weights_without_a_difference_are_even(value):
 
 
 def test_proportional_weights_of_extreme_fitness_neither_overflow_nor_vanish():
-    assert shares(proportional_weights(np.array([1e308, 1e308, 0.0, 0.0]))).tolist() == [0.5, 0.5, 0.0, 0.0]
+    assert shares(proportional_weights(np.array([1e308, 1e308, 0.0, 0.0]))).tolist() == [
+        0.5,
+        0.5,
+        0.0,
+        0.0,
+    ]
     assert shares(proportional_weights(np.array([-1e308, 1e308]))).tolist() == [0.0, 1.0]
     assert shares(proportional_weights(np.array([5e-324, 15e-324]))).tolist() == [0.25, 0.75]
 
@@ -85,7 +110,9 @@ def test_stochastic_universal_by_hand():
 )
 def test_stochastic_universal_is_within_one_of_the_share(weights, n, seed):
     weights = np.array(weights)
-    counts = np.bincount(stochastic_universal(weights, n, np.random.default_rng(seed)), minlength=len(weights))
+    counts = np.bincount(
+        stochastic_universal(weights, n, np.random.default_rng(seed)), minlength=len(weights)
+    )
     assert counts.sum() == n
     assert np.abs(counts - n * shares(weights)).max() < 1.0 + 1e-9
 
@@ -99,7 +126,9 @@ def test_one_pointer_is_a_roulette_wheel():
 
 def test_stochastic_universal_couples_at_random():
     rng = np.random.default_rng(3)
-    chosen = np.concatenate([stochastic_universal(np.ones(4), 4, rng)[:2] for _ in range(6_000)]).reshape(-1, 2)
+    chosen = np.concatenate(
+        [stochastic_universal(np.ones(4), 4, rng)[:2] for _ in range(6_000)]
+    ).reshape(-1, 2)
     pairs = np.bincount(4 * chosen[:, 0] + chosen[:, 1], minlength=16).reshape(4, 4)
     assert np.diag(pairs).sum() == 0
     assert chisquare(pairs[~np.eye(4, dtype=bool)]).pvalue > 0.01

@@ -10,7 +10,9 @@ from planner.compiling import compiling_told
 
 def run(function):
     lines, steps, collecting = [], [], []
-    with compiling_told(lines.append, lambda *told: steps.append(told) or collecting.append(gc.isenabled())):
+    with compiling_told(
+        lines.append, lambda *told: steps.append(told) or collecting.append(gc.isenabled())
+    ):
         function()
     return lines, steps
 

@@ -15,7 +15,9 @@ NAMES = ("plan.json", "graph.graphml", "colmap/images.txt")
 
 
 def contents(folder):
-    return {str(p.relative_to(folder)): p.read_text() for p in sorted(folder.rglob("*")) if p.is_file()}
+    return {
+        str(p.relative_to(folder)): p.read_text() for p in sorted(folder.rglob("*")) if p.is_file()
+    }
 
 
 def write(folder, names, text):
@@ -43,7 +45,9 @@ def test_of_an_older_set_nothing_stays_and_all_else_does(out):
 
 
 @pytest.mark.parametrize("failing", range(1, 20))
-@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt()])
+@pytest.mark.parametrize(
+    "error", [OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt()]
+)
 def test_whatever_step_fails_the_older_set_stays_whole(out, monkeypatch, failing, error):
     before, steps, fails = contents(out), [], [True]
 
@@ -60,7 +64,9 @@ def test_whatever_step_fails_the_older_set_stays_whole(out, monkeypatch, failing
         return step
 
     for name in ("replace", "mkdir", "fsync"):
-        monkeypatch.setattr(os, name, breaking(getattr(os, name), isinstance(error, KeyboardInterrupt)))
+        monkeypatch.setattr(
+            os, name, breaking(getattr(os, name), isinstance(error, KeyboardInterrupt))
+        )
     caught = None
     try:
         write(out, NAMES[::2], "new")
@@ -79,12 +85,16 @@ def test_a_file_that_cannot_be_replaced_is_named(out, monkeypatch):
 
     def stuck(source, place):
         if Path(source).name == "images.txt" and "old" in Path(place).name:
-            raise PermissionError(errno.EPERM, "Operation not permitted", str(source), None, str(place))
+            raise PermissionError(
+                errno.EPERM, "Operation not permitted", str(source), None, str(place)
+            )
         replace(source, place)
 
     before = contents(out)
     monkeypatch.setattr(os, "replace", stuck)
-    with pytest.raises(OutputError, match=r"/out: Operation not permitted \(colmap/images\.txt\)\.$"):
+    with pytest.raises(
+        OutputError, match=r"/out: Operation not permitted \(colmap/images\.txt\)\.$"
+    ):
         write(out, NAMES, "new")
     assert contents(out) == before
 
@@ -115,7 +125,9 @@ def test_another_file_system_in_a_folder_of_the_set_is_no_obstacle(out, monkeypa
 
     monkeypatch.setattr(os, "replace", across)
     write(out, NAMES, "new")
-    assert {name: text for name, text in contents(out).items() if text != "mine"} == dict.fromkeys(NAMES, "new")
+    assert {name: text for name, text in contents(out).items() if text != "mine"} == dict.fromkeys(
+        NAMES, "new"
+    )
 
 
 def test_a_folder_whose_parent_cannot_be_written_will_do(out, monkeypatch):
@@ -150,14 +162,17 @@ def test_the_reason_behind_an_error_in_the_block_is_told(tmp_path):
         try:
             raise OSError(errno.ENOSPC, "No space left on device")
         except OSError as error:
-            raise OutputError(f"some hidden file must be writable. Got: {error.strerror}.") from None
+            raise OutputError(
+                f"some hidden file must be writable. Got: {error.strerror}."
+            ) from None
 
     def fill():
         with staged_folder(tmp_path / "out"):
             full()
 
     with pytest.raises(
-        OutputError, match=r"^output folder must be a folder that can be written\. Got .*/out: No space"
+        OutputError,
+        match=r"^output folder must be a folder that can be written\. Got .*/out: No space",
     ):
         fill()
     assert list(tmp_path.iterdir()) == []
@@ -178,7 +193,9 @@ def test_places_that_are_no_folder_are_refused(tmp_path):
     for name in ("file", "file/deep"):
         assert refused(tmp_path / name).endswith(f"{tmp_path / 'file'} is a file.")
     for name in ("link", "link/deep"):
-        assert refused(tmp_path / name).endswith(f"{tmp_path / 'link'} is a link that leads nowhere.")
+        assert refused(tmp_path / name).endswith(
+            f"{tmp_path / 'link'} is a link that leads nowhere."
+        )
     assert "File name too long" in refused(tmp_path / ("x" * 300))
     assert sorted(os.listdir(tmp_path)) == ["file", "link"]
 
@@ -199,7 +216,10 @@ def test_a_place_that_cannot_be_written_is_found_out_by_trying(tmp_path, monkeyp
     monkeypatch.setattr(os, function, fail)
     message = refused(tmp_path / "new")
     monkeypatch.undo()
-    assert message == f"--out must be a folder that can be written. Got {tmp_path / 'new'}: Read-only file system."
+    assert (
+        message
+        == f"--out must be a folder that can be written. Got {tmp_path / 'new'}: Read-only file system."
+    )
     assert list(tmp_path.iterdir()) == []
 
 
@@ -218,11 +238,18 @@ def test_folders_made_in_vain_are_removed_again_and_others_stay(tmp_path):
 def test_a_file_that_could_not_be_written_is_refused(tmp_path, monkeypatch):
     check_file_place(tmp_path / "g.graphml")
     assert list(tmp_path.iterdir()) == []
-    with pytest.raises(OutputError, match=r"^--graphml must be a file that can be written\. Got '.*', a folder"):
+    with pytest.raises(
+        OutputError, match=r"^--graphml must be a file that can be written\. Got '.*', a folder"
+    ):
         check_file_place(tmp_path, "--graphml")
-    with pytest.raises(OutputError, match=r"must be in a folder that exists and can be written\. Got .*No such file"):
+    with pytest.raises(
+        OutputError,
+        match=r"must be in a folder that exists and can be written\. Got .*No such file",
+    ):
         check_file_place(tmp_path / "no" / "g.graphml")
-    monkeypatch.setattr(os, "fsync", lambda handle: (_ for _ in ()).throw(OSError(errno.ENOSPC, "No space left")))
+    monkeypatch.setattr(
+        os, "fsync", lambda handle: (_ for _ in ()).throw(OSError(errno.ENOSPC, "No space left"))
+    )
     with pytest.raises(OutputError, match="No space left"):
         check_file_place(tmp_path / "g.graphml")
 
@@ -242,6 +269,8 @@ def test_a_pipe_is_written_to_and_stays_a_pipe(tmp_path):
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="no such device")
 def test_a_device_is_never_replaced():
     """As root one may rename a file over it."""
-    with pytest.raises(OutputError, match=r"/dev/full must be a file that can be written\. Got: No space left"):
+    with pytest.raises(
+        OutputError, match=r"/dev/full must be a file that can be written\. Got: No space left"
+    ):
         write_text("/dev/full", "some text")
     assert Path("/dev/full").is_char_device()

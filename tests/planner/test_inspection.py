@@ -44,7 +44,12 @@ def space():
 
 def plan_box(space, camera=CAMERA, uncertainty=UNCERTAINTY, **options):
     return plan_inspection(
-        space.solid, space.entities, camera, uncertainty, space=space, **{"effort": QUICK, **options}
+        space.solid,
+        space.entities,
+        camera,
+        uncertainty,
+        space=space,
+        **{"effort": QUICK, **options},
     )
 
 
@@ -104,7 +109,12 @@ def test_interrupted_plan_resumes_to_the_same_plan(space, plan, tmp_path):
         plan_box(space, rng=3, state=state, progress=stop)
     assert len(json.loads(state.read_text())["outcomes"]) == 1
     runs = []
-    resumed = plan_box(space, rng=3, state=state, progress=lambda done, total, label: runs.append((label, done, total)))
+    resumed = plan_box(
+        space,
+        rng=3,
+        state=state,
+        progress=lambda done, total, label: runs.append((label, done, total)),
+    )
     assert resumed == plan
     assert [total for label, _, total in runs if label == "genetic algorithm"] == [1]
 
@@ -174,8 +184,12 @@ def test_bad_effort_is_refused(effort, message):
 
 
 def test_least_effort_still_covers_everything(space):
-    plan = plan_box(space, rng=3, effort=Effort(viewpoints=1, pricing_rounds=0, refutations=0, bound_nodes=0))
-    assert set().union(*(setting.entities for setting in plan.settings)) | set(plan.uninspectable) == set(EDGES)
+    plan = plan_box(
+        space, rng=3, effort=Effort(viewpoints=1, pricing_rounds=0, refutations=0, bound_nodes=0)
+    )
+    assert set().union(*(setting.entities for setting in plan.settings)) | set(
+        plan.uninspectable
+    ) == set(EDGES)
     assert plan.lower_bound <= len(plan.settings)
 
 
@@ -196,8 +210,15 @@ def test_damaged_state_is_refused(tmp_path):
 
 def test_progress_names_every_stage(space):
     seen = {}
-    plan_box(space, progress=lambda done, total, label: seen.setdefault(label, []).append((done, total)))
-    assert list(seen) == ["candidate poses", "column generation", "lower bound", "genetic algorithm"]
+    plan_box(
+        space, progress=lambda done, total, label: seen.setdefault(label, []).append((done, total))
+    )
+    assert list(seen) == [
+        "candidate poses",
+        "column generation",
+        "lower bound",
+        "genetic algorithm",
+    ]
     assert all(reports[-1][0] == reports[-1][1] for reports in seen.values())
 
 
@@ -324,7 +345,9 @@ def test_perturbed_poses_stay_rigid_and_change(judge):
     poses = np.repeat(random_poses(judge, 5), 40, axis=0)
     moved = perturbed(poses, 400.0, np.random.default_rng(0))
     rotation = moved[:, :3, :3]
-    assert rotation @ rotation.transpose(0, 2, 1) == pytest.approx(np.tile(np.eye(3), (200, 1, 1)), abs=1e-12)
+    assert rotation @ rotation.transpose(0, 2, 1) == pytest.approx(
+        np.tile(np.eye(3), (200, 1, 1)), abs=1e-12
+    )
     assert np.linalg.det(rotation) == pytest.approx(np.ones(200))
     assert np.all(np.linalg.norm(moved[:, :3, 3] - poses[:, :3, 3], axis=1) > 0)
 
@@ -361,19 +384,30 @@ def test_conflicts_are_real(judge):
 @pytest.mark.uncompiled
 def test_edges_of_opposite_faces_exclude_each_other_in_a_narrow_workspace():
     """With walls flush with the front, +z-y is seen from above only and -z+y from below or behind only."""
-    flush = BoxSpace((120.0, 80.0, 60.0), [[-900.0, 0.0, -900.0], [1000.0, 80.0, 900.0]], ["+z-y", "-z+y", "+z+y"])
+    flush = BoxSpace(
+        (120.0, 80.0, 60.0),
+        [[-900.0, 0.0, -900.0], [1000.0, 80.0, 900.0]],
+        ["+z-y", "-z+y", "+z+y"],
+    )
     judge = Judge(Request(flush, flush.entity_names, CAMERA, UNCERTAINTY, 0.98, 0.9))
     cells = Cells([flush.covering_cells([name]) for name in flush.entity_names])
     found = find_conflicts(judge, np.arange(3), np.zeros((0, 3), dtype=bool), cells)
     assert found.tolist() == [[False, True, False], [True, False, True], [False, True, False]]
 
 
-def test_what_simulation_contradicts_is_left_to_the_setting_where_it_is_supported(judge, monkeypatch):
+def test_what_simulation_contradicts_is_left_to_the_setting_where_it_is_supported(
+    judge, monkeypatch
+):
     """Of three entities in two settings: one contradicted in the first only, one in both, one in neither."""
     pose = random_poses(judge, 1)[0]
     settings = [setting_at(judge.request, pose, EDGES[:3], str(k), seed=k) for k in range(2)]
-    excess = {"0": dict(zip(EDGES, [0.02, 0.02, 0.0], strict=False)), "1": dict(zip(EDGES, [0, 0.02, 0], strict=False))}
-    monkeypatch.setattr("planner.columns.realise_column._excess", lambda _, setting, __: excess[setting.message])
+    excess = {
+        "0": dict(zip(EDGES, [0.02, 0.02, 0.0], strict=False)),
+        "1": dict(zip(EDGES, [0, 0.02, 0], strict=False)),
+    }
+    monkeypatch.setattr(
+        "planner.columns.realise_column._excess", lambda _, setting, __: excess[setting.message]
+    )
     first, second = without_contradicted(judge, settings, 0)
     assert first.entities == tuple(first.probability) == tuple(EDGES[1:3])
     assert first.fitness == pytest.approx(sum(first.probability.values()))
@@ -389,7 +423,9 @@ def test_a_pose_that_simulation_contradicts_is_replaced_by_one_near_it():
     inspects = judge(poses).inspects
     assert inspects.any()
     contradicted = 0
-    for pose, row in zip(poses[inspects.any(axis=1)][:30], inspects[inspects.any(axis=1)][:30], strict=True):
+    for pose, row in zip(
+        poses[inspects.any(axis=1)][:30], inspects[inspects.any(axis=1)][:30], strict=True
+    ):
         setting = setting_at(judge.request, pose, tuple(np.array(EDGES)[row]), "given", seed=0)
         if promised_too_much(setting, judge):
             contradicted += 1
@@ -402,7 +438,9 @@ def test_a_pose_that_simulation_contradicts_is_replaced_by_one_near_it():
 
 def promised_too_much(setting, judge):
     ends = dict(zip(judge.names, judge.ends, strict=True))
-    rates = simulate_setting(setting, ends, CAMERA, UNCERTAINTY, accuracy=judge.accuracy, n=20_000, rng=7)
+    rates = simulate_setting(
+        setting, ends, CAMERA, UNCERTAINTY, accuracy=judge.accuracy, n=20_000, rng=7
+    )
     return any(promises_too_much(rate) for rate in rates.values())
 
 
@@ -411,6 +449,9 @@ def test_ids_without_names_are_named_by_them():
     effort = Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000)
     camera = Camera.named("basler-acA2440-20gm-8mm")
     uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-    plans = [plan_inspection(block, wanted, camera, uncertainty, effort=effort) for wanted in ([17], {"e17": 17})]
+    plans = [
+        plan_inspection(block, wanted, camera, uncertainty, effort=effort)
+        for wanted in ([17], {"e17": 17})
+    ]
     assert plans[0] == plans[1]
     assert list(plans[0].entities) == ["e17"]

@@ -4,9 +4,28 @@ import json
 
 import numpy as np
 import pytest
-from holed_plate import BACK, CAMERA, FRONT, HOLES, LEFT, QUICK, UNCERTAINTY, holed_plate, upper_rims
+from holed_plate import (
+    BACK,
+    CAMERA,
+    FRONT,
+    HOLES,
+    LEFT,
+    QUICK,
+    UNCERTAINTY,
+    holed_plate,
+    upper_rims,
+)
 
-from planner import Dimension, Localisation, PlanFileError, RequestError, look_at, plan_inspection, predict, read_plan
+from planner import (
+    Dimension,
+    Localisation,
+    PlanFileError,
+    RequestError,
+    look_at,
+    plan_inspection,
+    predict,
+    read_plan,
+)
 from planner.request.request import Request
 from planner.request.target_space import TargetSpace
 from planner.wanted.resolve import resolve_wanted
@@ -60,7 +79,10 @@ def test_a_plan_comes_back_as_it_was_written(plan, tmp_path):
     assert found["depth"]["unit"] == "mm"
     for change, message in (
         ({"version": 1}, "version must be 2 in a plan that holds dimensions"),
-        ({"dimensions": {**found, "depth": {**found["depth"], "nominal": 51.0}}}, "nominal must be that"),
+        (
+            {"dimensions": {**found, "depth": {**found["depth"], "nominal": 51.0}}},
+            "nominal must be that",
+        ),
         ({"dimensions": {**found, "width": found["depth"]}}, "must be one of the plan's entities"),
     ):
         (tmp_path / "damaged.json").write_text(json.dumps({**data, **change}))
@@ -82,7 +104,9 @@ def test_a_dimension_is_observable_where_all_its_entities_are(solid, wanted):
     assert "front" in entities
     assert len({entity.edge_ids for entity in entities.values()}) == len(entities) == 5
     regions = compute_regions(solid, entities, workspace=[[-400] * 3, [500] * 3])
-    space = TargetSpace(regions, {t.name: t.entities for t in targets}, {t.name: t.ends for t in targets})
+    space = TargetSpace(
+        regions, {t.name: t.entities for t in targets}, {t.name: t.ends for t in targets}
+    )
     points = np.random.default_rng(0).uniform(-400, 500, (3000, 3))
     seen = dict(zip(entities, regions.observable(points).T, strict=True))
     for target, column in zip(targets, space.observable(points).T, strict=True):
@@ -104,7 +128,9 @@ def test_the_circle_is_inside_what_must_be_in_the_picture(solid, wanted):
     constraints = Request(space, ("bore",), CAMERA, UNCERTAINTY, targets=targets).constraints
     rng = np.random.default_rng(4)
     poses = look_at(
-        rng.uniform([-20, -50, 350], [60, 90, 450], (300, 3)), [20.0, 25.0, 10.0], roll=rng.uniform(0, 6, 300)
+        rng.uniform([-20, -50, 350], [60, 90, 450], (300, 3)),
+        [20.0, 25.0, 10.0],
+        roll=rng.uniform(0, 6, 300),
     )
     margin = constraints.margins(poses)["field_of_view_px"][:, 0]
     circle = bore.measurand.geometry[0]
@@ -127,7 +153,9 @@ def test_prediction_from_a_pose(solid, wanted):
     pixel = CAMERA.pixel_pitch_mm[0] * 400 / CAMERA.image_distance_mm
     assert depth.budget["localisation"] == pytest.approx((0.1 * pixel) ** 2 * 2 / 16, rel=0.01)
     assert sum(depth.budget.values()) == pytest.approx(depth.standard_uncertainty**2)
-    below = predict(solid, wanted, look_at([[40.0, 25.0, -390.0]], [40.0, 25.0, 10.0])[0], CAMERA, UNCERTAINTY)
+    below = predict(
+        solid, wanted, look_at([[40.0, 25.0, -390.0]], [40.0, 25.0, 10.0])[0], CAMERA, UNCERTAINTY
+    )
     assert not below["depth"].observable
     assert below["depth"].probability == 0.0
 
@@ -135,12 +163,28 @@ def test_prediction_from_a_pose(solid, wanted):
 @pytest.mark.parametrize(
     ("name", "item", "message"),
     [
-        ("tilt", Dimension.distance(FRONT, LEFT), "dimension 'tilt': the edges of a distance must be parallel"),
-        ("same", Dimension.angle(FRONT, BACK), "dimension 'same': the edges of an angle must not be parallel"),
+        (
+            "tilt",
+            Dimension.distance(FRONT, LEFT),
+            "dimension 'tilt': the edges of a distance must be parallel",
+        ),
+        (
+            "same",
+            Dimension.angle(FRONT, BACK),
+            "dimension 'same': the edges of an angle must not be parallel",
+        ),
         ("bore", Dimension.diameter("r99"), "dimension 'bore': .*r99"),
         ("bore", Dimension("width", ("r0",)), "dimension 'bore': kind must be one of"),
-        ("bore", Dimension.diameter("r0", max_error_mm=0.01), "dimension 'bore': rim r0 must have .* chords at least"),
-        ("bore", Dimension.diameter(FRONT), "dimension 'bore': a diameter must have one rim or arc. Got a line"),
+        (
+            "bore",
+            Dimension.diameter("r0", max_error_mm=0.01),
+            "dimension 'bore': rim r0 must have .* chords at least",
+        ),
+        (
+            "bore",
+            Dimension.diameter(FRONT),
+            "dimension 'bore': a diameter must have one rim or arc. Got a line",
+        ),
         ("bore", "r0", "say what is to be measured of it, such as Dimension.diameter"),
     ],
 )

@@ -25,7 +25,9 @@ def test_round_trip_loses_nothing(tmp_path):
 def test_an_entity_may_be_called_like_the_notation_of_numbers(tmp_path):
     name = "not finite"
     original = plan(
-        settings=[setting((40.0, -180.0, 620.0), [name])], entities={name: ENTITIES["bottom"]}, uninspectable={}
+        settings=[setting((40.0, -180.0, 620.0), [name])],
+        entities={name: ENTITIES["bottom"]},
+        uninspectable={},
     )
     original.write(tmp_path / "plan.json")
     assert read_plan(tmp_path / "plan.json") == original
@@ -48,12 +50,16 @@ def test_plan_knows_whether_it_is_complete_and_minimal():
 
 
 def test_forgotten_entity_is_refused():
-    with pytest.raises(PlanFileError, match=r"entity 'bottom' must be in a setting or uninspectable. Got neither"):
+    with pytest.raises(
+        PlanFileError, match=r"entity 'bottom' must be in a setting or uninspectable. Got neither"
+    ):
         plan(uninspectable={})
 
 
 def test_entity_cannot_be_inspected_and_uninspectable():
-    with pytest.raises(PlanFileError, match=r"'top right' must be in a setting or uninspectable. Got both"):
+    with pytest.raises(
+        PlanFileError, match=r"'top right' must be in a setting or uninspectable. Got both"
+    ):
         plan(uninspectable={"top right": "?", "bottom": "?"})
 
 
@@ -66,16 +72,24 @@ def test_unknown_name_is_refused():
     ("change", "message"),
     [
         ({"version": 3}, "version must be 1 or 2. Got 3"),
-        ({"format": "a shopping list"}, "format must be 'aspectgraph inspection plan'. Got 'a shopping list'"),
+        (
+            {"format": "a shopping list"},
+            "format must be 'aspectgraph inspection plan'. Got 'a shopping list'",
+        ),
         ({"camera": {}}, "focal_length_mm must be given"),
         ({"pose_uncertainty": {"covariance": [[1.0]]}}, r"covariance must have the shape \(6, 6\)"),
         ({"settings": [{"entities": []}]}, r"settings\[0\].cam2world must be given\. Got none"),
-        ({"entities": {"top front": [1, 2, 3]}}, r'entities\["top front"\] must have the shape \(2, 3\)\. Got \(3,\)'),
+        (
+            {"entities": {"top front": [1, 2, 3]}},
+            r'entities\["top front"\] must have the shape \(2, 3\)\. Got \(3,\)',
+        ),
     ],
 )
 def test_wrong_content_is_named_with_the_file(tmp_path, change, message):
     path = tmp_path / "plan.json"
-    path.write_text(json.dumps({**json.loads(json.dumps(plan().to_dict()).replace("Infinity", "1")), **change}))
+    path.write_text(
+        json.dumps({**json.loads(json.dumps(plan().to_dict()).replace("Infinity", "1")), **change})
+    )
     with pytest.raises(PlanFileError, match=f"plan.json: .*{message}"):
         read_plan(path)
 
@@ -148,5 +162,8 @@ def test_staged_files_arrive_together_and_others_stay(tmp_path):
 
 def test_output_folder_that_is_a_file_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="file is a file"), staged_folder(tmp_path / "file" / "out"):
+    with (
+        pytest.raises(OutputError, match="file is a file"),
+        staged_folder(tmp_path / "file" / "out"),
+    ):
         pass

@@ -58,7 +58,10 @@ def test_a_file_that_is_marked_read_only_is_never_replaced(here):
 def test_a_folder_with_a_protected_file_is_refused_before_the_work_as_it_was_named(here):
     (here / "out" / "colmap").mkdir(parents=True)
     path = protected(here / "out" / "colmap" / "images.txt")
-    assert refused("out") == f"--out must be a folder that can be written. Got out: {MARKED} (colmap/images.txt)."
+    assert (
+        refused("out")
+        == f"--out must be a folder that can be written. Got out: {MARKED} (colmap/images.txt)."
+    )
     assert path.read_text() == "mine"
 
 
@@ -98,7 +101,9 @@ def test_links_in_the_place_of_a_folder_are_told_for_what_they_are(here):
         assert refused(path).endswith(f"Got {path}: round is a link that leads back to itself.")
     assert refused("gone/deep").endswith("Got gone/deep: gone is a link that leads nowhere.")
     assert refused("out").endswith("Got out: out/colmap is a link that leads nowhere.")
-    with pytest.raises(OutputError, match=r"gone/state must be .* Got: gone is a link that leads nowhere\."):
+    with pytest.raises(
+        OutputError, match=r"gone/state must be .* Got: gone is a link that leads nowhere\."
+    ):
         PlanningState({}, Path("gone/state"))
 
 
@@ -170,7 +175,13 @@ def test_a_plan_on_a_read_only_mount_is_found_out_before_the_work(here):
     (here / "out").mkdir()
     (here / "out" / "plan.json").write_text("mine")
     done = subprocess.run(
-        ["unshare", "-rm", sys.executable, "-c", _MOUNTED], capture_output=True, text=True, check=True
+        ["unshare", "-rm", sys.executable, "-c", _MOUNTED],
+        capture_output=True,
+        text=True,
+        check=True,
     )
-    assert done.stdout == "--out must be a folder that can be written. Got out: Read-only file system (plan.json).\n"
+    assert (
+        done.stdout
+        == "--out must be a folder that can be written. Got out: Read-only file system (plan.json).\n"
+    )
     assert os.listdir(here / "out") == ["plan.json"]

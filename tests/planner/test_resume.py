@@ -58,7 +58,14 @@ def at_once(monkeypatch):
 def plan_box(space, path=None, progress=None, **options):
     options = {"effort": EFFORT, "rng": 3, **options}
     return plan_inspection(
-        space.solid, space.entities, CAMERA, UNCERTAINTY, space=space, state=path, progress=progress, **options
+        space.solid,
+        space.entities,
+        CAMERA,
+        UNCERTAINTY,
+        space=space,
+        state=path,
+        progress=progress,
+        **options,
     )
 
 
@@ -120,7 +127,9 @@ def test_candidate_poses_are_not_drawn_again(space, whole, tmp_path, monkeypatch
     assert exact(plan_box(space, path)) == exact(whole[0])
 
 
-def test_pairs_that_exclude_each_other_and_the_tree_of_poses_are_kept(space, whole, tmp_path, monkeypatch):
+def test_pairs_that_exclude_each_other_and_the_tree_of_poses_are_kept(
+    space, whole, tmp_path, monkeypatch
+):
     """Neither tells of its progress for long."""
 
     def stop(*arguments, **options):
@@ -130,14 +139,20 @@ def test_pairs_that_exclude_each_other_and_the_tree_of_poses_are_kept(space, who
     asked, find = [], bound.find_conflicts
     with monkeypatch.context() as patch:
         # those of the first columns are found long before the proof
-        patch.setattr(bound, "find_conflicts", lambda *given: asked.append(1) or (stop if asked[1:] else find)(*given))
+        patch.setattr(
+            bound,
+            "find_conflicts",
+            lambda *given: asked.append(1) or (stop if asked[1:] else find)(*given),
+        )
         with pytest.raises(Stop):
             plan_box(space, path)
     assert json.loads(path.read_text())["checkpoint"]["step"] == "weighing"
     splits, split = [], bound.PoseTree.split
     with monkeypatch.context() as patch:
         patch.setattr(
-            bound.PoseTree, "split", lambda *given: splits.append(1) or (stop if len(splits) > 2 else split)(*given)
+            bound.PoseTree,
+            "split",
+            lambda *given: splits.append(1) or (stop if len(splits) > 2 else split)(*given),
         )
         with pytest.raises(Stop):
             plan_box(space, path)
@@ -145,7 +160,9 @@ def test_pairs_that_exclude_each_other_and_the_tree_of_poses_are_kept(space, who
     assert kept["tree"]["made"] > 0
     monkeypatch.setattr(bound, "find_conflicts", stop)
     splits.clear()
-    monkeypatch.setattr(bound.PoseTree, "split", lambda *given: splits.append(given[0].made) or split(*given))
+    monkeypatch.setattr(
+        bound.PoseTree, "split", lambda *given: splits.append(given[0].made) or split(*given)
+    )
     assert exact(plan_box(space, path)) == exact(whole[0])
     assert splits[0] == kept["tree"]["made"]
 
@@ -182,7 +199,9 @@ def test_what_a_killed_process_leaves_is_as_good(space, whole, tmp_path, at_once
     for k in np.linspace(0, len(copies) - 1, 6).astype(int):
         path.write_text(copies[k])
         left = []
-        assert exact(plan_box(space, path, lambda *call, left=left: left.append(call))) == exact(plan)
+        assert exact(plan_box(space, path, lambda *call, left=left: left.append(call))) == exact(
+            plan
+        )
         # what was done is not done again, but for a few parts in the work
         assert len(left) <= len(labels) - k + len(NAMES) + 5
 
@@ -206,14 +225,21 @@ def test_nothing_found_out_leaves_no_state(space, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     "change",
-    [{"rng": 4}, {"accuracy": 0.97}, {"reach": BoxRegion((0, 0, 0), (1, 1, 1))}, {"effort": Effort(viewpoints=11)}],
+    [
+        {"rng": 4},
+        {"accuracy": 0.97},
+        {"reach": BoxRegion((0, 0, 0), (1, 1, 1))},
+        {"effort": Effort(viewpoints=11)},
+    ],
 )
 def test_state_of_another_request_is_refused(space, whole, tmp_path, change):
     path = tmp_path / "state.json"
     with pytest.raises(Stop):
         plan_box(space, path, stop_at(10))
     before = path.read_bytes()
-    with pytest.raises(PlanFileError, match="state file must belong to the same part, entities, camera, limits"):
+    with pytest.raises(
+        PlanFileError, match="state file must belong to the same part, entities, camera, limits"
+    ):
         plan_box(space, path, **change)
     assert path.read_bytes() == before
 
@@ -231,8 +257,12 @@ def test_state_of_another_version_of_the_program_is_refused(tmp_path, monkeypatc
 
 def test_state_of_an_earlier_format_is_refused_clearly(tmp_path):
     path = tmp_path / "state.json"
-    path.write_text(json.dumps({"format": resume.FORMAT, "version": 1, "request": "0", "outcomes": {}}))
-    with pytest.raises(PlanFileError, match=r"must be a planning state of version 2\. Got version 1, which another"):
+    path.write_text(
+        json.dumps({"format": resume.FORMAT, "version": 1, "request": "0", "outcomes": {}})
+    )
+    with pytest.raises(
+        PlanFileError, match=r"must be a planning state of version 2\. Got version 1, which another"
+    ):
         PlanningState({}, path)
     assert not holds_plan(path)
 
@@ -322,7 +352,9 @@ def test_arrays_survive_being_packed_bit_for_bit():
     assert again["later"][1].tolist() == [1.0, 1.0]
 
 
-@pytest.mark.parametrize("change", [{"array": "<f4"}, {"shape": [3]}, {"shape": None}, {"base64": "!"}])
+@pytest.mark.parametrize(
+    "change", [{"array": "<f4"}, {"shape": [3]}, {"shape": None}, {"base64": "!"}]
+)
 def test_damaged_arrays_are_refused(change):
     for array in (np.ones(2), np.ones(20, dtype=bool)):
         with pytest.raises(ValueError, match=r"array|shape|base64|buffer|padding"):
@@ -363,7 +395,8 @@ def test_a_region_has_the_same_name_in_every_process_and_another_than_others():
         + "import json\nfrom planner.request.reach import reach_name\nprint(json.dumps([*map(reach_name, regions)]))"
     )
     runs = [
-        subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True) for _ in range(2)
+        subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+        for _ in range(2)
     ]
     names = json.loads(runs[0].stdout)
     assert json.loads(runs[1].stdout) == names
@@ -390,5 +423,7 @@ def test_a_plan_with_a_mesh_to_reach_is_resumed_by_another_region_object(space, 
     one = {"reach": MeshRegion(corners, triangles), "effort": Effort(1, 0, 0, 0)}
     with pytest.raises(Stop):
         plan_box(space, tmp_path / "state.json", stop_at(len(NAMES) + 1), **one)
-    again = plan_box(space, tmp_path / "state.json", **{**one, "reach": MeshRegion(corners, triangles)})
+    again = plan_box(
+        space, tmp_path / "state.json", **{**one, "reach": MeshRegion(corners, triangles)}
+    )
     assert again == plan_box(space, **one)

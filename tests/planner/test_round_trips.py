@@ -57,7 +57,9 @@ def test_plans(tmp_path_factory, names, ends, reason, probability, accuracy, see
 
 
 @QUICK
-@given(st.lists(NAMES, min_size=1, max_size=4, unique=True).filter(lambda n: n != ["one more"]), NAMES)
+@given(
+    st.lists(NAMES, min_size=1, max_size=4, unique=True).filter(lambda n: n != ["one more"]), NAMES
+)
 def test_states(tmp_path_factory, names, reason):
     path = tmp_path_factory.mktemp("state") / "state.json"
     state = PlanningState({"part": "block"}, path)
@@ -78,7 +80,9 @@ SHAPES = arrays.array_shapes(min_dims=1, max_dims=3, max_side=4)
 @QUICK
 @given(
     arrays.arrays(st.sampled_from([np.float64, np.int64, np.bool_]), SHAPES),
-    st.recursive(st.none() | st.booleans() | st.integers() | NAMES, lambda inner: st.lists(inner, max_size=3)),
+    st.recursive(
+        st.none() | st.booleans() | st.integers() | NAMES, lambda inner: st.lists(inner, max_size=3)
+    ),
 )
 def test_values_of_checkpoints(table, plain):
     last = unpacked(json.loads(json.dumps(packed({"table": table, "plain": plain}))))
@@ -91,7 +95,9 @@ ENTITIES = st.one_of(st.integers(0, 999), st.integers(0, 99).map("r{}".format))
 ASKED = st.one_of(
     st.fixed_dictionaries({"max_error": LENGTHS}),
     st.fixed_dictionaries({"accuracy": st.floats(0.01, 0.99)}),
-    st.tuples(LENGTHS, LENGTHS, st.floats(0.01, 1.0)).map(lambda t: {"tolerance": [-t[0], t[1]], "share": t[2]}),
+    st.tuples(LENGTHS, LENGTHS, st.floats(0.01, 1.0)).map(
+        lambda t: {"tolerance": [-t[0], t[1]], "share": t[2]}
+    ),
     st.just({}),
 )
 
@@ -99,7 +105,9 @@ ASKED = st.one_of(
 @QUICK
 @given(
     st.dictionaries(
-        NAMES, st.tuples(st.sampled_from(["length", "diameter", "distance"]), ENTITIES, ENTITIES, ASKED), min_size=1
+        NAMES,
+        st.tuples(st.sampled_from(["length", "diameter", "distance"]), ENTITIES, ENTITIES, ASKED),
+        min_size=1,
     )
 )
 def test_files_of_dimensions(tmp_path_factory, wanted):

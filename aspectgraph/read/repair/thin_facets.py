@@ -17,7 +17,9 @@ _MOST_TURNS = 50
 """Turns tried for every facet without area, before what is left is left as it is."""
 
 
-def turn_thin(vertices: np.ndarray, triangles: np.ndarray, width_mm: float, notes: list[str]) -> np.ndarray:
+def turn_thin(
+    vertices: np.ndarray, triangles: np.ndarray, width_mm: float, notes: list[str]
+) -> np.ndarray:
     """Take out the facets no wider than `width_mm` by turning their longest sides; note how many.
 
     Parameters
@@ -58,7 +60,9 @@ def _count_thin(vertices: np.ndarray, triangles: np.ndarray, width_mm: float) ->
 def _widths(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the heights of triangles over their longest sides, and these, in mm."""
     corners = vertices[triangles]
-    doubled_area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    doubled_area = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
     longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
     return np.divide(doubled_area, longest, out=np.zeros_like(longest), where=longest > 0), longest
 
@@ -100,8 +104,12 @@ class _Turner:
 
     def _note_thin(self, which: Iterable[int]) -> None:
         index = np.array(list(which), dtype=np.int64)
-        width, length = _widths(self.vertices, np.array([self.triangles[t] for t in index.tolist()]))
-        for t, size in zip(index[width <= self.width_mm].tolist(), length[width <= self.width_mm], strict=True):
+        width, length = _widths(
+            self.vertices, np.array([self.triangles[t] for t in index.tolist()])
+        )
+        for t, size in zip(
+            index[width <= self.width_mm].tolist(), length[width <= self.width_mm], strict=True
+        ):
             heapq.heappush(self.queue, (-float(size), t, self.triangles[t]))
 
     def _longest_side(self, row: tuple[int, int, int]) -> tuple[int, int, int]:
@@ -112,7 +120,9 @@ class _Turner:
     def _between(self, p: int, q: int, apex: int) -> bool:
         """Return whether a vertex lies between two others, and not at one of them."""
         start, end, middle = self.vertices[[p, q, apex]]
-        return bool(min(np.linalg.norm(middle - start), np.linalg.norm(middle - end)) > self.width_mm)
+        return bool(
+            min(np.linalg.norm(middle - start), np.linalg.norm(middle - end)) > self.width_mm
+        )
 
 
 def _sides(row: tuple[int, int, int]) -> tuple[tuple[int, int], ...]:

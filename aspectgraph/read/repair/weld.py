@@ -58,10 +58,14 @@ def drop_repetitions(triangles: np.ndarray, notes: list[str]) -> np.ndarray:
     return triangles[first]
 
 
-def drop_thin(vertices: np.ndarray, triangles: np.ndarray, width_mm: float, notes: list[str]) -> np.ndarray:
+def drop_thin(
+    vertices: np.ndarray, triangles: np.ndarray, width_mm: float, notes: list[str]
+) -> np.ndarray:
     """Drop triangles no wider than `width_mm`; note how many."""
     corners = vertices[triangles]
-    doubled_area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    doubled_area = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
     longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
     thin = doubled_area <= width_mm * longest
     if thin.any():

@@ -24,10 +24,17 @@ def pack_circles(
     first : ndarray of int, shape (n + 1,)
         Where those of each edge start.
     """
-    rows = [[*edge.circle.centre, *edge.circle.axis, edge.circle.radius_mm, edge.turn_deg] for edge in edges]
+    rows = [
+        [*edge.circle.centre, *edge.circle.axis, edge.circle.radius_mm, edge.turn_deg]
+        for edge in edges
+    ]
     vertices = [v for edge in edges for v in edge.vertices]
     first = np.cumsum([0] + [len(edge.vertices) for edge in edges])
-    return np.array(rows, dtype=np.float64).reshape(-1, 8), np.array(vertices, dtype=np.int64), first
+    return (
+        np.array(rows, dtype=np.float64).reshape(-1, 8),
+        np.array(vertices, dtype=np.int64),
+        first,
+    )
 
 
 def unpack_circles(
@@ -35,6 +42,8 @@ def unpack_circles(
 ) -> list[CircularEdge]:
     """Return the circular edges that `pack_circles` packed."""
     return [
-        CircularEdge(Circle(row[:3], row[3:6], float(row[6])), tuple(vertices[i:j].tolist()), float(row[7]))
+        CircularEdge(
+            Circle(row[:3], row[3:6], float(row[6])), tuple(vertices[i:j].tolist()), float(row[7])
+        )
         for row, i, j in zip(numbers, first, first[1:], strict=False)
     ]

@@ -57,7 +57,10 @@ class StepKernel:
 
     def __enter__(self) -> StepKernel:
         program = _PROGRAM.format(
-            path=sys.path, folder=str(Path(__file__).parents[2]), parent=os.getpid(), memory_mb=self.limits.memory_mb
+            path=sys.path,
+            folder=str(Path(__file__).parents[2]),
+            parent=os.getpid(),
+            memory_mb=self.limits.memory_mb,
         )
         self.process: subprocess.Popen[bytes] = subprocess.Popen(
             [sys.executable, "-c", program],
@@ -105,7 +108,9 @@ class StepKernel:
             raise self._complaint(header)
         return header, arrays
 
-    def _exchange(self, request: dict[str, Any]) -> tuple[dict[str, Any], dict[str, np.ndarray]] | None:
+    def _exchange(
+        self, request: dict[str, Any]
+    ) -> tuple[dict[str, Any], dict[str, np.ndarray]] | None:
         """Return the answer to a request, or None if the process died."""
         try:
             self._requests.write(json.dumps(request).encode() + b"\n")
@@ -147,7 +152,9 @@ class StepKernel:
             )
         if header["error"] == "MissingExtraError":
             if sys.version_info < (3, 11):
-                how = "it has no files for Python 3.10: read them with 3.11 or newer, or read a mesh"
+                how = (
+                    "it has no files for Python 3.10: read them with 3.11 or newer, or read a mesh"
+                )
             else:
                 how = "install it with: pip install aspectgraph[step]"
             return MissingExtraError(

@@ -30,7 +30,11 @@ RELATIVE_CHORD = 1e-3
 UNSTATED_UNCERTAINTY_MM = 1e-3
 """Taken for the uncertainty of a file that states none: far above rounding, far below what a camera measures."""
 
-_RELATIVE_HARMLESS = {"vertex": RELATIVE_PLANARITY, "planar": RELATIVE_PLANARITY, "curved": RELATIVE_CHORD / 10.0}
+_RELATIVE_HARMLESS = {
+    "vertex": RELATIVE_PLANARITY,
+    "planar": RELATIVE_PLANARITY,
+    "curved": RELATIVE_CHORD / 10.0,
+}
 _WHERE = {
     "vertex": "between a vertex and its edge",
     "planar": "between an edge and its planar face",
@@ -39,7 +43,11 @@ _WHERE = {
 
 
 def check_fit(
-    fits: Sequence[dict[str, Any]], solids: Sequence[int], diagonal_mm: float, gap_mm: float | None, name: str
+    fits: Sequence[dict[str, Any]],
+    solids: Sequence[int],
+    diagonal_mm: float,
+    gap_mm: float | None,
+    name: str,
 ) -> list[str]:
     """Check the gaps of solids; return a note if one is wider than the file states.
 
@@ -65,9 +73,13 @@ def check_fit(
     widest: tuple[float, str] = (0.0, "")
     for solid, fit in zip(solids, fits, strict=True):
         stated = fit["uncertainty_mm"]
-        stated = UNSTATED_UNCERTAINTY_MM if stated is None else min(stated, RELATIVE_CHORD * diagonal_mm)
+        stated = (
+            UNSTATED_UNCERTAINTY_MM if stated is None else min(stated, RELATIVE_CHORD * diagonal_mm)
+        )
         for kind, (gap, place) in fit["gaps"].items():
-            permitted = max(stated, _RELATIVE_HARMLESS[kind] * diagonal_mm) if gap_mm is None else gap_mm
+            permitted = (
+                max(stated, _RELATIVE_HARMLESS[kind] * diagonal_mm) if gap_mm is None else gap_mm
+            )
             where = f"{_WHERE[kind]} at {describe_point(place)} of solid {solid}"
             if not gap <= permitted:
                 raise ReadError(

@@ -70,21 +70,35 @@ def list_solids(entities: dict[int, Entity]) -> list[ListedSolid]:
     used = set().union(*(solid.entities for solid in listed))
     loose = _closed_shells(entities) - used - _shells_of_surfaces(entities)
     if loose:
-        raise ReadError(f"the closed shells of a STEP file must belong to solids. Got #{min(loose)}, which does not.")
+        raise ReadError(
+            f"the closed shells of a STEP file must belong to solids. Got #{min(loose)}, which does not."
+        )
     _check_placements(entities)
     return listed
 
 
 def _check_placements(entities: dict[int, Entity]) -> None:
     """Check that every placement in an assembly is that of a part, or the kernel would leave it out or unmoved."""
-    placements = [entity for entity in entities.values() if entity.kind == "CONTEXT_DEPENDENT_SHAPE_REPRESENTATION"]
+    placements = [
+        entity
+        for entity in entities.values()
+        if entity.kind == "CONTEXT_DEPENDENT_SHAPE_REPRESENTATION"
+    ]
     parts = [entity for entity in entities.values() if entity.kind in _OCCURRENCES]
     if not placements and not parts:
         return
     used = {ref for placement in placements for ref in placement.references}
-    moves = {n for n, entity in entities.items() if "REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION" in entity.kinds}
+    moves = {
+        n
+        for n, entity in entities.items()
+        if "REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION" in entity.kinds
+    }
     placed = [
-        [entities[part].kind for shape in placement.references[1:2] for part in _known(entities, shape)]
+        [
+            entities[part].kind
+            for shape in placement.references[1:2]
+            for part in _known(entities, shape)
+        ]
         for placement in placements
     ]
     wrong = [kinds for kinds in placed if not _OCCURRENCES.intersection(kinds)]
@@ -97,22 +111,40 @@ def _check_placements(entities: dict[int, Entity]) -> None:
 
 def _known(entities: dict[int, Entity], number: int) -> list[int]:
     """Return what an entity refers to and the file holds."""
-    return [ref for ref in entities[number].references if ref in entities] if number in entities else []
+    return (
+        [ref for ref in entities[number].references if ref in entities]
+        if number in entities
+        else []
+    )
 
 
 def _holders(entities: dict[int, Entity]) -> dict[int, int]:
     """Return the number of every solid, and of the context of the representation that lists it."""
-    solids = {number for number, entity in entities.items() if entity.kind in SOLID_KINDS or _is_complex_solid(entity)}
+    solids = {
+        number
+        for number, entity in entities.items()
+        if entity.kind in SOLID_KINDS or _is_complex_solid(entity)
+    }
     holders: dict[int, int] = {}
     for entity in entities.values():
-        if "REPRESENTATION" in entity.text.upper() and any("REPRESENTATION" in kind for kind in entity.kinds):
+        if "REPRESENTATION" in entity.text.upper() and any(
+            "REPRESENTATION" in kind for kind in entity.kinds
+        ):
             references = entity.references
-            holders.update({n: references[-1] for n in references[:-1] if n in solids and n not in holders})
+            holders.update(
+                {n: references[-1] for n in references[:-1] if n in solids and n not in holders}
+            )
     # a solid may be part of another one, as that of a replica is
-    inner = set().union(*(reachable(entities, number) for number in holders)) if solids - set(holders) else set()
+    inner = (
+        set().union(*(reachable(entities, number) for number in holders))
+        if solids - set(holders)
+        else set()
+    )
     lost = solids - set(holders) - inner
     if lost:
-        raise ReadError(f"the solids of a STEP file must be items of a representation. Got #{min(lost)}, which is not.")
+        raise ReadError(
+            f"the solids of a STEP file must be items of a representation. Got #{min(lost)}, which is not."
+        )
     return holders
 
 
@@ -156,16 +188,24 @@ def _shells_of_surfaces(entities: dict[int, Entity]) -> set[int]:
 
 def _units(entities: dict[int, Entity], context: int | None) -> tuple[float, float | None]:
     """Return millimetres per unit, 1 if the file states none, and the uncertainty in mm."""
-    stated = [ref for ref in entities[context].references if ref in entities] if context in entities else []
+    stated = (
+        [ref for ref in entities[context].references if ref in entities]
+        if context in entities
+        else []
+    )
     lengths = [unit_mm(entities, ref) for ref in stated if "LENGTH_UNIT" in entities[ref].kinds]
-    uncertainties = [_uncertainty_mm(entities, ref) for ref in stated if "UNCERTAINTY" in entities[ref].kind]
+    uncertainties = [
+        _uncertainty_mm(entities, ref) for ref in stated if "UNCERTAINTY" in entities[ref].kind
+    ]
     known = [x for x in uncertainties if x is not None]
     return lengths[0] if lengths else 1.0, max(known, default=None)
 
 
 def _uncertainty_mm(entities: dict[int, Entity], number: int) -> float | None:
     entity = entities[number]
-    units = [ref for ref in entity.references if ref in entities and "LENGTH_UNIT" in entities[ref].kinds]
+    units = [
+        ref for ref in entity.references if ref in entities and "LENGTH_UNIT" in entities[ref].kinds
+    ]
     value = entity.numbers[0] * unit_mm(entities, units[0]) if units and entity.numbers else -1.0
     return value if value > 0 and math.isfinite(value) else None
 
@@ -178,7 +218,9 @@ def unit_mm(entities: dict[int, Entity], number: int, depth: int = 0) -> float:
         return _PREFIX_MM[(si[1] or "").upper()]
     for measure in (entities[ref] for ref in entity.references if ref in entities):
         if "MEASURE_WITH_UNIT" in measure.kind and measure.numbers and depth < 4:
-            factors = [unit_mm(entities, ref, depth + 1) for ref in measure.references if ref in entities]
+            factors = [
+                unit_mm(entities, ref, depth + 1) for ref in measure.references if ref in entities
+            ]
             if factors and measure.numbers[0] > 0:
                 return measure.numbers[0] * factors[0]
     raise ReadError(

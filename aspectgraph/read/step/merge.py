@@ -60,9 +60,15 @@ def merge_touching(shapes: Sequence[Any], numbers: Sequence[int], name: str) -> 
     SelfIntersectionError
         Two solids overlap.
     """
-    bodies = Bodies([], {k: explore(shape, TopAbs_ShapeEnum.TopAbs_EDGE) for k, shape in enumerate(shapes)})
+    bodies = Bodies(
+        [], {k: explore(shape, TopAbs_ShapeEnum.TopAbs_EDGE) for k, shape in enumerate(shapes)}
+    )
     for group in _near(shapes):
-        found = _merged([shapes[k] for k in group], [numbers[k] for k in group], name) if len(group) > 1 else None
+        found = (
+            _merged([shapes[k] for k in group], [numbers[k] for k in group], name)
+            if len(group) > 1
+            else None
+        )
         if found is None:
             bodies.shapes.extend(shapes[k] for k in group)
             continue
@@ -99,7 +105,9 @@ def _near(shapes: Sequence[Any]) -> list[list[int]]:
     return [[k for k, one in enumerate(label) if one == group] for group in sorted(set(label))]
 
 
-def _merged(shapes: Sequence[Any], numbers: Sequence[int], name: str) -> tuple[list[Any], Any] | None:
+def _merged(
+    shapes: Sequence[Any], numbers: Sequence[int], name: str
+) -> tuple[list[Any], Any] | None:
     """Return the bodies of solids that may touch, and what tells where edges went; None if none do."""
     builder = BOPAlgo_CellsBuilder()
     for shape in shapes:

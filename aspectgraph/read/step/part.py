@@ -45,7 +45,9 @@ class StepPart:
         self.slots = inventory.slots
         return {"damage": [slot.damage for slot in inventory.slots], "notes": inventory.notes}, {}
 
-    def select(self, solids: list[int], relative_planarity: float) -> tuple[dict[str, Any], dict[str, Any]]:
+    def select(
+        self, solids: list[int], relative_planarity: float
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Choose the solids to work on; tell their size and how closely each fits together."""
         chosen = [self.slots[i] for i in solids]
         self.shapes = self.bodies = [slot.shape for slot in chosen]
@@ -58,12 +60,16 @@ class StepPart:
             rows.append({"uncertainty_mm": slot.uncertainty_mm, "gaps": widest})
         return {"diagonal_mm": diagonal, "fits": rows}, {}
 
-    def merge(self, solids: list[int], measured: list[int], name: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    def merge(
+        self, solids: list[int], measured: list[int], name: str
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Make chosen solids that touch one body, and remember what became of the edges of those to measure."""
         found = merge_touching(self.shapes, solids, name)
         self.bodies = found.shapes
         if len(measured) < len(solids):
-            self.measured = edge_map(e for k, number in enumerate(solids) if number in measured for e in found.edges[k])
+            self.measured = edge_map(
+                e for k, number in enumerate(solids) if number in measured for e in found.edges[k]
+            )
         return {"merged": [[solids[k] for k in group] for group in found.merged]}, {}
 
     def tessellate(
@@ -75,7 +81,13 @@ class StepPart:
         for k, shape in enumerate(shapes):
             part = tessellate(shape, chord_mm, angle_rad, self.flat_mm, self.measured)
             chords = np.array(sorted(part.curved_edges), dtype=np.int64).reshape(-1, 2)
-            fields: tuple[Any, ...] = (part.vertices, part.triangles, part.patch, part.curved_patch, chords)
+            fields: tuple[Any, ...] = (
+                part.vertices,
+                part.triangles,
+                part.patch,
+                part.curved_patch,
+                chords,
+            )
             fields += pack_circles(part.circular_edges or [])
             turns = sorted(part.surface_turns.items())
             fields += (np.array([pair for pair, _ in turns], dtype=np.int64).reshape(-1, 2),)
@@ -89,4 +101,7 @@ class StepPart:
         from aspectgraph.read.step.semantic_dimensions import read_semantic_dimensions
 
         stated = list_dimensions(parse_entities(Path(path).read_bytes()))
-        return {"found": read_semantic_dimensions(Path(path), name), "stated": [asdict(one) for one in stated]}, {}
+        return {
+            "found": read_semantic_dimensions(Path(path), name),
+            "stated": [asdict(one) for one in stated],
+        }, {}

@@ -67,7 +67,9 @@ def read_semantic_dimensions(path: Path, name: str) -> list[dict[str, Any]]:
         Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
         read = reader.ReadFile(str(path)) == IFSelect_ReturnStatus.IFSelect_RetDone
         if not (read and reader.Transfer(document)):
-            raise ReadError(f"a .step or .stp file must be a STEP file. Got {name}, which OCCT cannot read.")
+            raise ReadError(
+                f"a .step or .stp file must be a STEP file. Got {name}, which OCCT cannot read."
+            )
     tool = XCAFDoc_DocumentTool.DimTolTool_s(document.Main())
     labels = Sequence_TDF_Label()
     tool.GetDimensionLabels(labels)
@@ -78,14 +80,20 @@ def read_semantic_dimensions(path: Path, name: str) -> list[dict[str, Any]]:
 def _dimension(tool: Any, label: Any) -> dict[str, Any]:
     # FindAttribute leaves a null handle here; Set_s returns the attribute there is
     stated = XCAFDoc_Dimension.Set_s(label).GetObject()
-    values, words, title = stated.GetValues(), stated.GetSemanticName(), stated.GetPresentationName()
+    values, words, title = (
+        stated.GetValues(),
+        stated.GetSemanticName(),
+        stated.GetPresentationName(),
+    )
     first, second = Sequence_TDF_Label(), Sequence_TDF_Label()
     tool.GetRefShapeLabel_s(label, first, second)
     return {
         "type": stated.GetType().name.split("DimensionType_")[-1],
         "words": words.ToCString() if words is not None else "",
         "name": title.ToCString() if title is not None else "",
-        "values": None if values is None else [values.Value(k) for k in range(values.Lower(), values.Upper() + 1)],
+        "values": None
+        if values is None
+        else [values.Value(k) for k in range(values.Lower(), values.Upper() + 1)],
         "is_range": stated.IsDimWithRange(),
         "has_bounds": stated.IsDimWithPlusMinusTolerance(),
         "sides": [_shapes(side) for side in (first, second)],
@@ -102,7 +110,11 @@ def _shapes(labels: Any) -> list[dict[str, Any]]:
 
 def _simple_parts(shape: Any) -> list[Any]:
     """Return the faces, or failing these edges, or failing these vertices of a shape."""
-    for kind in (TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_VERTEX):
+    for kind in (
+        TopAbs_ShapeEnum.TopAbs_FACE,
+        TopAbs_ShapeEnum.TopAbs_EDGE,
+        TopAbs_ShapeEnum.TopAbs_VERTEX,
+    ):
         parts = explore(shape, kind)
         if parts:
             return parts
@@ -152,7 +164,11 @@ def _surface(face: Any) -> dict[str, Any]:
         return _about("cylinder", cylinder)
     if recognised.IsCone(CANONICAL_MM, cone):
         return _about("cone", cone)
-    return _about("sphere", sphere) if recognised.IsSphere(CANONICAL_MM, sphere) else {"kind": "free form"}
+    return (
+        _about("sphere", sphere)
+        if recognised.IsSphere(CANONICAL_MM, sphere)
+        else {"kind": "free form"}
+    )
 
 
 def _edge(edge: Any) -> dict[str, Any]:
@@ -163,7 +179,11 @@ def _edge(edge: Any) -> dict[str, Any]:
         return {"kind": "line", "ends": [list(xyz(end)) for end in ends]}
     if curve.GetType() == GeomAbs_CurveType.GeomAbs_Circle:
         return _about("circle", curve.Circle())
-    return _about("circle", circle) if recognised.IsCircle(CANONICAL_MM, circle) else {"kind": "free form"}
+    return (
+        _about("circle", circle)
+        if recognised.IsCircle(CANONICAL_MM, circle)
+        else {"kind": "free form"}
+    )
 
 
 def _about(kind: str, shape: Any) -> dict[str, Any]:

@@ -75,7 +75,10 @@ def _answer(part: StepPart, request: dict[str, Any]) -> tuple[dict[str, Any], di
         text = " ".join(str(error).split())[:200]
         if "memory" in f"{type(error).__name__} {text}".lower():
             return {"error": "MemoryError"}, {}
-        return {"error": "KernelError", "message": f"{type(error).__name__}: {text}".rstrip(": ")}, {}
+        return {
+            "error": "KernelError",
+            "message": f"{type(error).__name__}: {text}".rstrip(": "),
+        }, {}
 
 
 def _send(answers: IO[bytes], header: dict[str, Any], arrays: dict[str, Any] | None = None) -> None:

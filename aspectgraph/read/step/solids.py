@@ -41,7 +41,13 @@ lost vertex leaves gaps of the size of an edge.
 """
 
 _HARMLESS = ("ShapeRepresentation", "MechanicalDesignAndDraughtingRelationship")
-_STRUCTURE = ("Transformation", "RepresentationRelationship", "RepresentationMap", "MappedItem", "UsageOccurrence")
+_STRUCTURE = (
+    "Transformation",
+    "RepresentationRelationship",
+    "RepresentationMap",
+    "MappedItem",
+    "UsageOccurrence",
+)
 
 
 @dataclass
@@ -92,26 +98,38 @@ def load_solids(path: Path, name: str) -> Inventory:
     with quiet():
         Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
         if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
-            raise ReadError(f"a .step or .stp file must be a STEP file. Got {name}, which OCCT cannot read.")
+            raise ReadError(
+                f"a .step or .stp file must be a STEP file. Got {name}, which OCCT cannot read."
+            )
         model = reader.Model()
         _check_references(model, name)
         # kept while the file is read: two handles of an entity are recognised as one by the object that wraps them
         handles = [model.Value(i) for i in range(1, model.NbEntities() + 1)]
         if len(handles) != len(entities):
-            raise ReadError(f"a STEP file must be whole. Got {name}: {len(handles)} of {len(entities)} entities read.")
+            raise ReadError(
+                f"a STEP file must be whole. Got {name}: {len(handles)} of {len(entities)} entities read."
+            )
         numbers = dict(zip(handles, entities, strict=True))
         damage = _damage(model, numbers, listed, name)
         reader.TransferRoots()
     _check_assembly(reader, handles, name)
     shape = reader.OneShape()
     if shape is None or shape.IsNull():
-        raise ReadError(f"a STEP file must hold at least one closed solid. Got {name} without any shape.")
-    found = [(solid, _entity_number(reader, solid, numbers)) for solid in explore(shape, TopAbs_ShapeEnum.TopAbs_SOLID)]
+        raise ReadError(
+            f"a STEP file must hold at least one closed solid. Got {name} without any shape."
+        )
+    found = [
+        (solid, _entity_number(reader, solid, numbers))
+        for solid in explore(shape, TopAbs_ShapeEnum.TopAbs_SOLID)
+    ]
     if not found and not damage:
         n = len(explore(shape, TopAbs_ShapeEnum.TopAbs_FACE))
-        raise ReadError(f"a STEP file must hold at least one closed solid. Got {name} with {n} loose faces only.")
+        raise ReadError(
+            f"a STEP file must hold at least one closed solid. Got {name} with {n} loose faces only."
+        )
     slots = [
-        _slot(solid, listed.get(number), damage.get(number, "")) for solid, number in _in_order(found, listed, name)
+        _slot(solid, listed.get(number), damage.get(number, ""))
+        for solid, number in _in_order(found, listed, name)
     ]
     return Inventory(slots, _left_out(shape))
 
@@ -127,10 +145,14 @@ def diagonal_mm(shapes: list[Any]) -> float:
 def _check_references(model: Any, name: str) -> None:
     n_fails = model.GlobalCheck().NbFails()
     if n_fails:
-        raise ReadError(f"a STEP file must be whole. Got {name} with {n_fails} syntax errors or missing entities.")
+        raise ReadError(
+            f"a STEP file must be whole. Got {name} with {n_fails} syntax errors or missing entities."
+        )
 
 
-def _damage(model: Any, numbers: dict[Any, int], listed: dict[int, ListedSolid], name: str) -> dict[int, str]:
+def _damage(
+    model: Any, numbers: dict[Any, int], listed: dict[int, ListedSolid], name: str
+) -> dict[int, str]:
     """Return what is wrong with the entities that solids consist of, by solid; refuse damage that has no owner.
 
     Errors in other entities (annotations, styles) are common in good files and do no harm.
@@ -146,17 +168,29 @@ def _damage(model: Any, numbers: dict[Any, int], listed: dict[int, ListedSolid],
         shapes = family in ("StepShape", "StepGeom") and not kind.endswith(_HARMLESS)
         structure = any(part in kind for part in _STRUCTURE) and not kind.endswith(_HARMLESS)
         if not owners and (shapes or structure):
-            raise ReadError(f"the geometry of a STEP file must be whole. Got {name} with errors in {kind} #{number}.")
+            raise ReadError(
+                f"the geometry of a STEP file must be whole. Got {name} with errors in {kind} #{number}."
+            )
     return {number: f"errors in {', '.join(sorted(kinds))}" for number, kinds in damaged.items()}
 
 
 def _check_assembly(reader: Any, handles: list[Any], name: str) -> None:
     """Check that every part of an assembly was placed."""
     process = reader.WS().TransferReader().TransientProcess()
-    placed = {process.Mapped(i) for i in range(1, process.NbMapped() + 1) if process.MapItem(i).HasResult()}
-    lost = [h for h in handles if h.DynamicType().Name().endswith("NextAssemblyUsageOccurrence") and h not in placed]
+    placed = {
+        process.Mapped(i)
+        for i in range(1, process.NbMapped() + 1)
+        if process.MapItem(i).HasResult()
+    }
+    lost = [
+        h
+        for h in handles
+        if h.DynamicType().Name().endswith("NextAssemblyUsageOccurrence") and h not in placed
+    ]
     if lost:
-        raise ReadError(f"every part of an assembly must be placed. Got {len(lost)} lost parts in {name}.")
+        raise ReadError(
+            f"every part of an assembly must be placed. Got {len(lost)} lost parts in {name}."
+        )
 
 
 def _entity_number(reader: Any, solid: Any, numbers: dict[Any, int]) -> int | None:
@@ -185,7 +219,9 @@ def _slot(shape: Any, listed: ListedSolid | None, damage: str) -> Slot:
     if listed is None:
         return Slot(shape, damage)
     if shape is None:
-        return Slot(None, damage or f"#{listed.number}, which OCCT cannot build", listed.uncertainty_mm)
+        return Slot(
+            None, damage or f"#{listed.number}, which OCCT cannot build", listed.uncertainty_mm
+        )
     return Slot(shape, damage or _compare(shape, listed), listed.uncertainty_mm)
 
 
@@ -196,10 +232,17 @@ def _compare(shape: Any, listed: ListedSolid) -> str:
         return f"{n_faces} of the {listed.n_faces} faces that #{listed.number} lists"
     bare = shape.Located(TopLoc_Location())
     points = np.array(
-        [xyz(BRep_Tool.Pnt_s(TopoDS.Vertex(v))) for v in explore(bare, TopAbs_ShapeEnum.TopAbs_VERTEX)]
+        [
+            xyz(BRep_Tool.Pnt_s(TopoDS.Vertex(v)))
+            for v in explore(bare, TopAbs_ShapeEnum.TopAbs_VERTEX)
+        ]
     ).reshape(-1, 3)
     distance_mm, place = _farthest(listed.points_mm, points)
-    allowed = RELATIVE_DISPLACEMENT * float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
+    allowed = (
+        RELATIVE_DISPLACEMENT * float(np.linalg.norm(np.ptp(points, axis=0)))
+        if len(points)
+        else 0.0
+    )
     if distance_mm > allowed:
         return f"a vertex of #{listed.number} at {describe_point(place)} that is {distance_mm:.3g} mm off"
     return ""
@@ -211,7 +254,9 @@ def _farthest(expected: np.ndarray, points: np.ndarray) -> tuple[float, np.ndarr
     rest = [p for p in expected.tolist() if tuple(p) not in known]
     worst, place = 0.0, np.zeros(3)
     for point in rest:
-        distance = float(np.sqrt(((points - point) ** 2).sum(axis=1).min())) if len(points) else math.inf
+        distance = (
+            float(np.sqrt(((points - point) ** 2).sum(axis=1).min())) if len(points) else math.inf
+        )
         if not distance <= worst:
             worst, place = distance, np.array(point)
     return worst, place
@@ -219,9 +264,17 @@ def _farthest(expected: np.ndarray, points: np.ndarray) -> tuple[float, np.ndarr
 
 def _left_out(shape: Any) -> list[str]:
     """Return a note on faces and edges that belong to no solid, such as annotations."""
-    n_faces = len(explore(shape, TopAbs_ShapeEnum.TopAbs_FACE, outside=TopAbs_ShapeEnum.TopAbs_SOLID))
-    n_edges = len(explore(shape, TopAbs_ShapeEnum.TopAbs_EDGE, outside=TopAbs_ShapeEnum.TopAbs_FACE))
-    return [f"left out {n_faces} faces and {n_edges} edges that belong to no solid"] if n_faces or n_edges else []
+    n_faces = len(
+        explore(shape, TopAbs_ShapeEnum.TopAbs_FACE, outside=TopAbs_ShapeEnum.TopAbs_SOLID)
+    )
+    n_edges = len(
+        explore(shape, TopAbs_ShapeEnum.TopAbs_EDGE, outside=TopAbs_ShapeEnum.TopAbs_FACE)
+    )
+    return (
+        [f"left out {n_faces} faces and {n_edges} edges that belong to no solid"]
+        if n_faces or n_edges
+        else []
+    )
 
 
 @contextmanager

@@ -16,10 +16,20 @@ from aspectgraph.read.step.listing import unit_mm
 from aspectgraph.read.step.text import Entity
 
 _SIZES = frozenset(
-    {"ANGULAR_SIZE", "DIMENSIONAL_SIZE", "DIMENSIONAL_SIZE_WITH_DATUM_FEATURE", "DIMENSIONAL_SIZE_WITH_PATH"}
+    {
+        "ANGULAR_SIZE",
+        "DIMENSIONAL_SIZE",
+        "DIMENSIONAL_SIZE_WITH_DATUM_FEATURE",
+        "DIMENSIONAL_SIZE_WITH_PATH",
+    }
 )
 _LOCATIONS = frozenset(
-    {"ANGULAR_LOCATION", "DIMENSIONAL_LOCATION", "DIMENSIONAL_LOCATION_WITH_PATH", "DIRECTED_DIMENSIONAL_LOCATION"}
+    {
+        "ANGULAR_LOCATION",
+        "DIMENSIONAL_LOCATION",
+        "DIMENSIONAL_LOCATION_WITH_PATH",
+        "DIRECTED_DIMENSIONAL_LOCATION",
+    }
 )
 _ROUNDED_DEGREE = 1e-6
 """Files state the degree as 0.0174532925 rad or with more digits; what is as close to it is the degree."""
@@ -69,7 +79,10 @@ def _values(entities: dict[int, Entity]) -> dict[int, tuple[float, ...]]:
     """Return the values stated for each dimension, by its number."""
     found: dict[int, tuple[float, ...]] = {}
     for entity in entities.values():
-        if entity.kind == "DIMENSIONAL_CHARACTERISTIC_REPRESENTATION" and len(entity.references) == 2:
+        if (
+            entity.kind == "DIMENSIONAL_CHARACTERISTIC_REPRESENTATION"
+            and len(entity.references) == 2
+        ):
             dimension, representation = entity.references
             items = entities[representation].references if representation in entities else []
             measured = [_measure(entities, item) for item in items]
@@ -94,7 +107,11 @@ def _bounds(entities: dict[int, Entity]) -> dict[int, tuple[float, float]]:
 def _measure(entities: dict[int, Entity], number: int) -> float | None:
     """Return a measure with a unit in mm or degrees; None if it is none."""
     entity = entities.get(number)
-    if entity is None or not any(kind.endswith("MEASURE_WITH_UNIT") for kind in entity.kinds) or not entity.numbers:
+    if (
+        entity is None
+        or not any(kind.endswith("MEASURE_WITH_UNIT") for kind in entity.kinds)
+        or not entity.numbers
+    ):
         return None
     for unit in entity.references:
         kinds = entities[unit].kinds if unit in entities else frozenset()

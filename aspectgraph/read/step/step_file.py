@@ -78,7 +78,9 @@ def read_step(
         size, _ = kernel.ask("select", solids=chosen, relative_planarity=RELATIVE_PLANARITY)
         diagonal = size["diagonal_mm"]
         notes = loaded["notes"] + check_fit(size["fits"], chosen, diagonal, gap_mm, Path(path).name)
-        chord = diagonal * RELATIVE_CHORD if chord_tolerance_mm is None else float(chord_tolerance_mm)
+        chord = (
+            diagonal * RELATIVE_CHORD if chord_tolerance_mm is None else float(chord_tolerance_mm)
+        )
         try:
             if len(chosen) > 1:
                 notes += _merge(kernel, chosen, measured, chord, angle_deg)
@@ -104,18 +106,27 @@ def read_step(
     raise AssertionError("the last attempt returns or raises")
 
 
-def _merge(kernel: StepKernel, chosen: list[int], measured: list[int], chord_mm: float, angle_deg: float) -> list[str]:
+def _merge(
+    kernel: StepKernel, chosen: list[int], measured: list[int], chord_mm: float, angle_deg: float
+) -> list[str]:
     """Make solids that touch one body; return what was done."""
     answer, _ = kernel.ask("merge", solids=chosen, measured=measured, name=kernel.name)
     occluders = [i for i in chosen if i not in measured]
-    notes = [f"{_listed(occluders)} {'is' if len(occluders) == 1 else 'are'} in the way only"] if occluders else []
+    notes = (
+        [f"{_listed(occluders)} {'is' if len(occluders) == 1 else 'are'} in the way only"]
+        if occluders
+        else []
+    )
     if not answer["merged"]:
         return notes
     before = _tessellate(kernel, chord_mm, angle_deg, merged=False)
     after = _tessellate(kernel, chord_mm, angle_deg)
     # facets leave a curved face by the chord tolerance, before and after; flat ones do not
     allowed = 2.0 * chord_mm * sum(_curved_area(part) for part in (*before, *after))
-    volume, kept = (sum(signed_volume(part.vertices, part.triangles) for part in parts) for parts in (before, after))
+    volume, kept = (
+        sum(signed_volume(part.vertices, part.triangles) for part in parts)
+        for parts in (before, after)
+    )
     if not abs(kept - volume) <= max(allowed, RELATIVE_VOLUME * volume):
         raise ReadError(
             f"solids in contact must keep their volume when they become one body. Got {kept:.9g} of {volume:.9g} mm³ "
@@ -123,7 +134,9 @@ def _merge(kernel: StepKernel, chosen: list[int], measured: list[int], chord_mm:
             f"{_HOW_TO_CHOOSE.format([chosen[0]], chosen[0])}."
         )
     bodies = [_listed(sorted(group)) for group in answer["merged"]]
-    return notes + [f"{body} touch and are one body; edges inside a contact are gone" for body in bodies]
+    return notes + [
+        f"{body} touch and are one body; edges inside a contact are gone" for body in bodies
+    ]
 
 
 def _listed(numbers: list[int]) -> str:
@@ -137,8 +150,12 @@ def _curved_area(part: Tessellation) -> float:
     return 0.5 * float(np.linalg.norm(doubled, axis=1).sum())
 
 
-def _tessellate(kernel: StepKernel, chord_mm: float, angle_deg: float, merged: bool = True) -> list[Tessellation]:
-    answer, arrays = kernel.ask("tessellate", chord_mm=chord_mm, angle_rad=math.radians(angle_deg), merged=merged)
+def _tessellate(
+    kernel: StepKernel, chord_mm: float, angle_deg: float, merged: bool = True
+) -> list[Tessellation]:
+    answer, arrays = kernel.ask(
+        "tessellate", chord_mm=chord_mm, angle_rad=math.radians(angle_deg), merged=merged
+    )
     parts = []
     for k in range(answer["n"]):
         vertices, triangles, patch, curved_patch, chords, *circles, pairs, turns = (
@@ -147,7 +164,11 @@ def _tessellate(kernel: StepKernel, chord_mm: float, angle_deg: float, merged: b
         curved_edges = set(map(tuple, chords.tolist()))
         surface_turns = dict(zip(map(tuple, pairs.tolist()), turns.tolist(), strict=True))
         circular = unpack_circles(*circles)
-        parts.append(Tessellation(vertices, triangles, patch, curved_patch, curved_edges, circular, surface_turns))
+        parts.append(
+            Tessellation(
+                vertices, triangles, patch, curved_patch, curved_edges, circular, surface_turns
+            )
+        )
     return parts
 
 
@@ -165,7 +186,9 @@ def _build(
     curved = any(part.curved_patch.any() for part in parts)
     notes = list(notes)
     if curved:
-        notes.append(f"curved faces tessellated with a chord tolerance of {chord_mm:.4g} mm and {angle_deg:g} degrees")
+        notes.append(
+            f"curved faces tessellated with a chord tolerance of {chord_mm:.4g} mm and {angle_deg:g} degrees"
+        )
     if len(parts) > 1:
         notes.append(f"{len(parts)} solids")
     try:
@@ -179,7 +202,11 @@ def _build(
 def _concatenate(parts: list[Tessellation]) -> Tessellation:
     first_vertex = np.cumsum([0] + [len(part.vertices) for part in parts]).tolist()
     first_patch = np.cumsum([0] + [len(part.curved_patch) for part in parts]).tolist()
-    curved = {(a + v, b + v) for part, v in zip(parts, first_vertex, strict=False) for a, b in part.curved_edges}
+    curved = {
+        (a + v, b + v)
+        for part, v in zip(parts, first_vertex, strict=False)
+        for a, b in part.curved_edges
+    }
     turns = {
         (a + v, b + v): turn
         for part, v in zip(parts, first_vertex, strict=False)
@@ -208,7 +235,9 @@ def _select(damage: list[str], wanted: SolidChoice, name: str) -> tuple[list[int
     chosen = measured + occluders
     bad = [i for i in chosen if not 0 <= i < n]
     if bad or not measured:
-        raise ReadError(f"solids must name some of 0..{n - 1} of {name}. Got {chosen if bad else measured}.")
+        raise ReadError(
+            f"solids must name some of 0..{n - 1} of {name}. Got {chosen if bad else measured}."
+        )
     if len(set(chosen)) < len(chosen):
         raise ReadError(f"solids must name each solid once. Got {chosen}.")
     for i in chosen:
@@ -217,5 +246,7 @@ def _select(damage: list[str], wanted: SolidChoice, name: str) -> tuple[list[int
             ask = _HOW_TO_CHOOSE.format(whole, ",".join(map(str, whole)))
             hint = f" Ask for the whole ones with {ask}." if whole else ""
             which = f" (solid {i} of 0..{n - 1})" if n > 1 else ""
-            raise ReadError(f"the geometry of a STEP file must be whole. Got {name} with {damage[i]}{which}.{hint}")
+            raise ReadError(
+                f"the geometry of a STEP file must be whole. Got {name} with {damage[i]}{which}.{hint}"
+            )
     return chosen, measured

@@ -72,10 +72,14 @@ def parse_entities(data: bytes) -> dict[int, Entity]:
     ReadError
         There is no data section, something in it is no token of the format, or a number is used twice.
     """
-    text = _STRING_OR_COMMENT.sub(lambda found: "''" if found[0][0] == "'" else " ", data.decode("latin-1"))
+    text = _STRING_OR_COMMENT.sub(
+        lambda found: "''" if found[0][0] == "'" else " ", data.decode("latin-1")
+    )
     sections = _DATA.findall(text)
     if not sections:
-        raise ReadError("a STEP file must hold a data section from DATA to ENDSEC. Got none that is whole.")
+        raise ReadError(
+            "a STEP file must hold a data section from DATA to ENDSEC. Got none that is whole."
+        )
     entities: dict[int, Entity] = {}
     for section in sections:
         _check_tokens(section)
@@ -87,7 +91,9 @@ def parse_entities(data: bytes) -> dict[int, Entity]:
 def _check_tokens(section: str) -> None:
     rest = _TOKEN.sub("", section)
     if rest:
-        raise ReadError(f"a STEP file must be whole. Got {rest[:20]!r} where a number, text or name should be.")
+        raise ReadError(
+            f"a STEP file must be whole. Got {rest[:20]!r} where a number, text or name should be."
+        )
 
 
 def _add(entities: dict[int, Entity], statement: str) -> None:
@@ -96,10 +102,14 @@ def _add(entities: dict[int, Entity], statement: str) -> None:
     found = _ENTITY.fullmatch(statement)
     name = _NAME.search(found[2]) if found else None
     if not found or not name:
-        raise ReadError(f"a STEP file must be whole. Got {statement.strip()[:40]!r} where an entity should be.")
+        raise ReadError(
+            f"a STEP file must be whole. Got {statement.strip()[:40]!r} where an entity should be."
+        )
     number = int(found[1])
     if number in entities:
-        raise ReadError(f"the entities of a STEP file must have numbers of their own. Got #{number} twice.")
+        raise ReadError(
+            f"the entities of a STEP file must have numbers of their own. Got #{number} twice."
+        )
     entities[number] = Entity(name[1].upper(), found[2])
 
 

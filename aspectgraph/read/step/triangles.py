@@ -53,7 +53,9 @@ class _Use:
     nodes: tuple[int, ...]
 
 
-def explore(shape: Any, kind: TopAbs_ShapeEnum, outside: TopAbs_ShapeEnum = TopAbs_ShapeEnum.TopAbs_SHAPE) -> list[Any]:
+def explore(
+    shape: Any, kind: TopAbs_ShapeEnum, outside: TopAbs_ShapeEnum = TopAbs_ShapeEnum.TopAbs_SHAPE
+) -> list[Any]:
     """Return the sub-shapes of a kind that are in none of the kind `outside`, in file order, once for each use."""
     found, explorer = [], TopExp_Explorer(shape, kind, outside)
     while explorer.More():
@@ -63,7 +65,11 @@ def explore(shape: Any, kind: TopAbs_ShapeEnum, outside: TopAbs_ShapeEnum = TopA
 
 
 def tessellate(
-    solid: Any, chord_tolerance_mm: float, angular_tolerance_rad: float, flat_mm: float, measured: Any = None
+    solid: Any,
+    chord_tolerance_mm: float,
+    angular_tolerance_rad: float,
+    flat_mm: float,
+    measured: Any = None,
 ) -> Tessellation:
     """Return the triangles of an OCCT solid.
 
@@ -140,9 +146,13 @@ class _Collector:
         location = TopLoc_Location()
         mesh = BRep_Tool.Triangulation_s(face, location)
         if mesh is None or mesh.NbTriangles() == 0:
-            raise ReadError(f"every face must be tessellated. Got no triangles for face {face_index} of the solid.")
+            raise ReadError(
+                f"every face must be tessellated. Got no triangles for face {face_index} of the solid."
+            )
         move = location.Transformation()
-        points = np.array([xyz(mesh.Node(k).Transformed(move)) for k in range(1, mesh.NbNodes() + 1)])
+        points = np.array(
+            [xyz(mesh.Node(k).Transformed(move)) for k in range(1, mesh.NbNodes() + 1)]
+        )
         number = np.full(len(points), -1, dtype=np.int64)
         for shape in explore(face, TopAbs_ShapeEnum.TopAbs_EDGE):
             self._add_edge(TopoDS.Edge(shape), face, face_index, mesh, location, points, number)
@@ -154,14 +164,24 @@ class _Collector:
         return triangles[:, ::-1] if turned else triangles
 
     def _add_edge(
-        self, edge: Any, face: Any, face_index: int, mesh: Any, location: Any, points: np.ndarray, number: Any
+        self,
+        edge: Any,
+        face: Any,
+        face_index: int,
+        mesh: Any,
+        location: Any,
+        points: np.ndarray,
+        number: Any,
     ) -> None:
         polygon = BRep_Tool.PolygonOnTriangulation_s(edge, mesh, location)
         if polygon is None:
             return
         nodes = [polygon.Node(k) - 1 for k in range(1, polygon.NbNodes() + 1)]
         edge_index = self.edge_map.FindIndex(edge)
-        ends = [self.vertex_map.FindIndex(end(edge, False)) for end in (TopExp.FirstVertex_s, TopExp.LastVertex_s)]
+        ends = [
+            self.vertex_map.FindIndex(end(edge, False))
+            for end in (TopExp.FirstVertex_s, TopExp.LastVertex_s)
+        ]
         keys: list[tuple[Any, ...]] = [("edge", edge_index, k) for k in range(len(nodes))]
         keys[0], keys[-1] = ("vertex", ends[0]), ("vertex", ends[1])
         if BRep_Tool.Degenerated_s(edge):
@@ -193,7 +213,11 @@ class _Collector:
             chain = root[list(uses[0].nodes)].tolist()
             pairs = [(min(a, b), max(a, b)) for a, b in pairwise(chain)]
             smooth = turn is not None and turn < SMOOTH_DEG
-            if smooth or not self._is_measured(uses[0].edge) or not is_straight(uses[0].edge, self.flat_mm):
+            if (
+                smooth
+                or not self._is_measured(uses[0].edge)
+                or not is_straight(uses[0].edge, self.flat_mm)
+            ):
                 chords.update(pairs)
             elif turn is not None:
                 turns.update(dict.fromkeys(pairs, turn))
@@ -206,7 +230,9 @@ class _Collector:
         """Return the circular edges, in the order in which the model holds them."""
         found = []
         for _, uses in sorted(self.uses.items()):
-            circle = circle_of(uses[0].edge, self.flat_mm) if self._is_measured(uses[0].edge) else None
+            circle = (
+                circle_of(uses[0].edge, self.flat_mm) if self._is_measured(uses[0].edge) else None
+            )
             if circle is not None:
                 chain = root[list(uses[0].nodes)].tolist()
                 found.append(CircularEdge(circle, tuple(chain), turn_deg(*uses)))
@@ -215,13 +241,21 @@ class _Collector:
 
 def _check_uses(uses: list[_Use], points: list[np.ndarray]) -> None:
     """Check that an edge has two faces that cut it into the same pieces."""
-    ends = f"{describe_point(points[uses[0].nodes[0]])} to {describe_point(points[uses[0].nodes[-1]])}"
+    ends = (
+        f"{describe_point(points[uses[0].nodes[0]])} to {describe_point(points[uses[0].nodes[-1]])}"
+    )
     if len(uses) == 1:
-        raise OpenSolidError(f"every edge of a solid must have two faces. Got one at the edge from {ends}.")
+        raise OpenSolidError(
+            f"every edge of a solid must have two faces. Got one at the edge from {ends}."
+        )
     if len(uses) > 2:
-        raise NonManifoldError(f"every edge of a solid must have two faces. Got {len(uses)} at the edge from {ends}.")
+        raise NonManifoldError(
+            f"every edge of a solid must have two faces. Got {len(uses)} at the edge from {ends}."
+        )
     if len(uses[0].nodes) != len(uses[1].nodes):
-        raise ReadError(f"faces must cut a common edge alike. Got different pieces at the edge from {ends}.")
+        raise ReadError(
+            f"faces must cut a common edge alike. Got different pieces at the edge from {ends}."
+        )
 
 
 def xyz(point: Any) -> tuple[float, float, float]:
@@ -238,7 +272,10 @@ def is_planar(face: Any, flat_mm: float) -> bool:
     surface = BRepAdaptor_Surface(face)
     if surface.GetType() == GeomAbs_SurfaceType.GeomAbs_Plane:
         return True
-    if surface.GetType() in (GeomAbs_SurfaceType.GeomAbs_Cylinder, GeomAbs_SurfaceType.GeomAbs_Cone):
+    if surface.GetType() in (
+        GeomAbs_SurfaceType.GeomAbs_Cylinder,
+        GeomAbs_SurfaceType.GeomAbs_Cone,
+    ):
         return False
     us = np.linspace(surface.FirstUParameter(), surface.LastUParameter(), _N_SAMPLES)
     vs = np.linspace(surface.FirstVParameter(), surface.LastVParameter(), _N_SAMPLES)
@@ -259,7 +296,9 @@ def is_straight(edge: Any, flat_mm: float) -> bool:
     length = np.linalg.norm(along)
     if length <= flat_mm:
         return False
-    return bool(np.linalg.norm(np.cross(points - points[0], along / length), axis=1).max() <= flat_mm)
+    return bool(
+        np.linalg.norm(np.cross(points - points[0], along / length), axis=1).max() <= flat_mm
+    )
 
 
 def circle_of(edge: Any, flat_mm: float) -> Circle | None:
@@ -275,7 +314,12 @@ def circle_of(edge: Any, flat_mm: float) -> Circle | None:
         return Circle(np.array(xyz(true.Location())), axis / np.linalg.norm(axis), true.Radius())
     if curve.GetType() == GeomAbs_CurveType.GeomAbs_Line or is_straight(edge, flat_mm):
         return None
-    points = np.array([xyz(curve.Value(t)) for t in np.linspace(curve.FirstParameter(), curve.LastParameter(), 25)])
+    points = np.array(
+        [
+            xyz(curve.Value(t))
+            for t in np.linspace(curve.FirstParameter(), curve.LastParameter(), 25)
+        ]
+    )
     fit = fit_circle(points)
     if fit is None:
         return None

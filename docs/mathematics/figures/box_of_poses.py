@@ -46,7 +46,9 @@ def draw_scene(ax) -> None:
     depth = np.array([VIEW.near, VIEW.far])
     side = VIEW.tan_x * depth
     outline = [[-side[0], depth[0]], [side[0], depth[0]], [side[1], depth[1]], [-side[1], depth[1]]]
-    ax.add_patch(plt.Polygon(np.array(outline) - [0, VIEW.middle], facecolor="#eeeeee", edgecolor="black"))
+    ax.add_patch(
+        plt.Polygon(np.array(outline) - [0, VIEW.middle], facecolor="#eeeeee", edgecolor="black")
+    )
     eye = [0.0, -VIEW.middle]
     for corner in (-side[1], side[1]):
         ax.plot([0, corner], [eye[1], depth[1] - VIEW.middle], color="black", lw=0.5)
@@ -59,13 +61,25 @@ def draw_scene(ax) -> None:
     for name, ends in EDGES.items():
         ax.plot(*np.transpose(ends), color=COLOURS[name], lw=2.5)
         x, z = np.mean(ends, axis=0)
-        ax.annotate(name, (x, z + (9 if name != "D" else 25)), color=COLOURS[name], ha="center", weight="bold")
-    ax.set(xlabel="across, mm", ylabel="along the axis, mm", title="The middle pose of the box, and its view")
+        ax.annotate(
+            name,
+            (x, z + (9 if name != "D" else 25)),
+            color=COLOURS[name],
+            ha="center",
+            weight="bold",
+        )
+    ax.set(
+        xlabel="across, mm",
+        ylabel="along the axis, mm",
+        title="The middle pose of the box, and its view",
+    )
 
 
 def draw_windows(ax) -> None:
     """Draw the room of w, and each edge's window without and with the turn."""
-    ax.add_patch(plt.Rectangle(-HALF[:2], *(2 * HALF[:2]), facecolor="#f7f7f7", edgecolor="black", ls="--"))
+    ax.add_patch(
+        plt.Rectangle(-HALF[:2], *(2 * HALF[:2]), facecolor="#f7f7f7", edgecolor="black", ls="--")
+    )
     for name, ends in EDGES.items():
         exact, grown = section(ends, np.full(3, 1e-9)), section(ends, TURN)
         ax.add_patch(plt.Polygon(exact, facecolor=COLOURS[name], alpha=0.22, edgecolor="none"))

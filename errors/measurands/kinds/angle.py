@@ -36,8 +36,16 @@ class Angle(Measurand):
         other = -other if one @ other < 0 else other
         normal = np.cross(one, other)
         normal = normal / np.linalg.norm(normal)
-        frames = Frame(first.middle, one, np.cross(normal, one)), Frame(second.middle, other, np.cross(normal, other))
-        return degrees_between(one, other), frames, _DEGREES * np.array([0.0, -1.0, 0.0, 1.0]), np.zeros((4, 4))
+        frames = (
+            Frame(first.middle, one, np.cross(normal, one)),
+            Frame(second.middle, other, np.cross(normal, other)),
+        )
+        return (
+            degrees_between(one, other),
+            frames,
+            _DEGREES * np.array([0.0, -1.0, 0.0, 1.0]),
+            np.zeros((4, 4)),
+        )
 
     def value(self, fitted: list[NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return deviations (n,) by what is fitted."""

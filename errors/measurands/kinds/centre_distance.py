@@ -33,17 +33,25 @@ class CentreDistance(Measurand):
         if self.direction is not None:
             way = self.direction - (self.direction @ first.axis) * first.axis
             if not np.linalg.norm(way) > 1e-9:
-                raise MeasurandError("direction must not run along the rims' axis. Got one that does.")
+                raise MeasurandError(
+                    "direction must not run along the rims' axis. Got one that does."
+                )
             way = way / np.linalg.norm(way) * (-1.0 if way @ across < 0 else 1.0)
             nominal, bend = float(across @ way), 0.0
         else:
             nominal = float(np.linalg.norm(across))
             way, bend = across / max(nominal, 1e-300), 1.0
         if not nominal > 1e-9 * (first.radius_mm + second.radius_mm):
-            raise MeasurandError("the centres of a centre_distance must lie apart. Got two on one axis.")
+            raise MeasurandError(
+                "the centres of a centre_distance must lie apart. Got two on one axis."
+            )
         self._way, self._side, self._nominal = way, np.cross(first.axis, way), nominal
         self._bent = bend > 0
-        return nominal, tuple(map(circle_frame, (first, second))), *self._derivatives(bend / nominal)
+        return (
+            nominal,
+            tuple(map(circle_frame, (first, second))),
+            *self._derivatives(bend / nominal),
+        )
 
     def _derivatives(self, bend: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return derivatives by both centres: the distance grows along the way, and by the square of what is across."""

@@ -33,7 +33,9 @@ class CentreToEdge(Measurand):
         across = across / np.linalg.norm(across) * (-1.0 if across @ apart < 0 else 1.0)
         nominal, self._at = float(apart @ across), float(apart @ along)
         if not nominal > 1e-9 * (circle.radius_mm + line.length):
-            raise MeasurandError("the centre of a centre_to_edge must lie off the edge's line. Got 0 mm.")
+            raise MeasurandError(
+                "the centre of a centre_to_edge must lie off the edge's line. Got 0 mm."
+            )
         frame, self._nominal = circle_frame(circle), nominal
         self._across = np.array([frame.x @ across, frame.y @ across])
         self._along = np.array([frame.x @ along, frame.y @ along])
@@ -47,4 +49,6 @@ class CentreToEdge(Measurand):
         centre, line = fitted
         across = self._nominal + centre[:, :2] @ self._across
         along = self._at + centre[:, :2] @ self._along
-        return np.asarray((across - line[:, 0] - line[:, 1] * along) / np.hypot(1.0, line[:, 1]) - self._nominal)
+        return np.asarray(
+            (across - line[:, 0] - line[:, 1] * along) / np.hypot(1.0, line[:, 1]) - self._nominal
+        )

@@ -38,15 +38,22 @@ class Distance(Measurand):
         size = float(np.linalg.norm(way))
         if not size > 1e-9 * max(1.0, float(np.linalg.norm(apart))):
             if self.direction is not None:
-                raise MeasurandError("direction must not run along the edges of a distance. Got one that does.")
+                raise MeasurandError(
+                    "direction must not run along the edges of a distance. Got one that does."
+                )
             raise MeasurandError("the edges of a distance must lie apart. Got one line.")
         way = way / size * (-1.0 if way @ apart < 0 else 1.0)
         nominal = float(apart @ way)
         if not nominal > 1e-9 * float(np.linalg.norm(apart)):
-            raise MeasurandError("the edges of a distance must lie apart along its direction. Got 0 mm.")
+            raise MeasurandError(
+                "the edges of a distance must lie apart along its direction. Got 0 mm."
+            )
         half_way = (first.middle + second.middle) / 2
         # where between the two each line is read, along it from its own middle
-        self._at = float((half_way - first.middle) @ along), float((half_way - second.middle) @ along)
+        self._at = (
+            float((half_way - first.middle) @ along),
+            float((half_way - second.middle) @ along),
+        )
         self._bent, self._nominal = self.direction is None, nominal
         frames = Frame(first.middle, along, way), Frame(second.middle, along, way)
         hessian = np.zeros((4, 4))

@@ -34,16 +34,22 @@ class Length(Measurand):
         frame = Frame(line.middle, line.direction, side / np.linalg.norm(side))
         return line.length, (frame,), np.zeros(2), np.zeros((2, 2))
 
-    def image_value(self, images: NDArray[np.float64], planned: NDArray[np.float64]) -> NDArray[np.float64]:
+    def image_value(
+        self, images: NDArray[np.float64], planned: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Return deviations (n,) by images of the ends (n, 2, 2)."""
         length = np.linalg.norm(images[:, 1] - images[:, 0], axis=1)
         return np.asarray(self.nominal * (length / np.linalg.norm(planned[1] - planned[0]) - 1))
 
-    def expansion(self, poses: NDArray[np.float64], image: Image, localisation: Localisation) -> Expansion:
+    def expansion(
+        self, poses: NDArray[np.float64], image: Image, localisation: Localisation
+    ) -> Expansion:
         """Return the error of the length at poses (n, 4, 4)."""
         (line,), n = lines_of(self.geometry), len(poses)
         gradient, hessian, tangent = np.zeros((n, 6)), np.zeros((n, 6, 6)), np.zeros((n, 3))
-        ends = np.array([line.p, line.q]) @ np.swapaxes(poses[:, :3, :3], 1, 2) + poses[:, None, :3, 3]
+        ends = (
+            np.array([line.p, line.q]) @ np.swapaxes(poses[:, :3, :3], 1, 2) + poses[:, None, :3, 3]
+        )
         _expand_lengths(np.ascontiguousarray(ends), image.distance_mm, gradient, hessian, tangent)
         length, steps = tangent[:, 0], np.abs(tangent[:, 1:]) * image.pitch_mm
         if localisation.model == "rounding":
@@ -52,7 +58,9 @@ class Length(Measurand):
             sigma = max(localisation.sigma_px, localisation.floor_px)
             variance, widths = 2 * sigma**2 * (steps**2).sum(axis=1), np.zeros((n, 2))
         seen = length > MIN_IMAGE_LENGTH_MM
-        return Expansion(seen, gradient, hessian, variance, widths, length / self.nominal, logarithmic=True)
+        return Expansion(
+            seen, gradient, hessian, variance, widths, length / self.nominal, logarithmic=True
+        )
 
 
 @nb.njit(cache=True, error_model="numpy")

@@ -48,7 +48,10 @@ class Cells:
 
     def __init__(self, cell_sets: Iterable[Iterable[Cell]]):
         # any iterable will do, and only one of the sets need exist at a time
-        cells = [[(np.asarray(c.half_spaces, float), np.asarray(c.vertices, float)) for c in cs] for cs in cell_sets]
+        cells = [
+            [(np.asarray(c.half_spaces, float), np.asarray(c.vertices, float)) for c in cs]
+            for cs in cell_sets
+        ]
         flat = [cell for group in cells for cell in group]
         self.planes = np.concatenate([np.zeros((0, 4)), *(planes for planes, _ in flat)])
         self.corners = np.concatenate([np.zeros((0, 3)), *(corners for _, corners in flat)])
@@ -63,15 +66,30 @@ class Cells:
         """Return the cells of several groups of entities, of one after the other."""
         given, whole = list(parts), cls(())
         for name in ("planes", "corners", "boxes"):
-            setattr(whole, name, np.concatenate([getattr(whole, name), *(getattr(part, name) for part in given)]))
+            setattr(
+                whole,
+                name,
+                np.concatenate([getattr(whole, name), *(getattr(part, name) for part in given)]),
+            )
         for name in ("plane_start", "corner_start", "entity_start"):
-            setattr(whole, name, _starts(size for part in given for size in np.diff(getattr(part, name))))
+            setattr(
+                whole,
+                name,
+                _starts(size for part in given for size in np.diff(getattr(part, name))),
+            )
         return whole
 
     @property
     def arrays(self) -> CellArrays:
         """All arrays, as the compiled functions take them."""
-        return CellArrays(self.planes, self.plane_start, self.corners, self.corner_start, self.boxes, self.entity_start)
+        return CellArrays(
+            self.planes,
+            self.plane_start,
+            self.corners,
+            self.corner_start,
+            self.boxes,
+            self.entity_start,
+        )
 
 
 def _starts(sizes: Iterable[int]) -> NDArray[np.int_]:

@@ -45,7 +45,9 @@ def linear_sides(stack, i, entities, view, work, rest):
         at += _of_view(s, far, turn, view, work.room, work.rows[at:], work.rhs[at:], work.side[at:])
         work.side[at] = FAR
         segment = entities.ends[e], entities.length_ratio[e], s
-        at += _of_length(segment, stack.eye[i], turn, view, work.matrix, work.rows[at:], work.rhs[at:])
+        at += _of_length(
+            segment, stack.eye[i], turn, view, work.matrix, work.rows[at:], work.rhs[at:]
+        )
         work.owner[first:at] = a
     return at
 
@@ -61,7 +63,10 @@ def _of_nodal_points(stack, i, work, t, rest):
         for sign in (-1.0, 1.0):
             for j in range(3):
                 work.rows[at, j] = work.rows[at + 1, j] = sign * work.matrix[k, j]
-                work.rows[at, 3 + j], work.rows[at + 1, 3 + j] = 0.0, -sign * work.swing[j, k] / u[j]
+                work.rows[at, 3 + j], work.rows[at + 1, 3 + j] = (
+                    0.0,
+                    -sign * work.swing[j, k] / u[j],
+                )
             to_side = eye[1, k] - work.nodal[k] if sign > 0.0 else work.nodal[k] - eye[0, k]
             work.rhs[at], work.rhs[at + 1] = h[k] + more, to_side + rest + more
             at += 2
@@ -75,7 +80,12 @@ def _moved(n0, n1, n2, s, v, n):
     g0, g1, g2 = n1 * s[2] - n2 * s[1], n2 * s[0] - n0 * s[2], n0 * s[1] - n1 * s[0]
     across = math.sqrt(g0 * g0 + g1 * g1 + g2 * g2)
     f = 2.0 / n
-    return across, f * (g0 + v[1] * g2 - v[2] * g1), f * (g1 + v[2] * g0 - v[0] * g2), f * (g2 + v[0] * g1 - v[1] * g0)
+    return (
+        across,
+        f * (g0 + v[1] * g2 - v[2] * g1),
+        f * (g1 + v[2] * g0 - v[0] * g2),
+        f * (g2 + v[0] * g1 - v[1] * g0),
+    )
 
 
 @lean
@@ -98,7 +108,11 @@ def _of_view(s, far, turn, view, room, rows, rhs, side):
             whole = size * math.sqrt(s[i, 0] ** 2 + s[i, 1] ** 2 + s[i, 2] ** 2)
             most = abs(n0) * room[0] + abs(n1) * room[1] + abs(n2) * room[2]
             most += abs(d0) * u[0] + abs(d1) * u[1] + abs(d2) * u[2]
-            right = (far[i] - view.middle if c == FAR else k) + along + _rest(along, whole, across, t, nu)
+            right = (
+                (far[i] - view.middle if c == FAR else k)
+                + along
+                + _rest(along, whole, across, t, nu)
+            )
             if most <= right:
                 continue
             row = rows[kept]
@@ -123,10 +137,21 @@ def _of_length(segment, eye, turn, view, matrix, rows, rhs):
     o1 = (eye[0, 1] + eye[1, 1]) / 2 - ends[0, 1]
     o2 = (eye[0, 2] + eye[1, 2]) / 2 - ends[0, 2]
     x0, x1, x2 = o1 * e2 - o2 * e1, o2 * e0 - o0 * e2, o0 * e1 - o1 * e0
-    radius = math.sqrt((eye[1, 0] - eye[0, 0]) ** 2 + (eye[1, 1] - eye[0, 1]) ** 2 + (eye[1, 2] - eye[0, 2]) ** 2) / 2
+    radius = (
+        math.sqrt(
+            (eye[1, 0] - eye[0, 0]) ** 2
+            + (eye[1, 1] - eye[0, 1]) ** 2
+            + (eye[1, 2] - eye[0, 2]) ** 2
+        )
+        / 2
+    )
     length = math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
     most = math.sqrt(x0 * x0 + x1 * x1 + x2 * x2) + radius * length
-    axial = abs(x0 * matrix[0, 2] + x1 * matrix[1, 2] + x2 * matrix[2, 2]) - radius * length - min(2.0 * t, 2.0) * most
+    axial = (
+        abs(x0 * matrix[0, 2] + x1 * matrix[1, 2] + x2 * matrix[2, 2])
+        - radius * length
+        - min(2.0 * t, 2.0) * most
+    )
     # both are wrong by less than this; where they are nearly equal, that tells in what is left of their squares
     wide = _EPS * length + _RELATIVE * most
     most, axial = most + wide, max(axial - wide, 0.0)

@@ -90,7 +90,10 @@ def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
     group, y = members
     m, n_rows = len(y), len(sides.rhs)
     low, high = np.empty((_SHRINKING.levels, 6)), np.empty((_SHRINKING.levels, 6))
-    live, n_live = np.empty((_SHRINKING.levels, n_rows), np.int32), np.zeros(_SHRINKING.levels, np.int64)
+    live, n_live = (
+        np.empty((_SHRINKING.levels, n_rows), np.int32),
+        np.zeros(_SHRINKING.levels, np.int64),
+    )
     alive = np.ones((_SHRINKING.levels, m), np.bool_)
     put(low[0], box[0])
     put(high[0], box[1])
@@ -112,7 +115,9 @@ def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
             total = _weight(alive[i], group, y, first, loss) if n_live[i] >= 0 else 0.0
             if total <= limit:
                 break
-            again = _shrink(sides, live[i, : n_live[i]], alive[i], loss, total - limit, low[i], high[i])
+            again = _shrink(
+                sides, live[i, : n_live[i]], alive[i], loss, total - limit, low[i], high[i]
+            )
         if total <= limit:
             continue
         _try(sides, live[i, : n_live[i]], alive[i], low[i], high[i], seat, tried, there)

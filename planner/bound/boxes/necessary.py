@@ -58,7 +58,9 @@ def too_short(ends, length, ratio, c, radius, view):
         return False
     depths = 1.0
     for i in range(2):
-        distance = math.sqrt((ends[i, 0] - c[0]) ** 2 + (ends[i, 1] - c[1]) ** 2 + (ends[i, 2] - c[2]) ** 2)
+        distance = math.sqrt(
+            (ends[i, 0] - c[0]) ** 2 + (ends[i, 1] - c[1]) ** 2 + (ends[i, 2] - c[2]) ** 2
+        )
         depths *= max(view.near, (distance - radius) / slant(view))
     return too_short_at(ends, length, ratio, c, radius, depths)
 

@@ -162,7 +162,9 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
             continue
         small = thin and is_small(stack, i)
         if small:
-            answer, n_parts = may_see(stack, i, entities, view, conflict, limit, work, rest, x, meets)
+            answer, n_parts = may_see(
+                stack, i, entities, view, conflict, limit, work, rest, x, meets
+            )
             made += n_parts // _ASKING.parts_per_box
         else:
             answer = _may_see(stack, i, conflict, limit, view, work, x, meets)
@@ -219,7 +221,11 @@ def _tighten(stack, i, chart, entities, view, y, work):
         if is_empty(least, work.room, view):
             continue
         cells = stack.cells[i, stack.start[i, a] : stack.start[i, a + 1]]
-        n_cells = -1 if stack.sure[i, a] else keep_cells(entities, cells, work.nodal, h, work.swing, rest, eye)
+        n_cells = (
+            -1
+            if stack.sure[i, a]
+            else keep_cells(entities, cells, work.nodal, h, work.swing, rest, eye)
+        )
         if n_cells == 0 or (n_cells > 0 and hidden_around(entities, cells[:n_cells], eye)):
             continue
         stack.members[i, kept], stack.sure[i, kept], stack.start[i, kept] = e, n_cells < 0, at

@@ -60,7 +60,10 @@ def may_exceed(least, group, y, limit, room, view, w):
     """
     m = len(y)
     low, high = np.empty((_MEETING.deepest + 2, 3)), np.empty((_MEETING.deepest + 2, 3))
-    live, n_live = np.empty((_MEETING.deepest + 2, m), np.int16), np.empty(_MEETING.deepest + 2, np.int64)
+    live, n_live = (
+        np.empty((_MEETING.deepest + 2, m), np.int16),
+        np.empty(_MEETING.deepest + 2, np.int64),
+    )
     level = np.zeros(_MEETING.deepest + 2, np.int64)
     stamp, cuts = np.zeros(m, np.int64), np.empty(3)
     n_live[0] = m
@@ -74,7 +77,15 @@ def may_exceed(least, group, y, limit, room, view, w):
         size -= 1
         n_seen += 1
         n_live[size], total = _meeting(
-            (least, group, y), live[size], n_live[size], low[size], high[size], view, stamp, n_seen, cuts
+            (least, group, y),
+            live[size],
+            n_live[size],
+            low[size],
+            high[size],
+            view,
+            stamp,
+            n_seen,
+            cuts,
         )
         if total <= limit:
             continue

@@ -67,7 +67,10 @@ def may_see(stack, i, entities, view, conflict, limit, work, rest, x, meets):
             apart[a, b] = conflict[stack.members[i, a], stack.members[i, b]]
     find_apart(work, n, u, apart)
     exclusive_groups(np.arange(m), apart, work.group[:m])
-    sides, members = Sides(work.rows[:n], work.rhs[:n], work.owner[:n]), Members(work.group[:m], work.y[:m])
+    sides, members = (
+        Sides(work.rows[:n], work.rhs[:n], work.owner[:n]),
+        Members(work.group[:m], work.y[:m]),
+    )
     low, high, slope = np.empty(6), np.empty(6), np.zeros((3, 3))
     # with a turn, w is tried such that the nodal point stays in the middle
     for j in range(3):
@@ -90,6 +93,8 @@ def nodal_or_turn(stack, i, rest, answer, lost):
     uncertain of that should not be more than there is of them.
     """
     u, half = stack.span[i], (stack.eye[i, 1] - stack.eye[i, 0]) / 2
-    if rest > _SMALL.turn_share * half.max() or (answer == YES and lost[VIEW] > max(lost[SIGHT], lost[LENGTH])):
+    if rest > _SMALL.turn_share * half.max() or (
+        answer == YES and lost[VIEW] > max(lost[SIGHT], lost[LENGTH])
+    ):
         return OF_TURN + np.argmax(u) if u.max() > _SMALL.least_turn else -1
     return OF_NODAL + np.argmax(half) if half.max() > _SMALL.least_mm else -1

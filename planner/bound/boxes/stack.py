@@ -110,7 +110,9 @@ def new_work(m):
     sides = np.empty((n_rows, 6)), np.empty(n_rows), np.empty(n_rows, np.int64)
     apart = np.zeros((m, m), np.bool_)
     kinds = np.empty(n_rows, np.int64), np.empty((6, n_rows), np.int64)
-    return Work(square[0], line[0], square[1], line[1], least, y, group, scores, *sides, *kinds, apart)
+    return Work(
+        square[0], line[0], square[1], line[1], least, y, group, scores, *sides, *kinds, apart
+    )
 
 
 @inner
@@ -144,7 +146,10 @@ def agree(stack, i, work, rest, middle):
     for k in range(3):
         arm = middle * work.matrix[k, 2]
         swing = abs(work.swing[0, k]) + abs(work.swing[1, k]) + abs(work.swing[2, k]) + rest + _EPS
-        low, high = max(q[k] - h[k], eye[0, k] + arm - swing), min(q[k] + h[k], eye[1, k] + arm + swing)
+        low, high = (
+            max(q[k] - h[k], eye[0, k] + arm - swing),
+            min(q[k] + h[k], eye[1, k] + arm + swing),
+        )
         eye[0, k], eye[1, k] = max(eye[0, k], low - arm - swing), min(eye[1, k], high - arm + swing)
         if low > high or eye[0, k] > eye[1, k]:
             return False

@@ -53,10 +53,18 @@ def try_pose(stack, i, chart, x, meets, entities, view, work, trial):
         The weight of what it inspects.
     """
     pose, inspected, lost, look = trial
-    matrix, zero, s, far, opened = np.empty((3, 3)), np.zeros(3), np.empty((2, 3)), np.empty(2), np.empty(2)
+    matrix, zero, s, far, opened = (
+        np.empty((3, 3)),
+        np.zeros(3),
+        np.empty((2, 3)),
+        np.empty(2),
+        np.empty(2),
+    )
     rotation(chart, stack.turn[i] + x[3:], matrix)
     for k in range(3):
-        look[k] = stack.look[i, k] + (matrix[k, 0] * x[0] + matrix[k, 1] * x[1] + matrix[k, 2] * x[2])
+        look[k] = stack.look[i, k] + (
+            matrix[k, 0] * x[0] + matrix[k, 1] * x[1] + matrix[k, 2] * x[2]
+        )
     eye = np.empty((2, 3))
     at = np.minimum(np.maximum(look - view.middle * matrix[:, 2], stack.eye[i, 0]), stack.eye[i, 1])
     put(eye[0], at)
@@ -76,7 +84,12 @@ def try_pose(stack, i, chart, x, meets, entities, view, work, trial):
         farthest(s, entities.lengths[e], entities.length_ratio[e], 0.0, zero, view, far, opened)
         if s[0, 2] + view.middle > far[0] or s[1, 2] + view.middle > far[1]:
             lost[LENGTH] += work.y[a]
-        elif _sees(entities, stack.cells[i, stack.start[i, a] : stack.start[i, a + 1]], eye, stack.sure[i, a]):
+        elif _sees(
+            entities,
+            stack.cells[i, stack.start[i, a] : stack.start[i, a + 1]],
+            eye,
+            stack.sure[i, a],
+        ):
             inspected[e] = True
             total += work.y[a]
         else:
@@ -99,7 +112,9 @@ def _sees(entities, cells, eye, sure):
 def _in_view(ends, look, matrix, view):
     """Tell whether both ends are in focus and on the sensor."""
     for i in range(2):
-        x, y, z = turned_back(matrix, ends[i, 0] - look[0], ends[i, 1] - look[1], ends[i, 2] - look[2])
+        x, y, z = turned_back(
+            matrix, ends[i, 0] - look[0], ends[i, 1] - look[1], ends[i, 2] - look[2]
+        )
         z += view.middle
         if z < view.near or z > view.far or abs(x) > view.tan_x * z or abs(y) > view.tan_y * z:
             return False

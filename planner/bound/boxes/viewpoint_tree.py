@@ -91,7 +91,12 @@ class Asked(NamedTuple):
 
 
 def viewpoints_for(
-    root: np.ndarray, entities: Entities, view: View, y: np.ndarray, limit: float, finest: float | None = None
+    root: np.ndarray,
+    entities: Entities,
+    view: View,
+    y: np.ndarray,
+    limit: float,
+    finest: float | None = None,
 ) -> Viewpoints:
     """Grow a tree in a box that is fine enough where entities of more weight than a limit may be inspected.
 
@@ -139,7 +144,9 @@ def _grow(root, entities, view, y, limit, finest):
     while size > 0:
         size -= 1
         i = size
-        count[i], doubt = _keep(place[i], members[i, : count[i]], sure[i], start[i], cells[i], entities, view)
+        count[i], doubt = _keep(
+            place[i], members[i, : count[i]], sure[i], start[i], cells[i], entities, view
+        )
         total = 0.0
         for e in members[i, : count[i]]:
             sets[made, e // 64] |= np.uint64(1) << np.uint64(e % 64)
@@ -290,5 +297,7 @@ def _extents(box):
     for i in range(3):
         for k in range(3):
             across[i] += h[k] * abs(matrix[k, i])
-            across[i] += abs(swing[k, 0] * matrix[0, i] + swing[k, 1] * matrix[1, i] + swing[k, 2] * matrix[2, i])
+            across[i] += abs(
+                swing[k, 0] * matrix[0, i] + swing[k, 1] * matrix[1, i] + swing[k, 2] * matrix[2, i]
+            )
     return across

@@ -18,7 +18,12 @@ def keep_cells(entities, cells, c, h, swing, rest, eye):
     in the box ``eye`` (2, 3).
     """
     # by their own names: else much of the time goes into counting references
-    around, planes, plane_start, boxes = entities.around, entities.planes, entities.plane_start, entities.boxes
+    around, planes, plane_start, boxes = (
+        entities.around,
+        entities.planes,
+        entities.plane_start,
+        entities.boxes,
+    )
     kept, met = 0, False
     for cell in cells:
         apart, holds = False, True
@@ -74,7 +79,10 @@ def holds_point(entities, cell, c):
 @lean
 def hidden_around(entities, cells, eye):
     """Tell whether for every nodal point of a small box (2, 3) the same point around it is in none of the cells."""
-    if max(eye[1, 0] - eye[0, 0], eye[1, 1] - eye[0, 1], eye[1, 2] - eye[0, 2]) > 2.0 * entities.around:
+    if (
+        max(eye[1, 0] - eye[0, 0], eye[1, 1] - eye[0, 1], eye[1, 2] - eye[0, 2])
+        > 2.0 * entities.around
+    ):
         return False
     for d in range(len(entities.directions)):
         x = (eye[0, 0] + eye[1, 0]) / 2 + entities.around * entities.directions[d, 0]

@@ -58,9 +58,21 @@ def rotation(chart, v, matrix):
     """Write the rotation R of a chart and a vector v; return N."""
     n = 1.0 + v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     x, y, z = v[0], v[1], v[2]
-    matrix[0, 0], matrix[0, 1], matrix[0, 2] = 1 + x * x - y * y - z * z, 2 * (x * y - z), 2 * (x * z + y)
-    matrix[1, 0], matrix[1, 1], matrix[1, 2] = 2 * (x * y + z), 1 - x * x + y * y - z * z, 2 * (y * z - x)
-    matrix[2, 0], matrix[2, 1], matrix[2, 2] = 2 * (x * z - y), 2 * (y * z + x), 1 - x * x - y * y + z * z
+    matrix[0, 0], matrix[0, 1], matrix[0, 2] = (
+        1 + x * x - y * y - z * z,
+        2 * (x * y - z),
+        2 * (x * z + y),
+    )
+    matrix[1, 0], matrix[1, 1], matrix[1, 2] = (
+        2 * (x * y + z),
+        1 - x * x + y * y - z * z,
+        2 * (y * z - x),
+    )
+    matrix[2, 0], matrix[2, 1], matrix[2, 2] = (
+        2 * (x * z - y),
+        2 * (y * z + x),
+        1 - x * x - y * y + z * z,
+    )
     for i in range(3):
         sign = -1.0 if chart == 1 and i > 0 else 1.0
         for j in range(3):
@@ -92,7 +104,9 @@ def extent(matrix, h, t, room):
     """Write how far each coordinate of w may be from 0."""
     more = min(2.0 * t, 2.0) * math.sqrt(h[0] ** 2 + h[1] ** 2 + h[2] ** 2)
     for i in range(3):
-        room[i] = abs(matrix[0, i]) * h[0] + abs(matrix[1, i]) * h[1] + abs(matrix[2, i]) * h[2] + more
+        room[i] = (
+            abs(matrix[0, i]) * h[0] + abs(matrix[1, i]) * h[1] + abs(matrix[2, i]) * h[2] + more
+        )
 
 
 @lean
@@ -123,11 +137,18 @@ def window(s, far, turn, view, room, least, weight, scores):
         size = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
         least[c] = -np.inf
         for i in range(2):
-            g0, g1, g2 = n1 * s[i, 2] - n2 * s[i, 1], n2 * s[i, 0] - n0 * s[i, 2], n0 * s[i, 1] - n1 * s[i, 0]
+            g0, g1, g2 = (
+                n1 * s[i, 2] - n2 * s[i, 1],
+                n2 * s[i, 0] - n0 * s[i, 2],
+                n0 * s[i, 1] - n1 * s[i, 0],
+            )
             first_0 = 2.0 / n * abs(g0 + v[1] * g2 - v[2] * g1) * u[0]
             first_1 = 2.0 / n * abs(g1 + v[2] * g0 - v[0] * g2) * u[1]
             first_2 = 2.0 / n * abs(g2 + v[0] * g1 - v[1] * g0) * u[2]
-            along, whole = n0 * s[i, 0] + n1 * s[i, 1] + n2 * s[i, 2], size * (of_0 if i == 0 else of_1)
+            along, whole = (
+                n0 * s[i, 0] + n1 * s[i, 1] + n2 * s[i, 2],
+                size * (of_0 if i == 0 else of_1),
+            )
             across = math.sqrt(g0 * g0 + g1 * g1 + g2 * g2)
             rest = min(t * t * (whole - along) + 2.0 * t * (t * t + nu) * across, 2.0 * whole)
             k_end = far[i] - view.middle if c == FAR else k
@@ -166,8 +187,10 @@ def is_empty(least, room, view):
     z = max(least[FAR], -room[2])
     return (
         z > min(-least[NEAR], room[2])
-        or max(least[RIGHT] + view.tan_x * z, -room[0]) > min(-least[LEFT] - view.tan_x * z, room[0])
-        or max(least[BOTTOM] + view.tan_y * z, -room[1]) > min(-least[TOP] - view.tan_y * z, room[1])
+        or max(least[RIGHT] + view.tan_x * z, -room[0])
+        > min(-least[LEFT] - view.tan_x * z, room[0])
+        or max(least[BOTTOM] + view.tan_y * z, -room[1])
+        > min(-least[TOP] - view.tan_y * z, room[1])
     )
 
 
@@ -210,7 +233,9 @@ def farthest(s, length, ratio, t, room, view, far, opened):
         y = max(abs(e_y - low * e_z), abs(e_y - high * e_z))
         across = math.sqrt(x * x + y * y)
         # e is turned by so much, and is never longer
-        whole = length * math.sqrt(1.0 + max(left * left, right * right) + max(low * low, high * high))
+        whole = length * math.sqrt(
+            1.0 + max(left * left, right * right) + max(low * low, high * high)
+        )
         spread = max(min(turn * whole, whole - across), 0.0)
         far[1 - i] = min(view.far, (across + spread) / least)
         if far[1 - i] < view.far:

@@ -67,11 +67,15 @@ def check_polyhedra(cx):
     """Check that each side of a cell's faces is shared by two, and Euler's formula."""
     for c in leaves(cx):
         faces = [
-            f for f in range(cx.count[N_FACES]) if c in cx.face[f, SIDES : SIDES + 2] and cx.face[f, FACE_CHILD] < 0
+            f
+            for f in range(cx.count[N_FACES])
+            if c in cx.face[f, SIDES : SIDES + 2] and cx.face[f, FACE_CHILD] < 0
         ]
         edges = {}
         for f in faces:
-            for e in cx.lists[EDGE_LIST, cx.face[f, FACE_FIRST] : cx.face[f, FACE_FIRST] + cx.face[f, FACE_SIZE]]:
+            for e in cx.lists[
+                EDGE_LIST, cx.face[f, FACE_FIRST] : cx.face[f, FACE_FIRST] + cx.face[f, FACE_SIZE]
+            ]:
                 edges[int(e)] = edges.get(int(e), 0) + 1
         corners = {int(v) for e in edges for v in cx.edge[e, ENDS : ENDS + 2]}
         assert set(edges.values()) == {2}
@@ -128,14 +132,22 @@ def test_room_shrinks_where_the_process_gets_no_memory():
     assert with_room(build, n_cells=1 << 14).count[N_CELLS] == cut_box(planes).count[N_CELLS]
     assert asked == [1 << 14, 1 << 13, 1 << 12]
     with pytest.raises(MemoryLimitError, match="gets no memory for more than"):
-        with_room(lambda n_cells: (_ for _ in ()).throw(MemoryError("Unable to allocate")), n_cells=8)
+        with_room(
+            lambda n_cells: (_ for _ in ()).throw(MemoryError("Unable to allocate")), n_cells=8
+        )
 
 
 def test_bytes_in_use_are_those_of_the_rows_in_use():
     cx = cut_box(random_planes(12, 3))
     counts = cx.count.tolist()
     rows = dict(
-        zip(("vertices", "coordinates", "vertex", "edge", "face", "cell", "label"), [0, 0, 0, 1, 2, 3, 3], strict=True)
+        zip(
+            ("vertices", "coordinates", "vertex", "edge", "face", "cell", "label"),
+            [0, 0, 0, 1, 2, 3, 3],
+            strict=True,
+        )
     )
     of_rows = sum(getattr(cx, name)[: counts[k]].nbytes for name, k in rows.items())
-    assert bytes_in_use(cx) == of_rows + sum(row[:n].nbytes for row, n in zip(cx.lists, counts[5:], strict=True))
+    assert bytes_in_use(cx) == of_rows + sum(
+        row[:n].nbytes for row, n in zip(cx.lists, counts[5:], strict=True)
+    )

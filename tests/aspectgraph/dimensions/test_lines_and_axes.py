@@ -52,7 +52,11 @@ def circle(x, y, z, radius, axis=(0.0, 0.0, 1.0)):
     return {"kind": "circle", "point": [x, y, z], "axis": list(axis), "radius": radius}
 
 
-X_FRONT, X_BACK, Y_LEFT = line([0, 0, 0], [40, 0, 0]), line([40, 30, 20], [0, 30, 20]), line([0, 0, 0], [0, 30, 0])
+X_FRONT, X_BACK, Y_LEFT = (
+    line([0, 0, 0], [40, 0, 0]),
+    line([40, 30, 20], [0, 30, 20]),
+    line([0, 0, 0], [0, 30, 0]),
+)
 
 
 def test_edges_in_one_line_are_one_feature(box):
@@ -70,7 +74,9 @@ def test_parallel_edges_are_as_far_apart_as_pythagoras_says(box):
     found = measurer.between(*attachments.features([X_FRONT, X_BACK]))
     assert (found.kind, found.reason) == ("distance", "")
     assert found.values == pytest.approx((np.hypot(30.0, 20.0),))
-    assert np.abs(found.direction) == pytest.approx(np.array([0.0, 30.0, 20.0]) / np.hypot(30.0, 20.0))
+    assert np.abs(found.direction) == pytest.approx(
+        np.array([0.0, 30.0, 20.0]) / np.hypot(30.0, 20.0)
+    )
     ((way,),) = found.ways
     assert {tuple(sorted(map(tuple, box.edge_points(edge).tolist()))) for edge in way} == {
         ((0.0, 0.0, 0.0), (40.0, 0.0, 0.0)),
@@ -98,7 +104,10 @@ def test_the_angle_of_two_edges(box):
     assert found.values == pytest.approx((90.0, 90.0))
     assert found.ways == (((one.edges[0], other.edges[0]),),)
     assert measurer.angle(one, back).reason == "the two features it is attached to are parallel"
-    assert measurer.angle(one, plane).reason == "it is attached to other than two planes or two straight edges"
+    assert (
+        measurer.angle(one, plane).reason
+        == "it is attached to other than two planes or two straight edges"
+    )
 
 
 def test_the_axis_of_a_cone_is_that_of_its_circles(pins):
@@ -125,9 +134,16 @@ def test_centres_of_two_pins_are_50_mm_apart(pins):
     assert (found.kind, found.reason) == ("centre_distance", "")
     assert found.values == pytest.approx((50.0,))
     assert found.direction == pytest.approx([0.6, 0.8, 0.0])
-    assert found.note == "its entities lie 5 mm apart along the axis; it is measured along its direction"
+    assert (
+        found.note
+        == "its entities lie 5 mm apart along the axis; it is measured along its direction"
+    )
     cylinders = [
-        {**circle(x, y, 0.0, r), "kind": "cylinder", "edges": [circle(x, y, z, r) for z in (0.0, 5.0)]}
+        {
+            **circle(x, y, 0.0, r),
+            "kind": "cylinder",
+            "edges": [circle(x, y, z, r) for z in (0.0, 5.0)],
+        }
         for x, y, r in ((0.0, 0.0, 10.0), (30.0, 40.0, 6.0))
     ]
     found = measurer.between(*attachments.features(cylinders))
@@ -139,10 +155,16 @@ def test_axes_and_edges_that_have_no_distance_say_why(pins):
     upright, lying = attachments.features(
         [circle(0.0, 0.0, 0.0, 10.0), circle(30.0, 40.0, 0.0, 6.0, axis=(1.0, 0.0, 0.0))]
     )
-    assert measurer.between(upright, lying).reason == "the two axes it is attached to are not parallel"
+    assert (
+        measurer.between(upright, lying).reason == "the two axes it is attached to are not parallel"
+    )
     slanting, plane = attachments.features([line([0, 0, 0], [1, 0, 1]), PLANE])
-    assert measurer.between(slanting, upright).reason.startswith("the edge and the axis it is attached to are not perp")
-    assert measurer.between(upright, plane).reason.startswith("the plane and the axis it is attached to are not par")
+    assert measurer.between(slanting, upright).reason.startswith(
+        "the edge and the axis it is attached to are not perp"
+    )
+    assert measurer.between(upright, plane).reason.startswith(
+        "the plane and the axis it is attached to are not par"
+    )
     (beside,) = attachments.features([line([-50, 12, 0], [50, 12, 0])])
     found = measurer.between(upright, beside)
     assert found.values == (12.0,)
@@ -171,13 +193,38 @@ def row(words, *sides, kernel_type="Size_None"):
 @pytest.mark.parametrize(
     ("what", "kind", "value", "reason"),
     [
-        (row("spherical diameter", [SPHERE]), "spherical_diameter", 8.0, "measure the spherical diameter"),
-        (row("spherical radius", [SPHERE]), "spherical_radius", 4.0, "measure the spherical radius"),
+        (
+            row("spherical diameter", [SPHERE]),
+            "spherical_diameter",
+            8.0,
+            "measure the spherical diameter",
+        ),
+        (
+            row("spherical radius", [SPHERE]),
+            "spherical_radius",
+            4.0,
+            "measure the spherical radius",
+        ),
         (row("curve length", [X_FRONT]), "curve_length", None, "measure the curve length"),
-        (row("arc", [X_FRONT], kernel_type="Location_LinearDistance"), "curve_length", None, "the curve length"),
+        (
+            row("arc", [X_FRONT], kernel_type="Location_LinearDistance"),
+            "curve_length",
+            None,
+            "the curve length",
+        ),
         (row("", [CONE], kernel_type="Size_Angular"), "angle", 90.0, "measure the angle of a cone"),
-        (row("", [X_FRONT, Y_LEFT, X_BACK]), "distance", None, "two ends, each a plane, edge or axis. Got 3"),
-        (row("", [X_FRONT], [Y_LEFT, X_BACK]), "distance", None, "one plane, edge or axis. Got 1 and 2"),
+        (
+            row("", [X_FRONT, Y_LEFT, X_BACK]),
+            "distance",
+            None,
+            "two ends, each a plane, edge or axis. Got 3",
+        ),
+        (
+            row("", [X_FRONT], [Y_LEFT, X_BACK]),
+            "distance",
+            None,
+            "one plane, edge or axis. Got 1 and 2",
+        ),
     ],
 )
 def test_what_edges_and_rims_do_not_measure(box, what, kind, value, reason):
@@ -187,13 +234,19 @@ def test_what_edges_and_rims_do_not_measure(box, what, kind, value, reason):
 
 
 def test_limits_get_the_geometrys_nominal_value(box):
-    found = _Reader(box, 0.01, 0.05).dimension(row("", [X_FRONT], [X_BACK]), Statement(limits=(36.0, 36.1)))
+    found = _Reader(box, 0.01, 0.05).dimension(
+        row("", [X_FRONT], [X_BACK]), Statement(limits=(36.0, 36.1))
+    )
     nominal = round(float(np.hypot(30.0, 20.0)), 9)
     assert found.nominal == pytest.approx(nominal, abs=1e-6)
     assert found.tolerance == pytest.approx((36.0 - nominal, 36.1 - nominal), abs=1e-6)
     assert found.entities is not None
-    refused = _Reader(box, 0.01, 0.05).dimension(row("", [X_FRONT], [X_BACK]), Statement(limits=(36.1, 36.2)))
-    assert refused.reason.startswith("the file states 36.1 to 36.2 mm, the geometry it is attached to has 36.05")
+    refused = _Reader(box, 0.01, 0.05).dimension(
+        row("", [X_FRONT], [X_BACK]), Statement(limits=(36.1, 36.2))
+    )
+    assert refused.reason.startswith(
+        "the file states 36.1 to 36.2 mm, the geometry it is attached to has 36.05"
+    )
 
 
 def test_of_a_pattern_what_cannot_be_measured_is_counted(pins):

@@ -38,9 +38,15 @@ def plane(solid, face):
     """A face of a solid as the kernel describes it."""
     corners = solid.vertices[list(solid.faces[face].outer)]
     lines = [
-        {"kind": "line", "ends": [list(p), list(q)]} for p, q in zip(corners, np.roll(corners, -1, 0), strict=True)
+        {"kind": "line", "ends": [list(p), list(q)]}
+        for p, q in zip(corners, np.roll(corners, -1, 0), strict=True)
     ]
-    return {"kind": "plane", "point": list(corners[0]), "axis": list(solid.normals[face]), "edges": lines}
+    return {
+        "kind": "plane",
+        "point": list(corners[0]),
+        "axis": list(solid.normals[face]),
+        "edges": lines,
+    }
 
 
 def circle(z, radius=10.0, x=0.0):
@@ -113,7 +119,11 @@ def test_edges_that_are_not_there_are_a_reason(box):
 
 def test_the_diameter_of_a_cylinder_is_that_of_both_its_rims(prism):
     attachments, measurer = tools(prism)
-    cylinder = {**circle(2.0), "kind": "cylinder", "edges": [circle(0.0), circle(5.0), circle(5.0, radius=3.0)]}
+    cylinder = {
+        **circle(2.0),
+        "kind": "cylinder",
+        "edges": [circle(0.0), circle(5.0), circle(5.0, radius=3.0)],
+    }
     (axis,) = attachments.features([cylinder, circle(0.0)])
     assert isinstance(axis, Axis)
     found = measurer.size("diameter", [axis])

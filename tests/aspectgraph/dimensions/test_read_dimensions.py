@@ -24,7 +24,9 @@ COUNTS = {
     # 41 have entities where they are attached; 8 of them state another value than these have
     "nist_d2mi_827-9999-904.stp": (54, 9, 33),
 }
-REFUSED_IN_D2MI = [f"Perpendicular Dimension ({n})" for n in (179, 217, 224, 225, 231, 243, 262, 263)]
+REFUSED_IN_D2MI = [
+    f"Perpendicular Dimension ({n})" for n in (179, 217, 224, 225, 231, 243, 262, 263)
+]
 
 
 @cache
@@ -100,9 +102,16 @@ def test_what_ctc_01_says():
 
 
 def test_where_no_value_is_stated_it_is_the_geometrys():
-    ones = [one for name in ("nist_ctc_01_ap242.stp", "nist_ctc_03_ap242.stp") for one in read(name)[1] if one.note]
+    ones = [
+        one
+        for name in ("nist_ctc_01_ap242.stp", "nist_ctc_03_ap242.stp")
+        for one in read(name)[1]
+        if one.note
+    ]
     assert [one.nominal for one in ones] == [85.0, 50.0, 35.0, 35.0, pytest.approx(38.1, abs=1e-6)]
-    assert {one.note for one in ones} == {"the file states no nominal value; this is the geometry's"}
+    assert {one.note for one in ones} == {
+        "the file states no nominal value; this is the geometry's"
+    }
     assert all(one.tolerance is None for one in ones)
 
 
@@ -158,7 +167,10 @@ def last(path, solid, **options):
 def test_swapped_bounds_are_put_in_order(ctc_01, tmp_path):
     one = last(changed(tmp_path, "TOLERANCE_VALUE(#93,#92)", "TOLERANCE_VALUE(#92,#93)"), ctc_01)
     assert (one.nominal, one.tolerance, one.entities) == (25.0, (-0.15, 0.15), ("r2",))
-    assert one.note == "the file states +0.15 as the lower and -0.15 as the upper deviation; taken in order"
+    assert (
+        one.note
+        == "the file states +0.15 as the lower and -0.15 as the upper deviation; taken in order"
+    )
 
 
 def test_bounds_keep_their_signs(ctc_01, tmp_path):
@@ -169,7 +181,9 @@ def test_bounds_keep_their_signs(ctc_01, tmp_path):
 
 def test_values_in_another_unit_than_the_geometry(ctc_01, tmp_path):
     """25 mm in inches, in a file in mm."""
-    path = changed(tmp_path, "LENGTH_MEASURE(25.),#4361", "LENGTH_MEASURE(0.984251968503937),#999901")
+    path = changed(
+        tmp_path, "LENGTH_MEASURE(25.),#4361", "LENGTH_MEASURE(0.984251968503937),#999901"
+    )
     inch = (
         "#999900=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(25.4),#4361);\n"
         "#999901=(CONVERSION_BASED_UNIT('INCH',#999900)LENGTH_UNIT()NAMED_UNIT(#4363));\n"
@@ -212,7 +226,9 @@ def test_a_file_without_semantic_dimensions_has_none():
 
 
 def test_what_is_asked_for_must_make_sense(ctc_01, tmp_path):
-    with pytest.raises(ReadError, match=r"dimensions are read from \.step and \.stp files\. Got 'part\.stl'"):
+    with pytest.raises(
+        ReadError, match=r"dimensions are read from \.step and \.stp files\. Got 'part\.stl'"
+    ):
         read_dimensions(tmp_path / "part.stl", ctc_01)
     with pytest.raises(PartFileNotFoundError, match="path must name an existing part file"):
         read_dimensions(tmp_path / "none.stp", ctc_01)
@@ -236,6 +252,12 @@ def test_entities_of_another_solid_are_not_offered():
 def test_a_record_says_itself_in_json_and_in_one_line():
     one = read("nist_ctc_01_ap242.stp")[1][3]
     record = one.to_dict()
-    assert (record["tolerance"], record["entities"], record["unit"]) == ([-0.2, 0.0], [one.entities[0]], "mm")
+    assert (record["tolerance"], record["entities"], record["unit"]) == (
+        [-0.2, 0.0],
+        [one.entities[0]],
+        "mm",
+    )
     assert set(record) == {*one.__dataclass_fields__, "unit"}
-    assert repr(one) == f"<ModelDimension 'Linear Size.1': diameter 35 mm, by ['{one.entities[0]}']>"
+    assert (
+        repr(one) == f"<ModelDimension 'Linear Size.1': diameter 35 mm, by ['{one.entities[0]}']>"
+    )

@@ -8,7 +8,11 @@ import pytest
 
 pytest.importorskip("OCP")
 
-from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge, BRepBuilderAPI_MakeVertex, BRepBuilderAPI_NurbsConvert
+from OCP.BRepBuilderAPI import (
+    BRepBuilderAPI_MakeEdge,
+    BRepBuilderAPI_MakeVertex,
+    BRepBuilderAPI_NurbsConvert,
+)
 from OCP.BRepPrimAPI import (
     BRepPrimAPI_MakeBox,
     BRepPrimAPI_MakeCone,
@@ -46,12 +50,17 @@ def test_a_box_has_six_planes_of_four_lines(free_form):
     assert [face["kind"] for face in faces] == ["plane"] * 6
     for face in faces:
         assert [edge["kind"] for edge in face["edges"]] == ["line"] * 4
-        assert sorted(math.dist(*edge["ends"]) for edge in face["edges"])[::2] in ([4, 5], [4, 6], [5, 6])
+        assert sorted(math.dist(*edge["ends"]) for edge in face["edges"])[::2] in (
+            [4, 5],
+            [4, 6],
+            [5, 6],
+        )
 
 
 @pytest.mark.parametrize("free_form", [False, True])
 @pytest.mark.parametrize(
-    ("name", "number", "value"), [("cylinder", "radius", 4.0), ("cone", "angle_deg", 90.0), ("sphere", "radius", 4.0)]
+    ("name", "number", "value"),
+    [("cylinder", "radius", 4.0), ("cone", "angle_deg", 90.0), ("sphere", "radius", 4.0)],
 )
 def test_round_faces_have_their_numbers(name, number, value, free_form):
     (face,) = [face for face in faces_of(name, free_form) if face["kind"] != "plane"]

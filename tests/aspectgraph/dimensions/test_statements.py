@@ -27,7 +27,10 @@ def test_the_text_is_paired_by_order_and_value():
     plain, swapped, limits, bare = read_statements(rows, texts)
     assert plain == Statement(35.0, (-0.2, 0.0))
     assert (swapped.nominal, swapped.tolerance) == (9.525, (-0.127, 0.127))
-    assert swapped.note == "the file states +0.127 as the lower and -0.127 as the upper deviation; taken in order"
+    assert (
+        swapped.note
+        == "the file states +0.127 as the lower and -0.127 as the upper deviation; taken in order"
+    )
     assert limits == Statement(limits=(34.8, 35.2))
     assert bare == Statement()
 

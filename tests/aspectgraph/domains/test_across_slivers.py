@@ -28,11 +28,17 @@ def domains_of(planes, label_at, ruler=RULER):
         cx.label[c, 0] = label_at(*cell_centre(cx, c))
     found = find_domains(cx, ruler)
     lists = [domain.label[0] for domain in found.domains]
-    return sorted(lists), sorted(tuple(sorted((lists[i], lists[j]))) for i, j in found.contacts), found
+    return (
+        sorted(lists),
+        sorted(tuple(sorted((lists[i], lists[j]))) for i, j in found.contacts),
+        found,
+    )
 
 
 def test_what_a_sliver_parts_touches():
-    lists, adjacent, found = domains_of([plane(2, 0), plane(2, 2)], lambda x, y, z: C if z > 2 else A if z > 0 else B)
+    lists, adjacent, found = domains_of(
+        [plane(2, 0), plane(2, 2)], lambda x, y, z: C if z > 2 else A if z > 0 else B
+    )
     assert lists == [B, C]
     assert adjacent == [(B, C)]
     assert found.n_slivers == 1
@@ -44,7 +50,9 @@ def test_what_a_sliver_parts_touches():
 
 def test_what_a_stack_of_slivers_parts_touches():
     planes = [plane(2, 0), plane(2, 2), plane(2, 4)]
-    lists, adjacent, found = domains_of(planes, lambda x, y, z: C if z > 4 else A if z > 2 else D if z > 0 else B)
+    lists, adjacent, found = domains_of(
+        planes, lambda x, y, z: C if z > 4 else A if z > 2 else D if z > 0 else B
+    )
     assert lists == [B, C]
     assert adjacent == [(B, C)]
     assert found.n_slivers == 2
@@ -54,10 +62,14 @@ def test_sliver_that_sticks_out_of_a_wide_domain_parts_nothing():
     # The layer 0 < z < 2 has the label of what lies above it where x > 0, and reaches on between B and C; it is less
     # than a tenth of the least width.
     planes, ruler = [plane(2, 0), plane(2, 2), plane(0, 0)], Ruler(min_width=30.0, reach=1e6)
-    lists, adjacent, found = domains_of(planes, lambda x, y, z: B if z < 0 else A if x > 0 or z < 2 else C, ruler)
+    lists, adjacent, found = domains_of(
+        planes, lambda x, y, z: B if z < 0 else A if x > 0 or z < 2 else C, ruler
+    )
     assert lists == [A, B, C]
     assert adjacent == [(A, B), (A, C), (B, C)]
-    plain = domains_of([plane(2, 0), plane(0, 0)], lambda x, y, z: B if z < 0 else A if x > 0 else C)
+    plain = domains_of(
+        [plane(2, 0), plane(0, 0)], lambda x, y, z: B if z < 0 else A if x > 0 else C
+    )
     assert adjacent == plain[1]
     areas = [{tuple(p): c.area for p, c in result.contacts.items()} for result in (found, plain[2])]
     assert sum(areas[0].values()) == pytest.approx(sum(areas[1].values()), rel=1e-2)
@@ -67,7 +79,9 @@ def test_sliver_that_sticks_out_of_a_wide_domain_parts_nothing():
 def test_thin_end_of_a_wedge_is_the_same_cut_or_uncut(cuts):
     # 0 < 100 z < x + 1100: between B and C lies a wedge 1 to 21 thick, less than 5 wherever it is cut off.
     planes = [plane(2, 0), np.array([1, 0, -100, -1100]), *(plane(0, x) for x in cuts)]
-    lists, adjacent, found = domains_of(planes, lambda x, y, z: B if z < 0 else A if 100 * z < x + 1100 else C)
+    lists, adjacent, found = domains_of(
+        planes, lambda x, y, z: B if z < 0 else A if 100 * z < x + 1100 else C
+    )
     assert lists == [A, B, C]
     assert adjacent == [(A, B), (A, C)]
     assert found.n_slivers == 0
@@ -76,19 +90,25 @@ def test_thin_end_of_a_wedge_is_the_same_cut_or_uncut(cuts):
 def test_tail_joins_nothing():
     # Two wide domains of list A, left and right of a layer 2 thick of the same list.
     planes = [plane(2, 0), plane(2, 2), plane(0, -100), plane(0, 100)]
-    lists, _, _ = domains_of(planes, lambda x, y, z: A if abs(x) > 100 or 0 < z < 2 else B if z < 0 else C)
+    lists, _, _ = domains_of(
+        planes, lambda x, y, z: A if abs(x) > 100 or 0 < z < 2 else B if z < 0 else C
+    )
     assert lists == [A, A, B, C]
 
 
 def test_sliver_joins_what_it_parts_of_one_list():
-    lists, adjacent, found = domains_of([plane(2, 0), plane(2, 2)], lambda x, y, z: A if 0 < z < 2 else B)
+    lists, adjacent, found = domains_of(
+        [plane(2, 0), plane(2, 2)], lambda x, y, z: A if 0 < z < 2 else B
+    )
     assert lists == [B]
     assert not adjacent
     assert found.n_slivers == 1
 
 
 def test_sliver_of_the_same_list_takes_nothing_away():
-    lists, adjacent, found = domains_of([plane(2, 0), plane(2, 2)], lambda x, y, z: A if z > 0 else B)
+    lists, adjacent, found = domains_of(
+        [plane(2, 0), plane(2, 2)], lambda x, y, z: A if z > 0 else B
+    )
     assert lists == [A, B]
     assert adjacent == [(A, B)]
     assert found.n_slivers == 0
@@ -129,7 +149,9 @@ def test_contact_narrower_than_the_least_width_counts_not():
 def test_least_width_zero_keeps_everything():
     zero = Ruler(0.0, 1e6)
     planes = [plane(2, 0), plane(2, 1)]
-    lists, adjacent, found = domains_of(planes, lambda x, y, z: C if z > 1 else A if z > 0 else B, zero)
+    lists, adjacent, found = domains_of(
+        planes, lambda x, y, z: C if z > 1 else A if z > 0 else B, zero
+    )
     assert lists == [A, B, C]
     assert adjacent == [(A, B), (A, C)]
     assert found.n_slivers == 0
@@ -138,7 +160,9 @@ def test_least_width_zero_keeps_everything():
 def test_sliver_inside_the_solid_belongs_to_no_domain():
     inside = 1 << 63
     planes = [plane(2, 0), plane(2, 2), plane(2, 500)]
-    lists, adjacent, found = domains_of(planes, lambda x, y, z: B if z > 500 else A if 0 < z < 2 else inside)
+    lists, adjacent, found = domains_of(
+        planes, lambda x, y, z: B if z > 500 else A if 0 < z < 2 else inside
+    )
     assert lists == [B]
     assert not adjacent
     assert (found.of_cell >= 0).sum() == 1

@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 from solids import cube, prism, ring
 
-from aspectgraph import EntityError, build_aspect_graph, read_entities, read_graphml, resolve_entities, write_graphml
+from aspectgraph import (
+    EntityError,
+    build_aspect_graph,
+    read_entities,
+    read_graphml,
+    resolve_entities,
+    write_graphml,
+)
 
 SQUARE = [(-10, -10), (10, -10), (10, 10), (-10, 10)]
 
@@ -33,7 +40,12 @@ def test_ids_and_objects_are_the_same():
 def test_a_rim_has_all_chords_its_circle_and_two_opposite_points():
     solid = holed()
     bore = resolve_entities(solid, {"bore": "r0"})["bore"]
-    assert (bore.kind, len(bore.edge_ids), bore.points.shape, bore.outline.shape) == ("rim", 12, (12, 3), (13, 3))
+    assert (bore.kind, len(bore.edge_ids), bore.points.shape, bore.outline.shape) == (
+        "rim",
+        12,
+        (12, 3),
+        (13, 3),
+    )
     assert bore.circle.radius_mm == pytest.approx(4.0)
     assert bore.endpoints.mean(axis=0) == pytest.approx(bore.circle.centre)
     assert bore.length_mm == pytest.approx(8.0)

@@ -39,7 +39,10 @@ def test_end_points_find_their_edges_in_the_order_given(solid, mapping):
         entity = entities[name]
         assert entity.endpoints == pytest.approx(np.array([p, q], dtype=float))
         assert len(entity.edge_ids) == 1
-        assert {tuple(v) for v in solid.edge_points(entity.edge_ids[0])} == {tuple(map(float, p)), tuple(map(float, q))}
+        assert {tuple(v) for v in solid.edge_points(entity.edge_ids[0])} == {
+            tuple(map(float, p)),
+            tuple(map(float, q)),
+        }
 
 
 def test_ids_and_lists_of_ids():
@@ -97,7 +100,9 @@ def split_box() -> Solid:
 
 
 def test_the_edge_between_coplanar_faces_is_smooth():
-    with pytest.raises(EntityError, match=r"turn by at least 5 degrees. Got 0 at edge \d+ for 'seam'"):
+    with pytest.raises(
+        EntityError, match=r"turn by at least 5 degrees. Got 0 at edge \d+ for 'seam'"
+    ):
         resolve_entities(split_box(), {"seam": ((3, 0, 0), (3, 0, 2))})
 
 
@@ -105,7 +110,8 @@ def test_a_curved_edge_is_refused():
     box = cube()
     solid = Solid(box.vertices, box.faces, curved_edges=[box.edges[5].vertices])
     with pytest.raises(
-        EntityError, match=r"straight, sharp edge. Got edge 5, part of a curve or of an occluder, for 'rim'"
+        EntityError,
+        match=r"straight, sharp edge. Got edge 5, part of a curve or of an occluder, for 'rim'",
     ):
         resolve_entities(solid, {"rim": 5})
 
@@ -119,8 +125,14 @@ def test_a_curved_edge_is_refused():
         ({"a": "17"}, "two finite end points. Got '17'"),
         ({"a": ((0, 0, 0), (1, 0))}, "edge id or two finite end points"),
         ({"a": ((0, 0, 0), (np.nan, 0, 0))}, "two finite end points"),
-        ({"a": ((1, 2, 0), (1, 2, 0))}, r"must have a length. Got two end points at \(1, 2, 0\) for 'a'"),
-        ({"a": ((0, 0, 0), (1, 0, 0))}, r"the nearest is edge \d+ from \(0, 0, 0\) to \(2, 0, 0\), 1 mm off"),
+        (
+            {"a": ((1, 2, 0), (1, 2, 0))},
+            r"must have a length. Got two end points at \(1, 2, 0\) for 'a'",
+        ),
+        (
+            {"a": ((0, 0, 0), (1, 0, 0))},
+            r"the nearest is edge \d+ from \(0, 0, 0\) to \(2, 0, 0\), 1 mm off",
+        ),
         ({"a": ((0, 0, 0), (2, 2, 0))}, "within 0.000346 mm of the ends of an edge"),
         ({"a": 3, "b": 3}, "named once. Got 'a' and 'b' for edge 3"),
         ({"a": 9, "b": ((2, 0, 0), (0, 0, 0))}, "named once. Got 'a' and 'b' for edge 9"),
@@ -139,7 +151,10 @@ def test_refusals(mapping, rule):
 
 def test_tolerance():
     near = {"a": ((0.05, 0, 0), (2, 0.05, 0))}
-    assert resolve_entities(cube(), near, tolerance_mm=0.1)["a"].endpoints.tolist() == [[0, 0, 0], [2, 0, 0]]
+    assert resolve_entities(cube(), near, tolerance_mm=0.1)["a"].endpoints.tolist() == [
+        [0, 0, 0],
+        [2, 0, 0],
+    ]
     with pytest.raises(EntityError, match=r"within 0\.01 mm"):
         resolve_entities(cube(), near, tolerance_mm=0.01)
     with pytest.raises(EntityError, match=r"tolerance_mm must be positive\. Got 0"):
@@ -148,7 +163,9 @@ def test_tolerance():
 
 def test_shallow_edges_need_a_smaller_dihedral():
     roof = prism([(0, 0), (4, 0), (4, 1), (2, 1 + 2 * np.tan(np.radians(1))), (0, 1)], 1)
-    ridge = {"ridge": ((2, 1 + 2 * np.tan(np.radians(1)), 0), (2, 1 + 2 * np.tan(np.radians(1)), 1))}
+    ridge = {
+        "ridge": ((2, 1 + 2 * np.tan(np.radians(1)), 0), (2, 1 + 2 * np.tan(np.radians(1)), 1))
+    }
     with pytest.raises(EntityError, match=r"turn by at least 5 degrees\. Got 2 at"):
         resolve_entities(roof, ridge)
     assert list(resolve_entities(roof, ridge, min_dihedral_deg=1.5)) == ["ridge"]

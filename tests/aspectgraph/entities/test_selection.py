@@ -16,7 +16,11 @@ CTC = EXAMPLES / "nist_ctc_01_ap242.stp"
 
 def by_hand(keep):
     """Return the ids of straight edges whose ends satisfy something."""
-    return [edge.id for edge in BLOCK.straight_edges() if keep(np.asarray(BLOCK.edge_points(edge.id)), edge)]
+    return [
+        edge.id
+        for edge in BLOCK.straight_edges()
+        if keep(np.asarray(BLOCK.edge_points(edge.id)), edge)
+    ]
 
 
 RULES = {
@@ -63,7 +67,9 @@ def test_rims_are_selected_by_kind_and_radius():
     assert set(select_entities(part, "kind = any")) >= {*expected, *(arc.id for arc in part.arcs())}
 
 
-@pytest.mark.parametrize("rule", ["", "length = 3", "size > 2", "length > 2 or convex", "near 1,2 < 3", "face = roof"])
+@pytest.mark.parametrize(
+    "rule", ["", "length = 3", "size > 2", "length > 2 or convex", "near 1,2 < 3", "face = roof"]
+)
 def test_other_words_are_refused(rule):
     with pytest.raises(EntityError, match="select must be conditions joined by 'and'"):
         select_entities(BLOCK, rule)
@@ -102,7 +108,10 @@ def test_a_table(tmp_path):
     }
     for text, rule in (
         ("a,1\na,2\n", "must name an entity once. Got 'a' again in edges.csv, row 2"),
-        ("a,1,2\n", "a CSV row must be a name and an id, or a name and six coordinates. Got 'a,1,2' in edges.csv"),
+        (
+            "a,1,2\n",
+            "a CSV row must be a name and an id, or a name and six coordinates. Got 'a,1,2' in edges.csv",
+        ),
     ):
         path.write_text(text)
         with pytest.raises(EntityError, match=rule):

@@ -48,18 +48,24 @@ def assert_same_integers(part, rng):
 def test_generated_solids(first):
     for seed in range(first, first + 20):
         part = generated_solid(seed)
-        assert_same_integers(moved_parts.listed(part.vertices, part.faces, []), np.random.default_rng(seed))
+        assert_same_integers(
+            moved_parts.listed(part.vertices, part.faces, []), np.random.default_rng(seed)
+        )
 
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.st*p")), ids=lambda path: path.stem)
 def test_real_parts(path):
     solid = read_solid(path)
-    part = moved_parts.listed(solid.vertices, [(face.outer, face.holes) for face in solid.faces], [])
+    part = moved_parts.listed(
+        solid.vertices, [(face.outer, face.holes) for face in solid.faces], []
+    )
     assert_same_integers(part, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("turn", Rotation.create_group("O").as_matrix().round()[::3])
-@pytest.mark.parametrize("part", [CUBE, L_BLOCK, SLOTTED_BLOCK, TWO_POCKET_BLOCK], ids=lambda part: part.name)
+@pytest.mark.parametrize(
+    "part", [CUBE, L_BLOCK, SLOTTED_BLOCK, TWO_POCKET_BLOCK], ids=lambda part: part.name
+)
 def test_frame_of_an_axis_aligned_part_is_exactly_a_signed_permutation(part, turn):
     frame = own_frame(Solid(np.array(part.vertices) @ turn.T * 0.7 + 3.3, part.faces))
     assert sorted(np.abs(frame).ravel()) == [0.0] * 6 + [1.0] * 3
@@ -69,7 +75,9 @@ def test_frame_of_an_axis_aligned_part_is_exactly_a_signed_permutation(part, tur
 @pytest.mark.parametrize("seed", range(10))
 def test_frame_is_a_rotation_along_faces_and_edges_of_the_part(seed):
     part = generated_solid(seed)
-    solid = Solid(Rotation.random(random_state=seed).apply(np.array(part.vertices, dtype=float)), part.faces)
+    solid = Solid(
+        Rotation.random(random_state=seed).apply(np.array(part.vertices, dtype=float)), part.faces
+    )
     frame = own_frame(solid)
     assert frame @ frame.T == pytest.approx(np.eye(3), abs=1e-12)
     assert np.linalg.det(frame) == pytest.approx(1.0)
@@ -86,6 +94,8 @@ def test_entities_tell_the_sides_of_a_symmetric_part_apart():
     for k, turn in enumerate(Rotation.create_group("O")):
         vertices = turn.apply(np.array(CUBE.vertices, dtype=float))
         solid = Solid(vertices, CUBE.faces)
-        ends = (vertices - vertices.mean(axis=0))[list(solid.edges[5].vertices)] @ own_frame(solid, [[5]]).T
+        ends = (vertices - vertices.mean(axis=0))[list(solid.edges[5].vertices)] @ own_frame(
+            solid, [[5]]
+        ).T
         places.add(frozenset(map(tuple, ends.round(9).tolist())))
         assert len(places) == 1, k

@@ -37,14 +37,19 @@ def outcome(kind: str, share: float, seed: int, turned: bool) -> Outcome:
     part = fine_part(kind, share, seed, turned)
     rng = np.random.default_rng([seed, 7])
     referee = ExactChecker(part.vertices, part.faces)
-    pairs = [sharp_edges(part, referee)[i] for i in rng.permutation(len(sharp_edges(part, referee)))[:N_EDGES]]
+    pairs = [
+        sharp_edges(part, referee)[i]
+        for i in rng.permutation(len(sharp_edges(part, referee)))[:N_EDGES]
+    ]
     workspace = workspace_of(part)
     points = uniform_viewpoints(rng, workspace, N_POINTS, 1)
     points = points[referee.generic(points)]
     try:
         solid = solid_of(part)
         number = {tuple(sorted(edge.vertices)): edge.id for edge in solid.edges}
-        regions = compute_regions(solid, {f"e{i}": number[pair] for i, pair in enumerate(pairs)}, workspace)
+        regions = compute_regions(
+            solid, {f"e{i}": number[pair] for i, pair in enumerate(pairs)}, workspace
+        )
     except SolidError:
         return Outcome(True)
     engine = regions.observable(points)
@@ -52,16 +57,27 @@ def outcome(kind: str, share: float, seed: int, turned: bool) -> Outcome:
     # the engine's viewpoints on the grid of the part, so that both programs get the same numbers
     whole = np.rint(regions.grid.to_points(points) / 2.0**POINT_BITS).astype(np.int64)
     on_grid = regions.grid.to_mm(whole)
-    inside = ((on_grid >= workspace[0]) & (on_grid <= workspace[1])).all(axis=1) & snapped.generic(whole)
+    inside = ((on_grid >= workspace[0]) & (on_grid <= workspace[1])).all(axis=1) & snapped.generic(
+        whole
+    )
     as_snapped = regions.observable(on_grid[inside]) != snapped.observable(whole[inside], pairs)
-    return Outcome(False, engine.size, int((engine != referee.observable(points, pairs)).sum()), int(as_snapped.sum()))
+    return Outcome(
+        False,
+        engine.size,
+        int((engine != referee.observable(points, pairs)).sum()),
+        int(as_snapped.sum()),
+    )
 
 
 @pytest.mark.parametrize("turned", [False, True], ids=["straight", "turned"])
 @pytest.mark.parametrize("kind", THIN)
 def test_thin_details_are_right_or_refused(kind, turned):
     outcomes = {share: outcome(kind, share, 1, turned) for share in SHARES}
-    assert [share for share, result in outcomes.items() if result.wrong_as_given or result.wrong_as_snapped] == []
+    assert [
+        share
+        for share, result in outcomes.items()
+        if result.wrong_as_given or result.wrong_as_snapped
+    ] == []
     assert not any(result.refused for share, result in outcomes.items() if share >= 5e-5)
     if kind not in ("stack", "plate", "wedge"):  # thin sides have a finer grid
         assert all(result.refused for share, result in outcomes.items() if share <= 3e-6)
@@ -73,7 +89,9 @@ def test_tiny_details_are_right_for_the_snapped_part_or_refused(kind, turned):
     """Snapping changes the proportions of a detail of k steps by up to 2/k, so answers are those for such a detail."""
     outcomes = {share: outcome(kind, share, 1, turned) for share in SHARES}
     assert [share for share, result in outcomes.items() if result.wrong_as_snapped] == []
-    assert sum(result.wrong_as_given for result in outcomes.values()) <= 1e-3 * sum(r.n for r in outcomes.values())
+    assert sum(result.wrong_as_given for result in outcomes.values()) <= 1e-3 * sum(
+        r.n for r in outcomes.values()
+    )
     assert all(result.refused for share, result in outcomes.items() if share <= 3e-6)
     assert not any(result.refused for share, result in outcomes.items() if share >= 5e-5)
 
@@ -100,7 +118,10 @@ def test_a_gap_in_round_numbers_is_no_detail_too_small(seed):
 
 def test_a_small_detail_of_one_solid_is_named():
     part = fine_part("step", 1e-6, 0, False)
-    with pytest.raises(ResolutionError, match=r"between edge .* and edge .*; leave the detail out, or make it larger"):
+    with pytest.raises(
+        ResolutionError,
+        match=r"between edge .* and edge .*; leave the detail out, or make it larger",
+    ):
         make_scene(solid_of(part))
 
 
@@ -141,5 +162,10 @@ def test_nearest_features_of_two_boxes_by_hand(shift, kind):
 def _two_boxes(gap: float, seed: int | None, size: float = 10.0) -> Solid:
     turn = np.eye(3) if seed is None else Rotation.random(random_state=seed).as_matrix()
     box = prism([(0, 0), (size, 0), (size, size), (0, size)], size)
-    faces = [*(face.outer for face in box.faces), *(tuple(v + 8 for v in face.outer) for face in box.faces)]
-    return Solid(np.concatenate([box.vertices, box.vertices + np.array([size + gap, 0, 0])]) @ turn.T, faces)
+    faces = [
+        *(face.outer for face in box.faces),
+        *(tuple(v + 8 for v in face.outer) for face in box.faces),
+    ]
+    return Solid(
+        np.concatenate([box.vertices, box.vertices + np.array([size + gap, 0, 0])]) @ turn.T, faces
+    )

@@ -69,7 +69,9 @@ def test_two_corners_off_any_lattice_are_no_accident_to_be_found():
     assert Grid.over(vertices * 1.0 + 300.0).resolution > 0
 
 
-@pytest.mark.parametrize("turn", [np.eye(3), CUBE_TURNS[5], TURN], ids=["as it is", "axes swapped", "turned"])
+@pytest.mark.parametrize(
+    "turn", [np.eye(3), CUBE_TURNS[5], TURN], ids=["as it is", "axes swapped", "turned"]
+)
 def test_viewpoints_are_rounded_to_a_millionth_of_a_step(turn):
     grid = Grid.over(BLOCK, turn)
     viewpoints = np.random.default_rng(0).uniform(-60, 60, (100, 3))
@@ -92,7 +94,9 @@ def corners(box):
 
 
 @pytest.mark.parametrize("room", [0.1, 60.0, 1000.0])
-@pytest.mark.parametrize("frame", [np.eye(3), CUBE_TURNS[5], OBLIQUE, TURN], ids=["none", "swap", "oblique", "random"])
+@pytest.mark.parametrize(
+    "frame", [np.eye(3), CUBE_TURNS[5], OBLIQUE, TURN], ids=["none", "swap", "oblique", "random"]
+)
 def test_turned_workspace_contains_the_workspace_and_less_than_a_step_more(frame, room):
     grid = Grid.over(BLOCK, frame)
     box = np.array([BLOCK[0] - room, BLOCK[1] + 1.5 * room])
@@ -137,13 +141,18 @@ def test_part_too_far_from_the_origin_is_refused():
 @pytest.mark.parametrize("frame", [np.eye(3), TURN], ids=["as it is", "turned"])
 def test_workspace_must_contain_the_part(frame):
     grid = Grid.over(solids.cube().vertices, frame)
-    with pytest.raises(WorkspaceError, match=r"workspace must contain the part .* Got \[-1.0, -1.0, 1.0\]"):
+    with pytest.raises(
+        WorkspaceError, match=r"workspace must contain the part .* Got \[-1.0, -1.0, 1.0\]"
+    ):
         grid.box_planes(np.array([[-1.0, -1, 1], [5, 5, 5]]))
 
 
 def test_workspace_must_fit_the_grid():
     grid = Grid.over(solids.cube().vertices)
-    with pytest.raises(WorkspaceError, match=r"must reach at most 2.09715e\+06 mm from the part, 2\*\*40 grid steps"):
+    with pytest.raises(
+        WorkspaceError,
+        match=r"must reach at most 2.09715e\+06 mm from the part, 2\*\*40 grid steps",
+    ):
         grid.box_planes(np.array([[-1.0, -1, -1], [5, 5, 1e7]]))
 
 

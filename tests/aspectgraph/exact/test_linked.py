@@ -106,7 +106,12 @@ except ZeroDivisionError:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("loops")
-    for name, text in (("own_loops", INNER), ("other_loops", OTHER), ("both_kinds", BOTH), ("run", RUN)):
+    for name, text in (
+        ("own_loops", INNER),
+        ("other_loops", OTHER),
+        ("both_kinds", BOTH),
+        ("run", RUN),
+    ):
         (place / f"{name}.py").write_text(text)
     return place
 
@@ -125,15 +130,42 @@ def run(folder, script, *arguments):
 
 def test_a_loop_is_compiled_once_and_then_found_and_tells_errors_of_inner_ones_either_way(folder):
     told = ["14.0", "at", "most", "three"]
-    assert run(folder, folder / "run.py", "own_loops", "total") == [*told, "total", "squares", "square"]
+    assert run(folder, folder / "run.py", "own_loops", "total") == [
+        *told,
+        "total",
+        "squares",
+        "square",
+    ]
     assert run(folder, folder / "run.py", "own_loops", "total") == told
     # what another loop calls is found, too
-    assert run(folder, folder / "run.py", "other_loops", "largest") == ["9.0", "at", "most", "three", "largest"]
-    assert run(folder, folder / "run.py", "other_loops", "largest") == ["9.0", "at", "most", "three"]
+    assert run(folder, folder / "run.py", "other_loops", "largest") == [
+        "9.0",
+        "at",
+        "most",
+        "three",
+        "largest",
+    ]
+    assert run(folder, folder / "run.py", "other_loops", "largest") == [
+        "9.0",
+        "at",
+        "most",
+        "three",
+    ]
 
 
-def test_what_numba_has_is_compiled_once_for_callers_of_all_kinds_but_not_for_another_division(folder):
-    assert run(folder, folder / "both_kinds.py") == ["6.0", "1", "4.0", "1", "2.0", "2", "nan", "zero"]
+def test_what_numba_has_is_compiled_once_for_callers_of_all_kinds_but_not_for_another_division(
+    folder,
+):
+    assert run(folder, folder / "both_kinds.py") == [
+        "6.0",
+        "1",
+        "4.0",
+        "1",
+        "2.0",
+        "2",
+        "nan",
+        "zero",
+    ]
 
 
 @inner

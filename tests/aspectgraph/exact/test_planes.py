@@ -59,5 +59,6 @@ def test_plane_that_snapping_turned_becomes_parallel_to_what_it_was_parallel_to(
     assert found.tolist() == [0, 0, 1, 701]
     steeper = plane_through(*points[[0, 1, 3]])
     assert (
-        find_parallel(np.array([tilted, level]), points, np.array([0, 1, 3]), 4.0, steeper).tolist() == steeper.tolist()
+        find_parallel(np.array([tilted, level]), points, np.array([0, 1, 3]), 4.0, steeper).tolist()
+        == steeper.tolist()
     )

@@ -25,7 +25,9 @@ def common_point(planes):
     w = determinant([plane[:3] for plane in planes])
     if w == 0:
         return None
-    columns = [[[p[3] if k == axis else p[k] for k in range(3)] for p in planes] for axis in range(3)]
+    columns = [
+        [[p[3] if k == axis else p[k] for k in range(3)] for p in planes] for axis in range(3)
+    ]
     return [Fraction(determinant(rows), w) for rows in columns]
 
 
@@ -48,7 +50,11 @@ def test_vertex_and_plane_agree_with_integers(planes):
 
 
 @settings(max_examples=300, deadline=None)
-@given(st.one_of(SMALL, LARGE), st.lists(st.integers(-(2**45), 2**45), min_size=3, max_size=3), st.booleans())
+@given(
+    st.one_of(SMALL, LARGE),
+    st.lists(st.integers(-(2**45), 2**45), min_size=3, max_size=3),
+    st.booleans(),
+)
 def test_point_and_plane_agree_with_integers(plane, point, on_grid):
     if on_grid:
         point = [(x >> 24) << POINT_BITS for x in point]
@@ -76,7 +82,9 @@ def test_every_degenerate_case_of_a_pencil():
 def test_a_plane_that_passes_by_one_unit_is_on_the_right_side(normal, point, past):
     """Terms of 60 bits that cancel but for one unit, which doubles round away: their error bound must not."""
     level = sum(n * x for n, x in zip(normal, point, strict=True)) + past
-    planes = np.array([(1, 0, 0, point[0]), (0, 1, 0, point[1]), (0, 0, 1, point[2]), (*normal, level)], np.int64)
+    planes = np.array(
+        [(1, 0, 0, point[0]), (0, 1, 0, point[1]), (0, 0, 1, point[2]), (*normal, level)], np.int64
+    )
     vertices, coordinates = np.zeros((1, 4, LIMBS), np.int64), np.zeros((1, 3))
     assert meet(planes, 0, 1, 2, vertices, coordinates, 0)
     assert sign_at_vertex(planes, 3, vertices, coordinates, 0) == -past

@@ -34,6 +34,8 @@ def test_instructions_do_what_integers_do(planes, point):
     np.testing.assert_array_equal(made, expected)
 
 
-@pytest.mark.parametrize("value", [0, 1, -1, 2**63, -(2**63), 2**64, -(2**64), 2**200, -(2**255), 2**255 - 1])
+@pytest.mark.parametrize(
+    "value", [0, 1, -1, 2**63, -(2**63), 2**64, -(2**64), 2**200, -(2**255), 2**255 - 1]
+)
 def test_limbs_there_and_back(value):
     assert wide_integers.value_of(wide_integers.limbs(value)) == value

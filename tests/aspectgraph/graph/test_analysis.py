@@ -8,7 +8,15 @@ from itertools import product
 import networkx as nx
 import pytest
 
-from aspectgraph import Solid, build_aspect_graph, domain_path, read_graphml, richest_domains, stability, write_graphml
+from aspectgraph import (
+    Solid,
+    build_aspect_graph,
+    domain_path,
+    read_graphml,
+    richest_domains,
+    stability,
+    write_graphml,
+)
 from aspectgraph.exceptions import EntityError
 
 FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -33,7 +41,13 @@ def test_shares_are_those_of_the_boxes_between_the_planes(eag):
     """Volumes by hand: the planes of the faces cut the workspace into boxes; each sees an edge or does not."""
     planes = [halves(eag, name) for name in ("top", "side")]
     cuts = [
-        sorted({WORKSPACE[0][a], WORKSPACE[1][a], *(float(b) for two in planes for axis, b, _ in two if axis == a)})
+        sorted(
+            {
+                WORKSPACE[0][a],
+                WORKSPACE[1][a],
+                *(float(b) for two in planes for axis, b, _ in two if axis == a),
+            }
+        )
         for a in range(3)
     ]
     expected = {}

@@ -9,7 +9,12 @@ from solids import STEP_ENTITIES
 
 from aspectgraph.exceptions import WorkspaceError
 from aspectgraph.graph.aspect_graph import build_aspect_graph
-from aspectgraph.graph.complete_graph import Drawing, complete_aspect_graph, describe_drawing, seen_whole
+from aspectgraph.graph.complete_graph import (
+    Drawing,
+    complete_aspect_graph,
+    describe_drawing,
+    seen_whole,
+)
 from aspectgraph.graph.graphml import read_graphml, write_graphml
 
 BOX = ((-60, -60, -60), (61, 61, 61))
@@ -37,7 +42,9 @@ def test_cube_has_a_node_for_each_set_of_one_to_three_faces():
     assert size(graph) == (26, 48)
     assert sorted(n for _, n in graph.nodes(data="n_visible")) == [4] * 6 + [7] * 12 + [9] * 8
     # The cube is [0, 2]³ in [-60, 61]³: slabs of 60, 2 and 59 mm along each axis.
-    slabs = [x * y * z for x in (60, 2, 59) for y in (60, 2, 59) for z in (60, 2, 59) if x * y * z != 8]
+    slabs = [
+        x * y * z for x in (60, 2, 59) for y in (60, 2, 59) for z in (60, 2, 59) if x * y * z != 8
+    ]
     np.testing.assert_allclose(sorted(v for _, v in graph.nodes(data="volume")), sorted(slabs))
 
 
@@ -51,9 +58,13 @@ def test_tetrahedron_has_a_node_for_each_set_of_one_to_three_faces():
 
 
 def test_rotated_copy_has_the_same_graph(l_block):
-    turned = complete_aspect_graph(solid_of(L_BLOCK.mapped(rotation((2, 1, 0, 1)), "turned")), np.array(BOX) * 6)
+    turned = complete_aspect_graph(
+        solid_of(L_BLOCK.mapped(rotation((2, 1, 0, 1)), "turned")), np.array(BOX) * 6
+    )
     assert size(turned) == size(l_block)
-    assert sorted(d for _, d in turned.nodes(data="drawing")) == sorted(d for _, d in l_block.nodes(data="drawing"))
+    assert sorted(d for _, d in turned.nodes(data="drawing")) == sorted(
+        d for _, d in l_block.nodes(data="drawing")
+    )
 
 
 def test_other_proportions_have_the_same_number_of_domains_of_the_step():
@@ -86,7 +97,9 @@ def drawing_of(part, viewpoint):
 
 
 def edge_id(solid, p, q):
-    return next(e.id for e in solid.edges if {tuple(solid.vertices[v]) for v in e.vertices} == {p, q})
+    return next(
+        e.id for e in solid.edges if {tuple(solid.vertices[v]) for v in e.vertices} == {p, q}
+    )
 
 
 def test_edge_behind_a_step_is_cut_off_at_a_t_junction():
@@ -113,7 +126,10 @@ def test_edge_behind_a_step_is_cut_off_at_a_t_junction():
 
 
 def test_drawing_as_text():
-    assert describe_drawing([[(-1, -1)], [], [(-1, 0)], [(0, 1), (2, -1)]], [4, 5, 8, 9]) == "4 8[-4] 9[4-5] 9[8-]"
+    assert (
+        describe_drawing([[(-1, -1)], [], [(-1, 0)], [(0, 1), (2, -1)]], [4, 5, 8, 9])
+        == "4 8[-4] 9[4-5] 9[8-]"
+    )
     assert describe_drawing([[], []], [0, 1]) == "nothing"
     assert seen_whole("4 8[-4] 12") == (4, 12)
     assert seen_whole("nothing") == ()

@@ -33,7 +33,11 @@ def test_parts_of_the_mfcad_data_set(path):
     """The part rounded to 1/1024 mm, which leaves its faces planar, and that step as the unit of length."""
     solid = read_solid(path)
     vertices = np.rint(solid.vertices * 1024).astype(int).tolist()
-    part = Part(path.stem, tuple(map(tuple, vertices)), tuple((face.outer, face.holes) for face in solid.faces))
+    part = Part(
+        path.stem,
+        tuple(map(tuple, vertices)),
+        tuple((face.outer, face.holes) for face in solid.faces),
+    )
     comparison = compare_part(part, np.random.default_rng(0), 100, 40, steps_per_mm=1)
     assert comparison.disagreements() == []
     assert 0.1 < comparison.referee.mean() < 0.9

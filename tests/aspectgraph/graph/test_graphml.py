@@ -21,7 +21,9 @@ from aspectgraph.graph.partition_surfaces import PartitionSurface
 def assert_same(one, other):
     """Assert equality of ids, edges, attributes, values and types, and of the order of attributes."""
     assert typed(one.graph) == typed(other.graph)
-    assert [(n, typed(d)) for n, d in one.nodes(data=True)] == [(n, typed(d)) for n, d in other.nodes(data=True)]
+    assert [(n, typed(d)) for n, d in one.nodes(data=True)] == [
+        (n, typed(d)) for n, d in other.nodes(data=True)
+    ]
     assert [(u, v, typed(d)) for u, v, d in one.edges(data=True)] == [
         (u, v, typed(d)) for u, v, d in other.edges(data=True)
     ]
@@ -58,7 +60,9 @@ def test_aspect_graph_of_a_solid(tmp_path):
     assert list(read.edges(data=True)) == list(eag.graph.edges(data=True))
     other = igraph.Graph.Read_GraphML(str(tmp_path / "g.graphml"))
     assert (other.vcount(), other.ecount()) == (8, 11)
-    assert sorted(other.vs["label"]) == sorted(", ".join(sorted(names)) or "None" for names in SLOT_LISTS)
+    assert sorted(other.vs["label"]) == sorted(
+        ", ".join(sorted(names)) or "None" for names in SLOT_LISTS
+    )
 
 
 TEXTS = st.text(max_size=12).filter(lambda s: s.isprintable() or s == "")
@@ -76,7 +80,9 @@ def test_round_trip_of_any_values(tmp_path_factory, part, names, x, y, flag):
     graph = small_graph()
     graph.graph["part"] = part
     graph.nodes[1].update(observable=tuple(names), volume=x, viewpoint=(y, -x, 0.0), unbounded=flag)
-    graph.edges[0, 1].update(area=y, surfaces=(PartitionSurface("B", part, (1,), (2, 3), (), (x, y, 0.0, 1.0)),))
+    graph.edges[0, 1].update(
+        area=y, surfaces=(PartitionSurface("B", part, (1,), (2, 3), (), (x, y, 0.0, 1.0)),)
+    )
     path = tmp_path_factory.mktemp("any") / "g.graphml"
     write_graphml(graph, path)
     assert_same(read_graphml(path), graph)
@@ -137,7 +143,14 @@ def test_file_keeps_the_rules_of_the_format(tmp_path):
     root = ET.parse(tmp_path / "g.graphml").getroot()
     space = "{http://graphml.graphdrawing.org/xmlns}"
     keys = root.findall(f"{space}key")
-    assert {k.get("attr.type") for k in keys} <= {"boolean", "int", "long", "float", "double", "string"}
+    assert {k.get("attr.type") for k in keys} <= {
+        "boolean",
+        "int",
+        "long",
+        "float",
+        "double",
+        "string",
+    }
     names = [(k.get("for"), k.get("attr.name")) for k in keys]
     assert len(names) == len(set(names))
     graph = root.find(f"{space}graph")
@@ -153,7 +166,10 @@ def test_file_keeps_the_rules_of_the_format(tmp_path):
     ("attributes", "message"),
     [
         ({"volume": float("nan")}, "volume of node 1 must be a finite number. Got nan"),
-        ({"viewpoint": (0.0, float("inf"), 0.0)}, "viewpoint of node 1 must be a finite number. Got inf"),
+        (
+            {"viewpoint": (0.0, float("inf"), 0.0)},
+            "viewpoint of node 1 must be a finite number. Got inf",
+        ),
         ({"viewpoint": (0.0, 1.0)}, "viewpoint of node 1 must be three numbers"),
         ({"n_cells": 2.5}, "n_cells of node 1 must be an integer. Got 2.5"),
         ({"n_cells": True}, "n_cells of node 1 must be an integer. Got True"),
@@ -161,8 +177,14 @@ def test_file_keeps_the_rules_of_the_format(tmp_path):
         ({"observable": "e1"}, "observable of node 1 must be a tuple of names"),
         ({"colour": [1, 2]}, "colour of node 1 must be a bool, int, float or str"),
         ({"colour": ""}, "colour of node 1 must be text, not empty"),
-        ({"colour": "a\rb"}, "colour of node 1 must be text, not empty and without control characters"),
-        ({"colour": "red"}, re.escape("every node must have the same attributes. Got a difference in ['colour']")),
+        (
+            {"colour": "a\rb"},
+            "colour of node 1 must be text, not empty and without control characters",
+        ),
+        (
+            {"colour": "red"},
+            re.escape("every node must have the same attributes. Got a difference in ['colour']"),
+        ),
         ({"label": "x"}, "attribute names must be text other than 'label'"),
     ],
 )
@@ -188,7 +210,9 @@ def test_refused_graph_leaves_the_old_file(tmp_path):
 
 @pytest.mark.parametrize("kind", [nx.DiGraph, nx.MultiGraph])
 def test_other_kinds_of_graph_are_refused(tmp_path, kind):
-    with pytest.raises(GraphMLError, match=f"plain undirected networkx.Graph. Got a {kind.__name__}"):
+    with pytest.raises(
+        GraphMLError, match=f"plain undirected networkx.Graph. Got a {kind.__name__}"
+    ):
         write_graphml(kind(), tmp_path / "g.graphml")
 
 
@@ -203,11 +227,19 @@ def test_node_ids_must_be_integers(tmp_path):
         ("</graphml>", "", "must be GraphML"),
         ("<graphml", "<html", "must be GraphML"),
         ('<node id="0">', '<node id="n0">', "must be GraphML with integer node ids"),
-        ('edgedefault="undirected"', 'edgedefault="directed"', "one undirected edge at most.*DiGraph"),
+        (
+            'edgedefault="undirected"',
+            'edgedefault="directed"',
+            "one undirected edge at most.*DiGraph",
+        ),
         (">1.5<", ">much<", "must be GraphML"),
         ('["e1"]', '["e1"', "observable of node 1"),
         ('["e1"]', "3", "observable of node 1 must be a JSON list"),
-        (">64<", "><", r"every node must have the same attributes. Got a difference in \['n_rays'\]"),
+        (
+            ">64<",
+            "><",
+            r"every node must have the same attributes. Got a difference in \['n_rays'\]",
+        ),
         ('"type"', '"kind"', "surfaces of edge 0-1"),
     ],
 )
@@ -227,7 +259,9 @@ def test_missing_component_of_a_vector_is_refused(tmp_path):
     write_graphml(small_graph(), path)
     text = path.read_text(encoding="utf-8").replace('attr.name="viewpoint_y"', 'attr.name="other"')
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(GraphMLError, match=r"viewpoint of node 0 must be a finite number\. Got None"):
+    with pytest.raises(
+        GraphMLError, match=r"viewpoint of node 0 must be a finite number\. Got None"
+    ):
         read_graphml(path)
 
 
@@ -237,6 +271,8 @@ def test_missing_file_is_reported_as_such(tmp_path):
 
 
 def test_a_folder_is_not_made(tmp_path):
-    with pytest.raises(OutputError, match=r"^path must be a file that can be written\. Got '.*g\.graphml': No such"):
+    with pytest.raises(
+        OutputError, match=r"^path must be a file that can be written\. Got '.*g\.graphml': No such"
+    ):
         write_graphml(small_graph(), tmp_path / "nowhere" / "g.graphml")
     assert not list(tmp_path.iterdir())

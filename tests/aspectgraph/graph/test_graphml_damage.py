@@ -29,7 +29,9 @@ def test_damage(tmp_path, damage):
 def test_an_encoding_that_is_none(tmp_path, declared):
     path = tmp_path / "g.graphml"
     write_graphml(small_graph(), path)
-    path.write_bytes(path.read_bytes().replace(b"encoding='utf-8'", f"encoding='{declared}'".encode()))
+    path.write_bytes(
+        path.read_bytes().replace(b"encoding='utf-8'", f"encoding='{declared}'".encode())
+    )
     with pytest.raises(GraphMLError, match="must be GraphML with integer node ids"):
         read_graphml(path)
 

@@ -5,7 +5,14 @@ from pathlib import Path
 import moved_parts
 import numpy as np
 import pytest
-from engine_pairs import STEPS_PER_MM, entities_of, sharp_edges, solid_of, uniform_viewpoints, workspace_of
+from engine_pairs import (
+    STEPS_PER_MM,
+    entities_of,
+    sharp_edges,
+    solid_of,
+    uniform_viewpoints,
+    workspace_of,
+)
 from exact_checker import ExactChecker
 from generated_solids import (
     CUBE,
@@ -27,8 +34,14 @@ KNOWN = {
     "cube": (CUBE, CUBE.edges()),
     "L-block": (L_BLOCK, L_BLOCK.edges()),
     "L-block step": (L_BLOCK, [L_BLOCK.edge_between(*ends) for ends in STEP_ENTITIES.values()]),
-    "slotted block": (SLOTTED_BLOCK, [SLOTTED_BLOCK.edge_between(*ends) for ends in SLOT_ENTITIES.values()]),
-    "two pockets": (TWO_POCKET_BLOCK, [TWO_POCKET_BLOCK.edge_between(*e) for e in TWO_POCKET_ENTITIES.values()]),
+    "slotted block": (
+        SLOTTED_BLOCK,
+        [SLOTTED_BLOCK.edge_between(*ends) for ends in SLOT_ENTITIES.values()],
+    ),
+    "two pockets": (
+        TWO_POCKET_BLOCK,
+        [TWO_POCKET_BLOCK.edge_between(*e) for e in TWO_POCKET_ENTITIES.values()],
+    ),
 }
 
 
@@ -37,12 +50,16 @@ def graph_of(vertices, faces, pairs, room=20.0):
     solid = Solid(vertices, faces)
     low, high = solid.bounds
     centre, reach = (low + high) / 2, room * np.linalg.norm(high - low)
-    return build_aspect_graph(solid, entities_of(solid, pairs), (centre - reach, centre + reach)).graph
+    return build_aspect_graph(
+        solid, entities_of(solid, pairs), (centre - reach, centre + reach)
+    ).graph
 
 
 @pytest.fixture(scope="module")
 def reference():
-    return {name: graph_of(part.vertices, part.faces, pairs) for name, (part, pairs) in KNOWN.items()}
+    return {
+        name: graph_of(part.vertices, part.faces, pairs) for name, (part, pairs) in KNOWN.items()
+    }
 
 
 @pytest.mark.parametrize("name", KNOWN)
@@ -60,7 +77,9 @@ def test_any_rotation_of_generated_solids(seed):
     part = generated_solid(seed)
     pairs = sharp_edges(part, ExactChecker(part.vertices, part.faces))[::3]
     turned = Rotation.random(random_state=seed).apply(np.array(part.vertices, dtype=float))
-    assert moved_parts.same_graph(graph_of(turned, part.faces, pairs), graph_of(part.vertices, part.faces, pairs))
+    assert moved_parts.same_graph(
+        graph_of(turned, part.faces, pairs), graph_of(part.vertices, part.faces, pairs)
+    )
 
 
 # Copies whose graph once differed: a sliver of a wide domain parted others (46, 26, 146, 25), a strip or a gap left by
@@ -92,7 +111,9 @@ def test_turned_shifted_scaled_and_shuffled_copies(seed, turn):
     original = moved_parts.listed(part.vertices, part.faces, pairs)
     rng = np.random.default_rng([seed, turn])
     copy = moved_parts.moved(original, rng, Rotation.random(random_state=0) if seed == 46 else None)
-    graphs = [moved_parts.graph_of(variant) for variant in (original, moved_parts.shuffled(copy, rng))]
+    graphs = [
+        moved_parts.graph_of(variant) for variant in (original, moved_parts.shuffled(copy, rng))
+    ]
     assert moved_parts.same_graph(*graphs)
 
 
@@ -135,7 +156,9 @@ def test_mirror_image(reference, name):
 def test_order_of_vertices_faces_loops_and_entities(reference, name, seed):
     part, pairs = KNOWN[name]
     known = moved_parts.Listed(
-        np.array(part.vertices, dtype=float), part.faces, {f"e{i}": pair for i, pair in enumerate(pairs)}
+        np.array(part.vertices, dtype=float),
+        part.faces,
+        {f"e{i}": pair for i, pair in enumerate(pairs)},
     )
     moved = moved_parts.shuffled(known, np.random.default_rng(seed))
     graph = graph_of(moved.vertices, moved.faces, list(moved.entities.values()))
@@ -165,7 +188,11 @@ def test_snapping_a_rotated_part_moves_no_boundary_by_more_than_it_must(seed):
     rng = np.random.default_rng(seed)
     points = uniform_viewpoints(rng, workspace_of(part), 60)
     points = points[checker.generic(points)]
-    turn, scale, shift = Rotation.random(random_state=seed), 10 ** rng.uniform(-2, 2), rng.uniform(-50, 50, 3)
+    turn, scale, shift = (
+        Rotation.random(random_state=seed),
+        10 ** rng.uniform(-2, 2),
+        rng.uniform(-50, 50, 3),
+    )
     solid = Solid(turn.apply(np.array(part.vertices, dtype=float)) * scale + shift, part.faces)
     moved = turn.apply(points) * scale + shift
     box = (moved.min(axis=0) - 1000 * scale, moved.max(axis=0) + 1000 * scale)
@@ -179,7 +206,9 @@ def distance_to_partition_planes(part, pair, point):
     """Return the distance in mm to the nearest plane through the entity and a vertex, or its end and an edge."""
     vertices = np.array(part.vertices, dtype=float)
     a, b = vertices[list(pair)]
-    trios = [(a, b, w) for w in vertices] + [(end, *vertices[list(e)]) for end in (a, b) for e in part.edges()]
+    trios = [(a, b, w) for w in vertices] + [
+        (end, *vertices[list(e)]) for end in (a, b) for e in part.edges()
+    ]
     base = np.array([trio[0] for trio in trios])
     normals = np.array([np.cross(q - p, r - p) for p, q, r in trios])
     length = np.linalg.norm(normals, axis=1)

@@ -32,7 +32,9 @@ def regions():
 def test_a_graph_that_fits_is_the_same_with_and_without_a_limit(regions):
     told = []
     free = graph_of(regions)
-    limited = graph_of(regions, memory_limit_bytes=1e12, progress=lambda *values: told.append(values))
+    limited = graph_of(
+        regions, memory_limit_bytes=1e12, progress=lambda *values: told.append(values)
+    )
     assert list(limited.graph.nodes(data="observable")) == list(free.graph.nodes(data="observable"))
     assert [done for done, _, _ in told] == list(range(1, 13))
     assert {tuple(rest) for _, *rest in told} == {(12, "joint graph")}
@@ -40,7 +42,10 @@ def test_a_graph_that_fits_is_the_same_with_and_without_a_limit(regions):
 
 def test_a_graph_far_too_large_is_refused_before_the_work(regions, monkeypatch):
     monkeypatch.setattr(aspect_graph, "overlay", lambda *_, **__: pytest.fail("the work has begun"))
-    with pytest.raises(MemoryLimitError, match=r"12 entities must fit memory_limit_bytes.*estimated.*fewer entities"):
+    with pytest.raises(
+        MemoryLimitError,
+        match=r"12 entities must fit memory_limit_bytes.*estimated.*fewer entities",
+    ):
         graph_of(regions, memory_limit_bytes=1000)
 
 
@@ -56,7 +61,9 @@ def test_running_out_of_memory_is_an_error_of_the_package(regions, monkeypatch):
         raise MemoryError("Unable to allocate 7 GiB")
 
     monkeypatch.setattr(aspect_graph, "carve", exhausted)
-    with pytest.raises(AspectGraphError, match=r"12 entities must fit.*Unable to allocate 7 GiB\).*fewer entities"):
+    with pytest.raises(
+        AspectGraphError, match=r"12 entities must fit.*Unable to allocate 7 GiB\).*fewer entities"
+    ):
         graph_of(regions)
 
 
@@ -68,7 +75,9 @@ def test_a_limit_must_be_positive(regions, limit):
 
 def test_building_takes_a_limit(regions):
     with pytest.raises(MemoryLimitError, match="joint graph of 2 entities"):
-        build_aspect_graph(regions.solid, dict(list(regions.entities.items())[:2]), memory_limit_bytes=1)
+        build_aspect_graph(
+            regions.solid, dict(list(regions.entities.items())[:2]), memory_limit_bytes=1
+        )
 
 
 def test_regions_of_a_graph_that_cannot_fit_are_not_all_computed(regions):
@@ -77,20 +86,28 @@ def test_regions_of_a_graph_that_cannot_fit_are_not_all_computed(regions):
     def progress(done, *_):
         told.append(done)
 
-    with pytest.raises(MemoryLimitError, match=r"12 entities must fit .*estimated from the first 10 regions"):
-        compute_regions(regions.solid, regions.entities, progress=progress, kept=JointForecast(1000))
+    with pytest.raises(
+        MemoryLimitError, match=r"12 entities must fit .*estimated from the first 10 regions"
+    ):
+        compute_regions(
+            regions.solid, regions.entities, progress=progress, kept=JointForecast(1000)
+        )
     assert told[-1] < 12
 
 
 def test_regions_of_a_graph_that_may_fit_are_computed(regions):
     """The first regions may be the largest ones: only a graph that is far too large is refused by them."""
     about = estimate_graph(regions).memory_bytes
-    assert compute_regions(regions.solid, regions.entities, kept=JointForecast(about / ERROR)).entities
+    assert compute_regions(
+        regions.solid, regions.entities, kept=JointForecast(about / ERROR)
+    ).entities
 
 
 def test_the_estimate_of_some_entities_is_that_of_their_regions(regions):
     names = regions.entity_names[:3]
-    assert estimate_graph(regions, names) == estimate_joint_graph([regions._regions[name] for name in names])
+    assert estimate_graph(regions, names) == estimate_joint_graph(
+        [regions._regions[name] for name in names]
+    )
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the kernel tells of limits in its own way")

@@ -21,8 +21,20 @@ COUNTS = {
         116,
         55,
     ),
-    "step of the L-block (paper, Fig. 8)": (solids.l_block, lambda solid: solids.STEP_ENTITIES, 20, 40, 13),
-    "slotted block (paper, Table I)": (solids.slotted_block, lambda solid: solids.SLOT_ENTITIES, 8, 11, 8),
+    "step of the L-block (paper, Fig. 8)": (
+        solids.l_block,
+        lambda solid: solids.STEP_ENTITIES,
+        20,
+        40,
+        13,
+    ),
+    "slotted block (paper, Table I)": (
+        solids.slotted_block,
+        lambda solid: solids.SLOT_ENTITIES,
+        8,
+        11,
+        8,
+    ),
     "two-pocket block (paper, Table II)": (
         solids.two_pocket_block,
         lambda solid: solids.TWO_POCKET_ENTITIES,
@@ -61,7 +73,9 @@ def test_domains_and_solid_fill_the_workspace(name):
     make, entities_of, *_ = COUNTS[name]
     solid = make()
     graph = build_aspect_graph(solid, entities_of(solid), WORKSPACE).graph
-    assert sum(volume for _, volume in graph.nodes(data="volume")) + solid.volume == pytest.approx(120.0**3, rel=1e-9)
+    assert sum(volume for _, volume in graph.nodes(data="volume")) + solid.volume == pytest.approx(
+        120.0**3, rel=1e-9
+    )
 
 
 def test_cube_domains_are_the_26_sectors():
@@ -76,10 +90,16 @@ def test_cube_domains_are_the_26_sectors():
 def test_walls_of_a_closed_void_are_seen_only_from_inside_it():
     solid = solids.hollow_box()
     inner = [
-        edge.id for edge in solid.straight_edges() if (np.abs(solid.edge_points(edge.id) - 2.0) <= 1.0 + 1e-9).all()
+        edge.id
+        for edge in solid.straight_edges()
+        if (np.abs(solid.edge_points(edge.id) - 2.0) <= 1.0 + 1e-9).all()
     ]
     graph = build_aspect_graph(solid, inner, WORKSPACE).graph
-    lists = {listed: data["unbounded"] for _, data in graph.nodes(data=True) for listed in [data["observable"]]}
+    lists = {
+        listed: data["unbounded"]
+        for _, data in graph.nodes(data=True)
+        for listed in [data["observable"]]
+    }
     assert len(graph) == 2
     assert lists == {(): True, tuple(f"e{edge}" for edge in inner): False}
     assert graph.number_of_edges() == 0

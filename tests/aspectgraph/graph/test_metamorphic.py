@@ -10,7 +10,14 @@ from generated_solids import generated_solid
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mesh_files import off_text
-from solids import SLOT_ENTITIES, STEP_ENTITIES, TWO_POCKET_ENTITIES, l_block, slotted_block, two_pocket_block
+from solids import (
+    SLOT_ENTITIES,
+    STEP_ENTITIES,
+    TWO_POCKET_ENTITIES,
+    l_block,
+    slotted_block,
+    two_pocket_block,
+)
 
 from aspectgraph import build_aspect_graph, compute_regions, read_solid
 from aspectgraph.read.mesh import UNITS_MM
@@ -18,7 +25,9 @@ from aspectgraph.solid.solid import Solid
 
 ROOM = [[-30.0] * 3, [30.0] * 3]
 CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-QUADS = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
+QUADS = np.array(
+    [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+)
 KNOWN = {
     "slots": (slotted_block, SLOT_ENTITIES),
     "step": (l_block, STEP_ENTITIES),
@@ -35,10 +44,15 @@ def boxes(*places):
 @st.composite
 def places_beside(draw):
     """Low corner and size of one to three boxes that keep clear of the cube [0, 4]³ and of each other."""
-    slots = [np.array(at) for at in ((-9, 0, 0), (9, 0, 0), (0, -9, 0), (0, 9, 0), (0, 0, -9), (0, 0, 9))]
+    slots = [
+        np.array(at) for at in ((-9, 0, 0), (9, 0, 0), (0, -9, 0), (0, 9, 0), (0, 0, -9), (0, 0, 9))
+    ]
     chosen = draw(st.lists(st.integers(0, 5), min_size=1, max_size=3, unique=True))
     number = st.integers(0, 3)
-    return [(slots[k] + [draw(number) for _ in range(3)], [draw(number) + 1 for _ in range(3)]) for k in chosen]
+    return [
+        (slots[k] + [draw(number) for _ in range(3)], [draw(number) + 1 for _ in range(3)])
+        for k in chosen
+    ]
 
 
 @settings(max_examples=12, deadline=None, derandomize=True)
@@ -83,7 +97,9 @@ def test_without_an_entity_domains_that_it_parted_merge(name):
         same.add_nodes_from(whole)
         groups = list(nx.connected_components(same))
         group_of = {n: k for k, group in enumerate(groups) for n in group}
-        merged = nx.Graph((group_of[a], group_of[b]) for a, b in whole.edges if group_of[a] != group_of[b])
+        merged = nx.Graph(
+            (group_of[a], group_of[b]) for a, b in whole.edges if group_of[a] != group_of[b]
+        )
         merged.add_nodes_from(range(len(groups)))
         for k, group in enumerate(groups):
             merged.nodes[k]["observable"] = tuple(lists[min(group)])
@@ -94,7 +110,9 @@ def test_without_an_entity_domains_that_it_parted_merge(name):
 def test_units_change_nothing(tmp_path, unit):
     original = slotted_block()
     path = tmp_path / "part.off"
-    path.write_bytes(off_text(original.vertices / UNITS_MM[unit], [face.outer for face in original.faces]))
+    path.write_bytes(
+        off_text(original.vertices / UNITS_MM[unit], [face.outer for face in original.faces])
+    )
     solid = read_solid(path, units=unit)
     assert solid.vertices == pytest.approx(original.vertices, abs=1e-12)
     one, other = (build_aspect_graph(each, SLOT_ENTITIES).graph for each in (original, solid))

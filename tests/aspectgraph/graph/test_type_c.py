@@ -101,8 +101,13 @@ def test_partly_visible_edge_appears_at_surfaces_of_type_c_too():
     drawing = Drawing(np.array(part.vertices), np.array(edges), np.array(triangles))
 
     def sees_partly(v):
-        return bool(drawing.visible_parts(np.array(v) / STEPS_PER_MM)[edges.index(tuple(sorted((a, b))))])
+        return bool(
+            drawing.visible_parts(np.array(v) / STEPS_PER_MM)[edges.index(tuple(sorted((a, b))))]
+        )
 
     planes = partition_planes(checker, a, b)
-    found = [some_plane_between(planes, p, q) for p, q in changes(sees_partly, LOW, HIGH, np.random.default_rng(0), 10)]
+    found = [
+        some_plane_between(planes, p, q)
+        for p, q in changes(sees_partly, LOW, HIGH, np.random.default_rng(0), 10)
+    ]
     assert found.count(False) >= 5

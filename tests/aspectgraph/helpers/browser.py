@@ -13,7 +13,9 @@ from pathlib import Path
 
 import pytest
 
-PROGRAM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+PROGRAM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
 needs_browser = pytest.mark.skipif(PROGRAM is None, reason="no Chromium on this machine")
 
 # what a page may ask for without leaving the machine
@@ -34,7 +36,14 @@ class Browser:
             "--disable-background-networking", "--no-first-run", "--hide-scrollbars", "--force-device-scale-factor=1",
         ]  # fmt: skip
         self._process = subprocess.Popen(
-            ["/bin/bash", "-c", f'exec "$@" 3<&{ours[0]} 4>&{theirs[1]}', "bash", PROGRAM, *switches],
+            [
+                "/bin/bash",
+                "-c",
+                f'exec "$@" 3<&{ours[0]} 4>&{theirs[1]}',
+                "bash",
+                PROGRAM,
+                *switches,
+            ],
             pass_fds=(ours[0], theirs[1]),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -91,12 +100,18 @@ class Page:
     def __init__(self, browser, path, width, height):
         self._browser, self.width, self.height = browser, width, height
         target = browser.call("Target.createTarget", url="about:blank")["targetId"]
-        self._session = browser.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self._session = browser.call("Target.attachToTarget", targetId=target, flatten=True)[
+            "sessionId"
+        ]
         self._target = target
         for domain in ("Page", "Runtime", "Network", "Log"):
             self.call(f"{domain}.enable")
         self.call(
-            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 500
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=width < 500,
         )
         self.call("Page.navigate", url=path.resolve().as_uri())
         self.wait("document.readyState === 'complete'")
@@ -106,7 +121,9 @@ class Page:
 
     def run(self, script):
         """Return the value of a script."""
-        result = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        result = self.call(
+            "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
+        )
         assert "exceptionDetails" not in result, result["exceptionDetails"]
         return result["result"].get("value")
 
@@ -119,7 +136,9 @@ class Page:
 
     def mouse(self, kind, x, y, **more):
         button = "left" if kind != "mouseMoved" or more.get("buttons") else "none"
-        self.call("Input.dispatchMouseEvent", **{"type": kind, "x": x, "y": y, "button": button, **more})
+        self.call(
+            "Input.dispatchMouseEvent", **{"type": kind, "x": x, "y": y, "button": button, **more}
+        )
 
     def click(self, x, y, count=1):
         self.mouse("mouseMoved", x, y)
@@ -137,7 +156,9 @@ class Page:
 
     def _events(self, method):
         return [
-            e["params"] for e in self._browser.events if e.get("sessionId") == self._session and e["method"] == method
+            e["params"]
+            for e in self._browser.events
+            if e.get("sessionId") == self._session and e["method"] == method
         ]
 
     @property
@@ -145,14 +166,17 @@ class Page:
         """Errors and warnings: of scripts, of the console and of the browser itself."""
         told = [str(e["exceptionDetails"]) for e in self._events("Runtime.exceptionThrown")]
         told += [
-            str(e) for e in self._events("Runtime.consoleAPICalled") if e["type"] in ("error", "warning", "assert")
+            str(e)
+            for e in self._events("Runtime.consoleAPICalled")
+            if e["type"] in ("error", "warning", "assert")
         ]
         entries = [e["entry"] for e in self._events("Log.entryAdded")]
         # that drawing without a graphics card is slow says nothing about the page
         return told + [
             entry["text"]
             for entry in entries
-            if entry["level"] in ("error", "warning") and not any(slow in entry["text"] for slow in _SLOW)
+            if entry["level"] in ("error", "warning")
+            and not any(slow in entry["text"] for slow in _SLOW)
         ]
 
     @property

@@ -61,7 +61,10 @@ def partition_planes(checker: ExactChecker, a: int, b: int) -> list[tuple]:
         ((a, b, w) for w in range(len(points))),
         ((end, i, j) for end in (a, b) for i, j in checker.edge_faces),
     )
-    normals = [(cross(minus(points[q], points[p]), minus(points[r], points[p])), points[p]) for p, q, r in trios]
+    normals = [
+        (cross(minus(points[q], points[p]), minus(points[r], points[p])), points[p])
+        for p, q, r in trios
+    ]
     return [(normal, dot(normal, base)) for normal, base in normals if any(normal)]
 
 
@@ -94,9 +97,14 @@ def workspace_of(part: Part) -> np.ndarray:
     return np.array([low - room, high + room], dtype=float)
 
 
-def uniform_viewpoints(rng: np.random.Generator, workspace, n: int, steps_per_mm: int = STEPS_PER_MM) -> np.ndarray:
+def uniform_viewpoints(
+    rng: np.random.Generator, workspace, n: int, steps_per_mm: int = STEPS_PER_MM
+) -> np.ndarray:
     """Return points on the grid, uniform in the workspace."""
-    return rng.integers(workspace[0] * steps_per_mm, workspace[1] * steps_per_mm + 1, (n, 3)) / steps_per_mm
+    return (
+        rng.integers(workspace[0] * steps_per_mm, workspace[1] * steps_per_mm + 1, (n, 3))
+        / steps_per_mm
+    )
 
 
 def viewpoints_near_partition_planes(
@@ -110,7 +118,10 @@ def viewpoints_near_partition_planes(
         if rng.random() < 0.5:
             base, span = vertices[a], vertices[[b, rng.integers(len(vertices))]]
         else:
-            base, span = vertices[rng.choice([a, b])], vertices[list(all_edges[rng.integers(len(all_edges))])]
+            base, span = (
+                vertices[rng.choice([a, b])],
+                vertices[list(all_edges[rng.integers(len(all_edges))])],
+            )
         weights = rng.normal(size=2) * rng.choice([1, 4, 16])
         points.append(base + weights @ (span - base) + rng.integers(-1, 2, 3) / steps_per_mm)
     points = np.rint(np.array(points).reshape(-1, 3) * steps_per_mm) / steps_per_mm
@@ -123,15 +134,23 @@ def compare(seed: int, n_points: int, n_edges: int) -> Comparison:
 
 
 def compare_part(
-    part: Part, rng: np.random.Generator, n_points: int, n_edges: int, steps_per_mm: int = STEPS_PER_MM
+    part: Part,
+    rng: np.random.Generator,
+    n_points: int,
+    n_edges: int,
+    steps_per_mm: int = STEPS_PER_MM,
 ) -> Comparison:
     """Ask both programs about random viewpoints and edges of a part."""
     checker = ExactChecker(part.vertices, part.faces, steps_per_mm)
     edges = sharp_edges(part, checker)
     edges = [edges[i] for i in rng.permutation(len(edges))[:n_edges]]
     workspace = workspace_of(part)
-    near = viewpoints_near_partition_planes(rng, part, edges, workspace, n_points // 2, steps_per_mm)
-    points = np.concatenate([uniform_viewpoints(rng, workspace, n_points - len(near), steps_per_mm), near])
+    near = viewpoints_near_partition_planes(
+        rng, part, edges, workspace, n_points // 2, steps_per_mm
+    )
+    points = np.concatenate(
+        [uniform_viewpoints(rng, workspace, n_points - len(near), steps_per_mm), near]
+    )
     points = points[checker.generic(points)]
     solid = solid_of(part)
     regions = compute_regions(solid, entities_of(solid, edges), workspace)

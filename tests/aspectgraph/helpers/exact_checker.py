@@ -84,7 +84,9 @@ class ExactChecker:
         self.planes = [self._plane(i) for i in range(len(self.loops))]
         self.edge_faces = self._pair_edges()
         self.convexity = {pair: self._convexity(pair) for pair in self.edge_faces}
-        self.face_edges = [[edge for loop in loops for edge in loop_edges(loop)] for loops in self.loops]
+        self.face_edges = [
+            [edge for loop in loops for edge in loop_edges(loop)] for loops in self.loops
+        ]
 
     @classmethod
     def of(cls, solid, steps_per_mm: int = 1) -> ExactChecker:
@@ -173,9 +175,15 @@ class ExactChecker:
         """Return whether (v, a, b) misses int S for each row v of `points`, all outside S."""
         vertices = np.array(self.vertices, dtype=points.dtype)
         to_a, to_b = vertices[a] - points, vertices[b] - points
-        normal = np.stack([to_a[:, i - 2] * to_b[:, i - 1] - to_a[:, i - 1] * to_b[:, i - 2] for i in range(3)], axis=1)
+        normal = np.stack(
+            [to_a[:, i - 2] * to_b[:, i - 1] - to_a[:, i - 1] * to_b[:, i - 2] for i in range(3)],
+            axis=1,
+        )
         heights = normal @ (vertices - vertices[a]).T
-        s_a, s_b = (np.array([dot(n, self.vertices[i]) - d for n, d in self.planes], dtype=object) for i in (a, b))
+        s_a, s_b = (
+            np.array([dot(n, self.vertices[i]) - d for n, d in self.planes], dtype=object)
+            for i in (a, b)
+        )
         faces = self._faces_between(s_v, s_a, s_b, heights)
         flat = self._edges_in_plane(heights, a, b)
         visible = np.ones(len(points), dtype=bool)
@@ -184,7 +192,8 @@ class ExactChecker:
         ):
             ends = (v, self.vertices[a], self.vertices[b])
             visible[row] = not any(
-                self._crosses(int(f), ends, (int(signs[f]), s_a[f], s_b[f]), n, h) for f in np.flatnonzero(faces[row])
+                self._crosses(int(f), ends, (int(signs[f]), s_a[f], s_b[f]), n, h)
+                for f in np.flatnonzero(faces[row])
             ) and not any(self._pierces(edge, ends, n, signs) for edge in flat.get(row, ()))
         return visible
 
@@ -303,7 +312,9 @@ def observable_by_section(checker: ExactChecker, v, a: int, b: int) -> bool:
     for normal, offset in set(checker.planes):
         sides = [(polygon, [dot(normal, p) - offset for p in polygon]) for polygon in pieces]
         pieces = [part for polygon, s in sides for part in _halves(polygon, s)]
-    centres = [tuple(sum(c) / len(polygon) for c in zip(*polygon, strict=True)) for polygon in pieces]
+    centres = [
+        tuple(sum(c) / len(polygon) for c in zip(*polygon, strict=True)) for polygon in pieces
+    ]
     return not any(checker.contains_point(c) for c in centres)
 
 

@@ -54,13 +54,19 @@ def _gap(sizes) -> Part:
 
 def _offset_gap(sizes) -> Part:
     x, y, z, gap = sizes.large(), sizes.large(), sizes.large(), sizes.small()
-    return _boxes(((0, 0, 0), (x, y, z)), ((x + gap, y // 5, z // 7), (x + gap + sizes.large(), y // 2, 2 * z)))
+    return _boxes(
+        ((0, 0, 0), (x, y, z)),
+        ((x + gap, y // 5, z // 7), (x + gap + sizes.large(), y // 2, 2 * z)),
+    )
 
 
 def _stack(sizes) -> Part:
     """Two thin plates: the usual grid is far coarser across them than it has to be."""
     x, y, gap, thick = sizes.large(), sizes.large(), sizes.small(), sizes.large() // 100
-    return _boxes(((0, 0, 0), (x, y, thick)), ((x // 9, y // 8, thick + gap), (x // 2, y // 2, 2 * thick + gap)))
+    return _boxes(
+        ((0, 0, 0), (x, y, thick)),
+        ((x // 9, y // 8, thick + gap), (x // 2, y // 2, 2 * thick + gap)),
+    )
 
 
 def _profile(solid_columns: tuple[bool, bool, bool], sizes, width: int, height: int) -> Part:
@@ -75,7 +81,9 @@ def _step(sizes) -> Part:
     full = np.ones((2, 1, 2), bool)
     full[1, 0, 1] = False
     x, z = sizes.large(), sizes.large()
-    return cell_solid(full, [[0, x, x + sizes.large()], [0, sizes.large()], [0, z, z + sizes.small()]])
+    return cell_solid(
+        full, [[0, x, x + sizes.large()], [0, sizes.large()], [0, z, z + sizes.small()]]
+    )
 
 
 def _plate(sizes) -> Part:
@@ -84,7 +92,14 @@ def _plate(sizes) -> Part:
 
 def _wedge(sizes) -> Part:
     x, thick, y, more = sizes.large(), sizes.small(), sizes.large(), 9
-    vertices = ((0, 0, 0), (x, 0, 0), (x, thick, 0), (0, 0, y), (x, 0, y + more), (x, thick, y + more))
+    vertices = (
+        (0, 0, 0),
+        (x, 0, 0),
+        (x, thick, 0),
+        (0, 0, y),
+        (x, 0, y + more),
+        (x, thick, y + more),
+    )
     faces = ((0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5))
     return Part("wedge", vertices, tuple((face, ()) for face in faces))
 
@@ -95,7 +110,11 @@ def _on_top(middle: bool, sizes) -> Part:
     full[1, 1, 1] = middle
     x, y, z = sizes.large(), sizes.large(), sizes.large()
     u, v, w = sizes.small(), sizes.small(), sizes.small()
-    ticks = [[0, x, x + u, x + u + sizes.large()], [0, y, y + v, y + v + sizes.large()], [0, z, z + w]]
+    ticks = [
+        [0, x, x + u, x + u + sizes.large()],
+        [0, y, y + v, y + v + sizes.large()],
+        [0, z, z + w],
+    ]
     return cell_solid(full, ticks)
 
 

@@ -55,7 +55,11 @@ def pyramid(profile, apex, name: str = "pyramid") -> Part:
     """Return the pyramid over a profile at z = 0; the profile must be star-shaped about the apex's foot."""
     n = len(profile)
     vertices = (*((x, y, 0) for x, y in profile), tuple(apex))
-    return Part(name, vertices, ((tuple(reversed(range(n))), ()), *(((i, (i + 1) % n, n), ()) for i in range(n))))
+    return Part(
+        name,
+        vertices,
+        ((tuple(reversed(range(n))), ()), *(((i, (i + 1) % n, n), ()) for i in range(n))),
+    )
 
 
 def block_with_pocket(profile, half: int, height: int, depth: int, name: str = "pocket") -> Part:
@@ -64,10 +68,20 @@ def block_with_pocket(profile, half: int, height: int, depth: int, name: str = "
     block = prism(corners, height)
     n = len(profile)
     rim = tuple(range(8, 8 + n))
-    vertices = (*block.vertices, *((x, y, height) for x, y in profile), *((x, y, height - depth) for x, y in profile))
+    vertices = (
+        *block.vertices,
+        *((x, y, height) for x, y in profile),
+        *((x, y, height - depth) for x, y in profile),
+    )
     walls = [((8 + i, 8 + (i + 1) % n, 8 + n + (i + 1) % n, 8 + n + i), ()) for i in range(n)]
     floor = (tuple(range(8 + n, 8 + 2 * n)), ())
-    faces = [block.faces[0], (block.faces[1][0], (tuple(reversed(rim)),)), *block.faces[2:], *walls, floor]
+    faces = [
+        block.faces[0],
+        (block.faces[1][0], (tuple(reversed(rim)),)),
+        *block.faces[2:],
+        *walls,
+        floor,
+    ]
     return Part(name, vertices, tuple(faces))
 
 
@@ -92,7 +106,9 @@ def comb_profile(rng: np.random.Generator, n: int):
     profile = [(x[0], 0), (x[-1], 0), *top]
     return [
         p
-        for before, p, after in zip((profile[-1], *profile[:-1]), profile, (*profile[1:], profile[0]), strict=True)
+        for before, p, after in zip(
+            (profile[-1], *profile[:-1]), profile, (*profile[1:], profile[0]), strict=True
+        )
         if (p[0] - before[0]) * (after[1] - p[1]) != (p[1] - before[1]) * (after[0] - p[0])
     ]
 
@@ -115,7 +131,11 @@ def cell_solid(full: np.ndarray, ticks, name: str = "cells") -> Part | None:
     octants = {c: full[c[0] : c[0] + 2, c[1] : c[1] + 2, c[2] : c[2] + 2] for c in corners}
     if not all(_is_manifold(block) for block in octants.values()) or _count_pieces(~full) != 1:
         return None
-    vertices = [c for c, block in octants.items() if not any((block == np.flip(block, k)).all() for k in range(3))]
+    vertices = [
+        c
+        for c, block in octants.items()
+        if not any((block == np.flip(block, k)).all() for k in range(3))
+    ]
     number = {c: i for i, c in enumerate(vertices)}
     faces = []
     for axis, outward in product(range(3), (1, -1)):
@@ -123,7 +143,9 @@ def cell_solid(full: np.ndarray, ticks, name: str = "cells") -> Part | None:
             here, there = np.take(full, level, axis), np.take(full, level + 1, axis)
             mask = (here & ~there) if outward > 0 else (there & ~here)
             for piece in _pieces(mask):
-                loops = [_corner_loop(loop, axis, level, outward, number) for loop in _outlines(piece)]
+                loops = [
+                    _corner_loop(loop, axis, level, outward, number) for loop in _outlines(piece)
+                ]
                 loops.sort(key=lambda loop: -_extent(loop, vertices))
                 faces.append((loops[0], tuple(loops[1:])))
     places = tuple(tuple(ticks[k][c[k]] for k in range(3)) for c in vertices)
@@ -140,7 +162,9 @@ def _is_manifold(block: np.ndarray) -> bool:
         for a, b in [(np.take(block, 0, axis), np.take(block, 1, axis))]
         for mask in (a & ~b, b & ~a)
     )
-    return not diagonal and not touching and _count_pieces(block) <= 1 and _count_pieces(~block) <= 1
+    return (
+        not diagonal and not touching and _count_pieces(block) <= 1 and _count_pieces(~block) <= 1
+    )
 
 
 def _pieces(mask: np.ndarray) -> list[set[tuple[int, ...]]]:
@@ -172,7 +196,9 @@ def _outlines(piece: set) -> list[list[tuple[int, int]]]:
     for i, j in piece:
         square = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
         for (p, q), near in zip(
-            pairwise((*square, square[0])), [(i, j - 1), (i + 1, j), (i, j + 1), (i - 1, j)], strict=True
+            pairwise((*square, square[0])),
+            [(i, j - 1), (i + 1, j), (i, j + 1), (i - 1, j)],
+            strict=True,
         ):
             if near not in piece:
                 step[p] = q
@@ -240,7 +266,9 @@ def touching_union(rng: np.random.Generator, name: str) -> Part:
             shift = rng.integers(-1, 2, 3)
             shift[axis] = size[axis] if rng.random() < 0.5 else -new[axis]
             low, size = np.maximum(low + shift, 0), new
-        part = cell_solid(full, [np.cumsum([0, *rng.integers(1, 4, 6)]).tolist() for _ in range(3)], name)
+        part = cell_solid(
+            full, [np.cumsum([0, *rng.integers(1, 4, 6)]).tolist() for _ in range(3)], name
+        )
         if part is not None:
             return part
 
@@ -272,13 +300,23 @@ def generated_solid(seed: int) -> Part:
     rng = np.random.default_rng(seed)
     family = seed % 10
     if family == 0:
-        part = prism(star_profile(rng, int(rng.integers(4, 9)), 8), int(rng.integers(1, 9)), "star prism")
+        part = prism(
+            star_profile(rng, int(rng.integers(4, 9)), 8), int(rng.integers(1, 9)), "star prism"
+        )
     elif family == 1:
-        part = prism(comb_profile(rng, int(rng.integers(2, 6))), int(rng.integers(1, 9)), "comb prism")
+        part = prism(
+            comb_profile(rng, int(rng.integers(2, 6))), int(rng.integers(1, 9)), "comb prism"
+        )
     elif family == 2:
-        part = pyramid(star_profile(rng, int(rng.integers(3, 8)), 8), (0, 0, int(rng.integers(2, 9))), "pyramid")
+        part = pyramid(
+            star_profile(rng, int(rng.integers(3, 8)), 8),
+            (0, 0, int(rng.integers(2, 9))),
+            "pyramid",
+        )
     elif family == 3:
-        part = block_with_pocket(star_profile(rng, 6, 5), 7, 6, int(rng.choice([1, 2, 4, -1, -3])), "block and pocket")
+        part = block_with_pocket(
+            star_profile(rng, 6, 5), 7, 6, int(rng.choice([1, 2, 4, -1, -3])), "block and pocket"
+        )
     elif family == 4:
         part = random_cell_solid(rng, (3, 2, 2), 0.6, "cells")
     elif family in (5, 6):
@@ -286,10 +324,16 @@ def generated_solid(seed: int) -> Part:
     elif family == 7:
         part = touching_union(rng, "touching union")
     elif family == 8:
-        part = _sheared(rng, generated_solid(seed + 10_000 * 10 + 7 - int(rng.integers(0, 8))), "sheared")
+        part = _sheared(
+            rng, generated_solid(seed + 10_000 * 10 + 7 - int(rng.integers(0, 8))), "sheared"
+        )
     else:
-        quaternion = rng.permutation([(1, 1, 0, 0), (2, 1, 0, 0), (1, 1, 1, 0), (1, 2, 0, 1)][rng.integers(4)])
-        part = generated_solid(seed + 20_000 * 10 - 2 - int(rng.integers(0, 7))).mapped(rotation(quaternion), "rotated")
+        quaternion = rng.permutation(
+            [(1, 1, 0, 0), (2, 1, 0, 0), (1, 1, 1, 0), (1, 2, 0, 1)][rng.integers(4)]
+        )
+        part = generated_solid(seed + 20_000 * 10 - 2 - int(rng.integers(0, 7))).mapped(
+            rotation(quaternion), "rotated"
+        )
     return part._replace(name=f"{part.name} {seed}")
 
 

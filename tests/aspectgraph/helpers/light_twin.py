@@ -48,19 +48,29 @@ def is_rational(checker: ExactChecker, pair: tuple[int, int]) -> bool:
     return all(isqrt(x) ** 2 == x for x in (ratio.numerator, ratio.denominator))
 
 
-def lamps_near_the_wedge(rng, checker: ExactChecker, edges, workspace, contrast: Fraction, n: int) -> np.ndarray:
+def lamps_near_the_wedge(
+    rng, checker: ExactChecker, edges, workspace, contrast: Fraction, n: int
+) -> np.ndarray:
     """Return points within about a step of where the contrast of an edge is that asked for."""
     k, points = float((1 + contrast) / (1 - contrast)), []
     for _ in range(n):
         pair = tuple(sorted(edges[rng.integers(len(edges))]))
         a, b = (np.array(checker.vertices[v], float) / checker.steps_per_mm for v in pair)
-        one, other = (np.array(checker.planes[f][0], float) for f in rng.permuted(checker.edge_faces[pair]))
+        one, other = (
+            np.array(checker.planes[f][0], float) for f in rng.permuted(checker.edge_faces[pair])
+        )
         across = one / np.linalg.norm(one) - k * other / np.linalg.norm(other)
         along = (b - a) / np.linalg.norm(b - a)
         out = np.cross(across, along)
-        out *= np.sign(out @ (one / np.linalg.norm(one) + other / np.linalg.norm(other))) / np.linalg.norm(out)
+        out *= np.sign(
+            out @ (one / np.linalg.norm(one) + other / np.linalg.norm(other))
+        ) / np.linalg.norm(out)
         size = np.linalg.norm(b - a) * rng.choice([1, 4])
-        points.append(a + size * (rng.normal() * along + abs(rng.normal()) * out) + rng.integers(-1, 2, 3) / 64)
+        points.append(
+            a
+            + size * (rng.normal() * along + abs(rng.normal()) * out)
+            + rng.integers(-1, 2, 3) / 64
+        )
     points = np.rint(np.array(points).reshape(-1, 3) * STEPS_PER_MM) / STEPS_PER_MM
     return points[((points >= workspace[0]) & (points <= workspace[1])).all(axis=1)]
 
@@ -90,10 +100,15 @@ def compare_light(part: Part, seed: int, n_points: int, n_edges: int, contrasts:
     above = [[excess(checker, pair, lamp, asked) for pair in edges] for lamp in lamps]
     shares = np.array(above, object).reshape(len(lamps), len(edges))
     # by its docstring a plane leans by less than 10⁻⁶; where it is exact nothing may differ but for a rounded lamp
-    exact = np.array([is_rational(checker, pair) for pair in edges]) & (regions.grid.scale == 1.0).all()
+    exact = (
+        np.array([is_rational(checker, pair) for pair in edges]) & (regions.grid.scale == 1.0).all()
+    )
     rounded = are_rounded(regions.grid, points)
     near = np.abs(shares.astype(float)) < np.where(exact, 1e-9 * rounded[:, None], 1e-4)
-    engine, twin = regions.showing(points), checker.observable(points, edges) & (shares >= 0).astype(bool)
+    engine, twin = (
+        regions.showing(points),
+        checker.observable(points, edges) & (shares >= 0).astype(bool),
+    )
     seen = Comparison(part, checker, points, edges, engine, twin, rounded)
     for i, k in np.argwhere((engine != twin) & rounded[:, None]):
         near[i, k] |= seen._is_on_partition_plane(i, k)

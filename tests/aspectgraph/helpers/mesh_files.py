@@ -14,7 +14,12 @@ def stl_bytes(corners, header=b"binary part", count=None, tail=b"") -> bytes:
     """Binary STL of triangle corners (t, 3, 3)."""
     rows = np.zeros(len(corners), dtype=[("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
     rows["v"] = corners
-    return header.ljust(80, b" ") + struct.pack("<I", len(rows) if count is None else count) + rows.tobytes() + tail
+    return (
+        header.ljust(80, b" ")
+        + struct.pack("<I", len(rows) if count is None else count)
+        + rows.tobytes()
+        + tail
+    )
 
 
 def stl_text(corners, newline="\n", upper=False) -> bytes:

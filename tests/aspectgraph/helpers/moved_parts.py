@@ -25,14 +25,20 @@ class Listed(NamedTuple):
 
 def listed(vertices, faces, pairs) -> Listed:
     """Return a part with the entities e0, e1, …"""
-    return Listed(np.array(vertices, dtype=float), list(faces), {f"e{i}": tuple(pair) for i, pair in enumerate(pairs)})
+    return Listed(
+        np.array(vertices, dtype=float),
+        list(faces),
+        {f"e{i}": tuple(pair) for i, pair in enumerate(pairs)},
+    )
 
 
 def from_file(path: Path, n_entities: int) -> Listed:
     """Return the part in a file with its first edges."""
     solid = read_solid(path)
     faces = [(face.outer, face.holes) for face in solid.faces]
-    return listed(solid.vertices, faces, [edge.vertices for edge in solid.straight_edges()][:n_entities])
+    return listed(
+        solid.vertices, faces, [edge.vertices for edge in solid.straight_edges()][:n_entities]
+    )
 
 
 def moved(part: Listed, rng: np.random.Generator, turn: Rotation | None = None) -> Listed:
@@ -53,7 +59,10 @@ def shuffled(part: Listed, rng: np.random.Generator) -> Listed:
 
     faces = [(renumbered(outer), tuple(map(renumbered, holes))) for outer, holes in part.faces]
     names = [list(part.entities)[i] for i in rng.permutation(len(part.entities))]
-    entities = {name: tuple(place[list(part.entities[name])][:: rng.choice([1, -1])].tolist()) for name in names}
+    entities = {
+        name: tuple(place[list(part.entities[name])][:: rng.choice([1, -1])].tolist())
+        for name in names
+    }
     return Listed(part.vertices[order], [faces[i] for i in rng.permutation(len(faces))], entities)
 
 
@@ -71,5 +80,7 @@ def same_graph(one: nx.Graph, other: nx.Graph) -> bool:
     """Return whether graphs agree in lists, degrees and adjacencies, whatever the order of their nodes."""
     one, other = (nx.Graph(graph) for graph in (one, other))
     for graph in (one, other):
-        nx.set_node_attributes(graph, {k: frozenset(names) for k, names in graph.nodes(data="observable")}, "list")
+        nx.set_node_attributes(
+            graph, {k: frozenset(names) for k, names in graph.nodes(data="observable")}, "list"
+        )
     return nx.is_isomorphic(one, other, node_match=lambda p, q: p["list"] == q["list"])

@@ -10,7 +10,20 @@ import struct
 import numpy as np
 
 NUMBER = re.compile(rb"(?<![A-Za-z_#0-9.])[-+]?[0-9]+\.?[0-9]*(?:[eE][-+]?[0-9]+)?")
-WORDS = (b"", b"x", b"-1", b"0", b"1_0", b"1e999", b"-1e308", b"nan", b"inf", b"1.5", b"99999999999999999999", b"1.2.3")
+WORDS = (
+    b"",
+    b"x",
+    b"-1",
+    b"0",
+    b"1_0",
+    b"1e999",
+    b"-1e308",
+    b"nan",
+    b"inf",
+    b"1.5",
+    b"99999999999999999999",
+    b"1.2.3",
+)
 VALUES = (
     None,
     True,
@@ -78,7 +91,13 @@ def damaged_json(document, rng: np.random.Generator):
 
 
 def _places(value):
-    keys = list(value) if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()
+    keys = (
+        list(value)
+        if isinstance(value, dict)
+        else range(len(value))
+        if isinstance(value, list)
+        else ()
+    )
     for key in keys:
         yield value, key
         yield from _places(value[key])
@@ -97,7 +116,11 @@ def with_json(document, rest: bytes) -> bytes:
     """GLB file of a JSON document and the chunks after it."""
     head = json.dumps(document).encode()
     head += b" " * (-len(head) % 4)
-    return struct.pack("<4sIII4s", b"glTF", 2, 20 + len(head) + len(rest), len(head), b"JSON") + head + rest
+    return (
+        struct.pack("<4sIII4s", b"glTF", 2, 20 + len(head) + len(rest), len(head), b"JSON")
+        + head
+        + rest
+    )
 
 
 ENCODINGS = (

@@ -42,7 +42,9 @@ def between(p, value_p, q, value_q) -> tuple[int, ...]:
     """Return the point of pq where a plane with values of opposite sign at p and q vanishes."""
     a, b = abs(value_q), abs(value_p)
     numbers = [a * x + b * y for x, y in zip(p, q, strict=True)]
-    return tuple(x / numbers[3] for x in numbers) if isinstance(p[3], Fraction) else reduced(numbers)
+    return (
+        tuple(x / numbers[3] for x in numbers) if isinstance(p[3], Fraction) else reduced(numbers)
+    )
 
 
 def through(p, q, r) -> tuple[int, ...] | None:
@@ -80,7 +82,12 @@ def clip(loop, plane) -> list | None:
 
 def box_cell(low, high, number=int) -> list:
     """Return the box between two integer corners as a cell, its points of the given kind of number."""
-    corner = [(x, y, z, 1) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    corner = [
+        (x, y, z, 1)
+        for x in (low[0], high[0])
+        for y in (low[1], high[1])
+        for z in (low[2], high[2])
+    ]
     corner = [tuple(map(number, p)) for p in corner]
     loops = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     planes = [

@@ -111,7 +111,9 @@ def wedge_obstacles(solid: ExactChecker, pair) -> list[list]:
     Behind both at a convex edge, behind either at a re-entrant one.
     """
     pair = tuple(sorted(pair))
-    behind = [opposite((*normal, d)) for normal, d in (solid.planes[f] for f in solid.edge_faces[pair])]
+    behind = [
+        opposite((*normal, d)) for normal, d in (solid.planes[f] for f in solid.edge_faces[pair])
+    ]
     return [behind] if solid.convexity[pair] > 0 else [[plane] for plane in behind]
 
 
@@ -144,7 +146,9 @@ def entity_obstacles(solid: ExactChecker, pieces, path) -> list[list]:
     a, b = ((*solid.vertices[i], 1) for i in (path[0], path[-1]))
     found = [obstacle for pair in pairwise(path) for obstacle in wedge_obstacles(solid, pair)]
     for (normal, offset), polygons in zip(solid.planes, pieces, strict=True):
-        found += filter(None, (blocked_set(polygon, (*normal, offset), a, b) for polygon in polygons))
+        found += filter(
+            None, (blocked_set(polygon, (*normal, offset), a, b) for polygon in polygons)
+        )
     return found
 
 
@@ -184,11 +188,15 @@ def contacts(cells):
     front, back = {}, {}
     for i, cell in enumerate(cells):
         for plane, loop in cell:
-            (front if plane == key(plane) else back).setdefault(key(plane), []).append((i, loop, _bounds(loop)))
+            (front if plane == key(plane) else back).setdefault(key(plane), []).append(
+                (i, loop, _bounds(loop))
+            )
     for plane in front.keys() & back.keys():
         for i, loop, (low, high) in front[plane]:
             for j, _, (other_low, other_high) in back[plane]:
-                near = all(x <= y for x, y in zip((*low, *other_low), (*other_high, *high), strict=True))
+                near = all(
+                    x <= y for x, y in zip((*low, *other_low), (*other_high, *high), strict=True)
+                )
                 if near and overlaps(loop, cells[j], opposite(plane)):
                     yield i, j
 
@@ -199,7 +207,9 @@ def _bounds(loop, margin=1e-6):
     return [min(c) - margin for c in columns], [max(c) + margin for c in columns]
 
 
-def twin_graph(solid: ExactChecker, entities: dict[str, tuple[int, ...]], low, high, number=int) -> TwinGraph:
+def twin_graph(
+    solid: ExactChecker, entities: dict[str, tuple[int, ...]], low, high, number=int
+) -> TwinGraph:
     """Return the aspect graph of entities in a box.
 
     Parameters
@@ -220,7 +230,9 @@ def twin_graph(solid: ExactChecker, entities: dict[str, tuple[int, ...]], low, h
         labelled = insert(labelled, entity_obstacles(solid, pieces, path), name)
     # Inside the solid every entity is hidden, so only cells with the empty list need carving.
     carved = [
-        (names, part) for names, cell in labelled for part in ([cell] if names else outside_parts(solid, pieces, cell))
+        (names, part)
+        for names, cell in labelled
+        for part in ([cell] if names else outside_parts(solid, pieces, cell))
     ]
     return merge([names for names, _ in carved], [cell for _, cell in carved])
 
@@ -250,7 +262,12 @@ def merge(labels, cells) -> TwinGraph:
 
 def facets_by_brute_force(piece, a, b) -> set[tuple[int, ...]]:
     """Return all facet planes of O + cone(O − ab), value ≥ 0 inside, trying every three generators."""
-    rays = [(*reduced(difference(o, end)), 0) for o in piece for end in (a, b) if difference(o, end) != (0, 0, 0)]
+    rays = [
+        (*reduced(difference(o, end)), 0)
+        for o in piece
+        for end in (a, b)
+        if difference(o, end) != (0, 0, 0)
+    ]
     generators = [*piece, *rays]
     found = set()
     for three in combinations(generators, 3):

@@ -115,7 +115,10 @@ def rimmed_solid(seed: int) -> Rimmed:
             to = levels[rng.integers(3)]
             inner = None
             if to and rng.random() < 0.5:
-                inner = int(rng.choice(INNER)), int(rng.choice([level for level in range(to + 5) if level != to]))
+                inner = (
+                    int(rng.choice(INNER)),
+                    int(rng.choice([level for level in range(to + 5) if level != to])),
+                )
             builder.add(centre, int(rng.choice(OUTER)), to, inner)
     part = builder.part(f"rimmed plate {seed}")
     if seed % 2:
@@ -151,7 +154,9 @@ def compare_rims(seed: int, n_points: int, n_rims: int) -> RimComparison:
     regions = compute_regions(solid, rims, workspace)
     assert regions.grid.snapping_mm == 0.0
     engine = regions.observable(points)
-    referee = np.column_stack([checker.observable(points, own).all(axis=1) for own in chords.values()])
+    referee = np.column_stack(
+        [checker.observable(points, own).all(axis=1) for own in chords.values()]
+    )
     rounded = are_rounded(regions.grid, points)
     wrong = [
         (part.name, tuple(points[i]), rims[k].id)
@@ -174,4 +179,6 @@ def _in_front(rng: np.random.Generator, rims, workspace, n: int) -> np.ndarray:
 
 def _is_on_a_plane(checker: ExactChecker, pairs, viewpoint) -> bool:
     point = [int(c) for c in viewpoint * checker.steps_per_mm]
-    return any(dot(n, point) == offset for pair in pairs for n, offset in partition_planes(checker, *pair))
+    return any(
+        dot(n, point) == offset for pair in pairs for n, offset in partition_planes(checker, *pair)
+    )

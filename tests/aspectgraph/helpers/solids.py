@@ -9,7 +9,20 @@ import numpy as np
 from aspectgraph import Solid
 
 L_PROFILE = [(0, 0), (3, 0), (3, 1), (1, 1), (1, 2), (0, 2)]
-SLOT_PROFILE = [(0, 0), (10, 0), (10, 1), (8, 1), (8, 3), (6, 3), (6, 2), (4, 2), (4, 3), (2, 3), (2, 1), (0, 1)]
+SLOT_PROFILE = [
+    (0, 0),
+    (10, 0),
+    (10, 1),
+    (8, 1),
+    (8, 3),
+    (6, 3),
+    (6, 2),
+    (4, 2),
+    (4, 3),
+    (2, 3),
+    (2, 1),
+    (0, 1),
+]
 
 
 class FaceBuilder:
@@ -50,7 +63,9 @@ def add_prism(builder: FaceBuilder, profile, height, holes=(), base=0.0) -> None
 
 def prism(profile, height, holes=(), name="prism") -> Solid:
     """Prism along z; holes go right through."""
-    return prism_faces([tuple(p) for p in profile], height, [[tuple(p) for p in hole] for hole in holes]).solid(name)
+    return prism_faces(
+        [tuple(p) for p in profile], height, [[tuple(p) for p in hole] for hole in holes]
+    ).solid(name)
 
 
 def ring(radius, n, centre=(0.0, 0.0), clockwise=False):
@@ -80,7 +95,9 @@ def box_with_pockets(size, pockets=(), name="box") -> Solid:
         top = size[axis]
         mine = [pocket[1:] for pocket in pockets if pocket[0] == axis]
         builder.add(square(0, 0, size[u], 0, size[v])[::-1])
-        builder.add(square(top, 0, size[u], 0, size[v]), [square(top, *pocket[:4])[::-1] for pocket in mine])
+        builder.add(
+            square(top, 0, size[u], 0, size[v]), [square(top, *pocket[:4])[::-1] for pocket in mine]
+        )
         for *rim, depth in mine:
             high, low = square(top, *rim), square(top - depth, *rim)
             builder.add(low)
@@ -112,7 +129,9 @@ def slotted_block() -> Solid:
 
 def two_pocket_block() -> Solid:
     """Reconstruction of the paper's second example; its drawing carries no dimensions."""
-    return box_with_pockets((6, 6, 4), [(0, 2, 4, 1, 3, 1), (1, 1, 3, 2, 4, 1)], name="two-pocket block")
+    return box_with_pockets(
+        (6, 6, 4), [(0, 2, 4, 1, 3, 1), (1, 1, 3, 2, 4, 1)], name="two-pocket block"
+    )
 
 
 def plate(n: int) -> Solid:

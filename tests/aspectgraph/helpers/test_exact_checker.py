@@ -65,7 +65,10 @@ def test_convex_solid_shows_an_edge_exactly_from_in_front_of_one_of_its_faces():
     [
         ((5.5, 7.5, 3.5), True),  # straight down the slot
         ((4.5, 9.5, 11.5), True),  # down the slot, beyond the end of the part
-        ((3.5, 9.5, 3.5), True),  # over the near wall: the line from the floor edge (6, 2) passes (4, 3) at x = 4.67
+        (
+            (3.5, 9.5, 3.5),
+            True,
+        ),  # over the near wall: the line from the floor edge (6, 2) passes (4, 3) at x = 4.67
         ((2.5, 3.5, 3.5), False),  # too low: the near wall's top corner (4, 3) is in the way
         ((12.5, 3.5, 3.5), False),  # behind the far wall
         ((5.5, -2.5, 3.5), False),  # from below
@@ -81,19 +84,27 @@ def test_partly_hidden_edge_is_not_observable():
     floor_edge = pocket.edge_between((-2, -2, 2), (-2, 2, 2))
     # From the floor edge (-2, ., 2) the rim (2, ., 6) is passed at slope 1: at x = 6.5 that is z = 10.5.
     points = [(6.5, 0.5, 10.0), (6.5, 0.5, 11.0), (6.5, 0.5, 10.5)]
-    np.testing.assert_array_equal(checker_of(pocket, 2).observable(points, [floor_edge])[:, 0], [False, True, True])
+    np.testing.assert_array_equal(
+        checker_of(pocket, 2).observable(points, [floor_edge])[:, 0], [False, True, True]
+    )
 
 
 def test_sight_triangle_may_graze_a_convex_edge_but_not_run_through_a_re_entrant_one():
     # A tread at y = 1 from x = 0 to 5, then a wall up to y = 2; everything runs along z.
     part = prism([(0, 0), (6, 0), (6, 2), (5, 2), (5, 1), (0, 1)], 3)
-    lower, wall, corner = (part.edge_between((x, y, 0), (x, y, 3)) for x, y in [(0, 1), (5, 2), (5, 1)])
+    lower, wall, corner = (
+        part.edge_between((x, y, 0), (x, y, 3)) for x, y in [(0, 1), (5, 2), (5, 1)]
+    )
     checker = checker_of(part, 2)
     # On the line from (0, 1) over (5, 2), slope 1/5: beyond (5, 2) the line runs free above the wall's top.
-    np.testing.assert_array_equal(checker.observable([(10, 3, 1.5), (10, 2.5, 1.5)], [lower])[:, 0], [True, False])
+    np.testing.assert_array_equal(
+        checker.observable([(10, 3, 1.5), (10, 2.5, 1.5)], [lower])[:, 0], [True, False]
+    )
     # From the left, below the tread: its own end is free; the line to (5, 2) passes x = 0 at y = 1.25 or 0.25.
     assert checker.observable([(-5.0, 0.5, 1.5)], [lower])
-    np.testing.assert_array_equal(checker.observable([(-5, 0.5, 1.5), (-5, -1.5, 1.5)], [wall])[:, 0], [True, False])
+    np.testing.assert_array_equal(
+        checker.observable([(-5, 0.5, 1.5), (-5, -1.5, 1.5)], [wall])[:, 0], [True, False]
+    )
     # From below, the part itself is in the way of its top; the re-entrant edge is free from above.
     far = part.edge_between((6, 2, 0), (6, 2, 3))
     assert not checker.observable([(3.0, -1.0, 1.5)], [far])
@@ -114,7 +125,10 @@ def test_agrees_with_cutting_the_section(part):
     points = viewpoints(rng, part, checker, 12)
     edges = [part.edges()[i] for i in rng.permutation(len(part.edges()))[:4]]
     seen = checker.observable(points, edges)
-    slow = [[observable_by_section(checker, tuple(v), *e) for e in edges] for v in (points * 2).astype(int).tolist()]
+    slow = [
+        [observable_by_section(checker, tuple(v), *e) for e in edges]
+        for v in (points * 2).astype(int).tolist()
+    ]
     np.testing.assert_array_equal(seen, slow)
 
 
@@ -127,7 +141,9 @@ def in_plane_viewpoints(rng, part, a, b, n):
         if round(np.linalg.det(frame)) == 0 and np.linalg.matrix_rank(frame) == 2:
             steps = rng.integers(-8, 9, (n, 2)) / 2
             found.extend(
-                vertices[a] + steps[:, :1] * (vertices[b] - vertices[a]) + steps[:, 1:] * (vertices[i] - vertices[a])
+                vertices[a]
+                + steps[:, :1] * (vertices[b] - vertices[a])
+                + steps[:, 1:] * (vertices[i] - vertices[a])
             )
     return np.array(found).reshape(-1, 3)
 
@@ -140,7 +156,10 @@ def test_agrees_with_cutting_the_section_in_planes_through_two_edges(part):
         points = in_plane_viewpoints(rng, part, a, b, 2)
         points = points[checker.generic(points)][:10]
         seen = checker.observable(points, [(a, b)])[:, 0]
-        slow = [observable_by_section(checker, tuple(v), a, b) for v in (points * 2).astype(int).tolist()]
+        slow = [
+            observable_by_section(checker, tuple(v), a, b)
+            for v in (points * 2).astype(int).tolist()
+        ]
         assert seen.tolist() == slow
 
 
@@ -178,6 +197,17 @@ def test_face_with_the_wrong_orientation_is_refused():
 
 def test_edges_pair_up_on_every_known_solid():
     for part in (CUBE, L_BLOCK, SLOTTED_BLOCK, TWO_POCKET_BLOCK):
-        directed = [e for outer, holes in part.faces for loop in (outer, *holes) for e in pairwise((*loop, loop[0]))]
+        directed = [
+            e
+            for outer, holes in part.faces
+            for loop in (outer, *holes)
+            for e in pairwise((*loop, loop[0]))
+        ]
         assert len(part.edges()) * 2 == len(directed)
-        assert len(part.vertices) - len(part.edges()) + len(part.faces) - sum(len(h) for _, h in part.faces) == 2
+        assert (
+            len(part.vertices)
+            - len(part.edges())
+            + len(part.faces)
+            - sum(len(h) for _, h in part.faces)
+            == 2
+        )

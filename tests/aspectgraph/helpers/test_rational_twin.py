@@ -23,7 +23,9 @@ from solids import SLOT_ENTITIES, SLOT_LISTS, STEP_ENTITIES, TWO_POCKET_ENTITIES
 def twin(part, entities=None, reach=60, number=int):
     """Return the twin's graph; entities: name -> vertex pair, or all edges."""
     checker = ExactChecker(part.vertices, part.faces)
-    entities = {f"e{i}": pair for i, pair in enumerate(part.edges())} if entities is None else entities
+    entities = (
+        {f"e{i}": pair for i, pair in enumerate(part.edges())} if entities is None else entities
+    )
     return twin_graph(checker, entities, (-reach,) * 3, (reach + 1,) * 3, number)
 
 
@@ -49,17 +51,24 @@ def in_order(lists):
 )
 def test_known_answers(part, entities, domains, adjacencies, distinct):
     graph = twin(part, entities and named(part, entities))
-    assert (len(graph.lists), len(graph.adjacencies), len(set(graph.lists))) == (domains, adjacencies, distinct)
+    assert (len(graph.lists), len(graph.adjacencies), len(set(graph.lists))) == (
+        domains,
+        adjacencies,
+        distinct,
+    )
 
 
 def test_lists_of_the_papers_tables():
-    assert in_order(twin(SLOTTED_BLOCK, named(SLOTTED_BLOCK, SLOT_ENTITIES)).lists) == in_order(SLOT_LISTS)
+    assert in_order(twin(SLOTTED_BLOCK, named(SLOTTED_BLOCK, SLOT_ENTITIES)).lists) == in_order(
+        SLOT_LISTS
+    )
     pockets = twin(TWO_POCKET_BLOCK, named(TWO_POCKET_BLOCK, TWO_POCKET_ENTITIES))
     assert in_order(pockets.lists) == in_order(TWO_POCKET_LISTS)
 
 
 @pytest.mark.parametrize(
-    ("part", "inside"), [(CUBE, 8), (L_BLOCK, 8), (SLOTTED_BLOCK, 6 * 20), (TWO_POCKET_BLOCK, 144 - 8)]
+    ("part", "inside"),
+    [(CUBE, 8), (L_BLOCK, 8), (SLOTTED_BLOCK, 6 * 20), (TWO_POCKET_BLOCK, 144 - 8)],
 )
 def test_domains_fill_the_workspace_outside_the_solid(part, inside):
     graph = twin(part, reach=20)
@@ -76,7 +85,8 @@ def test_volumes_of_the_cube_domains():
 
 def test_fractions_and_integers_give_the_same_graph():
     plain, fast = (
-        twin(TWO_POCKET_BLOCK, named(TWO_POCKET_BLOCK, TWO_POCKET_ENTITIES), 60, kind) for kind in (Fraction, int)
+        twin(TWO_POCKET_BLOCK, named(TWO_POCKET_BLOCK, TWO_POCKET_ENTITIES), 60, kind)
+        for kind in (Fraction, int)
     )
     assert plain.lists == fast.lists
     assert plain.adjacencies == fast.adjacencies
@@ -98,9 +108,16 @@ def test_every_point_gets_the_list_the_referee_gives_it(seed):
     planes = [plane for cells in graph.cells for cell in cells for plane, _ in cell]
     generic = [all(at(plane, (*point, 16)) for plane in planes) for point in points.tolist()]
     assert sum(generic) > 10
-    for point, row, covered in zip(points[generic].tolist(), seen[generic], inside[generic], strict=True):
+    for point, row, covered in zip(
+        points[generic].tolist(), seen[generic], inside[generic], strict=True
+    ):
         expected = {name for name, visible in zip(entities, row, strict=True) if visible}
-        found = [graph.lists[k] for k, cells in enumerate(graph.cells) for c in cells if _strictly_in((*point, 16), c)]
+        found = [
+            graph.lists[k]
+            for k, cells in enumerate(graph.cells)
+            for c in cells
+            if _strictly_in((*point, 16), c)
+        ]
         assert found == ([] if covered else [expected])
 
 

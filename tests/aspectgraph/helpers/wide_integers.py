@@ -31,7 +31,10 @@ def determinant(rows):
 def _meet(planes, p, q, r, vertices, v):
     rows = [[int(x) for x in planes[k]] for k in (p, q, r)]
     w = determinant([row[:3] for row in rows])
-    replaced = [[[row[3] if k == column else row[k] for k in range(3)] for row in rows] for column in range(3)]
+    replaced = [
+        [[row[3] if k == column else row[k] for k in range(3)] for row in rows]
+        for column in range(3)
+    ]
     for column, value in enumerate([*map(determinant, replaced), w]):
         vertices[v, column] = limbs(-value if w < 0 else value)
     return sign(w)

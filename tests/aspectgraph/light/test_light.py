@@ -38,7 +38,9 @@ EDGE = ((0, 2, 0), (0, 2, 2))
 def distant(degrees):
     """Lamps in the plane of both normals, at angles from the normal (-1, 0, 0) towards (0, 1, 0)."""
     angle = np.radians(degrees)
-    return [0, 2, 1] + 2000.0 * np.column_stack([-np.cos(angle), np.sin(angle), np.zeros(len(angle))])
+    return [0, 2, 1] + 2000.0 * np.column_stack(
+        [-np.cos(angle), np.sin(angle), np.zeros(len(angle))]
+    )
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +58,9 @@ def test_contrast_of_an_edge_of_a_cube():
     assert found * (1 if first[0] == -1 else -1) == pytest.approx(expected, abs=1e-12)
 
 
-@pytest.mark.parametrize(("off", "shows"), [(11.2, False), (-11.2, False), (11.4, True), (-11.4, True), (60, True)])
+@pytest.mark.parametrize(
+    ("off", "shows"), [(11.2, False), (-11.2, False), (11.4, True), (-11.4, True), (60, True)]
+)
 def test_a_fifth_leaves_out_eleven_degrees_about_the_bisector(cube_light, off, shows):
     """arctan 0.2 = 11.31°."""
     assert cube_light.showing(distant([45.0 + off])).tolist() == [[shows]]
@@ -101,7 +105,9 @@ def test_all_edges_of_a_cube(share):
 
 def ctc():
     solid = read_solid(EXAMPLES / "nist_ctc_01_ap242.stp")
-    return solid, dict(list(read_entities(EXAMPLES / "nist_ctc_01_entities.toml", solid).items())[:5])
+    return solid, dict(
+        list(read_entities(EXAMPLES / "nist_ctc_01_entities.toml", solid).items())[:5]
+    )
 
 
 def mfcad():

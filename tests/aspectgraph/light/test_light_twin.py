@@ -14,8 +14,13 @@ def test_engine_never_disagrees_with_the_twin(first):
     shares, n = [], 0
     for seed in range(first, first + 20):
         contrast = CONTRASTS[seed % len(CONTRASTS)]
-        engine, twin, may_differ = compare_light(generated_solid(seed), seed, N_POINTS, N_EDGES, (contrast, contrast))
-        assert ((engine == twin) | may_differ).all(), (seed, np.argwhere((engine != twin) & ~may_differ)[:3])
+        engine, twin, may_differ = compare_light(
+            generated_solid(seed), seed, N_POINTS, N_EDGES, (contrast, contrast)
+        )
+        assert ((engine == twin) | may_differ).all(), (
+            seed,
+            np.argwhere((engine != twin) & ~may_differ)[:3],
+        )
         assert may_differ.mean() < 0.05
         shares.append(twin.mean())
         n += engine.size
@@ -26,6 +31,8 @@ def test_engine_never_disagrees_with_the_twin(first):
 def test_the_comparison_sees_a_wrong_contrast():
     wrong = 0
     for seed in range(10):
-        engine, twin, may_differ = compare_light(generated_solid(seed), seed, N_POINTS, N_EDGES, ("0.101", "0.1"))
+        engine, twin, may_differ = compare_light(
+            generated_solid(seed), seed, N_POINTS, N_EDGES, ("0.101", "0.1")
+        )
         wrong += int(((engine != twin) & ~may_differ).sum())
     assert wrong > 10

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 from solids import cube, hollow_box, l_block, plate, prism, ring, two_pocket_block
 
-from aspectgraph import EntityError, MissingExtraError, OutputError, PictureError, edge_figure, write_edge_picture
+from aspectgraph import (
+    EntityError,
+    MissingExtraError,
+    OutputError,
+    PictureError,
+    edge_figure,
+    write_edge_picture,
+)
 from aspectgraph.plot.callouts import Spot, _matched, _slots
 from aspectgraph.plot.edge_ids import VIEWS, draw_edges
 from aspectgraph.plot.hidden_lines import ParallelView, view_axes
@@ -62,17 +69,23 @@ def test_view_axes_are_a_right_handed_frame():
         assert axes[2] == pytest.approx(np.array(direction) / np.linalg.norm(direction))
 
 
-TWO_LAYERS = np.array([[(0, 0, 1), (4, 0, 1), (0, 4, 1)], [(0, 0, 2), (2, 0, 2), (0, 2, 2)]], dtype=float)
+TWO_LAYERS = np.array(
+    [[(0, 0, 1), (4, 0, 1), (0, 4, 1)], [(0, 0, 2), (2, 0, 2), (0, 2, 2)]], dtype=float
+)
 
 
 def test_seen_and_hidden_points():
-    points = np.array([(0.5, 0.5, 1), (0.5, 0.5, 2), (1.5, 1.5, 1), (1.5, 1.5, 0), (5, 5, 0)], dtype=float)
+    points = np.array(
+        [(0.5, 0.5, 1), (0.5, 0.5, 2), (1.5, 1.5, 1), (1.5, 1.5, 0), (5, 5, 0)], dtype=float
+    )
     assert ParallelView(TWO_LAYERS).is_seen(points).tolist() == [False, True, True, False, True]
 
 
 @pytest.mark.parametrize("order", [[0, 1], [1, 0]])
 def test_the_nearest_triangle_is_painted_on_top(order):
-    image, (left, right, bottom, top) = ParallelView(TWO_LAYERS[order]).render(np.array([0.25, 0.75])[order])
+    image, (left, right, bottom, top) = ParallelView(TWO_LAYERS[order]).render(
+        np.array([0.25, 0.75])[order]
+    )
 
     def at(x, y):
         h, w = image.shape
@@ -84,7 +97,9 @@ def test_the_nearest_triangle_is_painted_on_top(order):
 def test_png_and_html(tmp_path):
     png = write_edge_picture(two_pocket_block(), tmp_path / "edges.png")
     assert png.read_bytes().startswith(b"\x89PNG")
-    html = write_edge_picture(two_pocket_block(), tmp_path / "edges.html", [3, 5]).read_text(encoding="utf-8")
+    html = write_edge_picture(two_pocket_block(), tmp_path / "edges.html", [3, 5]).read_text(
+        encoding="utf-8"
+    )
     assert '"edge 3"' in html
     assert '"edge 4"' not in html
     assert sorted(path.name for path in tmp_path.iterdir()) == ["edges.html", "edges.png"]
@@ -92,16 +107,23 @@ def test_png_and_html(tmp_path):
 
 @pytest.mark.parametrize("name", ["edges.gif", "edges.bmp", "edges", ".png", ""])
 def test_other_suffixes_are_refused(tmp_path, name):
-    with pytest.raises(PictureError, match=r"^path of a picture must end in \.png or \.html\. Got '.*'\.$"):
+    with pytest.raises(
+        PictureError, match=r"^path of a picture must end in \.png or \.html\. Got '.*'\.$"
+    ):
         write_edge_picture(cube(), tmp_path / name)
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("suffix", ["png", "html"])
-@pytest.mark.parametrize(("folder", "reason"), [("nowhere", "No such file or directory"), ("file", "Not a directory")])
+@pytest.mark.parametrize(
+    ("folder", "reason"), [("nowhere", "No such file or directory"), ("file", "Not a directory")]
+)
 def test_a_folder_is_not_made(tmp_path, folder, reason, suffix):
     (tmp_path / "file").touch()
-    with pytest.raises(OutputError, match=rf"^path must be a file that can be written\. Got '.*\.{suffix}': {reason}"):
+    with pytest.raises(
+        OutputError,
+        match=rf"^path must be a file that can be written\. Got '.*\.{suffix}': {reason}",
+    ):
         write_edge_picture(cube(), tmp_path / folder / f"edges.{suffix}")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
@@ -150,7 +172,9 @@ def test_figure_has_one_line_for_each_candidate():
     traces = edge_figure(l_block()).data
     lines = [trace for trace in traces if trace.name.startswith("edge ")]
     assert len(lines) == 18
-    assert {line.hovertemplate.split("<br>")[0] for line in lines} == {f"edge {i}" for i in range(18)}
+    assert {line.hovertemplate.split("<br>")[0] for line in lines} == {
+        f"edge {i}" for i in range(18)
+    }
 
 
 def test_without_matplotlib(tmp_path, monkeypatch):

@@ -61,7 +61,9 @@ def step():
 def test_every_node_is_labelled_with_its_list(slotted):
     drawing = plot_graph(slotted)
     labels = {node: text.get_text() for node, text in drawing.labels.items()}
-    lists = {node: " ".join(listed) or "none" for node, listed in slotted.graph.nodes(data="observable")}
+    lists = {
+        node: " ".join(listed) or "none" for node, listed in slotted.graph.nodes(data="observable")
+    }
     assert labels == lists
     assert len(drawing.nodes.get_offsets()) == 8
     assert len(drawing.edges.get_segments()) == 11
@@ -88,7 +90,9 @@ def test_outlines_tell_bounded_domains_from_open_ones():
     graph = nx.path_graph(3)
     graph.graph["entities"] = ("a",)
     for node, is_open in enumerate((True, False, True)):
-        graph.nodes[node].update(observable=("a",) if node == 1 else (), volume=1.0, unbounded=is_open)
+        graph.nodes[node].update(
+            observable=("a",) if node == 1 else (), volume=1.0, unbounded=is_open
+        )
     nx.set_edge_attributes(graph, 1.0, "area")
     drawing = plot_graph(graph)
     dashed = [dashes is not None for _, dashes in drawing.nodes.get_linestyle()]
@@ -100,7 +104,9 @@ def test_outlines_tell_bounded_domains_from_open_ones():
 
 def test_boundaries_of_type_b_alone_are_dashed(pockets):
     drawing = plot_graph(pockets)
-    for (*_, data), (_, dashes) in zip(pockets.graph.edges(data=True), drawing.edges.get_linestyle(), strict=True):
+    for (*_, data), (_, dashes) in zip(
+        pockets.graph.edges(data=True), drawing.edges.get_linestyle(), strict=True
+    ):
         assert (dashes is not None) == ({surface.type for surface in data["surfaces"]} == {"B"})
 
 
@@ -111,7 +117,9 @@ def test_a_graph_from_a_file_looks_the_same(slotted, tmp_path):
     two = plot_graph(read_graphml(tmp_path / "graph.graphml"), ax=right)
     assert (one.ax, two.ax) == (left, right)
     assert figure.axes == [left, right]
-    assert np.array(list(one.positions.values())) == pytest.approx(np.array(list(two.positions.values())))
+    assert np.array(list(one.positions.values())) == pytest.approx(
+        np.array(list(two.positions.values()))
+    )
 
 
 def test_the_complete_graph_has_no_lists_and_can_be_labelled():
@@ -119,7 +127,9 @@ def test_the_complete_graph_has_no_lists_and_can_be_labelled():
     assert plot_graph(graph).labels == {}
     drawing = plot_graph(graph, labels={0: "first"}, colors=dict.fromkeys(graph, "red"))
     assert [text.get_text() for text in drawing.labels.values()] == ["first"]
-    assert drawing.nodes.get_facecolors()[:, :3] == pytest.approx(np.tile([1.0, 0.0, 0.0], (len(graph), 1)))
+    assert drawing.nodes.get_facecolors()[:, :3] == pytest.approx(
+        np.tile([1.0, 0.0, 0.0], (len(graph), 1))
+    )
 
 
 def test_one_node_alone_can_be_drawn():
@@ -130,7 +140,10 @@ def test_one_node_alone_can_be_drawn():
 
 @pytest.mark.parametrize(
     ("graph", "message"),
-    [(nx.Graph(), "at least one node"), (nx.path_graph(2), "every node must have a volume.* Got 0 without")],
+    [
+        (nx.Graph(), "at least one node"),
+        (nx.path_graph(2), "every node must have a volume.* Got 0 without"),
+    ],
 )
 def test_other_graphs_are_refused(graph, message):
     with pytest.raises(ValueError, match=message):
@@ -176,7 +189,8 @@ def test_distances_are_met_where_they_can_be():
     sides = np.linalg.norm(triangle - np.roll(triangle, 1, axis=0), axis=1)
     assert sides == pytest.approx([3.0, 3.0, 3.0], abs=1e-3)
     line = least_stress(
-        np.abs(np.subtract.outer(range(4), range(4))).astype(float), np.eye(4)[:, :2] + [[0, 0], [1, 2], [3, 1], [2, 4]]
+        np.abs(np.subtract.outer(range(4), range(4))).astype(float),
+        np.eye(4)[:, :2] + [[0, 0], [1, 2], [3, 1], [2, 4]],
     )
     assert np.linalg.norm(line[3] - line[0]) == pytest.approx(3.0, abs=1e-2)
 
@@ -258,7 +272,10 @@ def test_the_section_of_the_part_is_its_profile(eag, options, outline, request):
 def test_the_section_agrees_with_point_location(pockets, axis, right, up):
     drawing = plot_section(pockets, axis=axis, at=2.2)
     rng = np.random.default_rng(3)
-    low, high = (np.array(limits) for limits in zip(drawing.ax.get_xlim(), drawing.ax.get_ylim(), strict=True))
+    low, high = (
+        np.array(limits)
+        for limits in zip(drawing.ax.get_xlim(), drawing.ax.get_ylim(), strict=True)
+    )
     points = np.full((400, 3), 2.2)
     points[:, [right, up]] = rng.uniform(low, high, (400, 2))
     for point, node in zip(points, pockets.domain_of(points).tolist(), strict=True):
@@ -273,7 +290,11 @@ def test_type_b_surfaces_of_the_slot_are_where_they_must_be(slotted):
     segments = plot_section(slotted).surfaces["B"].get_segments()
     assert segments
     for segment in segments:
-        distances = [abs(y - (2.0 + side * (x - x0) / 2.0)) for side, x0 in ((-1, 6), (1, 4)) for x, y in segment]
+        distances = [
+            abs(y - (2.0 + side * (x - x0) / 2.0))
+            for side, x0 in ((-1, 6), (1, 4))
+            for x, y in segment
+        ]
         assert min(max(distances[:2]), max(distances[2:])) < 1e-4
 
 
@@ -287,7 +308,9 @@ def test_type_a_surfaces_of_the_slot_are_planes_of_faces(slotted):
 def test_pierced_entities_are_named_in_the_section(slotted):
     named = {text.get_text() for text in plot_section(slotted).ax.texts}
     assert {"e1", "e2", "e3", "e4", "e1 e2", "none"} <= named
-    assert "e3" not in {text.get_text() for text in plot_section(slotted, box=[(0, 0, 0), (5, 5, 6)]).ax.texts}
+    assert "e3" not in {
+        text.get_text() for text in plot_section(slotted, box=[(0, 0, 0), (5, 5, 6)]).ax.texts
+    }
 
 
 def test_bad_sections_are_refused(slotted):

@@ -37,7 +37,9 @@ class Structure(HTMLParser):
 
     def handle_starttag(self, tag, attributes):
         self.bold += tag == "b"
-        self.references += [v for k, v in attributes if k in ("src", "href", "action", "data") and v]
+        self.references += [
+            v for k, v in attributes if k in ("src", "href", "action", "data") and v
+        ]
 
 
 def test_the_page_refers_to_nothing_and_no_name_smuggles_markup():
@@ -52,7 +54,9 @@ def test_the_page_refers_to_nothing_and_no_name_smuggles_markup():
 def test_the_page_says_of_each_edge_what_the_solid_says():
     solid = bored_block()
     record = json.loads(
-        re.search(r'<script type="application/json" id="part-data">(.*?)</script>', picker_html(solid))[1]
+        re.search(
+            r'<script type="application/json" id="part-data">(.*?)</script>', picker_html(solid)
+        )[1]
     )
     assert record["part"] == NAME
     edges = [item for item in record["items"] if item["kind"] == "edge"]
@@ -125,7 +129,9 @@ def towards(page):
 def test_what_is_seen_is_what_the_normals_say(opened):
     solid = cube()
     page = opened(solid)
-    assert set(page.run("[...state.seen.keys()].map((k) => items[k].id)")) == seen_from(solid, towards(page))
+    assert set(page.run("[...state.seen.keys()].map((k) => items[k].id)")) == seen_from(
+        solid, towards(page)
+    )
     before = towards(page)
     page.drag((500, 500), (300, 530))
     page.run("document.getElementById('fit').click()")
@@ -133,7 +139,9 @@ def test_what_is_seen_is_what_the_normals_say(opened):
     direction = towards(page)
     # dragged down, more of the top is seen
     assert before[2] < direction[2] < 1
-    assert set(page.run("[...state.seen.keys()].map((k) => items[k].id)")) == seen_from(solid, direction)
+    assert set(page.run("[...state.seen.keys()].map((k) => items[k].id)")) == seen_from(
+        solid, direction
+    )
 
 
 @needs_browser
@@ -151,7 +159,9 @@ def test_nothing_in_a_closed_void_is_seen_unless_asked(opened):
 def test_pointing_tells_and_clicking_collects(opened):
     solid = bored_block()
     page = opened(solid)
-    top = next(e for e in solid.straight_edges() if (solid.edge_points(e.id) @ [0, 1, 1] == 0).all())
+    top = next(
+        e for e in solid.straight_edges() if (solid.edge_points(e.id) @ [0, 1, 1] == 0).all()
+    )
     x, y = place(page, top.id)
     page.mouse("mouseMoved", round(x) + 3, round(y) + 3)
     told = page.run("document.getElementById('tip').textContent").split("\n")
@@ -161,7 +171,9 @@ def test_pointing_tells_and_clicking_collects(opened):
     assert collected(page) == [str(top.id)]
     rim = next(rim for rim in solid.rims() if rim.centre[2] == 10)
     page.mouse("mouseMoved", *place(page, rim.id))
-    assert page.run("document.getElementById('tip').textContent").startswith(f"rim {rim.id}\ndiameter 8 mm")
+    assert page.run("document.getElementById('tip').textContent").startswith(
+        f"rim {rim.id}\ndiameter 8 mm"
+    )
     page.click(*place(page, rim.id))
     assert collected(page) == [str(top.id), rim.id]
     page.click(x, y)
@@ -197,7 +209,13 @@ def test_the_saved_file_is_what_entities_reads(opened, browser, tmp_path):
         read = read_entities(tmp_path / "picked.toml", solid)
         ids = [edge.id for edge in solid.straight_edges()]
         assert [entity.edge_ids for entity in read.values()][:12] == [(i,) for i in ids]
-        assert list(read)[:5] == [f"e{ids[0]}", 'a "b" \\ ü', f"e{ids[2]}", f"e{ids[3]}", f"e{ids[4]}"]
+        assert list(read)[:5] == [
+            f"e{ids[0]}",
+            'a "b" \\ ü',
+            f"e{ids[2]}",
+            f"e{ids[3]}",
+            f"e{ids[4]}",
+        ]
         assert list(read)[12:] == ["r0", "r1"]
 
 
@@ -250,7 +268,9 @@ def test_filters_hide_what_they_say(opened):
     assert shown() == ["r0", "r1"]
     page.run("document.getElementById('collect-shown').click()")
     assert collected(page) == ["r0", "r1"]
-    page.run("document.getElementById('kind-edge').click(); document.getElementById('convex').click()")
+    page.run(
+        "document.getElementById('kind-edge').click(); document.getElementById('convex').click()"
+    )
     assert shown() == []
     page.run("document.getElementById('convex').click()")
     set_field("find", f"e{longer[0]} r1")
@@ -266,7 +286,11 @@ def test_a_double_click_takes_the_edges_of_a_face(opened):
     width, height = page.run("scene.size")
     page.click(width / 2, height / 2, count=2)
     foremost = solid.bounds[0][1]
-    front = next(f for f, face in enumerate(solid.faces) if (solid.vertices[list(face.outer), 1] == foremost).all())
+    front = next(
+        f
+        for f, face in enumerate(solid.faces)
+        if (solid.vertices[list(face.outer), 1] == foremost).all()
+    )
     assert set(collected(page)) == {str(e.id) for e in solid.straight_edges() if front in e.faces}
 
 
@@ -287,7 +311,10 @@ def test_labels_cover_no_other_and_are_more_when_nearer(opened):
 
 def overlap(a, b):
     return (
-        a["x"] < b["x"] + b["w"] and b["x"] < a["x"] + a["w"] and a["y"] < b["y"] + b["h"] and b["y"] < a["y"] + a["h"]
+        a["x"] < b["x"] + b["w"]
+        and b["x"] < a["x"] + a["w"]
+        and a["y"] < b["y"] + b["h"]
+        and b["y"] < a["y"] + a["h"]
     )
 
 

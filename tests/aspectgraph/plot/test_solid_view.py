@@ -18,8 +18,21 @@ from solids import (
     two_pocket_block,
 )
 
-from aspectgraph import AspectGraphError, WorkspaceError, build_aspect_graph, compute_regions, plot_domains, plot_solid
-from aspectgraph.plot.clip import box_around, clip_polygon, clipped_facets, domain_facets, plane_axes
+from aspectgraph import (
+    AspectGraphError,
+    WorkspaceError,
+    build_aspect_graph,
+    compute_regions,
+    plot_domains,
+    plot_solid,
+)
+from aspectgraph.plot.clip import (
+    box_around,
+    clip_polygon,
+    clipped_facets,
+    domain_facets,
+    plane_axes,
+)
 from aspectgraph.plot.solid_view import best_view
 
 
@@ -116,9 +129,13 @@ def test_no_wall_inside_a_domain_and_none_on_the_part():
     eag = build_aspect_graph(solid, {"e": 0})
     for node in eag.graph:
         box = box_around(solid, eag.workspace)
-        for triangle in np.concatenate([facet.triangles for facet in domain_facets(eag.cells(node), solid, box)]):
+        for triangle in np.concatenate(
+            [facet.triangles for facet in domain_facets(eag.cells(node), solid, box)]
+        ):
             middle, aside = triangle.mean(axis=0), 1e-3 * np.cross(*(triangle[1:] - triangle[0]))
-            inside = [p for p in (middle - aside, middle + aside) if ((p > box[0]) & (p < box[1])).all()]
+            inside = [
+                p for p in (middle - aside, middle + aside) if ((p > box[0]) & (p < box[1])).all()
+            ]
             beside = eag.domain_of(inside).tolist()
             assert beside.count(node) == 1
             assert -1 not in beside
@@ -157,12 +174,18 @@ def test_the_graphs_viewpoint_is_used_where_it_is_in_the_box():
     for node in (1, 2):
         (marker,) = named(figure, f"viewpoint {node}")
         assert points_of(marker)[0] == pytest.approx(np.array(eag.graph.nodes[node]["viewpoint"]))
-        assert "observable: " + ", ".join(eag.graph.nodes[node]["observable"]) in marker.hovertext[0]
+        assert (
+            "observable: " + ", ".join(eag.graph.nodes[node]["observable"]) in marker.hovertext[0]
+        )
 
 
 def test_the_legend_lists_every_domain_once(slotted):
     figure = plot_domains(slotted)
-    entries = [trace.name for trace in figure.data if trace.showlegend and str(trace.legendgroup).startswith("domain")]
+    entries = [
+        trace.name
+        for trace in figure.data
+        if trace.showlegend and str(trace.legendgroup).startswith("domain")
+    ]
     assert [int(name.split(":")[0]) for name in entries] == list(slotted.graph)
     assert entries[0] == "0: e1 e2"
     assert entries[-1] == "7: none"
@@ -200,7 +223,9 @@ def test_a_part_is_drawn_with_its_entities():
     assert {tuple(map(float, end)) for pair in STEP_ENTITIES.values() for end in pair} <= ends
     (names,) = named(figure, "names")
     assert [text.strip("</b>") for text in names.text] == list(STEP_ENTITIES)
-    away = points_of(names) - np.array([regions.entities[name].endpoints.mean(axis=0) for name in STEP_ENTITIES])
+    away = points_of(names) - np.array(
+        [regions.entities[name].endpoints.mean(axis=0) for name in STEP_ENTITIES]
+    )
     assert (np.linalg.norm(away, axis=1) < 0.5).all()
 
 

@@ -79,7 +79,10 @@ def test_a_shallow_but_sharp_end_of_an_arc_stays():
 def test_strips_cut_into_two_triangles_that_are_not_quite_flat():
     # The top of a tapered tower is turned by one degree against its bottom, so no strip is flat.
     n, turn = 24, np.radians(1.0)
-    lower, upper = (np.array([(r * np.cos(a), r * np.sin(a)) for a in 2 * np.pi * np.arange(n) / n]) for r in (5, 4))
+    lower, upper = (
+        np.array([(r * np.cos(a), r * np.sin(a)) for a in 2 * np.pi * np.arange(n) / n])
+        for r in (5, 4)
+    )
     upper = upper @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     vertices = [*((x, y, 0) for x, y in lower), *((x, y, 9) for x, y in upper)]
     faces = [tuple(range(n))[::-1], tuple(range(n, 2 * n))]
@@ -102,7 +105,9 @@ def test_a_bent_sheet_keeps_its_shallow_bends():
 
 
 def test_chamfers_are_faces():
-    solid = candidates(prism([(1, 0), (9, 0), (10, 1), (10, 9), (9, 10), (1, 10), (0, 9), (0, 1)], 4))
+    solid = candidates(
+        prism([(1, 0), (9, 0), (10, 1), (10, 9), (9, 10), (1, 10), (0, 9), (0, 1)], 4)
+    )
     assert len(solid.straight_edges()) == 24
 
 

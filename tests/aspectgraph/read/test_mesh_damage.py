@@ -42,7 +42,9 @@ def test_damaged_bytes(tmp_path, name):
     assert len(read_damaged(tmp_path / name, 120, damaged_bytes)) > 60
 
 
-@pytest.mark.parametrize("name", [name for name in FILES if "binary" not in name and "glb" not in name])
+@pytest.mark.parametrize(
+    "name", [name for name in FILES if "binary" not in name and "glb" not in name]
+)
 def test_damaged_numbers(tmp_path, name):
     assert len(read_damaged(tmp_path / name, 120, damaged_numbers)) > 40
 

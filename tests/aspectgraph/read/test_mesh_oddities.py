@@ -11,7 +11,11 @@ from aspectgraph import ReadError, read_solid
 
 CUBE = cube()
 LOOPS = [face.outer for face in CUBE.faces]
-OBJ, OFF, PLY = obj_text(CUBE.vertices, LOOPS), off_text(CUBE.vertices, LOOPS), ply_bytes(CUBE.vertices, LOOPS)
+OBJ, OFF, PLY = (
+    obj_text(CUBE.vertices, LOOPS),
+    off_text(CUBE.vertices, LOOPS),
+    ply_bytes(CUBE.vertices, LOOPS),
+)
 BINARY = ply_bytes(CUBE.vertices, LOOPS, "binary_little_endian")
 # three points of a straight line somewhere beside the cube: a facet without area, open on all sides
 NEEDLE = np.array([[[9.0, 9.0, 9.0], [10.0, 9.0, 9.0], [11.0, 9.0, 9.0]]])
@@ -52,9 +56,15 @@ def test_a_round_mesh_says_that_its_facets_are_taken_for_a_surface(tmp_path):
     n, turn = 24, 2.0 * np.pi * np.arange(24) / 24
     ring = np.column_stack([10.0 * np.cos(turn), 10.0 * np.sin(turn)])
     points = [[x, y, z] for z in (0.0, 30.0) for x, y in ring]
-    loops = [range(n)[::-1], range(n, 2 * n), *((i, (i + 1) % n, (i + 1) % n + n, i + n) for i in range(n))]
+    loops = [
+        range(n)[::-1],
+        range(n, 2 * n),
+        *((i, (i + 1) % n, (i + 1) % n + n, i + n) for i in range(n)),
+    ]
     solid = read(tmp_path, "round.obj", obj_text(points, [tuple(loop) for loop in loops]))
-    assert solid.notes == ("24 faces taken for facets of curved surfaces; their chords are no candidates",)
+    assert solid.notes == (
+        "24 faces taken for facets of curved surfaces; their chords are no candidates",
+    )
     assert solid.straight_edges() == ()
     assert len(solid.faces) == n + 2
 

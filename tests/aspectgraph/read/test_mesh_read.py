@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mesh_files import corners, glb_bytes, obj_text, off_text, ply_bytes, quartered, stl_bytes, stl_text
+from mesh_files import (
+    corners,
+    glb_bytes,
+    obj_text,
+    off_text,
+    ply_bytes,
+    quartered,
+    stl_bytes,
+    stl_text,
+)
 from solids import cube, hollow_box, l_block, plate, slotted_block, two_boxes, two_pocket_block
 
 from aspectgraph import (
@@ -32,7 +41,10 @@ def read(tmp_path, name, data, **options):
 
 
 def edge_set(solid: Solid, digits=4) -> set:
-    return {tuple(sorted(map(tuple, (solid.edge_points(e.id).round(digits) + 0.0).tolist()))) for e in solid.edges}
+    return {
+        tuple(sorted(map(tuple, (solid.edge_points(e.id).round(digits) + 0.0).tolist())))
+        for e in solid.edges
+    }
 
 
 def same_solid(one: Solid, other: Solid) -> bool:
@@ -40,7 +52,10 @@ def same_solid(one: Solid, other: Solid) -> bool:
 
     def faces(solid):
         names = [tuple(p) for p in (solid.vertices.round(4) + 0.0).tolist()]
-        return {frozenset((names[a], names[b]) for a, b in face.directed_edges()) for face in solid.faces}
+        return {
+            frozenset((names[a], names[b]) for a, b in face.directed_edges())
+            for face in solid.faces
+        }
 
     return edge_set(one) == edge_set(other) and faces(one) == faces(other)
 
@@ -87,8 +102,14 @@ def test_rotated_float32_meshes_keep_their_faces(tmp_path_factory, seed):
         ("triangles.obj", lambda s: obj_text(s.vertices, s.triangles.tolist())),
         ("part.off", lambda s: off_text(s.vertices, [f.outer for f in s.faces])),
         ("text.ply", lambda s: ply_bytes(s.vertices, [f.outer for f in s.faces])),
-        ("little.ply", lambda s: ply_bytes(s.vertices, [f.outer for f in s.faces], "binary_little_endian")),
-        ("big.ply", lambda s: ply_bytes(s.vertices, [f.outer for f in s.faces], "binary_big_endian")),
+        (
+            "little.ply",
+            lambda s: ply_bytes(s.vertices, [f.outer for f in s.faces], "binary_little_endian"),
+        ),
+        (
+            "big.ply",
+            lambda s: ply_bytes(s.vertices, [f.outer for f in s.faces], "binary_big_endian"),
+        ),
         ("packed.stl.gz", lambda s: gzip.compress(stl_bytes(corners(s)))),
     ],
 )
@@ -99,21 +120,31 @@ def test_formats(tmp_path, name, data):
 
 def test_glb_is_in_metres_and_follows_its_nodes(tmp_path):
     solid = l_block()
-    turn = {"rotation": [0, 0, np.sqrt(0.5), np.sqrt(0.5)], "scale": [2, 2, 2], "translation": [0, 5, 0]}
+    turn = {
+        "rotation": [0, 0, np.sqrt(0.5), np.sqrt(0.5)],
+        "scale": [2, 2, 2],
+        "translation": [0, 5, 0],
+    }
     found = read(tmp_path, "part.glb", glb_bytes(solid.vertices, solid.triangles, turn))
     x, y, z = solid.vertices.T
     expected = Solid(1000 * np.stack([1 - 2 * y, 5 + 2 * x, 2 * z], axis=1), solid.faces)
     assert found.volume == pytest.approx(expected.volume)
     assert found.bounds == pytest.approx(expected.bounds)
     mirrored = {"matrix": np.diag([-1.0, 1, 1, 1]).ravel().tolist()}
-    found = read(tmp_path, "part.glb", glb_bytes(solid.vertices, solid.triangles, mirrored), units="mm")
+    found = read(
+        tmp_path, "part.glb", glb_bytes(solid.vertices, solid.triangles, mirrored), units="mm"
+    )
     assert found.volume == pytest.approx(8.0)
     assert found.notes == ()
 
 
-@pytest.mark.parametrize(("units", "factor"), [("mm", 1), ("cm", 10), ("m", 1000), ("inch", 25.4), ("ft", 304.8)])
+@pytest.mark.parametrize(
+    ("units", "factor"), [("mm", 1), ("cm", 10), ("m", 1000), ("inch", 25.4), ("ft", 304.8)]
+)
 def test_units(tmp_path, units, factor):
-    assert read(tmp_path, "part.stl", stl_bytes(corners(cube())), units=units).volume == pytest.approx(8 * factor**3)
+    assert read(
+        tmp_path, "part.stl", stl_bytes(corners(cube())), units=units
+    ).volume == pytest.approx(8 * factor**3)
 
 
 @pytest.mark.parametrize("scale", [1e9, 1e-6])
@@ -160,7 +191,9 @@ def test_useless_facets_are_dropped_and_noted(tmp_path):
     triangles = corners(cube())
     point = triangles[:1].copy()
     point[0, 1] = point[0, 0]
-    found = read(tmp_path, "part.stl", stl_bytes(np.concatenate([triangles, point, triangles[2:5]])))
+    found = read(
+        tmp_path, "part.stl", stl_bytes(np.concatenate([triangles, point, triangles[2:5]]))
+    )
     assert same_solid(found, cube())
     assert found.notes == ("dropped 1 facets that use a vertex twice", "dropped 3 repeated facets")
 
@@ -171,10 +204,16 @@ def test_a_facet_without_area_that_closes_the_surface_is_used(tmp_path):
     c, d = (2, 0, 2), (0, 0, 2)
     rest = [t for t in corners(cube()) if not (t[:, 1] == 0).all()]
     front = [(a, m, d), (m, c, d), (m, b, c), (a, b, m)]
-    found = read(tmp_path, "part.stl", stl_bytes(np.concatenate([rest, np.array(front, dtype=float)])))
+    found = read(
+        tmp_path, "part.stl", stl_bytes(np.concatenate([rest, np.array(front, dtype=float)]))
+    )
     assert same_solid(found, cube())
     with pytest.raises(OpenSolidError, match="one face only"):
-        read(tmp_path, "part.stl", stl_bytes(np.concatenate([rest, np.array(front[:3], dtype=float)])))
+        read(
+            tmp_path,
+            "part.stl",
+            stl_bytes(np.concatenate([rest, np.array(front[:3], dtype=float)])),
+        )
 
 
 def test_nearly_equal_vertices_are_merged_and_noted(tmp_path):
@@ -205,22 +244,47 @@ NAN = np.where(np.arange(12)[:, None, None] == 4, np.nan, CUBE)
         ("none.stl", stl_bytes(CUBE[:0]), ReadError, "must hold facets. Got 0"),
         ("short.stl", b"\x00" + b"x" * 40, ReadError, "at least 84 bytes. Got 41"),
         ("cut.stl", stl_bytes(CUBE)[:-120], ReadError, "Got 12 counted, 9 whole ones present"),
-        ("liar.stl", stl_bytes(CUBE, count=4 * 10**9), ReadError, "Got 4000000000 counted, 12 whole"),
+        (
+            "liar.stl",
+            stl_bytes(CUBE, count=4 * 10**9),
+            ReadError,
+            "Got 4000000000 counted, 12 whole",
+        ),
         ("zero.stl", stl_bytes(CUBE, count=0), ReadError, "Got 0 counted, 12 present"),
-        ("cut_text.stl", stl_text(CUBE)[:-100], ReadError, "must end with endsolid|must have 3 vertices"),
+        (
+            "cut_text.stl",
+            stl_text(CUBE)[:-100],
+            ReadError,
+            "must end with endsolid|must have 3 vertices",
+        ),
         ("word.stl", stl_text(CUBE).replace(b"2.0", b"two"), ReadError, "must have three numbers"),
         ("prose.stl", b"solid advice\nfor everyone\n", ReadError, "'for everyone' in line 2"),
-        ("nan.stl", stl_bytes(NAN), ReadError, r"must be finite. Got \[nan, nan, nan\] at vertex 12"),
+        (
+            "nan.stl",
+            stl_bytes(NAN),
+            ReadError,
+            r"must be finite. Got \[nan, nan, nan\] at vertex 12",
+        ),
         ("inf.off", off_text([(0, 0, np.inf)] * 3, [(0, 1, 2)] * 4), ReadError, "must be finite"),
         ("sheet.stl", stl_bytes(CUBE[:2]), ReadError, "at least 4 facets. Got 2"),
-        ("open.stl", stl_bytes(CUBE[1:]), OpenSolidError, r"edge from \(.*\) to \(.*\) .* \(3 such edges\)"),
+        (
+            "open.stl",
+            stl_bytes(CUBE[1:]),
+            OpenSolidError,
+            r"edge from \(.*\) to \(.*\) .* \(3 such edges\)",
+        ),
         (
             "wrong.obj",
             obj_text(cube().vertices, [(0, 1, 99)]),
             ReadError,
             r"Got \[1, 2, 100\] of 8 \(counted from 1\) in face 0",
         ),
-        ("zero.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", ReadError, "must list existing vertices"),
+        (
+            "zero.obj",
+            b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n",
+            ReadError,
+            "must list existing vertices",
+        ),
         ("two.obj", b"v 0 0 0\nv 1 0 0\nf 1 2\n", ReadError, "at least 3 vertices. Got 2"),
         ("bare.obj", b"v 0 0 0\n", ReadError, "must hold faces. Got 0"),
         ("text.obj", b"v 0 0\n", ReadError, "must have three numbers"),
@@ -232,7 +296,12 @@ NAN = np.where(np.arange(12)[:, None, None] == 4, np.nan, CUBE)
             "rows it counts|indices it counts",
         ),
         ("other.off", b"NOT A MESH", ReadError, "must begin with OFF"),
-        ("cut.ply", ply_bytes(cube().vertices, cube().triangles.tolist())[:-30], ReadError, "Got too few of face"),
+        (
+            "cut.ply",
+            ply_bytes(cube().vertices, cube().triangles.tolist())[:-30],
+            ReadError,
+            "Got too few of face",
+        ),
         (
             "cut2.ply",
             ply_bytes(cube().vertices, cube().triangles.tolist(), "binary_little_endian")[:-3],
@@ -246,12 +315,19 @@ NAN = np.where(np.arange(12)[:, None, None] == 4, np.nan, CUBE)
         ("json.glb", b"{}", ReadError, "GLB file must be whole"),
         (
             "draco.glb",
-            glb_bytes(cube().vertices, cube().triangles, extensionsRequired=["KHR_draco_mesh_compression"]),
+            glb_bytes(
+                cube().vertices, cube().triangles, extensionsRequired=["KHR_draco_mesh_compression"]
+            ),
             ReadError,
             "Got KHR_draco_mesh_compression",
         ),
         ("part.off.gz", b"x", ReadError, "must be a whole gzip file"),
-        ("part.stl.gz", gzip.compress(stl_bytes(CUBE), mtime=0)[:-20], ReadError, "must be a whole gzip file"),
+        (
+            "part.stl.gz",
+            gzip.compress(stl_bytes(CUBE), mtime=0)[:-20],
+            ReadError,
+            "must be a whole gzip file",
+        ),
         ("part.3mf", b"x", ReadError, r"must end in one of .step, .stp, .stl.*Got 'part.3mf'"),
     ],
 )

@@ -17,7 +17,11 @@ from aspectgraph import ReadError, ReadLimits, read_solid
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 CUBE = cube()
 LOOPS = [face.outer for face in CUBE.faces]
-OBJ, OFF, PLY = obj_text(CUBE.vertices, LOOPS), off_text(CUBE.vertices, LOOPS), ply_bytes(CUBE.vertices, LOOPS)
+OBJ, OFF, PLY = (
+    obj_text(CUBE.vertices, LOOPS),
+    off_text(CUBE.vertices, LOOPS),
+    ply_bytes(CUBE.vertices, LOOPS),
+)
 STL, GLB = stl_text(corners(CUBE)), glb_bytes(CUBE.vertices, CUBE.triangles)
 
 
@@ -50,12 +54,16 @@ def with_column(text: bytes, keyword: bytes, extra: bytes) -> bytes:
 
 
 def test_colours_and_a_weight_of_one_are_no_harm(tmp_path):
-    assert read(tmp_path, "rgb.obj", with_column(OBJ, b"v ", b" 0.1 0.2 0.3")).volume == pytest.approx(8)
+    assert read(
+        tmp_path, "rgb.obj", with_column(OBJ, b"v ", b" 0.1 0.2 0.3")
+    ).volume == pytest.approx(8)
     assert read(tmp_path, "one.obj", with_column(OBJ, b"v ", b" 1.0")).volume == pytest.approx(8)
     rows = off_text(CUBE.vertices, LOOPS).split(b"\n")
     rows[3:11] = [row + b" 0.1 0.2 0.3 1.0" for row in rows[3:11]]
     for keyword in (b"OFF", b"COFF", b"STNOFF"):
-        assert read(tmp_path, "part.off", b"\n".join([keyword, *rows[1:]])).volume == pytest.approx(8)
+        assert read(tmp_path, "part.off", b"\n".join([keyword, *rows[1:]])).volume == pytest.approx(
+            8
+        )
 
 
 FRACTION = PLY.replace(b"list uchar int", b"list uchar float")
@@ -66,7 +74,11 @@ FRACTION = PLY.replace(b"list uchar int", b"list uchar float")
     [
         ("weight.obj", with_column(OBJ, b"v ", b" 2.0"), "no weight but 1"),
         ("five.obj", with_column(OBJ, b"v ", b" 1.0 1.0"), "must have three numbers"),
-        ("keyword.obj", OBJ.replace(b"v ", b"w ", 1), "must begin with a keyword. Got 'w' in line 3"),
+        (
+            "keyword.obj",
+            OBJ.replace(b"v ", b"w ", 1),
+            "must begin with a keyword. Got 'w' in line 3",
+        ),
         ("underscore.obj", OBJ.replace(b"2.0", b"2_0", 1), "an OBJ vertex must have three numbers"),
         ("index.obj", OBJ.replace(b"8//8", b"0_8//8", 1), "must list vertex numbers. Got '0_8//8'"),
         ("four.off", OFF.replace(b"OFF", b"4OFF"), "must begin with OFF.*Got '4OFF'"),
@@ -77,16 +89,48 @@ FRACTION = PLY.replace(b"list uchar int", b"list uchar float")
         ("underscore.stl", STL.replace(b"2.0", b"2_0", 1), "must have three numbers"),
         ("digits.stl", STL.replace(b"2.0", "٢".encode(), 1), "must have three numbers"),
         ("four.stl", with_column(STL, b"  vertex", b" 4"), "must have three numbers"),
-        ("fraction.ply", FRACTION.replace(b"4 0 ", b"4 0.5 ", 1), "whole vertex numbers. Got \\[0.5"),
+        (
+            "fraction.ply",
+            FRACTION.replace(b"4 0 ", b"4 0.5 ", 1),
+            "whole vertex numbers. Got \\[0.5",
+        ),
         ("inf.ply", FRACTION.replace(b"4 0 ", b"4 inf ", 1), "whole vertex numbers. Got \\[inf"),
-        ("truncated.ply", PLY.replace(b"4 0 ", b"4 0.5 ", 1), "number of its type. Got '0.5' in face"),
-        ("inf_count.ply", PLY.replace(b"4 0 ", b"inf 0 ", 1), "number of its type. Got 'inf' in face"),
-        ("underscore.ply", PLY.replace(b"7 ", b"7_0 ", 1), "number of its type. Got '7_0' in vertex"),
+        (
+            "truncated.ply",
+            PLY.replace(b"4 0 ", b"4 0.5 ", 1),
+            "number of its type. Got '0.5' in face",
+        ),
+        (
+            "inf_count.ply",
+            PLY.replace(b"4 0 ", b"inf 0 ", 1),
+            "number of its type. Got 'inf' in face",
+        ),
+        (
+            "underscore.ply",
+            PLY.replace(b"7 ", b"7_0 ", 1),
+            "number of its type. Got '7_0' in vertex",
+        ),
         ("less.ply", PLY.replace(b"element face 6", b"element face 5"), "must count all its rows"),
-        ("header.ply", PLY.replace(b"element face", b"elexment face"), "header line must follow the format"),
-        ("twice.ply", PLY.replace(b"property double y", b"property double x"), "header line must follow the format"),
-        ("scalar.ply", PLY.replace(b"list uchar int", b"int"), "must have a list of vertex_indices"),
-        ("rows.ply", PLY.replace(b"element face 6", b"element face 999999999999"), "rows it counts"),
+        (
+            "header.ply",
+            PLY.replace(b"element face", b"elexment face"),
+            "header line must follow the format",
+        ),
+        (
+            "twice.ply",
+            PLY.replace(b"property double y", b"property double x"),
+            "header line must follow the format",
+        ),
+        (
+            "scalar.ply",
+            PLY.replace(b"list uchar int", b"int"),
+            "must have a list of vertex_indices",
+        ),
+        (
+            "rows.ply",
+            PLY.replace(b"element face 6", b"element face 999999999999"),
+            "rows it counts",
+        ),
     ],
 )
 def test_what_is_refused(tmp_path, name, data, rule):
@@ -165,8 +209,13 @@ def test_a_small_glb_that_unfolds_into_very_many_triangles(tmp_path):
     levels = [{"children": [level + 1] * 10} for level in range(12)]
     with pytest.raises(ReadError, match="must form trees"):
         read(tmp_path, "tower.glb", changed(put("nodes", [*levels, {"mesh": 0}])))
-    nodes = [{"children": list(range(1, 1001))}, *({"mesh": 0, "translation": [3 * i, 0, 0]} for i in range(1000))]
-    with pytest.raises(ReadError, match=r"at most triangles=5000 triangles.*ReadLimits\(triangles=...\)"):
+    nodes = [
+        {"children": list(range(1, 1001))},
+        *({"mesh": 0, "translation": [3 * i, 0, 0]} for i in range(1000)),
+    ]
+    with pytest.raises(
+        ReadError, match=r"at most triangles=5000 triangles.*ReadLimits\(triangles=...\)"
+    ):
         read(tmp_path, "many.glb", changed(put("nodes", nodes)), limits=ReadLimits(triangles=5000))
 
 
@@ -179,8 +228,12 @@ def test_a_packed_file_is_unpacked_no_further_than_the_limit(tmp_path, monkeypat
     data = gzip.compress(b"solid " + b" " * 30_000_000)
     taken = []
     plain_read = gzip.GzipFile.read
-    monkeypatch.setattr(gzip.GzipFile, "read", lambda file, n=-1: (taken.append(n), plain_read(file, n))[1])
-    with pytest.raises(ReadError, match=r"at most file_mb=1 MB, unpacked. Got part.stl.gz with more"):
+    monkeypatch.setattr(
+        gzip.GzipFile, "read", lambda file, n=-1: (taken.append(n), plain_read(file, n))[1]
+    )
+    with pytest.raises(
+        ReadError, match=r"at most file_mb=1 MB, unpacked. Got part.stl.gz with more"
+    ):
         read(tmp_path, "part.stl.gz", data, limits=ReadLimits(file_mb=1))
     assert taken == [1_000_001]
     with pytest.raises(ReadError, match=r"at most file_mb=0\.0001 MB"):
@@ -190,7 +243,9 @@ def test_a_packed_file_is_unpacked_no_further_than_the_limit(tmp_path, monkeypat
 def test_limits_are_checked():
     for name in ("time_s", "memory_mb", "file_mb", "triangles"):
         for value in (0, -1.0, np.inf, np.nan):
-            with pytest.raises(ReadError, match=f"{name} of the limits must be positive and finite"):
+            with pytest.raises(
+                ReadError, match=f"{name} of the limits must be positive and finite"
+            ):
                 ReadLimits(**{name: value})
 
 

@@ -25,9 +25,17 @@ def part_that(error):
     ("error", "kind", "message"),
     [
         (SolidError("a surface must be closed."), SolidError, r"^a surface must be closed\.$"),
-        (MemoryError(), ReadError, r"within memory_mb=7 MB\. Got part\.stp, which takes more; allow more"),
+        (
+            MemoryError(),
+            ReadError,
+            r"within memory_mb=7 MB\. Got part\.stp, which takes more; allow more",
+        ),
         (RuntimeError("Standard_OutOfMemory"), ReadError, r"within memory_mb=7 MB"),
-        (RuntimeError("no\n  such\tsurface"), ReadError, r"on which it stops with RuntimeError: no such surface\.$"),
+        (
+            RuntimeError("no\n  such\tsurface"),
+            ReadError,
+            r"on which it stops with RuntimeError: no such surface\.$",
+        ),
         (ValueError(), ReadError, r"Got part\.stp, on which it stops with ValueError\.$"),
         (ValueError("x" * 1000), ReadError, r"ValueError: x{200}\.$"),
     ],

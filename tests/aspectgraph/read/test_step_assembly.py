@@ -27,7 +27,9 @@ def box(size, at):
 
 
 def cylinder(radius, height, at):
-    return BRepPrimAPI_MakeCylinder(gp_Ax2(gp_Pnt(*map(float, at)), gp_Dir(0, 0, 1)), radius, height).Shape()
+    return BRepPrimAPI_MakeCylinder(
+        gp_Ax2(gp_Pnt(*map(float, at)), gp_Dir(0, 0, 1)), radius, height
+    ).Shape()
 
 
 def write(path, *shapes):
@@ -42,7 +44,10 @@ def write(path, *shapes):
 def boss_on_plate(tmp_path):
     """A plate, a boss in the middle of its top, and a block apart."""
     return write(
-        tmp_path / "assembly.step", box((8, 8, 2), (0, 0, 0)), box((4, 4, 3), (2, 2, 2)), box((1, 1, 1), (20, 0, 0))
+        tmp_path / "assembly.step",
+        box((8, 8, 2), (0, 0, 0)),
+        box((4, 4, 3), (2, 2, 2)),
+        box((1, 1, 1), (20, 0, 0)),
     )
 
 
@@ -107,9 +112,14 @@ def test_solids_apart_stay_as_they_were(tmp_path):
 
 def test_solids_that_overlap_are_refused_by_number(tmp_path):
     path = write(
-        tmp_path / "part.step", box((9, 9, 9), (0, 0, 0)), box((1, 1, 1), (20, 0, 0)), box((2, 2, 2), (3, 3, 3))
+        tmp_path / "part.step",
+        box((9, 9, 9), (0, 0, 0)),
+        box((1, 1, 1), (20, 0, 0)),
+        box((2, 2, 2), (3, 3, 3)),
     )
-    with pytest.raises(SelfIntersectionError, match=r"must not overlap. Got solids 0 and 2 of part.step, which do"):
+    with pytest.raises(
+        SelfIntersectionError, match=r"must not overlap. Got solids 0 and 2 of part.step, which do"
+    ):
         read_solid(path)
     assert read_solid(path, solids=[0, 1]).volume == pytest.approx(730)
 
@@ -122,13 +132,21 @@ def test_contact_in_a_line_or_a_point_is_refused(tmp_path, at):
 
 
 def test_choices_that_are_none(boss_on_plate):
-    with pytest.raises(ReadError, match=r"occluders must be 'all' or numbers of solids. Got 'most'"):
+    with pytest.raises(
+        ReadError, match=r"occluders must be 'all' or numbers of solids. Got 'most'"
+    ):
         SolidChoice([0], "most")
-    with pytest.raises(ReadError, match="must be numbers where solids does not say which are measured"):
+    with pytest.raises(
+        ReadError, match="must be numbers where solids does not say which are measured"
+    ):
         SolidChoice(None, "all")
     with pytest.raises(ReadError, match=r"measured or an occluder. Got solid 1 as both"):
         SolidChoice([0, 1], [1])
-    with pytest.raises(ReadError, match=r"solids must name some of 0..2 of assembly.step. Got \[0, 7\]"):
+    with pytest.raises(
+        ReadError, match=r"solids must name some of 0..2 of assembly.step. Got \[0, 7\]"
+    ):
         read_solid(boss_on_plate, solids=SolidChoice([0], [7]))
-    with pytest.raises(ReadError, match=r"solids must name some of 0..2 of assembly.step. Got \[\]"):
+    with pytest.raises(
+        ReadError, match=r"solids must name some of 0..2 of assembly.step. Got \[\]"
+    ):
         read_solid(boss_on_plate, solids=SolidChoice(None, [0, 1, 2]))

@@ -18,7 +18,9 @@ pytest.importorskip("OCP")
 
 PART = Path(__file__).parents[3] / "examples" / "mfcad_6-11-11-19.step"
 
-linux = pytest.mark.skipif(sys.platform != "linux", reason="limits memory and looks at processes as Linux does")
+linux = pytest.mark.skipif(
+    sys.platform != "linux", reason="limits memory and looks at processes as Linux does"
+)
 
 
 @pytest.fixture
@@ -42,7 +44,9 @@ def test_a_crash_is_one_line(fake_kernel):
 def test_too_slow(fake_kernel):
     fake_kernel.write_text("while True: pass")
     started = time.monotonic()
-    with pytest.raises(ReadError, match=r"within time_s=0\.5 seconds.*limits=ReadLimits\(time_s=...\)"):
+    with pytest.raises(
+        ReadError, match=r"within time_s=0\.5 seconds.*limits=ReadLimits\(time_s=...\)"
+    ):
         read_solid(PART, limits=ReadLimits(time_s=0.5))
     assert time.monotonic() - started < 5.0
 
@@ -64,7 +68,9 @@ def noisy(self, **options):
     return load(self, **options)
 StepPart.load = noisy
 from aspectgraph.read.step.server"""
-    monkeypatch.setattr(client, "_PROGRAM", client._PROGRAM.replace("from aspectgraph.read.step.server", noisy))
+    monkeypatch.setattr(
+        client, "_PROGRAM", client._PROGRAM.replace("from aspectgraph.read.step.server", noisy)
+    )
     assert read_solid(PART).edges == plain.edges
     assert (tmp_path / "called").exists()
 
@@ -141,9 +147,12 @@ def test_no_process_is_left_after_a_read():
 
 
 @pytest.mark.parametrize(
-    ("version", "advice"), [((3, 10), "read them with 3.11 or newer"), ((3, 13), "pip install aspectgraph[step]")]
+    ("version", "advice"),
+    [((3, 10), "read them with 3.11 or newer"), ((3, 13), "pip install aspectgraph[step]")],
 )
-def test_where_the_kernel_cannot_be_had_nobody_is_told_to_install_it(fake_kernel, monkeypatch, version, advice):
+def test_where_the_kernel_cannot_be_had_nobody_is_told_to_install_it(
+    fake_kernel, monkeypatch, version, advice
+):
     fake_kernel.write_text("raise ImportError('No module named OCP')")
     monkeypatch.setattr(client.sys, "version_info", version)
     with pytest.raises(MissingExtraError, match=r"cadquery-ocp-novtk, 8 or newer") as caught:

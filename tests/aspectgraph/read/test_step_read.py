@@ -10,13 +10,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aspectgraph import MissingExtraError, ReadError, SelfIntersectionError, Solid, read_solid, resolve_entities
+from aspectgraph import (
+    MissingExtraError,
+    ReadError,
+    SelfIntersectionError,
+    Solid,
+    read_solid,
+    resolve_entities,
+)
 
 pytest.importorskip("OCP")
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
 from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert, BRepBuilderAPI_Transform
 from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
-from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCone, BRepPrimAPI_MakeCylinder, BRepPrimAPI_MakeSphere
+from OCP.BRepPrimAPI import (
+    BRepPrimAPI_MakeBox,
+    BRepPrimAPI_MakeCone,
+    BRepPrimAPI_MakeCylinder,
+    BRepPrimAPI_MakeSphere,
+)
 from OCP.gp import gp_Ax1, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
 from OCP.TopAbs import TopAbs_ShapeEnum
@@ -40,7 +52,9 @@ def box(x, y, z, at=(0, 0, 0)):
 
 
 def cylinder(radius, height, at=(0, 0, 0)):
-    return BRepPrimAPI_MakeCylinder(gp_Ax2(gp_Pnt(*map(float, at)), gp_Dir(0, 0, 1)), radius, height).Shape()
+    return BRepPrimAPI_MakeCylinder(
+        gp_Ax2(gp_Pnt(*map(float, at)), gp_Dir(0, 0, 1)), radius, height
+    ).Shape()
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +72,9 @@ def test_nist_ctc_01(ctc01):
 
 
 def test_a_finer_chord_tolerance_keeps_the_candidates_and_the_volume(ctc01):
-    fine = read_solid(EXAMPLES / "nist_ctc_01_ap242.stp", chord_tolerance_mm=0.05, angular_tolerance_deg=10)
+    fine = read_solid(
+        EXAMPLES / "nist_ctc_01_ap242.stp", chord_tolerance_mm=0.05, angular_tolerance_deg=10
+    )
 
     def ends(solid):
         points = [solid.edge_points(edge.id).round(6) + 0.0 for edge in solid.straight_edges()]
@@ -77,7 +93,11 @@ def test_a_finer_chord_tolerance_keeps_the_candidates_and_the_volume(ctc01):
 )
 def test_planar_parts_are_exact(name, n_faces, n_edges, volume):
     solid = read_solid(EXAMPLES / name)
-    assert (len(solid.faces), len(solid.edges), len(solid.straight_edges())) == (n_faces, n_edges, n_edges)
+    assert (len(solid.faces), len(solid.edges), len(solid.straight_edges())) == (
+        n_faces,
+        n_edges,
+        n_edges,
+    )
     assert solid.volume == pytest.approx(volume, abs=2e-3)
     assert solid.notes == ()
 
@@ -110,7 +130,11 @@ def test_a_hole_becomes_a_ring_of_flat_strips(tmp_path):
 def test_facets_keep_the_chord_tolerance(tmp_path, chord_mm):
     path = write(tmp_path / "part.step", cylinder(10.0, 8.0))
     solid = read_solid(path, chord_tolerance_mm=chord_mm, angular_tolerance_deg=90)
-    middles = [solid.edge_points(e.id).mean(axis=0) for e in solid.edges if np.ptp(solid.edge_points(e.id)[:, 2]) == 0]
+    middles = [
+        solid.edge_points(e.id).mean(axis=0)
+        for e in solid.edges
+        if np.ptp(solid.edge_points(e.id)[:, 2]) == 0
+    ]
     sagitta = 10.0 - np.linalg.norm(np.array(middles)[:, :2], axis=1)
     assert sagitta.max() <= chord_mm
     assert sagitta.max() > chord_mm / 10
@@ -129,7 +153,9 @@ def test_fillets_are_smooth_and_straight_rims_stay(tmp_path):
 
 @pytest.mark.parametrize("chord_mm", [0.1, 0.03, 0.003])
 @pytest.mark.parametrize(("angle_deg", "n_edges"), [(8.0, 16), (4.0, 14)])
-def test_sharpness_is_that_of_the_surfaces_not_of_their_facets(tmp_path, angle_deg, n_edges, chord_mm):
+def test_sharpness_is_that_of_the_surfaces_not_of_their_facets(
+    tmp_path, angle_deg, n_edges, chord_mm
+):
     # A groove in the top of a box, part of a cylinder that meets the plane under a known angle: twelve edges of the
     # box, two of them in two pieces, and the two of the groove if they are sharp.
     angle, radius = np.radians(angle_deg), 20.0
@@ -141,14 +167,18 @@ def test_sharpness_is_that_of_the_surfaces_not_of_their_facets(tmp_path, angle_d
     found = solid.straight_edges()
     assert len(found) == n_edges
     groove = [edge for edge in found if abs(edge.turn_deg) < 60.0]
-    assert [edge.turn_deg for edge in groove] == pytest.approx([angle_deg] * (n_edges - 14), abs=1e-6)
+    assert [edge.turn_deg for edge in groove] == pytest.approx(
+        [angle_deg] * (n_edges - 14), abs=1e-6
+    )
     assert all(edge.dihedral_deg < edge.turn_deg for edge in groove), "the facets turn by less"
     assert set(resolve_entities(solid, found)) == {f"e{edge.id}" for edge in found}
     assert len(solid.straight_edges(min_dihedral_deg=8.5)) == 14
 
 
 def test_planes_stored_as_splines_are_planar(tmp_path):
-    shape = BRepBuilderAPI_NurbsConvert(BRepAlgoAPI_Cut(box(6, 6, 4), box(2, 2, 2, (1, 1, 2))).Shape()).Shape()
+    shape = BRepBuilderAPI_NurbsConvert(
+        BRepAlgoAPI_Cut(box(6, 6, 4), box(2, 2, 2, (1, 1, 2))).Shape()
+    ).Shape()
     solid = read_solid(write(tmp_path / "part.step", shape))
     assert (len(solid.faces), len(solid.straight_edges()), solid.notes) == (11, 24, ())
     assert solid.volume == pytest.approx(144 - 8)
@@ -198,8 +228,13 @@ def test_thin_walls_are_refined_until_they_hold(tmp_path):
 
 
 def test_solids_that_touch_or_overlap(tmp_path):
-    path = write(tmp_path / "part.step", box(2, 2, 2), box(2, 2, 2, (1, 1, 1)), box(2, 2, 2, (9, 0, 0)))
-    with pytest.raises(SelfIntersectionError, match=r"solids must not overlap.*holds 3 solids.*instance, solids=\[0\]"):
+    path = write(
+        tmp_path / "part.step", box(2, 2, 2), box(2, 2, 2, (1, 1, 1)), box(2, 2, 2, (9, 0, 0))
+    )
+    with pytest.raises(
+        SelfIntersectionError,
+        match=r"solids must not overlap.*holds 3 solids.*instance, solids=\[0\]",
+    ):
         read_solid(path)
     assert read_solid(path, solids=[0, 2]).volume == pytest.approx(16)
     with pytest.raises(ReadError, match=r"solids must name some of 0..2 of part.step. Got \[3\]"):
@@ -212,8 +247,14 @@ def test_broken_files(tmp_path):
     text = (EXAMPLES / "mfcad_6-11-11-19.step").read_text()
     cases = {
         "prose.step": ("no step", "must begin with ISO-10303-21"),
-        "unknown.step": (text.replace("ADVANCED_FACE", "ADVANCED_FARCE", 1), "geometry of a STEP file must be whole"),
-        "reference.step": (text.replace("#17,", "#1799,", 1), "must be whole. Got reference.step with 1 syntax errors"),
+        "unknown.step": (
+            text.replace("ADVANCED_FACE", "ADVANCED_FARCE", 1),
+            "geometry of a STEP file must be whole",
+        ),
+        "reference.step": (
+            text.replace("#17,", "#1799,", 1),
+            "must be whole. Got reference.step with 1 syntax errors",
+        ),
         "header.step": (text[:300], "STEP file"),
         "cut.step": (text[: len(text) // 2], "STEP file"),
     }
@@ -227,7 +268,9 @@ def test_broken_files(tmp_path):
 
 def test_loose_faces_only(tmp_path):
     face = explore(box(2, 2, 2), TopAbs_ShapeEnum.TopAbs_FACE)[0]
-    with pytest.raises(ReadError, match=r"at least one closed solid\. Got part.step with 1 loose faces only"):
+    with pytest.raises(
+        ReadError, match=r"at least one closed solid\. Got part.step with 1 loose faces only"
+    ):
         read_solid(write(tmp_path / "part.step", face))
 
 

@@ -79,7 +79,11 @@ def in_second_solid(text: str, pattern: str, new: str) -> str:
 
 DAMAGES = [
     (r"DIRECTION\('',\([^)]*\)\)", "DIRECTION('',(0.,0.,0.))", "#[0-9]+, which OCCT cannot build"),
-    (r"CARTESIAN_POINT\('',\(9\.", "CARTESIAN_POINT('',(9.E300", "#[0-9]+, which OCCT cannot build"),
+    (
+        r"CARTESIAN_POINT\('',\(9\.",
+        "CARTESIAN_POINT('',(9.E300",
+        "#[0-9]+, which OCCT cannot build",
+    ),
     (r"CLOSED_SHELL\('',\(#\d+,", "CLOSED_SHELL('',(", "#[0-9]+, which OCCT cannot build"),
     ("ADVANCED_FACE", "ADVANCED_FARCE", "errors in ClosedShell"),
     (r"(EDGE_CURVE\('',#\d+,#\d+),#\d+", r"\1,#1", "errors in EdgeCurve"),
@@ -87,9 +91,13 @@ DAMAGES = [
 
 
 @pytest.mark.parametrize(("pattern", "new", "what"), DAMAGES)
-def test_a_damaged_solid_is_left_out_only_if_the_others_are_asked_for(tmp_path, two_boxes, pattern, new, what):
+def test_a_damaged_solid_is_left_out_only_if_the_others_are_asked_for(
+    tmp_path, two_boxes, pattern, new, what
+):
     text = in_second_solid(two_boxes, pattern, new)
-    with pytest.raises(ReadError, match=rf"{what} \(solid 1 of 0\.\.1\)\. Ask for the whole ones with solids=\[0\]"):
+    with pytest.raises(
+        ReadError, match=rf"{what} \(solid 1 of 0\.\.1\)\. Ask for the whole ones with solids=\[0\]"
+    ):
         read(tmp_path, text)
     with pytest.raises(ReadError, match="--solids 0"):
         read(tmp_path, text, solids=[0, 1])
@@ -108,12 +116,20 @@ def test_the_others_keep_their_numbers(tmp_path, two_boxes):
 @pytest.mark.parametrize(
     ("pattern", "new", "rule"),
     [
-        ("MANIFOLD_SOLID_BREP", "MANIFOLD_SOLID_BREQ", "closed shells of a STEP file must belong to solids"),
+        (
+            "MANIFOLD_SOLID_BREP",
+            "MANIFOLD_SOLID_BREQ",
+            "closed shells of a STEP file must belong to solids",
+        ),
         (r"\(9\.,", "(9.O,", "Got '9.O' where a number"),
         (r"\(9\.,", "(9_0.,", "where a number"),
         (r"\(9\.,", "(9 0.,", "where a number"),
         (r"#(\d+) = DIRECTION", "#1 = DIRECTION", r"must have numbers of their own\. Got #1 twice"),
-        (r"\.MILLI\.,\.METRE\.", ".MILLY.,.METRE.", "length unit of a STEP file must be a multiple of the metre"),
+        (
+            r"\.MILLI\.,\.METRE\.",
+            ".MILLY.,.METRE.",
+            "length unit of a STEP file must be a multiple of the metre",
+        ),
     ],
 )
 def test_damage_that_no_choice_of_solids_avoids(tmp_path, two_boxes, pattern, new, rule):
@@ -125,7 +141,9 @@ def test_damage_that_no_choice_of_solids_avoids(tmp_path, two_boxes, pattern, ne
 
 
 def test_a_solid_that_its_representation_does_not_list(tmp_path, two_boxes):
-    text = re.sub(r"(ADVANCED_BREP_SHAPE_REPRESENTATION\('',\(#\d+),#\d+", r"\1", two_boxes, count=1)
+    text = re.sub(
+        r"(ADVANCED_BREP_SHAPE_REPRESENTATION\('',\(#\d+),#\d+", r"\1", two_boxes, count=1
+    )
     with pytest.raises(ReadError, match="must be items of a representation"):
         read(tmp_path, text)
 
@@ -135,9 +153,13 @@ def test_an_assembly_is_read_whole(tmp_path, assembly):
     assert read(tmp_path, assembly, solids=[3]).volume == pytest.approx(210)
 
 
-@pytest.mark.parametrize("kind", ["NEXT_ASSEMBLY_USAGE_OCCURRENCE", "CONTEXT_DEPENDENT_SHAPE_REPRESENTATION"])
+@pytest.mark.parametrize(
+    "kind", ["NEXT_ASSEMBLY_USAGE_OCCURRENCE", "CONTEXT_DEPENDENT_SHAPE_REPRESENTATION"]
+)
 def test_a_part_of_an_assembly_that_is_not_placed(tmp_path, assembly, kind):
-    with pytest.raises(ReadError, match="every placement in the assembly of a STEP file must be that of a part"):
+    with pytest.raises(
+        ReadError, match="every placement in the assembly of a STEP file must be that of a part"
+    ):
         read(tmp_path, assembly.replace(kind, kind.replace("E", "O", 1), 1))
 
 
@@ -178,14 +200,17 @@ def displaced(text: str, x: float) -> str:
 def test_a_vertex_off_its_edges_is_refused_with_its_place(tmp_path):
     text = displaced((EXAMPLES / "mfcad_6-11-11-19.step").read_text(), 0.3)
     with pytest.raises(
-        ReadError, match=r"must meet within gap_mm=1\.73e-05 mm\. Got a gap of 0\.3 mm between a vertex"
+        ReadError,
+        match=r"must meet within gap_mm=1\.73e-05 mm\. Got a gap of 0\.3 mm between a vertex",
     ):
         read(tmp_path, text)
 
 
 def test_a_wider_gap_can_be_permitted_and_is_noted(tmp_path):
     text = displaced((EXAMPLES / "mfcad_6-11-11-19.step").read_text(), 1e-3)
-    with pytest.raises(ReadError, match=r"Got a gap of 0\.001 mm between a vertex and its edge at \("):
+    with pytest.raises(
+        ReadError, match=r"Got a gap of 0\.001 mm between a vertex and its edge at \("
+    ):
         read(tmp_path, text)
     solid = read(tmp_path, text, gap_mm=2e-3)
     assert solid.notes[0].startswith("a gap of 0.001 mm between a vertex and its edge")
@@ -202,13 +227,22 @@ def test_a_gap_within_the_stated_uncertainty_is_no_gap(tmp_path):
 def test_a_plane_off_its_edges(tmp_path, two_boxes):
     plane = re.findall(r"PLANE\('',#(\d+)\)", two_boxes)[-1]
     other = re.findall(r"AXIS2_PLACEMENT_3D\('',#(\d+)", two_boxes)[0]
-    text = re.sub(rf"#{plane} = AXIS2_PLACEMENT_3D\('',#\d+", f"#{plane} = AXIS2_PLACEMENT_3D('',#{other}", two_boxes)
+    text = re.sub(
+        rf"#{plane} = AXIS2_PLACEMENT_3D\('',#\d+",
+        f"#{plane} = AXIS2_PLACEMENT_3D('',#{other}",
+        two_boxes,
+    )
     with pytest.raises(ReadError, match="between an edge and its planar face"):
         read(tmp_path, text)
 
 
 def fit(kind, gap, uncertainty):
-    gaps = {"vertex": [0.0, [0, 0, 0]], "planar": [0.0, [0, 0, 0]], "curved": [0.0, [0, 0, 0]], kind: [gap, [1, 2, 3]]}
+    gaps = {
+        "vertex": [0.0, [0, 0, 0]],
+        "planar": [0.0, [0, 0, 0]],
+        "curved": [0.0, [0, 0, 0]],
+        kind: [gap, [1, 2, 3]],
+    }
     return [{"uncertainty_mm": uncertainty, "gaps": gaps}]
 
 

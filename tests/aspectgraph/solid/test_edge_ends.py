@@ -47,7 +47,8 @@ def test_a_side_runs_on_in_the_arc_it_touches(n):
 
 
 @pytest.mark.parametrize(
-    ("turn_deg", "kind"), [(24.0, "tangent"), (26.0, "corner"), (154.0, "corner"), (156.0, "tangent")]
+    ("turn_deg", "kind"),
+    [(24.0, "tangent"), (26.0, "corner"), (154.0, "corner"), (156.0, "tangent")],
 )
 def test_a_corner_turns_by_25_degrees_from_the_edges_line(turn_deg, kind):
     """A bar that turns at the origin; of the edges there only those of its outline show."""
@@ -57,7 +58,11 @@ def test_a_corner_turns_by_25_degrees_from_the_edges_line(turn_deg, kind):
     edge = solid.edges[edge_between(solid, (-9, 0, 2), (0, 0, 2))]
     outline = solid.edges[edge_between(solid, (0, 0, 2), (*profile[2], 2))]
     vertex = next(v for v in edge.vertices if np.abs(solid.vertices[v] - [0, 0, 2]).max() < 1e-9)
-    (end,) = [end for end in find_edge_ends(solid, edge, {vertex: [edge, outline]}, {}) if end.vertex == vertex]
+    (end,) = [
+        end
+        for end in find_edge_ends(solid, edge, {vertex: [edge, outline]}, {})
+        if end.vertex == vertex
+    ]
     assert (end.kind, end.arc) == (kind, None)
     assert end.angle_deg == pytest.approx(min(turn_deg, 180 - turn_deg))
 
@@ -78,8 +83,17 @@ def test_ends_of_a_step_part_are_tangent_where_the_edge_is_square_to_the_radius(
             for edge in straight:
                 start, end = solid.edge_points(edge.id)
                 along = (end - start) / np.linalg.norm(end - start)
-                if vertex in edge.vertices and abs(along @ radius) < 1e-6 and abs(along @ arc.axis) < 1e-6:
+                if (
+                    vertex in edge.vertices
+                    and abs(along @ radius) < 1e-6
+                    and abs(along @ arc.axis) < 1e-6
+                ):
                     expected.add((edge.id, vertex))
-    found = {(edge.id, end.vertex) for edge in straight for end in solid.edge_ends(edge) if end.arc is not None}
+    found = {
+        (edge.id, end.vertex)
+        for edge in straight
+        for end in solid.edge_ends(edge)
+        if end.arc is not None
+    }
     assert len(expected) > 80
     assert found == expected

@@ -27,7 +27,9 @@ def test_rims_of_a_hole_have_its_circle(n):
     for rim in rims:
         assert rim.centre[:2] == pytest.approx([1, 2])
         assert rim.radius_mm == pytest.approx(4.0)
-        assert rim.axis == pytest.approx([0, 0, 1 if rim.centre[2] > 1 else -1]), "out of the material"
+        assert rim.axis == pytest.approx([0, 0, 1 if rim.centre[2] > 1 else -1]), (
+            "out of the material"
+        )
         assert len(rim.edge_ids) == len(rim.vertices) == n
         assert rim.residual_mm < 1e-12
         assert rim.chord_mm == pytest.approx(4.0 * (1 - np.cos(np.pi / n)))
@@ -41,7 +43,9 @@ def test_chords_are_in_order_and_counter_clockwise():
         line = [*rim.vertices, rim.vertices[0]]
         for a, b, e in zip(line, line[1:], rim.edge_ids, strict=False):
             assert set(solid.edges[e].vertices) == {a, b}
-            turn = np.cross(solid.vertices[a] - rim.centre, solid.vertices[b] - rim.centre) @ rim.axis
+            turn = (
+                np.cross(solid.vertices[a] - rim.centre, solid.vertices[b] - rim.centre) @ rim.axis
+            )
             assert turn == pytest.approx(16 * np.sin(np.pi / 6))
 
 

@@ -59,7 +59,11 @@ def cube_parts():
 @pytest.mark.parametrize(("make", "n_vertices", "n_edges", "n_faces", "volume", "n_shells"), KNOWN)
 def test_known_solids(make, n_vertices, n_edges, n_faces, volume, n_shells):
     solid = make()
-    assert (len(solid.vertices), len(solid.edges), len(solid.faces)) == (n_vertices, n_edges, n_faces)
+    assert (len(solid.vertices), len(solid.edges), len(solid.faces)) == (
+        n_vertices,
+        n_edges,
+        n_faces,
+    )
     assert solid.volume == pytest.approx(volume, rel=1e-12)
     assert solid.n_shells == n_shells
     assert len(solid.straight_edges()) == n_edges
@@ -77,19 +81,26 @@ def test_edges_are_numbered_and_traversed_forwards_then_backwards(make):
 @pytest.mark.parametrize("make", [row[0] for row in KNOWN])
 def test_triangles_cover_each_face_once_and_meet_edge_to_edge(make):
     solid = make()
-    for face, triangles, normal in zip(solid.faces, solid.face_triangles, solid.normals, strict=True):
+    for face, triangles, normal in zip(
+        solid.faces, solid.face_triangles, solid.normals, strict=True
+    ):
         corners = solid.vertices[triangles]
         doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ normal
         assert (doubled > 0).all()
         assert set(triangles.ravel()) == {v for loop in face.loops for v in loop}
-        sides = [tuple(side) for t in triangles.tolist() for side in zip(t, [*t[1:], t[0]], strict=True)]
+        sides = [
+            tuple(side) for t in triangles.tolist() for side in zip(t, [*t[1:], t[0]], strict=True)
+        ]
         assert len(set(sides)) == len(sides)
         rim = {side for side in sides if side[::-1] not in sides}
         assert rim == set(face.directed_edges())
 
 
 def test_dihedral_is_positive_where_convex_and_negative_where_re_entrant():
-    turns = {tuple(sorted(map(tuple, l_block().edge_points(e.id)))): e.dihedral_deg for e in l_block().edges}
+    turns = {
+        tuple(sorted(map(tuple, l_block().edge_points(e.id)))): e.dihedral_deg
+        for e in l_block().edges
+    }
     assert turns[(1.0, 1.0, 0.0), (1.0, 1.0, 2.0)] == pytest.approx(-90.0)
     assert sorted(turns.values())[1:] == pytest.approx([90.0] * 17)
 
@@ -140,7 +151,9 @@ def test_a_face_may_touch_itself_in_a_vertex():
     # A pocket and a boss on the top whose corners meet: one fan of faces, the top face twice in it.
     builder = FaceBuilder()
     builder.add([(0, 0, 0), (0, 6, 0), (6, 6, 0), (6, 0, 0)])
-    for (x0, y0), (x1, y1) in zip([(0, 0), (6, 0), (6, 6), (0, 6)], [(6, 0), (6, 6), (0, 6), (0, 0)], strict=True):
+    for (x0, y0), (x1, y1) in zip(
+        [(0, 0), (6, 0), (6, 6), (0, 6)], [(6, 0), (6, 6), (0, 6), (0, 0)], strict=True
+    ):
         builder.add([(x0, y0, 0), (x1, y1, 0), (x1, y1, 4), (x0, y0, 4)])
     pocket = [(1, 1), (3, 1), (3, 3), (1, 3)]
     boss = [(3, 3), (5, 3), (5, 5), (3, 5)]
@@ -182,7 +195,9 @@ def test_moved_and_scaled_solids_stay_valid(seed, scale):
     moved = Solid(scale * (original.vertices @ axes.T + rng.normal(size=3)), original.faces)
     assert moved.volume == pytest.approx(scale**3 * original.volume)
     assert [e.vertices for e in moved.edges] == [e.vertices for e in original.edges]
-    assert [e.dihedral_deg for e in moved.edges] == pytest.approx([e.dihedral_deg for e in original.edges])
+    assert [e.dihedral_deg for e in moved.edges] == pytest.approx(
+        [e.dihedral_deg for e in original.edges]
+    )
 
 
 def test_arrays_are_read_only_and_solids_can_be_pickled():
@@ -195,7 +210,8 @@ def test_arrays_are_read_only_and_solids_can_be_pickled():
 
 
 @pytest.mark.parametrize(
-    ("value", "rule"), [(np.nan, "must be finite"), (np.inf, "must be finite"), (1e61, "below 1e60 mm")]
+    ("value", "rule"),
+    [(np.nan, "must be finite"), (np.inf, "must be finite"), (1e61, "below 1e60 mm")],
 )
 def test_bad_coordinates(value, rule):
     vertices, faces = cube_parts()
@@ -232,7 +248,9 @@ def test_wrong_shape_and_too_few_faces():
 
 def test_an_open_surface_names_an_edge():
     vertices, faces = cube_parts()
-    with pytest.raises(OpenSolidError, match=r"edge from \(0, 0, 2\) to \(0, 0, 0\) .* \(4 such edges\)"):
+    with pytest.raises(
+        OpenSolidError, match=r"edge from \(0, 0, 2\) to \(0, 0, 0\) .* \(4 such edges\)"
+    ):
         Solid(vertices, faces[1:])
 
 
@@ -244,7 +262,9 @@ def test_a_reversed_face_names_an_edge():
 
 def test_an_inside_out_solid_is_refused():
     vertices, faces = cube_parts()
-    with pytest.raises(OrientationError, match=r"counter-clockwise seen from outside. Got a shell of volume -8 mm³"):
+    with pytest.raises(
+        OrientationError, match=r"counter-clockwise seen from outside. Got a shell of volume -8 mm³"
+    ):
         Solid(vertices, [face[::-1] for face in faces])
 
 
@@ -271,7 +291,11 @@ def test_a_face_without_area_is_refused():
     a, b = builder.index[0.0, 0.0, 0.0], builder.index[2.0, 0.0, 0.0]
     middle = len(vertices) - 1
     at = bottom.index(b)
-    wide = [*bottom[: at + 1], middle, *bottom[at + 1 :]] if bottom[(at + 1) % 3] == a else [middle, *bottom]
+    wide = (
+        [*bottom[: at + 1], middle, *bottom[at + 1 :]]
+        if bottom[(at + 1) % 3] == a
+        else [middle, *bottom]
+    )
     with pytest.raises(SolidError, match="area above zero"):
         Solid(vertices, [wide, (b, a, middle), *rest])
 

@@ -40,7 +40,9 @@ def test_every_plane_passes_through_what_it_is_said_to_come_from():
             else:
                 assert kind == VERTEX_AND_ENTITY
                 assert set(places[1:]) == ends
-            assert all(side_of(sets.planes[number], scene.points[v], scene.resolution) == 0 for v in places)
+            assert all(
+                side_of(sets.planes[number], scene.points[v], scene.resolution) == 0 for v in places
+            )
     assert kinds == {FACE, EDGE_AND_END, VERTEX_AND_ENTITY}
 
 

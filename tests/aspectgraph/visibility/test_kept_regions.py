@@ -51,7 +51,11 @@ def test_another_request_is_computed(block, tmp_path, monkeypatch):
     compute_regions(block, EDGES, BOX, kept=kept)
     monkeypatch.setattr("aspectgraph.visibility.visibility_regions.observable_region", refuse)
     larger = [[-300.0, -200, -200], [200, 200, 200]]
-    for edges, box in ((EDGES, larger), ({"e1": EDGES["e1"]}, BOX), ({"other": EDGES["e1"], "e4": EDGES["e4"]}, BOX)):
+    for edges, box in (
+        (EDGES, larger),
+        ({"e1": EDGES["e1"]}, BOX),
+        ({"other": EDGES["e1"], "e4": EDGES["e4"]}, BOX),
+    ):
         with pytest.raises(RuntimeError, match="computed again"):
             compute_regions(block, edges, box, kept=kept)
 

@@ -77,7 +77,9 @@ def test_upper_rim_of_a_through_hole_is_seen_from_above_and_through_the_hole(squ
 @pytest.mark.parametrize("square", [5, 25, 65])
 def test_upper_rim_of_a_boss_is_seen_from_above_only(square):
     points = viewpoints()
-    assert (seen(plate(square, HEIGHT + 5), HEIGHT + 5, points) == (points[:, 2] > HEIGHT + 5)).all()
+    assert (
+        seen(plate(square, HEIGHT + 5), HEIGHT + 5, points) == (points[:, 2] > HEIGHT + 5)
+    ).all()
 
 
 @pytest.mark.uncompiled
@@ -133,9 +135,13 @@ def test_graph_of_rims_and_edges_lists_what_is_observable():
     eag = build_aspect_graph(solid, names, WORKSPACE)
     points = np.random.default_rng(0).uniform(-60, 90, (2000, 3))
     nodes = eag.domain_of(points)
-    lists = [set(eag.graph.nodes[node]["observable"]) if node >= 0 else set() for node in nodes.tolist()]
+    lists = [
+        set(eag.graph.nodes[node]["observable"]) if node >= 0 else set() for node in nodes.tolist()
+    ]
     flags = eag.observable(points)
-    seen_here = [{name for name, flag in zip(eag.entity_names, row, strict=True) if flag} for row in flags]
+    seen_here = [
+        {name for name, flag in zip(eag.entity_names, row, strict=True) if flag} for row in flags
+    ]
     assert lists == seen_here
     assert sum(len(one) > 0 for one in lists) > 200
     assert all(set(eag.graph.nodes[node]["observable"]) >= {"r0"} for node in eag.covering(["r0"]))
@@ -148,7 +154,13 @@ def test_a_piece_nearly_in_line_with_a_chord_blocks_no_more_than_its_shadow():
     """
     solid = read_solid(EXAMPLES / "nist_ctc_01_ap242.stp")
     (rim,) = [rim for rim in solid.rims() if rim.centre == pytest.approx([160, 45, -50])]
-    viewpoints = np.array([(-1574.393, 872.998, -89.728), (1929.582, -31.711, -91.929), (-970.802, -198.308, -147.117)])
+    viewpoints = np.array(
+        [
+            (-1574.393, 872.998, -89.728),
+            (1929.582, -31.711, -91.929),
+            (-970.802, -198.308, -147.117),
+        ]
+    )
     regions = compute_regions(solid, {"rim": rim})
     assert SightLines(solid, list(regions.entities.values()), 360).arrive(viewpoints).all()
     assert regions.observable(viewpoints).all()

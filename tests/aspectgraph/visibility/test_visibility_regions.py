@@ -30,7 +30,9 @@ def slot():
 @pytest.fixture(scope="module")
 def viewpoints():
     rng = np.random.default_rng(0)
-    return np.concatenate([rng.uniform(-60, 60, (2000, 3)), rng.uniform([-3, -3, -3], [13, 6, 9], (2000, 3))])
+    return np.concatenate(
+        [rng.uniform(-60, 60, (2000, 3)), rng.uniform([-3, -3, -3], [13, 6, 9], (2000, 3))]
+    )
 
 
 def inside_slotted_block(points):
@@ -44,7 +46,10 @@ def inside_slotted_block(points):
 def test_domain_of_agrees_with_observable(slot, viewpoints):
     nodes = slot.domain_of(viewpoints)
     lists = np.array(
-        [[name in listed for name in slot.entity_names] for _, listed in slot.graph.nodes(data="observable")]
+        [
+            [name in listed for name in slot.entity_names]
+            for _, listed in slot.graph.nodes(data="observable")
+        ]
     )
     outside = nodes >= 0
     assert (lists[nodes[outside]] == slot.observable(viewpoints[outside])).all()
@@ -107,7 +112,10 @@ def test_coverings_do_not_pile_up():
     """Every set of entities asked for has a covering of its own; only the last few stay."""
     regions = compute_regions(solids.two_pocket_block(), solids.TWO_POCKET_ENTITIES, WORKSPACE)
     names = regions.entity_names
-    sets = [[name for k, name in enumerate(names) if bits >> k & 1] for bits in range(1, 2 ** len(names))]
+    sets = [
+        [name for k, name in enumerate(names) if bits >> k & 1]
+        for bits in range(1, 2 ** len(names))
+    ]
     first = regions.covering_cells(sets[0])
     assert regions.covering_cells(sets[0]) is first
     for one in sets:
@@ -140,7 +148,9 @@ def test_viewpoints_of_nodes_have_their_clearance(slot):
 @pytest.mark.uncompiled
 def test_surfaces_pass_through_their_entity_and_separate_the_lists(slot):
     for one, other, data in slot.graph.edges(data=True):
-        changed = set(slot.graph.nodes[one]["observable"]) ^ set(slot.graph.nodes[other]["observable"])
+        changed = set(slot.graph.nodes[one]["observable"]) ^ set(
+            slot.graph.nodes[other]["observable"]
+        )
         assert changed == {surface.entity for surface in data["surfaces"]}
         for surface in data["surfaces"]:
             ends = slot.entities[surface.entity].endpoints
@@ -149,7 +159,9 @@ def test_surfaces_pass_through_their_entity_and_separate_the_lists(slot):
             assert np.abs(heights).min() < 1e-9
             if surface.type == "A":
                 assert np.abs(heights).max() < 1e-9
-                assert set(surface.faces) & set(slot.solid.edges[slot.entities[surface.entity].edge_ids[0]].faces)
+                assert set(surface.faces) & set(
+                    slot.solid.edges[slot.entities[surface.entity].edge_ids[0]].faces
+                )
 
 
 @pytest.mark.uncompiled
@@ -171,7 +183,9 @@ def test_executor_changes_nothing(slot, make):
 def test_dask_cluster_changes_nothing(slot):
     distributed = pytest.importorskip("distributed")
     with distributed.Client(n_workers=1, threads_per_worker=1, dashboard_address=":0") as client:
-        other = build_aspect_graph(slot.solid, solids.SLOT_ENTITIES, WORKSPACE, client.get_executor())
+        other = build_aspect_graph(
+            slot.solid, solids.SLOT_ENTITIES, WORKSPACE, client.get_executor()
+        )
     assert_same(other, slot)
 
 
@@ -183,7 +197,11 @@ def assert_same(one, other):
 
 def test_progress_counts_entities():
     seen = []
-    compute_regions(solids.cube(), range(5), progress=lambda done, total, label: seen.append((done, total, label)))
+    compute_regions(
+        solids.cube(),
+        range(5),
+        progress=lambda done, total, label: seen.append((done, total, label)),
+    )
     assert seen == [(k + 1, 5, f"e{k}") for k in range(5)]
 
 
@@ -197,12 +215,28 @@ def test_a_wrong_list_is_a_contradiction(slot):
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda eag: eag.observable([[0, 0, 100]]), WorkspaceError, r"points must lie in the workspace .* 100.0"),
-        (lambda eag: eag.observable([[0, np.nan, 0]]), WorkspaceError, "points must lie in the workspace .* nan"),
-        (lambda eag: eag.observable([[0, 0, 9]], ["e9"]), EntityError, "names must be names of entities.* Got 'e9'"),
+        (
+            lambda eag: eag.observable([[0, 0, 100]]),
+            WorkspaceError,
+            r"points must lie in the workspace .* 100.0",
+        ),
+        (
+            lambda eag: eag.observable([[0, np.nan, 0]]),
+            WorkspaceError,
+            "points must lie in the workspace .* nan",
+        ),
+        (
+            lambda eag: eag.observable([[0, 0, 9]], ["e9"]),
+            EntityError,
+            "names must be names of entities.* Got 'e9'",
+        ),
         (lambda eag: eag.covering(["x"]), EntityError, "Got 'x'"),
         (lambda eag: eag.covering_cells([]), EntityError, "names must hold at least one entity"),
-        (lambda eag: eag.sample(["e1", "e3"], 5), EntityError, "observable together from somewhere. Got e1, e3"),
+        (
+            lambda eag: eag.sample(["e1", "e3"], 5),
+            EntityError,
+            "observable together from somewhere. Got e1, e3",
+        ),
     ],
 )
 def test_bad_queries(slot, call, error, message):
@@ -247,7 +281,9 @@ def test_cells_of_one_entity_are_where_it_is_observable_on_a_displaced_part():
         inside = rng.dirichlet(np.ones(len(cell.vertices)), 5) @ cell.vertices
         for wall in np.asarray(cell.half_spaces):
             normal = wall[:3] / np.linalg.norm(wall[:3])
-            foot = inside - np.outer((inside @ wall[:3] + wall[3]) / np.linalg.norm(wall[:3]), normal)
+            foot = inside - np.outer(
+                (inside @ wall[:3] + wall[3]) / np.linalg.norm(wall[:3]), normal
+            )
             viewpoints += [foot - 1e-5 * normal, foot + 1e-5 * normal]
     viewpoints = np.concatenate(viewpoints)
     viewpoints = viewpoints[((low < viewpoints) & (viewpoints < high)).all(axis=1)]

@@ -14,17 +14,37 @@ TILTED = np.array([0.0, math.sin(0.2), math.cos(0.2)])
 # kind, plain geometry as `measured_exactly` takes it, direction
 EXAMPLES = {
     "length": ("length", (("line", (-25, 4, 2), (22, -9, 6)),), None),
-    "distance": ("distance", (("line", (-20, -15, 3), (20, -15, 3)), ("line", (24, 12, 3), (-8, 12, 3))), None),
+    "distance": (
+        "distance",
+        (("line", (-20, -15, 3), (20, -15, 3)), ("line", (24, 12, 3), (-8, 12, 3))),
+        None,
+    ),
     "distance, offset": (
         "distance",
         (("line", (-20, -15, 0), (20, -15, 0)), ("line", (-10, 12, 8), (20, 12, 8))),
         (0, 1, 0),
     ),
-    "angle": ("angle", (("line", (-20, -5, 0), (15, -9, 0)), ("line", (-16, 12, 5), (12, -10, 5))), None),
-    "right angle": ("angle", (("line", (-20, -5, 0), (15, -5, 0)), ("line", (3, 18, 0), (3, -10, 0))), None),
+    "angle": (
+        "angle",
+        (("line", (-20, -5, 0), (15, -9, 0)), ("line", (-16, 12, 5), (12, -10, 5))),
+        None,
+    ),
+    "right angle": (
+        "angle",
+        (("line", (-20, -5, 0), (15, -5, 0)), ("line", (3, 18, 0), (3, -10, 0))),
+        None,
+    ),
     "diameter": ("diameter", (("circle", (4, -3, 2), (0, 0, 1), 12.0, None, 2 * math.pi),), None),
-    "diameter, tilted": ("diameter", (("circle", (4, -3, 2), tuple(TILTED), 7.0, None, 2 * math.pi),), None),
-    "radius, arc": ("radius", (("circle", (-5, 2, 0), (0, 0, 1), 15.0, (0.6, 0.8, 0), math.radians(200)),), None),
+    "diameter, tilted": (
+        "diameter",
+        (("circle", (4, -3, 2), tuple(TILTED), 7.0, None, 2 * math.pi),),
+        None,
+    ),
+    "radius, arc": (
+        "radius",
+        (("circle", (-5, 2, 0), (0, 0, 1), 15.0, (0.6, 0.8, 0), math.radians(200)),),
+        None,
+    ),
     "centre_distance": (
         "centre_distance",
         (
@@ -43,7 +63,10 @@ EXAMPLES = {
     ),
     "centre_to_edge": (
         "centre_to_edge",
-        (("circle", (2, 14, 4), (0, 0, 1), 8.0, None, 2 * math.pi), ("line", (-20, -6, 0), (18, -10, 0))),
+        (
+            ("circle", (2, 14, 4), (0, 0, 1), 8.0, None, 2 * math.pi),
+            ("line", (-20, -6, 0), (18, -10, 0)),
+        ),
         None,
     ),
 }
@@ -52,7 +75,8 @@ EXAMPLES = {
 def geometry_of(plain):
     """Return the records of the package for plain geometry."""
     return tuple(
-        Line(*one[1:]) if one[0] == "line" else Circle(one[1], one[2], one[3], one[4], one[5]) for one in plain
+        Line(*one[1:]) if one[0] == "line" else Circle(one[1], one[2], one[3], one[4], one[5])
+        for one in plain
     )
 
 

@@ -94,11 +94,23 @@ def points_of(one, n):
     x = np.cross(axis, [0.3, -0.5, 0.81]) if start is None else np.asarray(start, float)
     x = x / np.linalg.norm(x)
     angle = share * span
-    return np.asarray(centre, float) + radius * (np.cos(angle) * x + np.sin(angle) * np.cross(axis, x))
+    return np.asarray(centre, float) + radius * (
+        np.cos(angle) * x + np.sin(angle) * np.cross(axis, x)
+    )
 
 
 def measure(
-    kind, geometry, pose, moves, *, f, sigma_mm=(0.0, 0.0), rng=None, direction=None, points=POINTS, pixel=None
+    kind,
+    geometry,
+    pose,
+    moves,
+    *,
+    f,
+    sigma_mm=(0.0, 0.0),
+    rng=None,
+    direction=None,
+    points=POINTS,
+    pixel=None,
 ):
     """Return errors (n,) of a value measured from displaced poses; nan where a point is behind the camera.
 
@@ -117,9 +129,13 @@ def measure(
         out = np.empty((len(moves), 3))
         local = np.array([plane[0] @ pose[:3, :3].T + pose[:3, 3], *(plane[1:] @ pose[:3, :3].T)])
         grid = np.zeros(2) if pixel is None else np.asarray(pixel, float)
-        phase = np.zeros((1, 2)) if pixel is None or rng is None else rng.random((len(moves), 2)) * grid
+        phase = (
+            np.zeros((1, 2)) if pixel is None or rng is None else rng.random((len(moves), 2)) * grid
+        )
         radius = one[3] if one[0] == "circle" else 0.0
-        _fit_all(at @ pose[:3, :3].T + pose[:3, 3], local, moves, noise, (f, radius, grid, phase), out)
+        _fit_all(
+            at @ pose[:3, :3].T + pose[:3, 3], local, moves, noise, (f, radius, grid, phase), out
+        )
         fits.append((plane, out))
     return _value(kind, geometry, fits, direction) - _nominal(kind, geometry, direction)
 
@@ -133,12 +149,18 @@ def _noise(n, m, sigma_mm, rng):
 def _length_errors(one, pose, moves, f, sigma_mm, rng, pixel):
     ends = np.array([one[1], one[2]], float) @ pose[:3, :3].T + pose[:3, 3]
     planned = f * ends[:, :2] / ends[:, 2:]
-    found = np.array([_images(ends, move, f) for move in moves]) if len(moves) < 100 else _images_of_all(ends, moves, f)
+    found = (
+        np.array([_images(ends, move, f) for move in moves])
+        if len(moves) < 100
+        else _images_of_all(ends, moves, f)
+    )
     if pixel is not None:
         phase = 0.0 if rng is None else rng.random(found.shape) * pixel
         found = np.floor((found - phase) / pixel + 0.5) * pixel + phase
     found = found + _noise(len(moves), 2, sigma_mm, rng)
-    ratio = np.linalg.norm(found[:, 1] - found[:, 0], axis=1) / np.linalg.norm(planned[1] - planned[0])
+    ratio = np.linalg.norm(found[:, 1] - found[:, 0], axis=1) / np.linalg.norm(
+        planned[1] - planned[0]
+    )
     return np.linalg.norm(np.subtract(one[2], one[1])) * (ratio - 1)
 
 
@@ -155,9 +177,21 @@ def _rotation(x, y, z):
     half = 0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle
     w, i, j, k = math.cos(0.5 * angle), half * x, half * y, half * z
     turn = np.empty((3, 3))
-    turn[0, 0], turn[0, 1], turn[0, 2] = 1 - 2 * (j * j + k * k), 2 * (i * j - k * w), 2 * (i * k + j * w)
-    turn[1, 0], turn[1, 1], turn[1, 2] = 2 * (i * j + k * w), 1 - 2 * (i * i + k * k), 2 * (j * k - i * w)
-    turn[2, 0], turn[2, 1], turn[2, 2] = 2 * (i * k - j * w), 2 * (j * k + i * w), 1 - 2 * (i * i + j * j)
+    turn[0, 0], turn[0, 1], turn[0, 2] = (
+        1 - 2 * (j * j + k * k),
+        2 * (i * j - k * w),
+        2 * (i * k + j * w),
+    )
+    turn[1, 0], turn[1, 1], turn[1, 2] = (
+        2 * (i * j + k * w),
+        1 - 2 * (i * i + k * k),
+        2 * (j * k - i * w),
+    )
+    turn[2, 0], turn[2, 1], turn[2, 2] = (
+        2 * (i * k - j * w),
+        2 * (j * k + i * w),
+        1 - 2 * (i * i + j * j),
+    )
     return turn
 
 
@@ -324,7 +358,8 @@ def _value(kind, geometry, fits, direction):
     straight = np.subtract(q, p) / np.linalg.norm(np.subtract(q, p))
     turned = turned * np.sign(np.einsum("ni,ni->n", along, turned))[:, None]
     first, second = (
-        a + (((station - a) @ straight) / (b @ straight))[:, None] * b for a, b in ((on, along), (other, turned))
+        a + (((station - a) @ straight) / (b @ straight))[:, None] * b
+        for a, b in ((on, along), (other, turned))
     )
     if direction is not None:
         return (second - first) @ _way(geometry, direction)

@@ -28,7 +28,17 @@ KINDS = {
 }
 
 
-def predict(kind, geometry, covariance, localisation=EXACT, *, permitted=0.05, pitch=SQUARE, pose=OVERHEAD, way=None):
+def predict(
+    kind,
+    geometry,
+    covariance,
+    localisation=EXACT,
+    *,
+    permitted=0.05,
+    pitch=SQUARE,
+    pose=OVERHEAD,
+    way=None,
+):
     model = MeasurandModel(
         measurand(kind, geometry, way),
         image_distance_mm=F,
@@ -46,21 +56,27 @@ def axis(index, sigma):
     return covariance
 
 
-@pytest.mark.parametrize("kind", ["length", "distance", "diameter", "radius", "centre_distance", "centre_to_edge"])
+@pytest.mark.parametrize(
+    "kind", ["length", "distance", "diameter", "radius", "centre_distance", "centre_to_edge"]
+)
 def test_error_along_the_axis_scales_everything(kind):
     # the image of a plane at Z seen from Z - t is larger by Z / (Z - t) = 1 + t / Z + t^2 / Z^2
     sigma = 0.3
     found = predict(kind, KINDS[kind], axis(2, sigma))
     first = found.nominal * sigma / Z
     # the square term adds its own variance, 2 D^2 (sigma / Z)^4, and a mean error
-    assert found.standard_uncertainty == pytest.approx(first * math.sqrt(1 + 2 * (sigma / Z) ** 2), rel=1e-9)
+    assert found.standard_uncertainty == pytest.approx(
+        first * math.sqrt(1 + 2 * (sigma / Z) ** 2), rel=1e-9
+    )
     assert found.bias == pytest.approx(found.nominal * (sigma / Z) ** 2, rel=1e-9)
     assert found.budget["translation"] == pytest.approx(found.standard_uncertainty**2, rel=1e-12)
     assert found.budget["rotation"] == found.budget["localisation"] == 0.0
 
 
 def test_error_along_the_axis_does_not_change_an_angle():
-    assert predict("angle", KINDS["angle"], axis(2, 0.3)).standard_uncertainty == pytest.approx(0.0, abs=1e-12)
+    assert predict("angle", KINDS["angle"], axis(2, 0.3)).standard_uncertainty == pytest.approx(
+        0.0, abs=1e-12
+    )
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "angle"])
@@ -98,8 +114,12 @@ def test_localisation_of_a_whole_circle(points):
     sigma_px, sigma = 0.2, 0.2 * SQUARE[0] * Z / F
     how = Localisation.gaussian(sigma_px, points)
     radius = sigma / math.sqrt(points)
-    assert predict("radius", (RIM,), STILL, how).standard_uncertainty == pytest.approx(radius, rel=1e-9)
-    assert predict("diameter", (RIM,), STILL, how).standard_uncertainty == pytest.approx(2 * radius, rel=1e-9)
+    assert predict("radius", (RIM,), STILL, how).standard_uncertainty == pytest.approx(
+        radius, rel=1e-9
+    )
+    assert predict("diameter", (RIM,), STILL, how).standard_uncertainty == pytest.approx(
+        2 * radius, rel=1e-9
+    )
     two = predict("centre_distance", KINDS["centre_distance"], STILL, how).standard_uncertainty
     assert two == pytest.approx(math.sqrt(2) * sigma * math.sqrt(2 / points), rel=1e-9)
 
@@ -134,14 +154,18 @@ def test_pixels_that_are_not_square(order, pitch):
     # lines along x are found across it, with the pitch along y; and the other way round
     lines = tuple(Line(one.p[order], one.q[order]) for one in LINES)
     found = predict("distance", lines, STILL, Localisation.gaussian(0.2, 16), pitch=PITCH)
-    assert found.standard_uncertainty == pytest.approx(0.2 * pitch * Z / F * math.sqrt(2 / 16), rel=1e-9)
+    assert found.standard_uncertainty == pytest.approx(
+        0.2 * pitch * Z / F * math.sqrt(2 / 16), rel=1e-9
+    )
 
 
 def test_pixels_that_are_not_square_of_a_circle():
     # radial variance: sum of cos^2 s_x^2 + sin^2 s_y^2 over N^2
     found = predict("radius", (RIM,), STILL, Localisation.gaussian(0.2, 16), pitch=PITCH)
     mean_square = (PITCH[0] ** 2 + PITCH[1] ** 2) / 2
-    assert found.standard_uncertainty == pytest.approx(0.2 * math.sqrt(mean_square / 16) * Z / F, rel=1e-9)
+    assert found.standard_uncertainty == pytest.approx(
+        0.2 * math.sqrt(mean_square / 16) * Z / F, rel=1e-9
+    )
 
 
 def test_fit_averages_over_the_image():
@@ -154,7 +178,9 @@ def test_fit_averages_over_the_image():
 
 def test_no_fit_is_better_than_its_floor():
     how = Localisation.fit(0.3, 1e-6, 0.02)
-    assert predict("radius", (RIM,), STILL, how).standard_uncertainty == pytest.approx(0.02 * SQUARE[0] * Z / F)
+    assert predict("radius", (RIM,), STILL, how).standard_uncertainty == pytest.approx(
+        0.02 * SQUARE[0] * Z / F
+    )
     distance = predict("distance", LINES, STILL, how).standard_uncertainty
     assert distance == pytest.approx(math.sqrt(2) * 0.02 * SQUARE[0] * Z / F)
 
@@ -199,7 +225,9 @@ def test_budget_sums_to_the_total_and_shares_what_is_common():
     covariance = factor @ factor.T
     for kind, geometry in KINDS.items():
         whole = predict(kind, geometry, covariance, Localisation.gaussian(0.3))
-        assert math.fsum(whole.budget.values()) == pytest.approx(whole.standard_uncertainty**2, rel=1e-12)
+        assert math.fsum(whole.budget.values()) == pytest.approx(
+            whole.standard_uncertainty**2, rel=1e-12
+        )
         apart = [covariance.copy(), covariance.copy()]
         apart[0][3:], apart[0][:, 3:], apart[1][:3], apart[1][:, :3] = 0, 0, 0, 0
         alone = [predict(kind, geometry, one).standard_uncertainty ** 2 for one in apart]

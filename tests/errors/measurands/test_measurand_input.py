@@ -7,7 +7,15 @@ import pytest
 from dimension_examples import PITCH, F, isotropic
 
 from errors import InvalidParameterError, InvalidShapeError
-from errors.measurands import Circle, Line, Localisation, MeasurandError, MeasurandModel, geometry, measurand
+from errors.measurands import (
+    Circle,
+    Line,
+    Localisation,
+    MeasurandError,
+    MeasurandModel,
+    geometry,
+    measurand,
+)
 
 LOW, HIGH = Line((-15, -10, 0), (15, -10, 0)), Line((-15, 10, 0), (15, 10, 0))
 LEFT, RIGHT = Circle((-10, 0, 0), (0, 0, 1), 4.0), Circle((10, 0, 0), (0, 0, 1), 6.0)
@@ -17,17 +25,38 @@ LEFT, RIGHT = Circle((-10, 0, 0), (0, 0, 1), 4.0), Circle((10, 0, 0), (0, 0, 1),
     ("call", "message"),
     [
         (lambda: Localisation("guess", 0.1), r"must be one of .*Got 'guess'"),
-        (lambda: Localisation("gaussian", -0.1), r"sigma_px must be finite and not negative\. Got -0\.1"),
-        (lambda: Localisation("gaussian", True), r"sigma_px must be finite and not negative\. Got True"),
+        (
+            lambda: Localisation("gaussian", -0.1),
+            r"sigma_px must be finite and not negative\. Got -0\.1",
+        ),
+        (
+            lambda: Localisation("gaussian", True),
+            r"sigma_px must be finite and not negative\. Got True",
+        ),
         (lambda: Localisation("fit", 0.1), r"correlation_px must be positive\. Got 0"),
-        (lambda: Localisation("gaussian", 0.1, points=2), r"points must be an integer of at least 3\. Got 2"),
+        (
+            lambda: Localisation("gaussian", 0.1, points=2),
+            r"points must be an integer of at least 3\. Got 2",
+        ),
         (lambda: Localisation("gaussian", 0.1, points=3.0), r"at least 3\. Got 3\.0"),
-        (lambda: Line((1, 2, 3), (1, 2, 3)), r"two different ends\. Got \[1\.0, 2\.0, 3\.0\] twice"),
+        (
+            lambda: Line((1, 2, 3), (1, 2, 3)),
+            r"two different ends\. Got \[1\.0, 2\.0, 3\.0\] twice",
+        ),
         (lambda: Line((1, 2), (1, 2, 3)), r"p must be three finite numbers\. Got \(1, 2\)"),
-        (lambda: Circle((0, 0, 0), (0, 0, 0), 1.0), r"axis must have a length\. Got \[0\.0, 0\.0, 0\.0\]"),
+        (
+            lambda: Circle((0, 0, 0), (0, 0, 0), 1.0),
+            r"axis must have a length\. Got \[0\.0, 0\.0, 0\.0\]",
+        ),
         (lambda: Circle((0, 0, 0), (0, 0, 1), math.inf), r"radius_mm must be positive\. Got inf"),
-        (lambda: Circle((0, 0, 0), (0, 0, 1), 1.0, (1, 0, 0), 7.0), r"span_rad must be in \(0, 2 pi\]\. Got 7\.0"),
-        (lambda: Circle((0, 0, 0), (0, 0, 1), 1.0, (0, 0, -3), 1.0), r"start must not run along the axis\. Got \[0"),
+        (
+            lambda: Circle((0, 0, 0), (0, 0, 1), 1.0, (1, 0, 0), 7.0),
+            r"span_rad must be in \(0, 2 pi\]\. Got 7\.0",
+        ),
+        (
+            lambda: Circle((0, 0, 0), (0, 0, 1), 1.0, (0, 0, -3), 1.0),
+            r"start must not run along the axis\. Got \[0",
+        ),
     ],
 )
 def test_numbers_out_of_range_are_refused(call, message):
@@ -57,7 +86,9 @@ def test_a_distance_of_centres_along_a_direction_is_its_share():
         way = sign * np.array([0.5, math.sqrt(0.75), 0.0])
         assert measurand("centre_distance", (LEFT, RIGHT), way).nominal == pytest.approx(10.0)
     # what lies along the rims' axis does not count
-    assert measurand("centre_distance", (LEFT, RIGHT), (1.0, 0.0, 5.0)).nominal == pytest.approx(20.0)
+    assert measurand("centre_distance", (LEFT, RIGHT), (1.0, 0.0, 5.0)).nominal == pytest.approx(
+        20.0
+    )
 
 
 @pytest.mark.parametrize(
@@ -77,7 +108,9 @@ def test_a_model_is_checked_once(changes, error, message):
     }
     with pytest.raises(error, match=message):
         MeasurandModel(measurand("distance", (LOW, HIGH)), **{**given, **changes})
-    with pytest.raises(InvalidShapeError, match=r"world_to_camera must have shape \(n, 4, 4\)\. Got \(4, 4\)"):
+    with pytest.raises(
+        InvalidShapeError, match=r"world_to_camera must have shape \(n, 4, 4\)\. Got \(4, 4\)"
+    ):
         MeasurandModel(measurand("distance", (LOW, HIGH)), **given).probability(np.eye(4))
 
 
@@ -94,7 +127,10 @@ def test_lines_and_circles_come_back_from_plain_values(one):
     [
         (Localisation.rounding(), "rounding to whole pixels"),
         (Localisation.gaussian(0.25), "gaussian, 0.25 px per point"),
-        (Localisation("fit", 0.5, correlation_px=4.0, floor_px=0.02), "fit, 0.5 px per 4 px of image, 0.02 px at best"),
+        (
+            Localisation("fit", 0.5, correlation_px=4.0, floor_px=0.02),
+            "fit, 0.5 px per 4 px of image, 0.02 px at best",
+        ),
     ],
 )
 def test_a_report_says_how_points_are_found(localisation, words):

@@ -10,7 +10,15 @@ from dataclasses import replace
 
 import pytest
 
-from planner import Camera, Effort, OutputError, PartRequest, PoseUncertainty, RequestError, plan_folder
+from planner import (
+    Camera,
+    Effort,
+    OutputError,
+    PartRequest,
+    PoseUncertainty,
+    RequestError,
+    plan_folder,
+)
 from planner.batch import plan_part as plan_part_module
 from planner.batch import workers
 from planner.batch.part_result import digest_of
@@ -18,13 +26,20 @@ from planner.cli.exit_codes import BAD_INPUT, INCOMPLETE
 from planner.cli.main import main
 from planner.plan import read_plan
 
-forked = pytest.mark.skipif(multiprocessing.get_start_method() != "fork", reason="workers inherit what is patched")
+forked = pytest.mark.skipif(
+    multiprocessing.get_start_method() != "fork", reason="workers inherit what is patched"
+)
 
 
 def box(x, y, z):
     corners = [(i, j, k) for k in (0, z) for i, j in ((0, 0), (x, 0), (x, y), (0, y))]
     faces = ("3 2 1 0", "4 5 6 7", "0 1 5 4", "2 3 7 6", "1 2 6 5", "0 4 7 3")
-    lines = ["OFF", "8 6 12", *(" ".join(map(str, corner)) for corner in corners), *(f"4 {face}" for face in faces)]
+    lines = [
+        "OFF",
+        "8 6 12",
+        *(" ".join(map(str, corner)) for corner in corners),
+        *(f"4 {face}" for face in faces),
+    ]
     return "\n".join(lines) + "\n"
 
 
@@ -63,7 +78,11 @@ def test_every_part_has_a_result_and_is_found_again(parts, request_, tmp_path, m
     assert told[-1] == (3, 3, "parts")
     for one in results[:2]:
         found = read_plan(out / one.part / "plan.json")
-        assert (one.entities, one.settings, one.lower_bound) == (2, len(found.settings), found.lower_bound)
+        assert (one.entities, one.settings, one.lower_bound) == (
+            2,
+            len(found.settings),
+            found.lower_bound,
+        )
         assert one.file_sha256 == digest_of(parts / one.part)
     rows = json.loads((out / "results.json").read_text())
     assert [row["part"] for row in rows] == [one.part for one in results]
@@ -81,7 +100,9 @@ def test_what_changed_is_planned_again(parts, request_, tmp_path, monkeypatch):
         plan_folder(parts, out, request_, executor=executor)
         before = (out / "a.off" / "plan.json").read_bytes()
         true_plan = workers.plan_part
-        monkeypatch.setattr(workers, "plan_part", lambda *task: again.append(task[1]) or true_plan(*task))
+        monkeypatch.setattr(
+            workers, "plan_part", lambda *task: again.append(task[1]) or true_plan(*task)
+        )
 
         def planned(request=request_):
             again.clear()
@@ -110,7 +131,9 @@ def _planned_by_a_mortal(request, part, path, folder):
 
 @forked
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_a_worker_that_dies_costs_only_the_part_that_kills_it(parts, request_, tmp_path, monkeypatch, jobs):
+def test_a_worker_that_dies_costs_only_the_part_that_kills_it(
+    parts, request_, tmp_path, monkeypatch, jobs
+):
     monkeypatch.setattr(workers, "plan_part", _planned_by_a_mortal)
     out = tmp_path / "out"
     results = plan_folder(parts, out, request_, jobs=jobs)
@@ -123,14 +146,18 @@ def test_a_worker_that_dies_costs_only_the_part_that_kills_it(parts, request_, t
     assert again[2].status == "refused"
 
 
-def test_errors_that_are_not_ours_are_failures_with_their_kind(parts, request_, tmp_path, monkeypatch):
+def test_errors_that_are_not_ours_are_failures_with_their_kind(
+    parts, request_, tmp_path, monkeypatch
+):
     def wrong(*_, **__):
         raise ZeroDivisionError("by nought")
 
     monkeypatch.setattr(plan_part_module, "read_solid", wrong)
     with ThreadPoolExecutor(1) as executor:
         results = plan_folder(parts, tmp_path / "out", request_, executor=executor)
-    assert {(one.status, one.reason) for one in results} == {("failed", "ZeroDivisionError: by nought")}
+    assert {(one.status, one.reason) for one in results} == {
+        ("failed", "ZeroDivisionError: by nought")
+    }
 
 
 def test_an_interruption_keeps_what_is_done(parts, request_, tmp_path):
@@ -140,7 +167,9 @@ def test_an_interruption_keeps_what_is_done(parts, request_, tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         plan_folder(parts, tmp_path / "out", request_, progress=interrupt)
-    assert [row["part"] for row in json.loads((tmp_path / "out" / "results.json").read_text())] == ["a.off"]
+    assert [row["part"] for row in json.loads((tmp_path / "out" / "results.json").read_text())] == [
+        "a.off"
+    ]
 
 
 def test_bad_input(parts, request_, tmp_path):
@@ -156,7 +185,14 @@ def test_bad_input(parts, request_, tmp_path):
 
 
 def test_the_command(parts, tmp_path, capsys):
-    command = ["batch", str(parts), "--camera", "basler-acA2440-20gm-8mm", "--out", str(tmp_path / "out")]
+    command = [
+        "batch",
+        str(parts),
+        "--camera",
+        "basler-acA2440-20gm-8mm",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     command += ["--select", "length > 1000", "--jobs", "1"]
     assert main([*command, "--quiet"]) == INCOMPLETE
     out, err = capsys.readouterr()
@@ -172,9 +208,13 @@ def test_the_command(parts, tmp_path, capsys):
 def test_dask_plans_the_same(parts, request_, tmp_path):
     distributed = pytest.importorskip("distributed")
     with (
-        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster,
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+        ) as cluster,
         distributed.Client(cluster) as client,
     ):
-        there = plan_folder(parts, tmp_path / "there", request_, executor=client.get_executor(pure=False))
+        there = plan_folder(
+            parts, tmp_path / "there", request_, executor=client.get_executor(pure=False)
+        )
     here = plan_folder(parts, tmp_path / "here", request_)
     assert [replace(one, seconds=0) for one in there] == [replace(one, seconds=0) for one in here]

@@ -13,7 +13,10 @@ from planner.batch.scheduler import dask_executor
 def test_a_scheduler_that_does_not_answer_is_told_with_its_address(monkeypatch, address):
     pytest.importorskip("distributed")
     monkeypatch.setattr(scheduler, "_ANSWERS_S", 0.2)
-    with pytest.raises(RequestError, match=f"scheduler that answers.*Got '{address}'"), dask_executor(address):
+    with (
+        pytest.raises(RequestError, match=f"scheduler that answers.*Got '{address}'"),
+        dask_executor(address),
+    ):
         pass
     # Dask closes a client that failed when it is collected as garbage, which in another client's loop would wait for it
     gc.collect()
@@ -24,14 +27,19 @@ def test_without_dask_it_is_said_how_to_get_it(monkeypatch):
         raise ImportError(name)
 
     monkeypatch.setattr(scheduler, "import_module", missing)
-    with pytest.raises(ImportError, match=r"pip install 'aspectgraph\[dask\]'"), dask_executor("tcp://host:8786"):
+    with (
+        pytest.raises(ImportError, match=r"pip install 'aspectgraph\[dask\]'"),
+        dask_executor("tcp://host:8786"),
+    ):
         pass
 
 
 def test_work_is_done_by_its_workers():
     distributed = pytest.importorskip("distributed")
     with (
-        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0") as cluster,
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
+        ) as cluster,
         dask_executor(cluster.scheduler_address) as executor,
     ):
         assert executor.submit(pow, 3, 4).result(timeout=30) == 81

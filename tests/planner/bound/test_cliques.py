@@ -16,4 +16,6 @@ def test_a_clique_is_one_and_as_large_as_any(density):
         found = large_clique(conflict)
         assert (conflict[np.ix_(found, found)] | np.eye(len(found), dtype=bool)).all()
         assert len(set(found.tolist())) == len(found)
-        assert len(found) == max(len(clique) for clique in nx.find_cliques(nx.from_numpy_array(conflict)))
+        assert len(found) == max(
+            len(clique) for clique in nx.find_cliques(nx.from_numpy_array(conflict))
+        )

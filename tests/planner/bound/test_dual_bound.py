@@ -25,7 +25,10 @@ class FewPoses:
 
     def __init__(self, columns, n_parts, rng):
         self.columns, self.parts = columns, list(range(n_parts))
-        self.part, self.cost = rng.integers(n_parts, size=len(columns)), rng.integers(20, 2000, n_parts)
+        self.part, self.cost = (
+            rng.integers(n_parts, size=len(columns)),
+            rng.integers(20, 2000, n_parts),
+        )
         self.asked = []
         self.regrown = []
 
@@ -47,7 +50,9 @@ class FewPoses:
             outcome = SPENT if nodes < self.cost[k] else FOUND if len(heavy) else PROVEN
             sets = heavy[:most] if outcome == FOUND else own[:0]
             doubt = own.any(axis=0) if outcome == SPENT else np.zeros(len(y), dtype=bool)
-            yield Found(outcome, int(min(nodes, self.cost[k])), np.zeros((len(sets), 4, 4)), sets, doubt)
+            yield Found(
+                outcome, int(min(nodes, self.cost[k])), np.zeros((len(sets), 4, 4)), sets, doubt
+            )
 
 
 def columns_of(rng, n=300, m=24):
@@ -86,7 +91,9 @@ class Blurred(FewPoses):
         self.sharp_from = sharp_from
 
     def search(self, y, limit, max_nodes, tick=None, *, parts, most):
-        for k, found in zip(parts, super().search(y, limit, max_nodes, parts=parts, most=most), strict=True):
+        for k, found in zip(
+            parts, super().search(y, limit, max_nodes, parts=parts, most=most), strict=True
+        ):
             blurred = k == 0 and found.outcome == PROVEN and limit < self.sharp_from
             yield found._replace(outcome=UNRESOLVED) if blurred else found
 
@@ -141,7 +148,9 @@ class Doubtful(FewPoses):
         self.cost = np.array([100, boxes])
 
     def search(self, y, limit, max_nodes, tick=None, *, parts, most):
-        for k, found in zip(parts, super().search(y, limit, max_nodes, parts=parts, most=most), strict=True):
+        for k, found in zip(
+            parts, super().search(y, limit, max_nodes, parts=parts, most=most), strict=True
+        ):
             everything = np.full(24, k == 1 and found.outcome == SPENT)
             yield found._replace(doubt=everything)
 
@@ -205,9 +214,17 @@ def test_a_proof_goes_on_from_any_part_where_it_stopped(seed):
             return columns[-24:]
 
         linear = LinearBound(space, columns[-24:], improve, Ledger(kept=kept, keep=keep))
-        return linear.raise_from(1, 24, max_nodes=100_000), linear.made, linear.found, space, improved
+        return (
+            linear.raise_from(1, 24, max_nodes=100_000),
+            linear.made,
+            linear.found,
+            space,
+            improved,
+        )
 
-    bound, made, found, space, improved = raised(keep=lambda entries: told.append(json.dumps(packed(entries))))
+    bound, made, found, space, improved = raised(
+        keep=lambda entries: told.append(json.dumps(packed(entries)))
+    )
     assert len(told) == len(space.asked) > 16
     assert improved
     for k in range(0, len(told), 5):

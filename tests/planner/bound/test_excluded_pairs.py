@@ -23,7 +23,9 @@ CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 120.0)
 
 def frustum(camera=CAMERA, far=None):
     near, deep = camera.depth_of_field_mm
-    tan_x, tan_y = (n / 2 * camera.pixel_pitch_mm[0] / camera.image_distance_mm for n in camera.resolution)
+    tan_x, tan_y = (
+        n / 2 * camera.pixel_pitch_mm[0] / camera.image_distance_mm for n in camera.resolution
+    )
     return Frustum(near, far or deep, tan_x, tan_y, math.atan(math.hypot(tan_x, tan_y)))
 
 
@@ -43,7 +45,9 @@ def test_what_a_pose_sees_is_possible_for_every_ball_around_its_eye(far, at_limi
         if at_limits:
             share = np.sign(share) * (1 - 1e-9)
         depth = view.near + (share[:, 2] + 1) / 2 * (view.far - view.near)
-        seen = np.column_stack([share[:, 0] * view.tan_x * depth, share[:, 1] * view.tan_y * depth, depth])
+        seen = np.column_stack(
+            [share[:, 0] * view.tan_x * depth, share[:, 1] * view.tan_y * depth, depth]
+        )
         points = seen @ pose[:3, :3].T + eye
         radius = rng.choice([0.0, 1e-6, 1.0, 30.0, 200.0])
         away = rng.normal(size=3)
@@ -123,11 +127,15 @@ def test_what_is_wider_than_the_frustum_does_not_fit():
     corner = np.array([view.tan_x, view.tan_y, 1.0])
     opposite = corner * [-1, -1, 1]
     widest = max(
-        np.linalg.norm(a * corner - b * opposite) for a in (view.near, view.far) for b in (view.near, view.far)
+        np.linalg.norm(a * corner - b * opposite)
+        for a in (view.near, view.far)
+        for b in (view.near, view.far)
     )
     tangents = np.array([view.tan_x, view.tan_y])
     for between, fits in ((0.999 * widest, True), (1.001 * widest, False)):
-        ends = np.array([[[0.0, 0, 0], [1, 0, 0]], [[1, 0, 0], [between, 0, 0]], [[0.5, 0, 0], [0.6, 0, 0]]])
+        ends = np.array(
+            [[[0.0, 0, 0], [1, 0, 0]], [[1, 0, 0], [between, 0, 0]], [[0.5, 0, 0], [0.6, 0, 0]]]
+        )
         conflict = np.zeros((3, 3), dtype=bool)
         conflict[0, 1] = conflict[1, 0] = not fits
         assert too_far_apart(CAMERA, ends, tangents).tolist() == conflict.tolist()
@@ -174,7 +182,12 @@ def test_a_viewpoint_is_shared_where_one_cell_of_each_meets_in_focus():
     ):
         cells = Cells([own, other]).arrays
         assert _share_viewpoint(0, 1, cells, both, frustum()) == shared
-        assert _share_viewpoint(1, 0, cells, Segments(*(values[::-1].copy() for values in both)), frustum()) == shared
+        assert (
+            _share_viewpoint(
+                1, 0, cells, Segments(*(values[::-1].copy() for values in both)), frustum()
+            )
+            == shared
+        )
 
 
 BOTH = pair([[[0, 0, 0], [1, 0, 0]], [[0, 1, 0], [1, 1, 0]]])
@@ -214,10 +227,21 @@ class Prism:
 def prism(side, gap):
     """Half of the square of 20 mm about (0, -120), on one side of the diagonal and half a gap away from it."""
     slant = np.array([side, 0.0, side]) / math.sqrt(2)
-    walls = [[1, 0, 0, -10], [-1, 0, 0, -10], [0, 1, 0, -10], [0, -1, 0, -10], [0, 0, 1, 110], [0, 0, -1, -130]]
+    walls = [
+        [1, 0, 0, -10],
+        [-1, 0, 0, -10],
+        [0, 1, 0, -10],
+        [0, -1, 0, -10],
+        [0, 0, 1, 110],
+        [0, 0, -1, -130],
+    ]
     edge = -side * gap / math.sqrt(2)
     corner = -10.0 * side
-    triangle = [(corner, -corner + edge - 120), (-corner + edge, corner - 120), (corner, corner - 120)]
+    triangle = [
+        (corner, -corner + edge - 120),
+        (-corner + edge, corner - 120),
+        (corner, corner - 120),
+    ]
     planes = np.array([*walls, [*slant, gap / 2 + side * 120 / math.sqrt(2)]])
     return Prism(planes, np.array([(x, y, z) for x, z in triangle for y in (-10.0, 10.0)]))
 
@@ -239,7 +263,9 @@ def test_a_ball_about_a_point_itself_may_hold_an_eye_that_sees_it():
     first, second = np.array([-2.0, 0.0, depth]), np.array([2.0, 0.0, depth])
     assert possible(first, second, first, second)
     for middle in (first, second):
-        assert _in_view(middle, np.linalg.norm(middle), pair([first, second, first, second]), frustum())
+        assert _in_view(
+            middle, np.linalg.norm(middle), pair([first, second, first, second]), frustum()
+        )
 
 
 @pytest.mark.skipif(not hasattr(_share_viewpoint, "targetoptions"), reason="loops run uncompiled")

@@ -33,7 +33,9 @@ def test_no_shorter_image_reaches_the_probability(accuracy):
     assert needed >= judge.constraints.min_length_mm
     rng = np.random.default_rng(1)
     depth, turn = 300.0, rng.uniform(0, 2 * np.pi, 3000)
-    length = rng.uniform(0.3, 0.999, 3000) * 0.99 * quantization_quantile(CAMERA.pixel_pitch_mm, 0.9)
+    length = (
+        rng.uniform(0.3, 0.999, 3000) * 0.99 * quantization_quantile(CAMERA.pixel_pitch_mm, 0.9)
+    )
     length /= 0.5 * (math.log(2 - accuracy) - math.log(accuracy))
     assert needed == pytest.approx(max(length.max(), judge.constraints.min_length_mm), rel=0.01)
     half = length / 2 * depth / CAMERA.image_distance_mm
@@ -76,7 +78,9 @@ def test_an_error_of_the_probability_asks_for_no_longer_image():
             threshold=probability,
             camera=CAMERA,
             constraints=SimpleNamespace(min_length_mm=0.0),
-            request=SimpleNamespace(dimensions={}, counted=np.array([], dtype=int), accuracies=np.array([0.98])),
+            request=SimpleNamespace(
+                dimensions={}, counted=np.array([], dtype=int), accuracies=np.array([0.98])
+            ),
         )
         half_width = 0.5 * (math.log(2.0 - 0.98) - math.log(0.98))
         asked = quantization_quantile(CAMERA.pixel_pitch_mm, probability - 5e-5)
@@ -87,7 +91,9 @@ def test_no_image_shorter_than_the_least_reaches_a_small_probability():
     camera = Camera(8.0, (0.002, 0.02), (4000, 400), 8.0, 400.0)
     tiny = PoseUncertainty.isotropic(translation_mm=1e-6, rotation_rad=1e-8)
     space = BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], EDGES)
-    judge = Judge(Request(space, EDGES, camera, tiny, 0.9995, 0.02, Requirements(min_length_px=1.0)))
+    judge = Judge(
+        Request(space, EDGES, camera, tiny, 0.9995, 0.02, Requirements(min_length_px=1.0))
+    )
     depth = 300.0
     half = 0.99 * least_images_mm(judge)[0] / 2 * depth / camera.image_distance_mm
     shorter = np.array([[[[-half, 0.0, depth], [half, 0.0, depth]]]])

@@ -83,7 +83,9 @@ def test_the_pose_found_inspects_what_is_said():
         if outcome == FOUND:
             n_found += 1
             assert y[inspected].sum() > 1.0
-            slacks = lenient.constraints.slacks(pose[None], only=["field_of_view_px", "focus_mm", "visibility"])
+            slacks = lenient.constraints.slacks(
+                pose[None], only=["field_of_view_px", "focus_mm", "visibility"]
+            )
             for slack in slacks.values():
                 assert slack[0, inspected].min() >= -1e-6
     assert n_found > 10
@@ -99,13 +101,17 @@ def test_every_pose_lies_in_a_part():
     found = np.empty((3, 3))
     for turned in Rotation.random(200, random_state=1):
         best = np.inf
-        for half, chart in itertools.product((Rotation.identity(), Rotation.from_rotvec([0, 0, np.pi])), (0, 1)):
+        for half, chart in itertools.product(
+            (Rotation.identity(), Rotation.from_rotvec([0, 0, np.pi])), (0, 1)
+        ):
             flip = Rotation.from_rotvec([np.pi * chart, 0, 0])
             x, y, z, w = (flip * turned * half).as_quat()
             v = np.array([x, y, z]) / w if w else np.full(3, np.inf)
             if np.abs(v).max() <= 1.0:
                 rotation(chart, v, found)
-                assert (charts[np.all(np.abs(v - boxes[:, 2]) <= boxes[:, 3], axis=1)] == chart).any()
+                assert (
+                    charts[np.all(np.abs(v - boxes[:, 2]) <= boxes[:, 3], axis=1)] == chart
+                ).any()
                 best = min(best, np.abs(found - (turned * half).as_matrix()).max())
         assert best < 1e-9
     low, high = (boxes[:, 0] - boxes[:, 1]).min(axis=0), (boxes[:, 0] + boxes[:, 1]).max(axis=0)
@@ -195,7 +201,10 @@ def test_for_a_fixed_rotation_the_limit_is_the_heaviest_pose(seed):
             eye[:3, 3] = look + pose[:3, :3] @ ([x, low, z] - np.array([0, 0, view.middle]))
             ends = world_to_cam(space.entities.ends, eye[None])
             ok = (focus_slacks(CAMERA, ends).min(axis=-1) >= -1e-6)[0]
-            ok &= (field_of_view_slacks(CAMERA, ends, judge.requirements.field_margin_px).min(axis=-1) >= -1e-6)[0]
+            ok &= (
+                field_of_view_slacks(CAMERA, ends, judge.requirements.field_margin_px).min(axis=-1)
+                >= -1e-6
+            )[0]
             best = max(best, y[ok].sum())
     assert best > 0.0
     part = seed % 2, np.array([look, np.full(3, 400.0), turn, np.full(3, 1e-9)])
@@ -275,7 +284,9 @@ def test_the_search_can_be_cancelled_within_a_part(monkeypatch):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        for _ in space_for(judge, regions).search(np.linspace(1.0, 0.5, len(EDGES)), 1.05, 10**9, tick):
+        for _ in space_for(judge, regions).search(
+            np.linspace(1.0, 0.5, len(EDGES)), 1.05, 10**9, tick
+        ):
             pass
     assert calls == [0, 1, 2]
 
@@ -306,11 +317,18 @@ def test_cells_of_entities_one_by_one_are_those_of_all():
     judge, regions = request_for(SIZES[1])
     none = Cells([[]])
     one_by_one = [entity_cells(Shared(judge), name) for name in EDGES]
-    for joined in (Cells.joined(one_by_one), Cells.joined([Cells.joined(one_by_one[:5]), *one_by_one[5:]])):
+    for joined in (
+        Cells.joined(one_by_one),
+        Cells.joined([Cells.joined(one_by_one[:5]), *one_by_one[5:]]),
+    ):
         for mine, theirs in zip(joined.arrays, regions.arrays, strict=True):
             assert np.array_equal(mine, theirs)
     assert len(regions.boxes) > len(EDGES)
-    assert Cells.joined([none, one_by_one[0]]).entity_start.tolist() == [0, 0, len(one_by_one[0].boxes)]
+    assert Cells.joined([none, one_by_one[0]]).entity_start.tolist() == [
+        0,
+        0,
+        len(one_by_one[0].boxes),
+    ]
 
 
 def leaves_of(tree, pose):
@@ -320,13 +338,22 @@ def leaves_of(tree, pose):
     face = 2 * np.argmax(np.abs(axis)) + (axis[np.argmax(np.abs(axis))] < 0)
     u, v = (axis[(face // 2 + i) % 3] / abs(axis[face // 2]) for i in (1, 2))
     patch = tree.patch
-    near &= (tree.face == face) & (patch[:, 0] <= u) & (u <= patch[:, 1]) & (patch[:, 2] <= v) & (v <= patch[:, 3])
+    near &= (
+        (tree.face == face)
+        & (patch[:, 0] <= u)
+        & (u <= patch[:, 1])
+        & (patch[:, 2] <= v)
+        & (v <= patch[:, 3])
+    )
     return np.flatnonzero(near)
 
 
 @pytest.mark.parametrize(
     ("size", "splits", "n_poses"),
-    [*((size, 9, 400) for size in SIZES), pytest.param(SIZES[1], 6, 100, marks=pytest.mark.uncompiled)],
+    [
+        *((size, 9, 400) for size in SIZES),
+        pytest.param(SIZES[1], 6, 100, marks=pytest.mark.uncompiled),
+    ],
 )
 def test_every_inspected_set_is_inside_the_leaf_of_its_pose(size, splits, n_poses):
     """The larger box does not fit into the image or between the sharp planes: its edges exclude each other there."""

@@ -34,7 +34,9 @@ class Slab(BoxSpace):
 
 def test_a_viewpoint_in_a_slab_of_half_a_micrometre_serves_both_edges():
     camera = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
-    judge = Judge(Request(Slab((120.0, 80.0, 60.0), WORKSPACE, PAIR), PAIR, camera, CERTAIN, 0.98, 0.9))
+    judge = Judge(
+        Request(Slab((120.0, 80.0, 60.0), WORKSPACE, PAIR), PAIR, camera, CERTAIN, 0.98, 0.9)
+    )
     pose = look_at([[60.0, 40.0, 460.00025]], [60.0, 40.0, 60.0])
     if not judge(pose).inspects.all():
         pytest.fail("the pose must inspect both edges", pytrace=False)

@@ -40,8 +40,12 @@ def test_points_are_imaged_where_opencv_images_them(coefficients):
     left, top, right, bottom = camera(coefficients).field().inner
     x, y = np.random.default_rng(1).uniform([left, top], [right, bottom], (500, 2)).T
     points = np.stack([x, y, np.ones_like(x)], axis=-1)
-    expected, _ = cv2.projectPoints(points * 312.0, np.zeros(3), np.zeros(3), K, np.array(coefficients))
-    np.testing.assert_allclose(image_of(camera(coefficients), points), expected[:, 0], rtol=0, atol=1e-9)
+    expected, _ = cv2.projectPoints(
+        points * 312.0, np.zeros(3), np.zeros(3), K, np.array(coefficients)
+    )
+    np.testing.assert_allclose(
+        image_of(camera(coefficients), points), expected[:, 0], rtol=0, atol=1e-9
+    )
 
 
 def test_undistorted_pixels_are_those_of_the_pinhole(coefficients):
@@ -58,7 +62,9 @@ def test_directions_of_pixels_are_imaged_on_them(coefficients):
     one = camera(coefficients)
     pixels = np.random.default_rng(3).uniform(-0.5, np.array(SIZE) - 0.5, (500, 2))
     tangents = tangents_of(one, pixels)
-    np.testing.assert_allclose(image_of(one, np.c_[tangents, np.ones(500)]), pixels, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(
+        image_of(one, np.c_[tangents, np.ones(500)]), pixels, rtol=0, atol=1e-8
+    )
 
 
 @pytest.mark.parametrize("margin", [0.0, 40.0])
@@ -96,7 +102,10 @@ def test_stretch_bounds_singular_values(coefficients):
     left, top, right, bottom = field.inner
     points = np.random.default_rng(5).uniform([left, top], [right, bottom], (300, 2))
     lens, step = Distortion(*coefficients), 1e-6
-    columns = [(lens.distort(points + step * e) - lens.distort(points - step * e)) / (2 * step) for e in np.eye(2)]
+    columns = [
+        (lens.distort(points + step * e) - lens.distort(points - step * e)) / (2 * step)
+        for e in np.eye(2)
+    ]
     values = np.linalg.svd(np.stack(columns, axis=-1), compute_uv=False)
     assert values.min() >= field.least - 1e-8
     assert values.max() <= field.most + 1e-8
@@ -112,7 +121,9 @@ def test_lens_that_folds_on_the_sensor_is_refused():
 def test_off_centre_sides_by_hand():
     one = camera(None)
     point = np.array([[[[0.0, 0.0, 300.0], [30.0, -24.0, 300.0]]]])
-    left, left_2, right, right_2, up, up_2, down, down_2 = field_of_view_slacks(one, point, 0.0)[0, 0]
+    left, left_2, right, right_2, up, up_2, down, down_2 = field_of_view_slacks(one, point, 0.0)[
+        0, 0
+    ]
     assert [left, right, up, down] == pytest.approx([1252.0, 1196.0, 1009.5, 1038.5])
     # 30 / 300 * 2320 = 232 px to the right, 24 / 300 * 2326 = 186.08 px up
     assert [left_2, right_2, up_2, down_2] == pytest.approx([1484.0, 964.0, 823.42, 1224.58])
@@ -121,7 +132,9 @@ def test_off_centre_sides_by_hand():
 def test_slacks_of_distorted_camera_are_conservative(coefficients):
     one = camera(coefficients)
     ends = np.random.default_rng(6).uniform([-180, -160, 290], [180, 160, 310], (2000, 1, 2, 3))
-    seen, _ = cv2.projectPoints(ends.reshape(-1, 3), np.zeros(3), np.zeros(3), K, np.array(coefficients))
+    seen, _ = cv2.projectPoints(
+        ends.reshape(-1, 3), np.zeros(3), np.zeros(3), K, np.array(coefficients)
+    )
     margin = 25.0
     inside = (seen[:, 0] >= margin - 0.5) & (seen[:, 0] <= np.array(SIZE) - 0.5 - margin)
     allowed = (field_of_view_slacks(one, ends, margin).min(axis=-1) >= 0).ravel()
@@ -134,7 +147,9 @@ def test_cone_of_an_off_centre_camera_keeps_to_the_nearest_side():
     # the upper side is nearest to the axis: tan a = 1009.5 / 2326, and a sphere in it at depth z has r = z sin a
     angle = np.arctan(1009.5 / 2326.0)
     centre = np.array([[0.0, 0.0, 300.0]])
-    assert cone_slacks(camera(None), centre, 300.0 * np.sin(angle)).item() == pytest.approx(0.0, abs=1e-9)
+    assert cone_slacks(camera(None), centre, 300.0 * np.sin(angle)).item() == pytest.approx(
+        0.0, abs=1e-9
+    )
 
 
 def test_margin_of_poses_is_counted_in_real_pixels():
@@ -152,14 +167,18 @@ def test_pitch_of_the_undistorted_image():
     expected = max(one.pixel_pitch_mm) / (1 - 0.6 * r2)
     assert one.image_pitch_mm == pytest.approx((expected, expected), rel=0.01)
     assert one.image_pitch_mm[0] >= expected
-    assert camera(None).image_pitch_mm == camera(None).pixel_pitch_mm == camera(None).finest_pitch_mm
+    assert (
+        camera(None).image_pitch_mm == camera(None).pixel_pitch_mm == camera(None).finest_pitch_mm
+    )
 
 
 def test_dictionary_and_back():
     one = camera(BARREL)
     assert Camera.from_dict(one.to_dict()) == one
     assert one.to_dict()["distortion"] == BARREL
-    assert not {"distortion", "principal_point_px"} & set(Camera(8.0, (0.01, 0.01), (9, 9), 8.0, 300.0).to_dict())
+    assert not {"distortion", "principal_point_px"} & set(
+        Camera(8.0, (0.01, 0.01), (9, 9), 8.0, 300.0).to_dict()
+    )
     assert camera([0.0] * 8) == camera(None)
 
 
@@ -180,7 +199,10 @@ def test_toml_holds_a_calibration(tmp_path):
         ({"matrix": [[2320, 1, 1251], [0, 2326, 1009], [0, 0, 1]]}, "matrix must be"),
         ({"matrix": "K"}, "matrix must be"),
         ({"matrix": -K + [[0, 0, 0], [0, 0, 0], [0, 0, 2]]}, "f_x must be finite and positive"),
-        ({"matrix": [[2320, 0, 9999], [0, 2326, 1009], [0, 0, 1]]}, "principal_point_px must be on the sensor"),
+        (
+            {"matrix": [[2320, 0, 9999], [0, 2326, 1009], [0, 0, 1]]},
+            "principal_point_px must be on the sensor",
+        ),
         ({"distortion": [0.1, 0.2]}, "distortion must be four or five numbers"),
         ({"distortion": [0.1, 0, 0, 0, 0, 0.3]}, "no coefficients beyond"),
         ({"distortion": "none"}, "distortion must be four or five numbers"),

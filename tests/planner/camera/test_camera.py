@@ -27,7 +27,9 @@ def blur_by_image_distances(camera, depth):
 
 def test_image_distance_satisfies_the_lens_equation():
     camera = make()
-    assert 1 / camera.focal_length_mm == pytest.approx(1 / camera.image_distance_mm + 1 / camera.focus_distance_mm)
+    assert 1 / camera.focal_length_mm == pytest.approx(
+        1 / camera.image_distance_mm + 1 / camera.focus_distance_mm
+    )
 
 
 @pytest.mark.parametrize("f_number", [2.0, 8.0, 16.0])
@@ -37,7 +39,9 @@ def test_depth_of_field_ends_where_the_blur_circle_is_the_largest_allowed(f_numb
     nearest, farthest = camera.depth_of_field_mm
     assert nearest < focus < farthest
     for limit in (nearest, farthest):
-        assert blur_by_image_distances(camera, limit) == pytest.approx(camera.largest_blur_mm, rel=1e-9)
+        assert blur_by_image_distances(camera, limit) == pytest.approx(
+            camera.largest_blur_mm, rel=1e-9
+        )
     assert blur_by_image_distances(camera, nearest * 1.001) < camera.largest_blur_mm
     assert blur_by_image_distances(camera, farthest * 1.001) > camera.largest_blur_mm
 
@@ -84,7 +88,9 @@ def test_the_image_circle_of_every_lens_covers_the_sensor():
 
 def test_small_parts_can_be_seen_closely():
     """At 100 to 300 mm a field of 35 mm and more whose pixels are at most 1/80 of an edge of 2 mm."""
-    close = [camera for camera in map(Camera.named, camera_names()) if camera.focus_distance_mm < 300.1]
+    close = [
+        camera for camera in map(Camera.named, camera_names()) if camera.focus_distance_mm < 300.1
+    ]
     fields = {}
     for camera in close:
         mm_per_image_mm = camera.focus_distance_mm / camera.image_distance_mm
@@ -105,7 +111,10 @@ def test_named_ignores_case_and_takes_settings():
     [
         ({"f_number": 1.4}, r"f_number must be in 1\.8 to 16, the lens's range\. Got 1\.4\."),
         ({"f_number": 22.0}, r"f_number must be in 1\.8 to 16, the lens's range\. Got 22\."),
-        ({"focus_distance_mm": 99.0}, r"focus_distance_mm must be at least 100, the lens's closest object\. Got 99\."),
+        (
+            {"focus_distance_mm": 99.0},
+            r"focus_distance_mm must be at least 100, the lens's closest object\. Got 99\.",
+        ),
     ],
 )
 def test_what_the_lens_cannot_be_set_to_is_refused(changes, message):
@@ -114,7 +123,9 @@ def test_what_the_lens_cannot_be_set_to_is_refused(changes, message):
 
 
 def test_unknown_name_offers_the_nearest():
-    with pytest.raises(CameraError, match=r"Got 'basler-acA2440-25mm'; nearest: .*basler-acA2440-20gm-25mm"):
+    with pytest.raises(
+        CameraError, match=r"Got 'basler-acA2440-25mm'; nearest: .*basler-acA2440-20gm-25mm"
+    ):
         Camera.named("basler-acA2440-25mm")
 
 
@@ -134,8 +145,14 @@ def test_the_catalogue_is_not_handed_out_for_writing():
         ({"focal_length_mm": "25"}, r"focal_length_mm must be finite and positive\. Got '25'\."),
         ({"resolution": (2448.5, 2048)}, r"resolution must be whole pixels\. Got 2448\.5\."),
         ({"resolution": 2448}, r"resolution must be two numbers, across and down\. Got 2448\."),
-        ({"pixel_pitch_mm": (0.01, -0.01)}, r"pixel_pitch_mm must be finite and positive\. Got -0\.01\."),
-        ({"focus_distance_mm": 20.0}, r"focus_distance_mm must exceed focal_length_mm \(25\).*Got 20\."),
+        (
+            {"pixel_pitch_mm": (0.01, -0.01)},
+            r"pixel_pitch_mm must be finite and positive\. Got -0\.01\.",
+        ),
+        (
+            {"focus_distance_mm": 20.0},
+            r"focus_distance_mm must exceed focal_length_mm \(25\).*Got 20\.",
+        ),
     ],
 )
 def test_impossible_cameras_are_refused(changes, message):
@@ -164,8 +181,14 @@ def test_toml_round_trip(tmp_path):
     ("text", "message"),
     [
         (GOOD + "lens = \n", r"bad\.toml:6: camera file must be TOML\."),
-        (GOOD.replace("= 8.0", "= -8.0"), r"bad\.toml:4: f_number must be finite and positive\. Got -8\.0\."),
-        (GOOD + "colour = 'red'\n", r"bad\.toml:6: colour must be one of focal_length_mm, .*unknown"),
+        (
+            GOOD.replace("= 8.0", "= -8.0"),
+            r"bad\.toml:4: f_number must be finite and positive\. Got -8\.0\.",
+        ),
+        (
+            GOOD + "colour = 'red'\n",
+            r"bad\.toml:6: colour must be one of focal_length_mm, .*unknown",
+        ),
         (GOOD.replace("f_number = 8.0\n", ""), r"bad\.toml:1: f_number must be given"),
     ],
 )

@@ -57,7 +57,9 @@ def test_world_to_cam_matches_opencv_for_many_poses():
     assert local.shape == (4, 5, 2, 3)
     for pose, own in zip(poses, local, strict=True):
         world2cam = np.linalg.inv(pose)
-        pixels, _ = cv2.projectPoints(points.reshape(-1, 3), world2cam[:3, :3], world2cam[:3, 3], np.eye(3), None)
+        pixels, _ = cv2.projectPoints(
+            points.reshape(-1, 3), world2cam[:3, :3], world2cam[:3, 3], np.eye(3), None
+        )
         assert (own[..., :2] / own[..., 2:]).reshape(-1, 2) == pytest.approx(pixels[:, 0], abs=1e-9)
 
 
@@ -133,7 +135,9 @@ def test_robot_hand_eye_against_displaced_flanges():
 
 def test_hand_eye_uncertainty_adds():
     robot = {"robot_translation_mm": 0.0, "robot_rotation_rad": 0.0, "cam2flange": np.eye(4)}
-    both = PoseUncertainty.robot_hand_eye(hand_eye_translation_mm=0.1, hand_eye_rotation_rad=0.002, **robot)
+    both = PoseUncertainty.robot_hand_eye(
+        hand_eye_translation_mm=0.1, hand_eye_rotation_rad=0.002, **robot
+    )
     assert both == PoseUncertainty.isotropic(translation_mm=0.1, rotation_rad=0.002)
 
 
@@ -145,7 +149,10 @@ def test_hand_eye_uncertainty_adds():
         (np.diag([1, 1, 1, np.nan, 0, 0]), r"must be finite\. Got nan"),
         (np.diag([1, 1, 1, 0.1, 0.1, 0.1]) + np.eye(6, k=1) * 0.01, r"must be symmetric"),
         (np.diag([1, 1, -1, 0.1, 0.1, 0.1]), r"non-negative variances\. Got -1"),
-        (np.diag([1.0] * 6) * 1e-4 + 2e-4 * (np.eye(6, k=3) + np.eye(6, k=-3)), r"positive semi-definite"),
+        (
+            np.diag([1.0] * 6) * 1e-4 + 2e-4 * (np.eye(6, k=3) + np.eye(6, k=-3)),
+            r"positive semi-definite",
+        ),
         (np.diag([1, 1, 1, 1.21, 0, 0]), r"at most 1 rad for phi_x .*Got 1\.1 rad"),
         (np.diag([1, 150.0**2, 1, 0, 0, 0]), r"at most 100 mm for dy .*Got 150 mm"),
     ],
@@ -156,7 +163,9 @@ def test_impossible_covariances_are_refused(covariance, message):
 
 
 def test_negative_standard_deviations_are_refused():
-    with pytest.raises(UncertaintyError, match=r"rotation_rad must be finite and not negative\. Got -0\.1\."):
+    with pytest.raises(
+        UncertaintyError, match=r"rotation_rad must be finite and not negative\. Got -0\.1\."
+    ):
         PoseUncertainty.isotropic(translation_mm=0.1, rotation_rad=-0.1)
 
 

@@ -23,8 +23,16 @@ def read(tmp_path, text, name):
     [
         ("SIMPLE_PINHOLE 2448 2048 2300 1224 1024", (2300, 2300, 1223.5, 1023.5), None),
         ("PINHOLE 2448 2048 2300 2310 1224 1024", (2300, 2310, 1223.5, 1023.5), None),
-        ("SIMPLE_RADIAL 2448 2048 2300 1224 1024 -0.1", (2300, 2300, 1223.5, 1023.5), (-0.1, 0, 0, 0, 0)),
-        ("RADIAL 2448 2048 2300 1224 1024 -0.1 0.05", (2300, 2300, 1223.5, 1023.5), (-0.1, 0.05, 0, 0, 0)),
+        (
+            "SIMPLE_RADIAL 2448 2048 2300 1224 1024 -0.1",
+            (2300, 2300, 1223.5, 1023.5),
+            (-0.1, 0, 0, 0, 0),
+        ),
+        (
+            "RADIAL 2448 2048 2300 1224 1024 -0.1 0.05",
+            (2300, 2300, 1223.5, 1023.5),
+            (-0.1, 0.05, 0, 0, 0),
+        ),
         (
             "OPENCV 2448 2048 2300 2310 1240.25 1000.5 -0.1 0.05 1e-3 -2e-3",
             (2300, 2310, 1239.75, 1000.0),
@@ -40,7 +48,9 @@ def read(tmp_path, text, name):
 def test_colmap_models(tmp_path, line, scales, coefficients):
     camera = read(tmp_path, f"# Camera list\n\n1 {line}\n", "cameras.txt")
     matrix = camera.matrix
-    assert (matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]) == pytest.approx(scales, rel=1e-13)
+    assert (matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]) == pytest.approx(
+        scales, rel=1e-13
+    )
     assert (None if camera.distortion is None else camera.distortion.coefficients) == coefficients
     assert camera.resolution == (2448, 2048)
     assert camera.name == "cameras"
@@ -76,8 +86,9 @@ roi:
   height: 0
   width: 0
 """
-ROS2_MESSAGE = "height: 2048\nwidth: 2448\ndistortion_model: rational_polynomial\n" + yaml.safe_dump(
-    {"d": [*FIVE, 0.0, 0.0, 0.0], "k": MATRIX, "binning_x": 1}
+ROS2_MESSAGE = (
+    "height: 2048\nwidth: 2448\ndistortion_model: rational_polynomial\n"
+    + yaml.safe_dump({"d": [*FIVE, 0.0, 0.0, 0.0], "k": MATRIX, "binning_x": 1})
 )
 
 
@@ -120,14 +131,30 @@ def test_toml_may_name_a_calibration(tmp_path):
     ("name", "text", "message"),
     [
         ("cameras.txt", "", "must hold one camera.*Got 0"),
-        ("cameras.txt", "1 PINHOLE 9 9 1 1 1 1\n2 PINHOLE 9 9 1 1 1 1\n", "must hold one camera.*Got 2"),
-        ("cameras.txt", "1 OPENCV_FISHEYE 9 9 1 1 1 1 0 0 0 0\n", "model must be one of .*Got 'OPENCV_FISHEYE'"),
+        (
+            "cameras.txt",
+            "1 PINHOLE 9 9 1 1 1 1\n2 PINHOLE 9 9 1 1 1 1\n",
+            "must hold one camera.*Got 2",
+        ),
+        (
+            "cameras.txt",
+            "1 OPENCV_FISHEYE 9 9 1 1 1 1 0 0 0 0\n",
+            "model must be one of .*Got 'OPENCV_FISHEYE'",
+        ),
         ("cameras.txt", "1 PINHOLE 9 9 1 1 1\n", "PINHOLE must have 4 parameters. Got 3"),
         ("cameras.txt", "1 PINHOLE 9 9 1 1 1 x\n", "numbers must follow"),
         ("a.yaml", "width: 9\n", "distortion_coefficients must be given"),
         ("a.yaml", "d: []\nwidth: 9\nheight: 9\nk: [1, 2]\n", "k must be 9 numbers. Got 2"),
-        ("a.yaml", ROS1_MESSAGE.replace("plumb_bob", "equidistant"), "distortion_model must be plumb_bob"),
-        ("a.yaml", ROS1_MESSAGE.replace("binning_x: 0", "binning_x: 2"), "binning_x must be 0 or 1"),
+        (
+            "a.yaml",
+            ROS1_MESSAGE.replace("plumb_bob", "equidistant"),
+            "distortion_model must be plumb_bob",
+        ),
+        (
+            "a.yaml",
+            ROS1_MESSAGE.replace("binning_x: 0", "binning_x: 2"),
+            "binning_x must be 0 or 1",
+        ),
         ("a.yaml", ROS2_MESSAGE.replace("- 0.01", "- 0.01\n- 0.5"), "no coefficients beyond"),
         ("a.yaml", CALIBRATION_YAML.replace("[2320.5, 0.0,", "[2320.5, 1.0,"), "no skew"),
     ],

@@ -25,11 +25,16 @@ PLAN = ["plan", BLOCK, "--entities", "8", "--camera", "basler-acA2440-20gm-8mm",
         ([*PLAN, "--sigma-rad", "nan"], "--sigma-rad must be finite and not negative. Got nan."),
         ([*PLAN, "--stand-off", "-1"], "--stand-off must be finite and not negative. Got -1."),
         ([*PLAN, "--simulate", "0"], "--simulate must be at least 1. Got 0."),
-        (["info", BLOCK, "--min-length", "-3"], "--min-length must be finite and not negative. Got -3."),
+        (
+            ["info", BLOCK, "--min-length", "-3"],
+            "--min-length must be finite and not negative. Got -3.",
+        ),
         (["simulate", "plan.json", "--poses", "0"], "--poses must be at least 1. Got 0."),
     ],
 )
-def test_a_number_out_of_its_range_names_its_option(tmp_path, monkeypatch, capsys, arguments, message):
+def test_a_number_out_of_its_range_names_its_option(
+    tmp_path, monkeypatch, capsys, arguments, message
+):
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == BAD_INPUT
     out, err = capsys.readouterr()
@@ -39,7 +44,13 @@ def test_a_number_out_of_its_range_names_its_option(tmp_path, monkeypatch, capsy
 
 @pytest.mark.parametrize(
     ("text", "value"),
-    [("8", 8 * 2**30), ("1e-3", 2**30 / 1000), ("8GB", 8e9), ("1.5 gib", 1.5 * 2**30), ("500mb", 5e8)],
+    [
+        ("8", 8 * 2**30),
+        ("1e-3", 2**30 / 1000),
+        ("8GB", 8e9),
+        ("1.5 gib", 1.5 * 2**30),
+        ("500mb", 5e8),
+    ],
 )
 def test_an_amount_of_memory_may_have_its_unit(text, value):
     assert memory(text) == pytest.approx(value, rel=1e-12)
@@ -52,12 +63,18 @@ def test_what_is_no_amount_of_memory_is_refused(text):
 
 
 def test_a_pitch_in_micrometres_is_refused(tmp_path, capsys):
-    text = "focal_length_mm = 8\npixel_pitch_mm = [3.45, 3.45]\nresolution = [64, 64]\nf_number = 8\n"
+    text = (
+        "focal_length_mm = 8\npixel_pitch_mm = [3.45, 3.45]\nresolution = [64, 64]\nf_number = 8\n"
+    )
     (tmp_path / "camera.toml").write_text(text + "focus_distance_mm = 300\n")
     out = str(tmp_path / "out")
-    assert main(["plan", BLOCK, "--all", "--camera", str(tmp_path / "camera.toml"), "--out", out]) == BAD_INPUT
-    assert "camera.toml:2: pixel_pitch_mm must be at most 0.5 mm; 3.45 um are 0.00345. Got 3.45." in (
-        capsys.readouterr().err
+    assert (
+        main(["plan", BLOCK, "--all", "--camera", str(tmp_path / "camera.toml"), "--out", out])
+        == BAD_INPUT
+    )
+    assert (
+        "camera.toml:2: pixel_pitch_mm must be at most 0.5 mm; 3.45 um are 0.00345. Got 3.45."
+        in (capsys.readouterr().err)
     )
 
 
@@ -65,7 +82,11 @@ def test_help_tells_defaults_once(capsys):
     with pytest.raises(SystemExit):
         main(["plan", "--help"])
     text = " ".join(capsys.readouterr().out.split())
-    for told in ("std. deviation (default: 0.2)", "from the part (default: 50.0)", "per setting (default: 10000)"):
+    for told in (
+        "std. deviation (default: 0.2)",
+        "from the part (default: 50.0)",
+        "per setting (default: 10000)",
+    ):
         assert told in text
     assert "at most one per core" in text
     assert "default: None" not in text
@@ -79,10 +100,14 @@ def test_cameras_are_listed(capsys):
     assert listed == list(camera_names())
     row = next(line for line in lines if line.startswith(" basler-acA2440-20gm-8mm"))
     # thin lens: the field at the distance s of sharp focus is the sensor's (s - f) / f times; 2448 x 0.00345 mm wide
-    assert row.endswith(f"{2448 * 0.00345 * (300 - 8) / 8:.0f} x {2048 * 0.00345 * (300 - 8) / 8:.0f} ")
+    assert row.endswith(
+        f"{2448 * 0.00345 * (300 - 8) / 8:.0f} x {2048 * 0.00345 * (300 - 8) / 8:.0f} "
+    )
     assert main(["cameras", "--json"]) == DONE
     records = json.loads(capsys.readouterr().out)
-    assert [Camera.from_dict(one) for one in records] == [Camera.named(name) for name in camera_names()]
+    assert [Camera.from_dict(one) for one in records] == [
+        Camera.named(name) for name in camera_names()
+    ]
 
 
 def test_facts_of_cameras_have_sources(capsys):
@@ -115,7 +140,10 @@ def test_a_rule_chooses_edges(tmp_path, capsys):
     # the four sides of the base, 60 mm long
     assert "4 of 36 sharp straight edges" in capsys.readouterr().out
     graph = str(tmp_path / "g.graphml")
-    assert main(["graph", BLOCK, "--select", "face = bottom and direction = x", "--graphml", graph]) == DONE
+    assert (
+        main(["graph", BLOCK, "--select", "face = bottom and direction = x", "--graphml", graph])
+        == DONE
+    )
     assert "of 2 entities" in capsys.readouterr().out
     assert main(["graph", BLOCK, "--select", "length > 900", "--graphml", graph]) == BAD_INPUT
     assert capsys.readouterr().err == (

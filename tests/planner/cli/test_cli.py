@@ -60,10 +60,21 @@ def quick(monkeypatch):
     from planner.request.effort import Effort
 
     effort = Effort(viewpoints=20, pricing_rounds=5, refutations=1, bound_nodes=3000)
-    monkeypatch.setattr(commands, "plan_inspection", lambda *a, **k: plan_inspection(*a, **{"effort": effort, **k}))
+    monkeypatch.setattr(
+        commands, "plan_inspection", lambda *a, **k: plan_inspection(*a, **{"effort": effort, **k})
+    )
 
 
-PLAN = ["plan", "block.off", "--entities", "edges.toml", "--camera", "basler-acA2440-20gm-8mm", "--out", "out"]
+PLAN = [
+    "plan",
+    "block.off",
+    "--entities",
+    "edges.toml",
+    "--camera",
+    "basler-acA2440-20gm-8mm",
+    "--out",
+    "out",
+]
 
 
 def failure(capsys, arguments, code=BAD_INPUT):
@@ -90,7 +101,9 @@ def test_info_draws(folder, capsys):
 
 
 def test_graph_is_written(folder, capsys):
-    assert main(["graph", "block.off", "--entities", "edges.toml", "--graphml", "g.graphml"]) == DONE
+    assert (
+        main(["graph", "block.off", "--entities", "edges.toml", "--graphml", "g.graphml"]) == DONE
+    )
     captured = capsys.readouterr()
     assert "viewing domains" in captured.out
     assert "visible regions: 4/4" in captured.err
@@ -102,7 +115,15 @@ def test_graph_is_written(folder, capsys):
 
 
 def test_a_graph_beyond_the_memory_limit_is_one_line(folder, capsys):
-    arguments = ["graph", "block.off", "--entities", "edges.toml", "--graphml", "g.graphml", "--quiet"]
+    arguments = [
+        "graph",
+        "block.off",
+        "--entities",
+        "edges.toml",
+        "--graphml",
+        "g.graphml",
+        "--quiet",
+    ]
     assert main([*arguments, "--memory-limit", "1e-9"]) == BAD_INPUT
     out, err = capsys.readouterr()
     assert out == ""
@@ -117,7 +138,9 @@ def test_plan_leaves_all_its_files_and_repeats(folder, quick, capsys):
     captured = capsys.readouterr()
     assert "4 of 4 entities inspected from 2 settings. Proven minimal" in captured.out
     assert "lower bound" in captured.err
-    written = {str(p.relative_to(folder / "out")) for p in (folder / "out").rglob("*") if p.is_file()}
+    written = {
+        str(p.relative_to(folder / "out")) for p in (folder / "out").rglob("*") if p.is_file()
+    }
     assert written == {
         "plan.json", "graph.graphml", "report.html", "measurements.csv", "poses_opencv.json", "poses_open3d.json",
         "poses_ros.yaml", "camera_ros.yaml", "transforms.json",
@@ -126,7 +149,9 @@ def test_plan_leaves_all_its_files_and_repeats(folder, quick, capsys):
     for name in written:
         assert os.path.join("out", name) in captured.out
     first = (folder / "out" / "plan.json").read_bytes()
-    assert (folder / "out" / "measurements.csv").read_bytes().decode() == read_plan(folder / "out/plan.json").to_csv()
+    assert (folder / "out" / "measurements.csv").read_bytes().decode() == read_plan(
+        folder / "out/plan.json"
+    ).to_csv()
     assert main([*PLAN, "--simulate", "500"]) == DONE
     assert (folder / "out" / "plan.json").read_bytes() == first
 
@@ -141,7 +166,9 @@ def test_simulating_with_the_part_counts_the_images_that_show_the_edges(folder, 
     assert main([*PLAN, "--simulate", "100"]) == DONE
     told = " ".join(capsys.readouterr().out.split())
     assert "the conditions for an edge to be found in the image are met in every image" in told
-    assert main(["simulate", "out/plan.json", "--poses", "100", "--part", PLAN[1], "--json"]) == DONE
+    assert (
+        main(["simulate", "out/plan.json", "--poses", "100", "--part", PLAN[1], "--json"]) == DONE
+    )
     shown = json.loads(capsys.readouterr().out)["shown"]
     assert shown == json.loads((folder / "out" / "plan.json").read_text())["simulation"]["shown"]
     assert shown["n"] == 100
@@ -179,7 +206,9 @@ def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):
 
 
 def test_a_request_to_terminate_keeps_the_state_too(folder, quick, capsys, monkeypatch):
-    monkeypatch.setattr("planner.inspection.assembled", lambda *a, **k: os.kill(os.getpid(), signal.SIGTERM))
+    monkeypatch.setattr(
+        "planner.inspection.assembled", lambda *a, **k: os.kill(os.getpid(), signal.SIGTERM)
+    )
     before = signal.getsignal(signal.SIGTERM)
     assert main(PLAN) == INCOMPLETE
     assert (
@@ -226,7 +255,9 @@ def test_resuming_nothing_is_said(folder, quick, capsys):
     assert "nothing to resume in" in capsys.readouterr().err
 
 
-def test_a_plan_that_cannot_be_written_is_kept_and_resumed_without_planning(folder, quick, capsys, monkeypatch):
+def test_a_plan_that_cannot_be_written_is_kept_and_resumed_without_planning(
+    folder, quick, capsys, monkeypatch
+):
     plan = [*PLAN, "--simulate", "100"]
     assert main(plan) == DONE
     first = {path: path.read_bytes() for path in (folder / "out").rglob("*") if path.is_file()}
@@ -252,7 +283,9 @@ def test_a_plan_that_cannot_be_written_is_kept_and_resumed_without_planning(fold
     assert not state.exists()
 
 
-def test_a_plan_that_can_be_kept_nowhere_in_its_folder_is_elsewhere(folder, quick, capsys, monkeypatch):
+def test_a_plan_that_can_be_kept_nowhere_in_its_folder_is_elsewhere(
+    folder, quick, capsys, monkeypatch
+):
     saves = []
 
     def full(path, text):
@@ -293,7 +326,9 @@ def test_the_state_stays_until_everything_is_written(folder, quick, monkeypatch)
 def test_an_older_graph_does_not_stay_beside_a_new_plan(folder, quick):
     assert main([*PLAN, "--simulate", "100"]) == DONE
     (folder / "out" / "photo.png").write_text("mine")
-    assert main([*PLAN, "--graph-limit", "3", "--simulate", "100", "--seed", "1", "--force"]) == DONE
+    assert (
+        main([*PLAN, "--graph-limit", "3", "--simulate", "100", "--seed", "1", "--force"]) == DONE
+    )
     names = os.listdir(folder / "out")
     assert "graph.graphml" not in names
     assert {"plan.json", "report.html", "photo.png"} < set(names)
@@ -303,8 +338,16 @@ def test_incomplete_plan_is_written_and_told(folder, quick, capsys):
     # farther from the part than the lens can focus
     assert main([*PLAN, "--simulate", "100", "--stand-off", "450"]) == INCOMPLETE
     out = capsys.readouterr().out
-    assert "not inspected: rim: no feasible view: constraints were met together by no pose tried for rim" in out
-    assert set(read_plan(folder / "out" / "plan.json").uninspectable) == {"rim", "far rim", "bottom", "bottom right"}
+    assert (
+        "not inspected: rim: no feasible view: constraints were met together by no pose tried for rim"
+        in out
+    )
+    assert set(read_plan(folder / "out" / "plan.json").uninspectable) == {
+        "rim",
+        "far rim",
+        "bottom",
+        "bottom right",
+    }
     assert main(["simulate", "out/plan.json"]) == INCOMPLETE
 
 
@@ -313,7 +356,10 @@ BAD = {
     "unknown command": (["fly"], "invalid choice: 'fly'"),
     "unknown option": (["info", "block.off", "--colour"], "unrecognized arguments: --colour"),
     "missing option": (["plan", "block.off", "--all", "--out", "out"], "required: --camera"),
-    "two kinds of entities": (["plan", "block.off", "--all", "--entities", "1", "--out", "o"], "not allowed with"),
+    "two kinds of entities": (
+        ["plan", "block.off", "--all", "--entities", "1", "--out", "o"],
+        "not allowed with",
+    ),
     "not a number": ([*PLAN, "--accuracy", "high"], "invalid float value: 'high'"),
     "accuracy": ([*PLAN, "--accuracy", "1.2"], "accuracy must be in (0, 1). Got 1.2."),
     "probability": ([*PLAN, "--probability", "0"], "probability must be in (0, 1). Got 0.0."),
@@ -321,7 +367,10 @@ BAD = {
     "sigma": ([*PLAN, "--sigma-rad", "3"], "at most 1 rad"),
     "no part": (["info", "nothing.step"], "nothing.step"),
     "wrong format": (["info", "edges.toml"], "edges.toml"),
-    "no camera": ([*PLAN[:4], "--camera", "basler-acA2440-20gm-9mm", "--out", "o"], "nearest: basler-acA2440-20gm-"),
+    "no camera": (
+        [*PLAN[:4], "--camera", "basler-acA2440-20gm-9mm", "--out", "o"],
+        "nearest: basler-acA2440-20gm-",
+    ),
     "no camera file": (
         [*PLAN[:4], "--camera", "nothing.toml", "--out", "o"],
         "nothing.toml: camera file cannot be read",
@@ -331,7 +380,10 @@ BAD = {
         ["graph", "block.off", "--entities", "1", "--graphml", "no/g.graphml"],
         "--graphml must be in a folder that exists and can be written. Got 'no/g.graphml'",
     ),
-    "folder for a file": (["graph", "block.off", "--entities", "1", "--graphml", "."], "must be a file"),
+    "folder for a file": (
+        ["graph", "block.off", "--entities", "1", "--graphml", "."],
+        "must be a file",
+    ),
     "picture is a folder": (
         ["info", "block.off", "--picture", "."],
         "--picture must be a file that can be written. Got '.', a folder",
@@ -339,8 +391,14 @@ BAD = {
     "folder is a file": ([*PLAN[:-1], "block.off"], "--out must be a folder"),
     "no plan": (["simulate", "plan.json"], "plan.json: plan file must be readable"),
     "workspace": ([*PLAN, "--workspace", "1", "1", "1", "0", "0", "0"], "workspace"),
-    "picture": (["info", "block.off", "--picture", "edges.bmp"], "picture must end in .png or .html"),
-    "no folder for the picture": (["info", "block.off", "--picture", "no/edges.html"], "Got 'no/edges.html': No such"),
+    "picture": (
+        ["info", "block.off", "--picture", "edges.bmp"],
+        "picture must end in .png or .html",
+    ),
+    "no folder for the picture": (
+        ["info", "block.off", "--picture", "no/edges.html"],
+        "Got 'no/edges.html': No such",
+    ),
 }
 
 
@@ -388,7 +446,10 @@ def test_boxes_too_near_each_other_are_refused_before_planning(folder, capsys):
     shift = max(x for x, _, _ in corners) - min(x for x, _, _ in corners) + 1e-6
     moved = [f"{x + shift!r} {y!r} {z!r}" for x, y, z in corners]
     others = [[int(word) for word in row.split()] for row in faces]
-    shifted = [" ".join(map(str, [row[0], *(v + n_vertices for v in row[1 : row[0] + 1])])) for row in others]
+    shifted = [
+        " ".join(map(str, [row[0], *(v + n_vertices for v in row[1 : row[0] + 1])]))
+        for row in others
+    ]
     lines = ["OFF", f"{2 * n_vertices} {2 * n_faces} 0", *vertices, *moved, *faces, *shifted]
     (folder / "pair.off").write_text("\n".join(lines) + "\n")
     told = failure(capsys, ["graph", "pair.off", "--entities", "0", "--graphml", "g.graphml"])
@@ -418,7 +479,10 @@ def test_skipped_graph_is_told_on_the_terminal_and_in_the_report(folder, quick, 
     ("change", "message"),
     [
         ({"probability": 2}, "plan.json: probability must be in (0, 1). Got 2."),
-        ({"lower_bound": 99}, "plan.json: lower_bound must be 1 to 2, the number of settings. Got 99."),
+        (
+            {"lower_bound": 99},
+            "plan.json: lower_bound must be 1 to 2, the number of settings. Got 99.",
+        ),
         ({"lower_bound": "x"}, 'plan.json: lower_bound must be a non-negative integer. Got "x".'),
         ({"entities": {}}, "plan.json: entities must map at least one name to two end points."),
     ],
@@ -445,8 +509,12 @@ def test_help_explains_and_is_quick():
         "import sys\nfrom planner.cli.main import main\n"
         "try: main(['--help'])\nexcept SystemExit as end: code = end.code\n"
     )
-    script += "print(sorted({'open3d', 'plotly', 'numba', 'OCP'} & set(sys.modules)))\nsys.exit(code)"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    script += (
+        "print(sorted({'open3d', 'plotly', 'numba', 'OCP'} & set(sys.modules)))\nsys.exit(code)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0
     assert "exit codes: 0 done, 1 plan incomplete, 2 bad input" in done.stdout
     assert done.stdout.splitlines()[-1] == "[]"
@@ -465,7 +533,10 @@ def test_solids_of_a_step_file_can_be_chosen(folder, capsys):
     writer.Write("part.step")
     capsys.readouterr()
     (line,) = failure(capsys, ["info", "part.step"])
-    assert "Got solids 0 and 1 of part.step, which do. The file holds 3 solids; read some of them with" in line
+    assert (
+        "Got solids 0 and 1 of part.step, which do. The file holds 3 solids; read some of them with"
+        in line
+    )
     assert line.endswith(", for instance, --solids 0.")
     assert "solids=" not in line
     assert main(["info", "part.step", "--solids", "2", "--occluders", "0", "--json"]) == DONE

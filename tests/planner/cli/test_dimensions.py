@@ -30,15 +30,25 @@ def test_json_is_a_list_of_records(capsys):
     records = json.loads(capsys.readouterr().out)
     assert len(records) == 12
     assert records[3]["name"] == "Linear Size.1"
-    assert (records[3]["nominal"], records[3]["unit"], records[3]["tolerance"]) == (35.0, "mm", [-0.2, 0.0])
+    assert (records[3]["nominal"], records[3]["unit"], records[3]["tolerance"]) == (
+        35.0,
+        "mm",
+        [-0.2, 0.0],
+    )
     assert all(set(record) == set(records[0]) for record in records)
 
 
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("mfcad_6-11-11-19.step", "the part must be a STEP file with semantic dimensions (AP242). Got "),
-        ("slotted_block.off", "dimensions are read from .step and .stp files. Got 'slotted_block.off'."),
+        (
+            "mfcad_6-11-11-19.step",
+            "the part must be a STEP file with semantic dimensions (AP242). Got ",
+        ),
+        (
+            "slotted_block.off",
+            "dimensions are read from .step and .stp files. Got 'slotted_block.off'.",
+        ),
         ("none.stp", "the part must be an existing file. Got "),
     ],
 )

@@ -11,7 +11,8 @@ from planner.cli.folder_owner import check_owner, request_of
 from planner.exceptions import OutputError
 
 LIMITS = dict.fromkeys(
-    ("min_length_px", "field_margin_px", "focus_margin_mm", "stand_off_mm", "visibility_radius_mm"), 1.0
+    ("min_length_px", "field_margin_px", "focus_margin_mm", "stand_off_mm", "visibility_radius_mm"),
+    1.0,
 )
 OTHERS = {
     "part": ({"part": "bracket"}, "another part, 'block' and not 'bracket'"),
@@ -20,7 +21,10 @@ OTHERS = {
     "workspace": ({"workspace": [[-1, -1, -1], [900, 900, 900]]}, "another workspace."),
     "limits": ({"requirements": {**LIMITS, "stand_off_mm": 60.0}}, "another limits."),
     "entities": (
-        {"entities": {**ENTITIES, "more": [[0, 0, 0], [0, 50, 0]]}, "uninspectable": {"bottom": "", "more": ""}},
+        {
+            "entities": {**ENTITIES, "more": [[0, 0, 0], [0, 50, 0]]},
+            "uninspectable": {"bottom": "", "more": ""},
+        },
         "another set of entities.",
     ),
 }
@@ -33,7 +37,10 @@ def folder(tmp_path):
 
 
 def test_the_same_request_and_an_empty_folder_are_welcome(folder, tmp_path):
-    asked, before = request_of(plan(requirements=LIMITS, lower_bound=2)), (folder / "plan.json").read_bytes()
+    asked, before = (
+        request_of(plan(requirements=LIMITS, lower_bound=2)),
+        (folder / "plan.json").read_bytes(),
+    )
     check_owner(folder, asked, force=False)
     check_owner(tmp_path / "new", asked, force=False)
     # asking replaces and makes nothing
@@ -45,7 +52,9 @@ def test_the_same_request_and_an_empty_folder_are_welcome(folder, tmp_path):
 def test_another_request_needs_force(folder, case):
     changes, message = OTHERS[case]
     asked = request_of(plan(**{"requirements": LIMITS, **changes}))
-    with pytest.raises(OutputError, match="--out must be a folder without another plan; --force replaces it") as caught:
+    with pytest.raises(
+        OutputError, match="--out must be a folder without another plan; --force replaces it"
+    ) as caught:
         check_owner(folder, asked, force=False)
     assert message in str(caught.value)
     check_owner(folder, asked, force=True)
@@ -53,7 +62,9 @@ def test_another_request_needs_force(folder, case):
 
 def test_a_plan_without_limits_is_replaced_by_one_with_limits(tmp_path):
     plan().write(tmp_path / "plan.json")
-    limited, other = (request_of(plan(requirements=LIMITS, **changes)) for changes in ({}, {"seed": 6}))
+    limited, other = (
+        request_of(plan(requirements=LIMITS, **changes)) for changes in ({}, {"seed": 6})
+    )
     check_owner(tmp_path, limited, force=False)
     # what it does not tell is not held against it; what it tells is
     with pytest.raises(OutputError, match="another seed, 5 and not 6"):

@@ -59,12 +59,16 @@ def test_a_graph(record, tmp_path):
 
 def test_a_plan_and_its_simulation(record, tmp_path, monkeypatch):
     effort = Effort(viewpoints=20, pricing_rounds=3, refutations=1, bound_nodes=1000)
-    monkeypatch.setattr(commands, "plan_inspection", lambda *a, **k: plan_inspection(*a, **{"effort": effort, **k}))
+    monkeypatch.setattr(
+        commands, "plan_inspection", lambda *a, **k: plan_inspection(*a, **{"effort": effort, **k})
+    )
     camera = ["--camera", "basler-acA2440-20gm-8mm", "--sigma-mm", "0.05", "--sigma-rad", "0.001"]
     limits = ["--min-length-px", "30", "--focus-margin-mm", "0.2", "--visibility-radius-mm", "0.1"]
     out = str(tmp_path / "out")
     wanted = ["--select", "face = top and length > 59"]
-    code, found = record("plan", BLOCK, *wanted, *camera, *limits, "--jobs", "1", "--simulate", "200", "--out", out)
+    code, found = record(
+        "plan", BLOCK, *wanted, *camera, *limits, "--jobs", "1", "--simulate", "200", "--out", out
+    )
     assert code in (DONE, INCOMPLETE)
     stored = read_plan(tmp_path / "out" / "plan.json")
     assert InspectionPlan.from_dict(found["plan"]) == stored
@@ -97,4 +101,6 @@ def test_graph_and_plan_have_one_workspace_if_the_camera_is_told(record, tmp_pat
     _, found = record("graph", BLOCK, "--entities", "0", "--graphml", path, "--camera", name, *own)
     assert found["workspace"] == [[-100.0] * 3, [200.0] * 3]
     assert main(["graph", BLOCK, "--entities", "0", "--graphml", path, *own]) == DONE
-    assert "workspace: -100.00 -100.00 -100.00 to 200.00 200.00 200.00 mm" in capsys.readouterr().out
+    assert (
+        "workspace: -100.00 -100.00 -100.00 to 200.00 200.00 200.00 mm" in capsys.readouterr().out
+    )

@@ -9,13 +9,22 @@ from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 from planner.cli.main import main
 from planner.plan import read_plan
 
-PLAN = ["plan", "block.off", "--entities", "(60,20,10)-(60,40,10),(20,60,10)-(40,60,10)", "--effort", "quick"]
+PLAN = [
+    "plan",
+    "block.off",
+    "--entities",
+    "(60,20,10)-(60,40,10),(20,60,10)-(40,60,10)",
+    "--effort",
+    "quick",
+]
 PLAN += ["--camera", "basler-acA2440-20gm-8mm", "--out", "out", "--simulate", "200", "--jobs", "1"]
 
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch, request):
-    (tmp_path / "block.off").write_bytes((request.config.rootpath / "examples/two_pocket_block.off").read_bytes())
+    (tmp_path / "block.off").write_bytes(
+        (request.config.rootpath / "examples/two_pocket_block.off").read_bytes()
+    )
     (tmp_path / "lamps.toml").write_text("lamps = [[280, 320, 450], [-200, -200, 500]]")
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -26,11 +35,16 @@ def test_lamps_to_be_placed_are_written_and_told(folder, capsys):
     assert main([*PLAN, *light]) == DONE
     told = " ".join(capsys.readouterr().out.split())
     assert "setting 1: lamp 1 at (" in told
-    assert "1 place of a lamp shows all that is measured in its setting with a contrast of at least 0.1" in told
+    assert (
+        "1 place of a lamp shows all that is measured in its setting with a contrast of at least 0.1"
+        in told
+    )
     found = read_plan(folder / "out" / "plan.json")
     assert found.light.minimal
     assert found.light.complete
-    assert [sorted(image.contrast) for images in found.light.images for image in images] == [["p1", "p2"]]
+    assert [sorted(image.contrast) for images in found.light.images for image in images] == [
+        ["p1", "p2"]
+    ]
     page = (folder / "out" / "report.html").read_text()
     assert "Predicted image, hidden lines removed, under lamp 1" in page
     assert "polished metal is out of scope" in page
@@ -46,7 +60,9 @@ def test_lamps_that_are_on_together(folder, capsys):
     assert "all on together" in told
     found = read_plan(folder / "out" / "plan.json")
     assert found.light.together
-    assert {image.lamps for images in found.light.images for image in images} == {tuple(range(len(found.light.lamps)))}
+    assert {image.lamps for images in found.light.images for image in images} == {
+        tuple(range(len(found.light.lamps)))
+    }
     assert "of one strength and all on together" in (folder / "out" / "report.html").read_text()
 
 
@@ -76,7 +92,10 @@ def test_a_ring_light_takes_part_in_the_planning(folder, capsys):
 def test_what_no_fixed_lamp_shows_makes_the_plan_incomplete(folder, capsys):
     assert main([*PLAN, "--light", "at:30,30,-100;40,40,-200"]) == INCOMPLETE
     told = " ".join(capsys.readouterr().out.split())
-    assert "not shown: p1: none of 2 lamps shows it: 2 with a contrast under 0.1, 0 with a step under 0.1" in told
+    assert (
+        "not shown: p1: none of 2 lamps shows it: 2 with a contrast under 0.1, 0 with a step under 0.1"
+        in told
+    )
     assert main([*PLAN, "--light", "lamps.toml"]) == DONE
     assert len(read_plan(folder / "out" / "plan.json").light.lamps) == 1
 
@@ -88,15 +107,33 @@ BAD = {
     "box upside down": (["--light", "box:0,0,0,1,1,-1"], "low must be below high"),
     "dome without size": (["--light", "dome:0,0,0,0"], "radius_mm must be positive. Got 0.0."),
     "two coordinates": (["--light", "at:1,2"], "lamps must be finite numbers in mm, shape (n, 3)."),
-    "lamp inside": (["--light", "at:5,5,5"], "lamps must lie outside the part. Got [5.0, 5.0, 5.0] mm inside it."),
-    "no file": (["--light", "none.toml"], "none.toml: file of lamps must be readable. Got: No such file"),
+    "lamp inside": (
+        ["--light", "at:5,5,5"],
+        "lamps must lie outside the part. Got [5.0, 5.0, 5.0] mm inside it.",
+    ),
+    "no file": (
+        ["--light", "none.toml"],
+        "none.toml: file of lamps must be readable. Got: No such file",
+    ),
     "no lamps": (["--light", "empty.toml"], "empty.toml: a file of lamps must hold lamps"),
     "no TOML": (["--light", "bad.toml"], "bad.toml: file of lamps must be TOML."),
-    "contrast": (["--light", "ring", "--contrast", "1"], "contrast must lie strictly between 0 and 1. Got 1.0."),
-    "together alone": (["--together"], "--together needs lamps by --light at, box or dome. Got no --light."),
+    "contrast": (
+        ["--light", "ring", "--contrast", "1"],
+        "contrast must lie strictly between 0 and 1. Got 1.0.",
+    ),
+    "together alone": (
+        ["--together"],
+        "--together needs lamps by --light at, box or dome. Got no --light.",
+    ),
     "ring together": (["--light", "ring", "--together"], "box or dome. Got --light ring."),
-    "separation": (["--separation-px", "-1"], "--separation-px must be finite and not negative. Got -1."),
-    "wide": (["--separation-px", "4000"], "--separation-px must be less than half the image's smaller side, 2048 px."),
+    "separation": (
+        ["--separation-px", "-1"],
+        "--separation-px must be finite and not negative. Got -1.",
+    ),
+    "wide": (
+        ["--separation-px", "4000"],
+        "--separation-px must be less than half the image's smaller side, 2048 px.",
+    ),
     "corner": (["--min-corner-deg", "95"], "--min-corner-deg must be below 90. Got 95.0."),
     "ground": (["--light", "ring", "--ground", "grey"], "invalid choice: 'grey'"),
 }
@@ -116,12 +153,22 @@ def test_bad_lamps_are_one_line(folder, capsys, case):
 
 
 def test_the_graph_of_lamp_positions(folder, capsys):
-    asked = ["graph", "block.off", "--entities", "(60,20,10)-(60,40,10)", "--lamps", "--graphml", "lamps.graphml"]
+    asked = [
+        "graph",
+        "block.off",
+        "--entities",
+        "(60,20,10)-(60,40,10)",
+        "--lamps",
+        "--graphml",
+        "lamps.graphml",
+    ]
     assert main([*asked, "--contrast", "0.3", "--json"]) == DONE
     domains = json.loads(capsys.readouterr().out)["domains"]
     found = read_graphml("lamps.graphml")
     assert found.graph["contrast"] == 0.3
-    assert [found.nodes[one["id"]]["showing"] for one in domains] == [tuple(one["showing"]) for one in domains]
+    assert [found.nodes[one["id"]]["showing"] for one in domains] == [
+        tuple(one["showing"]) for one in domains
+    ]
     assert {len(one["showing"]) for one in domains} == {0, 1}
     assert main([*asked, "--quiet"]) == DONE
     assert "light domains" in capsys.readouterr().out

@@ -8,7 +8,16 @@ from planner.cli.main import main
 
 BLOCK = str(Path(__file__).parents[3] / "examples" / "two_pocket_block.off")
 EDGE = "(60,20,10)-(60,40,10)"
-OPTICS = ["optics", BLOCK, "--entities", EDGE, "--body", "basler-acA2440-20gm", "--distances", "250,400"]
+OPTICS = [
+    "optics",
+    BLOCK,
+    "--entities",
+    EDGE,
+    "--body",
+    "basler-acA2440-20gm",
+    "--distances",
+    "250,400",
+]
 SURE = ["--sigma-mm", "0.05", "--sigma-rad", "0.001"]
 
 

@@ -12,7 +12,16 @@ from planner.cli.main import main
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 BLOCK = str(EXAMPLES / "two_pocket_block.off")
-CAMERA = ["--camera", "basler-acA2440-20gm-8mm", "--sigma-mm", "0.05", "--sigma-rad", "0.001", "--jobs", "1"]
+CAMERA = [
+    "--camera",
+    "basler-acA2440-20gm-8mm",
+    "--sigma-mm",
+    "0.05",
+    "--sigma-rad",
+    "0.001",
+    "--jobs",
+    "1",
+]
 LEFT, RIGHT = "[[50, 20, 10], [50, 40, 10]]", "[[60, 20, 10], [60, 40, 10]]"
 ACROSS = "[[50, 20, 10], [60, 20, 10]]"
 
@@ -20,7 +29,9 @@ ACROSS = "[[50, 20, 10], [60, 20, 10]]"
 def planned(tmp_path, text, *options, part=BLOCK):
     path = tmp_path / "wanted.toml"
     path.write_text(text)
-    return main(["plan", part, "--dimensions", str(path), *CAMERA, "--out", str(tmp_path / "out"), *options])
+    return main(
+        ["plan", part, "--dimensions", str(path), *CAMERA, "--out", str(tmp_path / "out"), *options]
+    )
 
 
 def test_a_file_of_dimensions(tmp_path, capsys):
@@ -38,13 +49,28 @@ def test_a_file_of_dimensions(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (f"step = {{ distance = [{LEFT}, {ACROSS}] }}", "dimension 'step': the edges of a distance must be parallel"),
+        (
+            f"step = {{ distance = [{LEFT}, {ACROSS}] }}",
+            "dimension 'step': the edges of a distance must be parallel",
+        ),
         (f"step = {{ width = {LEFT} }}", "dimension 'step' must be made of a kind"),
         ("bore = { diameter = 'r7' }", "dimension 'bore': "),
-        (f"step = {{ edge = {LEFT}, max_error = 1, unit = 'ell' }}", "dimension 'step': unit must be one of"),
-        (f"step = {{ edge = {LEFT}, tolerance = [1, -1] }}", "dimension 'step': tolerance must have its lower"),
-        (f"step = {{ edge = {LEFT}, max_error = 0 }}", "dimension 'step': max_error must be a positive number. Got 0"),
-        (f"step = {{ edge = {LEFT}, max_error = 99 }}", "dimension 'step': the permitted error of a length must be"),
+        (
+            f"step = {{ edge = {LEFT}, max_error = 1, unit = 'ell' }}",
+            "dimension 'step': unit must be one of",
+        ),
+        (
+            f"step = {{ edge = {LEFT}, tolerance = [1, -1] }}",
+            "dimension 'step': tolerance must have its lower",
+        ),
+        (
+            f"step = {{ edge = {LEFT}, max_error = 0 }}",
+            "dimension 'step': max_error must be a positive number. Got 0",
+        ),
+        (
+            f"step = {{ edge = {LEFT}, max_error = 99 }}",
+            "dimension 'step': the permitted error of a length must be",
+        ),
     ],
 )
 def test_what_is_wrong_is_one_line_and_nothing_is_written(tmp_path, capsys, text, message):
@@ -61,7 +87,10 @@ def test_what_is_wrong_is_one_line_and_nothing_is_written(tmp_path, capsys, text
     [
         (["--localisation", "canny"], "--localisation must be rounding, gaussian"),
         (["--localisation", "gaussian:much"], "--localisation must hold numbers of px"),
-        (["--localisation", "gaussian:-1"], "--localisation: sigma_px must be finite and not negative"),
+        (
+            ["--localisation", "gaussian:-1"],
+            "--localisation: sigma_px must be finite and not negative",
+        ),
     ],
 )
 def test_localisation_is_checked(tmp_path, capsys, options, message):
@@ -73,6 +102,9 @@ def test_localisation_is_checked(tmp_path, capsys, options, message):
 def test_a_part_without_dimensions_says_so(tmp_path, capsys):
     pytest.importorskip("OCP")
     part = str(EXAMPLES / "mfcad_6-11-11-19.step")
-    assert main(["plan", part, "--dimensions", "all", *CAMERA, "--out", str(tmp_path / "out")]) == BAD_INPUT
+    assert (
+        main(["plan", part, "--dimensions", "all", *CAMERA, "--out", str(tmp_path / "out")])
+        == BAD_INPUT
+    )
     assert "must be a STEP file with semantic dimensions (AP242)" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

@@ -107,7 +107,9 @@ def test_an_interruption_while_the_program_loads_is_one_line():
         "from planner.cli import start\n"
         "sys.exit(start())\n"
     )
-    done = subprocess.run([sys.executable, "-c", code, "info", "part.step"], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code, "info", "part.step"], capture_output=True, text=True
+    )
     assert (done.returncode, done.stdout, done.stderr) == (1, "", "aspectgraph: interrupted\n")
 
 

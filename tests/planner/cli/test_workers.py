@@ -32,7 +32,9 @@ def _is_running(pid):
         return False
 
 
-@pytest.mark.skipif(sys.platform != "linux" or usable_cores() < 2, reason="workers of Linux, and two of them")
+@pytest.mark.skipif(
+    sys.platform != "linux" or usable_cores() < 2, reason="workers of Linux, and two of them"
+)
 def test_no_worker_outlives_a_parent_that_is_killed():
     parent = subprocess.Popen([sys.executable, "-c", _PARENT], stdout=subprocess.PIPE, text=True)
     workers = [int(pid) for pid in parent.stdout.readline().split()]

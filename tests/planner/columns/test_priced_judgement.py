@@ -31,7 +31,10 @@ def poses(judge):
 def test_the_conditions_are_told_apart(judge, poses):
     """Or else what follows would say little: some edges have no corner, and of the others some are near to a line."""
     seen = judge._missed(poses) == 0.0
-    corners, apart = judge.constraints.image.corners(poses, seen), judge.constraints.image.separations(poses, seen)
+    corners, apart = (
+        judge.constraints.image.corners(poses, seen),
+        judge.constraints.image.separations(poses, seen),
+    )
     assert (corners[seen] < 0).any()
     assert (apart[seen & (corners >= 0)] < 0).any()
     assert judge(poses).inspects.any()

@@ -88,5 +88,7 @@ def test_it_begins_with_what_is_nearly_inspected_or_not_at_all(judge):
 def test_a_pool_tells_what_is_inspected():
     pool = ColumnPool(3)
     assert pool.inspected.tolist() == [False] * 3
-    pool.add(np.array([[1, 0, 0], [1, 0, 1]], dtype=bool), np.tile(np.eye(4), (2, 1, 1)), np.ones((2, 3)))
+    pool.add(
+        np.array([[1, 0, 0], [1, 0, 1]], dtype=bool), np.tile(np.eye(4), (2, 1, 1)), np.ones((2, 3))
+    )
     assert pool.inspected.tolist() == [True, False, True]

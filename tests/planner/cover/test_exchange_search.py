@@ -125,7 +125,11 @@ def test_of_a_smaller_cover_with_optimistic_columns_each_gets_its_share():
     realised = sets([[0, 1, 2], [3, 4, 5], [6, 7, 8], [9, 10, 11]], 12)
     near = sets([[0, 3, 6, 9], [1, 4, 7, 10], [2, 5, 8, 11]], 12)
     wanted = sets_to_realise(realised, near, sets([], 12), 4, 100, rng())
-    assert sorted(np.flatnonzero(one).tolist() for one in wanted) == [[0, 3, 6, 9], [1, 4, 7, 10], [2, 5, 8, 11]]
+    assert sorted(np.flatnonzero(one).tolist() for one in wanted) == [
+        [0, 3, 6, 9],
+        [1, 4, 7, 10],
+        [2, 5, 8, 11],
+    ]
     # where two overlap, none is asked for the same entity twice
     near[1, 0] = True
     wanted = sets_to_realise(realised, near, sets([], 12), 4, 100, rng())

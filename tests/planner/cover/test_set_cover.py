@@ -8,7 +8,14 @@ from hypothesis.extra.numpy import arrays
 
 from planner.cover import set_cover
 from planner.cover.relaxation import fractional_cover
-from planner.cover.set_cover import cover_within, distinct_rows, greedy_cover, is_cover, maximal_columns, min_cover
+from planner.cover.set_cover import (
+    cover_within,
+    distinct_rows,
+    greedy_cover,
+    is_cover,
+    maximal_columns,
+    min_cover,
+)
 from planner.exceptions import CoverError
 
 pytestmark = pytest.mark.uncompiled
@@ -54,7 +61,9 @@ def test_preference_decides_between_covers_of_equal_size_only():
 
 
 @settings(max_examples=40, deadline=None)
-@given(arrays(bool, st.tuples(st.integers(1, 7), st.integers(1, 6))), st.randoms(use_true_random=False))
+@given(
+    arrays(bool, st.tuples(st.integers(1, 7), st.integers(1, 6))), st.randoms(use_true_random=False)
+)
 def test_minimum_equals_exhaustive_search(membership, random):
     membership[random.randrange(len(membership)), ~membership.any(axis=0)] = True
     cover = min_cover(membership, [random.random() for _ in membership])
@@ -89,7 +98,13 @@ def test_checker_rejects_what_misses_an_entity():
 
 
 @settings(max_examples=40, deadline=None)
-@given(arrays(bool, st.tuples(st.integers(0, 12), st.sampled_from([1, 5, 8, 64, 65, 130])), elements=st.booleans()))
+@given(
+    arrays(
+        bool,
+        st.tuples(st.integers(0, 12), st.sampled_from([1, 5, 8, 64, 65, 130])),
+        elements=st.booleans(),
+    )
+)
 def test_distinct_rows_are_those_of_numpy(membership):
     first, kind = distinct_rows(membership)
     assert np.array_equal(membership[first][kind], membership)
@@ -98,7 +113,8 @@ def test_distinct_rows_are_those_of_numpy(membership):
 
 
 @pytest.mark.parametrize(
-    ("cost", "count"), [(0.3, 1), (1.0, 1), (2.4, 2), (2.4 + 1e-10, 2), (2.41, 3), (np.inf, 1), (None, 1)]
+    ("cost", "count"),
+    [(0.3, 1), (1.0, 1), (2.4, 2), (2.4 + 1e-10, 2), (2.41, 3), (np.inf, 1), (None, 1)],
 )
 def test_a_bound_on_the_cost_bounds_the_count(cost, count):
     # of four entities, k columns cost at most k + 0.5 * 4 / 5
@@ -120,7 +136,9 @@ def lines_of_space():
     """Which of the 27 points of the affine space over three elements are on each of its 117 lines, (27, 117)."""
     points = np.array(list(product(range(3), repeat=3)))
     directions = [d for d in points if d.any() and d[np.flatnonzero(d)[0]] == 1]
-    lines = {frozenset(tuple((p + k * d) % 3) for k in range(3)) for p in points for d in directions}
+    lines = {
+        frozenset(tuple((p + k * d) % 3) for k in range(3)) for p in points for d in directions
+    }
     ordered = sorted(sorted(line) for line in lines)
     return np.array([[tuple(p) in line for line in ordered] for p in points.tolist()])
 

@@ -50,7 +50,11 @@ def found_in(space, part, y, limit, max_nodes=100_000):
     if space not in TREES:
         TREES[space] = viewpoints_for(space.nodal_points, space.entities, space.view, y, limit)
     task = Task(space.conflict, y, limit, max_nodes, np.zeros(1, dtype=bool))
-    return *search(box, chart, order, space.entities, space.view, TREES[space], task, pose, inspected), pose, inspected
+    return (
+        *search(box, chart, order, space.entities, space.view, TREES[space], task, pose, inspected),
+        pose,
+        inspected,
+    )
 
 
 def pose_of(view, chart, look, turn):
@@ -73,7 +77,9 @@ def box_around(rng, view, size, small):
 
 def sets_of(tree):
     """What may be inspected from each box of a tree of viewpoints, (n, e) of bool."""
-    return np.unpackbits(tree.sets.view(np.uint8), axis=1, bitorder="little")[:, : len(EDGES)].astype(bool)
+    return np.unpackbits(tree.sets.view(np.uint8), axis=1, bitorder="little")[
+        :, : len(EDGES)
+    ].astype(bool)
 
 
 def assert_tree_has(tree, poses, inspects, least):
@@ -82,6 +88,8 @@ def assert_tree_has(tree, poses, inspects, least):
     assert len(some) > least
     for k in some:
         eye = poses[k, :3, 3]
-        holding = np.flatnonzero(((tree.boxes[:, 0] <= eye) & (eye <= tree.boxes[:, 1])).all(axis=1))
+        holding = np.flatnonzero(
+            ((tree.boxes[:, 0] <= eye) & (eye <= tree.boxes[:, 1])).all(axis=1)
+        )
         assert (tree.second[holding] == 0).any()
         assert sets[holding][:, inspects[k]].all()

@@ -42,7 +42,11 @@ def damaged_bytes(content, rng):
     if kind == 1:
         return content[:at] + rng.randbytes(3) + content[at + 3 :]
     if kind == 2:
-        return content[:at] + rng.choice([b"\x00", b"\xff", b"{", b"]", b'"', b"-", b"9", b"\\ud800"]) + content[at:]
+        return (
+            content[:at]
+            + rng.choice([b"\x00", b"\xff", b"{", b"]", b'"', b"-", b"9", b"\\ud800"])
+            + content[at:]
+        )
     if kind == 3:
         return content.decode().encode(rng.choice(["utf-16", "utf-32", "utf-8-sig"]))
     return content[at:]
@@ -87,7 +91,12 @@ def damaged_toml(text, rng):
     if kind == 0:
         del lines[at]
     elif kind == 1:
-        lines.insert(at, rng.choice([lines[at], "[table]", "[[x]]", f"{name}.x = 1", "'' = 1", '"\\n" = 1', "a" * 500]))
+        lines.insert(
+            at,
+            rng.choice(
+                [lines[at], "[table]", "[[x]]", f"{name}.x = 1", "'' = 1", '"\\n" = 1', "a" * 500]
+            ),
+        )
     else:
         lines[at] = f"{name} = {rng.choice(odd)}"
     return "\n".join(lines).encode()

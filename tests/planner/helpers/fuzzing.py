@@ -88,10 +88,16 @@ def _state() -> bytes:
         path = Path(folder) / "state.json"
         state = PlanningState({"entities": ENTITIES}, path)
         state.put(["bottom"], Outcome(reason="hidden"))
-        state.put(["top front", "top right"], Outcome(setting((40.0, -180.0, 620.0), ["top front", "top right"])))
+        state.put(
+            ["top front", "top right"],
+            Outcome(setting((40.0, -180.0, 620.0), ["top front", "top right"])),
+        )
         poses = look_at([[0.0, 1.0, 200.0], [3.0, 4.0, 500.0]], (0.0, 0.0, 0.0), roll=0.3)
         pools = {"realised": {"poses": poses}, "near": {"poses": poses[:1]}}
-        state.keep("lower bound", {"pools": pools, "uninspectable": {}, "entries": {"proven": [2, "boxes"]}})
+        state.keep(
+            "lower bound",
+            {"pools": pools, "uninspectable": {}, "entries": {"proven": [2, "boxes"]}},
+        )
         state.save()
         return path.read_bytes()
 
@@ -119,20 +125,32 @@ READERS = {
     "part.obj": Reader(lambda: obj_text(SOLID.vertices, LOOPS), TEXT, read_solid),
     "part.off": Reader(lambda: off_text(SOLID.vertices, LOOPS), TEXT, read_solid),
     "text.ply": Reader(lambda: ply_bytes(SOLID.vertices, LOOPS), TEXT, read_solid),
-    "binary.ply": Reader(lambda: ply_bytes(SOLID.vertices, LOOPS, "binary_big_endian"), (damaged_bytes,), read_solid),
-    "part.glb": Reader(lambda: glb_bytes(SOLID.vertices, SOLID.triangles), (damaged_bytes, damaged_glb), read_solid),
+    "binary.ply": Reader(
+        lambda: ply_bytes(SOLID.vertices, LOOPS, "binary_big_endian"), (damaged_bytes,), read_solid
+    ),
+    "part.glb": Reader(
+        lambda: glb_bytes(SOLID.vertices, SOLID.triangles), (damaged_bytes, damaged_glb), read_solid
+    ),
     "part.step": Reader(
-        STEP_FILE.read_bytes, TEXT, lambda path: read_solid(path, limits=ReadLimits(time_s=20.0, memory_mb=1000.0))
+        STEP_FILE.read_bytes,
+        TEXT,
+        lambda path: read_solid(path, limits=ReadLimits(time_s=20.0, memory_mb=1000.0)),
     ),
     "graph.graphml": Reader(_graph, (*TEXT, damaged_encoding, damaged_xml), read_graphml),
     "entities.toml": Reader(EDGES.encode, (*TEXT, _lines), lambda path: read_entities(path, SOLID)),
-    "entities.json": Reader(lambda: _as_json(EDGES), (*TEXT, _fields), lambda path: read_entities(path, SOLID)),
+    "entities.json": Reader(
+        lambda: _as_json(EDGES), (*TEXT, _fields), lambda path: read_entities(path, SOLID)
+    ),
     "entities.csv": Reader(TABLE.encode, TEXT, lambda path: read_entities(path, SOLID)),
     "wanted.toml": Reader(WANTED.encode, (*TEXT, _lines), _wanted),
     "wanted.json": Reader(lambda: _as_json(WANTED), (*TEXT, _fields), _wanted),
     "camera.toml": Reader(CAMERA.encode, (*TEXT, _lines), Camera.from_toml),
-    "plan.json": Reader(lambda: json.dumps(encoded(plan().to_dict())).encode(), (*TEXT, _fields), read_plan),
-    "state.json": Reader(_state, (*TEXT, _fields), lambda path: PlanningState({"entities": ENTITIES}, path)),
+    "plan.json": Reader(
+        lambda: json.dumps(encoded(plan().to_dict())).encode(), (*TEXT, _fields), read_plan
+    ),
+    "state.json": Reader(
+        _state, (*TEXT, _fields), lambda path: PlanningState({"entities": ENTITIES}, path)
+    ),
 }
 
 
@@ -151,6 +169,8 @@ def outcome(name: str, path: Path) -> str:
             READERS[name].read(path)
         except OWN as error:
             if "\n" in str(error) or not str(error):
-                raise AssertionError(f"an error must be one line. Got {str(error)[:500]!r}") from error
+                raise AssertionError(
+                    f"an error must be one line. Got {str(error)[:500]!r}"
+                ) from error
             return "refused"
     return "read"

@@ -28,7 +28,9 @@ class BoxCell:
 
     @property
     def half_spaces(self):
-        return np.vstack([np.column_stack([np.eye(3), -self.high]), np.column_stack([-np.eye(3), self.low])])
+        return np.vstack(
+            [np.column_stack([np.eye(3), -self.high]), np.column_stack([-np.eye(3), self.low])]
+        )
 
     @property
     def vertices(self):
@@ -50,7 +52,9 @@ class BoxCells(tuple):
 
     @property
     def bounds(self):
-        return np.array([np.min([c.low for c in self], axis=0), np.max([c.high for c in self], axis=0)])
+        return np.array(
+            [np.min([c.low for c in self], axis=0), np.max([c.high for c in self], axis=0)]
+        )
 
     def contains(self, points):
         points = np.asarray(points)
@@ -75,13 +79,17 @@ class BoxSpace:
         self.workspace = np.asarray(workspace, dtype=float)
         by_name = {self.name_of(edge): edge for edge in self.solid.edges}
         self._edges = {name: by_name[name] for name in names}
-        self.entities = {name: BoxEntity(name, self.solid.edge_points(e.id)) for name, e in self._edges.items()}
+        self.entities = {
+            name: BoxEntity(name, self.solid.edge_points(e.id)) for name, e in self._edges.items()
+        }
         self.entity_names = tuple(names)
 
     def name_of(self, edge):
         """Two faces name an edge: "+z-y" is where the top meets the front."""
         faces = ("-z", "+z", "-y", "+y", "+x", "-x")
-        return "".join(sorted((faces[f] for f in edge.faces), key=lambda face: "zyx".index(face[1])))
+        return "".join(
+            sorted((faces[f] for f in edge.faces), key=lambda face: "zyx".index(face[1]))
+        )
 
     def observable(self, points, names=None):
         points = np.asarray(points, dtype=float)
@@ -106,4 +114,17 @@ class BoxSpace:
         return BoxCells(cells)
 
 
-EDGES = ("+z+y", "+z-y", "+z+x", "+z-x", "-z+y", "-z-y", "-z+x", "-z-x", "+y+x", "+y-x", "-y+x", "-y-x")
+EDGES = (
+    "+z+y",
+    "+z-y",
+    "+z+x",
+    "+z-x",
+    "-z+y",
+    "-z-y",
+    "-z+x",
+    "-z-x",
+    "+y+x",
+    "+y-x",
+    "-y+x",
+    "-y-x",
+)

@@ -29,12 +29,18 @@ class Cells:
 
     def __iter__(self):
         for (low, high), volume in zip(self.corners, self.volumes, strict=True):
-            planes = np.vstack([np.column_stack([-np.eye(3), low]), np.column_stack([np.eye(3), -high])])
+            planes = np.vstack(
+                [np.column_stack([-np.eye(3), low]), np.column_stack([np.eye(3), -high])]
+            )
             yield Cell(planes, np.array(list(product(*zip(low, high, strict=True)))), float(volume))
 
     def contains(self, points):
         points = np.asarray(points)[:, None]
-        return ((points >= self.corners[:, 0]) & (points <= self.corners[:, 1])).all(axis=-1).any(axis=1)
+        return (
+            ((points >= self.corners[:, 0]) & (points <= self.corners[:, 1]))
+            .all(axis=-1)
+            .any(axis=1)
+        )
 
     def sample(self, n, rng):
         rng = np.random.default_rng(rng)
@@ -51,7 +57,9 @@ class BoxSpace:
         corner = np.array(list(product((0, 1), repeat=3))) * self.size
         quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
         triangles = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
-        self.solid = SimpleNamespace(vertices=corner, triangles=triangles, bounds=np.array([0 * self.size, self.size]))
+        self.solid = SimpleNamespace(
+            vertices=corner, triangles=triangles, bounds=np.array([0 * self.size, self.size])
+        )
         self.entities, self._faces = {}, {}
         for axis in range(3):
             i, j = [a for a in range(3) if a != axis]
@@ -61,7 +69,9 @@ class BoxSpace:
                 end = start.copy()
                 end[axis] = self.size[axis]
                 name = f"{'xyz'[axis]}{at_i}{at_j}"
-                self.entities[name] = SimpleNamespace(name=name, endpoints=np.array([start, end]), edge_ids=())
+                self.entities[name] = SimpleNamespace(
+                    name=name, endpoints=np.array([start, end]), edge_ids=()
+                )
                 self._faces[name] = ((i, at_i), (j, at_j))
 
     @property
@@ -70,14 +80,18 @@ class BoxSpace:
 
     def observable(self, points, names=None):
         points = np.asarray(points, dtype=float)
-        inside_workspace = (points >= self.workspace[0]).all() and (points <= self.workspace[1]).all()
+        inside_workspace = (points >= self.workspace[0]).all() and (
+            points <= self.workspace[1]
+        ).all()
         assert inside_workspace, "points outside the workspace must not be asked for"
 
         def in_front(axis, side):
             return points[:, axis] > self.size[axis] if side else points[:, axis] < 0
 
         names = self.entity_names if names is None else names
-        return np.column_stack([in_front(*first) | in_front(*second) for first, second in map(self._faces.get, names)])
+        return np.column_stack(
+            [in_front(*first) | in_front(*second) for first, second in map(self._faces.get, names)]
+        )
 
     def covering_cells(self, names):
         cuts = [(self.workspace[0][a], 0.0, self.size[a], self.workspace[1][a]) for a in range(3)]

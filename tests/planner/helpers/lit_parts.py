@@ -21,5 +21,7 @@ def step():
     vertices = [(x, y, z) for y in (0.0, 40.0) for x, z in outline]
     sides = [(k, (k + 1) % n, n + (k + 1) % n, n + k) for k in range(n)]
     return Solid(
-        vertices, [tuple(range(n)), tuple(range(2 * n - 1, n - 1, -1)), *[q[::-1] for q in sides]], name="step"
+        vertices,
+        [tuple(range(n)), tuple(range(2 * n - 1, n - 1, -1)), *[q[::-1] for q in sides]],
+        name="step",
     )

@@ -12,7 +12,9 @@ from pathlib import Path
 def read_while(pipe: Path) -> Iterator[list[str]]:
     """Read a pipe in the background; after the block the list holds what came."""
     got: list[str] = []
-    reader = threading.Thread(target=lambda: got.append(pipe.read_text(encoding="utf-8")), daemon=True)
+    reader = threading.Thread(
+        target=lambda: got.append(pipe.read_text(encoding="utf-8")), daemon=True
+    )
     reader.start()
     yield got
     reader.join(60.0)

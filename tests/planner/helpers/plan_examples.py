@@ -18,7 +18,10 @@ LIGHT = LightPlan(
     0.05,
     "dark",
     np.array([[40.0, -300.0, 500.0], [300.0, 25.0, 90.0]]),
-    ((LitImage((0,), {"top front": 0.3, "top right": 1.0}, ("top right",)),), (LitImage((1,), {"top right": 0.76}),)),
+    (
+        (LitImage((0,), {"top front": 0.3, "top right": 1.0}, ("top right",)),),
+        (LitImage((1,), {"top right": 0.76}),),
+    ),
     ({}, {}),
     1,
     "test",

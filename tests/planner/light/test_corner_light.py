@@ -48,10 +48,16 @@ def test_who_does_not_ask_for_corners_gets_none():
 
 def test_one_line_per_end_is_enough_and_no_end_may_lack_one():
     """A lamp before the block, below its top: the uprights show, the edges of the top do not."""
-    corners, scene = found(asked(min_corner_deg=25.0)), RayScene(block().vertices, block().triangles)
+    corners, scene = (
+        found(asked(min_corner_deg=25.0)),
+        RayScene(block().vertices, block().triangles),
+    )
     lamps = np.array([(40.0, -400.0, 30.0), (40.0, 400.0, 30.0)])
     sets = np.array([[0], [1]])
-    assert corners.shown(scene, lamps, sets, LIMITS, np.ones((2, 1), bool))[:, 0].tolist() == [True, False]
+    assert corners.shown(scene, lamps, sets, LIMITS, np.ones((2, 1), bool))[:, 0].tolist() == [
+        True,
+        False,
+    ]
     both = corners.shown(scene, lamps, np.array([[0, 1]]), LIMITS, np.ones((1, 1), bool))
     assert both[0, 0]
 
@@ -65,7 +71,9 @@ def test_an_end_whose_only_line_is_dark():
     corners = Corners(sites, np.arange(4), np.array([0, 0, 1, 1]))
     scene = RayScene(block().vertices, block().triangles)
     lamp = np.array([(40.0, -400.0, 30.0)])
-    assert corners.shown(scene, lamp, np.array([[0]]), LIMITS, np.ones((1, 2), bool)).tolist() == [[False, True]]
+    assert corners.shown(scene, lamp, np.array([[0]]), LIMITS, np.ones((1, 2), bool)).tolist() == [
+        [False, True]
+    ]
 
 
 def test_lamps_are_planned_with_it():

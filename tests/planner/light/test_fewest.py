@@ -27,7 +27,9 @@ def test_the_bound_is_the_least_cover_by_all_places(seed, listed, monkeypatch):
         return not len(able)
 
     bound = Search(n, lambda: np.array(known), decide).bound()
-    least = next(k for k in range(1, n + 1) for some in combinations(places, k) if np.any(some, axis=0).all())
+    least = next(
+        k for k in range(1, n + 1) for some in combinations(places, k) if np.any(some, axis=0).all()
+    )
     assert bound == least
     assert any(np.any(some, axis=0).all() for some in combinations(np.unique(known, axis=0), least))
 
@@ -82,7 +84,9 @@ def inside(cell, points):
     return (points @ cell.half_spaces[:, :3].T + cell.half_spaces[:, 3] <= 0).all(axis=1)
 
 
-@pytest.mark.parametrize("space", [LampBox((-1, -1, 0), (1, 0.5, 1)), LampDome((0, 0, 0), 1.0, -0.2)])
+@pytest.mark.parametrize(
+    "space", [LampBox((-1, -1, 0), (1, 0.5, 1)), LampDome((0, 0, 0), 1.0, -0.2)]
+)
 def test_a_cell_that_is_said_to_miss_holds_no_place(space):
     rng = np.random.default_rng(5)
     places = space.places(4000)

@@ -47,7 +47,12 @@ def side_plan():
 def test_opposite_faces_need_two_lamps():
     """Each face is seen alone, so it must be lit: by a lamp at x < 0, the other by one at x > 80."""
     found = plan_light(side_plan(), block(), AROUND)
-    assert (len(found.lamps), found.lower_bound, found.minimal, found.complete) == (2, 2, True, True)
+    assert (len(found.lamps), found.lower_bound, found.minimal, found.complete) == (
+        2,
+        2,
+        True,
+        True,
+    )
     for images, inside in zip(found.images, (lambda x: x < 0, lambda x: x > 80), strict=True):
         (image,) = images
         assert inside(found.lamps[image.lamps[0], 0])
@@ -73,7 +78,10 @@ def test_a_back_light_shows_silhouettes_before_the_ground():
 
 def test_fixed_lamps_by_the_formula():
     """Of the edge between y = 0 and z = 60, both faces seen: (I₁ - I₂) / (I₁ + I₂) with I ~ height over each face."""
-    one = plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), uninspectable={"top right": "", "bottom": ""})
+    one = plan(
+        settings=(setting((40.0, -180.0, 620.0), ["top front"]),),
+        uninspectable={"top right": "", "bottom": ""},
+    )
     even, good, behind = (40.0, -300.0, 360.0), (40.0, -100.0, 360.0), (40.0, 100.0, -10.0)
     assert plan_light(one, block(), [even, behind]).unlit[0] == {
         "top front": "none of 2 lamps shows it: 2 with a contrast under 0.1, 0 with a step under 0.1, "
@@ -88,7 +96,10 @@ def test_fixed_lamps_by_the_formula():
 
 def test_what_hardly_any_light_falls_on_does_not_show():
     """Heights of 40 and 10 mm over the faces give a contrast of .6, but in 5 m both are lit with .008 and less."""
-    one = plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), uninspectable={"top right": "", "bottom": ""})
+    one = plan(
+        settings=(setting((40.0, -180.0, 620.0), ["top front"]),),
+        uninspectable={"top right": "", "bottom": ""},
+    )
     grazing = [(5000.0, -40.0, 70.0)]
     assert plan_light(one, block(), grazing).unlit[0] == {
         "top front": "none of 1 lamps shows it: 0 with a contrast under 0.1, 1 with a step under 0.1, "
@@ -100,7 +111,10 @@ def test_what_hardly_any_light_falls_on_does_not_show():
 
 
 def test_a_lamp_of_each_setting_is_asked_about_that_setting_only():
-    one, places = side_plan(), np.array([[-600.0, 25.0, 30.0], [680.0, 25.0, 30.0], [40.0, 25.0, 900.0]])
+    one, places = (
+        side_plan(),
+        np.array([[-600.0, 25.0, 30.0], [680.0, 25.0, 30.0], [40.0, 25.0, 900.0]]),
+    )
     every, own = (Lighting("ring").served(one, block()) for _ in range(2))
     every.keep(places[1::-1])
     own.keep_own(places[1::-1])
@@ -115,10 +129,17 @@ def test_a_lamp_of_each_setting_is_asked_about_that_setting_only():
 
 def test_ring_light():
     """At (40, -180, 620) the heights over the faces are 180 and 560: contrast 380 / 740."""
-    one = plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), uninspectable={"top right": "", "bottom": ""})
+    one = plan(
+        settings=(setting((40.0, -180.0, 620.0), ["top front"]),),
+        uninspectable={"top right": "", "bottom": ""},
+    )
     found = plan_light(one, block(), "ring")
     assert found.images[0][0].contrast["top front"] == pytest.approx(380 / 740)
-    assert plan_light(one, block(), "ring", contrast=0.52).unlit[0]["top front"].startswith("the ring light gives it")
+    assert (
+        plan_light(one, block(), "ring", contrast=0.52)
+        .unlit[0]["top front"]
+        .startswith("the ring light gives it")
+    )
     # 30 mm beside it the heights may be 201 and 539: contrast 338 / 740 = 0.457
     near = plan(
         settings=(setting((40.0, -180.0, 620.0), ["top front"]),),
@@ -133,7 +154,9 @@ def test_a_silhouette_needs_contrast_with_what_is_behind():
     """Lit from high above, both floors of a step are as bright: 1 / (h²) differs by 2 % for 10 mm in 1000."""
     above, beside = (20.0, 20.0, 1000.0), (-40.0, 20.0, 20.0)
     found = plan_light(ABOVE, step(), [above])
-    assert found.unlit[0]["rim"].endswith("1 not lighting all of it, or no contrast with what is behind.")
+    assert found.unlit[0]["rim"].endswith(
+        "1 not lighting all of it, or no contrast with what is behind."
+    )
     # a lamp so low on the left leaves what is beside the rim in the shadow of the step
     found = plan_light(ABOVE, step(), [above, beside])
     assert found.lamps.tolist() == [list(beside)]
@@ -144,15 +167,26 @@ def test_a_silhouette_needs_contrast_with_what_is_behind():
 def test_edges_near_the_plane_of_a_face_are_both():
     solid = block()
     entity = resolve_entities(solid, {"e": [[0, 0, 60], [0, 50, 60]]})["e"]
-    for x, radius, n in ((-5.0, 2.0, [0]), (5.0, 2.0, [1]), (-1.0, 2.0, [0, 1]), (1.0, 2.0, [0, 1]), (-1.0, 0.0, [0])):
+    for x, radius, n in (
+        (-5.0, 2.0, [0]),
+        (5.0, 2.0, [1]),
+        (-1.0, 2.0, [0, 1]),
+        (1.0, 2.0, [0, 1]),
+        (-1.0, 0.0, [0]),
+    ):
         eye = np.array([x, 25.0, 600.0])
         assert [len(seen) for seen in seen_as(solid, entity, eye, radius)] == n
         if radius == 0:
-            assert list(seen_as(solid, entity, eye, radius)) == [silhouettes_from(solid, entity, eye)]
+            assert list(seen_as(solid, entity, eye, radius)) == [
+                silhouettes_from(solid, entity, eye)
+            ]
 
 
 def test_a_tolerance_of_the_lamps():
-    one = plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), uninspectable={"top right": "", "bottom": ""})
+    one = plan(
+        settings=(setting((40.0, -180.0, 620.0), ["top front"]),),
+        uninspectable={"top right": "", "bottom": ""},
+    )
     # heights 100 and 130 over the faces: 30 / 230 is enough, but with both 20 mm off towards each other it is not
     lamp = [(40.0, -100.0, 190.0)]
     assert plan_light(one, block(), lamp).complete
@@ -196,19 +230,27 @@ def test_lamps_stay_in_reach_of_a_robot():
 def test_the_record_comes_back():
     found = plan_light(side_plan(), block(), AROUND)
     assert LightPlan.from_dict(found.to_dict()) == found
-    assert repr(found) == "<LightPlan: 2 placed lamps (at least 2 needed), contrast 0.1, 2 images, 0 unlit>"
+    assert (
+        repr(found)
+        == "<LightPlan: 2 placed lamps (at least 2 needed), contrast 0.1, 2 images, 0 unlit>"
+    )
 
 
 def test_lamps_that_are_on_together_add_up():
     """Lamps square to either face, as far away: each alone has the contrast 1, both together 0."""
-    one = plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), uninspectable={"top right": "", "bottom": ""})
+    one = plan(
+        settings=(setting((40.0, -180.0, 620.0), ["top front"]),),
+        uninspectable={"top right": "", "bottom": ""},
+    )
     front, top = (40.0, -1000.0, 60.0), (40.0, 0.0, 1060.0)
     for lamp in (front, top):
         found = plan_light(one, block(), LampsTogether([lamp]))
         assert found.images[0][0].contrast["top front"] == pytest.approx(1.0)
         assert found.together
     scene, light = RayScene(block().vertices, block().triangles), _light(one)
-    sets = LampSets(scene, sites_of(light.light, light.pairs), np.array([front, top]), np.zeros((1, 3)))
+    sets = LampSets(
+        scene, sites_of(light.light, light.pairs), np.array([front, top]), np.zeros((1, 3))
+    )
     assert sets.shown(np.array([[0, 1]]))[0] == pytest.approx(0.0, abs=1e-12)
     # one of them may be left out, so the plan takes one
     found = plan_light(one, block(), LampsTogether([front, top]))
@@ -217,7 +259,10 @@ def test_lamps_that_are_on_together_add_up():
 
 def test_together_by_the_formula():
     """Sums of n·(p - x) / |p - x|³ and of n·(p - x) / |p - x| at nine points; the smaller contrast counts."""
-    one = plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), uninspectable={"top right": "", "bottom": ""})
+    one = plan(
+        settings=(setting((40.0, -180.0, 620.0), ["top front"]),),
+        uninspectable={"top right": "", "bottom": ""},
+    )
     lamps = np.array([(-200.0, -700.0, 160.0), (300.0, -150.0, 900.0), (40.0, -250.0, 300.0)])
     values = []
     for power in (3, 1):
@@ -231,17 +276,29 @@ def test_together_by_the_formula():
     sets = LampSets(scene, sites_of(light.light, light.pairs), lamps, np.zeros((1, 3)))
     assert sets.shown(np.array([[0, 1, 2]]))[0][0, 0] == pytest.approx(min(values))
     # lamps that may be off by a little show no more
-    off = LampSets(scene, sites_of(light.light, light.pairs), lamps, np.array([[0.0, 0, 0], [0, 20, 0], [0, 0, -20]]))
+    off = LampSets(
+        scene,
+        sites_of(light.light, light.pairs),
+        lamps,
+        np.array([[0.0, 0, 0], [0, 20, 0], [0, 0, -20]]),
+    )
     assert off.shown(np.array([[0, 1, 2]]))[0][0, 0] < min(values)
 
 
 def test_opposite_faces_need_two_lamps_together_too():
     """One image each, both lamps on; that a single one does it is refuted by the exact regions."""
     found = plan_light(side_plan(), block(), LampsTogether(AROUND))
-    assert (len(found.lamps), found.lower_bound, found.complete, found.together) == (2, 2, True, True)
+    assert (len(found.lamps), found.lower_bound, found.complete, found.together) == (
+        2,
+        2,
+        True,
+        True,
+    )
     assert [[image.lamps for image in images] for images in found.images] == [[(0, 1)], [(0, 1)]]
     assert sorted(found.lamps[:, 0] < 0) == sorted(found.lamps[:, 0] <= 80) == [False, True]
-    fixed = plan_light(side_plan(), block(), LampsTogether([[-300, 25, 90], [40, -300, 90], [380, 25, 90]]))
+    fixed = plan_light(
+        side_plan(), block(), LampsTogether([[-300, 25, 90], [40, -300, 90], [380, 25, 90]])
+    )
     assert fixed.lamps[:, 0].tolist() == [-300, 380]
     assert fixed.minimal
     assert fixed.bound_proof == "All sets of fewer than 2 of the given lamps were tried."
@@ -254,7 +311,10 @@ def test_opposite_faces_need_two_lamps_together_too():
 
 def test_the_mean_contrast_is_never_the_largest():
     """The mediant: of any lamps together, no contrast is larger than the largest of theirs."""
-    one = plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), uninspectable={"top right": "", "bottom": ""})
+    one = plan(
+        settings=(setting((40.0, -180.0, 620.0), ["top front"]),),
+        uninspectable={"top right": "", "bottom": ""},
+    )
     rng = np.random.default_rng(4)
     lamps = np.array([40.0, -300.0, 400.0]) + rng.uniform(-300, 300, (12, 3)) * (1, 0.9, 0.9)
     light, scene = _light(one), RayScene(block().vertices, block().triangles)
@@ -274,13 +334,21 @@ def _light(one):
 @pytest.mark.parametrize(
     ("lamps", "options", "text"),
     [
-        ("torch", {}, "lamps must be places, a LampBox, a LampDome, LampsTogether, or 'ring'. Got 'torch'."),
+        (
+            "torch",
+            {},
+            "lamps must be places, a LampBox, a LampDome, LampsTogether, or 'ring'. Got 'torch'.",
+        ),
         ([], {}, "lamps must be finite numbers in mm, shape (n, 3). Got []."),
         ([[1, 2]], {}, "lamps must be finite numbers in mm, shape (n, 3). Got [[1, 2]]."),
         ([[np.nan, 0, 0]], {}, "lamps must be finite"),
         (AROUND, {"ground": "grey"}, "ground must be one of dark, bright. Got 'grey'."),
         (AROUND, {"step": 1}, "step must be in [0, 1). Got 1."),
-        (AROUND, {"tolerance_mm": np.inf}, "tolerance_mm must be finite and not negative. Got inf."),
+        (
+            AROUND,
+            {"tolerance_mm": np.inf},
+            "tolerance_mm must be finite and not negative. Got inf.",
+        ),
     ],
 )
 def test_bad_requests(lamps, options, text):
@@ -294,10 +362,16 @@ def test_bad_requests(lamps, options, text):
     [
         (lambda: LampBox((0, 0, 0), (1, 0, 1)), "low must be below high"),
         (lambda: LampBox((0, 0), (1, 0, 1)), "corners of a box of lamps must be finite"),
-        (lambda: LampBox((0, 0, 0), (1, 1, 1), -1), "clearance_mm must be finite and not negative. Got -1."),
+        (
+            lambda: LampBox((0, 0, 0), (1, 1, 1), -1),
+            "clearance_mm must be finite and not negative. Got -1.",
+        ),
         (lambda: LampDome((0, 0, 0), 0.0), "radius_mm must be positive. Got 0.0."),
         (lambda: LampDome((0, 0, 0), 5.0, 5.0), "lowest_mm must be below radius_mm, 5. Got 5.0."),
-        (lambda: LampsTogether("ring"), "lamps together must be places, a LampBox or a LampDome. Got 'ring'."),
+        (
+            lambda: LampsTogether("ring"),
+            "lamps together must be places, a LampBox or a LampDome. Got 'ring'.",
+        ),
         (lambda: LampsTogether(LampsTogether([[0, 0, 0]])), "lamps together must be places"),
         (lambda: LampsTogether([[0, 0]]), "lamps must be finite numbers in mm, shape (n, 3)"),
         (lambda: LampDome((0, 0, np.inf), 5.0), "the centre of a dome of lamps must be finite"),
@@ -319,7 +393,11 @@ def test_a_lamp_in_the_part_a_contrast_out_of_range_and_another_part():
 
 
 def test_a_plan_without_settings():
-    empty = plan(settings=(), uninspectable=dict.fromkeys(("top front", "top right", "bottom"), "no"), lower_bound=0)
+    empty = plan(
+        settings=(),
+        uninspectable=dict.fromkeys(("top front", "top right", "bottom"), "no"),
+        lower_bound=0,
+    )
     for lamps in (AROUND, "ring", [[500.0, 0, 0]]):
         found = plan_light(empty, block(), lamps)
         assert (len(found.lamps), found.lower_bound, found.complete) == (0, 0, True)

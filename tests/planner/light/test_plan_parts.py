@@ -14,7 +14,9 @@ PLATE = holed_plate()
 
 
 def plan_of(*geometry):
-    return SimpleNamespace(dimensions={"it": SimpleNamespace(geometry=geometry)}, entities={"edge": np.array(FRONT)})
+    return SimpleNamespace(
+        dimensions={"it": SimpleNamespace(geometry=geometry)}, entities={"edge": np.array(FRONT)}
+    )
 
 
 @pytest.mark.parametrize("axis", [(0, 0, 1), (0, 0, -1)])

@@ -31,7 +31,9 @@ def test_both_floors_of_a_step_are_as_bright_from_above():
 
 @pytest.mark.parametrize("part", ["block", "step", "pockets"])
 def test_the_space_agrees_with_lamps_planned_for_single_poses(part):
-    solid = {"block": block, "step": step}.get(part, lambda: read_solid("examples/two_pocket_block.off"))()
+    solid = {"block": block, "step": step}.get(
+        part, lambda: read_solid("examples/two_pocket_block.off")
+    )()
     edges = {f"e{edge.id}": solid.edge_points(edge.id) for edge in solid.straight_edges()}
     space = space_of(solid, resolve_entities(solid, edges))
     middle = solid.bounds.mean(axis=0)
@@ -44,10 +46,17 @@ def test_the_space_agrees_with_lamps_planned_for_single_poses(part):
         settings.append(setting(tuple(eye), seen, tuple(middle), probability=1.0))
         names.append(seen)
     asked = plan(
-        settings=tuple(settings), entities=edges, uninspectable=dict.fromkeys(set(edges) - set().union(*names), "")
+        settings=tuple(settings),
+        entities=edges,
+        uninspectable=dict.fromkeys(set(edges) - set().union(*names), ""),
     )
     light = plan_light(asked, solid, "ring")
-    told = {(k, name) for k, images in enumerate(light.images) for image in images for name in image.contrast}
+    told = {
+        (k, name)
+        for k, images in enumerate(light.images)
+        for image in images
+        for name in image.contrast
+    }
     found = {(k, name) for k in range(len(eyes)) for i, name in enumerate(edges) if shown[k, i]}
     assert found == told
     assert 0.3 * exact.sum() < len(found) < exact.sum()

@@ -45,7 +45,10 @@ def test_a_shadow_that_ends_beside_an_edge(end_x, clear):
 def test_nothing_is_said_of_what_is_not_wanted():
     beside = beside_lines(SCENE, [line(60.0, 0.0), line(0.0, 10.0)], 5.0, PIXEL_RAD)
     lamps = np.array([lamp_for(58.3), lamp_for(57.0)])
-    assert beside.clear(SCENE, lamps, np.ones((2, 2), bool)).tolist() == [[False, True], [True, True]]
+    assert beside.clear(SCENE, lamps, np.ones((2, 2), bool)).tolist() == [
+        [False, True],
+        [True, True],
+    ]
     assert beside.clear(SCENE, lamps, np.zeros((2, 2), bool)).all()
 
 

@@ -14,7 +14,10 @@ from planner.optics.propose import DISTANCES_MM
 BLOCK = read_solid("examples/two_pocket_block.off")
 SIGMA = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
 RIM, OTHER = [[60, 20, 10], [60, 40, 10]], [[20, 60, 10], [40, 60, 10]]
-WANTED = {"rim": RIM, "height": Dimension.distance([[60, 20, 30], [60, 40, 30]], RIM, max_error_mm=0.05)}
+WANTED = {
+    "rim": RIM,
+    "height": Dimension.distance([[60, 20, 30], [60, 40, 30]], RIM, max_error_mm=0.05),
+}
 BODIES = ["basler-acA2440-20gm", "flir-BFS-U3-244S8M"]
 
 
@@ -34,7 +37,9 @@ def test_predict_says_the_same_of_every_pose_proposed(proposals):
             # three standard deviations, 0.15 mm, are kept from the ends of the depth of field
             assert told.margins["focus_mm"] >= 0.15
             assert one.probability[name] == pytest.approx(told.probability, abs=1e-9)
-            assert one.share[name] == pytest.approx(told.expanded_uncertainty / told.permitted_error, rel=1e-9)
+            assert one.share[name] == pytest.approx(
+                told.expanded_uncertainty / told.permitted_error, rel=1e-9
+            )
 
 
 def test_the_best_comes_first(proposals):
@@ -52,7 +57,11 @@ def test_apertures_are_closed_until_diffraction_blurs_two_pixels(proposals):
         allowed = 2 * camera.pixel_pitch_mm[0]
         widest = lenses[one.lens]["widest_f_number"]
         assert airy <= allowed or camera.f_number == widest
-        closer = [stop for stop in stops if camera.f_number < stop <= lenses[one.lens]["narrowest_f_number"]]
+        closer = [
+            stop
+            for stop in stops
+            if camera.f_number < stop <= lenses[one.lens]["narrowest_f_number"]
+        ]
         assert not closer or airy * closer[0] / camera.f_number > allowed
 
 
@@ -76,7 +85,9 @@ def test_depth_of_field_must_hold_the_error_of_the_position():
 def test_images_too_short_are_no_proposals():
     # 20 mm are less than 5000 px from anywhere: the sensor has 2448
     options = InspectionOptions(min_length_px=5000.0)
-    found = propose_optics(BLOCK, {"rim": RIM}, SIGMA, bodies=BODIES[:1], distances_mm=[250.0], options=options)
+    found = propose_optics(
+        BLOCK, {"rim": RIM}, SIGMA, bodies=BODIES[:1], distances_mm=[250.0], options=options
+    )
     assert not any(one.able for one in found)
 
 
@@ -97,7 +108,10 @@ def test_a_proposal_shows_itself(proposals):
 
 
 def test_the_same_again(proposals):
-    assert propose_optics(BLOCK, WANTED, SIGMA, bodies=BODIES, distances_mm=[250.0, 400.0]) == proposals
+    assert (
+        propose_optics(BLOCK, WANTED, SIGMA, bodies=BODIES, distances_mm=[250.0, 400.0])
+        == proposals
+    )
 
 
 @pytest.mark.parametrize(
@@ -111,6 +125,11 @@ def test_the_same_again(proposals):
     ],
 )
 def test_bad_requests_are_refused(changes, message):
-    given = {"solid": BLOCK, "wanted": {"rim": OTHER}, "pose_uncertainty": SIGMA, "distances_mm": DISTANCES_MM}
+    given = {
+        "solid": BLOCK,
+        "wanted": {"rim": OTHER},
+        "pose_uncertainty": SIGMA,
+        "distances_mm": DISTANCES_MM,
+    }
     with pytest.raises(RequestError, match=message):
         propose_optics(**{**given, **changes})

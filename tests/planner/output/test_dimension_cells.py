@@ -8,12 +8,20 @@ from errors.measurands import Circle, Localisation
 from planner import RequestError
 from planner.cli.wanted import read_localisation
 from planner.exceptions import PlanFileError
-from planner.output.dimension_report import _accepted, _budget, _nominal, budget_percents, localisation_text
+from planner.output.dimension_report import (
+    _accepted,
+    _budget,
+    _nominal,
+    budget_percents,
+    localisation_text,
+)
 from planner.verify.setting_record import _check_same
 
 
 def dimension(**fields):
-    return SimpleNamespace(**{"nominal": 20.0, "tolerance": (-0.1, 0.3), "unit": "mm", "geometry": (), **fields})
+    return SimpleNamespace(
+        **{"nominal": 20.0, "tolerance": (-0.1, 0.3), "unit": "mm", "geometry": (), **fields}
+    )
 
 
 def test_tolerances_are_told_with_their_signs():
@@ -22,9 +30,14 @@ def test_tolerances_are_told_with_their_signs():
 
 
 def test_what_is_accepted_is_the_tolerance_less_the_uncertainty_on_both_sides():
-    assert _accepted(dimension(), SimpleNamespace(expanded_uncertainty=0.05)) == "19.95 and 20.25 mm"
+    assert (
+        _accepted(dimension(), SimpleNamespace(expanded_uncertainty=0.05)) == "19.95 and 20.25 mm"
+    )
     assert "nothing" in _accepted(dimension(), SimpleNamespace(expanded_uncertainty=0.25))
-    assert _accepted(dimension(tolerance=None), SimpleNamespace(expanded_uncertainty=0.05)) == "no tolerance stated"
+    assert (
+        _accepted(dimension(tolerance=None), SimpleNamespace(expanded_uncertainty=0.05))
+        == "no tolerance stated"
+    )
 
 
 def test_shares_sum_to_a_hundred_percent_or_are_none():
@@ -36,7 +49,10 @@ def test_shares_sum_to_a_hundred_percent_or_are_none():
 
 def test_a_short_arc_has_no_budget():
     arc = Circle((0, 0, 0), (0, 0, 1), 5.0, (1, 0, 0), 0.3)
-    assert _budget(dimension(geometry=(arc,)), SimpleNamespace(budget={})) == "short arc: quantiles, no variance"
+    assert (
+        _budget(dimension(geometry=(arc,)), SimpleNamespace(budget={}))
+        == "short arc: quantiles, no variance"
+    )
 
 
 @pytest.mark.parametrize(

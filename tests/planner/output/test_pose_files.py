@@ -51,7 +51,9 @@ def test_opencv(folder, k, expected):
     data = json.loads((folder / "poses_opencv.json").read_text())
     found = data["settings"][k]
     for rotation in (np.array(found["rvec"]), cv2.Rodrigues(np.array(found["R"]))[0]):
-        uv, _ = cv2.projectPoints(POINT[None], rotation, np.array(found["t"]), np.array(data["K"]), None)
+        uv, _ = cv2.projectPoints(
+            POINT[None], rotation, np.array(found["t"]), np.array(data["K"]), None
+        )
         assert uv.ravel() == expected
     assert found["entities"] == list(plan().settings[k].entities)
 
@@ -60,7 +62,11 @@ def test_colmap(folder, k, expected):
     cameras = (folder / "colmap/cameras.txt").read_text().splitlines()[1].split()
     assert cameras[:4] == ["1", "PINHOLE", "2448", "2048"]
     fx, fy, cx, cy = map(float, cameras[4:])
-    lines = [line for line in (folder / "colmap/images.txt").read_text().splitlines() if not line.startswith("#")]
+    lines = [
+        line
+        for line in (folder / "colmap/images.txt").read_text().splitlines()
+        if not line.startswith("#")
+    ]
     fields = lines[2 * k].split()
     assert lines[2 * k + 1] == ""
     assert fields[0] == str(k + 1)
@@ -68,7 +74,9 @@ def test_colmap(folder, k, expected):
     w, qx, qy, qz, tx, ty, tz = map(float, fields[1:8])
     # rotation by a unit quaternion: v + 2w (q x v) + 2 q x (q x v)
     q = np.array([qx, qy, qz])
-    x, y, z = POINT + 2 * w * np.cross(q, POINT) + 2 * np.cross(q, np.cross(q, POINT)) + [tx, ty, tz]
+    x, y, z = (
+        POINT + 2 * w * np.cross(q, POINT) + 2 * np.cross(q, np.cross(q, POINT)) + [tx, ty, tz]
+    )
     assert [fx * x / z + cx - 0.5, fy * y / z + cy - 0.5] == expected
 
 
@@ -85,7 +93,9 @@ def test_ros(folder, k, expected):
     number = r"(-?\d+\.\d+)"
     text = (folder / "poses_ros.yaml").read_text()
     positions = re.findall(rf"- position: {{x: {number}, y: {number}, z: {number}}}", text)
-    quaternions = re.findall(rf"  orientation: {{x: {number}, y: {number}, z: {number}, w: {number}}}", text)
+    quaternions = re.findall(
+        rf"  orientation: {{x: {number}, y: {number}, z: {number}, w: {number}}}", text
+    )
     assert len(positions) == len(quaternions) == 2
     x, y, z, w = map(float, quaternions[k])
     q = np.array([-x, -y, -z])
@@ -178,10 +188,16 @@ def test_colmap_with_distortion(calibrated, k, k3, distorted):
 
 def test_ros_camera(calibrated, k, distorted):
     data = yaml.safe_load((calibrated / "camera_ros.yaml").read_text())
-    assert (data["image_width"], data["image_height"], data["distortion_model"]) == (2448, 2048, "plumb_bob")
+    assert (data["image_width"], data["image_height"], data["distortion_model"]) == (
+        2448,
+        2048,
+        "plumb_bob",
+    )
     local = inverse(plan().settings[k].cam2world) @ [*FAR, 1.0]
     matrix = np.reshape(data["camera_matrix"]["data"], (3, 3))
-    np.testing.assert_array_equal(np.reshape(data["projection_matrix"]["data"], (3, 4))[:, :3], matrix)
+    np.testing.assert_array_equal(
+        np.reshape(data["projection_matrix"]["data"], (3, 4))[:, :3], matrix
+    )
     scales = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
     assert brown_conrady(local, scales, data["distortion_coefficients"]["data"]) == distorted
 
@@ -205,7 +221,9 @@ def test_open3d_is_for_undistorted_images(calibrated, k):
 
 
 def test_plan_without_settings_is_still_well_formed(tmp_path):
-    empty = plan(settings=(), lower_bound=0, uninspectable=dict.fromkeys(plan().entities, "unobservable"))
+    empty = plan(
+        settings=(), lower_bound=0, uninspectable=dict.fromkeys(plan().entities, "unobservable")
+    )
     assert len(write_poses(empty, tmp_path)) == 8
     assert "poses: []" in (tmp_path / "poses_ros.yaml").read_text()
     assert json.loads((tmp_path / "transforms.json").read_text())["frames"] == []

@@ -18,7 +18,9 @@ RIM = [[60.0, 20.0, 10.0], [60.0, 40.0, 10.0]]
 def test_a_named_entity_is_drawn_where_a_pinhole_camera_sees_it():
     """From straight above its middle the rim's image has the length d/z times its own, centred on the sensor."""
     pose = look_at([[60.0, 30.0, 610.0]], [60.0, 30.0, 10.0])[0]
-    image = predicted_image(read_solid("examples/two_pocket_block.off"), CAMERA, pose, {"a <rim>": RIM}, "#123456")
+    image = predicted_image(
+        read_solid("examples/two_pocket_block.off"), CAMERA, pose, {"a <rim>": RIM}, "#123456"
+    )
     assert "a &lt;rim&gt;" in image
     (path,) = re.findall(r'class="entity" stroke="#123456" d="([^"]*)"', image)
     x1, y1, x2, y2 = (float(number) for number in re.findall(r"-?\d+\.?\d*", path))
@@ -43,7 +45,10 @@ def test_under_a_lamp_grey_values_are_those_of_matt_faces():
     maker, pose = PictureMaker(solid, CAMERA), look_at([[-300.0, 30, 340]], middle)[0]
     image = maker.shaded(pose, lamp).astype(float) - _AMBIENT
     # four pixels beside the middle, where the edge passes, on either side
-    u, v = maker._project((np.array([[0.0, 40, 40]]) - pose[:3, 3]) @ pose[:3, :3])[0] - CAMERA.matrix[:2, 2]
+    u, v = (
+        maker._project((np.array([[0.0, 40, 40]]) - pose[:3, 3]) @ pose[:3, :3])[0]
+        - CAMERA.matrix[:2, 2]
+    )
     across = np.rint(4 * np.array([u, -v]) / np.hypot(u, v)).astype(int)
     (i, j), rows = np.array(image.shape) // 2, np.array([1, -1])
     bright = image[i + rows * across[0], j + rows * across[1]]
@@ -55,20 +60,29 @@ def test_cast_shadows_and_the_ground():
     solid = read_solid("examples/two_pocket_block.off")
     middle = np.array([60.0, 30, 20])
     maker, pose = PictureMaker(solid, CAMERA), look_at([[530.0, 30, 20]], middle)[0]
-    low, high = (maker.shaded(pose, np.array(place)) for place in ([70.0, -300, 20], [530.0, 30, 20]))
+    low, high = (
+        maker.shaded(pose, np.array(place)) for place in ([70.0, -300, 20], [530.0, 30, 20])
+    )
     assert (low == _AMBIENT).sum() / (low != _GROUND).sum() == pytest.approx(400 / 2400, rel=0.03)
     assert not (high == _AMBIENT).any()
     assert (low[0, 0], high[0, 0]) == (_GROUND, _GROUND)
-    assert predicted_image(solid, CAMERA, pose, lamp=(530, 30, 20)) != predicted_image(solid, CAMERA, pose)
+    assert predicted_image(solid, CAMERA, pose, lamp=(530, 30, 20)) != predicted_image(
+        solid, CAMERA, pose
+    )
 
 
 def test_a_distorted_edge_is_drawn_as_the_curve_opencv_sees():
-    k, lens = np.array([[2320.0, 0, 1240.0], [0, 2320.0, 1010.0], [0, 0, 1]]), np.array([-0.2, 0.05, 1e-3, 2e-3, 0])
+    k, lens = (
+        np.array([[2320.0, 0, 1240.0], [0, 2320.0, 1010.0], [0, 0, 1]]),
+        np.array([-0.2, 0.05, 1e-3, 2e-3, 0]),
+    )
     made = {"pixel_pitch_mm": 0.00345, "f_number": 8.0, "focus_distance_mm": 300.0}
     camera = Camera.from_opencv(k, lens, (2448, 2048), **made)
     pose = look_at([[-20.0, 130.0, 310.0]], [-20.0, 130.0, 10.0])[0]
     rim = np.array([[0.0, 20.0, 10.0], [100.0, 20.0, 10.0]])
-    image = predicted_image(read_solid("examples/two_pocket_block.off"), camera, pose, {"rim": rim}, "#123456")
+    image = predicted_image(
+        read_solid("examples/two_pocket_block.off"), camera, pose, {"rim": rim}, "#123456"
+    )
     (path,) = re.findall(r'class="entity" stroke="#123456" d="([^"]*)"', image)
     drawn = np.array([float(number) for number in re.findall(r"-?\d+\.?\d*", path)]).reshape(-1, 2)
     local = np.linspace(*((rim - pose[:3, 3]) @ pose[:3, :3]), 33)
@@ -100,10 +114,14 @@ def test_a_window_holds_what_is_measured_and_has_the_sensors_shape():
     )
     x, y, width, height = maker.window(pose, {"rim": np.array(RIM)})
     pixels, _ = cv2.projectPoints(np.array(RIM), *_opencv(pose), CAMERA.matrix, np.zeros(5))
-    assert ((pixels.reshape(-1, 2) > (x, y)) & (pixels.reshape(-1, 2) < (x + width, y + height))).all()
+    assert (
+        (pixels.reshape(-1, 2) > (x, y)) & (pixels.reshape(-1, 2) < (x + width, y + height))
+    ).all()
     assert width / height == pytest.approx(2448 / 2048, rel=0.01)
     # the larger side of what is measured, and three tenths for names
-    assert (np.ptp(pixels.reshape(-1, 2), axis=0) / (width, height)).max() == pytest.approx(1 / 1.3, rel=0.02)
+    assert (np.ptp(pixels.reshape(-1, 2), axis=0) / (width, height)).max() == pytest.approx(
+        1 / 1.3, rel=0.02
+    )
     assert min(x, y) >= 0
     assert (x + width, y + height) <= (2448, 2048)
 
@@ -129,7 +147,11 @@ def test_shades_of_a_window_are_those_of_the_whole_image(lamp):
     place = np.ix_(rows // 2 + whole.shape[0] // 4, columns // 2 + whole.shape[1] // 4)
     # under a lamp the brightest of each picture is the same grey
     lit = (coarse > _AMBIENT) & (whole[place] > _AMBIENT)
-    share = 1.0 if lamp is None else np.median((coarse[lit] - _AMBIENT) / (whole[place][lit] - _AMBIENT))
+    share = (
+        1.0
+        if lamp is None
+        else np.median((coarse[lit] - _AMBIENT) / (whole[place][lit] - _AMBIENT))
+    )
     # but for pixels on edges
     differ = np.abs(coarse[lit] - _AMBIENT - share * (whole[place][lit] - _AMBIENT)) > 8
     assert differ.mean() < 0.03
@@ -155,7 +177,10 @@ def test_names_do_not_lie_on_each_other():
     pose = look_at([[60.0, 30.0, 610.0]], [60.0, 30.0, 10.0])[0]
     wanted = {f"an edge with a long name {k}": np.add(RIM, [0.4 * k, 0.0, 0.0]) for k in range(6)}
     image = predicted_image(read_solid("examples/two_pocket_block.off"), CAMERA, pose, wanted)
-    texts = re.findall(r'<text x="([\d.]+)" y="([\d.]+)" font-size="([\d.]+)".*?text-anchor="(\w+)".*?>([^<]*)<', image)
+    texts = re.findall(
+        r'<text x="([\d.]+)" y="([\d.]+)" font-size="([\d.]+)".*?text-anchor="(\w+)".*?>([^<]*)<',
+        image,
+    )
     assert len(texts) == 6
     boxes = []
     for x, y, size, anchor, name in texts:

@@ -27,7 +27,10 @@ def box_plan(**changes):
         setting((250.0, 40.0, 600.0), ["+z+x"], probability=0.99),
     )
     return plan(
-        entities=entities, settings=settings, uninspectable={"-z+y": "unobservable: <hidden> & gone"}, **changes
+        entities=entities,
+        settings=settings,
+        uninspectable={"-z+y": "unobservable: <hidden> & gone"},
+        **changes,
     )
 
 
@@ -40,7 +43,9 @@ class Structure(HTMLParser):
 
     def handle_starttag(self, tag, attributes):
         self.counts[tag] = self.counts.get(tag, 0) + 1
-        self.references += [v for k, v in attributes if k in ("src", "href", "action", "data") and v]
+        self.references += [
+            v for k, v in attributes if k in ("src", "href", "action", "data") and v
+        ]
         if tag not in ("meta", "link", "br", "img"):
             self.open.append(tag)
 
@@ -73,7 +78,10 @@ def test_page_is_well_formed_and_needs_nothing_from_outside(page):
 def test_page_says_what_matters(page):
     text = re.sub(r"<script.*?</script>", "", page, flags=re.S)
     assert "2 of 3 edges are measured from 2 camera poses (settings 1 to 2)." in text
-    assert "Every plan that inspects these 2 edges under this request has at least 1 camera pose." in text
+    assert (
+        "Every plan that inspects these 2 edges under this request has at least 1 camera pose."
+        in text
+    )
     assert "unobservable: &lt;hidden&gt; &amp; gone" in text
     assert '<span class="good">confirmed</span>' in text
     assert "0.9500" in text
@@ -82,7 +90,9 @@ def test_page_says_what_matters(page):
 
 
 def test_the_rows_can_be_saved_from_the_page(page):
-    (data,) = re.findall(r'download="measurements.csv" href="data:text/csv;charset=utf-8;base64,([^"]*)"', page)
+    (data,) = re.findall(
+        r'download="measurements.csv" href="data:text/csv;charset=utf-8;base64,([^"]*)"', page
+    )
     assert base64.b64decode(data).decode() == box_plan().simulated(500).to_csv()
 
 
@@ -92,7 +102,9 @@ def test_poses_for_the_robot_are_those_of_the_plan(page):
     values = np.array(cells, dtype=float).reshape(2, 10)
     for row, one in zip(values, box_plan().settings, strict=True):
         assert row[:3] == pytest.approx(one.position, abs=5e-4)
-        assert Rotation.from_quat(row[3:7]).as_matrix() == pytest.approx(one.cam2world[:3, :3], abs=1e-5)
+        assert Rotation.from_quat(row[3:7]).as_matrix() == pytest.approx(
+            one.cam2world[:3, :3], abs=1e-5
+        )
         turn = Rotation.from_euler("xyz", row[7:], degrees=True)
         assert turn.as_matrix() == pytest.approx(one.cam2world[:3, :3], abs=1e-4)
 
@@ -166,7 +178,10 @@ def test_from_a_corner_nine_edges_show_and_three_are_hidden():
         x, y, z = pose[:3, :3].T @ (middle - pose[:3, 3])
         uv = CAMERA.matrix @ [x / z, y / z, 1.0]
         drawn += any(_distance(uv[:2], a, b) < 1.0 for a, b in lines)
-        assert any(_distance(uv[:2], a, b) < 1.0 for a, b in lines) == SPACE.observable(pose[None, :3, 3], [name])[0, 0]
+        assert (
+            any(_distance(uv[:2], a, b) < 1.0 for a, b in lines)
+            == SPACE.observable(pose[None, :3, 3], [name])[0, 0]
+        )
     assert drawn == 9
 
 
@@ -199,7 +214,9 @@ def test_png_is_what_was_encoded():
     assert struct.unpack(">II", data[16:24]) == (7, 5)
     start = data.index(b"IDAT")
     size = struct.unpack(">I", data[start - 4 : start])[0]
-    rows = np.frombuffer(zlib.decompress(data[start + 4 : start + 4 + size]), np.uint8).reshape(5, 8)
+    rows = np.frombuffer(zlib.decompress(data[start + 4 : start + 4 + size]), np.uint8).reshape(
+        5, 8
+    )
     assert np.all(rows[:, 0] == 1)
     assert np.array_equal(np.cumsum(rows[:, 1:], axis=1, dtype=np.uint8), image)
 
@@ -208,7 +225,15 @@ def test_lamps_are_drawn_and_told():
     names = {"+z-y": 0.3, "+z+x": 1.0}
     images = ((LitImage((0,), names, ("+z+x",)),), (LitImage((1,), {"+z+x": 0.76}),))
     light = LightPlan(
-        "placed", 0.1, 0.05, "dark", np.array([[40.0, -300, 500], [300, 25, 90]]), images, ({}, {}), 1, "so"
+        "placed",
+        0.1,
+        0.05,
+        "dark",
+        np.array([[40.0, -300, 500], [300, 25, 90]]),
+        images,
+        ({}, {}),
+        1,
+        "so",
     )
     lit = box_plan(light=light)
     lamps = next(trace for trace in plan_figure(lit, SPACE.solid).data if trace.name == "lamps")
@@ -216,7 +241,9 @@ def test_lamps_are_drawn_and_told():
     assert lamps.hovertext[0].endswith("mm<br>setting 1: +z-y, +z+x")
     page = report_html(lit, SPACE)
     assert "under lamp 2</figcaption>" in page
-    assert "Lamp 1 at (40.0, -300.0, 500.0) mm: contrast of +z-y 0.30, +z+x 1.00 (silhouette)" in page
+    assert (
+        "Lamp 1 at (40.0, -300.0, 500.0) mm: contrast of +z-y 0.30, +z+x 1.00 (silhouette)" in page
+    )
     assert "2 places of a lamp show all that is measured in its setting" in page
     assert "(proven lower bound: 1)" in page
 
@@ -224,7 +251,14 @@ def test_lamps_are_drawn_and_told():
 def test_figure_holds_part_settings_and_domains():
     figure = plan_figure(box_plan(), SPACE.solid, SPACE)
     names = [trace.name for trace in figure.data]
-    for expected in ("part", "setting 1", "camera 2", "not inspected", "order of travel", "domains of setting 2"):
+    for expected in (
+        "part",
+        "setting 1",
+        "camera 2",
+        "not inspected",
+        "order of travel",
+        "domains of setting 2",
+    ):
         assert expected in names
     domains = next(trace for trace in figure.data if trace.name == "domains of setting 1")
     assert domains.visible == "legendonly"

@@ -25,13 +25,19 @@ def box_plan():
         setting((40.0, -180.0, 620.0), ["+z-y", "+z+x"]),
         setting((250.0, 40.0, 600.0), ["+z+x"], probability=0.99),
     )
-    return plan(entities=entities, settings=settings, uninspectable={"-z+y": "unobservable: <hidden> & gone"})
+    return plan(
+        entities=entities,
+        settings=settings,
+        uninspectable={"-z+y": "unobservable: <hidden> & gone"},
+    )
 
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     graph = build_aspect_graph(
-        SPACE.solid, {name: SPACE.entities[name].endpoints for name in NAMES}, workspace=SPACE.workspace
+        SPACE.solid,
+        {name: SPACE.entities[name].endpoints for name in NAMES},
+        workspace=SPACE.workspace,
     )
     path = tmp_path_factory.mktemp("report") / "report.html"
     path.write_text(report_html(box_plan().simulated(500), SPACE, graph=graph), encoding="utf-8")
@@ -117,13 +123,17 @@ def test_a_click_on_a_domain_shows_it_and_the_next_hides_it(page):
     )
     low, high = np.min(found, axis=1), np.max(found, axis=1)
     assert (high > low).all()
-    assert page.run("document.getElementById('domain').textContent").startswith(f"Domain {node} sees")
+    assert page.run("document.getElementById('domain').textContent").startswith(
+        f"Domain {node} sees"
+    )
     # another one takes its place
     other = page.run(
         f"[...document.querySelectorAll('[data-domain]')].find((g) => g.dataset.domain !== '{node}').dataset.domain"
     )
     click(page, f'[data-domain="{other}"] circle')
-    page.wait(f"{count} === 1 && document.getElementById('domain').textContent.startsWith('Domain {other} ')")
+    page.wait(
+        f"{count} === 1 && document.getElementById('domain').textContent.startsWith('Domain {other} ')"
+    )
     assert page.run("document.querySelectorAll('.graph .chosen').length") == 1
     click(page, f'[data-domain="{other}"] circle')
     page.wait(f"{count} === 0")
@@ -135,7 +145,13 @@ def test_a_click_on_a_domain_shows_it_and_the_next_hides_it(page):
 def test_on_paper_nothing_is_wider_than_the_page(page):
     page.run("dispatchEvent(new Event('beforeprint'))")
     page.call("Emulation.setEmulatedMedia", media="print")
-    page.call("Emulation.setDeviceMetricsOverride", width=718, height=1047, deviceScaleFactor=1, mobile=False)
+    page.call(
+        "Emulation.setDeviceMetricsOverride",
+        width=718,
+        height=1047,
+        deviceScaleFactor=1,
+        mobile=False,
+    )
     wide = page.run(
         "[...document.querySelectorAll('main *')].filter((one) => !one.closest('#plan3d') && !one.closest('svg')"
         " && one.getBoundingClientRect().right > innerWidth + 1).map((one) => one.tagName + '.' + one.className)"
@@ -144,11 +160,20 @@ def test_on_paper_nothing_is_wider_than_the_page(page):
     assert page.run("getComputedStyle(document.querySelector('nav')).display") == "none"
     # the picture in 3-D as it was drawn for the screen, legend and all
     inside = "((a, b) => a.right <= b.right + 1 && a.bottom <= b.bottom + 1)"
-    svg, frame = (f"plan3d.{part}.getBoundingClientRect()" for part in ("querySelector('svg')", "closest('.scene')"))
+    svg, frame = (
+        f"plan3d.{part}.getBoundingClientRect()"
+        for part in ("querySelector('svg')", "closest('.scene')")
+    )
     assert page.run(f"{inside}({svg}, {frame})")
     page.run("dispatchEvent(new Event('afterprint'))")
     page.call("Emulation.setEmulatedMedia", media="")
-    page.call("Emulation.setDeviceMetricsOverride", width=1400, height=900, deviceScaleFactor=1, mobile=False)
+    page.call(
+        "Emulation.setDeviceMetricsOverride",
+        width=1400,
+        height=900,
+        deviceScaleFactor=1,
+        mobile=False,
+    )
 
 
 def test_a_phone_shows_it_without_scrolling_aside(browser, file):
@@ -156,7 +181,9 @@ def test_a_phone_shows_it_without_scrolling_aside(browser, file):
     phone.wait("document.body.dataset.ready === 'yes'")
     assert phone.run("document.documentElement.scrollWidth") == 400
     # a row of results tells its columns
-    label = "getComputedStyle(document.querySelector('.results td:nth-child(6)'), '::before').content"
+    label = (
+        "getComputedStyle(document.querySelector('.results td:nth-child(6)'), '::before').content"
+    )
     assert phone.run(label).startswith('"P')
     # the eye steps back, as the picture is higher than wide
     eye, centre = np.array(phone.run(EYE)), figure_views(box_plan(), SPACE.solid)["everything"]

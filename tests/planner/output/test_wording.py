@@ -24,7 +24,14 @@ from planner.output.wording import (
     simulation_sentence,
     verdict,
 )
-from planner.verify.simulate_setting import CONFIRMED, CONSERVATIVE, CONTRADICTED, TOLERATED, UNSTATED, VERDICTS
+from planner.verify.simulate_setting import (
+    CONFIRMED,
+    CONSERVATIVE,
+    CONTRADICTED,
+    TOLERATED,
+    UNSTATED,
+    VERDICTS,
+)
 
 # successes of 1000, low, high and prediction
 RATES = {
@@ -45,7 +52,10 @@ def rate(kind):
 def result(*settings):
     """Make a result of settings, each given by the verdicts on its entities."""
     return SimulationResult(
-        tuple({f"e{k}": rate(kind) for k, kind in enumerate(kinds)} for kinds in settings), 1000, 0, 0.99
+        tuple({f"e{k}": rate(kind) for k, kind in enumerate(kinds)} for kinds in settings),
+        1000,
+        0,
+        0.99,
     )
 
 
@@ -59,7 +69,10 @@ def test_a_rate_gets_the_word_that_fits(kind):
 
 
 def test_the_ends_of_the_interval_confirm_and_the_tolerance_has_an_end():
-    ends = [SuccessRate(900, 1000, 0.88, 0.92, 0.99, 0, p).verdict for p in (0.88, 0.92, 0.9200001, 0.9299, 0.9301)]
+    ends = [
+        SuccessRate(900, 1000, 0.88, 0.92, 0.99, 0, p).verdict
+        for p in (0.88, 0.92, 0.9200001, 0.9299, 0.9301)
+    ]
     assert ends == [CONFIRMED, CONFIRMED, TOLERATED, TOLERATED, CONTRADICTED]
 
 
@@ -67,7 +80,10 @@ POSES = "A simulation of 1000 displaced poses per setting "
 SAID = [
     ([], "Nothing was simulated: the plan has no settings."),
     ([[CONFIRMED]], f"{POSES}confirms the plan: the one stated probability confirmed."),
-    ([[CONFIRMED] * 2, [CONFIRMED]], f"{POSES}confirms the plan: 3 of 3 stated probabilities confirmed."),
+    (
+        [[CONFIRMED] * 2, [CONFIRMED]],
+        f"{POSES}confirms the plan: 3 of 3 stated probabilities confirmed.",
+    ),
     (
         [[CONFIRMED] * 29, [CONSERVATIVE] * 4],
         f"{POSES}supports the plan: 29 of 33 stated probabilities confirmed, 4 conservative (measured up to 0.068 "
@@ -87,7 +103,10 @@ SAID = [
         f"{POSES}contradicts the plan: 1 of 2 stated probabilities confirmed, 1 contradicted (measured up to 0.1 "
         "worse).",
     ),
-    ([[UNSTATED]], f"{POSES}cannot judge the plan: 0 of 1 stated probability confirmed, 1 missing."),
+    (
+        [[UNSTATED]],
+        f"{POSES}cannot judge the plan: 0 of 1 stated probability confirmed, 1 missing.",
+    ),
 ]
 
 
@@ -100,7 +119,9 @@ def test_simulation_is_told_with_every_kind_counted(kinds, sentence):
 def test_only_what_is_all_confirmed_confirms(kinds):
     text = simulation_sentence(result(kinds[:2], kinds[2:]))
     assert ("confirms the plan" in text) == (set(kinds) == {CONFIRMED})
-    assert ("supports the plan" in text) == (CONSERVATIVE in kinds and set(kinds) <= {CONFIRMED, CONSERVATIVE})
+    assert ("supports the plan" in text) == (
+        CONSERVATIVE in kinds and set(kinds) <= {CONFIRMED, CONSERVATIVE}
+    )
     assert (" contradicts the plan" in text) == (CONTRADICTED in kinds)
     assert f"{kinds.count(CONFIRMED)} of 3 stated probabilities confirmed" in text
     for kind, words in (
@@ -114,10 +135,16 @@ def test_only_what_is_all_confirmed_confirms(kinds):
 def plans():
     """Yield plans of all sizes: settings, entities inspected and not, bounds, with and without simulation."""
     names = list(ENTITIES)
-    for n, inspected, left, bound, kind in itertools.product((0, 1, 2), (1, 2), (0, 1), (1, 2), (None, *VERDICTS[:4])):
+    for n, inspected, left, bound, kind in itertools.product(
+        (0, 1, 2), (1, 2), (0, 1), (1, 2), (None, *VERDICTS[:4])
+    ):
         if bound > n and (n or bound > 1):
             continue
-        seen, unseen = (names[:inspected], names[inspected : inspected + left]) if n else ([], names[:inspected])
+        seen, unseen = (
+            (names[:inspected], names[inspected : inspected + left])
+            if n
+            else ([], names[:inspected])
+        )
         made = plan(
             settings=[setting((40.0, -180.0, 620.0), seen) for _ in range(n)],
             lower_bound=bound if n else 0,
@@ -137,7 +164,8 @@ def test_verdict_is_true_of_every_plan():
         assert ("all 2 entities" in text or "the entity" in text) == (made.complete and n > 0)
         assert ("Not simulated." in text) == (n > 0 and made.simulation is None)
         assert not re.search(
-            r"\b1 (entities|settings|poses|probabilities)|\b[02-9] (entity|setting|probability)\b", text
+            r"\b1 (entities|settings|poses|probabilities)|\b[02-9] (entity|setting|probability)\b",
+            text,
         )
         assert "nan" not in text
 
@@ -145,8 +173,16 @@ def test_verdict_is_true_of_every_plan():
 @pytest.mark.parametrize(
     ("left", "bound", "sentence"),
     [
-        (0, 2, "Proven minimal: no plan that inspects all 2 entities under this request has fewer settings."),
-        (1, 2, "Proven minimal: no plan that inspects these 2 entities under this request has fewer settings."),
+        (
+            0,
+            2,
+            "Proven minimal: no plan that inspects all 2 entities under this request has fewer settings.",
+        ),
+        (
+            1,
+            2,
+            "Proven minimal: no plan that inspects these 2 entities under this request has fewer settings.",
+        ),
         (
             0,
             1,
@@ -180,10 +216,14 @@ def box_plan(names, kind, left=()):
 
 
 @pytest.mark.parametrize("kind", [None, *VERDICTS[:4]])
-@pytest.mark.parametrize(("names", "left"), [(["+z-y"], ["-z+y"]), (["+z-y", "+z+x"], []), ([], ["-z+y"])])
+@pytest.mark.parametrize(
+    ("names", "left"), [(["+z-y"], ["-z+y"]), (["+z-y", "+z+x"], []), ([], ["-z+y"])]
+)
 def test_report_and_terminal_say_the_same(capsys, names, left, kind):
     made = box_plan(names, kind, left)
-    page = re.sub(r"<script.*?</script>", "", report_html(made, SPACE, notes=["A note."]), flags=re.S)
+    page = re.sub(
+        r"<script.*?</script>", "", report_html(made, SPACE, notes=["A note."]), flags=re.S
+    )
     print_plan(made)
     printed = " ".join(capsys.readouterr().out.split())
     assert verdict(made) in printed
@@ -265,17 +305,25 @@ def test_a_calibration_is_told_and_nothing_of_other_cameras():
     )
     rows = calibration_rows(camera)
     assert rows["Principal point"] == "(1251.46, 1009.00) px"
-    assert rows["Lens distortion"].startswith("k1, k2, p1, p2, k3 = -0.21, 0.08, 0.001, -0.0006, 0;")
+    assert rows["Lens distortion"].startswith(
+        "k1, k2, p1, p2, k3 = -0.21, 0.08, 0.001, -0.0006, 0;"
+    )
     assert calibration_rows(plan().camera) == {}
 
 
 def test_settings_that_take_several_images_are_counted_and_their_images():
     """Three settings of 3, 1 and 2 images: two take more than one, five together."""
     each = [[LitImage((0,), {"top front": 0.3})] * n for n in (3, 1, 2)]
-    light = LightPlan("placed", 0.1, 0.1, "dark", np.zeros((1, 3)), tuple(map(tuple, each)), ({}, {}, {}), 1, "so")
-    asked = plan(settings=(setting((0.0, 0.0, 300.0), ["top front", "top right"]),) * 3, light=light)
+    light = LightPlan(
+        "placed", 0.1, 0.1, "dark", np.zeros((1, 3)), tuple(map(tuple, each)), ({}, {}, {}), 1, "so"
+    )
+    asked = plan(
+        settings=(setting((0.0, 0.0, 300.0), ["top front", "top right"]),) * 3, light=light
+    )
     assert light_sentence(asked).endswith(" 2 settings take more than one image, 5 together.")
     one = replace(light, images=(light.images[0], light.images[1], light.images[1]))
-    assert light_sentence(replace(asked, light=one)).endswith(" 1 setting takes more than one image, 3 together.")
+    assert light_sentence(replace(asked, light=one)).endswith(
+        " 1 setting takes more than one image, 3 together."
+    )
     none = replace(light, images=(light.images[1],) * 3)
     assert "image" not in light_sentence(replace(asked, light=none))

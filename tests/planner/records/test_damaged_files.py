@@ -61,8 +61,12 @@ def assert_sensible(found):
         assert np.isfinite(one.cam2world).all()
     if found.light is not None:
         assert 0 <= found.light.lower_bound <= len(found.light.lamps)
-        for one, images, unlit in zip(found.settings, found.light.images, found.light.unlit, strict=True):
-            assert sorted([*unlit, *(name for image in images for name in image.contrast)]) == sorted(one.entities)
+        for one, images, unlit in zip(
+            found.settings, found.light.images, found.light.unlit, strict=True
+        ):
+            assert sorted(
+                [*unlit, *(name for image in images for name in image.contrast)]
+            ) == sorted(one.entities)
     result = found.simulate(20)
     assert all(0 <= rate.low <= rate.high <= 1 for rates in result.rates for rate in rates.values())
 
@@ -90,11 +94,19 @@ def test_damaged_state_is_refused_and_left_alone_or_makes_sense(tmp_path):
 def written_state(path):
     state = PlanningState(REQUEST, path)
     state.put(["bottom"], Outcome(reason="unobservable: no viewpoint sees it."))
-    state.put(["top front", "top right"], Outcome(setting((40.0, -180.0, 620.0), ["top front", "top right"])))
+    state.put(
+        ["top front", "top right"],
+        Outcome(setting((40.0, -180.0, 620.0), ["top front", "top right"])),
+    )
     poses = look_at([[0.0, 1.0, 200.0], [3.0, 4.0, 500.0]], (0.0, 0.0, 0.0), roll=0.3)
     pools = {"realised": {"poses": poses}, "near": {"poses": poses[:1]}}
     state.keep(
-        "lower bound", {"pools": pools, "uninspectable": {"bottom": "hidden"}, "entries": {"proven": [2, "boxes"]}}
+        "lower bound",
+        {
+            "pools": pools,
+            "uninspectable": {"bottom": "hidden"},
+            "entries": {"proven": [2, "boxes"]},
+        },
     )
     state.save()
     return path
@@ -112,7 +124,9 @@ def test_damaged_camera_is_refused_or_exists(tmp_path):
             continue
         near, far = camera.depth_of_field_mm
         assert 0 < near < far
-        assert np.isfinite([camera.image_distance_mm, *camera.sensor_size_mm, *camera.matrix.flat]).all()
+        assert np.isfinite(
+            [camera.image_distance_mm, *camera.sensor_size_mm, *camera.matrix.flat]
+        ).all()
     assert refused > 0.6 * MUTANTS
 
 

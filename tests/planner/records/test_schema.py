@@ -48,51 +48,105 @@ def test_every_rule_of_the_schema_has_words():
         one = left.pop()
         assert "$ref" in one or one["title"].startswith("must ")
         left += one.get("properties", {}).values()
-        left += [one[key] for key in ("items", "additionalProperties") if isinstance(one.get(key), dict)]
+        left += [
+            one[key] for key in ("items", "additionalProperties") if isinstance(one.get(key), dict)
+        ]
 
 
 FIRST = ("settings", 0)
 LIT = ("light", "settings", 1)
 RATE = ("simulation", "rates", 0, "top front")
 WRONG = {
-    "probability nan": ((*FIRST, "probability", "top right"), math.nan, "must be a number in [0, 1]. Got NaN."),
-    "probability text": ((*FIRST, "probability", "top right"), "0.9", 'must be a number in [0, 1]. Got "0.9".'),
-    "probability above 1": ((*FIRST, "probability", "top right"), 1.5, "must be a number in [0, 1]. Got 1.5."),
+    "probability nan": (
+        (*FIRST, "probability", "top right"),
+        math.nan,
+        "must be a number in [0, 1]. Got NaN.",
+    ),
+    "probability text": (
+        (*FIRST, "probability", "top right"),
+        "0.9",
+        'must be a number in [0, 1]. Got "0.9".',
+    ),
+    "probability above 1": (
+        (*FIRST, "probability", "top right"),
+        1.5,
+        "must be a number in [0, 1]. Got 1.5.",
+    ),
     "probability missing": ((*FIRST, "probability", "top right"), ..., "must be given. Got none."),
     "below the required": (
         (*FIRST, "probability", "top right"),
         0.89,
         "must be at least the required probability, 0.9. Got 0.89.",
     ),
-    "of no entity": ((*FIRST, "probability", "x"), 0.95, 'must be of an entity of the setting. Got "x".'),
+    "of no entity": (
+        (*FIRST, "probability", "x"),
+        0.95,
+        'must be of an entity of the setting. Got "x".',
+    ),
     "required 2": (("probability",), 2, "must be in (0, 1). Got 2."),
     "accuracy true": (("accuracy",), True, "must be in (0, 1). Got true."),
     "bound 99": (("lower_bound",), 99, "must be 1 to 2, the number of settings. Got 99."),
     "bound 0": (("lower_bound",), 0, "must be 1 to 2, the number of settings. Got 0."),
     "bound text": (("lower_bound",), "x", 'must be a non-negative integer. Got "x".'),
     "bound 1.0": (("lower_bound",), 1.0, "must be a non-negative integer. Got 1.0."),
-    "minimal": (("minimal",), True, "must be false for 2 settings and the lower bound 1. Got true."),
+    "minimal": (
+        ("minimal",),
+        True,
+        "must be false for 2 settings and the lower bound 1. Got true.",
+    ),
     "unknown field": (("colour",), 1, "must be one of format, version,"),
     "huge": (("settings", 1, "fitness"), 10**400, "must be a number. Got an integer of 1329 bits."),
-    "sheared": (("settings", 1, "cam2world", 0, 0), 0.5, "must hold a rotation: orthonormal, determinant +1. Got"),
+    "sheared": (
+        ("settings", 1, "cam2world", 0, 0),
+        0.5,
+        "must hold a rotation: orthonormal, determinant +1. Got",
+    ),
     "last row": (
         ("settings", 1, "cam2world", 3, 3),
         2.0,
         "must have the last row [0, 0, 0, 1]. Got [0.0, ",
     ),
-    "far away": (("settings", 1, "cam2world", 2, 3), 1e6, "must be in the workspace. Got [250.0, 40.0, 1000000.0]."),
-    "margin": ((*FIRST, "margins", "focus_mm"), -1.0, "must not be negative: the constraint is met. Got -1.0."),
-    "margin nan": ((*FIRST, "margins", "focus_mm"), math.nan, 'must be a number, or {"not finite": "inf"} where'),
+    "far away": (
+        ("settings", 1, "cam2world", 2, 3),
+        1e6,
+        "must be in the workspace. Got [250.0, 40.0, 1000000.0].",
+    ),
+    "margin": (
+        (*FIRST, "margins", "focus_mm"),
+        -1.0,
+        "must not be negative: the constraint is met. Got -1.0.",
+    ),
+    "margin nan": (
+        (*FIRST, "margins", "focus_mm"),
+        math.nan,
+        'must be a number, or {"not finite": "inf"} where',
+    ),
     "margin odd": ((*FIRST, "margins", "reach", "not finite"), "nan", 'must be "inf". Got "nan".'),
     "unknown entity": ((*FIRST, "entities", 0), "x", None),
-    "no entity": ((*FIRST, "entities"), [], "must be an array of at least one name, all different. Got []."),
+    "no entity": (
+        (*FIRST, "entities"),
+        [],
+        "must be an array of at least one name, all different. Got [].",
+    ),
     "no length": (("entities", "bottom", 1), [0, 0, 0], None),
-    "in neither": (("entities", "side"), [[0, 0, 0], [1, 0, 0]], "must be in a setting or uninspectable. Got neither."),
+    "in neither": (
+        ("entities", "side"),
+        [[0, 0, 0], [1, 0, 0]],
+        "must be in a setting or uninspectable. Got neither.",
+    ),
     "in both": (("uninspectable", "top front"), "hidden", None),
-    "reason for nobody": (("uninspectable", "x"), "hidden", 'must be one of the plan\'s entities. Got "x".'),
+    "reason for nobody": (
+        ("uninspectable", "x"),
+        "hidden",
+        'must be one of the plan\'s entities. Got "x".',
+    ),
     "workspace": (("workspace", 0, 0), 901.0, None),
     "covariance": (("pose_uncertainty", "covariance", 0, 1), 0.1, None),
-    "focus": (("camera", "focus_distance_mm"), 20.0, "must exceed focal_length_mm (25), else no real image forms."),
+    "focus": (
+        ("camera", "focus_distance_mm"),
+        20.0,
+        "must exceed focal_length_mm (25), else no real image forms.",
+    ),
     "f-number": (("camera", "f_number"), math.inf, "must be finite and positive. Got Infinity."),
     "successes": ((*RATE, "successes"), 51, "must be at most n, 50. Got 51."),
     "interval": ((*RATE, "high"), 0.5, None),
@@ -100,22 +154,46 @@ WRONG = {
     "another n": ((*RATE, "n"), 60, "must be simulation.n, 50. Got 60."),
     "rates of nobody": (("simulation", "rates", 0, "x"), 1, "must be an object. Got 1."),
     "fewer rates": (("simulation", "rates"), [], None),
-    "too many draws": (("simulation", "n"), 2**54, "must be an integer from 1 to 2^53. Got 18014398509481984."),
-    "far too many draws": (("simulation", "n"), 10**400, "must be an integer from 1 to 2^53. Got an integer of 1329"),
+    "too many draws": (
+        ("simulation", "n"),
+        2**54,
+        "must be an integer from 1 to 2^53. Got 18014398509481984.",
+    ),
+    "far too many draws": (
+        ("simulation", "n"),
+        10**400,
+        "must be an integer from 1 to 2^53. Got an integer of 1329",
+    ),
     "kind of lamps": (("light", "kind"), "torch", 'must be fixed, ring or placed. Got "torch".'),
     "contrast 1": (("light", "contrast"), 1, "must be in (0, 1). Got 1."),
     "lamp in the plane": (("light", "lamps", 0), [1, 2], "must have the shape (3,). Got (2,)."),
-    "lamp 2": ((*LIT, "images", 0, "lamps"), [2], "must be numbers of lamps below 2 in rising order, more than one"),
+    "lamp 2": (
+        (*LIT, "images", 0, "lamps"),
+        [2],
+        "must be numbers of lamps below 2 in rising order, more than one",
+    ),
     "two lamps": (
         (*LIT, "images", 0, "lamps"),
         [0, 1],
         "must be numbers of lamps below 2 in rising order, more than one",
     ),
-    "more lamps needed": (("light", "lower_bound"), 3, "must be at most 2, the number of lamps. Got 3."),
-    "too even": ((*LIT, "images", 0, "contrast", "top right"), 0.05, "must be at least light.contrast, 0.1. Got 0.05."),
+    "more lamps needed": (
+        ("light", "lower_bound"),
+        3,
+        "must be at most 2, the number of lamps. Got 3.",
+    ),
+    "too even": (
+        (*LIT, "images", 0, "contrast", "top right"),
+        0.05,
+        "must be at least light.contrast, 0.1. Got 0.05.",
+    ),
     "lit settings": (("light", "settings"), [], "must hold one object per setting, 2. Got 0."),
     "lit twice": ((*LIT, "unlit", "top right"), "why", None),
-    "nobody's outline": ((*LIT, "images", 0, "silhouettes"), ["x"], 'must be names that the image shows. Got "x".'),
+    "nobody's outline": (
+        (*LIT, "images", 0, "silhouettes"),
+        ["x"],
+        'must be names that the image shows. Got "x".',
+    ),
 }
 # where the field that is named is not the one that was changed, or the value is told otherwise
 SENTENCES = {
@@ -159,16 +237,24 @@ def test_an_empty_plan_has_the_bound_0(tmp_path):
     (tmp_path / "plan.json").write_text(json.dumps({**empty.to_dict(), "minimal": True}))
     assert read_plan(tmp_path / "plan.json") == empty
     (tmp_path / "plan.json").write_text(json.dumps({**empty.to_dict(), "lower_bound": 1}))
-    with pytest.raises(PlanFileError, match=r"lower_bound must be 0, as there are no settings\. Got 1\."):
+    with pytest.raises(
+        PlanFileError, match=r"lower_bound must be 0, as there are no settings\. Got 1\."
+    ):
         read_plan(tmp_path / "plan.json")
 
 
 UNREADABLE = {
     "empty": (b" \n", r"2:1: plan file must be JSON\. Got an empty file\."),
-    "deep": (b"[" * 100_000 + b"]" * 100_000, r"plan file must be nested at most 40 deep\. Got more\."),
+    "deep": (
+        b"[" * 100_000 + b"]" * 100_000,
+        r"plan file must be nested at most 40 deep\. Got more\.",
+    ),
     "less deep": (b"[" * 50 + b"]" * 50, r"plan file must be nested at most 40 deep\. Got more\."),
     "twice": (b'{"a": 1, "a": 2}', r"must hold every key of an object once\. Got 'a' twice\."),
-    "half": (b'["\\ud800"]', r"must hold text of whole characters\. Got half of one in '\\ud800'\."),
+    "half": (
+        b'["\\ud800"]',
+        r"must hold text of whole characters\. Got half of one in '\\ud800'\.",
+    ),
     "long": (b"9" * 5000, r"must hold numbers of a sensible length\. Got a longer one\."),
     "utf-16": ("{}".encode("utf-16"), r"plan file must be UTF-8 text\. Got other bytes\."),
 }
@@ -197,8 +283,14 @@ STATE = {
     "digest": "0" * 64,
 }
 WRONG_STATE = {
-    "outcome": ({"outcomes": {'["a"]': {}}}, 'outcomes["[\\"a\\"]"] must hold either a setting or a reason.'),
-    "key": ({"outcomes": {'["b","a"]': {"reason": ""}}}, "outcomes must have sorted JSON arrays of names as keys."),
+    "outcome": (
+        {"outcomes": {'["a"]': {}}},
+        'outcomes["[\\"a\\"]"] must hold either a setting or a reason.',
+    ),
+    "key": (
+        {"outcomes": {'["b","a"]': {"reason": ""}}},
+        "outcomes must have sorted JSON arrays of names as keys.",
+    ),
     "step": (
         {"checkpoint": {"step": "lunch", "pools": {}, "uninspectable": {}}},
         'checkpoint.step must be a step of planning. Got "lunch".',
@@ -209,7 +301,10 @@ WRONG_STATE = {
     ),
     "digest": ({"digest": 7}, "digest must be 64 hexadecimal digits. Got 7."),
     "no plan": ({"plan": 7}, "plan must be an object or null. Got 7."),
-    "plan's field": ({"plan": changed(("accuracy",), 2)}, "plan.accuracy must be in (0, 1). Got 2."),
+    "plan's field": (
+        {"plan": changed(("accuracy",), 2)},
+        "plan.accuracy must be in (0, 1). Got 2.",
+    ),
     "plan's bound": ({"plan": changed(("lower_bound",), 99)}, "plan.lower_bound must be 1 to 2"),
 }
 
@@ -245,4 +340,7 @@ def test_values_are_shown_as_json_writes_them_and_shortened():
         "null", "NaN", "Infinity", "[1]", "{}", "an array of 1 item", "an object of 1 field",
     ]  # fmt: skip
     assert shown("x" * 500) == '"' + "x" * 56 + "..."
-    assert field_name("settings", 2, "probability", "long edge") == 'settings[2].probability["long edge"]'
+    assert (
+        field_name("settings", 2, "probability", "long edge")
+        == 'settings[2].probability["long edge"]'
+    )

@@ -22,11 +22,16 @@ def test_nothing_to_look_at_takes_no_room():
 
 def test_few_warnings_are_told_one_by_one():
     html = attention(
-        [[row(1, "a&b", Warned(FINE, "tolerance of 1.1 px"))], [row(2, "c", Warned(BETTER, "0.04 better"))]]
+        [
+            [row(1, "a&b", Warned(FINE, "tolerance of 1.1 px"))],
+            [row(2, "c", Warned(BETTER, "0.04 better"))],
+        ]
     )
     assert html.count("<li>") == 2
     # those of one kind, too
-    html_of_a_kind = attention([[row(1, "a", Warned(FINE, "1.1 px")), row(1, "b", Warned(FINE, "1.2 px"))]])
+    html_of_a_kind = attention(
+        [[row(1, "a", Warned(FINE, "1.1 px")), row(1, "b", Warned(FINE, "1.2 px"))]]
+    )
     assert re.findall("<li>(.*?)</li>", html_of_a_kind)[1].startswith("<b>b</b>")
     assert "a&amp;b (setting 1): tolerance of 1.1 px" in text(html)
     assert "c (setting 2): 0.04 better" in text(html)
@@ -53,7 +58,9 @@ def test_few_reasons_stand_at_the_head():
 
 
 def test_many_reasons_are_counted_at_the_head_and_listed_below():
-    reasons = {f"e{i}": f"probability too low: P = 0.{i}" for i in range(FEW)} | {"x": "unobservable"}
+    reasons = {f"e{i}": f"probability too low: P = 0.{i}" for i in range(FEW)} | {
+        "x": "unobservable"
+    }
     head, below = text(not_inspected(reasons, "edge")), reasons_section(reasons, "edge")
     assert f"probability too low ({FEW}): e0, e1, " in head
     assert "unobservable (1): x" in head

@@ -17,7 +17,9 @@ NEED = {
 def limits(margins, requirements=None):
     one = setting((40.0, -180.0, 620.0), ["top front"])
     one = type(one)(**{**vars(one), "margins": margins})
-    found = plan(settings=(one,), entities={"top front": [[0, 0, 60], [80, 0, 60]]}, uninspectable={})
+    found = plan(
+        settings=(one,), entities={"top front": [[0, 0, 60], [80, 0, 60]]}, uninspectable={}
+    )
     found = type(found)(**{**vars(found), "requirements": requirements or {}})
     return {near.name: near.share for near in nearest_limits(found, one)}
 
@@ -53,4 +55,6 @@ def test_each_share_is_of_the_room_its_constraint_has():
 
 
 def test_what_a_plan_does_not_know_is_left_out():
-    assert set(limits({"resolution_mm": 0.2, "clearance_mm": 150.0, "focus_mm": float("inf")})) == {"probability"}
+    assert set(limits({"resolution_mm": 0.2, "clearance_mm": 150.0, "focus_mm": float("inf")})) == {
+        "probability"
+    }

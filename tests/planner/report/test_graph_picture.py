@@ -27,17 +27,25 @@ def graph():
 
 def box_plan(**changes):
     entities = {name: SPACE.entities[name].endpoints for name in NAMES}
-    settings = (setting((40.0, -180.0, 620.0), ["+z-y", "+z+x"]), setting((250.0, 40.0, 600.0), ["+z+x"]))
-    return plan(settings=settings, entities=entities, uninspectable={"-z+y": "unobservable"}, **changes)
+    settings = (
+        setting((40.0, -180.0, 620.0), ["+z-y", "+z+x"]),
+        setting((250.0, 40.0, 600.0), ["+z+x"]),
+    )
+    return plan(
+        settings=settings, entities=entities, uninspectable={"-z+y": "unobservable"}, **changes
+    )
 
 
 def drawn(svg):
     """Places and radii of the circles by domain, and lines."""
     circles = re.findall(
-        r'<g data-domain="(\d+)".*?<circle cx="([\d.]+)" cy="([\d.]+)" r="([\d.]+)" fill="(\S+)"/>', svg
+        r'<g data-domain="(\d+)".*?<circle cx="([\d.]+)" cy="([\d.]+)" r="([\d.]+)" fill="(\S+)"/>',
+        svg,
     )
     lines = re.findall(r'<line x1="([\d.]+)" y1="([\d.]+)" x2="([\d.]+)" y2="([\d.]+)"/>', svg)
-    return {int(node): (float(x), float(y), float(r), fill) for node, x, y, r, fill in circles}, lines
+    return {
+        int(node): (float(x), float(y), float(r), fill) for node, x, y, r, fill in circles
+    }, lines
 
 
 def test_all_domains_of_a_small_graph_and_their_neighbours_are_drawn(graph):
@@ -52,7 +60,10 @@ def test_all_domains_of_a_small_graph_and_their_neighbours_are_drawn(graph):
 
 def test_circles_lie_inside_the_picture_and_do_not_hide_one_another(graph):
     circles, _ = drawn(graph_picture(box_plan(), graph, BOX, COLORS).svg)
-    places, radii = np.array([one[:2] for one in circles.values()]), np.array([one[2] for one in circles.values()])
+    places, radii = (
+        np.array([one[:2] for one in circles.values()]),
+        np.array([one[2] for one in circles.values()]),
+    )
     assert (places - radii[:, None] > 0).all()
     assert (places + radii[:, None] < [420, 560]).all()
     apart = np.linalg.norm(places[:, None] - places[None], axis=2) + 1e9 * np.eye(len(places))
@@ -85,7 +96,12 @@ def test_the_surface_of_a_domain_parts_it_from_the_rest(graph):
         large = lengths > 1e3
         step = 0.5 * normals[large] / lengths[large, None]
         middle = triangles[large].mean(axis=1)
-        sides = np.array([graph.domain_of(middle + step) == int(node), graph.domain_of(middle - step) == int(node)])
+        sides = np.array(
+            [
+                graph.domain_of(middle + step) == int(node),
+                graph.domain_of(middle - step) == int(node),
+            ]
+        )
         # at the picture's limits the domain goes on beyond
         at_limit = (np.abs(middle[:, None] - BOX).min(axis=1) < 1e-3).any(axis=1)
         assert (sides.sum(axis=0)[~at_limit] == 1).all()
@@ -104,7 +120,9 @@ def test_of_a_large_graph_ways_between_cameras_and_the_largest_are_drawn(graph, 
     assert f"4 of {len(graph.graph)} viewing domains" in picture.note
 
 
-def test_surfaces_are_left_out_where_there_is_no_time_but_of_domains_with_cameras_last(graph, monkeypatch):
+def test_surfaces_are_left_out_where_there_is_no_time_but_of_domains_with_cameras_last(
+    graph, monkeypatch
+):
     found = box_plan()
     standing = {str(node) for node in graph.domain_of([one.position for one in found.settings])}
     cells = graph.graph.nodes(data="n_cells")
@@ -120,16 +138,24 @@ def test_a_domain_beyond_the_picture_is_said_to_be_there(graph):
     # below the part, where no camera is
     below = np.array([[200.0, 200.0, -700.0], [400.0, 300.0, -200.0]])
     told = json.loads(graph_picture(box_plan(), graph, below, COLORS).domains)
-    hidden = {node for node, one in told.items() if one["text"].endswith("It lies outside of the picture.")}
+    hidden = {
+        node
+        for node, one in told.items()
+        if one["text"].endswith("It lies outside of the picture.")
+    }
     assert hidden == {node for node, one in told.items() if not one["i"]}
-    assert hidden >= {str(node) for node in graph.domain_of([one.position for one in box_plan().settings])}
+    assert hidden >= {
+        str(node) for node in graph.domain_of([one.position for one in box_plan().settings])
+    }
 
 
 def test_names_cannot_end_the_script_that_holds_them():
     name = "</script><b>"
     ends = SPACE.entities["+z-y"].endpoints
     small = build_aspect_graph(SPACE.solid, {name: ends}, workspace=SPACE.workspace)
-    one = plan(settings=(setting((40.0, -180.0, 620.0), [name]),), entities={name: ends}, uninspectable={})
+    one = plan(
+        settings=(setting((40.0, -180.0, 620.0), [name]),), entities={name: ends}, uninspectable={}
+    )
     picture = graph_picture(one, small, BOX, COLORS)
     assert "<" not in picture.domains
     assert "<b>" not in picture.svg
@@ -137,6 +163,11 @@ def test_names_cannot_end_the_script_that_holds_them():
 
 
 def test_a_plan_without_settings_has_a_graph_too(graph):
-    nothing = plan(settings=(), entities={"a": [[0, 0, 0], [1, 0, 0]]}, uninspectable={"a": "no"}, lower_bound=0)
+    nothing = plan(
+        settings=(),
+        entities={"a": [[0, 0, 0], [1, 0, 0]]},
+        uninspectable={"a": "no"},
+        lower_bound=0,
+    )
     circles, _ = drawn(graph_picture(nothing, graph, BOX, ()).svg)
     assert set(circles) == set(graph.graph)

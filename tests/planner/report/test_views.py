@@ -25,14 +25,20 @@ def in_picture(camera, placed):
 
 def one_setting():
     entities = {"top front": [[0.0, 0.0, 60.0], [80.0, 0.0, 60.0]]}
-    return plan(settings=(setting((40.0, -180.0, 620.0), ["top front"]),), entities=entities, uninspectable={})
+    return plan(
+        settings=(setting((40.0, -180.0, 620.0), ["top front"]),),
+        entities=entities,
+        uninspectable={},
+    )
 
 
 @pytest.mark.parametrize("made", [plan, one_setting])
 def test_the_first_view_holds_every_camera_and_the_part(made):
     found = made()
     frame = scene_frame(found, SPACE.solid)
-    shown = frame.placed(np.vstack([SPACE.solid.vertices, *(one.position[None] for one in found.settings)]))
+    shown = frame.placed(
+        np.vstack([SPACE.solid.vertices, *(one.position[None] for one in found.settings)])
+    )
     places = in_picture(figure_views(found, SPACE.solid)["everything"], shown)
     assert np.abs(places).max() < 0.9
     # and nothing is lost in the distance
@@ -45,7 +51,9 @@ def test_a_setting_is_seen_from_its_cameras_side_and_the_right_way_up():
     camera = figure_views(found, SPACE.solid)["setting-1"]
     eye, centre = (np.array([camera[key][i] for i in "xyz"]) for key in ("eye", "center"))
     towards = found.settings[0].position - [40.0, 0.0, 60.0]
-    assert (eye - centre) / np.linalg.norm(eye - centre) == pytest.approx(towards / np.linalg.norm(towards))
+    assert (eye - centre) / np.linalg.norm(eye - centre) == pytest.approx(
+        towards / np.linalg.norm(towards)
+    )
     # up in the image is -y of the camera
     up = np.array([camera["up"][i] for i in "xyz"])
     assert up @ -found.settings[0].cam2world[:3, 1] > 0.9
@@ -68,7 +76,10 @@ def test_lengths_are_the_same_along_all_axes():
 
 
 def test_air_ends_at_the_limits_but_points_are_never_cut_off():
-    box = box_around(np.array([[0.0, 0, 0], [300.0, 0, 400.0]]), np.array([[-10.0, -100, -100], [200.0, 100, 600]]))
+    box = box_around(
+        np.array([[0.0, 0, 0], [300.0, 0, 400.0]]),
+        np.array([[-10.0, -100, -100], [200.0, 100, 600]]),
+    )
     # 8 % of 500 mm, but 10 mm to the first wall, and a point beyond the second
     assert box == pytest.approx(np.array([[-10.0, -40, -40], [300.0, 40, 440]]))
 

@@ -24,7 +24,12 @@ from planner.request.constraints import (
     visibility_slacks,
     workspace_slacks,
 )
-from planner.request.image_constraints import cone_slacks, field_of_view_slacks, focus_slacks, resolution_slacks
+from planner.request.image_constraints import (
+    cone_slacks,
+    field_of_view_slacks,
+    focus_slacks,
+    resolution_slacks,
+)
 from planner.request.reach import SignedDistance, reach_margin
 
 CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 600.0, largest_blur_mm=0.02)
@@ -33,7 +38,11 @@ CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 600.0, largest_blur_mm=0.0
 @pytest.fixture
 def poses():
     rng = np.random.default_rng(5)
-    return look_at(rng.normal(size=(40, 3)) * 400, rng.normal(size=(40, 3)) * 30, *rng.uniform(-0.3, 0.3, (3, 40)))
+    return look_at(
+        rng.normal(size=(40, 3)) * 400,
+        rng.normal(size=(40, 3)) * 30,
+        *rng.uniform(-0.3, 0.3, (3, 40)),
+    )
 
 
 @pytest.fixture
@@ -45,7 +54,9 @@ def opencv_pixels(points, pose, camera):
     """Project with OpenCV, from the inverse pose: a road of its own to the pixels."""
     world2cam = np.linalg.inv(pose)
     rotation, _ = cv2.Rodrigues(world2cam[:3, :3])
-    pixels, _ = cv2.projectPoints(points.reshape(-1, 3), rotation, world2cam[:3, 3], camera.matrix, None)
+    pixels, _ = cv2.projectPoints(
+        points.reshape(-1, 3), rotation, world2cam[:3, 3], camera.matrix, None
+    )
     return pixels.reshape(*points.shape[:-1], 2)
 
 
@@ -81,12 +92,16 @@ def test_resolution_is_equation_16_in_world_vectors(poses, ends):
             length = np.linalg.norm(r_2 - r_1)
             u = (r_2 - r_1) / length
             crossed = np.linalg.norm(np.cross(np.cross(r_1 - r_v, u), v))
-            assert value == pytest.approx(d * length * crossed / (((r_1 - r_v) @ v) * ((r_2 - r_v) @ v)))
+            assert value == pytest.approx(
+                d * length * crossed / (((r_1 - r_v) @ v) * ((r_2 - r_v) @ v))
+            )
 
 
 def test_focus_changes_sign_where_the_blur_circle_is_too_large(poses, ends):
     """The blur circle by the lens equation, evaluated on the fixed sensor: the sign must agree for every end."""
-    near = look_at(poses[:, :3, 3] * (600 / np.linalg.norm(poses[:, :3, 3], axis=1, keepdims=True)), [0, 0, 0])
+    near = look_at(
+        poses[:, :3, 3] * (600 / np.linalg.norm(poses[:, :3, 3], axis=1, keepdims=True)), [0, 0, 0]
+    )
     slacks = focus_slacks(CAMERA, world_to_cam(ends, near))
     depth = np.array([depths(ends, pose) for pose in near])
     image = CAMERA.focal_length_mm * depth / (depth - CAMERA.focal_length_mm)
@@ -143,7 +158,9 @@ def test_the_cone_is_equations_19_and_20_in_world_vectors(poses):
     for pose, value in zip(poses, own, strict=True):
         r_v, v = pose[:3, 3], pose[:3, 2]
         r_k = r_s - radius / math.sin(alpha / 2) * v
-        assert value == pytest.approx((r_k - r_v) @ v - np.linalg.norm(r_k - r_v) * math.cos(alpha / 2))
+        assert value == pytest.approx(
+            (r_k - r_v) @ v - np.linalg.norm(r_k - r_v) * math.cos(alpha / 2)
+        )
 
 
 def test_the_cone_is_conservative(poses, ends):
@@ -191,14 +208,21 @@ def test_clearance_against_brute_force_near_and_far_from_the_origin(origin):
     space = BoxSpace()
     vertices = space.solid.vertices + origin
     points = np.random.default_rng(2).uniform(-20, 80, (400, 3)) + origin
-    signed = clearance_slacks(SignedDistance(vertices, space.solid.triangles), points, 7.0)[:, 0, 0] + 7.0
+    signed = (
+        clearance_slacks(SignedDistance(vertices, space.solid.triangles), points, 7.0)[:, 0, 0]
+        + 7.0
+    )
     assert signed == pytest.approx(box_distance(points, vertices[0], vertices[-1]), abs=2e-4)
-    assert np.abs(signed) == pytest.approx(triangle_distances(points, vertices[space.solid.triangles]), abs=2e-4)
+    assert np.abs(signed) == pytest.approx(
+        triangle_distances(points, vertices[space.solid.triangles]), abs=2e-4
+    )
     assert (signed < 0).sum() > 3
 
 
 def test_workspace_margin_is_the_nearest_wall():
-    slacks = workspace_slacks(((-10, -20, -30), (10, 20, 30)), np.array([[0, 0, 0], [9, 0, 0], [0, 23, 0.0]]))
+    slacks = workspace_slacks(
+        ((-10, -20, -30), (10, 20, 30)), np.array([[0, 0, 0], [9, 0, 0], [0, 23, 0.0]])
+    )
     assert slacks.min(axis=-1)[:, 0] == pytest.approx([10, 1, -3])
 
 
@@ -215,7 +239,9 @@ def test_reach_of_box_sphere_mesh_and_callable():
     low, high = box.bounds
     for region in (BoxRegion(low, high), MeshRegion(box.vertices, box.triangles)):
         assert reach_margin(region, points)[:3] == pytest.approx([0, 15, -10], abs=1e-4)
-    assert reach_margin(SphereRegion((0, 0, 0), 100.0), points)[[0, 3]] == pytest.approx([100, -100])
+    assert reach_margin(SphereRegion((0, 0, 0), 100.0), points)[[0, 3]] == pytest.approx(
+        [100, -100]
+    )
     assert reach_margin(lambda p: p[:, 0] < 100, points).tolist() == [1, 1, 1, -1]
 
 
@@ -227,10 +253,19 @@ def test_a_reach_of_the_wrong_shape_is_refused():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Requirements(stand_off_mm=-1), r"stand_off_mm must be finite and not negative\. Got -1\."),
+        (
+            lambda: Requirements(stand_off_mm=-1),
+            r"stand_off_mm must be finite and not negative\. Got -1\.",
+        ),
         (lambda: Requirements(min_length_px=math.nan), r"min_length_px must be finite"),
-        (lambda: Requirements(field_of_view="round"), r"field_of_view must be 'exact' or 'cone'\. Got 'round'\."),
-        (lambda: Requirements(reach=3), r"reach must have a margin method or be callable\. Got 3\."),
+        (
+            lambda: Requirements(field_of_view="round"),
+            r"field_of_view must be 'exact' or 'cone'\. Got 'round'\.",
+        ),
+        (
+            lambda: Requirements(reach=3),
+            r"reach must have a margin method or be callable\. Got 3\.",
+        ),
         (lambda: SphereRegion((0, 0, 0), 0.0), r"radius_mm must be positive\. Got 0\.0\."),
         (lambda: BoxRegion((0, 0, 0), (1, -1, 1)), r"low must be below high"),
     ],

@@ -58,7 +58,9 @@ def test_visibility_of_few_poses_is_that_of_many():
     positions[::3] += [0, 0, 2000]
     for radius_mm in (0.0, 5.0):
         many = visibility_slacks(space, positions, names, radius_mm)
-        few = np.concatenate([visibility_slacks(space, part, names, radius_mm) for part in np.split(positions, 40)])
+        few = np.concatenate(
+            [visibility_slacks(space, part, names, radius_mm) for part in np.split(positions, 40)]
+        )
         assert np.array_equal(many, few)
         assert 0 < (many > 0).sum() < many.size
 
@@ -69,7 +71,13 @@ def test_who_is_outside_the_part_s_box_by_more_than_the_stand_off_is_clear():
     constraints = Constraints(space, ["x00"], CLOSE, Requirements(stand_off_mm=75))
     rng = np.random.default_rng(3)
     poses = look_at(rng.normal(size=(2000, 3)) * 60 + [30, -40, -40], [30.0, 0, 0])
-    everything = np.all([margin.min(axis=1) >= 0 for margin in constraints.margins(poses).values()], axis=0)
-    but_clearance = [m.min(axis=1) >= 0 for name, m in constraints.margins(poses).items() if name != "clearance_mm"]
+    everything = np.all(
+        [margin.min(axis=1) >= 0 for margin in constraints.margins(poses).values()], axis=0
+    )
+    but_clearance = [
+        m.min(axis=1) >= 0
+        for name, m in constraints.margins(poses).items()
+        if name != "clearance_mm"
+    ]
     assert np.array_equal(constraints.feasible(poses), everything)
     assert 10 < everything.sum() < np.all(but_clearance, axis=0).sum() - 10

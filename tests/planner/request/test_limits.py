@@ -16,7 +16,9 @@ from planner.plan import InspectionPlan
 from planner.request.constraints import Requirements
 from planner.request.image_constraints import FOCUS, Lens, image_slacks
 
-LIMITS = Requirements(20.0, 27.0, stand_off_mm=50.0, visibility_radius_mm=0.6, focus_margin_mm=0.8).to_dict()
+LIMITS = Requirements(
+    20.0, 27.0, stand_off_mm=50.0, visibility_radius_mm=0.6, focus_margin_mm=0.8
+).to_dict()
 
 
 def test_a_focus_margin_narrows_the_depth_of_field_at_both_ends():
@@ -31,9 +33,14 @@ def test_a_focus_margin_narrows_the_depth_of_field_at_both_ends():
 
 def test_a_focus_margin_must_leave_a_depth_of_field():
     near, far = CAMERA.depth_of_field_mm
-    just_less = InspectionOptions(focus_margin_mm=0.49 * (far - near)).requirements(CAMERA, UNCERTAINTY)
+    just_less = InspectionOptions(focus_margin_mm=0.49 * (far - near)).requirements(
+        CAMERA, UNCERTAINTY
+    )
     assert just_less.focus_margin_mm == 0.49 * (far - near)
-    for value, rule in ((0.51 * (far - near), "less than half the depth of field"), (-1.0, "not negative")):
+    for value, rule in (
+        (0.51 * (far - near), "less than half the depth of field"),
+        (-1.0, "not negative"),
+    ):
         with pytest.raises(RequestError, match=f"focus_margin_mm must be .*{rule}"):
             InspectionOptions(focus_margin_mm=value).requirements(CAMERA, UNCERTAINTY)
 
@@ -49,7 +56,9 @@ def test_the_file_keeps_the_limits(tmp_path):
         "visibility_radius_mm": 0.6,
     }
     assert InspectionPlan.from_dict(data) == found
-    with pytest.raises(PlanFileError, match=r"requirements\.stand_off_mm must not be negative\. Got -1"):
+    with pytest.raises(
+        PlanFileError, match=r"requirements\.stand_off_mm must not be negative\. Got -1"
+    ):
         InspectionPlan.from_dict({**data, "requirements": {**LIMITS, "stand_off_mm": -1}})
 
 
@@ -65,7 +74,9 @@ def test_the_report_tells_the_limits():
     assert rows["Reserve of the field of view"].startswith("27 px ")
     assert rows["Reserve of focus"].startswith("0.8 mm ")
     # the camera's place has a standard deviation of 0.05 mm along every axis
-    assert rows["Reserve of focus"].endswith("; 16 standard deviations of the camera along its axis")
+    assert rows["Reserve of focus"].endswith(
+        "; 16 standard deviations of the camera along its axis"
+    )
     assert rows["Reserve of visibility"].endswith("; 12 standard deviations of its place")
 
 
@@ -74,4 +85,6 @@ def test_the_report_tells_the_field_of_views_usual_reserve_in_standard_deviation
     told = requirement_rows(plan(requirements=usual))["Reserve of the field of view"]
     assert told.endswith("; 4 standard deviations of an image point in the corners")
     exact = PoseUncertainty(np.zeros((6, 6)))
-    assert "deviation" not in " ".join(requirement_rows(plan(requirements=usual, pose_uncertainty=exact)).values())
+    assert "deviation" not in " ".join(
+        requirement_rows(plan(requirements=usual, pose_uncertainty=exact)).values()
+    )

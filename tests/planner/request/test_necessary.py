@@ -35,7 +35,9 @@ def test_no_short_segment_has_a_longer_image_than_is_said():
     ends = points + 1e-4 * np.random.default_rng(1).normal(size=points.shape)
     ends[:, 2] = np.maximum(ends[:, 2], CAMERA.depth_of_field_mm[0])
     moved = np.linalg.norm(ends[:, :2] * CAMERA.image_distance_mm / ends[:, 2:] - image, axis=1)
-    assert np.all(moved <= longest_image_mm(CAMERA, np.linalg.norm(ends - points, axis=1)) * (1 + 1e-6))
+    assert np.all(
+        moved <= longest_image_mm(CAMERA, np.linalg.norm(ends - points, axis=1)) * (1 + 1e-6)
+    )
 
 
 def test_boxes_reach_by_hand():

@@ -44,7 +44,9 @@ def test_probability_is_what_displaced_cameras_measure(kind):
     for pose in poses(3, rng):
         predicted = objective.probability(pose[None])[0]
         for end, p in zip(ends, predicted, strict=True):
-            assert p == pytest.approx(measured_frequency(pose, end, uncertainty, 0.98, 40_000, rng), abs=0.012)
+            assert p == pytest.approx(
+                measured_frequency(pose, end, uncertainty, 0.98, 40_000, rng), abs=0.012
+            )
         assert predicted.min() < 0.97
 
 
@@ -68,8 +70,12 @@ def test_fitness_is_the_sum_or_the_smallest_probability():
     many = poses(20, np.random.default_rng(1))
     probability = Objective(ends, CAMERA, PAPER, 0.98).probability(many)
     assert probability.shape == (20, 3)
-    assert Objective(ends, CAMERA, PAPER, 0.98, "sum").fitness(many) == pytest.approx(probability.sum(axis=1))
-    assert Objective(ends, CAMERA, PAPER, 0.98, "min").fitness(many) == pytest.approx(probability.min(axis=1))
+    assert Objective(ends, CAMERA, PAPER, 0.98, "sum").fitness(many) == pytest.approx(
+        probability.sum(axis=1)
+    )
+    assert Objective(ends, CAMERA, PAPER, 0.98, "min").fitness(many) == pytest.approx(
+        probability.min(axis=1)
+    )
 
 
 def test_what_is_behind_the_camera_has_probability_zero():

@@ -68,7 +68,9 @@ def test_counting_agrees_with_the_simulation_of_settings():
         ends = np.array([0.0, 0.0, DEPTH]) + rng.normal(size=(2, 3)) * [6.0, 6.0, 8.0]
         counted = _objective(ends, uncertainty, 0.99).frequencies(ends[None])[0]
         setting = SensorSetting(np.eye(4), ("e",), {"e": 1.0}, {}, 1.0, 1, 0, "")
-        rate = simulate_setting(setting, {"e": ends}, CAMERA, uncertainty, accuracy=0.99, n=20_000, rng=1)["e"]
+        rate = simulate_setting(
+            setting, {"e": ends}, CAMERA, uncertainty, accuracy=0.99, n=20_000, rng=1
+        )["e"]
         error = np.sqrt(max(counted * (1 - counted), 1e-4) * (1 / GRID.draws + 1 / 20_000))
         differences.append((counted - rate.frequency) / error)
     assert np.abs(differences).max() < 4.0
@@ -115,7 +117,9 @@ def test_of_counted_edges_the_bound_claims_no_more_than_the_request():
 @pytest.fixture(scope="module")
 def fine_plan():
     solid, camera, uncertainty = _request()
-    return plan_inspection(solid, RIMS, camera, uncertainty, accuracy=0.9985, probability=0.65, effort=EFFORT)
+    return plan_inspection(
+        solid, RIMS, camera, uncertainty, accuracy=0.9985, probability=0.65, effort=EFFORT
+    )
 
 
 def test_what_the_density_refuses_is_planned_on_the_grid_and_simulation_agrees(fine_plan):
@@ -144,7 +148,9 @@ def test_the_plan_says_so_and_comes_back(fine_plan, tmp_path):
 
 def test_a_plan_file_may_count_only_its_own_edges(fine_plan):
     data = fine_plan.to_dict()
-    with pytest.raises(PlanFileError, match=r"on_grid\[1\] must be one of the plan's edges. Got \"other\""):
+    with pytest.raises(
+        PlanFileError, match=r"on_grid\[1\] must be one of the plan's edges. Got \"other\""
+    ):
         type(fine_plan).from_dict({**data, "on_grid": ["e1", "other"]})
 
 
@@ -167,7 +173,9 @@ def test_an_interrupted_count_goes_on_to_the_same_plan(fine_plan, tmp_path):
 
 def test_where_the_tolerance_is_two_pixels_and_more_nothing_is_counted():
     solid, camera, uncertainty = _request()
-    plan = plan_inspection(solid, RIMS, camera, uncertainty, accuracy=0.95, probability=0.9, effort=EFFORT)
+    plan = plan_inspection(
+        solid, RIMS, camera, uncertainty, accuracy=0.95, probability=0.9, effort=EFFORT
+    )
     assert plan.complete
     assert plan.on_grid == ()
     assert "on_grid" not in plan.to_dict()
@@ -176,16 +184,23 @@ def test_where_the_tolerance_is_two_pixels_and_more_nothing_is_counted():
 @pytest.mark.uncompiled
 def test_distorted_images_are_rounded_where_the_sensor_is():
     """Counted again with OpenCV's projection and its own inverse, by other displacements."""
-    k, lens = np.array([[2320.0, 0, 1230.0], [0, 2320.0, 1010.0], [0, 0, 1]]), np.array([-0.2, 0.05, 1e-3, 0, 0])
+    k, lens = (
+        np.array([[2320.0, 0, 1230.0], [0, 2320.0, 1010.0], [0, 0, 1]]),
+        np.array([-0.2, 0.05, 1e-3, 0, 0]),
+    )
     pitch = {"pixel_pitch_mm": 0.00345, "f_number": 8.0, "focus_distance_mm": 300.0}
     camera = Camera.from_opencv(k, lens, (2448, 2048), **pitch)
     uncertainty = PoseUncertainty.isotropic(translation_mm=0.3, rotation_rad=1e-5)
     ends = np.array([[90.0, 60.0, 300.0], [98.0, 66.0, 300.0]])
     accuracy = 0.991
     smooth = Objective(ends[None], camera, uncertainty, accuracy)
-    counted = GridObjective(smooth, np.arange(1), camera, uncertainty, accuracy).frequencies(ends[None])[0]
+    counted = GridObjective(smooth, np.arange(1), camera, uncertainty, accuracy).frequencies(
+        ends[None]
+    )[0]
     moves = np.random.default_rng(8).normal(0.0, 0.3, (20_000, 3))
-    seen, _ = cv2.projectPoints((ends - moves[:, None]).reshape(-1, 3), np.zeros(3), np.zeros(3), k, lens)
+    seen, _ = cv2.projectPoints(
+        (ends - moves[:, None]).reshape(-1, 3), np.zeros(3), np.zeros(3), k, lens
+    )
     ideal = cv2.undistortPoints(np.rint(seen), k, lens, P=k).reshape(-1, 2, 2)
     length = np.linalg.norm(ideal[:, 1] - ideal[:, 0], axis=1)
     nominal = 2320 * np.hypot(8, 6) / 300

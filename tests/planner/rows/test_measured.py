@@ -41,7 +41,9 @@ def with_dimension(how):
 def rate(frequency, predicted, n=1000):
     successes = round(frequency * n)
     half = 0.01
-    return SuccessRate(successes, n, max(0.0, frequency - half), min(1.0, frequency + half), 0.99, 0, predicted)
+    return SuccessRate(
+        successes, n, max(0.0, frequency - half), min(1.0, frequency + half), 0.99, 0, predicted
+    )
 
 
 def warnings_with(simulated, **changes):
@@ -73,7 +75,11 @@ def test_standard_uncertainty_is_the_spread_over_displaced_poses():
     # whole pixels of a grid whose phase is random
     pixels += rng.uniform(-0.5, 0.5, pixels.shape)
     planned = LENGTH_MM * CAMERA.image_distance_mm / DEPTH_MM
-    measured = LENGTH_MM * np.linalg.norm((pixels[:, 1] - pixels[:, 0]) * CAMERA.pixel_pitch_mm, axis=1) / planned
+    measured = (
+        LENGTH_MM
+        * np.linalg.norm((pixels[:, 1] - pixels[:, 0]) * CAMERA.pixel_pitch_mm, axis=1)
+        / planned
+    )
     assert row.standard_uncertainty == pytest.approx(measured.std(), rel=0.02)
     assert sum(row.budget.values()) == pytest.approx(row.standard_uncertainty**2)
     assert tuple(row.budget) == SOURCES
@@ -106,7 +112,8 @@ def test_rows_stand_in_the_order_of_the_settings():
 
 def test_only_whole_pixels_make_a_small_tolerance_doubtful():
     rounded, fitted = (
-        measured_rows(with_dimension(how))[0][0] for how in (Localisation.rounding(), Localisation.gaussian(0.1))
+        measured_rows(with_dimension(how))[0][0]
+        for how in (Localisation.rounding(), Localisation.gaussian(0.1))
     )
     # one thousandth of the image of 80 mm, in the coarser pixels, the same for both
     wanted = 0.001 * LENGTH_MM * CAMERA.image_distance_mm / DEPTH_MM / 0.0035
@@ -119,6 +126,9 @@ def test_what_no_lamp_shows_is_warned_of():
     """First of all: the probability is that of an edge that is found."""
     light = replace(LIGHT, unlit=({"top right": "none of 2 lamps shows it."}, {}))
     first, second = measured_rows(plan(light=light))
-    assert {row.name: [one.kind for one in row.warnings] for row in first} == {"top front": [], "top right": [UNLIT]}
+    assert {row.name: [one.kind for one in row.warnings] for row in first} == {
+        "top front": [],
+        "top right": [UNLIT],
+    }
     assert first[1].warnings[0].text == "shown by no lamp: none of 2 lamps shows it."
     assert not second[0].warnings

@@ -49,7 +49,9 @@ def test_simulated_frequencies_stand_beside_what_is_stated():
 def test_csv_reads_back_without_loss(tmp_path):
     name = 'a "quoted", name'
     found = plan(
-        settings=[setting((40.0, -180.0, 620.0), [name])], entities={name: [[0, 0, 0], [1 / 3, 0, 0]]}, uninspectable={}
+        settings=[setting((40.0, -180.0, 620.0), [name])],
+        entities={name: [[0, 0, 0], [1 / 3, 0, 0]]},
+        uninspectable={},
     )
     text = found.to_csv(tmp_path / "rows.csv")
     assert (tmp_path / "rows.csv").read_bytes().decode() == text
@@ -61,7 +63,10 @@ def test_csv_reads_back_without_loss(tmp_path):
 
 
 def test_csv_of_an_empty_plan_is_a_heading():
-    assert plan(settings=(), entities={}, uninspectable={}, lower_bound=0).to_csv() == "setting,name\r\n"
+    assert (
+        plan(settings=(), entities={}, uninspectable={}, lower_bound=0).to_csv()
+        == "setting,name\r\n"
+    )
 
 
 def test_csv_into_no_folder_is_refused(tmp_path):
@@ -73,7 +78,10 @@ def test_notebooks_show_a_table_with_names_escaped():
     name = "<script>"
     entities = {name: [[0, 0, 0], [80, 0, 0]], "b&d": [[0, 0, 0], [0, 50, 0]]}
     found = plan(
-        settings=[setting((40.0, -180.0, 620.0), [name])], entities=entities, uninspectable={"b&d": "<no>"}, part="x<y"
+        settings=[setting((40.0, -180.0, 620.0), [name])],
+        entities=entities,
+        uninspectable={"b&d": "<no>"},
+        part="x<y",
     )
     html = found._repr_html_()
     assert "<script>" not in html

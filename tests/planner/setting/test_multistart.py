@@ -126,9 +126,15 @@ class Nearness:
 def test_a_clearance_left_out_at_first_is_kept_all_the_same():
     """With a deep lens, and from far away, the stand-off only matters at the end of the way."""
     deep = Camera(6.0, (0.01, 0.013), (2000, 1600), 16.0, 100.0, largest_blur_mm=0.03)
-    (free, *_), (held, *_) = request(camera=deep, stand_off_mm=0.0), request(camera=deep, stand_off_mm=73.0)
+    (free, *_), (held, *_) = (
+        request(camera=deep, stand_off_mm=0.0),
+        request(camera=deep, stand_off_mm=73.0),
+    )
     away = np.array([[-1.0, -1.0, -1.0], [-1.0, -0.5, -1.0]])
-    poses = look_at(free.sphere_centre + 190.0 * away / np.linalg.norm(away, axis=1)[:, None], free.sphere_centre)
+    poses = look_at(
+        free.sphere_centre + 190.0 * away / np.linalg.norm(away, axis=1)[:, None],
+        free.sphere_centre,
+    )
     assert held.margins(poses)["clearance_mm"].min() > 73
     ends = np.array([[refine(p, NO_WALLS, Nearness(), c)[0] for c in (free, held)] for p in poses])
     assert held.margins(ends[:, 0])["clearance_mm"].max() < 0
@@ -173,10 +179,14 @@ def test_the_other_side_of_the_straight_view_is_tried():
     """The optima of 20 t² − 600 t⁴ + 0.2 t are near t = ±√(1/60) = ±0.129; from −0.1, refinement ends at −0.127."""
     constraints, _, sampler, encoding = request(names=["x00"])
     valley = Valley(encoding)
-    parameters = np.hstack([sampler.sample(200, np.random.default_rng(4)), np.tile([0.0, -0.1, 0.0], (200, 1))])
+    parameters = np.hstack(
+        [sampler.sample(200, np.random.default_rng(4)), np.tile([0.0, -0.1, 0.0], (200, 1))]
+    )
     poses = encoding.poses(parameters)
     pose = poses[constraints.feasible(poses)][0]
-    ascent = Ascent(sampler, encoding, valley, constraints, 1.0, pose, valley.fitness(pose[None])[0])
+    ascent = Ascent(
+        sampler, encoding, valley, constraints, 1.0, pose, valley.fitness(pose[None])[0]
+    )
     ascent.climb(pose[None])
     assert encoding.parameters_of(ascent.cam2world[None])[0, 4] == pytest.approx(-0.127, abs=0.02)
     ascent.mirror()

@@ -33,7 +33,14 @@ class Rival:
         self.middle = self.constraints.ends.reshape(-1, 3).mean(axis=0)
         nearest, farthest = CAMERA.depth_of_field_mm
         # azimuth, sine of the elevation, distance, two shifts of the point looked at, roll
-        self.bounds = [(-np.pi, np.pi), (-1, 1), (0.9 * nearest, 1.2 * farthest), (-30, 30), (-30, 30), (0, 2 * np.pi)]
+        self.bounds = [
+            (-np.pi, np.pi),
+            (-1, 1),
+            (0.9 * nearest, 1.2 * farthest),
+            (-30, 30),
+            (-30, 30),
+            (0, 2 * np.pi),
+        ]
         self.evaluated = 0
 
     def poses(self, x):
@@ -41,7 +48,9 @@ class Rival:
         cosine = np.sqrt(1 - sine**2)
         outwards = np.column_stack([cosine * np.cos(azimuth), cosine * np.sin(azimuth), sine])
         sideways = np.column_stack([-np.sin(azimuth), np.cos(azimuth), 0 * azimuth])
-        target = self.middle + right[:, None] * sideways + up[:, None] * np.cross(outwards, sideways)
+        target = (
+            self.middle + right[:, None] * sideways + up[:, None] * np.cross(outwards, sideways)
+        )
         return look_at(self.middle + distance[:, None] * outwards, target, roll=roll)
 
     def cost(self, x):

@@ -54,7 +54,12 @@ def check(setting, space, camera, uncertainty, accuracy, requirements):
     assert tuple(setting.probability) == setting.entities
 
 
-SETS = [["e1", "e2"], ["e1", "e2", "e3"], ["e1", "e2", "e4", "e5"], ["e1", "e2", "e3", "e4", "e5", "e6"]]
+SETS = [
+    ["e1", "e2"],
+    ["e1", "e2", "e3"],
+    ["e1", "e2", "e4", "e5"],
+    ["e1", "e2", "e3", "e4", "e5", "e6"],
+]
 
 
 @pytest.mark.parametrize("names", SETS)
@@ -87,16 +92,23 @@ def test_settings_on_the_box(box, names, view):
 def test_the_search_beats_random_poses_and_repeats_over_seeds(box):
     """Ten times as many feasible random poses must not be better, and four seeds agree within 0.1 %."""
     names = ["x00", "z00", "y00"]
-    found = [plan_setting(box, names, PAPER_CAMERA, PAPER, field_margin_px=0, rng=seed) for seed in range(4)]
+    found = [
+        plan_setting(box, names, PAPER_CAMERA, PAPER, field_margin_px=0, rng=seed)
+        for seed in range(4)
+    ]
     values = np.array([setting.fitness for setting in found])
     assert np.ptp(values) < 1e-3 * values.max()
     constraints = Constraints(box, names, PAPER_CAMERA, Requirements())
     sampler = ViewpointSampler(box.covering_cells(names), constraints.ends, PAPER_CAMERA)
     turn = PAPER_CAMERA.half_diagonal_rad
     encoding = PoseEncoding(sampler.bounds, constraints.sphere_centre, turn)
-    start = draw_start(12_000, sampler, encoding, constraints, np.random.default_rng(1), max_draws=40_000)
+    start = draw_start(
+        12_000, sampler, encoding, constraints, np.random.default_rng(1), max_draws=40_000
+    )
     assert len(start.bits) > 4000
-    random = Objective(constraints.ends, PAPER_CAMERA, PAPER, 0.98).fitness(encoding.decode(start.bits))
+    random = Objective(constraints.ends, PAPER_CAMERA, PAPER, 0.98).fitness(
+        encoding.decode(start.bits)
+    )
     assert values.min() >= random.max()
 
 
@@ -104,8 +116,12 @@ def test_less_certain_poses_are_never_measured_better(box):
     """Standard deviations grow threefold: the best probability falls, up to what the search leaves."""
     best = []
     for scale in (1.0, 3.0, 9.0):
-        uncertainty = PoseUncertainty.isotropic(translation_mm=0.3 * scale, rotation_rad=0.004 * scale)
-        found = plan_setting(box, ["x00"], REAL, uncertainty, accuracy=0.995, field_margin_px=0, rng=0)
+        uncertainty = PoseUncertainty.isotropic(
+            translation_mm=0.3 * scale, rotation_rad=0.004 * scale
+        )
+        found = plan_setting(
+            box, ["x00"], REAL, uncertainty, accuracy=0.995, field_margin_px=0, rng=0
+        )
         best.append(found.probability["x00"])
     assert all(later <= earlier + 1e-3 for earlier, later in pairwise(best))
     assert best[-1] < best[0] - 0.05, "the steps are wide enough to tell"
@@ -114,7 +130,9 @@ def test_less_certain_poses_are_never_measured_better(box):
 def test_min_objective_raises_the_weakest_entity(box):
     names = ["x11", "y11", "z11", "x01", "y10"]
     options = {"accuracy": 0.99, "field_margin_px": 10}
-    total, weakest = (plan_setting(box, names, REAL, LOOSE, objective=kind, **options) for kind in ("sum", "min"))
+    total, weakest = (
+        plan_setting(box, names, REAL, LOOSE, objective=kind, **options) for kind in ("sum", "min")
+    )
     assert weakest.fitness == pytest.approx(min(weakest.probability.values()))
     assert weakest.fitness > min(total.probability.values())
     assert sum(weakest.probability.values()) < total.fitness
@@ -122,7 +140,9 @@ def test_min_objective_raises_the_weakest_entity(box):
 
 def test_refinement_never_loses_and_the_papers_plain_search_is_reachable(box):
     names = ["x00", "z00"]
-    plain = plan_setting(box, names, PAPER_CAMERA, PAPER, field_margin_px=0, search=Search.paper(max_generations=40))
+    plain = plan_setting(
+        box, names, PAPER_CAMERA, PAPER, field_margin_px=0, search=Search.paper(max_generations=40)
+    )
     check(plain, box, PAPER_CAMERA, PAPER, 0.98, Requirements())
     assert plain.fitness == max(plain.history)
     unrefined, refined = (
@@ -135,12 +155,21 @@ def test_refinement_never_loses_and_the_papers_plain_search_is_reachable(box):
 
 
 def test_same_seed_same_setting_and_the_seed_is_reported(box):
-    first, second = (plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0, rng=7) for _ in range(2))
+    first, second = (
+        plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0, rng=7) for _ in range(2)
+    )
     assert first == second
     assert first.seed == 7
     fresh = plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0, rng=None)
-    assert fresh == plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0, rng=fresh.seed)
-    assert plan_setting(box, ["x00"], REAL, PAPER, field_margin_px=0, rng=np.random.default_rng(7)).seed is None
+    assert fresh == plan_setting(
+        box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0, rng=fresh.seed
+    )
+    assert (
+        plan_setting(
+            box, ["x00"], REAL, PAPER, field_margin_px=0, rng=np.random.default_rng(7)
+        ).seed
+        is None
+    )
 
 
 def test_the_callback_sees_every_generation_and_can_stop(box):
@@ -150,7 +179,9 @@ def test_the_callback_sees_every_generation_and_can_stop(box):
         seen.append(generation.nit)
         return generation.nit == 2
 
-    setting = plan_setting(box, ["x00", "z00"], PAPER_CAMERA, PAPER, field_margin_px=0, callback=stop_after_two)
+    setting = plan_setting(
+        box, ["x00", "z00"], PAPER_CAMERA, PAPER, field_margin_px=0, callback=stop_after_two
+    )
     assert seen == [0, 1, 2]
     assert setting.generations == 2
 
@@ -160,7 +191,9 @@ def test_no_individual_is_ever_outside_the_covering_domains(box):
     names = ["x00", "y00"]
     constraints = Constraints(box, names, PAPER_CAMERA, Requirements())
     sampler = ViewpointSampler(box.covering_cells(names), constraints.ends, PAPER_CAMERA)
-    encoding = PoseEncoding(sampler.bounds, constraints.sphere_centre, PAPER_CAMERA.half_diagonal_rad)
+    encoding = PoseEncoding(
+        sampler.bounds, constraints.sphere_centre, PAPER_CAMERA.half_diagonal_rad
+    )
     inside = []
 
     def look(generation):
@@ -175,8 +208,12 @@ def test_reach_is_respected(box):
     region = SphereRegion((0.0, -600.0, 0.0), 300.0)
     setting = plan_setting(box, ["x00"], REAL, LOOSE, reach=region, field_margin_px=0)
     assert np.linalg.norm(setting.position - [0, -600, 0]) <= 300
-    assert setting.margins["reach"] == pytest.approx(300 - np.linalg.norm(setting.position - [0, -600, 0]))
-    behind = plan_setting(box, ["x00"], REAL, LOOSE, reach=lambda p: p[:, 0] < -100, field_margin_px=0)
+    assert setting.margins["reach"] == pytest.approx(
+        300 - np.linalg.norm(setting.position - [0, -600, 0])
+    )
+    behind = plan_setting(
+        box, ["x00"], REAL, LOOSE, reach=lambda p: p[:, 0] < -100, field_margin_px=0
+    )
     assert behind.position[0] < -100
     assert behind.margins["reach"] == 1
 
@@ -209,8 +246,18 @@ INFEASIBLE = [
         "resolution_mm",
         r"'x00': 60 mm long, its image is at most 79\d.* px .* at least 3000 px",
     ),
-    (["x00"], {"stand_off_mm": 800}, "clearance_mm", r"nearest pose misses clearance_mm by 1\d\d.* mm"),
-    (["x00"], {"reach": SphereRegion((0, 0, 0), 400)}, "reach", r"(misses reach|reach was met by no pose tried)"),
+    (
+        ["x00"],
+        {"stand_off_mm": 800},
+        "clearance_mm",
+        r"nearest pose misses clearance_mm by 1\d\d.* mm",
+    ),
+    (
+        ["x00"],
+        {"reach": SphereRegion((0, 0, 0), 400)},
+        "reach",
+        r"(misses reach|reach was met by no pose tried)",
+    ),
     (["x00"], {"reach": lambda p: p[:, 0] > 1e6}, "reach", r"reach was met by no pose tried.* -1"),
     (
         ["x00"],
@@ -222,7 +269,9 @@ INFEASIBLE = [
 
 
 @pytest.mark.parametrize(("names", "options", "constraint", "message"), INFEASIBLE)
-def test_infeasible_requests_name_constraint_entity_and_amount(box, names, options, constraint, message):
+def test_infeasible_requests_name_constraint_entity_and_amount(
+    box, names, options, constraint, message
+):
     with pytest.raises(InfeasibleError, match=message) as caught:
         plan_setting(box, names, REAL, LOOSE, **{"field_margin_px": 0, **options})
     assert caught.value.constraint == constraint
@@ -232,13 +281,18 @@ def test_infeasible_requests_name_constraint_entity_and_amount(box, names, optio
 
 def test_without_a_search_for_the_reason_the_nearest_pose_is_told_of(box):
     with pytest.raises(
-        InfeasibleError, match=r"met together by no pose tried for x00: the nearest pose misses reach by 1"
+        InfeasibleError,
+        match=r"met together by no pose tried for x00: the nearest pose misses reach by 1",
     ):
-        plan_setting(box, ["x00"], REAL, LOOSE, reach=lambda p: p[:, 0] > 1e6, search=Search(explain=False))
+        plan_setting(
+            box, ["x00"], REAL, LOOSE, reach=lambda p: p[:, 0] > 1e6, search=Search(explain=False)
+        )
 
 
 def test_a_camera_that_cannot_focus_in_the_workspace():
-    with pytest.raises(InfeasibleError, match=r"focus_mm .*'x00'.*585\.14 to 629\.19 mm.* has 5\d\d") as caught:
+    with pytest.raises(
+        InfeasibleError, match=r"focus_mm .*'x00'.*585\.14 to 629\.19 mm.* has 5\d\d"
+    ) as caught:
         plan_setting(BoxSpace(reach=300.0), ["x00"], REAL, LOOSE)
     # the farthest viewpoint that sees x00 is the workspace's corner over or under it
     distance = min(np.linalg.norm(np.subtract([x, 0, 0], [-300, 300, -300])) for x in (0, 60))
@@ -251,7 +305,9 @@ class JealousSpace(BoxSpace):
     def observable(self, points, names=None):
         names = self.entity_names if names is None else names
         x00 = super().observable(points, ["x00"])[:, 0]
-        hidden = np.column_stack([x00 if n == "y11" else np.full(len(x00), n == "z10") for n in names])
+        hidden = np.column_stack(
+            [x00 if n == "y11" else np.full(len(x00), n == "z10") for n in names]
+        )
         return super().observable(points, names) & ~hidden
 
 
@@ -259,10 +315,25 @@ class JealousSpace(BoxSpace):
     ("space", "names", "entity", "who"),
     [
         (JealousSpace(), ["x00", "z10"], "z10", "entity 'z10' is observable from nowhere"),
-        (JealousSpace(), ["x00", "y11"], "y11", "entities 'x00' and 'y11' are observable together from nowhere"),
-        (JealousSpace(), ["y11", "x01", "x00"], "x00", "entities 'y11' and 'x00' are observable together from nowhere"),
+        (
+            JealousSpace(),
+            ["x00", "y11"],
+            "y11",
+            "entities 'x00' and 'y11' are observable together from nowhere",
+        ),
+        (
+            JealousSpace(),
+            ["y11", "x01", "x00"],
+            "x00",
+            "entities 'y11' and 'x00' are observable together from nowhere",
+        ),
         # around a box every two of four parallel edges share a viewpoint, but not all four
-        (BoxSpace(), ["x00", "x01", "x10", "x11"], "", "the entities x00, x01, x10, x11 are observable together"),
+        (
+            BoxSpace(),
+            ["x00", "x01", "x10", "x11"],
+            "",
+            "the entities x00, x01, x10, x11 are observable together",
+        ),
     ],
 )
 def test_entities_that_cannot_be_seen_together(space, names, entity, who):
@@ -304,8 +375,12 @@ def test_entities_too_far_apart_for_one_image():
         plan_setting(BoxSpace(size=(350.0, 200.0, 85.0)), ["x00", "x11"], REAL, LOOSE)
     assert caught.value.constraint == "field_of_view_px"
     diagonal = np.hypot(2448, 2048) * 0.00345
-    assert REAL.depth_of_field_mm[1] * diagonal / REAL.image_distance_mm == pytest.approx(259.9, abs=0.1)
-    fits = plan_setting(BoxSpace(size=(120.0, 80.0, 30.0)), ["x00", "x01"], REAL, PoseUncertainty(np.zeros((6, 6))))
+    assert REAL.depth_of_field_mm[1] * diagonal / REAL.image_distance_mm == pytest.approx(
+        259.9, abs=0.1
+    )
+    fits = plan_setting(
+        BoxSpace(size=(120.0, 80.0, 30.0)), ["x00", "x01"], REAL, PoseUncertainty(np.zeros((6, 6)))
+    )
     assert fits.margins["field_of_view_px"] >= 0
 
 
@@ -320,14 +395,21 @@ def test_restricted_sampling_finds_feasible_poses_more_often(box):
         WorkspaceSampler(cells, constraints.ends, PAPER_CAMERA, box.workspace),
     ):
         encoding = PoseEncoding(sampler.bounds, constraints.sphere_centre, turn)
-        start = draw_start(10_000, sampler, encoding, constraints, np.random.default_rng(0), max_draws=8192)
+        start = draw_start(
+            10_000, sampler, encoding, constraints, np.random.default_rng(0), max_draws=8192
+        )
         fractions.append(start.feasible_drawn / start.drawn)
     assert fractions[0] > 30 * fractions[1]
 
 
 def test_unrestricted_search_still_ends_feasible(box):
     setting = plan_setting(
-        box, ["x00", "z00"], PAPER_CAMERA, PAPER, field_margin_px=0, search=Search(sampling="workspace", population=30)
+        box,
+        ["x00", "z00"],
+        PAPER_CAMERA,
+        PAPER,
+        field_margin_px=0,
+        search=Search(sampling="workspace", population=30),
     )
     assert setting.entities == ("x00", "z00")
     check(setting, box, PAPER_CAMERA, PAPER, 0.98, Requirements())
@@ -369,7 +451,9 @@ def test_a_known_pose_that_no_bits_can_express(box):
 
     with pytest.raises(InfeasibleError, match="reach was met by no pose tried"):
         plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0, reach=needle)
-    kept = plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0, reach=needle, start=[good.cam2world])
+    kept = plan_setting(
+        box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0, reach=needle, start=[good.cam2world]
+    )
     assert np.linalg.norm(kept.position - good.position) < 1e-3
     assert kept.generations == 0
     assert kept.fitness >= good.fitness * (1 - 1e-12)

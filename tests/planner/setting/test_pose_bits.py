@@ -39,14 +39,20 @@ def test_poses_look_at_the_target_and_turn():
     straight, turned = encoding.poses(parameters)
     towards = np.array([5, 5, 5]) - [10, 20, 205]
     assert straight[:3, 2] == pytest.approx(towards / np.linalg.norm(towards))
-    assert turned == pytest.approx(look_at([[10.0, 20.0, 205.0]], [5, 5, 5], [0.2], [-0.1], [1.0])[0])
-    assert np.arccos(turned[:3, 2] @ straight[:3, 2]) == pytest.approx(np.arccos(np.cos(0.2) * np.cos(0.1)))
+    assert turned == pytest.approx(
+        look_at([[10.0, 20.0, 205.0]], [5, 5, 5], [0.2], [-0.1], [1.0])[0]
+    )
+    assert np.arccos(turned[:3, 2] @ straight[:3, 2]) == pytest.approx(
+        np.arccos(np.cos(0.2) * np.cos(0.1))
+    )
 
 
 def test_values_outside_the_range_are_clipped():
     encoding = PoseEncoding(BOUNDS, [0, 0, 0], 0.3)
     outside = np.array([[1e6, -1e6, 205.0, 9.0, -9.0, 0.0]])
-    assert encoding.parameters(encoding.encode(outside))[0, [0, 1, 3, 4]] == pytest.approx([300, -50, 0.3, -0.3])
+    assert encoding.parameters(encoding.encode(outside))[0, [0, 1, 3, 4]] == pytest.approx(
+        [300, -50, 0.3, -0.3]
+    )
 
 
 def space_and_ends(names=("x00",), **options):
@@ -101,7 +107,13 @@ def test_the_shell_lies_around_ends_that_surround_no_box_centre():
 
 
 def three_cells():
-    return Cells([[[-700, -700, -700], [0, 700, 700]], [[0, -700, 0], [700, 700, 700]], [[-9000] * 3, [-8000] * 3]])
+    return Cells(
+        [
+            [[-700, -700, -700], [0, 700, 700]],
+            [[0, -700, 0], [700, 700, 700]],
+            [[-9000] * 3, [-8000] * 3],
+        ]
+    )
 
 
 def test_the_three_ways_to_propose_draw_from_the_same_distribution():
@@ -147,7 +159,9 @@ def test_cells_that_are_all_too_near_or_too_far_are_empty():
         assert sampler.sample(10, np.random.default_rng(0)).shape == (0, 3)
 
 
-@pytest.mark.parametrize("names", [["x00"], ["x00", "z00", "y00"], ["x11", "y11", "z11", "x01", "y10"]])
+@pytest.mark.parametrize(
+    "names", [["x00"], ["x00", "z00", "y00"], ["x11", "y11", "z11", "x01", "y10"]]
+)
 def test_the_first_population_is_feasible_and_inside_the_covering_domains(names):
     space, ends = space_and_ends(names)
     constraints = Constraints(space, names, CAMERA, Requirements())
@@ -187,11 +201,15 @@ def test_parameters_of_poses_are_the_parameters_they_were_made_of():
 def test_the_least_violating_are_those_of_a_whole_sort():
     space, _ = space_and_ends(["x00", "y00"])
     constraints = Constraints(space, ["x00", "y00"], CAMERA, Requirements())
-    encoding = PoseEncoding([[-600.0] * 3, [700.0] * 3], constraints.sphere_centre, CAMERA.half_diagonal_rad)
+    encoding = PoseEncoding(
+        [[-600.0] * 3, [700.0] * 3], constraints.sphere_centre, CAMERA.half_diagonal_rad
+    )
     parameters = np.random.default_rng(4).uniform(encoding.low, encoding.high, (3000, 6))
     violation = constraints.violation(encoding.poses(parameters))
     assert (constraints.violation(encoding.poses(parameters), images_only=True) <= violation).all()
     whole = parameters[np.argsort(violation, kind="stable")[: REPAIR.pool]]
     assert np.array_equal(_least_violating(parameters, encoding, constraints), whole)
     few = parameters[:5]
-    assert np.array_equal(_least_violating(few, encoding, constraints), few[np.argsort(violation[:5], kind="stable")])
+    assert np.array_equal(
+        _least_violating(few, encoding, constraints), few[np.argsort(violation[:5], kind="stable")]
+    )

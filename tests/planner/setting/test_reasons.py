@@ -15,9 +15,18 @@ from planner.setting.infeasible import check_extent
 @pytest.mark.parametrize(
     ("best", "reason"),
     [
-        (0.5, "probability too low: the best pose found reaches P = 0.5000, below the required 0.9."),
-        (0.89996, "probability too low: the best pose found reaches P = 0.89996, below the required 0.9."),
-        (0.95, "no feasible view: the best pose found reaches P = 0.9500, but breaks a constraint when judged anew."),
+        (
+            0.5,
+            "probability too low: the best pose found reaches P = 0.5000, below the required 0.9.",
+        ),
+        (
+            0.89996,
+            "probability too low: the best pose found reaches P = 0.89996, below the required 0.9.",
+        ),
+        (
+            0.95,
+            "no feasible view: the best pose found reaches P = 0.9500, but breaks a constraint when judged anew.",
+        ),
     ],
 )
 def test_reason_does_not_contradict_itself(best, reason):
@@ -25,7 +34,9 @@ def test_reason_does_not_contradict_itself(best, reason):
 
 
 def test_reason_of_a_run_without_a_setting_is_its_own():
-    assert Outcome(reason="unobservable: no viewpoint").reason_at(0.9) == "unobservable: no viewpoint"
+    assert (
+        Outcome(reason="unobservable: no viewpoint").reason_at(0.9) == "unobservable: no viewpoint"
+    )
 
 
 @pytest.mark.parametrize(
@@ -49,11 +60,31 @@ def test_too_far_apart_names_one_entity_once(ends, who):
 @pytest.mark.parametrize(
     ("message", "constraint", "words"),
     [
-        ("visibility cannot be met: entity 'a' is observable from nowhere.", "visibility", "unobservable"),
-        ("visibility was met by no pose tried for entity 'a'.", "visibility", "in view from no pose tried"),
-        ("constraints were met together by no pose tried for a: nothing.", "focus_mm", "no feasible view"),
-        ("field_of_view_mm was met by no pose tried.", "field_of_view_mm", "larger than the field of view"),
-        ("clearance_mm was met by no pose tried.", "clearance_mm", "in view only too near the part"),
+        (
+            "visibility cannot be met: entity 'a' is observable from nowhere.",
+            "visibility",
+            "unobservable",
+        ),
+        (
+            "visibility was met by no pose tried for entity 'a'.",
+            "visibility",
+            "in view from no pose tried",
+        ),
+        (
+            "constraints were met together by no pose tried for a: nothing.",
+            "focus_mm",
+            "no feasible view",
+        ),
+        (
+            "field_of_view_mm was met by no pose tried.",
+            "field_of_view_mm",
+            "larger than the field of view",
+        ),
+        (
+            "clearance_mm was met by no pose tried.",
+            "clearance_mm",
+            "in view only too near the part",
+        ),
     ],
 )
 def test_words_before_a_reason_claim_no_more_than_it_says(message, constraint, words):

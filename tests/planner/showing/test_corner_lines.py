@@ -18,7 +18,9 @@ def extruded(outline):
     n = len(outline)
     vertices = [(x, y, z) for y in (0.0, 20.0) for x, z in outline]
     sides = [(k, n + k, n + (k + 1) % n, (k + 1) % n) for k in range(n)]
-    return Solid(vertices, [tuple(range(n)), tuple(range(2 * n - 1, n - 1, -1)), *sides], name="plate")
+    return Solid(
+        vertices, [tuple(range(n)), tuple(range(2 * n - 1, n - 1, -1)), *sides], name="plate"
+    )
 
 
 def corner(outline, showing):
@@ -80,9 +82,22 @@ def test_a_line_beside_the_line_at_an_end():
     """A slit 4 px beside the plate's left side, up to 12 px below the edge: that is apart from it, the side is not."""
     gap, top = 4.0 / SCALE, 40.0
     below = top - 12.0 / SCALE
-    slit = [(0, 0), (gap, 0), (gap, below), (gap + 1, below), (gap + 1, 0), (60, 0), (60, top), (0, top)]
+    slit = [
+        (0, 0),
+        (gap, 0),
+        (gap, below),
+        (gap + 1, below),
+        (gap + 1, 0),
+        (60, 0),
+        (60, top),
+        (0, top),
+    ]
     assert corner(slit, Showing(separation_px=5.0, min_corner_deg=25.0)) == -25.0
-    assert corner(slit, Showing(separation_px=3.0, min_corner_deg=25.0)) == pytest.approx(65.0, abs=1e-3)
+    assert corner(slit, Showing(separation_px=3.0, min_corner_deg=25.0)) == pytest.approx(
+        65.0, abs=1e-3
+    )
     # beyond what is fitted it does not matter
     deep = [(x, z if z != below else top - 40.0 / SCALE) for x, z in slit]
-    assert corner(deep, Showing(separation_px=5.0, min_corner_deg=25.0)) == pytest.approx(65.0, abs=1e-3)
+    assert corner(deep, Showing(separation_px=5.0, min_corner_deg=25.0)) == pytest.approx(
+        65.0, abs=1e-3
+    )

@@ -34,14 +34,18 @@ DRAWN = 40_000
 def test_a_point_on_the_axis_moves_as_similar_triangles_say(axis, sigma, expected):
     covariance = np.zeros((6, 6))
     covariance[axis, axis] = sigma**2
-    window = search_window_px(np.eye(4), np.array([[0.0, 0.0, 400.0]]), PLAIN, PoseUncertainty(covariance))
+    window = search_window_px(
+        np.eye(4), np.array([[0.0, 0.0, 400.0]]), PLAIN, PoseUncertainty(covariance)
+    )
     assert window == pytest.approx(3 * expected, abs=1e-9)
 
 
 def test_of_several_points_the_one_that_moves_most_counts():
     turns = PoseUncertainty(np.diag([0, 0, 0, 0, 0, 1e-6]))
     points = np.array([[10.0, 0.0, 400.0], [0.0, 60.0, 400.0]])
-    assert search_window_px(np.eye(4), points, PLAIN, turns) == pytest.approx(3 * SCALE * 60 / 400 * 1e-3)
+    assert search_window_px(np.eye(4), points, PLAIN, turns) == pytest.approx(
+        3 * SCALE * 60 / 400 * 1e-3
+    )
 
 
 @pytest.mark.parametrize("camera", [PLAIN, BENT], ids=["plain", "distorted"])
@@ -50,7 +54,9 @@ def test_windows_agree_with_poses_that_are_drawn(camera, seed):
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(6, 6)) * np.repeat([0.04, 4e-4], 3)[:, None]
     covariance = root @ root.T
-    pose = look_at(rng.uniform(-1, 1, (1, 3)) * 60 + [0, 0, 380], [0, 0, 0], roll=rng.uniform(0, 6))[0]
+    pose = look_at(
+        rng.uniform(-1, 1, (1, 3)) * 60 + [0, 0, 380], [0, 0, 0], roll=rng.uniform(0, 6)
+    )[0]
     ends = rng.uniform(-40, 40, (2, 3))
     moves = rng.multivariate_normal(np.zeros(6), covariance, DRAWN)
     # the real pose is the planned one times the displacement, see PoseUncertainty

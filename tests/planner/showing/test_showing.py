@@ -80,7 +80,10 @@ def test_corners_of_a_block():
         tips = [[corner[0], 50, 60], [corner[0], 0, 0]]
         a, b, *arms = image([corner, inward, *tips], pose[0])
         edge = np.arctan2(*(b - a))
-        angles = [np.degrees(abs((np.arctan2(*(tip - a)) - edge + np.pi) % (2 * np.pi) - np.pi)) for tip in arms]
+        angles = [
+            np.degrees(abs((np.arctan2(*(tip - a)) - edge + np.pi) % (2 * np.pi) - np.pi))
+            for tip in arms
+        ]
         by_hand.append(min(max(min(x, 180 - x) for x in angles), *angles))
     assert check.corners(pose, ONE)[0, 0] == pytest.approx(min(by_hand) - 25.0, abs=1e-6)
 
@@ -116,7 +119,9 @@ def dense_separation(solid, scene, entity, pose, camera, near_px, chords):
         if LineString(image([a, b], pose, camera)).distance(own) >= reach:
             continue
         points = a + np.linspace(0, 1, max(2, int(np.linalg.norm(b - a) / 0.2)))[:, None] * (b - a)
-        rays = np.concatenate([np.broadcast_to(eye, points.shape), points - eye], axis=1).astype(np.float32)
+        rays = np.concatenate([np.broadcast_to(eye, points.shape), points - eye], axis=1).astype(
+            np.float32
+        )
         hit = scene.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy()
         at_own = set(edge.vertices) & {v for i in entity.edge_ids for v in solid.edges[i].vertices}
         least = near_px if at_own or (chords and edge.curved) else 0.0
@@ -133,18 +138,25 @@ def test_separation_on_a_real_part_by_dense_points(ctc01):
     check, _ = check_of(ctc01, NAMED, showing, camera)
     found = resolve_entities(ctc01, NAMED)
     scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(np.asarray(ctc01.vertices, dtype=np.float32), np.asarray(ctc01.triangles, dtype=np.uint32))
+    scene.add_triangles(
+        np.asarray(ctc01.vertices, dtype=np.float32), np.asarray(ctc01.triangles, dtype=np.uint32)
+    )
     rng, near = np.random.default_rng(7), 8.0 / np.sin(np.radians(25.0))
     compared = 0
     for k, entity in enumerate(found.values()):
         for _ in range(5):
             way = rng.normal(size=3) * (1, 1, 0.4) + (0, 0, 1)
             target = entity.endpoints.mean(axis=0)
-            pose = look_at([target + 420 * way / np.linalg.norm(way)], target, roll=rng.uniform(0, 6))
+            pose = look_at(
+                [target + 420 * way / np.linalg.norm(way)], target, roll=rng.uniform(0, 6)
+            )
             wanted = np.zeros((1, len(found)), dtype=bool)
             wanted[0, k] = True
             ours = check.separations(pose, wanted, 0.0)[0, k] + 8.0
-            few, more = (dense_separation(ctc01, scene, entity, pose[0], camera, near, one) for one in (True, False))
+            few, more = (
+                dense_separation(ctc01, scene, entity, pose[0], camera, near, one)
+                for one in (True, False)
+            )
             # of curves, ours leaves out those that meet the edge
             assert more - 0.5 <= ours <= few + 0.5
             compared += ours < 8.0
@@ -161,7 +173,9 @@ def test_yes_and_no_agree_with_how_much(ctc01):
     check, ends = check_of(ctc01, NAMED, showing, camera)
     ways = rng.normal(size=(200, 3)) * (1, 1, 0.4) + (0, 0, 1)
     targets = ends.mean(axis=1)[np.arange(200) % len(ends)]
-    poses = look_at(targets + 420 * ways / np.linalg.norm(ways, axis=1, keepdims=True), targets, roll=0.3)
+    poses = look_at(
+        targets + 420 * ways / np.linalg.norm(ways, axis=1, keepdims=True), targets, roll=0.3
+    )
     every = np.ones((200, len(ends)), dtype=bool)
     corners, apart = check.corners(poses, every) >= 0, check.separations(poses, every, 0.0) >= 0
     # both answers of both conditions, else nothing is compared
@@ -214,7 +228,10 @@ def test_conditions_that_cannot_be(values, text):
 
 
 def test_conditions_wider_than_the_image():
-    with pytest.raises(RequestError, match=r"separation_px must be less than half the image's smaller side, 2048 px"):
+    with pytest.raises(
+        RequestError,
+        match=r"separation_px must be less than half the image's smaller side, 2048 px",
+    ):
         check_showing(Showing(separation_px=1024), CAMERA)
     with pytest.raises(RequestError, match=r"showing must be a Showing. Got 5."):
         check_showing(5, CAMERA)

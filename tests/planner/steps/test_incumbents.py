@@ -51,9 +51,13 @@ def test_incumbents_get_better(whole):
     assert len(told) > 3
     assert told[-1] is plan
     for earlier, later in itertools.pairwise(told[:-1]):
-        worth = [(len(one.inspected), -len(one.settings), one.lower_bound) for one in (earlier, later)]
+        worth = [
+            (len(one.inspected), -len(one.settings), one.lower_bound) for one in (earlier, later)
+        ]
         assert worth[0] < worth[1]
-    assert len(told[0].inspected) < len(plan.inspected) or len(told[0].settings) > len(plan.settings)
+    assert len(told[0].inspected) < len(plan.inspected) or len(told[0].settings) > len(
+        plan.settings
+    )
     assert {one.lower_bound for one in told} > {1}
 
 
@@ -61,7 +65,9 @@ def test_entities_that_exclude_each_other_prove_a_bound_before_the_search_for_on
     plan, told = whole
     early = next(one for one in told if one.lower_bound > 1)
     assert early.unfinished
-    assert early.bound_proof.startswith(f"Of {early.lower_bound} edges no two can be inspected together")
+    assert early.bound_proof.startswith(
+        f"Of {early.lower_bound} edges no two can be inspected together"
+    )
     assert len(early.settings) > len(plan.settings)
 
 
@@ -77,7 +83,9 @@ def test_incumbents_keep_what_they_promise(whole):
         assert not simulation.verdicts["contradicted"]
 
 
-def test_when_the_time_is_up_the_best_plan_so_far_is_returned_and_the_state_goes_on(space, whole, tmp_path):
+def test_when_the_time_is_up_the_best_plan_so_far_is_returned_and_the_state_goes_on(
+    space, whole, tmp_path
+):
     told, state = [], tmp_path / "state.json"
     plan = plan_box(space, time_limit_s=1e-9, on_incumbent=told.append, state=state)
     assert plan.unfinished
@@ -146,7 +154,9 @@ def test_what_has_no_view_yet_is_said_to_have_none_yet(space, monkeypatch):
     assert plan.complete
     first = told[0]
     assert first.uninspectable
-    assert set(first.uninspectable.values()) == {"no view was found yet: the planning had not come to its end."}
+    assert set(first.uninspectable.values()) == {
+        "no view was found yet: the planning had not come to its end."
+    }
     assert first.lower_bound == 1
 
 
@@ -166,5 +176,7 @@ def test_efforts_have_names():
     assert Effort.named("standard") == Effort()
     quick, thorough = Effort.named("quick"), Effort.named("thorough")
     assert quick.bound_nodes < Effort().bound_nodes < thorough.bound_nodes
-    with pytest.raises(RequestError, match=r"effort must be one of quick, standard, thorough\. Got 'slow'"):
+    with pytest.raises(
+        RequestError, match=r"effort must be one of quick, standard, thorough\. Got 'slow'"
+    ):
         Effort.named("slow")

@@ -53,7 +53,9 @@ def test_a_line_inside_the_window_is_kept_and_warned_of():
 def test_a_line_outside_the_window_is_not():
     found = planned(turn_for(0.8 * APART_PX), Showing())
     assert found.settings[0].lines_in_window_px == {}
-    assert not any("another visible line" in one.text for one in measured_rows(found)[0][0].warnings)
+    assert not any(
+        "another visible line" in one.text for one in measured_rows(found)[0][0].warnings
+    )
     assert "lines_in_window_px" not in found.to_dict()["settings"][0]
     assert set(found.to_dict()["settings"][0]["search_window_px"]) == {NAME}
 
@@ -68,8 +70,14 @@ def test_plans_that_ask_nothing_of_images_keep_their_file():
     [
         ({"search_window_px": {NAME: 5000.0}}, r"search_window_px.*must be that of the pose"),
         ({"search_window_px": {}}, r"search_window_px.*must be given"),
-        ({"lines_in_window_px": {"bottom": 1.0}}, r"lines_in_window_px.*must be of an entity with a search window"),
-        ({"lines_in_window_px": {NAME: 1e6}}, r"lines_in_window_px.*must be at most the search window"),
+        (
+            {"lines_in_window_px": {"bottom": 1.0}},
+            r"lines_in_window_px.*must be of an entity with a search window",
+        ),
+        (
+            {"lines_in_window_px": {NAME: 1e6}},
+            r"lines_in_window_px.*must be at most the search window",
+        ),
     ],
 )
 def test_a_file_that_says_otherwise_is_refused(change, told):

@@ -9,7 +9,16 @@ from lit_parts import block
 from plan_examples import plan, setting
 
 from aspectgraph import LightError, compute_regions
-from planner import Camera, Effort, LampBox, Lighting, PoseUncertainty, Showing, plan_inspection, plan_light
+from planner import (
+    Camera,
+    Effort,
+    LampBox,
+    Lighting,
+    PoseUncertainty,
+    Showing,
+    plan_inspection,
+    plan_light,
+)
 from planner.light.light_plan import LightPlan
 from planner.request.defaults import default_workspace
 from planner.steps import lit_settings as module
@@ -106,15 +115,24 @@ def test_a_lamp_inside_the_part_is_refused_before_any_work():
 
 def test_a_setting_does_not_measure_what_only_another_one_shows(monkeypatch):
     settings = setting((0.0, 0.0, 300.0), ["left", "right"]), setting((50.0, 0.0, 300.0), ["left"])
-    light = LightPlan("fixed", 0.1, 0.1, "dark", [EVEN], ((), ()), ({"left": "dark", "right": "dark"}, {}), 1)
-    two = replace(plan(settings=settings, uninspectable={}, entities={**LEFT, "right": LEFT["left"]}), light=light)
-    monkeypatch.setattr(told_on_grid, "setting_at", lambda _, pose, names, *args, **how: setting(pose[:3, 3], names))
+    light = LightPlan(
+        "fixed", 0.1, 0.1, "dark", [EVEN], ((), ()), ({"left": "dark", "right": "dark"}, {}), 1
+    )
+    two = replace(
+        plan(settings=settings, uninspectable={}, entities={**LEFT, "right": LEFT["left"]}),
+        light=light,
+    )
+    monkeypatch.setattr(
+        told_on_grid, "setting_at", lambda _, pose, names, *args, **how: setting(pose[:3, 3], names)
+    )
     run = SimpleNamespace(request=None, names=["left", "right"])
     # what nothing shows is measured where it was
     assert [one.entities for one in module._chosen_among(run, two, [])] == [("right",), ("left",)]
 
 
 def test_lighting_tells_what_is_asked():
-    assert repr(Lighting(LampBox((0, 0, 0), (1, 1, 1)), 0.2)).startswith("<Lighting by the box of lamps: contrast 0.2")
+    assert repr(Lighting(LampBox((0, 0, 0), (1, 1, 1)), 0.2)).startswith(
+        "<Lighting by the box of lamps: contrast 0.2"
+    )
     assert Lighting([EVEN]).to_dict() == Lighting(np.array([EVEN])).to_dict()
     assert Lighting([EVEN]).to_dict() != Lighting([EVEN], step=0.3).to_dict()

@@ -21,12 +21,16 @@ from planner.verify.simulate_setting import MODEL_TOLERANCE
         (0.9 * SUPPORT.too_high, 0.5, False),
     ],
 )
-def test_a_promise_is_contradicted_by_more_than_the_models_tolerance(monkeypatch, first, sure, contradicted):
+def test_a_promise_is_contradicted_by_more_than_the_models_tolerance(
+    monkeypatch, first, sure, contradicted
+):
     frequencies = {SUPPORT.trial_poses: 0.95 - first, SUPPORT.sure_poses: 0.95 - sure}
 
     def simulated(setting, *_, n, **__):
         # what is not suspected is not simulated again
-        assert set(setting.entities) == ({"edge", "sound"} if n == SUPPORT.trial_poses else {"edge"})
+        assert set(setting.entities) == (
+            {"edge", "sound"} if n == SUPPORT.trial_poses else {"edge"}
+        )
         found = {
             "edge": SimpleNamespace(predicted=0.95, frequency=frequencies[n]),
             "sound": SimpleNamespace(predicted=0.95, frequency=0.95),
@@ -35,6 +39,8 @@ def test_a_promise_is_contradicted_by_more_than_the_models_tolerance(monkeypatch
 
     monkeypatch.setattr(realise_column, "simulate_setting", simulated)
     monkeypatch.setattr(realise_column, "measured_items", lambda request: None)
-    judge = SimpleNamespace(request=SimpleNamespace(pose_uncertainty=None), camera=None, accuracy=0.98)
+    judge = SimpleNamespace(
+        request=SimpleNamespace(pose_uncertainty=None), camera=None, accuracy=0.98
+    )
     posed = PosedOnly(np.eye(4), ("edge", "sound"), {"edge": 0.95, "sound": 0.95})
     assert list(promised_too_much(judge, posed, 0)) == ["edge"] * contradicted

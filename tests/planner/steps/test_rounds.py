@@ -146,7 +146,9 @@ def test_what_simulation_contradicts_is_counted_before_the_proof(monkeypatch, co
         # every edge is in some setting of the plan that is looked at
         assert {name for setting in settings for name in setting.entities} == set(NAMES)
         looked.append(len(settings))
-        return SimpleNamespace(wrong=[NAMES[len(looked) % 4]] if len(looked) <= contradicted else [])
+        return SimpleNamespace(
+            wrong=[NAMES[len(looked) % 4]] if len(looked) <= contradicted else []
+        )
 
     monkeypatch.setattr(find_columns, "told_on_grid", told)
     monkeypatch.setattr(find_columns, "count_on_grid", lambda run, names: counted.append(names))
@@ -168,7 +170,9 @@ def test_what_simulation_says_of_a_promise_does_not_depend_on_the_others(monkeyp
     monkeypatch.setattr("planner.steps.run.promised_too_much", too_much)
     run = run_with(np.eye(4))
     run.request = SimpleNamespace(dimensions={1: None, 3: None})
-    setting = SimpleNamespace(cam2world=np.eye(4), entities=tuple(NAMES), probability=dict.fromkeys(NAMES, 0.95))
+    setting = SimpleNamespace(
+        cam2world=np.eye(4), entities=tuple(NAMES), probability=dict.fromkeys(NAMES, 0.95)
+    )
     assert run.contradicted_in(setting) == {NAMES[2]: 0.1}
     assert asked == [(NAMES[0], NAMES[2]), (NAMES[1],), (NAMES[3],)]
     # known by now, with fewer stated, too; another promise is asked for

@@ -26,7 +26,9 @@ class World:
         self.pool.poses = np.tile(np.eye(4), (len(self.promised), 1, 1))
         # tells the columns apart
         self.pool.poses[:, 0, 3] = np.arange(len(self.promised))
-        monkeypatch.setattr(supported_columns, "candidate_settings", lambda run, pool, columns: list(columns))
+        monkeypatch.setattr(
+            supported_columns, "candidate_settings", lambda run, pool, columns: list(columns)
+        )
         monkeypatch.setattr(supported_columns, "as_simulated", self.simulated)
 
     def rng(self, purpose):
@@ -53,7 +55,10 @@ def fewest(columns):
     """The size of the smallest cover of all that columns contain, by trying all."""
     covered = columns.any(axis=0)
     for n in range(1, len(columns) + 1):
-        if any(columns[list(some)].any(axis=0)[covered].all() for some in combinations(range(len(columns)), n)):
+        if any(
+            columns[list(some)].any(axis=0)[covered].all()
+            for some in combinations(range(len(columns)), n)
+        ):
             return n
     return 0
 

@@ -16,7 +16,9 @@ def told(monkeypatch, frequencies):
     """Settings for a and b, and for a alone; a is contradicted, and counted so often on the grid."""
     settings = [setting((0.0, 0.0, 300.0), ["a", "b"]), setting((50.0, 0.0, 300.0), ["a"])]
     monkeypatch.setattr(module, "contradicted", lambda run, settings: ["a"])
-    monkeypatch.setattr(module, "frequencies", lambda run, i, poses: np.array(frequencies)[: len(poses)])
+    monkeypatch.setattr(
+        module, "frequencies", lambda run, i, poses: np.array(frequencies)[: len(poses)]
+    )
 
     def setting_at(request, pose, names, message, **_):
         return setting(tuple(pose[:3, 3]), list(names))
@@ -29,9 +31,14 @@ def test_what_was_counted_is_stated_if_it_is_enough(monkeypatch):
     before, found = told(monkeypatch, [0.95, 0.97])
     assert found.counted == ("a",)
     assert found.wrong == []
-    assert [one.probability["a"] for one in found.settings] == pytest.approx(lowered(np.array([0.95, 0.97])))
+    assert [one.probability["a"] for one in found.settings] == pytest.approx(
+        lowered(np.array([0.95, 0.97]))
+    )
     assert found.settings[0].probability["b"] == before[0].probability["b"]
-    assert all((one.cam2world == old.cam2world).all() for one, old in zip(found.settings, before, strict=True))
+    assert all(
+        (one.cam2world == old.cam2world).all()
+        for one, old in zip(found.settings, before, strict=True)
+    )
 
 
 def test_an_edge_is_left_to_the_setting_that_is_sure_enough_of_it(monkeypatch):

@@ -9,7 +9,14 @@ from lit_parts import block
 from plan_examples import UNCERTAINTY, plan, setting
 from shapely import LineString
 
-from planner import InspectionPlan, PlanFileError, PoseUncertainty, RequestError, Requirements, Showing
+from planner import (
+    InspectionPlan,
+    PlanFileError,
+    PoseUncertainty,
+    RequestError,
+    Requirements,
+    Showing,
+)
 from planner.camera.pose import world_to_cam
 from planner.output.wording import shown_sentence, unshown_texts
 from planner.rows.measured import UNSHOWN, measured_rows
@@ -63,13 +70,20 @@ def test_at_the_limit_by_shapely():
 
 def test_a_camera_that_is_sure_of_its_pose():
     sure = PoseUncertainty.isotropic(translation_mm=0.0, rotation_rad=0.0)
-    assert count_shown(frontal(image_px() - 0.01, sure), block(), 20, 0).counts[0]["top front"] == 20
+    assert (
+        count_shown(frontal(image_px() - 0.01, sure), block(), 20, 0).counts[0]["top front"] == 20
+    )
     assert count_shown(frontal(image_px() + 0.01, sure), block(), 20, 0).counts[0]["top front"] == 0
 
 
 def test_who_asks_for_nothing_gets_nothing():
     assert count_shown(frontal(0.0), block(), 100, 0) is None
-    empty = replace(frontal(5.0), settings=(), lower_bound=0, uninspectable=dict.fromkeys(plan().entities, "hidden"))
+    empty = replace(
+        frontal(5.0),
+        settings=(),
+        lower_bound=0,
+        uninspectable=dict.fromkeys(plan().entities, "hidden"),
+    )
     assert empty.simulate(100, solid=block()).shown is None
 
 
@@ -84,12 +98,19 @@ def test_the_plan_keeps_and_tells_it():
     found = frontal(image_px()).simulated(500, solid=block())
     n = found.simulation.shown.counts[0]["top front"]
     told = f"the conditions for being found are met in {n} of 200 images of displaced cameras"
-    assert InspectionPlan.from_dict(json.loads(json.dumps(found.to_dict()))).simulation == found.simulation
+    assert (
+        InspectionPlan.from_dict(json.loads(json.dumps(found.to_dict()))).simulation
+        == found.simulation
+    )
     (row,) = measured_rows(found)[0]
     assert (UNSHOWN, told) in row.warnings
     assert unshown_texts(found.simulation.shown, 0) == [f"top front: {told}"]
-    assert shown_sentence(found.simulation.shown).endswith(f"by each of the others in {n} of 200 at least.")
-    assert shown_sentence(ShownImages(({"a": 200}, {"b": 200}), 200)).endswith("are met in every image.")
+    assert shown_sentence(found.simulation.shown).endswith(
+        f"by each of the others in {n} of 200 at least."
+    )
+    assert shown_sentence(ShownImages(({"a": 200}, {"b": 200}), 200)).endswith(
+        "are met in every image."
+    )
     assert shown_sentence(None) == ""
 
 

@@ -30,7 +30,9 @@ def test_without_uncertainty_only_rounding_is_left():
     }
     names = ("whole", "rounded")
     for accuracy, expected in ((0.99, (100, 0)), (0.96, (100, 100))):  # 0.6 px of 20.4 px is 2.9 %
-        rates = simulate_setting(setting_at(depth, names), entities, CAMERA, EXACT, accuracy=accuracy, n=100)
+        rates = simulate_setting(
+            setting_at(depth, names), entities, CAMERA, EXACT, accuracy=accuracy, n=100
+        )
         assert tuple(rates[name].successes for name in names) == expected
 
 
@@ -41,9 +43,9 @@ def test_a_pure_change_of_distance_by_hand():
     covariance[2, 2] = sigma**2
     camera = Camera(25.0, (1e-5, 1e-5), (10**6, 10**6), 8.0, depth)
     entities = {"edge": np.array([[-30.0, 0, 0], [30.0, 0, 0]])}
-    rate = simulate_setting(setting_at(depth, ("edge",)), entities, camera, PoseUncertainty(covariance), n=50_000)[
-        "edge"
-    ]
+    rate = simulate_setting(
+        setting_at(depth, ("edge",)), entities, camera, PoseUncertainty(covariance), n=50_000
+    )["edge"]
     low, high = depth * (1 - 1 / 0.98), depth * (1 - 1 / 1.02)
     expected = norm.cdf(high / sigma) - norm.cdf(low / sigma)
     assert 0.9 < expected < 0.99
@@ -58,7 +60,9 @@ def test_lengths_are_those_of_the_undistorted_image(distortion):
     lens = {"pixel_pitch_mm": 0.001, "f_number": 8.0, "focus_distance_mm": 400.0}
     camera = Camera.from_opencv(matrix, distortion, (40_000, 30_000), **lens)
     entities = {"edge": np.array([[150.0, 50.0, 0], [220.0, 110.0, 0]])}
-    rates = simulate_setting(setting_at(400.0, ("edge",)), entities, camera, EXACT, accuracy=0.9997, n=100)
+    rates = simulate_setting(
+        setting_at(400.0, ("edge",)), entities, camera, EXACT, accuracy=0.9997, n=100
+    )
     assert rates["edge"].successes == 100
     seen = image_of(camera, np.array([[150.0, -50.0, 400.0], [220.0, -110.0, 400.0]]) / 400.0)
     shorter = np.hypot(*(seen[1] - seen[0])) / (26700 * np.hypot(70, 60) / 400)
@@ -75,8 +79,13 @@ def test_ends_off_a_distorted_sensor_are_lost():
         focus_distance_mm=400.0,
     )
     # the side is where x (1 - 0.25 x² + 0.1 x⁴) = 0.5: x = 0.5342, 213.7 mm
-    entities = {"in": np.array([[0.0, 0, 0], [213.0, 0, 0]]), "out": np.array([[0.0, 0, 0], [214.4, 0, 0]])}
-    rates = simulate_setting(setting_at(400.0, ("in", "out")), entities, camera, EXACT, accuracy=0.99, n=50)
+    entities = {
+        "in": np.array([[0.0, 0, 0], [213.0, 0, 0]]),
+        "out": np.array([[0.0, 0, 0], [214.4, 0, 0]]),
+    }
+    rates = simulate_setting(
+        setting_at(400.0, ("in", "out")), entities, camera, EXACT, accuracy=0.99, n=50
+    )
     assert (rates["in"].outside, rates["out"].outside) == (0, 50)
 
 
@@ -87,7 +96,9 @@ def test_displaced_poses_have_the_given_covariance_and_exact_rotations():
     pose = look_at([[100.0, 50.0, 300.0]], [0, 0, 0], 0.1, 0.2, 0.3)[0]
     drawn = displaced_poses(pose, uncertainty, 30_000, rng)
     rotations = drawn[:, :3, :3]
-    assert rotations @ np.swapaxes(rotations, 1, 2) == pytest.approx(np.tile(np.eye(3), (30_000, 1, 1)), abs=1e-12)
+    assert rotations @ np.swapaxes(rotations, 1, 2) == pytest.approx(
+        np.tile(np.eye(3), (30_000, 1, 1)), abs=1e-12
+    )
     shifts = (drawn[:, :3, 3] - pose[:3, 3]) @ pose[:3, :3]
     scale = np.abs(uncertainty.covariance[:3, :3]).max()
     assert np.cov(shifts.T) == pytest.approx(uncertainty.covariance[:3, :3], abs=0.04 * scale)
@@ -102,10 +113,14 @@ def test_one_grid_and_random_phases_differ_for_a_short_edge():
     slide = PoseUncertainty(covariance)
     # 1.3 % of 20.25 px is 0.26 px: only 20 px is accurate; one grid gives it with chance 0.75
     options = {"accuracy": 1 - 0.26 / 20.25, "n": 20_000}
-    fixed = simulate_setting(setting_at(400.0, ("edge",)), entities, CAMERA, slide, **options)["edge"]
+    fixed = simulate_setting(setting_at(400.0, ("edge",)), entities, CAMERA, slide, **options)[
+        "edge"
+    ]
     assert fixed.frequency == pytest.approx(0.75, abs=0.015)
     # two independent uniform errors: |difference| <= 0.26 has the chance 1 - (1 - 0.26)²
-    free = simulate_setting(setting_at(400.0, ("edge",)), entities, CAMERA, slide, random_phase=True, **options)["edge"]
+    free = simulate_setting(
+        setting_at(400.0, ("edge",)), entities, CAMERA, slide, random_phase=True, **options
+    )["edge"]
     assert free.frequency == pytest.approx(1 - 0.74**2, abs=0.015)
 
 
@@ -113,8 +128,12 @@ def test_an_end_that_leaves_the_image_is_a_failure_unless_limits_are_ignored():
     half_width = 320 * 0.01 / CAMERA.image_distance_mm * 400
     entities = {"edge": np.array([[0, 0, 0], [half_width - 0.05, 0, 0]])}
     jitter = PoseUncertainty.isotropic(translation_mm=0.5, rotation_rad=0.0)
-    limited = simulate_setting(setting_at(400.0, ("edge",)), entities, CAMERA, jitter, n=4000)["edge"]
-    free = simulate_setting(setting_at(400.0, ("edge",)), entities, CAMERA, jitter, n=4000, sensor_limits=False)["edge"]
+    limited = simulate_setting(setting_at(400.0, ("edge",)), entities, CAMERA, jitter, n=4000)[
+        "edge"
+    ]
+    free = simulate_setting(
+        setting_at(400.0, ("edge",)), entities, CAMERA, jitter, n=4000, sensor_limits=False
+    )["edge"]
     assert limited.outside == free.outside > 1000
     assert free.successes > 3900
     assert limited.successes <= 4000 - limited.outside
@@ -139,7 +158,9 @@ def test_a_planned_setting_keeps_its_promise():
     space = BoxSpace()
     uncertainty = PoseUncertainty.isotropic(translation_mm=2.0, rotation_rad=0.05)
     setting = plan_setting(space, ["x00", "z00"], CAMERA, uncertainty, field_margin_px=80)
-    rates = simulate_setting(setting, space.entities, CAMERA, uncertainty, n=40_000, sensor_limits=False)
+    rates = simulate_setting(
+        setting, space.entities, CAMERA, uncertainty, n=40_000, sensor_limits=False
+    )
     for name, rate in rates.items():
         assert rate.predicted == setting.probability[name] < 0.9999
         # the error model is accurate to 0.001 beside the sampling error
@@ -150,12 +171,18 @@ def test_same_seed_same_counts_and_confirmation():
     entities = {"edge": np.array([[-30.0, 0, 0], [30.0, 0, 0]])}
     jitter = PoseUncertainty.isotropic(translation_mm=2.0, rotation_rad=0.01)
     first, second = (
-        simulate_setting(setting_at(400.0, ("edge",), {"edge": p}), entities, CAMERA, jitter, n=2000, rng=3)["edge"]
+        simulate_setting(
+            setting_at(400.0, ("edge",), {"edge": p}), entities, CAMERA, jitter, n=2000, rng=3
+        )["edge"]
         for p in (0.2, 0.9999)
     )
     assert first.successes == second.successes
     assert not first.confirms
-    assert math.isnan(simulate_setting(setting_at(400.0, ("edge",)), entities, CAMERA, EXACT, n=5)["edge"].predicted)
+    assert math.isnan(
+        simulate_setting(setting_at(400.0, ("edge",)), entities, CAMERA, EXACT, n=5)[
+            "edge"
+        ].predicted
+    )
 
 
 @pytest.mark.parametrize(

@@ -12,27 +12,47 @@ def test_the_permitted_error_is_a_share_of_the_tolerance_an_error_or_a_share_of_
     assert tenth.permitted_error(12.0) == pytest.approx(0.004)
     assert Dimension.distance(17, 18, max_error_mm=0.02).permitted_error(12.0) == 0.02
     assert Dimension.angle(17, 18, max_error_deg=0.1).permitted_error(60.0) == 0.1
-    assert Dimension.radius("a0", accuracy=0.99).permitted_error(12.0, accuracy=0.5) == pytest.approx(0.12)
+    assert Dimension.radius("a0", accuracy=0.99).permitted_error(
+        12.0, accuracy=0.5
+    ) == pytest.approx(0.12)
     assert Dimension.length(17).permitted_error(50.0, accuracy=0.98) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Dimension.diameter("r3", tolerance_mm=(0.05, -0.05)), r"lower deviation below .*0.05, -0.05"),
+        (
+            lambda: Dimension.diameter("r3", tolerance_mm=(0.05, -0.05)),
+            r"lower deviation below .*0.05, -0.05",
+        ),
         (lambda: Dimension.diameter("r3", tolerance_mm=(0.05,)), "must be two numbers"),
-        (lambda: Dimension.diameter("r3", max_error_mm=0), "max_error must be a positive number. Got 0"),
+        (
+            lambda: Dimension.diameter("r3", max_error_mm=0),
+            "max_error must be a positive number. Got 0",
+        ),
         (lambda: Dimension.diameter("r3", accuracy=1.0), r"accuracy must be in \(0, 1\). Got 1.0"),
         (lambda: Dimension.diameter("r3", share=0), r"share must be in \(0, 1\]. Got 0"),
-        (lambda: Dimension.diameter("r3", tolerance_deg=(-1, 1)), "must be one of tolerance_mm.* Got 'tolerance_deg'"),
+        (
+            lambda: Dimension.diameter("r3", tolerance_deg=(-1, 1)),
+            "must be one of tolerance_mm.* Got 'tolerance_deg'",
+        ),
         (lambda: Dimension.angle(1, 2, max_error_mm=1), "Got 'max_error_mm'"),
-        (lambda: Dimension.diameter("r3", max_error_mm=1, accuracy=0.9), "one of tolerance, max_error and accuracy"),
-        (lambda: Dimension.distance(1, 2, direction=(0, 0, 0)), "direction must be three numbers, not all of them 0"),
+        (
+            lambda: Dimension.diameter("r3", max_error_mm=1, accuracy=0.9),
+            "one of tolerance, max_error and accuracy",
+        ),
+        (
+            lambda: Dimension.distance(1, 2, direction=(0, 0, 0)),
+            "direction must be three numbers, not all of them 0",
+        ),
         (
             lambda: Dimension.diameter("r3", max_error_mm=12.0).permitted_error(12.0),
             "smaller than its nominal value 12",
         ),
-        (lambda: Dimension.diameter("r3").permitted_error(12.0), "needs a tolerance, max_error or accuracy"),
+        (
+            lambda: Dimension.diameter("r3").permitted_error(12.0),
+            "needs a tolerance, max_error or accuracy",
+        ),
     ],
 )
 def test_refusals(make, message):

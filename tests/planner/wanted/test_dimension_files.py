@@ -42,10 +42,22 @@ def test_every_way_to_say_it(tmp_path):
         ('a = { width = "r3" }', "dimension 'a' must be made of a kind .* Got 'width'"),
         ("a = { max_error = 1 }", "dimension 'a' must have one kind. Got none"),
         ('a = { diameter = "r3", radius = "r3" }', "Got diameter, radius"),
-        ('a = { diameter = "r3", max_error = 1, unit = "furlong" }', "dimension 'a': unit must be one of mm.*furlong"),
-        ('a = { diameter = "r3", max_error = 1, unit = "deg" }', "unit must be one of mm, um, in. Got 'deg'"),
-        ('a = { diameter = "r3", tolerance = [1, -1] }', "dimension 'a': tolerance must have its lower"),
-        ('a = { diameter = "r3", max_error = 0 }', "dimension 'a': max_error must be a positive number. Got 0"),
+        (
+            'a = { diameter = "r3", max_error = 1, unit = "furlong" }',
+            "dimension 'a': unit must be one of mm.*furlong",
+        ),
+        (
+            'a = { diameter = "r3", max_error = 1, unit = "deg" }',
+            "unit must be one of mm, um, in. Got 'deg'",
+        ),
+        (
+            'a = { diameter = "r3", tolerance = [1, -1] }',
+            "dimension 'a': tolerance must have its lower",
+        ),
+        (
+            'a = { diameter = "r3", max_error = 0 }',
+            "dimension 'a': max_error must be a positive number. Got 0",
+        ),
         ("", "must hold one name at least"),
         ("a = [", "must be valid TOML or JSON"),
     ],
@@ -56,7 +68,9 @@ def test_refusals(tmp_path, text, message):
 
 
 def test_json_and_a_missing_file(tmp_path):
-    path = written(tmp_path, '{"dimensions": {"bore": {"diameter": "r3", "accuracy": 0.99}}}', "d.json")
+    path = written(
+        tmp_path, '{"dimensions": {"bore": {"diameter": "r3", "accuracy": 0.99}}}', "d.json"
+    )
     assert read_wanted(path, kinds()) == {"bore": Dimension.diameter("r3", accuracy=0.99)}
     with pytest.raises(RequestError, match="name an existing file"):
         read_wanted(tmp_path / "none.toml", kinds())

@@ -43,9 +43,18 @@ def test_an_edge_that_two_items_need_is_one_entity():
     ("dimension", "message"),
     [
         (Dimension.diameter("r99", max_error_mm=0.5), r"^dimension 'it': .*r99"),
-        (Dimension.distance(FRONT, LEFT, max_error_mm=0.5), r"^dimension 'it': .*must be parallel\. Got 90 degrees"),
-        (Dimension.length(FRONT, max_error_mm=90.0), r"^dimension 'it': .*smaller than its nominal value 80"),
-        (Dimension.diameter(UPPER[0], max_error_mm=1e-3), r"must have \d+ chords at least, as a mesh.* Got 24,"),
+        (
+            Dimension.distance(FRONT, LEFT, max_error_mm=0.5),
+            r"^dimension 'it': .*must be parallel\. Got 90 degrees",
+        ),
+        (
+            Dimension.length(FRONT, max_error_mm=90.0),
+            r"^dimension 'it': .*smaller than its nominal value 80",
+        ),
+        (
+            Dimension.diameter(UPPER[0], max_error_mm=1e-3),
+            r"must have \d+ chords at least, as a mesh.* Got 24,",
+        ),
     ],
 )
 def test_what_cannot_be_measured_is_named(dimension, message):

@@ -36,13 +36,17 @@ pytestmark = pytest.mark.uncompiled
 def coarse_tree(space, y, limit, halvings=2):
     """A tree of viewpoints whose boxes are halved that often in each direction, at most."""
     finest = (space.nodal_points[1] - space.nodal_points[0]).max() / 2.0**halvings
-    return Viewpoints(*_grow(space.nodal_points, space.entities, space.view, y, limit, finest), finest)
+    return Viewpoints(
+        *_grow(space.nodal_points, space.entities, space.view, y, limit, finest), finest
+    )
 
 
 def all_around(size, radius):
     """A request with visibility asked all around, and its space of poses."""
     need = Requirements(visibility_radius_mm=radius)
-    judge = Judge(Request(BoxSpace(size, WORKSPACE, EDGES), EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need))
+    judge = Judge(
+        Request(BoxSpace(size, WORKSPACE, EDGES), EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need)
+    )
     return judge, space_for(judge, Cells([judge.space.covering_cells([name]) for name in EDGES]))
 
 
@@ -51,7 +55,9 @@ def in_view(view, ends, poses):
     at = world_to_cam(ends, poses)
     depth = at[..., 2]
     seen = ((depth >= view.near) & (depth <= view.far)).all(axis=2)
-    return seen & (np.abs(at[..., :2]) <= depth[..., None] * [view.tan_x, view.tan_y]).all(axis=(2, 3))
+    return seen & (np.abs(at[..., :2]) <= depth[..., None] * [view.tan_x, view.tan_y]).all(
+        axis=(2, 3)
+    )
 
 
 @pytest.mark.parametrize("radius", [0.0, 4.0])
@@ -142,8 +148,13 @@ def test_boxes_too_small_to_be_halved_are_told(is_thin):
     """Two edges of the top, one visible where x < 60 and one where x > 60; both from nowhere, by 0.01 mm."""
     judge, _ = request_for(SIZES[0])
     low, high, pair = np.full(3, -1e4), np.full(3, 1e4), EDGES[:2]
-    below, above = BoxCell(low, np.array([59.995, *high[1:]])), BoxCell(np.array([60.005, *low[1:]]), high)
-    space = PoseSpace(judge, np.arange(len(pair)), Cells([[below], [above]]), np.zeros((2, 2), dtype=bool))
+    below, above = (
+        BoxCell(low, np.array([59.995, *high[1:]])),
+        BoxCell(np.array([60.005, *low[1:]]), high),
+    )
+    space = PoseSpace(
+        judge, np.arange(len(pair)), Cells([[below], [above]]), np.zeros((2, 2), dtype=bool)
+    )
     if is_thin:
         thin(space)
     y = np.ones(2)
@@ -158,4 +169,9 @@ def test_boxes_too_small_to_be_halved_are_told(is_thin):
     assert outcome == FOUND
     assert inspected.tolist() == [pose[0, 3] < 59.995, pose[0, 3] > 60.005]
     # and a larger box has too many
-    assert found_in(space, (1, np.array([at[0], np.full(3, 30.0), at[2], np.full(3, 0.3)])), y, 1.5, 3)[0] == SPENT
+    assert (
+        found_in(
+            space, (1, np.array([at[0], np.full(3, 30.0), at[2], np.full(3, 0.3)])), y, 1.5, 3
+        )[0]
+        == SPENT
+    )

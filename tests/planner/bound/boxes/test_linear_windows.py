@@ -88,7 +88,9 @@ def test_members_that_exclude_each_other_in_a_box_are_inspected_together_by_no_p
         apart = sides_of(space, chart, box)[3]
         image = world_to_cam(space.entities.ends, poses)
         depth = image[..., 2]
-        seen = (np.abs(image[..., :2]) <= depth[..., None] * [view.tan_x, view.tan_y]).all(axis=(2, 3))
+        seen = (np.abs(image[..., :2]) <= depth[..., None] * [view.tan_x, view.tan_y]).all(
+            axis=(2, 3)
+        )
         seen &= ((depth >= view.near) & (depth <= view.far)).all(axis=2)
         together = seen.T.astype(int) @ seen.astype(int) > 0
         assert (apart == apart.T).all()
@@ -102,7 +104,9 @@ def test_members_that_exclude_each_other_in_a_box_are_inspected_together_by_no_p
 def test_no_thin_view_exceeds_what_the_search_proves_of_its_box():
     judge, regions = request_for(SIZES[1])
     space, rng = space_for(judge, regions), np.random.default_rng(4)
-    view = space.view = space.view._replace(near=space.view.middle - 20.0, far=space.view.middle + 20.0)
+    view = space.view = space.view._replace(
+        near=space.view.middle - 20.0, far=space.view.middle + 20.0
+    )
     y = rng.uniform(0.1, 1.0, len(EDGES))
     proven = tight = 0
     for _ in range(200):
@@ -147,7 +151,9 @@ def test_the_answer_is_that_of_linear_programs(grouped, n_problems, m):
         box, seat = (np.full(6, -1.0), np.full(6, 1.0)), Seat(np.zeros(3), np.zeros((3, 3)))
         x, meets = np.empty(6), np.empty(m, dtype=bool)
         most = 50_000 if m == 6 else 400
-        answer, made = may_meet(Sides(rows, rhs, owner), Members(group, y), limit, box, seat, most, x, meets)
+        answer, made = may_meet(
+            Sides(rows, rhs, owner), Members(group, y), limit, box, seat, most, x, meets
+        )
         answers.append(answer)
         assert 1 <= made <= most + 1
         assert answer != (NO if possible else YES)
@@ -162,12 +168,18 @@ def test_the_answer_is_that_of_linear_programs(grouped, n_problems, m):
 def test_edges_nearly_in_a_plane_across_the_axis_are_not_said_to_have_shorter_images():
     """There |X| and X.a are nearly equal; the area they leave is compared with that of exact fractions."""
     view = View(near=300.0, far=300.001, middle=300.0005, tan_x=0.5, tan_y=0.4, radius=1.0)
-    rng, ratio, still = np.random.default_rng(0), 1e-5, Turn(np.zeros(3), np.zeros(3), 1.0, 0.0, 0.0)
+    rng, ratio, still = (
+        np.random.default_rng(0),
+        1e-5,
+        Turn(np.zeros(3), np.zeros(3), 1.0, 0.0, 0.0),
+    )
     rows, rhs, n_kept = np.zeros((1, 6)), np.zeros(1), 0
     for _ in range(500):
         ends, eye = rng.uniform(-300.0, 300.0, (2, 3)), rng.uniform(-300.0, 300.0, 3)
         ends[1, 2], eye[2] = ends[0, 2] + 1e-6 * rng.normal(size=2)
-        kept = _of_length((ends, ratio, np.zeros((2, 3))), np.array([eye, eye]), still, view, np.eye(3), rows, rhs)
+        kept = _of_length(
+            (ends, ratio, np.zeros((2, 3))), np.array([eye, eye]), still, view, np.eye(3), rows, rhs
+        )
         if kept:
             n_kept += 1
             first, second, nodal = ([Fraction(float(x)) for x in point] for point in (*ends, eye))

@@ -32,7 +32,9 @@ from planner.request.request import Request
 def around(size, radius):
     """A request with visibility asked all around, and its space of poses."""
     need = Requirements(visibility_radius_mm=radius)
-    judge = Judge(Request(BoxSpace(size, WORKSPACE, EDGES), EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need))
+    judge = Judge(
+        Request(BoxSpace(size, WORKSPACE, EDGES), EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need)
+    )
     return judge, space_for(judge, Cells([judge.space.covering_cells([name]) for name in EDGES]))
 
 
@@ -58,12 +60,19 @@ def test_visible_all_around_decides_where_regions_only_touch():
     judge, _ = request_for(SIZES[0])
     low, high = (np.asarray(corner, dtype=float) for corner in WORKSPACE)
     middle = (low[2] + high[2]) / 2
-    regions = Cells([[BoxCell(np.array([*low[:2], middle]), high)], [BoxCell(low, np.array([*high[:2], middle]))]])
+    regions = Cells(
+        [
+            [BoxCell(np.array([*low[:2], middle]), high)],
+            [BoxCell(low, np.array([*high[:2], middle]))],
+        ]
+    )
     for radius, together in ((0.0, True), (2.0, False)):
         need = Requirements(visibility_radius_mm=radius)
         strict = Judge(Request(judge.space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need))
         space = PoseSpace(strict, np.arange(len(pair)), regions, np.zeros((2, 2), dtype=bool))
-        tree = viewpoints_for(space.nodal_points, space.entities, space.view, np.ones(2), 1.5, finest=4.0)
+        tree = viewpoints_for(
+            space.nodal_points, space.entities, space.view, np.ones(2), 1.5, finest=4.0
+        )
         leaves = tree.sets[tree.second == 0, 0]
         assert (leaves == 3).any() == together
         assert {1, 2} <= set(leaves.tolist())
@@ -100,10 +109,16 @@ def test_where_members_may_be_inspected_together_shrinks_to_what_weighs_enough()
         rest = swings(matrix, box[2], box[3], n, t, nu, space.view.middle, swing)
         nodal = box[0] - space.view.middle * matrix[:, 2]
         reach = box[1] + np.abs(swing).sum(axis=0) + rest
-        eye, live = np.array([nodal - reach, nodal + reach]), np.zeros(tree.sets.shape[1], np.uint64)
+        eye, live = (
+            np.array([nodal - reach, nodal + reach]),
+            np.zeros(tree.sets.shape[1], np.uint64),
+        )
         before = np.prod(eye[1] - eye[0])
         limit = rng.uniform(0.3, 3.0)
-        asked, around_it = Asked(members, y, members, limit), PosesBox(nodal, matrix, box[1], swing, rest)
+        asked, around_it = (
+            Asked(members, y, members, limit),
+            PosesBox(nodal, matrix, box[1], swing, rest),
+        )
         share = heavy_members(tree, around_it, eye, asked, live)
         inspects = judge(poses).inspects
         heavy = inspects @ y > limit

@@ -10,7 +10,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from planner.bound.boxes.view import BOTTOM, FAR, LEFT, NEAR, RIGHT, TOP, View
-from planner.bound.boxes.windows import Turn, extent, farthest, is_empty, most_turn, rotation, seen_from, window
+from planner.bound.boxes.windows import (
+    Turn,
+    extent,
+    farthest,
+    is_empty,
+    most_turn,
+    rotation,
+    seen_from,
+    window,
+)
 
 pytestmark = pytest.mark.uncompiled
 
@@ -51,7 +60,9 @@ def forms_of(w):
 def ends_in_view(rng, camera, looked_at):
     """Ends of an edge that a pose sees, their depths, and the length of its image for a unit of depth."""
     depth = rng.uniform(90, 110, 2)
-    seen = np.column_stack([rng.uniform(-0.3, 0.3, 2) * depth, rng.uniform(-0.2, 0.2, 2) * depth, depth])
+    seen = np.column_stack(
+        [rng.uniform(-0.3, 0.3, 2) * depth, rng.uniform(-0.2, 0.2, 2) * depth, depth]
+    )
     image = np.linalg.norm(seen[0, :2] / depth[0] - seen[1, :2] / depth[1])
     return (seen - [0, 0, VIEW.middle]) @ camera.T + looked_at, depth, image
 
@@ -60,7 +71,11 @@ def draws(seed, n, small):
     """Boxes of poses and poses of them: chart, v0, u, q0, h, and those of the pose."""
     rng = np.random.default_rng(seed)
     for k in range(n):
-        v, u, h = rng.uniform(-0.7, 0.7, 3), rng.uniform(0.2, 1.0, 3) * small, rng.uniform(0.0, 20.0, 3)
+        v, u, h = (
+            rng.uniform(-0.7, 0.7, 3),
+            rng.uniform(0.2, 1.0, 3) * small,
+            rng.uniform(0.0, 20.0, 3),
+        )
         at, of = rng.uniform(-1, 1, (2, 3))
         if k % 3 == 0:
             at, of = np.sign(at), np.sign(of)
@@ -120,7 +135,9 @@ def test_a_pose_that_has_both_ends_in_view_is_within_the_window(small):
         camera = matrix_of(chart, turned)
         # from the pose, at the sides of the view or beyond
         depth = rng.uniform(88, 112, 2)
-        seen = np.column_stack([rng.uniform(-0.33, 0.33, 2) * depth, rng.uniform(-0.22, 0.22, 2) * depth, depth])
+        seen = np.column_stack(
+            [rng.uniform(-0.33, 0.33, 2) * depth, rng.uniform(-0.22, 0.22, 2) * depth, depth]
+        )
         ends = (seen - [0, 0, VIEW.middle]) @ camera.T + looked_at
         shown = (np.abs(seen[:, :2]) <= np.outer(depth, [VIEW.tan_x, VIEW.tan_y])).all()
         shown &= ((depth >= VIEW.near) & (depth <= VIEW.far)).all()
@@ -209,7 +226,9 @@ def test_of_one_pose_nothing_is_open_of_how_deep_an_end_may_be():
         ends, depth, image = ends_in_view(rng, matrix, q)
         s, far, opened = np.empty((2, 3)), np.empty(2), np.empty(2)
         seen_from(ends, q, matrix, s)
-        farthest(s, np.linalg.norm(ends[1] - ends[0]), image, turn.t, np.zeros(3), VIEW, far, opened)
+        farthest(
+            s, np.linalg.norm(ends[1] - ends[0]), image, turn.t, np.zeros(3), VIEW, far, opened
+        )
         assert far == pytest.approx(depth, abs=1e-5)
         assert opened == pytest.approx(np.zeros(2), abs=1e-6)
 
