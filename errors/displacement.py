@@ -70,6 +70,13 @@ def displace(points: ArrayLike, displacement: ArrayLike) -> NDArray[np.float64]:
         If a last dimension is not 3 or 6.
     InvalidParameterError
         If a value is not finite.
+
+    Examples
+    --------
+    >>> import math
+    >>> from errors import displace
+    >>> displace([10.0, 0.0, -90.0], [1.0, 2.0, 3.0, 0, 0, math.pi / 2]).round(9).tolist()
+    [1.0, 12.0, -87.0]
     """
     points, displacement = (
         check_finite(points, "points"),
@@ -107,6 +114,12 @@ def displacement_terms(points: ArrayLike, *, focal_length_mm: float) -> Displace
     ------
     BehindLensError, InvalidParameterError
         As `project`.
+
+    Examples
+    --------
+    >>> from errors import displacement_terms
+    >>> float(displacement_terms([10.0, 0.0, -90.0], focal_length_mm=10.0).d_mean)
+    10000.0
     """
     f = check_positive(focal_length_mm, "focal_length_mm")
     c1, c2, c3 = np.moveaxis(check_points(points, f), -1, 0)
@@ -142,6 +155,15 @@ def point_displacement(
     ------
     BehindLensError, CovarianceError, InvalidParameterError
         As `success_probability`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from errors import point_displacement
+    >>> covariance = np.diag([0.01, 0.01, 0.0, 0.0, 0.0, 0.0])
+    >>> law, _ = point_displacement([0, 0, -90.0], focal_length_mm=10.0, pose_covariance=covariance)
+    >>> round(float(law.std), 6)
+    0.01
     """
     covariance = check_covariance(pose_covariance)
     n_u, n_v, d_mean, d = displacement_terms(points, focal_length_mm=focal_length_mm)

@@ -57,6 +57,13 @@ def length_expansion(
     ------
     BehindLensError, DegenerateSegmentError, InvalidParameterError
         As `success_probability`.
+
+    Examples
+    --------
+    >>> from errors import length_expansion
+    >>> length, gradient, _ = length_expansion([[-20, 0, -90], [20, 0, -90]], focal_length_mm=10.0)
+    >>> float(length), gradient.round(6).tolist()
+    (4.0, [0.0, 0.0, 0.04, 0.0, 0.0, 0.0])
     """
     f = check_positive(focal_length_mm, "focal_length_mm")
     endpoints = check_endpoints(endpoints, f)

@@ -41,6 +41,21 @@ class SuccessModel:
     ------
     InvalidParameterError
         As `success_probability`; a covariance of another shape raises its kind `InvalidShapeError`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from errors import SuccessModel
+    >>> covariance = np.diag([0.01, 0.01, 0.01, 1e-6, 1e-6, 1e-6])
+    >>> model = SuccessModel(
+    ...     focal_length_mm=10.0,
+    ...     pixel_pitch_mm=(0.005, 0.005),
+    ...     pose_covariance=covariance,
+    ...     accuracy=0.98,
+    ... )
+    >>> square_on, end_on = model(np.array([[[-20, 0, -90], [20, 0, -90]], [[0, 0, -90], [0, 0, -50]]]))
+    >>> bool(square_on > 0.99), float(end_on)
+    (True, 0.0)
     """
 
     def __init__(

@@ -37,6 +37,12 @@ def project(points: ArrayLike, *, focal_length_mm: float) -> NDArray[np.float64]
         If a point has C3 >= focal_length_mm.
     InvalidParameterError
         If a value is not finite or the focal length is not positive.
+
+    Examples
+    --------
+    >>> from errors import project
+    >>> project([10.0, 5.0, -90.0], focal_length_mm=10.0).tolist()
+    [1.0, 0.5]
     """
     f = check_positive(focal_length_mm, "focal_length_mm")
     points = check_points(points, f)
@@ -66,6 +72,13 @@ def image_segment(
     ------
     BehindLensError, DegenerateSegmentError, InvalidParameterError
         As `success_probability`.
+
+    Examples
+    --------
+    >>> from errors import image_segment
+    >>> length, angle = image_segment([[0, 0, -90], [30, 40, -90]], focal_length_mm=10.0)
+    >>> float(length), round(float(angle), 4)
+    (5.0, 0.9273)
     """
     f = check_positive(focal_length_mm, "focal_length_mm")
     image = project(check_endpoints(endpoints, f), focal_length_mm=f)

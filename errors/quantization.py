@@ -32,6 +32,13 @@ class AxisQuantization:
     ------
     InvalidParameterError
         If the pitch is not positive.
+
+    Examples
+    --------
+    >>> from errors import AxisQuantization
+    >>> pixel = AxisQuantization(0.005)
+    >>> float(pixel.cdf(0.0)), float(pixel.pdf(0.0))
+    (0.5, 200.0)
     """
 
     pitch_mm: float
@@ -108,6 +115,13 @@ class SegmentQuantization:
     ------
     InvalidParameterError
         If a value is not finite or a pitch is not positive.
+
+    Examples
+    --------
+    >>> from errors import SegmentQuantization
+    >>> along_a_row = SegmentQuantization(0.0, (0.005, 0.005))
+    >>> float(along_a_row.cdf(0.005)), float(along_a_row.pdf(0.0))
+    (1.0, 200.0)
     """
 
     angle_rad: ArrayField

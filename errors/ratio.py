@@ -55,6 +55,13 @@ class NormalRatio:
         If a variance is negative or |cov| exceeds sqrt(var_n var_d).
     InvalidParameterError
         If the mean of the denominator is not positive or a value is not finite.
+
+    Examples
+    --------
+    >>> from errors import NormalRatio
+    >>> law = NormalRatio(var_n=4.0, var_d=0.0, cov=0.0, mean_d=2.0)
+    >>> float(law.cdf(0.0)), round(float(law.cdf(1.0)), 4)
+    (0.5, 0.8413)
     """
 
     var_n: ArrayField

@@ -36,6 +36,13 @@ def gray_from_binary(bits: np.ndarray) -> np.ndarray:
     ------
     ParameterError
         When `bits` holds anything but 0 and 1, or is a single number.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ga import gray_from_binary
+    >>> gray_from_binary(np.array([[0, 1, 1], [1, 0, 0]], bool)).astype(int).tolist()
+    [[0, 1, 0], [1, 1, 0]]
     """
     bits = check_bits("bits", bits)
     gray = bits.copy()
@@ -60,6 +67,13 @@ def binary_from_gray(bits: np.ndarray) -> np.ndarray:
     ------
     ParameterError
         When `bits` holds anything but 0 and 1, or is a single number.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ga import binary_from_gray
+    >>> binary_from_gray(np.array([[0, 1, 0], [1, 1, 0]], bool)).astype(int).tolist()
+    [[0, 1, 1], [1, 0, 0]]
     """
     return np.logical_xor.accumulate(check_bits("bits", bits), axis=-1)
 
@@ -84,6 +98,12 @@ class Chromosome:
     ------
     ParameterError
         When a parameter breaks its rule.
+
+    Examples
+    --------
+    >>> from ga import Chromosome
+    >>> Chromosome(n_genes=2, bits_per_gene=8).n_bits
+    16
     """
 
     n_genes: int

@@ -66,6 +66,13 @@ def travel_order(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM) -> tuple[
     -------
     tuple of int
         Indices of the poses in the order of travel.
+
+    Examples
+    --------
+    >>> from planner import look_at, travel_order
+    >>> poses = look_at([[0, 0, 100], [300, 0, 100], [100, 0, 100], [200, 0, 100]], [0, 0, 0])
+    >>> travel_order(poses)
+    (0, 2, 3, 1)
     """
     return order_by(pose_distances(cam2worlds, radian_mm))
 

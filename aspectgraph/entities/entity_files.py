@@ -50,6 +50,16 @@ def read_entities(
     ------
     EntityError
         The text is none of these, or an entity is not a sharp straight edge, rim or arc.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import read_entities
+    >>> list(read_entities("0-2, 5", box))
+    ['e0', 'e1', 'e2', 'e5']
     """
     text = str(text_or_path).strip()
     if text.lower() == "all":

@@ -90,7 +90,7 @@ def select_entities(solid: Solid, rule: str) -> list[int | str]:
     >>> from aspectgraph import read_solid, select_entities
     >>> block = read_solid("examples/two_pocket_block.off")
     >>> select_entities(block, "length >= 60 and face = bottom")
-    [0, 1, 2, 3]
+    [0, 5, 20, 22]
     """
     tests = [
         _test(text.strip(), solid)

@@ -99,6 +99,17 @@ def resolve_entities(
     ------
     EntityError
         There is no such edge, rim or arc, or it is an edge of a curve, smooth, without length or named twice.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import resolve_entities
+    >>> entity = resolve_entities(box, {"top": [[0, 0, 20], [40, 0, 20]]})["top"]
+    >>> entity.kind, entity.points.tolist()
+    ('edge', [[0.0, 0.0, 20.0], [40.0, 0.0, 20.0]])
     """
     if not isinstance(mapping, Mapping):
         mapping = {_id_name(item): item for item in _distinct(mapping)}

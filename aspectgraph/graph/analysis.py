@@ -67,6 +67,17 @@ def stability(eag: EntityAspectGraph | nx.Graph) -> list[ListOfEntities]:
     -------
     list of ListOfEntities
         The volumes depend on the workspace where domains reach its boundary.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import build_aspect_graph, stability
+    >>> eag = build_aspect_graph(box, {"top": 1, "side": 2})
+    >>> sorted(group.observable for group in stability(eag))
+    [(), ('side',), ('top',), ('top', 'side')]
     """
     nodes = _graph(eag).nodes
     total = sum(volume for _, volume in nodes(data="volume"))
@@ -101,6 +112,17 @@ def richest_domains(eag: EntityAspectGraph | nx.Graph, n: int | None = None) -> 
     ------
     EntityError
         If `n` is not a positive whole number.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import build_aspect_graph, richest_domains
+    >>> eag = build_aspect_graph(box, {"top": 1, "side": 2})
+    >>> eag.graph.nodes[richest_domains(eag, 1)[0]]["observable"]
+    ('top', 'side')
     """
     if n is not None and (isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1):
         raise EntityError(f"n must be a positive whole number. Got {n!r}.")
@@ -135,6 +157,19 @@ def domain_path(eag: EntityAspectGraph | nx.Graph, start: int, goal: int) -> lis
     ------
     EntityError
         If there is no such domain, or no way between the two.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import build_aspect_graph, domain_path, richest_domains
+    >>> eag = build_aspect_graph(box, {"top": 1, "side": 2})
+    >>> best, *_, worst = richest_domains(eag)
+    >>> way = domain_path(eag, best, worst)
+    >>> sorted(name for crossing in way for name in crossing.vanish)
+    ['side', 'top']
     """
     graph = _graph(eag)
     for name, node in (("start", start), ("goal", goal)):

@@ -329,6 +329,17 @@ def graph_of(
         If the graph takes more memory than it may.
     ContradictionError
         If ray casting and exact arbitration refute a domain's list.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import compute_regions, graph_of
+    >>> regions = compute_regions(box, {"top": 1, "side": 2})
+    >>> graph_of(regions, ["top"])
+    <EntityAspectGraph of 'box': 1 entities, 2 domains, 1 adjacencies>
     """
     chosen = regions.subset(regions.entity_names if names is None else names)
     displaced = float(chosen.grid.resolution * chosen.grid.step_mm)

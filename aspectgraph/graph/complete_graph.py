@@ -71,6 +71,17 @@ def complete_aspect_graph(
     ------
     WorkspaceError
         If the workspace is not a box around the part.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import complete_aspect_graph
+    >>> graph = complete_aspect_graph(box)
+    >>> len(graph), sorted(graph.nodes[0])[:2]
+    (26, ['clearance', 'drawing'])
     """
     box_mm = check_workspace(workspace, solid)
     grid, scene = make_scene(solid)

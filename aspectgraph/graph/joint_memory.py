@@ -114,6 +114,17 @@ class JointForecast:
     ------
     MemoryLimitError
         If the limit is no positive number; in `put`, if the graph cannot fit.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import JointForecast, compute_regions
+    >>> regions = compute_regions(box, {"top": 1, "side": 2}, kept=JointForecast(limit_bytes=2**30))
+    >>> regions.entity_names
+    ('top', 'side')
     """
 
     def __init__(self, limit_bytes: float | None = None) -> None:

@@ -54,6 +54,17 @@ def contrast(solid: Solid, edge: int | Entity, lamps: ArrayLike) -> np.ndarray:
         If there is no such edge, or it is not sharp or straight.
     LightError
         If a lamp is not finite or lies inside the part.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import contrast, resolve_entities
+    >>> edge = resolve_entities(box, {"top": [[0, 0, 20], [40, 0, 20]]})["top"]
+    >>> abs(contrast(box, edge, [[20, -100, 120], [20, -200, 120]])).round(3).tolist()
+    [0.0, 0.333]
     """
     entity = edge if isinstance(edge, Entity) else resolve_entities(solid, [edge])[f"e{edge}"]
     return face_contrast(solid, entity, check_lamps(solid, lamps))

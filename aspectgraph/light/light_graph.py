@@ -164,6 +164,17 @@ def light_graph_of(
         If the graph takes more memory than it may.
     ContradictionError
         If ray casting and exact arbitration refute a domain's list.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import compute_light, light_graph_of
+    >>> light = light_graph_of(compute_light(box, {"top": 1, "side": 2}, contrast=0.2))
+    >>> light.graph.nodes[0]["showing"]
+    ('top', 'side')
     """
     made = graph_of(
         regions,

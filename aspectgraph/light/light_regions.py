@@ -204,6 +204,17 @@ def compute_light(
         If an entity is not a sharp straight edge, rim or arc.
     WorkspaceError
         If the workspace is not a box around the part.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import compute_light
+    >>> light = compute_light(box, {"top": [[0, 0, 20], [40, 0, 20]]}, contrast=0.2)
+    >>> light.showing([[20, -100, 120], [20, -300, 120]]).tolist()
+    [[False], [True]]
     """
     contrast = check_contrast(contrast)
     given = laid_out(solid, entities, workspace)
@@ -236,6 +247,17 @@ def light_region(
     -------
     CellSet
         Empty if there are none.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import light_region
+    >>> region = light_region(box, [[0, 0, 20], [40, 0, 20]], contrast=0.2)
+    >>> region.contains([[20, -100, 120], [20, -300, 120]]).tolist()
+    [False, True]
     """
     return compute_light(solid, {"edge": edge}, contrast, workspace).covering_cells(["edge"])
 

@@ -71,6 +71,19 @@ def write_edge_picture(
         matplotlib is not installed.
     OutputError
         The folder does not exist, or the file cannot be written.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from aspectgraph import write_edge_picture
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_edge_picture(box, Path(folder) / "edges.html").name
+    'edges.html'
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -110,6 +123,16 @@ def edge_figure(
     ------
     EntityError
         There is no such edge, rim or arc.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import edge_figure
+    >>> type(edge_figure(box)).__name__
+    'Figure'
     """
     import plotly.graph_objects as go
 

@@ -50,6 +50,16 @@ def plot_solid(part: Any, entities: Mapping[str, Entity] | None = None) -> Figur
     -------
     plotly.graph_objects.Figure
         The part and the entities.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import plot_solid
+    >>> type(plot_solid(box)).__name__
+    'Figure'
     """
     solid = getattr(part, "solid", part)
     if entities is None:
@@ -96,6 +106,16 @@ def plot_domains(
         The box does not overlap the workspace.
     ValueError
         The opacity is out of range.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import build_aspect_graph, plot_domains
+    >>> type(plot_domains(build_aspect_graph(box, {"top": 1, "side": 2}), [0])).__name__
+    'Figure'
     """
     if not 0 < opacity <= 1:
         raise ValueError(f"opacity must be in (0, 1]. Got {opacity}.")

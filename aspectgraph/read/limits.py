@@ -31,6 +31,13 @@ class ReadLimits:
     ------
     ReadError
         A limit is not positive.
+
+    Examples
+    --------
+    >>> from aspectgraph import ReadLimits, read_solid
+    >>> part = read_solid("examples/mfcad_6-11-11-19.step", limits=ReadLimits(time_s=60.0))
+    >>> part.name
+    'mfcad_6-11-11-19'
     """
 
     time_s: float = 300.0

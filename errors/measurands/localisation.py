@@ -35,6 +35,12 @@ class Localisation:
     ------
     InvalidParameterError
         If the model is unknown, or a number breaks its rule.
+
+    Examples
+    --------
+    >>> from planner import Localisation
+    >>> Localisation.gaussian(0.1).sigma_px
+    0.1
     """
 
     model: str

@@ -137,6 +137,21 @@ def simulate_success(
     ------
     InvalidParameterError
         As `success_probability`, and for samples, confidence or quantization outside their range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from errors import simulate_success
+    >>> estimate = simulate_success(
+    ...     [[-20, 0, -90], [20, 0, -90]],
+    ...     focal_length_mm=10.0,
+    ...     pixel_pitch_mm=(0.005, 0.005),
+    ...     pose_covariance=np.diag([0.01, 0.01, 0.01, 1e-6, 1e-6, 1e-6]),
+    ...     accuracy=0.98,
+    ...     samples=1000,
+    ... )
+    >>> bool(estimate.probability > 0.99)
+    True
     """
     how = chosen(SuccessOptions, simulate_success, options)
     f = check_positive(focal_length_mm, "focal_length_mm")
@@ -196,6 +211,13 @@ def binomial_interval(
     ----------
     C. J. Clopper and E. S. Pearson, "The use of confidence or fiducial limits illustrated in the case of the binomial",
     Biometrika 26, 1934.
+
+    Examples
+    --------
+    >>> from errors import binomial_interval
+    >>> low, high = binomial_interval(50, 100)
+    >>> round(float(low), 3), round(float(high), 3)
+    (0.398, 0.602)
     """
     hits = np.asarray(hits, dtype=np.float64)
     tail = 0.5 * (1.0 - confidence)

@@ -54,6 +54,13 @@ def measure_lengths(
     ------
     InvalidParameterError
         If a value is not finite or out of range, or the detector is unknown.
+
+    Examples
+    --------
+    >>> from errors import measure_lengths
+    >>> segment = [[0.003, 0.003], [0.103, 0.003]]
+    >>> round(float(measure_lengths(segment, pixel_pitch_mm=(0.005, 0.005))), 6)
+    0.1
     """
     segments, pitch = check_finite(segments, "segments"), check_pixel_pitch(pixel_pitch_mm)
     band = check_positive(band_px, "band_px") * pitch.max()

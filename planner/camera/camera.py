@@ -75,6 +75,13 @@ class Camera:
     CameraError
         If a number is not positive and of a sensible size, a count not a positive integer, the focus distance not
         beyond f, the name no text, the principal point off the sensor, or the lens model folds on it.
+
+    Examples
+    --------
+    >>> from planner import Camera
+    >>> camera = Camera(25.0, (0.00345, 0.00345), (2448, 2048), f_number=8.0, focus_distance_mm=250.0)
+    >>> round(camera.image_distance_mm, 3)
+    27.778
     """
 
     focal_length_mm: float

@@ -26,6 +26,12 @@ def camera_names() -> tuple[str, ...]:
     -------
     tuple of str
         Names for `Camera.named`, each of a body and a lens.
+
+    Examples
+    --------
+    >>> from planner import camera_names
+    >>> "basler-acA2440-20gm-8mm" in camera_names()
+    True
     """
     return tuple(sorted(catalogued()))
 

@@ -28,6 +28,12 @@ class Distortion:
     ------
     CameraError
         If a coefficient is not finite.
+
+    Examples
+    --------
+    >>> from planner import Distortion
+    >>> Distortion(k1=-0.1).k1
+    -0.1
     """
 
     k1: float = 0.0

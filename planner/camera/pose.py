@@ -93,6 +93,13 @@ def look_at(
     array (n, 4, 4)
         Poses cam2world in OpenCV axes (x right, y down, z forward), mm. Before turning, the camera's x axis is level,
         unless it looks along the world's z axis; then it follows world x.
+
+    Examples
+    --------
+    >>> from planner import look_at
+    >>> pose = look_at([[0, 0, 100]], [0, 0, 0])[0]
+    >>> pose[:3, 2].tolist(), pose[:3, 3].tolist()
+    ([0.0, 0.0, -1.0], [0.0, 0.0, 100.0])
     """
     # compiled, and so imported when first needed
     from planner.camera.pose_loops import look_along

@@ -33,6 +33,12 @@ class PoseUncertainty:
     UncertaintyError
         If it is not (6, 6), finite, symmetric and positive semi-definite, or if a standard deviation exceeds 100 mm or
         1 rad, which is the mark of wrong units.
+
+    Examples
+    --------
+    >>> from planner import PoseUncertainty
+    >>> PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001).sigmas.tolist()
+    [0.05, 0.05, 0.05, 0.001, 0.001, 0.001]
     """
 
     covariance: np.ndarray

@@ -78,6 +78,14 @@ def min_cover(
     ------
     CoverError
         If some entity is in no column.
+
+    Examples
+    --------
+    >>> from planner import min_cover
+    >>> columns = [[True, True, False], [False, True, True], [False, False, True]]
+    >>> cover = min_cover(columns)
+    >>> len(cover.chosen), cover.lower_bound
+    (2, 2)
     """
     membership = check_membership(membership)
     n_columns, n_entities = membership.shape
@@ -157,6 +165,13 @@ def is_cover(membership: np.ndarray, chosen: Sequence[int] | np.ndarray) -> bool
     -------
     bool
         Whether every entity is in a chosen column.
+
+    Examples
+    --------
+    >>> from planner import is_cover
+    >>> columns = [[True, True, False], [False, True, True], [False, False, True]]
+    >>> is_cover(columns, [0, 2]), is_cover(columns, [1, 2])
+    (True, False)
     """
     membership = np.asarray(membership, dtype=bool)
     seen: set[int] = set()

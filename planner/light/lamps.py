@@ -69,6 +69,12 @@ class LampBox:
     ------
     RequestError
         If a number is not finite, the clearance is negative, or `low` is not below `high` in every coordinate.
+
+    Examples
+    --------
+    >>> from planner import LampBox
+    >>> LampBox((-500, -500, 250), (500, 500, 900)).clearance_mm
+    10.0
     """
 
     low: tuple[float, float, float]
@@ -203,6 +209,12 @@ class LampDome:
     ------
     RequestError
         If a number is not finite, the radius is not positive, the clearance is negative, or no place is so high.
+
+    Examples
+    --------
+    >>> from planner import LampDome
+    >>> LampDome((0, 0, 0), radius_mm=400.0, lowest_mm=50.0).radius_mm
+    400.0
     """
 
     centre: tuple[float, float, float]

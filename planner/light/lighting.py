@@ -49,6 +49,12 @@ class Lighting:
         If an argument breaks its rule.
     LightError
         If the contrast is out of range.
+
+    Examples
+    --------
+    >>> from planner import Lighting
+    >>> Lighting("ring").is_ring
+    True
     """
 
     lamps: Any

@@ -84,6 +84,15 @@ def predicted_image(
     -------
     str
         An SVG picture in pixels of the sensor, a file by itself, such as ``IPython.display.SVG`` shows in a notebook.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> from planner import Camera, look_at, predicted_image
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> camera = Camera.named("basler-acA2440-20gm-8mm")
+    >>> predicted_image(block, camera, look_at([[55, 30, 400]], [55, 30, 10])[0])[:4]
+    '<svg'
     """
     ends = {name: np.asarray(one, dtype=np.float64) for name, one in (entities or {}).items()}
     place = None if lamp is None else np.asarray(lamp, dtype=np.float64)

@@ -33,6 +33,15 @@ def default_workspace(solid: Solid, camera: Camera) -> np.ndarray:
     array, shape (2, 3)
         Lowest and highest corner, mm: the part's box and room on every side. The room is the far limit of the depth of
         field in the image's corners, at most ten focus distances, at least the part's diagonal.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> from planner import Camera, default_workspace
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> box = default_workspace(block, Camera.named("basler-acA2440-20gm-8mm"))
+    >>> bool((box[0] < block.bounds[0]).all() and (box[1] > block.bounds[1]).all())
+    True
     """
     size = float(np.linalg.norm(solid.bounds[1] - solid.bounds[0]))
     distance = min(focus_reach_mm(camera)[1], 10 * camera.focus_distance_mm)

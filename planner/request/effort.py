@@ -41,6 +41,12 @@ class Effort:
     ------
     RequestError
         If one is no integer, or negative; of viewpoints and nodes of the solver there must be one at least.
+
+    Examples
+    --------
+    >>> from planner import Effort
+    >>> Effort(viewpoints=10).viewpoints
+    10
     """
 
     viewpoints: int = 50

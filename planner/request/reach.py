@@ -62,6 +62,14 @@ class BoxRegion:
     ------
     RequestError
         If `low` is not below `high` in every coordinate.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from planner import BoxRegion
+    >>> box = BoxRegion((0.0, 0.0, 0.0), (100.0, 100.0, 50.0))
+    >>> box.margin(np.array([[50.0, 50.0, 20.0], [50.0, 50.0, 75.0]])).tolist()
+    [20.0, -25.0]
     """
 
     low: tuple[float, float, float]
@@ -106,6 +114,14 @@ class SphereRegion:
     ------
     RequestError
         If the radius is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from planner import SphereRegion
+    >>> sphere = SphereRegion((0.0, 0.0, 0.0), radius_mm=100.0)
+    >>> sphere.margin(np.array([[60.0, 0.0, 0.0], [0.0, 130.0, 0.0]])).tolist()
+    [40.0, -30.0]
     """
 
     centre: tuple[float, float, float]

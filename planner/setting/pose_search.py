@@ -83,6 +83,12 @@ class Search:
     ------
     RequestError
         If a number of starts, `max_draws` or `sampling` breaks its rule; the others are checked by `ga`.
+
+    Examples
+    --------
+    >>> from planner import Search
+    >>> Search(population=50).population
+    50
     """
 
     population: int = 100

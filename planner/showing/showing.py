@@ -41,6 +41,14 @@ class Showing:
     -----
     Only the surroundings are necessary for the proven lower bound, as they narrow the picture; the others make plans
     harder and leave the bound valid.
+
+    Examples
+    --------
+    >>> from planner import Showing
+    >>> Showing(separation_px=8.0)
+    Showing(separation_px=8.0, surround_px=40.0, min_corner_deg=25.0)
+    >>> Showing(0, 0, 0).asks_nothing
+    True
     """
 
     separation_px: float = 5.0
