@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -12,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aspectgraph.spreadsheet_text import csv_text
 from planner.files import write_text
 
 if TYPE_CHECKING:
@@ -74,7 +73,9 @@ class PlanTables:
         Returns
         -------
         str
-            The text. What is None in `rows` is empty; numbers are written without loss.
+            The text. What is None in `rows` is empty; numbers are written without loss. Text that a
+            spreadsheet would run, such as the name ``=1+1``, begins with an apostrophe. A CSV file
+            of entities is read so, too: the name comes back.
 
         Raises
         ------
@@ -82,13 +83,10 @@ class PlanTables:
             If it cannot be written.
         """
         rows = self.rows()
-        text = io.StringIO()
-        writer = csv.DictWriter(text, list(rows[0]) if rows else ["setting", "name"])
-        writer.writeheader()
-        writer.writerows(rows)
+        text = csv_text(list(rows[0]) if rows else ["setting", "name"], rows)
         if path is not None:
-            write_text(path, text.getvalue())
-        return text.getvalue()
+            write_text(path, text)
+        return text
 
     def _repr_html_(self) -> str:
         """Return a table of the settings, as notebooks show it; see also `plan_figure` for the plan in 3-D."""
