@@ -10,11 +10,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from aspectgraph.entities.spreadsheet_text import text_of_cell
 from aspectgraph.entities.straight_edges import Entity, resolve_entities
 from aspectgraph.exceptions import EntityError
 from aspectgraph.files import read_text
 from aspectgraph.solid.solid import Solid
-from aspectgraph.spreadsheet_text import text_of_cell
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from aspectgraph.spreadsheet_text import csv_text
+from aspectgraph.entities.spreadsheet_text import csv_text
 from planner.exceptions import PlanFileError
 from planner.files import write_text
 from planner.records.json_file import read_json

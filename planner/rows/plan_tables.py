@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aspectgraph.spreadsheet_text import csv_text
 from planner.files import write_text
 
 if TYPE_CHECKING:
@@ -82,6 +81,8 @@ class PlanTables:
         OutputError
             If it cannot be written.
         """
+        from aspectgraph.entities.spreadsheet_text import csv_text
+
         rows = self.rows()
         text = csv_text(list(rows[0]) if rows else ["setting", "name"], rows)
         if path is not None:
