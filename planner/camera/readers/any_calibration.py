@@ -14,7 +14,12 @@ from numpy.typing import NDArray
 from planner.camera.calibration import opencv_fields
 from planner.camera.checks import check_positive, shown
 from planner.camera.readers import key_names as names
-from planner.camera.readers.calibration import Calibration, camera_matrix, check_pixels
+from planner.camera.readers.calibration import (
+    Calibration,
+    camera_matrix,
+    check_pixels,
+    is_in_image,
+)
 from planner.camera.readers.colmap import is_colmap, read_colmap
 from planner.camera.readers.documents import tree_of
 from planner.camera.readers.named_values import NamedValues
@@ -222,14 +227,16 @@ def _delivered(values: NamedValues, full: Calibration) -> Calibration:
     left, top, width, height = _region(values, full.image_size)
     across = _binning(values, names.BINNING_X, width)
     down = _binning(values, names.BINNING_Y, height)
-    fx = full.matrix[0, 0] / across
-    fy = full.matrix[1, 1] / down
     # the middle of a binned pixel is the middle of its pixels
-    cx = (full.matrix[0, 2] - left + 0.5) / across - 0.5
-    cy = (full.matrix[1, 2] - top + 0.5) / down - 0.5
+    matrix = camera_matrix(
+        full.matrix[0, 0] / across,
+        full.matrix[1, 1] / down,
+        (full.matrix[0, 2] - left + 0.5) / across - 0.5,
+        (full.matrix[1, 2] - top + 0.5) / down - 0.5,
+    )
     size = (width // across, height // down)
     is_whole = (width, height) == full.image_size
-    if not is_whole and not (-0.5 < cx < size[0] - 0.5 and -0.5 < cy < size[1] - 0.5):
+    if not is_in_image(matrix, size):
         raise CameraError(
             f"{values.path}: roi must hold the principal point "
             f"({full.matrix[0, 2]:g}, {full.matrix[1, 2]:g}). "
@@ -237,7 +244,7 @@ def _delivered(values: NamedValues, full: Calibration) -> Calibration:
         )
     if is_whole and (across, down) == (1, 1):
         return full
-    return Calibration(camera_matrix(fx, fy, cx, cy), full.distortion, size, (across, down))
+    return Calibration(matrix, full.distortion, size, (across, down))
 
 
 def _binning(values: NamedValues, key_of: tuple[str, ...], size: int) -> int:

@@ -63,7 +63,7 @@ def check_finite(where: str, values: list[float], names: tuple[str, ...]) -> Non
 
 
 def check_pixels(where: str, matrix: NDArray[np.float64], image_size: tuple[int, int]) -> None:
-    """Refuse focal lengths that are not in pixels, or not there.
+    """Refuse focal lengths that are not in pixels or not there, and a principal point elsewhere.
 
     Parameters
     ----------
@@ -77,7 +77,8 @@ def check_pixels(where: str, matrix: NDArray[np.float64], image_size: tuple[int,
     Raises
     ------
     CameraError
-        If a focal length is not positive, or so short that the lens would see all of a half space.
+        If a focal length is not positive, or so short that the lens would see all of a half space,
+        or the principal point is not in the image.
     """
     for focal, size in zip((matrix[0, 0], matrix[1, 1]), image_size, strict=True):
         if not focal > 0.0:
@@ -88,3 +89,14 @@ def check_pixels(where: str, matrix: NDArray[np.float64], image_size: tuple[int,
                 f"{where} must hold focal lengths in pixels. "
                 f"Got {focal:g} for an image of {size} pixels."
             )
+    if not is_in_image(matrix, image_size):
+        raise CameraError(
+            f"{where} must hold a principal point in the image of {image_size[0]} x "
+            f"{image_size[1]} pixels. Got ({matrix[0, 2]:g}, {matrix[1, 2]:g})."
+        )
+
+
+def is_in_image(matrix: NDArray[np.float64], image_size: tuple[int, int]) -> bool:
+    """Tell whether the principal point of a camera matrix is in an image, px."""
+    width, height = image_size
+    return bool(-0.5 < matrix[0, 2] < width - 0.5 and -0.5 < matrix[1, 2] < height - 0.5)

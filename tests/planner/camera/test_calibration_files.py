@@ -223,6 +223,10 @@ BOMB = (
             r":\d+: a key must stand once. Got image_w",
         ),
         ({**MESSAGE, "k": [1.0, 0, 0.5, 0, 1, 0.5, 0, 0, 1]}, "focal lengths in pixels. Got 1 "),
+        (
+            {**MESSAGE, "k": [900.0, 0, 9000, 0, 900, 9, 0, 0, 1]},
+            "k must hold a principal point in",
+        ),
         ({**MESSAGE, "k": [0.0] * 9}, "positive focal lengths. Got 0: the camera was not calib"),
         ({**MESSAGE, "k": [900.0, 0, 0, 0, 900, 0, 600, 500, 1]}, "last row 0, 0, 1"),
         ({**MESSAGE, "k": [900.0, 2, 600, 0, 900, 500, 0, 0, 1]}, "k must have no skew. Got 2"),
