@@ -19,7 +19,13 @@ LARGE_FILE_BYTES = 1_000_000_000
 """Most of a file that the package writes: plans, states, graphs. Those of large parts have some ten megabytes."""
 
 
-def read_text(path: str | os.PathLike[str], encoding: str = "utf-8", *, large: bool = False) -> str:
+def read_text(
+    path: str | os.PathLike[str],
+    encoding: str = "utf-8",
+    *,
+    large: bool = False,
+    newline: str | None = None,
+) -> str:
     """Read a text file of a sensible size; no more of it is ever held.
 
     Parameters
@@ -29,6 +35,8 @@ def read_text(path: str | os.PathLike[str], encoding: str = "utf-8", *, large: b
     encoding : str, optional
     large : bool, optional
         Allow `LARGE_FILE_BYTES` instead of `SMALL_FILE_BYTES`.
+    newline : str, optional
+        As `open` takes it: with "", line ends stay as they are in the file.
 
     Raises
     ------
@@ -43,7 +51,7 @@ def read_text(path: str | os.PathLike[str], encoding: str = "utf-8", *, large: b
         raise OSError(errno.EINVAL, "half a character is no name of a file") from error
     with open(path, "rb") as file:
         return io.TextIOWrapper(
-            io.BytesIO(up_to_limit(file, large=large)), encoding=encoding
+            io.BytesIO(up_to_limit(file, large=large)), encoding=encoding, newline=newline
         ).read()
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import re
 import sys
 from pathlib import Path
 from typing import Any
 
+from aspectgraph.entities.spreadsheet_text import text_of_cell
 from aspectgraph.entities.straight_edges import Entity, resolve_entities
 from aspectgraph.exceptions import EntityError
 from aspectgraph.files import read_text
@@ -36,6 +38,7 @@ def read_entities(
         of rims and arcs, ``"r3, a0"``; end points such as ``"(0,0,10)-(25,0,10)"``, named p1, p2 and so on; the path
         of a .toml or .json file with ``name = id``, ``name = "r3"`` or ``name = [[x, y, z], [x, y, z]]``, at top level
         or in a table ``entities``; or of a .csv file with rows of a name and an id, or of a name and six coordinates.
+        There an apostrophe before a name that a spreadsheet would run, such as ``'=1+1``, is no part of it.
     solid : Solid
         The part.
     tolerance_mm : float, optional
@@ -110,7 +113,9 @@ def _ids(word: str) -> list[int | str]:
 def _read_csv(path: Path) -> dict[str, Any]:
     """Return what the rows of a CSV file name; a first row of words is a heading."""
     try:
-        rows = [row for row in csv.reader(read_text(path, "utf-8-sig").splitlines()) if any(row)]
+        # a cell in quotes may hold line breaks
+        text = io.StringIO(read_text(path, "utf-8-sig", newline=""), newline="")
+        rows = [row for row in csv.reader(text) if any(row)]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise EntityError(
             f"entities must name a CSV file that can be read. Got {str(path)!r}: {error}."
@@ -118,6 +123,7 @@ def _read_csv(path: Path) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for number, row in enumerate(rows, start=1):
         name, *values = (cell.strip() for cell in row)
+        name = text_of_cell(name)
         if number == 1 and values and not any(character.isdigit() for character in values[0]):
             continue
         if name in found:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import json
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from aspectgraph.entities.spreadsheet_text import csv_text
 from planner.exceptions import PlanFileError
 from planner.files import write_text
 from planner.records.json_file import read_json
@@ -98,8 +97,4 @@ def write_tables(results: Iterable[PartResult], out: Path) -> None:
     """Write ``results.json`` and ``results.csv``, a row per part, in the order of their names."""
     rows: list[dict[str, Any]] = [asdict(one) for one in sorted(results, key=lambda one: one.part)]
     write_text(out / TABLES[0], json.dumps(rows, indent=1) + "\n")
-    text = io.StringIO()
-    table = csv.DictWriter(text, [one.name for one in fields(PartResult)], lineterminator="\n")
-    table.writeheader()
-    table.writerows(rows)
-    write_text(out / TABLES[1], text.getvalue())
+    write_text(out / TABLES[1], csv_text([one.name for one in fields(PartResult)], rows))

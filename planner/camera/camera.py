@@ -331,10 +331,12 @@ class Camera:
         Parameters
         ----------
         path : str or os.PathLike
-            COLMAP's cameras.txt with one camera; or, as .yaml or .yml, what the calibration programs of ROS
-            and OpenCV write, or a CameraInfo message.
+            What calibration programs of ROS (a CameraInfo message, too), OpenCV (YAML, XML, JSON),
+            Kalibr and Autoware write, or COLMAP's cameras.txt; of one camera. The content decides,
+            not the name. The camera is that of the raw image as it is delivered: a region of
+            interest and binning are taken into account.
         **lens : float or str
-            As in `from_opencv`.
+            As in `from_opencv`. The pixel pitch is the sensor's, without binning.
 
         Returns
         -------
@@ -344,7 +346,8 @@ class Camera:
         Raises
         ------
         CameraError
-            If the file cannot be read or is of a camera that is not known here, or a number is missing or wrong.
+            If the file cannot be read, holds several cameras, another lens model or a key that is not
+            known, or a number is missing or wrong.
         """
         return cls.from_dict(calibrated_fields(path, lens))
 

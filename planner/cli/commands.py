@@ -59,6 +59,7 @@ from planner.output.plan_folder import PLAN_FILES, Written, rescue, write_graph,
 from planner.output.wording import cost_sentence
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import labelled, note, terminal_progress
+from planner.progress.terminal_text import visible
 from planner.request.defaults import check_fraction, default_workspace
 from planner.request.effort import Effort
 from planner.showing.showing import Showing
@@ -89,7 +90,7 @@ def info(options: argparse.Namespace) -> int:
     terminal_tables.print_part(solid, edges, curves)
     _print_unit(options)
     if options.picture:
-        print(options.picture)
+        print(visible(str(options.picture)))
     return DONE
 
 
@@ -108,7 +109,7 @@ def graph(options: argparse.Namespace) -> int:
         return DONE
     terminal_tables.print_graph(result)
     _print_unit(options)
-    print(options.graphml)
+    print(visible(str(options.graphml)))
     return DONE
 
 
@@ -187,10 +188,10 @@ def _print_planned(
     terminal_tables.print_plan(found)
     _print_unit(options)
     for name, reason in wanted.left_out.items():
-        print(f"{name} is not planned: {reason}")
+        print(visible(f"{name} is not planned: {reason}"))
     if found.unfinished and state.exists():
         print("The same command with --resume goes on from here.")
-    print("\n".join([*written.notes, *files]))
+    print("\n".join(map(visible, [*written.notes, *files])))
 
 
 def _planned(
@@ -338,7 +339,7 @@ def batch(options: argparse.Namespace) -> int:
         print_json([asdict(one) for one in results])
     else:
         terminal_tables.print_batch(results)
-        print("\n".join(os.path.relpath(Path(options.out) / name) for name in TABLES))
+        print("\n".join(visible(os.path.relpath(Path(options.out) / name)) for name in TABLES))
     return DONE if all(one.status == PLANNED for one in results) else INCOMPLETE
 
 
@@ -403,7 +404,7 @@ def _read_part(options: argparse.Namespace) -> Solid:
 
 def _print_unit(options: argparse.Namespace) -> None:
     if told := _unit_note(options):
-        print(f"note: {told}")
+        print(visible(f"note: {told}"))
 
 
 def _unit_note(options: argparse.Namespace) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from aspectgraph.visibility.kept_regions import KeptRegions
 from planner.exceptions import OutputError
+from planner.progress.terminal_text import visible
 from planner.resume import read_state
 
 STATE_FILE = "planning-state.json"
@@ -53,10 +54,8 @@ class Leftovers:
             if self.state.exists():
                 read_state(self.state)
             elif not self and not quiet:
-                print(
-                    f"nothing to resume in {self.state.parent}: planned from the beginning",
-                    file=sys.stderr,
-                )
+                folder = visible(str(self.state.parent))
+                print(f"nothing to resume in {folder}: planned from the beginning", file=sys.stderr)
             return
         self.regions.remove()
         try:

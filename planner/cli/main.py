@@ -28,6 +28,7 @@ from planner.cli.arguments import (
 from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 from planner.cli.signals import termination_as_interruption
 from planner.executors import usable_cores
+from planner.progress.terminal_text import visible, visible_output
 
 _DESCRIPTION = """\
 Plan camera poses for the inspection of straight edges of a part: from where can each edge be measured to the required
@@ -98,6 +99,12 @@ def main(arguments: list[str] | None = None) -> int:
     int
         The exit code.
     """
+    with visible_output():
+        return _run(arguments)
+
+
+def _run(arguments: list[str] | None) -> int:
+    """Run a command, and report an error in one line."""
     try:
         options = build_parser().parse_args(arguments)
         with termination_as_interruption():
@@ -368,7 +375,7 @@ def _own_errors() -> tuple[type[Exception], ...]:
 def _fail(message: str, code: int) -> int:
     from planner.cli.messages import as_typed
 
-    line = as_typed(" ".join(message.split()))
+    line = visible(as_typed(" ".join(message.split())))
     print(line if line.startswith("aspectgraph") else f"aspectgraph: {line}", file=sys.stderr)
     return code
 

@@ -71,4 +71,6 @@ def plan_record(
 
 def print_json(record: Any) -> None:
     """Print plain values as JSON; numbers that are not finite as in plan files."""
-    print(json.dumps(encoded(record), indent=1, allow_nan=False))
+    text = json.dumps(encoded(record), indent=1, allow_nan=False)
+    # the one control character that JSON writes as it is
+    print(text.replace("\x7f", "\\u007f"))

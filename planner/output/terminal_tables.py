@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from aspectgraph import Rim
 from errors.telling import frequency_text, interval_text, probability_text
@@ -29,6 +30,7 @@ from planner.output.wording import (
     verdict,
     window_texts,
 )
+from planner.progress.terminal_text import unescaped, visible
 from planner.verify.simulate_setting import CONFIRMED
 
 if TYPE_CHECKING:
@@ -210,11 +212,8 @@ def print_sources(parts: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> None:
         for name, one in parts[kind].items():
             whose = "" if one["maker"] else " (not the maker's page on it)"
             # addresses must not be broken
-            console.print(
-                f"{kind} {name}: {facts(one)}\n    {one['source']}{whose}",
-                soft_wrap=True,
-                markup=False,
-            )
+            console.print(f"{kind} {name}: {facts(one)}", soft_wrap=True)
+            console.print(f"    {one['source']}{whose}", soft_wrap=True)
 
 
 def _body_facts(one: Mapping[str, Any]) -> str:
@@ -363,4 +362,14 @@ def print_batch(results: Sequence[Any]) -> None:
 def _console() -> Console:
     """Return a console that does not squeeze tables when the output is not a terminal, and never guesses at markup."""
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else 160
-    return Console(file=sys.stdout, width=width, markup=False, highlight=False, soft_wrap=False)
+    stream = unescaped(sys.stdout)
+    return _VisibleConsole(
+        file=stream, width=width, markup=False, emoji=False, highlight=False, soft_wrap=False
+    )
+
+
+class _VisibleConsole(Console):
+    """A console all of whose text, in cells and lines, is escaped; only its own colours are not."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        return super().render_str(visible(text), **options)

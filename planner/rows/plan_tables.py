@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -74,21 +72,22 @@ class PlanTables:
         Returns
         -------
         str
-            The text. What is None in `rows` is empty; numbers are written without loss.
+            The text. What is None in `rows` is empty; numbers are written without loss. Text that a
+            spreadsheet would run, such as the name ``=1+1``, begins with an apostrophe. A CSV file
+            of entities is read so, too: the name comes back.
 
         Raises
         ------
         OutputError
             If it cannot be written.
         """
+        from aspectgraph.entities.spreadsheet_text import csv_text
+
         rows = self.rows()
-        text = io.StringIO()
-        writer = csv.DictWriter(text, list(rows[0]) if rows else ["setting", "name"])
-        writer.writeheader()
-        writer.writerows(rows)
+        text = csv_text(list(rows[0]) if rows else ["setting", "name"], rows)
         if path is not None:
-            write_text(path, text.getvalue())
-        return text.getvalue()
+            write_text(path, text)
+        return text
 
     def _repr_html_(self) -> str:
         """Return a table of the settings, as notebooks show it; see also `plan_figure` for the plan in 3-D."""

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from aspectgraph import EntityError, read_entities, read_solid, select_entities
+from aspectgraph.entities.spreadsheet_text import csv_text
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 BLOCK = read_solid(EXAMPLES / "two_pocket_block.off")
@@ -118,3 +119,11 @@ def test_a_table(tmp_path):
             read_entities(path, BLOCK)
     with pytest.raises(EntityError, match=r"a CSV file that can be read. Got .*none\.csv"):
         read_entities(tmp_path / "none.csv", BLOCK)
+
+
+def test_names_of_a_table_that_a_spreadsheet_would_run_come_back(tmp_path):
+    names = ["=HYPERLINK(1)", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1", "'=1", "it's", "a\nb"]
+    path = tmp_path / "edges.csv"
+    rows = [{"name": name, "id": 3 + k} for k, name in enumerate(names)]
+    path.write_bytes(csv_text(["name", "id"], rows).encode())
+    assert [*read_entities(path, BLOCK)] == names

@@ -130,7 +130,8 @@ def test_toml_may_name_a_calibration(tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("cameras.txt", "", "must hold one camera.*Got 0"),
+        ("cameras.txt", "", "must be a calibration of ROS.*Got an empty file"),
+        ("cameras.txt", "# CAMERA_ID, MODEL, WIDTH\n", "must hold one camera. Got 0"),
         (
             "cameras.txt",
             "1 PINHOLE 9 9 1 1 1 1\n2 PINHOLE 9 9 1 1 1 1\n",
@@ -143,7 +144,12 @@ def test_toml_may_name_a_calibration(tmp_path):
         ),
         ("cameras.txt", "1 PINHOLE 9 9 1 1 1\n", "PINHOLE must have 4 parameters. Got 3"),
         ("cameras.txt", "1 PINHOLE 9 9 1 1 1 x\n", "numbers must follow"),
-        ("a.yaml", "width: 9\n", "distortion_coefficients must be given"),
+        ("a.yaml", "width: 9\n", "image_height must be given. Got width"),
+        (
+            "a.yaml",
+            ROS1_MESSAGE.replace("D: ", "# D: "),
+            "distortion_coefficients must be given",
+        ),
         ("a.yaml", "d: []\nwidth: 9\nheight: 9\nk: [1, 2]\n", "k must be 9 numbers. Got 2"),
         (
             "a.yaml",
@@ -152,8 +158,8 @@ def test_toml_may_name_a_calibration(tmp_path):
         ),
         (
             "a.yaml",
-            ROS1_MESSAGE.replace("binning_x: 0", "binning_x: 2"),
-            "binning_x must be 0 or 1",
+            ROS1_MESSAGE.replace("binning_x: 0", "binning_x: 2.5"),
+            "binning_x must be a whole number. Got 2.5",
         ),
         ("a.yaml", ROS2_MESSAGE.replace("- 0.01", "- 0.01\n- 0.5"), "no coefficients beyond"),
         ("a.yaml", CALIBRATION_YAML.replace("[2320.5, 0.0,", "[2320.5, 1.0,"), "no skew"),

@@ -62,6 +62,20 @@ def test_csv_reads_back_without_loss(tmp_path):
     assert float(row["x"]) == 40.0
 
 
+@pytest.mark.parametrize("name", ["=HYPERLINK(1)", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1", "'=1"])
+def test_no_spreadsheet_runs_a_name(name):
+    found = plan(
+        settings=[setting((-40.0, -180.0, 620.0), [name])],
+        entities={name: [[0, 0, 0], [1, 0, 0]]},
+        uninspectable={},
+    )
+    (row,) = csv.DictReader(io.StringIO(found.to_csv(), newline=""))
+    assert row["name"] == "'" + name
+    # numbers are no text
+    assert row["x"] == "-40.0"
+    assert found.rows()[0]["name"] == name
+
+
 def test_csv_of_an_empty_plan_is_a_heading():
     assert (
         plan(settings=(), entities={}, uninspectable={}, lower_bound=0).to_csv()

@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TextIO
 
+from planner.progress.terminal_text import unescaped, visible, visible_output
+
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
     from rich.progress import TaskID
@@ -155,9 +157,17 @@ def _bars(stream: TextIO | None) -> Iterator[Progress]:
     )
     from rich.progress import Progress as RichProgress
 
+    # its colours are no text; the text is escaped before it comes here
+    console_stream = None if stream is None else unescaped(stream)
     times = (TimeElapsedColumn(), TextColumn("left:"), TimeRemainingColumn())
-    columns = (TextColumn("{task.description:<34}"), BarColumn(), MofNCompleteColumn(), *times)
-    with RichProgress(*columns, console=Console(file=stream)) as bars:
+    columns = (
+        TextColumn("{task.description:<34}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        *times,
+    )
+    # while bars are shown, rich has its own standard error, for which names are escaped, too
+    with RichProgress(*columns, console=Console(file=console_stream)) as bars, visible_output():
         yield _Bars(bars)
 
 
@@ -171,13 +181,13 @@ class _Bars:
     def __call__(self, done: int, total: int, label: str) -> None:
         known = None if label == LOOPS and done < total else total
         if label not in self._tasks:
-            self._tasks[label] = self._bars.add_task(label, total=known)
+            self._tasks[label] = self._bars.add_task(visible(label), total=known)
         self._bars.update(self._tasks[label], completed=done, total=known)
         if (line := self._pace(done, total, label)) is not None:
             self.note(line)
 
     def note(self, text: str) -> None:
-        self._bars.console.print(text, highlight=False, markup=False)
+        self._bars.console.print(visible(text), highlight=False, markup=False, emoji=False)
 
 
 class _Lines:
@@ -199,7 +209,7 @@ class _Lines:
         if done >= total and (label, total) not in self._finished:
             seconds = time.monotonic() - self._started[label]
             self._finished.add((label, total))
-            print(f"{label}: {done}/{total} ({seconds:.1f} s)", file=self._stream, flush=True)
+            self.note(f"{label}: {done}/{total} ({seconds:.1f} s)")
 
     def note(self, text: str) -> None:
-        print(text, file=self._stream, flush=True)
+        print(visible(text), file=self._stream, flush=True)
