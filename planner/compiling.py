@@ -13,7 +13,7 @@ from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
 _FIRST = "compiling loops, at the first run only: about a minute in all"
-_OURS = ("aspectgraph", "errors", "ga", "planner")
+_OURS = ("aspectgraph", "compiled", "errors", "ga", "planner")
 
 
 @contextmanager
