@@ -20,6 +20,7 @@ import sys
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -35,8 +36,18 @@ _logger = logging.getLogger("aspectgraph")
 _MAGIC = b"aspectgraph loop 1\n"
 _TAG = f"{sys.implementation.name}{sys.version_info[0]}{sys.version_info[1]}{getattr(sys, 'abiflags', '')}"
 # settings that change the machine code
-_told = False
 _SETTINGS = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "DEBUGINFO_DEFAULT")
+
+
+@dataclass
+class _State:
+    """What this process has met so far: whether it said so, and whether something could not be kept."""
+
+    told: bool = False
+    lost: bool = False
+
+
+_state = _State()
 
 
 def njit(function: Callable[..., Any] | None = None, **options: Any) -> Callable[..., Any]:
@@ -107,7 +118,7 @@ class LoopCache:
             name = self._name(signature, result.library.codegen)
             content = _packed(result)
         except Exception as error:
-            _tell_once(f"compiled loops cannot be kept ({_in_one_line(error)})")
+            _lose(_in_one_line(error))
             return
         if name is not None and content is not None:
             self._write(name, content)
@@ -143,10 +154,7 @@ class LoopCache:
                     "written. Set NUMBA_CACHE_DIR to choose a folder."
                 )
             return
-        _tell_once(
-            f"compiled loops cannot be kept ({reason}), so the next run compiles them again. "
-            "Set NUMBA_CACHE_DIR to a folder that can be written."
-        )
+        _lose(reason)
 
     def _name(self, signature: Any, codegen: Any) -> str | None:
         """Return the name of the file for a signature; None where it has no name that other processes know."""
@@ -184,13 +192,14 @@ def _packed(result: Any) -> bytes | None:
     if lifted or result.library.has_dynamic_globals:
         _logger.info("%s cannot be kept on disk", result.fndesc.qualname)
         return None
-    return bytes(dumps(result._reduce()))
+    return bytes(dumps(result._reduce()))  # type: ignore[no-untyped-call]
 
 
 def _restored(content: bytes, signature: Any, target_context: Any) -> Any:
     """Return compiled code from what was kept of it; None where that fails, or where it is another signature's."""
     try:
-        result = CompileResult._rebuild(target_context, *pickle.loads(content))
+        parts = pickle.loads(content)
+        result: Any = CompileResult._rebuild(target_context, *parts)  # type: ignore[no-untyped-call]
         same = tuple(result.signature.args) == tuple(getattr(signature, "args", signature))
     except Exception:
         return None
@@ -235,9 +244,22 @@ def _in_one_line(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())[:200]
 
 
+def keeps_loops() -> bool:
+    """Return whether everything that this process compiled so far could be kept."""
+    return not _state.lost
+
+
+def _lose(reason: str) -> None:
+    """Take note that something could not be kept."""
+    _state.lost = True
+    _tell_once(
+        f"compiled loops cannot be kept ({reason}), so the next run compiles them again. "
+        "Set NUMBA_CACHE_DIR to a folder that can be written."
+    )
+
+
 def _tell_once(text: str) -> None:
     """Log the first text of this process; worker processes leave it to the one that started them."""
-    global _told
-    if not _told and multiprocessing.parent_process() is None:
+    if not _state.told and multiprocessing.parent_process() is None:
         _logger.warning("%s", text)
-    _told = True
+    _state.told = True

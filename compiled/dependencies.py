@@ -45,13 +45,13 @@ def digest_of(function: Callable[..., Any]) -> str:
 def reachable(function: Callable[..., Any]) -> list[Any]:
     """Return a function and all it can call, directly or not, each once; foreign ones are left out."""
     waiting = [function]
-    known = {id(_plain_function(function))}
+    known = {id(plain_function(function))}
     result = []
     while waiting:
         current = waiting.pop()
         result.append(current)
         for called in callees(current):
-            plain = _plain_function(called)
+            plain = plain_function(called)
             if id(plain) not in known:
                 known.add(id(plain))
                 waiting.append(called)
@@ -60,7 +60,7 @@ def reachable(function: Callable[..., Any]) -> list[Any]:
 
 def callees(function: Any) -> Iterator[Any]:
     """Yield the functions that a function names, in the order of their names; foreign ones are left out."""
-    for _, value in _references(_plain_function(function)):
+    for _, value in _references(plain_function(function)):
         yield from _functions_in(value)
 
 
@@ -69,13 +69,13 @@ def _functions_in(value: Any) -> Iterator[Any]:
         for part in value:
             yield from _functions_in(part)
         return
-    plain = _plain_function(value)
+    plain = plain_function(value)
     if isinstance(plain, types.FunctionType) and not _is_foreign(plain):
         yield value
 
 
-def _plain_function(value: Any) -> Any:
-    """Return the Python function of numba's dispatcher or intrinsic, or of a wrapper; the value itself else."""
+def plain_function(value: Any) -> Any:
+    """Return the Python function of numba's dispatcher or intrinsic; otherwise the value itself."""
     if isinstance(value, (type, types.ModuleType, types.FunctionType, np.ndarray)):
         return value
     for name in ("py_func", "__wrapped__"):
@@ -92,7 +92,7 @@ def _is_foreign(value: Any) -> bool:
 
 def _text(function: Any) -> str:
     """Return what one function is: its code, its options, and the values it names."""
-    plain = _plain_function(function)
+    plain = plain_function(function)
     parts = [plain.__module__ or "", plain.__qualname__, _code_text(plain.__code__)]
     parts.append(_value_text(plain.__defaults__))
     parts.append(_value_text(plain.__kwdefaults__))
@@ -184,7 +184,7 @@ def _value_text(value: Any) -> str:
 
 
 def _object_text(value: Any) -> str:
-    plain = _plain_function(value)
+    plain = plain_function(value)
     name = getattr(plain, "__qualname__", None)
     if name is not None:
         # what a function of ours does is in the digest by itself

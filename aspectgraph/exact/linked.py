@@ -49,7 +49,7 @@ def has_all_names() -> bool:
     """Return whether numba has all that this module takes from it; otherwise nothing here may be used."""
     named = all(hasattr(kind, name) for kind, names in _NAMES for name in names)
     constructed = all(_sets(kind, name) for kind, names in _SET_NAMES for name in names)
-    prefixed = CompileResult._find_referenced_environments.__code__.co_consts  # type: ignore[attr-defined]
+    prefixed = CompileResult._find_referenced_environments.__code__.co_consts
     return named and constructed and _ENVIRONMENT in prefixed
 
 
