@@ -26,8 +26,6 @@ from pathlib import Path
 from typing import Any
 
 import numba as nb
-from numba.core.compiler import CompileResult
-from numba.core.serialize import dumps
 
 from compiled.dependencies import digest_of, file_digest
 from compiled.folders import folders_for, is_temporary, make_folder
@@ -60,7 +58,10 @@ def njit(function: Callable[..., Any] | None = None, **options: Any) -> Callable
 def keep(dispatcher: Any) -> Any:
     """Let numba's dispatcher keep its machine code on disk; a function that is not compiled stays as it is."""
     if hasattr(dispatcher, "py_func") and hasattr(dispatcher, "_cache"):
-        dispatcher._cache = LoopCache(dispatcher)
+        # numba's cache that keeps nothing has all that numba asks of one
+        asked = {name for name in dir(dispatcher._cache) if not name.startswith("_")}
+        if asked <= set(dir(LoopCache)):
+            dispatcher._cache = LoopCache(dispatcher)
     return dispatcher
 
 
@@ -188,6 +189,8 @@ def _kind_text(kind: Any) -> str:
 
 def _packed(result: Any) -> bytes | None:
     """Return what is kept of compiled code; None for code that only this process can use."""
+    from numba.core.serialize import dumps
+
     lifted = any(not loop.can_cache for loop in result.lifted)
     if lifted or result.library.has_dynamic_globals:
         _logger.info("%s cannot be kept on disk", result.fndesc.qualname)
@@ -198,6 +201,8 @@ def _packed(result: Any) -> bytes | None:
 def _restored(content: bytes, signature: Any, target_context: Any) -> Any:
     """Return compiled code from what was kept of it; None where that fails, or where it is another signature's."""
     try:
+        from numba.core.compiler import CompileResult
+
         parts = pickle.loads(content)
         result: Any = CompileResult._rebuild(target_context, *parts)  # type: ignore[no-untyped-call]
         same = tuple(result.signature.args) == tuple(getattr(signature, "args", signature))

@@ -71,7 +71,7 @@ class _Compiling(event.Listener):
             gc.disable()
             if not self._told:
                 self._told = True
-                self._keeps = can_keep(_source_of(event))
+                self._keeps = can_keep(Path(_function_of(event).__code__.co_filename))
                 self._say(_FIRST if self._keeps else _EVERY)
 
     def on_end(self, event: Any) -> None:
@@ -81,7 +81,7 @@ class _Compiling(event.Listener):
             self._seconds += time.monotonic() - self._begun
         if self._depth == 0 and self._collecting:
             gc.enable()
-        function = event.data["dispatcher"].py_func
+        function = _function_of(event)
         if function.__module__.partition(".")[0] in _OURS:
             self._done.add(f"{function.__module__}.{function.__qualname__}")
             self._report(len(self._done), max(len(self._done) + 1, _loops()))
@@ -97,9 +97,9 @@ class _Compiling(event.Listener):
             )
 
 
-def _source_of(event: Any) -> Path:
-    """Return the file of a compiled function."""
-    return Path(event.data["dispatcher"].py_func.__code__.co_filename)
+def _function_of(event: Any) -> Any:
+    """Return the function that is compiled."""
+    return event.data["dispatcher"].py_func
 
 
 def _loops() -> int:

@@ -15,7 +15,7 @@ from functools import partial
 from typing import Any
 
 import numba as nb
-from numba.core import types
+from numba import types
 
 from compiled.cache import keep
 

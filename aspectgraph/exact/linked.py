@@ -17,7 +17,7 @@ from numba.core.environment import lookup_environment
 # how numba names the global variable that points to what a function knows of its module
 _ENVIRONMENT = "_ZN08NumbaEnv"
 
-# what this module takes from numba without a promise: names of classes, and names that their constructors set
+# what this module takes from numba without a promise: names in classes, or that their constructors set
 _NAMES: tuple[tuple[type, tuple[str, ...]], ...] = (
     (
         JITCodeLibrary,
@@ -27,6 +27,8 @@ _NAMES: tuple[tuple[type, tuple[str, ...]], ...] = (
             "get_pointer_to_function",
             "serialize_using_bitcode",
             "serialize_using_object_code",
+            "_codegen",
+            "_final_module",
             "_finalize_dynamic_globals",
             "_finalize_final_module",
             "_finalize_specific",
@@ -36,28 +38,23 @@ _NAMES: tuple[tuple[type, tuple[str, ...]], ...] = (
         ),
     ),
     (JITCPUCodegen, ("set_env",)),
-    (Compiler, ("define_pipelines",)),
+    (Compiler, ("define_pipelines", "flags", "func_id", "library", "state", "targetctx")),
     (Flags, ("options", "_values")),
-)
-_SET_NAMES: tuple[tuple[type, tuple[str, ...]], ...] = (
-    (JITCodeLibrary, ("_codegen", "_final_module")),
-    (Compiler, ("flags", "func_id", "library", "state", "targetctx")),
 )
 
 
 def has_all_names() -> bool:
     """Return whether numba has all that this module takes from it; otherwise nothing here may be used."""
-    named = all(hasattr(kind, name) for kind, names in _NAMES for name in names)
-    constructed = all(_sets(kind, name) for kind, names in _SET_NAMES for name in names)
+    named = all(_has(kind, name) for kind, names in _NAMES for name in names)
     prefixed = CompileResult._find_referenced_environments.__code__.co_consts
-    return named and constructed and _ENVIRONMENT in prefixed
+    return named and _ENVIRONMENT in prefixed
 
 
-def _sets(kind: type, name: str) -> bool:
-    """Return whether a constructor of a class, or of one it is made from, names an attribute."""
+def _has(kind: type, name: str) -> bool:
+    """Return whether a class has a name, or a constructor of it, or of one it is made from, sets it."""
     constructors = [vars(base).get("__init__") for base in kind.__mro__]
     codes = [getattr(constructor, "__code__", None) for constructor in constructors]
-    return any(name in code.co_names for code in codes if code is not None)
+    return hasattr(kind, name) or any(name in code.co_names for code in codes if code is not None)
 
 
 class _Linked(JITCodeLibrary):
