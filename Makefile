@@ -61,4 +61,4 @@ sbom: setup-test
 
 clean:
 	rm -rf $(DEMO_OUT) build site *.egg-info
-	find aspectgraph errors ga planner -name '*.nb[ic]' -delete
+	find aspectgraph compiled errors ga planner -name '*.nb[ic]' -delete

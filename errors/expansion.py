@@ -21,10 +21,10 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from compiled.cache import njit
 from errors.checks import check_endpoints, check_positive
 
 
@@ -78,7 +78,7 @@ def length_expansion(
     return length.reshape(lead), gradient.reshape((*lead, 6)), hessian.reshape((*lead, 6, 6))
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def expand(ends, f, g, h, work):
     """Write gradient (6,) and Hessian (6, 6) of one edge's image length; return length and direction (L, e1, e2).
 
@@ -101,7 +101,7 @@ def expand(ends, f, g, h, work):
     return length, e1, e2
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _add_end(c, w, f, e1, e2, sign, g, h, work):
     """Add one end point's share (sign -1 first, +1 second) to g, to the lower triangle of h and to B."""
     a = work[0]
@@ -123,7 +123,7 @@ def _add_end(c, w, f, e1, e2, sign, g, h, work):
         h[3 + i, 3 + i] -= sign * dot
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _point_gradient(c, w, f, e1, e2, out):
     """Write A = (a, C x a): the derivative of e . (u, v) by the displacement."""
     a1, a2 = f * w * e1, f * w * e2
@@ -134,7 +134,7 @@ def _point_gradient(c, w, f, e1, e2, out):
     out[5] = c[0] * a2 - c[1] * a1
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _expand_all(endpoints, f, length, gradient, hessian):
     work = np.empty((3, 6))
     for i in range(len(endpoints)):

@@ -33,10 +33,10 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from compiled.cache import njit
 from errors.checks import MIN_IMAGE_LENGTH_MM
 from errors.expansion import (
     expand,
@@ -88,7 +88,7 @@ def joint_probability(
     return out
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _joint_loop(endpoints, f, rx, ry, root, log_low, log_high, out):
     g, b, alpha, beta2 = np.empty(6), np.empty(6), np.empty(6), np.zeros(6)
     h, m, work = np.empty((6, 6)), np.empty((6, 6)), np.empty((3, 6))
@@ -113,7 +113,7 @@ def _joint_loop(endpoints, f, rx, ry, root, log_low, log_high, out):
         )
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _whiten(g, h, s, b, m, work):
     """Write b = S'g and M = S'HS."""
     row = work[0]
@@ -135,7 +135,7 @@ def _whiten(g, h, s, b, m, work):
             m[k, j] = total
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _tridiagonalise(b, m, alpha, beta2, work):
     """Rotate b onto the first axis and M to tridiagonal form; fill alpha, beta squared, return |b| squared.
 
@@ -162,7 +162,7 @@ def _tridiagonalise(b, m, alpha, beta2, work):
     return b_norm2
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _reflect(m, v, p, scale, start):
     """Replace the trailing block of M by P M P with P = I - scale v v'."""
     dot = 0.0
@@ -180,7 +180,7 @@ def _reflect(m, v, p, scale, start):
             m[i, j] -= v[i] * p[j] + p[i] * v[j]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _pivots(t, alpha, beta2):
     """Return det(I - itM) = p_0 and 1 / D_0 = p_1 / p_0, each as real and imaginary part."""
     t2 = t * t
@@ -195,7 +195,7 @@ def _pivots(t, alpha, beta2):
     return re, im, (last_re * re + last_im * im) * scale, (last_im * re - last_re * im) * scale
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _square_root(re, im, near_re, near_im):
     """Return the square root of re + i im that lies on the side of near_re + i near_im."""
     size = math.sqrt(re * re + im * im)
@@ -210,7 +210,7 @@ def _square_root(re, im, near_re, near_im):
     return root_re, root_im
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _tails(alpha, beta2, b_norm2, noise):
     """Return the mean of x and how far from it x may lie, but for a probability of about 1e-6."""
     (width_x, width_y, normal), mean, quadratic = noise, 0.0, 0.0
@@ -222,7 +222,7 @@ def _tails(alpha, beta2, b_norm2, noise):
     return mean, (7.0 + 9.0 * quadratic / variance) * math.sqrt(variance)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _interval_probability(alpha, beta2, b_norm2, noise, low, high):
     """Return P(low <= x <= high) for x = quadratic form in normals + noise.
 
@@ -289,7 +289,7 @@ def quadratic_probability(
     return out
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _quadratic_loop(gradient, hessian, root, noise, limits, out):
     b, alpha, beta2 = np.empty(6), np.empty(6), np.zeros(6)
     m, work = np.empty((6, 6)), np.empty((3, 6))

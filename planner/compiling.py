@@ -1,4 +1,4 @@
-"""Compiling loops at the first run: told once, with how far it has got, and without collecting garbage meanwhile."""
+"""Compiling loops at the first run: reported once, with its progress, and without collecting garbage meanwhile."""
 
 from __future__ import annotations
 
@@ -7,20 +7,25 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
+from compiled.cache import keeps_loops
+from compiled.folders import can_keep
+
 _FIRST = "compiling loops, at the first run only: about a minute in all"
-_OURS = ("aspectgraph", "errors", "ga", "planner")
+_EVERY = "compiling loops, at every run, because no folder can be written: about a minute in all"
+_OURS = ("aspectgraph", "compiled", "errors", "ga", "planner")
 
 
 @contextmanager
 def compiling_told(
     say: Callable[[str], object], report: Callable[[int, int], object]
 ) -> Iterator[None]:
-    """Tell once that loops are compiled, if they are, how far that has got, and in the end how long it took.
+    """Report once that loops are compiled, if they are, then the progress, and in the end how long it took.
 
     Meanwhile no garbage is collected.
 
@@ -47,9 +52,14 @@ class _Compiling(event.Listener):
     """Listens to numba, which begins to compile a function when its cache does not have it."""
 
     def __init__(self, say: Callable[[str], object], report: Callable[[int, int], object]) -> None:
-        self._say, self._report = say, report
-        self._depth, self._collecting, self._told = 0, False, False
-        self._begun = self._seconds = 0.0
+        self._say = say
+        self._report = report
+        self._depth = 0
+        self._collecting = False
+        self._told = False
+        self._keeps = True
+        self._begun = 0.0
+        self._seconds = 0.0
         self._done: set[str] = set()
 
     def on_start(self, event: Any) -> None:
@@ -61,7 +71,8 @@ class _Compiling(event.Listener):
             gc.disable()
             if not self._told:
                 self._told = True
-                self._say(_FIRST)
+                self._keeps = can_keep(Path(_function_of(event).__code__.co_filename))
+                self._say(_FIRST if self._keeps else _EVERY)
 
     def on_end(self, event: Any) -> None:
         """Take the end of a function."""
@@ -70,7 +81,7 @@ class _Compiling(event.Listener):
             self._seconds += time.monotonic() - self._begun
         if self._depth == 0 and self._collecting:
             gc.enable()
-        function = event.data["dispatcher"].py_func
+        function = _function_of(event)
         if function.__module__.partition(".")[0] in _OURS:
             self._done.add(f"{function.__module__}.{function.__qualname__}")
             self._report(len(self._done), max(len(self._done) + 1, _loops()))
@@ -79,9 +90,16 @@ class _Compiling(event.Listener):
         """Tell how many there were, and how long they took: other work was done between them."""
         if self._done:
             self._report(len(self._done), len(self._done))
+            next_run = "finds them" if self._keeps and keeps_loops() else "compiles them again"
             self._say(
-                f"compiling {len(self._done)} loops took {self._seconds:.0f} s; the next run finds them"
+                f"compiling {len(self._done)} loops took {self._seconds:.0f} s; "
+                f"the next run {next_run}"
             )
+
+
+def _function_of(event: Any) -> Any:
+    """Return the function that is compiled."""
+    return event.data["dispatcher"].py_func
 
 
 def _loops() -> int:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("aspectgraph", "errors", "ga", "planner", "benchmarks")
+PACKAGES = ("aspectgraph", "compiled", "errors", "ga", "planner", "benchmarks")
 # a compiled loop has no keywords and no objects, so it may take more
 MOST_PARAMETERS, MOST_COMPILED = 8, 10
 MOST_LINES, MOST_FILE_LINES, MOST_FILES = 60, 500, 15

@@ -128,12 +128,13 @@ def with_room(
 
 
 def _is_full(error: MemoryError) -> bool:
-    """Tell a room that is full from a process that gets no more memory; `_require` gives no reason, others do."""
+    """Tell a room that is full from a process that gets no more memory; `require` gives no reason, others do."""
     return type(error) is MemoryError and not error.args
 
 
 @lean
-def _require(used, extra, room):
+def require(used, extra, room):
+    """Raise `MemoryError` without a reason where the room is full; see `with_room`."""
     if used + extra > room:
         raise MemoryError
 
@@ -142,7 +143,7 @@ def _require(used, extra, room):
 def add_vertex(cx, p, q, r):
     """Append the common point of planes p, q and r."""
     v = cx.count[N_VERTICES]
-    _require(v, 1, len(cx.vertices))
+    require(v, 1, len(cx.vertices))
     meet(cx.planes, p, q, r, cx.vertices, cx.coordinates, v)
     cx.vertex[v, SIGN_PLANE] = -1
     cx.vertex[v, VERTEX_MARK] = -1
@@ -154,7 +155,7 @@ def add_vertex(cx, p, q, r):
 def add_edge(cx, v, w, p, q):
     """Append the edge from vertex v to w on the line of planes p and q."""
     e = cx.count[N_EDGES]
-    _require(e, 1, len(cx.edge))
+    require(e, 1, len(cx.edge))
     cx.edge[e, ENDS], cx.edge[e, ENDS + 1] = v, w
     cx.edge[e, LINE], cx.edge[e, LINE + 1] = p, q
     cx.edge[e, EDGE_CHILD] = -1
@@ -167,7 +168,7 @@ def add_edge(cx, v, w, p, q):
 def add_face(cx, plane, positive, negative):
     """Append a face without edges; `push_edge` fills the newest face."""
     f = cx.count[N_FACES]
-    _require(f, 1, len(cx.face))
+    require(f, 1, len(cx.face))
     cx.face[f, FACE_PLANE] = plane
     cx.face[f, SIDES], cx.face[f, SIDES + 1] = positive, negative
     cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE] = cx.count[N_LIST + EDGE_LIST], 0
@@ -180,7 +181,7 @@ def add_face(cx, plane, positive, negative):
 def push_edge(cx, f, e):
     """Append edge e to the face whose list was opened last."""
     k = cx.count[N_LIST + EDGE_LIST]
-    _require(k, 1, cx.lists.shape[1])
+    require(k, 1, cx.lists.shape[1])
     cx.lists[EDGE_LIST, k] = e
     cx.face[f, FACE_SIZE] += 1
     cx.count[N_LIST + EDGE_LIST] = k + 1
@@ -190,7 +191,7 @@ def push_edge(cx, f, e):
 def add_cell(cx):
     """Append a cell without faces; `push_face` fills the newest cell."""
     c = cx.count[N_CELLS]
-    _require(c, 1, len(cx.cell))
+    require(c, 1, len(cx.cell))
     cx.cell[c, CELL_FIRST], cx.cell[c, CELL_SIZE] = cx.count[N_LIST + FACE_LIST], 0
     cx.cell[c, CORNER_FIRST], cx.cell[c, CORNER_SIZE] = cx.count[N_LIST + CORNER_LIST], 0
     cx.cell[c, CELL_PLANE] = -1
@@ -205,7 +206,7 @@ def add_cell(cx):
 def push_face(cx, c, f):
     """Append face f to the cell whose list was opened last."""
     k = cx.count[N_LIST + FACE_LIST]
-    _require(k, 1, cx.lists.shape[1])
+    require(k, 1, cx.lists.shape[1])
     cx.lists[FACE_LIST, k] = f
     cx.cell[c, CELL_SIZE] += 1
     cx.count[N_LIST + FACE_LIST] = k + 1
@@ -215,7 +216,7 @@ def push_face(cx, c, f):
 def push_corner(cx, c, v):
     """Append vertex v to the corners of the newest cell."""
     k = cx.count[N_LIST + CORNER_LIST]
-    _require(k, 1, cx.lists.shape[1])
+    require(k, 1, cx.lists.shape[1])
     cx.lists[CORNER_LIST, k] = v
     cx.cell[c, CORNER_SIZE] += 1
     cx.count[N_LIST + CORNER_LIST] = k + 1

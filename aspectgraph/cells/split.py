@@ -52,6 +52,7 @@ from aspectgraph.cells.arrays import (
     push_corner,
     push_edge,
     push_face,
+    require,
 )
 from aspectgraph.exact.lean import compiled, lean
 from aspectgraph.exact.predicates import sign_at_vertex
@@ -68,11 +69,24 @@ def vertex_sign(cx, h, v):
 
 @lean
 def _push_edge_leaves(cx, f, e):
-    if cx.edge[e, EDGE_CHILD] < 0:
+    """Append the parts of edge e that are not split, the positive part of each before the negative one.
+
+    Negative parts wait at the far end of the row of lists. Each of them will need a place in the list itself, so the
+    two meet only where the row is too short anyway.
+    """
+    end = cx.lists.shape[1]
+    first_waiting = end
+    while True:
+        while cx.edge[e, EDGE_CHILD] >= 0:
+            first_waiting -= 1
+            require(cx.count[N_LIST + EDGE_LIST], 1, first_waiting)
+            cx.lists[EDGE_LIST, first_waiting] = cx.edge[e, EDGE_CHILD + 1]
+            e = np.int64(cx.edge[e, EDGE_CHILD])
         push_edge(cx, f, e)
-    else:
-        _push_edge_leaves(cx, f, np.int64(cx.edge[e, EDGE_CHILD]))
-        _push_edge_leaves(cx, f, np.int64(cx.edge[e, EDGE_CHILD + 1]))
+        if first_waiting == end:
+            return
+        e = np.int64(cx.lists[EDGE_LIST, first_waiting])
+        first_waiting += 1
 
 
 @lean
@@ -92,11 +106,20 @@ def refresh_face(cx, f):
 
 @lean
 def _push_face_leaves(cx, c, f):
-    if cx.face[f, FACE_CHILD] < 0:
+    """Append the parts of face f that are not split; see `_push_edge_leaves`."""
+    end = cx.lists.shape[1]
+    first_waiting = end
+    while True:
+        while cx.face[f, FACE_CHILD] >= 0:
+            first_waiting -= 1
+            require(cx.count[N_LIST + FACE_LIST], 1, first_waiting)
+            cx.lists[FACE_LIST, first_waiting] = cx.face[f, FACE_CHILD + 1]
+            f = np.int64(cx.face[f, FACE_CHILD])
         push_face(cx, c, f)
-    else:
-        _push_face_leaves(cx, c, np.int64(cx.face[f, FACE_CHILD]))
-        _push_face_leaves(cx, c, np.int64(cx.face[f, FACE_CHILD + 1]))
+        if first_waiting == end:
+            return
+        f = np.int64(cx.lists[FACE_LIST, first_waiting])
+        first_waiting += 1
 
 
 @lean

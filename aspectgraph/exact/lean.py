@@ -1,8 +1,11 @@
-"""Compiling loops: each for as few signatures as can be, and those that are called very often without bookkeeping.
+"""Compiling loops: for as few signatures as can be, and without bookkeeping where they are called very often.
 
-Compiling takes most of the first run. Numba compiles a function anew for every combination of argument types, and
-integers come in three kinds here: read from an array of 32 bits, computed in 64, and written in the source. What these
+Compiling takes most of the first run. Numba compiles a function anew for every combination of argument types. Integers
+come in three kinds here: read from an array of 32 bits, computed in 64, and written in the source. What these
 functions get is widened to 64 bits, so that there is one version of each.
+
+Some of this rests on names of numba that are no promise. Where one is missing, functions are compiled in numba's usual
+way: that takes longer, and the answers are the same.
 """
 
 from __future__ import annotations
@@ -12,9 +15,35 @@ from functools import partial
 from typing import Any
 
 import numba as nb
-from numba.core import types
+from numba import types
 
-from aspectgraph.exact.linked import EntryCompiler, LinkedCompiler
+from compiled.cache import keep
+
+try:
+    from aspectgraph.exact.linked import EntryCompiler, LinkedCompiler, has_all_names
+except (ImportError, AttributeError):
+    _LINKING = False
+else:
+    _LINKING = has_all_names()
+
+# names of numba's dispatchers that are no promise
+_CALLED = ("get_call_template",)
+_ENTERED = ("_insert", "_compile_for_args")
+
+
+def _options(**wanted: Any) -> dict[str, Any]:
+    """Return those options that numba knows."""
+    try:
+        from numba.core.cpu import CPUTargetOptions as Known
+    except ImportError:
+        return {}
+    return {name: value for name, value in wanted.items() if hasattr(Known, name)}
+
+
+# numba's stubs know none of these
+_NO_ENTRY = _options(no_cpython_wrapper=True, no_cfunc_wrapper=True)
+_NO_POINTER = _options(no_cfunc_wrapper=True)
+_NO_COUNTS = _options(_nrt=False)
 
 
 def _wide(kind: Any) -> Any:
@@ -26,36 +55,38 @@ def _wide(kind: Any) -> Any:
 
 
 def _one_signature(dispatcher: Any) -> Any:
-    """Let calls from compiled code widen signed integers; a function that is not compiled at all stays as it is."""
-    if not hasattr(dispatcher, "get_call_template"):
+    """Let calls from compiled code widen signed integers, which saves versions of the function.
+
+    A function that is not compiled at all stays as it is.
+    """
+    if not _has(dispatcher, _CALLED):
         return dispatcher
     template = dispatcher.get_call_template
 
     def get_call_template(args: Any, kws: Any) -> Any:
-        # a recursive call is resolved by the types of the call that is being compiled
-        return template(args if dispatcher.is_compiling else tuple(map(_wide, args)), kws)
+        return template(tuple(map(_wide, args)), kws)
 
     dispatcher.get_call_template = get_call_template
     return dispatcher
 
 
-# numba's stubs know none of these
-_NO_ENTRY: dict[str, Any] = {
-    "no_cpython_wrapper": True,
-    "no_cfunc_wrapper": True,
-    "pipeline_class": LinkedCompiler,
-}
-_NO_POINTER: dict[str, Any] = {"no_cfunc_wrapper": True, "pipeline_class": EntryCompiler}
-_NO_COUNTS: dict[str, Any] = {"_nrt": False}
+def _has(value: Any, names: tuple[str, ...]) -> bool:
+    return all(hasattr(value, name) for name in names)
 
 
-def _for_loops_only(dispatcher: Any, function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    """Let a function without an entry for Python be compiled once more, and with one, should Python call it."""
-    if hasattr(dispatcher, "get_call_template"):
-        # without these an address that does not exist would be called
-        dispatcher._insert = _not_inserted
-        dispatcher._compile_for_args = nb.njit(**options)(function)._compile_for_args
-    return dispatcher
+def _for_loops_only(
+    function: Callable[..., Any], options: dict[str, Any], counting: dict[str, Any]
+) -> Any:
+    """Compile a function without an entry for Python; once more, and with one, should Python call it."""
+    usual = nb.njit(**options)(function)
+    if not _LINKING or not _has(usual, _ENTERED):
+        return keep(_one_signature(usual))
+    kind = {**_NO_ENTRY, **counting, "pipeline_class": LinkedCompiler}
+    dispatcher: Any = nb.njit(**kind, **options)(function)
+    # without these an address that does not exist would be called
+    dispatcher._insert = _not_inserted
+    dispatcher._compile_for_args = usual._compile_for_args
+    return keep(_one_signature(dispatcher))
 
 
 def _not_inserted(*_: object, **__: object) -> None:
@@ -66,9 +97,9 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Call
     """Compile a function that Python calls, for one kind of integers; options are numba's."""
     if function is None:
         return partial(compiled, **options)
-    dispatcher: Callable[..., Any] = _one_signature(
-        nb.njit(cache=True, **_NO_POINTER, **options)(function)
-    )
+    if _LINKING:
+        options = {**_NO_POINTER, "pipeline_class": EntryCompiler, **options}
+    dispatcher: Callable[..., Any] = keep(_one_signature(nb.njit(**options)(function)))
     return dispatcher
 
 
@@ -80,9 +111,7 @@ def inner(function: Callable[..., Any] | None = None, **options: Any) -> Callabl
     """
     if function is None:
         return partial(inner, **options)
-    return _for_loops_only(
-        _one_signature(nb.njit(cache=True, **_NO_ENTRY, **options)(function)), function, options
-    )
+    return _for_loops_only(function, options, {})
 
 
 def lean(function: Callable[..., Any] | None = None, **options: Any) -> Callable[..., Any]:
@@ -93,8 +122,7 @@ def lean(function: Callable[..., Any] | None = None, **options: Any) -> Callable
     """
     if function is None:
         return partial(lean, **options)
-    dispatcher = nb.njit(cache=True, **_NO_ENTRY, **_NO_COUNTS, **options)(function)
-    return _for_loops_only(_one_signature(dispatcher), function, options)
+    return _for_loops_only(function, options, _NO_COUNTS)
 
 
 @inner

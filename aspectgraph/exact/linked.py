@@ -10,12 +10,51 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler, Flags
+from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
+from numba.core.compiler import Compiler, CompileResult, Flags
 from numba.core.environment import lookup_environment
 
 # how numba names the global variable that points to what a function knows of its module
 _ENVIRONMENT = "_ZN08NumbaEnv"
+
+# what this module takes from numba without a promise: names in classes, or that their constructors set
+_NAMES: tuple[tuple[type, tuple[str, ...]], ...] = (
+    (
+        JITCodeLibrary,
+        (
+            "codegen",
+            "enable_object_caching",
+            "get_pointer_to_function",
+            "serialize_using_bitcode",
+            "serialize_using_object_code",
+            "_codegen",
+            "_final_module",
+            "_finalize_dynamic_globals",
+            "_finalize_final_module",
+            "_finalize_specific",
+            "_finalized",
+            "_optimize_final_module",
+            "_verify_declare_only_symbols",
+        ),
+    ),
+    (JITCPUCodegen, ("set_env",)),
+    (Compiler, ("define_pipelines", "flags", "func_id", "library", "state", "targetctx")),
+    (Flags, ("options", "_values")),
+)
+
+
+def has_all_names() -> bool:
+    """Return whether numba has all that this module takes from it; otherwise nothing here may be used."""
+    named = all(_has(kind, name) for kind, names in _NAMES for name in names)
+    prefixed = CompileResult._find_referenced_environments.__code__.co_consts
+    return named and _ENVIRONMENT in prefixed
+
+
+def _has(kind: type, name: str) -> bool:
+    """Return whether a class has a name, or a constructor of it, or of one it is made from, sets it."""
+    constructors = [vars(base).get("__init__") for base in kind.__mro__]
+    codes = [getattr(constructor, "__code__", None) for constructor in constructors]
+    return hasattr(kind, name) or any(name in code.co_names for code in codes if code is not None)
 
 
 class _Linked(JITCodeLibrary):
@@ -107,7 +146,8 @@ class _WithLibrary(Compiler):
     def define_pipelines(self) -> Any:
         state = self.state
         if state.library is None:
-            state.library = self._kind(state.targetctx.codegen(), state.func_id.func_qualname)
+            name = getattr(state.func_id, "func_qualname", "loop")
+            state.library = self._kind(state.targetctx.codegen(), name)
             # as numba does, so that it can be cached
             state.library.enable_object_caching()
         return super().define_pipelines()  # type: ignore[no-untyped-call]

@@ -25,11 +25,12 @@ its depth and d the image distance: to first order independent of the pose's err
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
+from compiled.cache import njit
 
-@nb.njit(cache=True, error_model="numpy")
+
+@njit(error_model="numpy")
 def add_square(h, w, p, s, a, weight):
     """Add to h (6, 6) the Hessian of weight times e.u2; p is the point C, its row a, the plane's row s."""
     dot = w[0] * p[0] + w[1] * p[1] + w[2] * p[2]
@@ -55,7 +56,7 @@ def add_square(h, w, p, s, a, weight):
             h[i, j] -= weight * (s[i] * a[j] + a[i] * s[j])
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def add_product(h, a, b, weight):
     """Add to h (6, 6) the Hessian of weight times (a.delta)(b.delta)."""
     for i in range(6):
@@ -63,7 +64,7 @@ def add_product(h, a, b, weight):
             h[i, j] += weight * (a[i] * b[j] + b[i] * a[j])
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def point_row(e, n, c, p, w, row):
     """Write w and the row a of e.u1 for a point p of the plane n.X = c."""
     part = (e[0] * p[0] + e[1] * p[1] + e[2] * p[2]) / c
@@ -75,7 +76,7 @@ def point_row(e, n, c, p, w, row):
     row[5] = w[0] * p[1] - w[1] * p[0]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def plane_row(n, c, p, row):
     """Write the row s of n.C'/c - 1 for a point p of the plane."""
     for i in range(3):
@@ -85,14 +86,14 @@ def plane_row(n, c, p, row):
     row[5] = (n[0] * p[1] - n[1] * p[0]) / c
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def noise(w, depth, scale_x, scale_y):
     """Return the variance of e.X by the image noise of one point; the scales are sigma / d."""
     along_x, along_y = depth * scale_x * w[0], depth * scale_y * w[1]
     return along_x * along_x + along_y * along_y
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def turned(frame, pose, out):
     """Write origin, x, y of an entity (3, 3) in the camera frame of a pose world to camera (4, 4)."""
     for k in range(3):
@@ -103,7 +104,7 @@ def turned(frame, pose, out):
             out[k, i] = total
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def plane_of(at, n):
     """Write the normal of an entity's plane; return its distance c from the lens."""
     x, y = at[1], at[2]
@@ -113,7 +114,7 @@ def plane_of(at, n):
     return n[0] * at[0, 0] + n[1] * at[0, 1] + n[2] * at[0, 2]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def expand_line(at, half, of_value, g, h, rows):
     """Add a line's share of a value to gradient g and Hessian h, and write the rows of (offset, slope) in delta.
 
@@ -143,7 +144,7 @@ def expand_line(at, half, of_value, g, h, rows):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def expand_circle(at, radius, angles, solve, of_value, g, h, rows):
     """Add a circle's share of a value to gradient and Hessian, and write the rows of (centre x, y, radius) in delta.
 
@@ -185,7 +186,7 @@ def expand_circle(at, radius, angles, solve, of_value, g, h, rows):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def line_noise(at, half, of_value, points, fit):
     """Return the variance of a value by a line's localisation.
 
@@ -209,7 +210,7 @@ def line_noise(at, half, of_value, points, fit):
     return total * _fewer(points, along, fit)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def circle_noise(at, radius, angles, solve, of_value, fit, closed):
     """Return the variance of a value by a circle's localisation; arguments as of the others."""
     n, w, p, e, row = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(6)
@@ -236,7 +237,7 @@ def circle_noise(at, radius, angles, solve, of_value, fit, closed):
     return total * _fewer(m, along, fit)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _fewer(points, along, fit):
     """Return by what factor variance differs because other than ``points`` independent ones are found."""
     if fit[2] == 0.0:

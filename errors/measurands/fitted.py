@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from compiled.cache import njit
 from errors.measurands.expansion import circle_noise, expand_circle, expand_line, line_noise, turned
 from errors.measurands.geometry import Circle, Geometry, Line
 from errors.measurands.localisation import POINTS, Localisation
@@ -112,7 +112,7 @@ def is_short(one: Geometry) -> bool:
     return isinstance(one, Circle) and one.span_rad < math.pi
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _expand_all(poses, entities, of_value, bend, fit, out):
     shapes, frames, sizes, angles, solve = entities
     seen, gradient, hessian, variance = out

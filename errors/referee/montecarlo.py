@@ -13,11 +13,11 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypedDict
 
-import numba as nb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import betaincinv
 
+from compiled.cache import njit
 from errors.checks import (
     check_count,
     check_covariance,
@@ -240,7 +240,7 @@ def _count(ends, f, pitch, root, tolerance, samples, rng, quantization):
     return hits
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _count_chunk(ends, f, pitch, root, tolerance, normal, uniform, grid, hits):
     delta, before, after = np.empty(6), np.empty((2, 2)), np.empty((2, 2))
     for i in range(len(ends)):
@@ -265,7 +265,7 @@ def _count_chunk(ends, f, pitch, root, tolerance, normal, uniform, grid, hits):
                 hits[i] += 1
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _image_length(ends, f, delta, image):
     """Write the image of both ends after the displacement; return their distance, or -1 when one is behind the lens."""
     x, y, z = delta[3], delta[4], delta[5]

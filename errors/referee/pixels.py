@@ -15,10 +15,10 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from compiled.cache import njit
 from errors.arrays import FloatArray
 from errors.checks import check_finite, check_pixel_pitch, check_positive
 from errors.exceptions import InvalidParameterError, InvalidShapeError
@@ -123,7 +123,7 @@ def _whole_pixels(ends: FloatArray) -> FloatArray:
     return np.where(high - low > 0.5, centres, 0.0)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _render(segment, pitch, band, first_i, first_j, image):
     corners, scratch = _band_corners(segment, band), np.empty((2, 12, 2))
     for j in range(image.shape[0]):
@@ -137,7 +137,7 @@ def _render(segment, pitch, band, first_i, first_j, image):
             )
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _band_corners(segment, band):
     """Return the four corners of the band, counter-clockwise."""
     du, dv = segment[1, 0] - segment[0, 0], segment[1, 1] - segment[0, 1]
@@ -151,7 +151,7 @@ def _band_corners(segment, band):
     return corners
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _coverage(corners, u, v, pitch, scratch):
     """Return the fraction of the pixel centred at (u, v) inside a convex counter-clockwise quadrangle, by clipping."""
     polygon, clipped = scratch[0], scratch[1]
@@ -181,7 +181,7 @@ def _coverage(corners, u, v, pitch, scratch):
     return area / (pitch[0] * pitch[1])
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _measure_chains(segments, pitch, band, out):
     last, scratch = np.empty((2, 2)), np.empty((2, 12, 2))
     for n in range(len(segments)):
@@ -202,7 +202,7 @@ def _measure_chains(segments, pitch, band, out):
         out[n] = length * (1.0 + pitch[major] / extent) if extent > 0.0 else pitch[major]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _last_pixel(segment, corners, pitch, major, end, scratch, centre):
     """Write the centre of the chain's last pixel at one end; False when no pixel near it belongs to the edge."""
     minor = 1 - major

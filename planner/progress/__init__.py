@@ -71,8 +71,12 @@ def terminal_progress(
 @contextmanager
 def _compiling(progress: Progress | None) -> Iterator[None]:
     """Show that loops are compiled, if they are."""
-    from planner.compiling import compiling_told
-
+    try:
+        from planner.compiling import compiling_told
+    except (ImportError, AttributeError):
+        # a numba that says nothing of what it compiles
+        yield
+        return
     with compiling_told(
         lambda text: note(progress, text), lambda done, total: report(progress, done, total, LOOPS)
     ):

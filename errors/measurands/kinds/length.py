@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from compiled.cache import njit
 from errors.checks import MIN_IMAGE_LENGTH_MM
 from errors.measurands.expansion import add_product, add_square, plane_row, point_row
 from errors.measurands.fitted import Frame
@@ -63,7 +63,7 @@ class Length(Measurand):
         )
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _expand_lengths(ends, distance, gradient, hessian, tangent):
     n, e, side, w, s = np.array([0.0, 0.0, 1.0]), np.zeros(3), np.zeros(3), np.empty(3), np.empty(6)
     row, turn = np.empty(6), np.empty(6)

@@ -15,9 +15,10 @@ span), start None for a whole circle.
 
 import math
 
-import numba as nb
 import numpy as np
 from scipy.stats import norm, qmc
+
+from compiled.cache import njit
 
 POINTS = 16
 
@@ -170,7 +171,7 @@ def _images(points, move, f):
     return f * seen[:, :2] / seen[:, 2:]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _rotation(x, y, z):
     """Return exp of a rotation vector, by the unit quaternion."""
     angle = math.sqrt(x * x + y * y + z * z)
@@ -195,7 +196,7 @@ def _rotation(x, y, z):
     return turn
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _image(turn, move, p, f):
     """Return the image of a point from the displaced camera, and its depth."""
     a, b, c = p[0] - move[0], p[1] - move[1], p[2] - move[2]
@@ -205,7 +206,7 @@ def _image(turn, move, p, f):
     return f * x / z, f * y / z, z
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _images_of_all(points, moves, f):
     out = np.empty((len(moves), len(points), 2))
     for i in range(len(moves)):
@@ -216,7 +217,7 @@ def _images_of_all(points, moves, f):
     return out
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _fit_all(points, plane, moves, noise, how, out):
     """Write what is fitted from every displaced pose: a line's point on y and direction, or a circle's centre, radius.
 
@@ -251,7 +252,7 @@ def _fit_all(points, plane, moves, noise, how, out):
             _fit_line(flat, out[i])
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _fit_line(flat, out):
     """Principal axis: angle in out[2], a point of the line in out[:2]."""
     mx, my = flat[:, 0].mean(), flat[:, 1].mean()
@@ -262,7 +263,7 @@ def _fit_line(flat, out):
     out[0], out[1], out[2] = mx, my, 0.5 * math.atan2(2 * xy, xx - yy)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _fit_circle(flat, radius, out):
     """Least squares of distances from a circle, by Gauss-Newton from the algebraic fit (which needs no start)."""
     mx, my = flat[:, 0].mean(), flat[:, 1].mean()
@@ -302,7 +303,7 @@ def _fit_circle(flat, radius, out):
     out[0], out[1], out[2] = x, y, r
 
 
-@nb.njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _solve(m, b):
     """Solve a symmetric system of three equations by its upper triangle (Cramer)."""
     a00, a01, a02, a11, a12, a22 = m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2]

@@ -1,0 +1,136 @@
+"""Folders in which machine code can be kept: beside the source, in the user's cache, or in a temporary folder."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from numba import config
+
+_TEMPORARY = "aspectgraph-loops"
+
+
+def folders_for(source: Path) -> Iterator[Path]:
+    """Yield the folders for the machine code of a source file, the best first; none is made.
+
+    ``NUMBA_CACHE_DIR`` is the first where it is set, and the only one where it can be written. Next come
+    ``__pycache__`` beside the source, the user's cache folder and a temporary folder of the user.
+
+    Parameters
+    ----------
+    source : Path
+        The file that defines the loops.
+
+    Yields
+    ------
+    Path
+        An absolute path.
+    """
+    chosen = getattr(config, "CACHE_DIR", "")
+    if chosen:
+        folder = Path(chosen).absolute() / _name_of(source)
+        yield folder
+        if is_writable(folder):
+            return
+    yield source.parent / "__pycache__"
+    user = _user_cache()
+    if user is not None:
+        yield user / "aspectgraph" / _name_of(source)
+    temporary = temporary_folder()
+    if temporary is not None:
+        yield temporary / _name_of(source)
+
+
+def temporary_folder() -> Path | None:
+    """Return the user's temporary folder for machine code; none where others could write it.
+
+    Machine code runs when it is read, so only a folder that belongs to this user alone will do.
+    """
+    try:
+        parent = Path(tempfile.gettempdir())
+    except OSError:
+        return None
+    if not hasattr(os, "getuid"):
+        # Windows: the folder for temporary files belongs to one user
+        return parent / _TEMPORARY
+    try:
+        folder = parent / f"{_TEMPORARY}-{os.getuid()}"
+        return folder if _only_ours_can_replace(parent) and _is_private(folder) else None
+    except OSError:
+        return None
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder; the temporary one, and what is in it, for this user only.
+
+    Raises
+    ------
+    OSError
+        If it cannot be made, or is the temporary folder and not private.
+    """
+    temporary = temporary_folder()
+    if temporary is None or temporary not in folder.parents:
+        folder.mkdir(parents=True, exist_ok=True)
+        return
+    temporary.mkdir(mode=0o700, exist_ok=True)
+    # somebody else may have made it meanwhile
+    if hasattr(os, "getuid") and not _is_private(temporary):
+        raise PermissionError(f"{temporary} must belong to this user only")
+    folder.mkdir(mode=0o700, exist_ok=True)
+
+
+def is_temporary(folder: Path) -> bool:
+    """Return whether a folder is in the temporary one, which the system may empty."""
+    return any(parent.name.startswith(_TEMPORARY) for parent in folder.parents)
+
+
+def is_writable(folder: Path) -> bool:
+    """Return whether files can be made in a folder that is there, or that could be made."""
+    for place in (folder, *folder.parents):
+        if os.path.lexists(place):
+            return place.is_dir() and os.access(place, os.W_OK | os.X_OK)
+    return False
+
+
+def can_keep(source: Path) -> bool:
+    """Return whether any folder seems to take the machine code of a source file."""
+    return any(is_writable(folder) for folder in folders_for(source))
+
+
+def _name_of(source: Path) -> str:
+    """Return a folder name for the folder of a source file: two copies of the sources do not share one."""
+    folder = source.absolute().parent
+    return f"{folder.name}_{hashlib.sha256(os.fsencode(folder)).hexdigest()[:32]}"
+
+
+def _user_cache() -> Path | None:
+    """Return the user's cache folder; None for a user without a home."""
+    if sys.platform == "win32":
+        named = os.environ.get("LOCALAPPDATA", "")
+    elif sys.platform == "darwin":
+        named = os.path.expanduser("~/Library/Caches")
+    else:
+        named = os.environ.get("XDG_CACHE_HOME", "") or os.path.expanduser("~/.cache")
+    # an unknown user's ~ stays as it is, and would be a folder of the current one
+    return Path(named) if os.path.isabs(named) else None
+
+
+def _only_ours_can_replace(parent: Path) -> bool:
+    """Return whether others cannot rename what we make in a folder."""
+    mode = parent.stat().st_mode
+    return not mode & (stat.S_IWGRP | stat.S_IWOTH) or bool(mode & stat.S_ISVTX)
+
+
+def _is_private(folder: Path) -> bool:
+    """Return whether a folder is not there yet, or is this user's, and no link."""
+    try:
+        status = folder.lstat()
+    except FileNotFoundError:
+        return True
+    ours = status.st_uid == os.getuid()
+    return stat.S_ISDIR(status.st_mode) and ours and not status.st_mode & 0o077

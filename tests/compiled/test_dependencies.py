@@ -1,0 +1,138 @@
+"""What a loop calls: found through names, modules, closures and tuples of functions; no loop calls itself."""
+
+import importlib
+import os
+import pkgutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+from numba.core.dispatcher import Dispatcher
+
+import aspectgraph
+import compiled
+import errors
+import ga
+import planner
+from compiled import cache, dependencies, folders
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = (aspectgraph, compiled, errors, ga, planner)
+
+
+def loops():
+    """Return all compiled functions of the packages."""
+    every = {}
+    for package in PACKAGES:
+        for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+            module = importlib.import_module(found.name)
+            kept = [value for value in vars(module).values() if isinstance(value, Dispatcher)]
+            every.update({id(loop): loop for loop in kept})
+    return list(every.values())
+
+
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
+def test_no_loop_calls_itself_directly_or_not():
+    """Numba's kept code of such functions crashed when it was read (numba #6061, #6713)."""
+    every = loops()
+    assert len(every) > 200
+    recursive = []
+    for loop in every:
+        below = {
+            id(dependencies.plain_function(deeper))
+            for called in dependencies.callees(loop)
+            for deeper in dependencies.reachable(called)
+        }
+        if id(loop.py_func) in below:
+            recursive.append(loop.py_func.__qualname__)
+    assert recursive == []
+
+
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
+def test_every_loop_is_kept_by_what_it_depends_on():
+    other = [loop.py_func.__qualname__ for loop in loops() if not hasattr(loop, "_cache")]
+    assert other == []
+    numba_s = [
+        loop.py_func.__qualname__
+        for loop in loops()
+        if not isinstance(loop._cache, cache.LoopCache)
+    ]
+    assert numba_s == []
+
+
+def calls_itself(n):
+    return n and calls_itself(n - 1)
+
+
+def ping(n):
+    return n and pong(n - 1)
+
+
+def pong(n):
+    return n and ping(n - 1)
+
+
+@pytest.mark.parametrize("function", [calls_itself, ping])
+def test_circles_are_found_and_their_digests_end(function):
+    below = [
+        deeper
+        for called in dependencies.callees(function)
+        for deeper in dependencies.reachable(called)
+    ]
+    assert function in below
+    assert len(dependencies.digest_of(function)) == 64
+
+
+TABLE = np.array([1.0, 2.0])
+NAMES = frozenset({"one", "two", "three"})
+
+
+def with_globals(x):
+    return x + TABLE[0] + len(NAMES)
+
+
+def test_the_content_of_a_table_counts(monkeypatch):
+    before = dependencies.digest_of(with_globals)
+    monkeypatch.setitem(globals(), "TABLE", np.array([1.0, 2.0]))
+    assert dependencies.digest_of(with_globals) == before
+    for other in (np.array([1.0, 3.0]), np.array([[1.0, 2.0]]), np.array([1.0, 2.0], np.float32)):
+        monkeypatch.setitem(globals(), "TABLE", other)
+        assert dependencies.digest_of(with_globals) != before
+
+
+@pytest.mark.parametrize(("one", "other"), [(0.0, -0.0), (1, 1.0), (1, True), ((1, 2), [1, 2])])
+def test_values_that_are_equal_to_python_but_not_to_a_compiler_differ(one, other):
+    assert one == other or isinstance(one, tuple)
+    held = [dependencies.digest_of(lambda x, held=held: (x, held)) for held in (one, other)]
+    assert held[0] != held[1]
+
+
+def test_the_digest_is_the_same_in_every_process():
+    script = (
+        "from errors.joint import _joint_loop\n"
+        "from compiled.dependencies import digest_of\n"
+        "print(digest_of(_joint_loop))"
+    )
+    seen = {
+        subprocess.run(
+            [sys.executable, "-c", script],
+            capture_output=True,
+            text=True,
+            check=True,
+            env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONHASHSEED": seed},
+        ).stdout
+        for seed in ("1", "2")
+    }
+    assert len(seen) == 1
+
+
+def test_the_temporary_folder_must_not_be_one_that_others_can_replace(tmp_path, monkeypatch):
+    monkeypatch.setattr(folders.tempfile, "gettempdir", lambda: str(tmp_path))
+    assert folders.temporary_folder() is not None
+    tmp_path.chmod(0o777)
+    assert folders.temporary_folder() is None
+    tmp_path.chmod(0o1777)
+    assert folders.temporary_folder() is not None
