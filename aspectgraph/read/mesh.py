@@ -117,7 +117,7 @@ def _parse(
 ) -> tuple[np.ndarray, np.ndarray | list[list[int]]]:
     """Return vertices and polygons as the format has them."""
     if suffix == ".glb":
-        return parse_glb(data, most_triangles)
+        return parse_glb(data, notes, most_triangles)
     polygons: np.ndarray | list[list[int]]
     if suffix == ".stl":
         vertices, polygons = parse_stl(data, notes)
