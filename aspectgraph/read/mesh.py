@@ -77,7 +77,9 @@ def read_mesh(
     notes: list[str] = []
     scale = _scale(units, suffix)
     most = (limits or ReadLimits()).triangles
-    vertices, polygons = _parse(data, suffix, notes, most)
+    # a signalling NaN warns when it is widened; numbers that are not finite are refused below
+    with np.errstate(all="ignore"):
+        vertices, polygons = _parse(data, suffix, notes, most)
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if len(bad):
         raise ReadError(
