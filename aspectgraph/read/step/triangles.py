@@ -24,7 +24,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
 from aspectgraph.exceptions import NonManifoldError, OpenSolidError, ReadError
-from aspectgraph.read.step.mesher import mesh_solid
+from aspectgraph.read.step.facets.mesher import mesh_solid
 from aspectgraph.read.tessellation import Tessellation
 from aspectgraph.solid.circles import Circle, CircularEdge, fit_circle
 from aspectgraph.solid.places import describe_point

@@ -1,7 +1,7 @@
 """GLB files: binary glTF 2.0 with triangles, in the pose that its nodes state.
 
 Read are instances (EXT_mesh_gpu_instancing), quantized coordinates (KHR_mesh_quantization), sparse accessors and morph
-targets with their weights. Skins are refused, and so is what `glb_extensions` does not know. Animations are left out.
+targets with their weights. Skins are refused, and so is what `extensions` does not know. Animations are left out.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from aspectgraph.exceptions import ReadError
-from aspectgraph.read.glb_accessors import Accessors, item_at
-from aspectgraph.read.glb_extensions import check_extensions, unread_extensions
-from aspectgraph.read.glb_placement import instance_matrices, local_matrix
+from aspectgraph.read.glb.accessors import Accessors, item_at
+from aspectgraph.read.glb.extensions import check_extensions, unread_extensions
+from aspectgraph.read.glb.placement import instance_matrices, local_matrix
 
 _TRIANGLES = 4
 

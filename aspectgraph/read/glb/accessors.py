@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from aspectgraph.exceptions import ReadError
-from aspectgraph.read.glb_extensions import check_extensions
+from aspectgraph.read.glb.extensions import check_extensions
 
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}

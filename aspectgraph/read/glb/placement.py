@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from aspectgraph.exceptions import ReadError
-from aspectgraph.read.glb_accessors import Accessors
+from aspectgraph.read.glb.accessors import Accessors
 
 INSTANCING = "EXT_mesh_gpu_instancing"
 
