@@ -6,12 +6,14 @@ The notation is that of `coplanar`.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from aspectgraph.exceptions import SolidError
 from aspectgraph.read.coplanar import find_twins, group_coplanar
+from aspectgraph.read.curved_facets import find_curved
 from aspectgraph.read.loops import drop_idle_vertices, trace_loops, turns_of_runs
 from aspectgraph.read.tessellation import Tessellation
 from aspectgraph.solid.checks import default_planarity_mm
@@ -104,7 +106,12 @@ def _joined(tessellation: Tessellation, tolerance_mm: float) -> Any:
     faces = [
         _as_face(vertices, cycles, bool(flag)) for cycles, flag in zip(loops, curved, strict=True)
     ]
-    used, faces, curved_edges = _renumber(faces, curved_edges)
+    first_patch = tessellation.patch[_first_member(group)]
+    faces, chords = _recognise(vertices, faces, tessellation.faceted[first_patch])
+    hidden = tessellation.hidden[first_patch]
+    for k in np.flatnonzero(hidden).tolist():
+        chords |= _sides(faces[k])
+    used, faces, curved_edges = _renumber(faces, curved_edges | chords)
     new = {old: i for i, old in enumerate(used)}
     return (
         vertices[used],
@@ -113,6 +120,30 @@ def _joined(tessellation: Tessellation, tolerance_mm: float) -> Any:
         new,
         {(new[a], new[b]): turn for (a, b), turn in turns.items()},
     )
+
+
+def _recognise(
+    vertices: np.ndarray, faces: list[Face], faceted: np.ndarray
+) -> tuple[list[Face], set[tuple[int, int]]]:
+    """Mark the facets of curved surfaces among the faces without a surface of their own; return their chords too."""
+    chosen = np.flatnonzero(faceted).tolist()
+    if not chosen:
+        return faces, set()
+    used, own, _ = _renumber([faces[k] for k in chosen], set())
+    marked, chords = find_curved(vertices[used], own)
+    faces = list(faces)
+    for k, face in zip(chosen, marked, strict=True):
+        faces[k] = replace(faces[k], curved=face.curved)
+    return faces, {(used[a], used[b]) for a, b in chords}
+
+
+def _sides(face: Face) -> set[tuple[int, int]]:
+    """Return the edges of a face, lower vertex first."""
+    return {
+        (min(a, b), max(a, b))
+        for loop in face.loops
+        for a, b in zip(loop, [*loop[1:], loop[0]], strict=True)
+    }
 
 
 def _with_vertices(edge: CircularEdge, new: dict[int, int]) -> CircularEdge:

@@ -77,7 +77,9 @@ def read_mesh(
     notes: list[str] = []
     scale = _scale(units, suffix)
     most = (limits or ReadLimits()).triangles
-    vertices, polygons = _parse(data, suffix, notes, most)
+    # a signalling NaN warns when it is widened; numbers that are not finite are refused below
+    with np.errstate(all="ignore"):
+        vertices, polygons = _parse(data, suffix, notes, most)
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if len(bad):
         raise ReadError(
@@ -85,14 +87,7 @@ def read_mesh(
         )
     with np.errstate(over="ignore"):
         vertices = check_vertices(vertices * scale)
-    vertices, triangles = _welded_triangles(vertices, polygons, notes)
-    if len(triangles) < 4:
-        raise ReadError(f"a closed mesh must have at least 4 facets. Got {len(triangles)}.")
-    tolerance = default_planarity_mm(vertices) if planarity_mm is None else planarity_mm
-    vertices, triangles = _close(vertices, triangles, tolerance, notes)
-    triangles = turn_thin(
-        vertices, _orient(vertices, triangles, notes), tolerance * _RELATIVE_WIDTH, notes
-    )
+    vertices, triangles, tolerance = repair_facets(vertices, polygons, planarity_mm, notes)
     patch = np.zeros(len(triangles), dtype=np.int64)
     mesh = Tessellation(vertices, triangles, patch, np.zeros(1, dtype=bool))
     vertices, faces, _ = join_facets(mesh, tolerance)
@@ -112,12 +107,54 @@ def read_mesh(
     )
 
 
+def repair_facets(
+    vertices: np.ndarray, polygons: Any, planarity_mm: float | None, notes: list[str]
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Do steps 1 to 5 of the module's description.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3)
+        In mm.
+    polygons : ndarray of int, shape (t, 3), or list of list of int
+        Triangles, or polygons of any size.
+    planarity_mm : float, optional
+        See `read_mesh`.
+    notes : list of str
+        Extended by what was repaired.
+
+    Returns
+    -------
+    vertices : ndarray, shape (m, 3)
+    triangles : ndarray of int, shape (u, 3)
+        Closed, oriented outwards.
+    tolerance_mm : float
+        The planarity tolerance, or its default.
+
+    Raises
+    ------
+    ReadError
+        There are fewer than four facets.
+    SolidError
+        The surface is open, not manifold, or has one side only.
+    """
+    vertices, triangles = _welded_triangles(vertices, polygons, notes)
+    if len(triangles) < 4:
+        raise ReadError(f"a closed mesh must have at least 4 facets. Got {len(triangles)}.")
+    tolerance = default_planarity_mm(vertices) if planarity_mm is None else planarity_mm
+    vertices, triangles = _close(vertices, triangles, tolerance, notes)
+    triangles = turn_thin(
+        vertices, _orient(vertices, triangles, notes), tolerance * _RELATIVE_WIDTH, notes
+    )
+    return vertices, triangles, tolerance
+
+
 def _parse(
     data: bytes, suffix: str, notes: list[str], most_triangles: int
 ) -> tuple[np.ndarray, np.ndarray | list[list[int]]]:
     """Return vertices and polygons as the format has them."""
     if suffix == ".glb":
-        return parse_glb(data, most_triangles)
+        return parse_glb(data, notes, most_triangles)
     polygons: np.ndarray | list[list[int]]
     if suffix == ".stl":
         vertices, polygons = parse_stl(data, notes)

@@ -16,6 +16,14 @@ _OBJ_SKIPPED = {
     "lod", "shadow_obj", "trace_obj", "ctech", "stech", "call", "csh", "deg", "bmat", "step", "con", "sp", "scrv",
     "bzp", "bsp", "cdc", "cdp", "res",
 }  # fmt: skip
+_MTL_LINES = {
+    "ka", "kd", "ks", "ke", "ns", "ni", "d", "tr", "tf", "illum", "sharpness", "aniso",
+    "anisor", "pr", "pm", "ps", "pc", "pcr", "map_ka", "map_kd", "map_ks", "map_ke", "map_ns",
+    "map_d", "map_tr", "map_aat", "map_bump", "map_opacity", "map_refl", "map_pr", "map_pm",
+    "map_ps", "map_rma", "map_orm", "bump", "disp", "decal", "refl", "norm",
+}  # fmt: skip
+"""Keywords of a material, in small letters: some programs write materials into the file itself."""
+
 _OFF_KEYWORD = re.compile("(ST)?C?N?OFF|off")
 
 
@@ -23,8 +31,9 @@ def parse_obj(data: bytes, notes: list[str]) -> tuple[np.ndarray, list[list[int]
     """Return the vertices and polygons of a Wavefront OBJ file.
 
     Normals, texture coordinates, colours, groups and materials are not geometry and are skipped; negative indices count
-    from the last vertex read so far. A line that begins with no keyword of the format is refused, for a vertex that is
-    overlooked shifts the numbers of all others.
+    from the last vertex read so far. Materials may stand in the file itself: ``newmtl`` and the lines that follow it.
+    Any other line that begins with no keyword of the format is refused, for a vertex that is overlooked shifts the
+    numbers of all others.
 
     Raises
     ------
@@ -34,10 +43,14 @@ def parse_obj(data: bytes, notes: list[str]) -> tuple[np.ndarray, list[list[int]
     vertices: list[list[float]] = []
     polygons: list[list[int]] = []
     n_lines = 0
+    in_material = False
     text = decode_text(data).replace("\\\r\n", " ").replace("\\\n", " ")
     for number, line in enumerate(text.splitlines(), start=1):
         words = line.split("#", 1)[0].split()
         if not words:
+            continue
+        in_material = words[0] == "newmtl" or (in_material and words[0].lower() in _MTL_LINES)
+        if in_material:
             continue
         if words[0] == "v":
             vertices.append(_obj_vertex(words[1:], number))

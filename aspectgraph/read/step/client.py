@@ -24,7 +24,7 @@ from aspectgraph.read.step.server import LENGTHS, OUT_OF_MEMORY
 _PROGRAM = """
 import sys, types
 sys.path[:] = {path!r}
-for room in ("", ".read", ".read.step", ".solid"):
+for room in ("", ".read", ".read.step", ".read.step.facets", ".solid"):
     package = types.ModuleType("aspectgraph" + room)
     package.__path__ = [{folder!r} + room.replace(".", "/")]
     sys.modules[package.__name__] = package

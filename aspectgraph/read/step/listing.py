@@ -9,13 +9,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from aspectgraph.exceptions import ReadError
+from aspectgraph.read.step.facets.stated import (
+    TESSELLATED_SOLIDS,
+    StatedFacets,
+    UnreadFacetsError,
+    is_linked,
+    read_facets,
+)
 from aspectgraph.read.step.text import Entity, reachable
 
 SOLID_KINDS = frozenset(
     {
         "BREP_WITH_VOIDS", "CSG_SOLID", "EXTRUDED_AREA_SOLID", "EXTRUDED_FACE_SOLID", "FACETED_BREP",
         "MANIFOLD_SOLID_BREP", "REVOLVED_AREA_SOLID", "REVOLVED_FACE_SOLID", "SOLID_REPLICA",
-        "SURFACE_CURVE_SWEPT_AREA_SOLID", "SWEPT_DISK_SOLID",
+        "SURFACE_CURVE_SWEPT_AREA_SOLID", "SWEPT_DISK_SOLID", "TESSELLATED_SOLID",
     }
 )  # fmt: skip
 """The types that are solids, those the kernel cannot build among them."""
@@ -45,6 +52,10 @@ class ListedSolid:
         Its vertices, before any placement in an assembly.
     uncertainty_mm : float or None
         How closely its vertices, edges and faces fit together, if the file says so.
+    facets : StatedFacets or None
+        Those of a tessellated solid, before any placement in an assembly.
+    damage : str
+        What of its facets is not read; empty if nothing.
     """
 
     number: int
@@ -52,6 +63,8 @@ class ListedSolid:
     n_faces: int
     points_mm: np.ndarray
     uncertainty_mm: float | None
+    facets: StatedFacets | None = None
+    damage: str = ""
 
 
 def list_solids(entities: dict[int, Entity]) -> list[ListedSolid]:
@@ -125,6 +138,7 @@ def _holders(entities: dict[int, Entity]) -> dict[int, int]:
         for number, entity in entities.items()
         if entity.kind in SOLID_KINDS or _is_complex_solid(entity)
     }
+    solids -= linked_facets(entities)
     holders: dict[int, int] = {}
     for entity in entities.values():
         if "REPRESENTATION" in entity.text.upper() and any(
@@ -157,8 +171,31 @@ def _listed(entities: dict[int, Entity], number: int, context: int | None) -> Li
     unit_mm, uncertainty_mm = _units(entities, context)
     n_faces = sum(_count_faces(entities, ref) for ref in entities[number].references)
     points = [_point(entities, i) for i in sorted(inside) if entities[i].kind == "VERTEX_POINT"]
+    if entities[number].kind in TESSELLATED_SOLIDS:
+        return _listed_facets(entities, number, inside, unit_mm)
     kept = np.array([p for p in points if p is not None], dtype=np.float64).reshape(-1, 3)
     return ListedSolid(number, inside, n_faces, kept * unit_mm, uncertainty_mm)
+
+
+def _listed_facets(
+    entities: dict[int, Entity], number: int, inside: set[int], unit_mm: float
+) -> ListedSolid:
+    nowhere = np.empty((0, 3))
+    try:
+        facets = read_facets(entities, number, unit_mm)
+    except UnreadFacetsError as error:
+        damage = f"tessellated geometry only (#{number}), of it {error}"
+        return ListedSolid(number, inside, 0, nowhere, None, None, damage)
+    return ListedSolid(number, inside, 0, nowhere, None, facets)
+
+
+def linked_facets(entities: dict[int, Entity]) -> set[int]:
+    """Return the numbers of the tessellated solids that only draw other solids of the file."""
+    return {
+        number
+        for number, entity in entities.items()
+        if entity.kind in TESSELLATED_SOLIDS and is_linked(entities, number)
+    }
 
 
 def _count_faces(entities: dict[int, Entity], number: int, depth: int = 0) -> int:

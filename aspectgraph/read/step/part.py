@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from aspectgraph.read.step.circles import pack_circles
+from aspectgraph.read.step.facets.stated import StatedFacets
 from aspectgraph.read.step.gaps import measure_gaps
 from aspectgraph.read.step.merge import edge_map, merge_touching
 from aspectgraph.read.step.solids import Slot, diagonal_mm, load_solids
@@ -29,6 +30,9 @@ class StepPart:
         self.shapes: list[Any] = []
         self.bodies: list[Any] = []
         self.measured: Any = None
+        self.facets: dict[int, StatedFacets] = {}
+        self.solids: list[int] = []
+        self.hidden: set[int] = set()
         self.flat_mm = 0.0
 
     def answer(self, do: str, **options: Any) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -50,27 +54,34 @@ class StepPart:
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Choose the solids to work on; tell their size and how closely each fits together."""
         chosen = [self.slots[i] for i in solids]
-        self.shapes = self.bodies = [slot.shape for slot in chosen]
-        diagonal = diagonal_mm(self.shapes)
+        self.facets = {i: slot.facets for i, slot in zip(solids, chosen, strict=True) if slot.facets}
+        self.solids = [i for i in solids if i not in self.facets]
+        self.hidden = set()
+        self.shapes = self.bodies = [self.slots[i].shape for i in self.solids]
+        diagonal = diagonal_mm(self.shapes, [part.vertices for part in self.facets.values()])
         self.flat_mm = diagonal * relative_planarity
         rows = []
         for slot in chosen:
-            gaps = measure_gaps(slot.shape, self.flat_mm)
+            gaps = {} if slot.facets else measure_gaps(slot.shape, self.flat_mm)
             widest = {kind: [gap.gap_mm, list(gap.place)] for kind, gap in gaps.items()}
             rows.append({"uncertainty_mm": slot.uncertainty_mm, "gaps": widest})
-        return {"diagonal_mm": diagonal, "fits": rows}, {}
+        return {"diagonal_mm": diagonal, "fits": rows, "faceted": list(self.facets)}, {}
 
     def merge(
         self, solids: list[int], measured: list[int], name: str
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Make chosen solids that touch one body, and remember what became of the edges of those to measure."""
-        found = merge_touching(self.shapes, solids, name)
+        found = merge_touching(self.shapes, self.solids, name)
         self.bodies = found.shapes
         if len(measured) < len(solids):
+            self.hidden = set(solids) - set(measured)
             self.measured = edge_map(
-                e for k, number in enumerate(solids) if number in measured for e in found.edges[k]
+                e
+                for k, number in enumerate(self.solids)
+                if number in measured
+                for e in found.edges[k]
             )
-        return {"merged": [[solids[k] for k in group] for group in found.merged]}, {}
+        return {"merged": [[self.solids[k] for k in group] for group in found.merged]}, {}
 
     def tessellate(
         self, chord_mm: float, angle_rad: float, merged: bool = True
@@ -93,7 +104,12 @@ class StepPart:
             fields += (np.array([pair for pair, _ in turns], dtype=np.int64).reshape(-1, 2),)
             fields += (np.array([turn for _, turn in turns], dtype=np.float64),)
             arrays.update({f"{k}_{i}": array for i, array in enumerate(fields)})
-        return {"n": len(shapes)}, arrays
+        rows = []
+        for k, (number, part) in enumerate(self.facets.items()):
+            arrays[f"facets_{k}_vertices"] = part.vertices
+            arrays[f"facets_{k}_triangles"] = part.triangles
+            rows.append({"solid": number, "hidden": number in self.hidden})
+        return {"n": len(shapes), "facets": rows}, arrays
 
     def dimensions(self, path: str, name: str) -> tuple[dict[str, Any], dict[str, Any]]:
         """Read the semantic dimensions, as the kernel finds them and as the text states them."""

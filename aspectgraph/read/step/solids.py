@@ -9,7 +9,7 @@ Imports OCP; import this module only when a boundary representation is at hand.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +19,7 @@ import numpy as np
 from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
 from OCP.BRepBndLib import BRepBndLib
+from OCP.gp import gp_Pnt
 from OCP.IFSelect import IFSelect_ReturnStatus
 from OCP.Interface import Interface_Static
 from OCP.Message import Message
@@ -28,8 +29,9 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
 from aspectgraph.exceptions import ReadError
-from aspectgraph.read.step.listing import ListedSolid, list_solids
-from aspectgraph.read.step.text import parse_entities
+from aspectgraph.read.step.facets.stated import TESSELLATED_SOLIDS, StatedFacets
+from aspectgraph.read.step.listing import ListedSolid, linked_facets, list_solids
+from aspectgraph.read.step.text import Entity, parse_entities
 from aspectgraph.read.step.triangles import explore, xyz
 from aspectgraph.solid.places import describe_point
 
@@ -62,11 +64,14 @@ class Slot:
         What is wrong with it; empty if nothing is.
     uncertainty_mm : float or None
         See `ListedSolid`.
+    facets : StatedFacets or None
+        Those of a tessellated solid, in their place; its shape has no surfaces and is good for nothing else.
     """
 
     shape: object | None
     damage: str = ""
     uncertainty_mm: float | None = None
+    facets: StatedFacets | None = None
 
 
 @dataclass
@@ -97,6 +102,7 @@ def load_solids(path: Path, name: str) -> Inventory:
     reader = STEPControl_Reader()
     with quiet():
         Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
+        Interface_Static.SetCVal_s("read.step.tessellated", _tessellation_mode(entities, name))
         if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
             raise ReadError(
                 f"a .step or .stp file must be a STEP file. Got {name}, which OCCT cannot read."
@@ -134,11 +140,29 @@ def load_solids(path: Path, name: str) -> Inventory:
     return Inventory(slots, _left_out(shape))
 
 
-def diagonal_mm(shapes: list[Any]) -> float:
-    """Return the diagonal of the box around some shapes."""
+def _tessellation_mode(entities: dict[int, Entity], name: str) -> str:
+    """Return whether the kernel is to build tessellated solids.
+
+    It builds a solid again for every tessellated one that draws it.
+    """
+    linked = linked_facets(entities)
+    own = {n for n, entity in entities.items() if entity.kind in TESSELLATED_SOLIDS} - linked
+    if linked and own:
+        raise ReadError(
+            "the tessellated solids of a STEP file must all draw other solids of it, or none. "
+            f"Got {name}, where #{min(linked)} does and #{min(own)} does not."
+        )
+    return "Off" if linked else "On"
+
+
+def diagonal_mm(shapes: list[Any], points: Iterable[np.ndarray] = ()) -> float:
+    """Return the diagonal of the box around some shapes, and some points, each of shape (n, 3)."""
     box = Bnd_Box()
     for shape in shapes:
         BRepBndLib.AddOptimal_s(shape, box, False, False)
+    for rows in points:
+        for corner in (rows.min(axis=0), rows.max(axis=0)):
+            box.Add(gp_Pnt(*corner.tolist()))
     return math.dist(xyz(box.CornerMin()), xyz(box.CornerMax()))
 
 
@@ -218,6 +242,11 @@ def _in_order(found: list[Any], listed: dict[int, ListedSolid], name: str) -> li
 def _slot(shape: Any, listed: ListedSolid | None, damage: str) -> Slot:
     if listed is None:
         return Slot(shape, damage)
+    damage = damage or listed.damage
+    if shape is not None and listed.facets is not None:
+        move = shape.Location().Transformation()
+        matrix = np.array([[move.Value(i, k) for k in (1, 2, 3, 4)] for i in (1, 2, 3)])
+        return Slot(shape, damage, None, listed.facets.moved(matrix))
     if shape is None:
         return Slot(
             None, damage or f"#{listed.number}, which OCCT cannot build", listed.uncertainty_mm

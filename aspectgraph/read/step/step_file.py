@@ -11,6 +11,7 @@ import numpy as np
 from aspectgraph.exceptions import ReadError, SolidError
 from aspectgraph.read.join_faces import assemble
 from aspectgraph.read.limits import ReadLimits
+from aspectgraph.read.mesh import repair_facets
 from aspectgraph.read.solid_choice import SolidChoice, as_choice
 from aspectgraph.read.step.circles import unpack_circles
 from aspectgraph.read.step.client import StepKernel
@@ -77,7 +78,8 @@ def read_step(
         chosen, measured = _select(loaded["damage"], as_choice(solids), Path(path).name)
         size, _ = kernel.ask("select", solids=chosen, relative_planarity=RELATIVE_PLANARITY)
         diagonal = size["diagonal_mm"]
-        notes = loaded["notes"] + check_fit(size["fits"], chosen, diagonal, gap_mm, Path(path).name)
+        notes = loaded["notes"] + _about_facets(size["faceted"])
+        notes += check_fit(size["fits"], chosen, diagonal, gap_mm, Path(path).name)
         chord = (
             diagonal * RELATIVE_CHORD if chord_tolerance_mm is None else float(chord_tolerance_mm)
         )
@@ -169,7 +171,37 @@ def _tessellate(
                 vertices, triangles, patch, curved_patch, curved_edges, circular, surface_turns
             )
         )
+    for k, row in enumerate(answer["facets"]):
+        parts.append(
+            _facets(
+                arrays[f"facets_{k}_vertices"], arrays[f"facets_{k}_triangles"], row["hidden"]
+            )
+        )
     return parts
+
+
+def _facets(vertices: np.ndarray, triangles: np.ndarray, hidden: bool) -> Tessellation:
+    """Return the facets that the file states of a solid, repaired as those of a mesh are."""
+    # a face repeats the vertices on its edges and may run either way round; that is no damage, and no news
+    vertices, triangles, _ = repair_facets(vertices, triangles, None, [])
+    flat = np.zeros(1, dtype=bool)
+    return Tessellation(
+        vertices,
+        triangles,
+        np.zeros(len(triangles), dtype=np.int64),
+        flat,
+        circular_edges=[],
+        faceted_patch=~flat,
+        hidden_patch=flat | hidden,
+    )
+
+
+def _about_facets(solids: list[int]) -> list[str]:
+    """Return a note on solids without surfaces."""
+    if not solids:
+        return []
+    have = "has" if len(solids) == 1 else "have"
+    return [f"{_listed(solids)} {have} tessellated geometry only; the facets are read like a mesh"]
 
 
 def _build(
@@ -223,8 +255,10 @@ def _concatenate(parts: list[Tessellation]) -> Tessellation:
         np.concatenate([part.patch + p for part, p in zip(parts, first_patch, strict=False)]),
         np.concatenate([part.curved_patch for part in parts]),
         curved,
-        circular,
+        None if all(part.faceted.all() for part in parts) else circular,
         turns,
+        np.concatenate([part.faceted for part in parts]),
+        np.concatenate([part.hidden for part in parts]),
     )
 
 

@@ -15,8 +15,6 @@ from typing import Any
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
-from OCP.BRepMesh import BRepMesh_IncrementalMesh
-from OCP.BRepTools import BRepTools
 from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
 from OCP.GeomAbs import GeomAbs_CurveType, GeomAbs_SurfaceType
 from OCP.gp import gp_Pnt, gp_Vec
@@ -26,6 +24,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
 from aspectgraph.exceptions import NonManifoldError, OpenSolidError, ReadError
+from aspectgraph.read.step.facets.mesher import mesh_solid
 from aspectgraph.read.tessellation import Tessellation
 from aspectgraph.solid.circles import Circle, CircularEdge, fit_circle
 from aspectgraph.solid.places import describe_point
@@ -91,10 +90,8 @@ def tessellate(
     ReadError
         A face could not be cut into triangles.
     """
-    BRepTools.Clean_s(solid)
-    # Chords of circles turn by half of the angle the mesher is given.
-    BRepMesh_IncrementalMesh(solid, chord_tolerance_mm, False, 2.0 * angular_tolerance_rad, False)
-    return _Collector(solid, flat_mm, measured).collect()
+    meshed = mesh_solid(solid, chord_tolerance_mm, angular_tolerance_rad)
+    return _Collector(meshed, flat_mm, measured).collect()
 
 
 class _Collector:
@@ -145,10 +142,6 @@ class _Collector:
         """Number the nodes of a face; return its triangles in these numbers, outward."""
         location = TopLoc_Location()
         mesh = BRep_Tool.Triangulation_s(face, location)
-        if mesh is None or mesh.NbTriangles() == 0:
-            raise ReadError(
-                f"every face must be tessellated. Got no triangles for face {face_index} of the solid."
-            )
         move = location.Transformation()
         points = np.array(
             [xyz(mesh.Node(k).Transformed(move)) for k in range(1, mesh.NbNodes() + 1)]

@@ -1,0 +1,7 @@
+"""GLB files: binary glTF 2.0 with triangles."""
+
+from aspectgraph.read.glb.scene import parse_glb
+
+__all__ = [
+    "parse_glb",
+]
