@@ -115,7 +115,7 @@ def read_dimensions(
 
 
 def _placed_rows(row: dict[str, Any], statement: Statement) -> list[dict[str, Any]]:
-    """Return a dimension once for each instance of what it is attached to; once with the reason if that is not known."""
+    """Return a dimension once for each instance of its part; once with the reason if these are not known."""
     instances = row["instances"]
     if len(instances) > 1 and statement.of_occurrence:
         reason = (

@@ -20,8 +20,8 @@ class ModelDimension:
     Attributes
     ----------
     name : str
-        What the model calls it, or its kind and number, made unique. If its part is placed several times, the numbers of
-        its solids follow, as in ``"diameter 1 (solid 2)"``.
+        What the model calls it, or its kind and number, made unique. If its part is placed several times, the
+        numbers of its solids follow, as in ``"diameter 1 (solid 2)"``.
     kind : str
         ``"diameter"``, ``"radius"``, ``"distance"``, ``"centre_distance"``, ``"centre_to_edge"`` or ``"angle"``; or one
         that is never measurable here, such as ``"spherical_radius"``.

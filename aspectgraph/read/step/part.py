@@ -15,8 +15,8 @@ import numpy as np
 from aspectgraph.read.step.circles import pack_circles
 from aspectgraph.read.step.gaps import measure_gaps
 from aspectgraph.read.step.merge import edge_map, merge_touching
-from aspectgraph.read.step.solids import Slot, diagonal_mm, load_solids
 from aspectgraph.read.step.semantic.stated_dimensions import list_dimensions
+from aspectgraph.read.step.solids import Slot, diagonal_mm, load_solids
 from aspectgraph.read.step.text import parse_entities
 from aspectgraph.read.step.triangles import tessellate
 
