@@ -21,6 +21,7 @@ from planner.records.plan_check import check_plan
 from planner.records.schema import check_schema, field_name, shown
 from planner.rows.plan_tables import PlanTables
 from planner.setting.sensor_setting import SensorSetting
+from planner.wanted.features import features_text
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -45,7 +46,8 @@ class InspectionPlan(PlanTables):
     """Sensor settings from which every entity that can be inspected is inspected.
 
     **Guarantee.** Every entity is either inspected by a setting with at least ``probability``, or listed in
-    ``uninspectable`` with the reason: no view of it was found. No plan that inspects the same entities, or more, under
+    ``uninspectable`` with the reason: no view of it was found. Of a dimension that applies to several features, such as
+    the holes of a pattern, one feature is inspected; `n_features_not_planned` counts the others. No plan that inspects the same entities, or more, under
     the same request has fewer than ``lower_bound`` settings.
 
     Attributes
@@ -147,12 +149,34 @@ class InspectionPlan(PlanTables):
             else ""
         )
         shares = f"{len(inspected)} of {len(self.entities)} entities inspected"
-        return f"<InspectionPlan of {self.part!r}: {settings}, {shares}{worst}>"
+        features = f", {self.features_text}" if self.features_text else ""
+        return f"<InspectionPlan of {self.part!r}: {settings}, {shares}{features}{worst}>"
 
     @property
     def complete(self) -> bool:
-        """Whether every entity is inspected."""
+        """Whether every entity is inspected, and of every dimension one feature.
+
+        A complete plan may leave out features of patterns: `n_features_not_planned` says how many.
+        """
         return not self.uninspectable
+
+    @property
+    def n_features(self) -> int:
+        """How many features of the part the dimensions apply to; each hole of a pattern is one."""
+        return sum(dimension.n_features for dimension in self.dimensions.values())
+
+    @property
+    def n_features_not_planned(self) -> int:
+        """How many of these features no setting is planned for: a plan measures one feature of each dimension."""
+        return self.n_features - len(self.dimensions)
+
+    @property
+    def features_text(self) -> str:
+        """How many features are not planned, in words; empty if every dimension applies to one feature."""
+        return features_text([dimension.n_features for dimension in self.dimensions.values()])
+
+    def _features(self) -> dict[str, int]:
+        return {"n": self.n_features, "not_planned": self.n_features_not_planned}
 
     @property
     def minimal(self) -> bool:
@@ -258,7 +282,7 @@ class InspectionPlan(PlanTables):
             "camera": self.camera.to_dict(),
             "pose_uncertainty": self.pose_uncertainty.to_dict(),
             "entities": {name: points.tolist() for name, points in self.entities.items()},
-            **({"dimensions": dimensions} if dimensions else {}),
+            **({"dimensions": dimensions, "features": self._features()} if dimensions else {}),
             **({"on_grid": list(self.on_grid)} if self.on_grid else {}),
             **({"unfinished": True} if self.unfinished else {}),
             "uninspectable": dict(self.uninspectable),

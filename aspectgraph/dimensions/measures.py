@@ -53,6 +53,8 @@ class Measure:
         Of a distance.
     note : str
         What to mind when the first entities are used.
+    n_features : int
+        How many features it applies to; of those of a pattern each is one.
     """
 
     kind: str
@@ -61,6 +63,7 @@ class Measure:
     reason: str = ""
     direction: FloatArray | None = field(default=None, compare=False)
     note: str = ""
+    n_features: int = 1
 
 
 class Measurer:
@@ -97,7 +100,8 @@ class Measurer:
         factor = 2.0 if kind == "diameter" else 1.0
         ways = tuple(tuple((arc.id,) for arc in self._sorted(axis.circles)) for axis in axes)
         reason = "" if any(ways) else "no sharp circular edge bounds what it is attached to"
-        return Measure(kind, tuple(factor * (axis.radius_mm or 0.0) for axis in axes), ways, reason)
+        values = tuple(factor * (axis.radius_mm or 0.0) for axis in axes)
+        return Measure(kind, values, ways, reason, n_features=len(axes))
 
     def between(self, one: Feature, other: Feature) -> Measure:
         """Return how the distance of two features is measured.

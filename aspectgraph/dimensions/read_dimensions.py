@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from aspectgraph.dimensions.choice import Sight
 from aspectgraph.dimensions.features import Attachments, Feature, describe_shape
 from aspectgraph.dimensions.measures import Measure, Measurer
@@ -68,8 +70,8 @@ def read_dimensions(
 
     Notes
     -----
-    Dimensions are attached to the geometry of parts before they are placed in an assembly. In an assembly, those of
-    parts that were moved are not found in the solid.
+    A part may be placed several times in an assembly. Its dimensions then apply to each instance, and are listed for
+    each. Those on solids that were not read say so.
 
     Examples
     --------
@@ -98,17 +100,39 @@ def read_dimensions(
     if not rows:
         return ()
     reader = _Reader(solid, agreement_mm, agreement_deg)
+    found = []
+    titles = []
     statements = read_statements(rows, answer["stated"])
-    found = [
-        reader.dimension(row, statement) for row, statement in zip(rows, statements, strict=True)
-    ]
-    titles = [
-        row["name"] or f"{one.kind} {k}"
-        for k, (row, one) in enumerate(zip(rows, found, strict=True), start=1)
-    ]
+    for k, (row, statement) in enumerate(zip(rows, statements, strict=True), start=1):
+        placed = _placed_rows(row, statement)
+        for one in placed:
+            found.append(reader.dimension(one, statement))
+            title = row["name"] or f"{found[-1].kind} {k}"
+            titles.append(f"{title} ({_listed(one['solids'])})" if len(placed) > 1 else title)
     return tuple(
         replace(one, name=name) for one, name in zip(found, unique_names(titles), strict=True)
     )
+
+
+def _placed_rows(row: dict[str, Any], statement: Statement) -> list[dict[str, Any]]:
+    """Return a dimension once for each instance of its part; once with the reason if these are not known."""
+    instances = row["instances"]
+    if len(instances) > 1 and statement.of_occurrence:
+        reason = (
+            f"the file attaches it to one of {len(instances)} instances of the part, "
+            "and which one is not read"
+        )
+        return [{**row, "solids": [], "unresolved": reason}]
+    if not instances:
+        return [{**row, "solids": []}]
+    return [{**row, **instance} for instance in instances]
+
+
+def _listed(solids: Sequence[int]) -> str:
+    """Return solids in words."""
+    if len(solids) == 1:
+        return f"solid {solids[0]}"
+    return f"solids {', '.join(map(str, solids[:-1]))} and {solids[-1]}"
 
 
 class _Reader:
@@ -117,22 +141,30 @@ class _Reader:
     def __init__(self, solid: Solid, agreement_mm: float, agreement_deg: float):
         self.attachments = Attachments(solid)
         self.measurer = Measurer(self.attachments, Sight(solid))
-        self.agreement_mm, self.agreement_deg = agreement_mm, agreement_deg
+        self.agreement_mm = agreement_mm
+        self.agreement_deg = agreement_deg
+        self.file_solids = solid.file_solids
 
     def dimension(self, row: dict[str, Any], stated: Statement) -> ModelDimension:
         """Return a dimension, as yet without a name."""
         measure = self._measure(row)
         value = _nearest(measure.values, stated)
-        nominal, note = stated.nominal, _and(stated.note, measure.note)
+        nominal = stated.nominal
+        note = _and(stated.note, measure.note)
         if nominal is None and value is not None:
-            nominal, note = (
-                round(value, DIGITS),
-                _and(note, "the file states no nominal value; this is the geometry's"),
-            )
+            nominal = round(value, DIGITS)
+            note = _and(note, "the file states no nominal value; this is the geometry's")
         tolerance = stated.tolerance
         if stated.limits is not None and nominal is not None:
             tolerance = deviations(nominal, stated.limits)
-        reason = stated.fault or self._disagreement(measure, stated) or measure.reason or None
+        reason = (
+            row["unresolved"]
+            or self._unread(row["solids"])
+            or stated.fault
+            or self._disagreement(measure, stated)
+            or measure.reason
+            or None
+        )
         features = () if reason else tuple(ways[: MOST_ALTERNATIVES + 1] for ways in measure.ways)
         missing = sum(not ways for ways in features)
         if missing:
@@ -150,7 +182,23 @@ class _Reader:
             direction=_direction(measure),
             attached=_in_words(row["sides"]),
             note=note,
+            n_features=measure.n_features,
+            solids=tuple(row["solids"]),
         )
+
+    def _unread(self, solids: Sequence[int]) -> str:
+        """Return why solids are not measured, or nothing if they are."""
+        if self.file_solids is None:
+            return ""
+        hidden = [i for i in solids if i in self.file_solids.occluders]
+        if hidden:
+            return f"{_listed(hidden)} only {'stands' if len(hidden) == 1 else 'stand'} in the way"
+        missing = [i for i in solids if i not in self.file_solids.measured]
+        if missing:
+            return (
+                f"{_listed(missing)} of the file {'was' if len(missing) == 1 else 'were'} not read"
+            )
+        return ""
 
     def _measure(self, row: dict[str, Any]) -> Measure:
         kind = _kind(row)
@@ -160,11 +208,28 @@ class _Reader:
         round_values = _round_values(kind, row["sides"])
         if kind not in ("distance", "angle") or round_values:
             what = "angle of a cone" if kind == "angle" else kind.replace("_", " ")
-            return Measure(kind, round_values, reason=f"no edges, rims and arcs measure the {what}")
+            return Measure(
+                kind,
+                round_values,
+                reason=f"no edges, rims and arcs measure the {what}",
+                n_features=self._n_round(row["sides"], first + second),
+            )
         ends = _two_ends(first, second, bool(row["sides"][1]))
         if isinstance(ends, str):
             return Measure(kind, reason=ends)
         return self.measurer.angle(*ends) if kind == "angle" else self.measurer.between(*ends)
+
+    def _n_round(
+        self, sides: Sequence[Sequence[dict[str, Any]]], features: Sequence[Feature]
+    ) -> int:
+        """Return on how many features the angle of cones or the radius of spheres is stated."""
+        centres: list[np.ndarray] = []
+        for shape in (shape for side in sides for shape in side if shape["kind"] == "sphere"):
+            centre = np.array(shape["point"])
+            near = (np.linalg.norm(centre - old) <= self.attachments.match_mm for old in centres)
+            if not any(near):
+                centres.append(centre)
+        return max(1, len(centres) or len(features))
 
     def _disagreement(self, measure: Measure, stated: Statement) -> str | None:
         """Return how the stated value differs from the geometry of a feature, or None if it does not."""

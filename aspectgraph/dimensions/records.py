@@ -20,7 +20,8 @@ class ModelDimension:
     Attributes
     ----------
     name : str
-        What the model calls it, made unique; else its kind and number.
+        What the model calls it, or its kind and number, made unique. If its part is placed several times, the
+        numbers of its solids follow, as in ``"diameter 1 (solid 2)"``.
     kind : str
         ``"diameter"``, ``"radius"``, ``"distance"``, ``"centre_distance"``, ``"centre_to_edge"`` or ``"angle"``; or one
         that is never measurable here, such as ``"spherical_radius"``.
@@ -45,6 +46,10 @@ class ModelDimension:
         What the model attaches it to.
     note : str
         What was taken from elsewhere or repaired; empty if nothing.
+    n_features : int
+        How many features it applies to, measurable or not: each hole of a pattern is one. A plan measures one of them.
+    solids : tuple of int
+        The solids of the file that it is attached to, counted from 0 in the order of the file; empty if not known.
     """
 
     name: str
@@ -59,6 +64,8 @@ class ModelDimension:
     direction: tuple[float, float, float] | None = None
     attached: tuple[str, ...] = ()
     note: str = ""
+    n_features: int = 1
+    solids: tuple[int, ...] = ()
 
     @property
     def unit(self) -> str:

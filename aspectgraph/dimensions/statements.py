@@ -7,7 +7,7 @@ upper one, it takes the value and the tolerance for the limits of a range, 9.525
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 _SAME = 1e-6
@@ -35,6 +35,8 @@ class Statement:
         What is wrong with it, and was mended.
     fault : str or None
         What is wrong with it, and was not.
+    of_occurrence : bool
+        It belongs to one occurrence of a part in an assembly, not to the part.
     """
 
     nominal: float | None = None
@@ -42,6 +44,7 @@ class Statement:
     limits: tuple[float, float] | None = None
     note: str = ""
     fault: str | None = None
+    of_occurrence: bool = False
 
 
 def read_statements(
@@ -64,7 +67,12 @@ def read_statements(
     paired = _pair(found, texts)
     if paired is None:
         return [_from_kernel(row) for row in found]
-    return [_from_text(tuple(text["values"]), text["bounds"]) for text in paired]
+    return [
+        replace(
+            _from_text(tuple(text["values"]), text["bounds"]), of_occurrence=text["of_occurrence"]
+        )
+        for text in paired
+    ]
 
 
 def _pair(

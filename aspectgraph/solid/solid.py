@@ -29,6 +29,7 @@ from aspectgraph.solid.checks import (
 )
 from aspectgraph.solid.circles import CircularEdge
 from aspectgraph.solid.edge_ends import EdgeEnd, edges_at_vertices, find_edge_ends
+from aspectgraph.solid.file_solids import FileSolids
 from aspectgraph.solid.rims import SHARP_DEG, Arc, Rim, find_arcs
 from aspectgraph.solid.self_contact import check_contacts
 from aspectgraph.solid.shells import check_shells
@@ -88,6 +89,8 @@ class Solid:
         What a reader repaired or chose.
     circular_edges : tuple of CircularEdge or None
         The circular edges of the CAD model; None where they are not known, as in a mesh.
+    file_solids : FileSolids or None
+        The solids of the STEP file that it was read from; None where it was not read from one.
 
     Raises
     ------
@@ -124,6 +127,8 @@ class Solid:
     ) -> None:
         self.name = name
         self.notes = tuple(notes)
+        # the reader of STEP files sets it
+        self.file_solids: FileSolids | None = None
         self.circular_edges = None if circular_edges is None else tuple(circular_edges)
         self.vertices = check_vertices(vertices)
         self.faces = tuple(as_face(face) for face in faces)

@@ -15,6 +15,8 @@ from planner.optics.proposal import optics_table
 from planner.optics.propose import DISTANCES_MM, propose_optics
 from planner.output import terminal_tables
 from planner.output.json_records import print_json
+from planner.wanted.dimension import Dimension
+from planner.wanted.features import features_text, n_not_planned
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -59,10 +61,15 @@ def rank_optics(
         distances_mm=options.distances or DISTANCES_MM,
         options=limits,
     )
+    counts = [item.n_features for item in items.values() if isinstance(item, Dimension)]
+    features = {"n": sum(counts), "not_planned": n_not_planned(counts)}
     if options.json:
-        print_json([one.to_dict() for one in found[: options.rows]])
+        shown = [one.to_dict() for one in found[: options.rows]]
+        print_json([{**record, "features": features} if counts else record for record in shown])
     else:
         print(optics_table(found, options.rows))
+        if features_text(counts):
+            print(f"{features_text(counts)}; optics are ranked by one feature of each dimension")
     return DONE if found and len(found[0].able) == len(items) else INCOMPLETE
 
 

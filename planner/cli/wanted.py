@@ -100,7 +100,12 @@ def _dimension(stated: ModelDimension, share: float) -> Dimension:
     along = stated.direction if stated.kind in ("distance", "centre_distance") else None
     try:
         return Dimension(
-            stated.kind, stated.entities, tolerance=stated.tolerance, share=share, direction=along
+            stated.kind,
+            stated.entities,
+            tolerance=stated.tolerance,
+            share=share,
+            direction=along,
+            n_features=stated.n_features,
         )
     except RequestError as error:
         raise RequestError(f"dimension {stated.name!r}: {error}") from error

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from errors.measurands import Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.fitted import is_short
 from errors.telling import interval_text, probability_text
+from planner.output.wording import features_cell
 from planner.report.tables import COLOURS
 from planner.verify.measurements import Measurement, measurements
 
@@ -109,7 +110,7 @@ def _row(plan: InspectionPlan, k: int, name: str, one: Measurement) -> tuple[str
         ratio = f"{uncertainty_ratio(one.expanded_uncertainty, dimension.tolerance):.3f}"
     cells = (
         f"{escape(name)}<br><span class='note'>{escape(dimension.kind.replace('_', ' '))} of "
-        f"{escape(', '.join(dimension.entities))}</span>",
+        f"{escape(', '.join(dimension.entities))}{_share(dimension)}</span>",
         _nominal(dimension),
         f"{dimension.permitted_error:.4g} {dimension.unit}{px}",
         f'<a href="#setting-{k + 1}">{k + 1}</a>',
@@ -122,6 +123,12 @@ def _row(plan: InspectionPlan, k: int, name: str, one: Measurement) -> tuple[str
         escape(one.binding),
     )
     return name, f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
+
+
+def _share(dimension: PlannedDimension) -> str:
+    """Return on how many of its features a dimension is measured, if it applies to several."""
+    features = features_cell(dimension)
+    return f"; {features}" if features else ""
 
 
 def _nominal(dimension: PlannedDimension) -> str:

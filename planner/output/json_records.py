@@ -65,7 +65,10 @@ def graph_record(result: EntityAspectGraph, path: str | Path) -> dict[str, Any]:
 def plan_record(
     plan: InspectionPlan, files: Sequence[str], not_planned: Mapping[str, str]
 ) -> dict[str, Any]:
-    """Return a plan as in its file, the files written, and what could not be planned, with the reason."""
+    """Return a plan as in its file, the files written, and what could not be planned, with the reason.
+
+    ``plan.features`` counts the features of the dimensions, and those that are not planned.
+    """
     return {"plan": plan.to_dict(), "files": list(files), "not_planned": dict(not_planned)}
 
 

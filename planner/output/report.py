@@ -19,6 +19,7 @@ from planner.output.wording import (
     bound_sentence,
     calibration_rows,
     count,
+    features_sentence,
     grid_sentence,
     light_sentence,
     nouns,
@@ -150,17 +151,19 @@ def _meaning(plan: InspectionPlan) -> str:
 def _lead(plan: InspectionPlan) -> str:
     """Say what the plan does, what is proven and what the simulation made of it."""
     n, inspected, asked = len(plan.settings), len(plan.inspected), len(plan.entities)
+    features = features_sentence(plan)
     if not n:
         return (
-            f"{inspected} of {count(asked, *_named(plan))} inspected: the plan has no camera poses."
-        )
+            f"{inspected} of {count(asked, *_named(plan))} inspected: the plan has no camera poses. "
+            f"{features}"
+        ).rstrip()
     verb = "is" if inspected == 1 else "are"
     told = "Not simulated."
     if plan.simulation is not None:
         told = f"{simulation_sentence(plan.simulation)} {shown_sentence(plan.simulation.shown)}".rstrip()
     return (
         f"{inspected} of {count(asked, *_named(plan))} {verb} measured from {count(n, _POSE)} "
-        f"(setting{f's 1 to {n}' if n > 1 else ' 1'}). "
+        f"(setting{f's 1 to {n}' if n > 1 else ' 1'}). {features}{' ' if features else ''}"
         f"{bound_sentence(plan, _named(plan), _POSE)} {told} {unfinished_sentence(plan)} {light_sentence(plan)}"
     ).rstrip()
 
@@ -173,6 +176,9 @@ def _figures(plan: InspectionPlan) -> str:
             (str(plan.lower_bound), "proven minimum" if plan.minimal else "proven lower bound")
         )
     cells.append((f"{len(plan.inspected)} / {len(plan.entities)}", f"{_named(plan)[1]} inspected"))
+    if plan.n_features_not_planned:
+        measured = sum(name in plan.dimensions for name in plan.inspected)
+        cells.append((f"{measured} / {plan.n_features}", "features of dimensions inspected"))
     if n:
         worst = min(plan.inspected.values())
         cells.append(

@@ -18,6 +18,8 @@ from errors.telling import frequency_text, interval_text, probability_text
 from planner.camera.camera import Camera
 from planner.output.wording import (
     count,
+    features_cell,
+    features_sentence,
     grid_sentence,
     lamp_texts,
     margin_texts,
@@ -32,6 +34,7 @@ from planner.output.wording import (
 )
 from planner.progress.terminal_text import unescaped, visible
 from planner.verify.simulate_setting import CONFIRMED
+from planner.wanted.features import features_text
 
 if TYPE_CHECKING:
     from rich.console import JustifyMethod
@@ -152,11 +155,15 @@ def print_dimensions(dimensions: Sequence[Any]) -> None:
     console.print(
         f"{count(len(dimensions), 'dimension')}, {stated} with a tolerance, {able} measurable"
     )
+    features = features_text([one.n_features for one in dimensions if one.entities is not None])
+    if features:
+        console.print(f"{features}; a plan measures one feature of each dimension")
     table = _table(
         ("name", "left"),
         ("kind", "left"),
         ("nominal", "right"),
         ("tolerance", "right"),
+        ("features", "right"),
         ("entities or reason", "left"),
     )
     for one in dimensions:
@@ -165,7 +172,8 @@ def print_dimensions(dimensions: Sequence[Any]) -> None:
         if tolerance:
             tolerance += f" {one.unit}"
         how = one.reason if one.entities is None else ", ".join(map(str, one.entities))
-        table.add_row(one.name, one.kind.replace("_", " "), nominal, tolerance, how)
+        kind = one.kind.replace("_", " ")
+        table.add_row(one.name, kind, nominal, tolerance, str(one.n_features), how)
     console.print(table)
     for one in dimensions:
         if one.note:
@@ -294,6 +302,8 @@ def print_simulation(plan: InspectionPlan, result: SimulationResult) -> None:
     _print_rows(console, table)
     for name, reason in plan.uninspectable.items():
         console.print(f"not inspected: {name}: {reason}")
+    if plan.features_text:
+        console.print(features_sentence(plan))
     console.print(simulation_sentence(result))
     if result.shown is not None:
         console.print(shown_sentence(result.shown))
@@ -320,8 +330,10 @@ def _measured(plan: InspectionPlan, name: str) -> tuple[str, ...]:
         return (f"length, error up to {100 * (1 - plan.accuracy):.3g} %",)
     one = plan.dimensions[name]
     kind = one.kind.replace("_", " ")
+    features = features_cell(one)
     return (
-        f"{kind} {one.nominal:.6g} {one.unit}, error up to {one.permitted_error:.4g} {one.unit}",
+        f"{kind} {one.nominal:.6g} {one.unit}, error up to {one.permitted_error:.4g} {one.unit}"
+        f"{', ' if features else ''}{features}",
     )
 
 

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from planner.plan import InspectionPlan
     from planner.verify.shown_images import ShownImages
     from planner.verify.simulate_plan import SimulationResult
+    from planner.wanted.planned import PlannedDimension
 
 
 def count(n: int, singular: str, plural: str | None = None) -> str:
@@ -47,6 +48,18 @@ def nouns(plan: InspectionPlan, edges: tuple[str, str] = ("entity", "entities"))
         if n == len(plan.entities)
         else ("edge or dimension", "edges and dimensions")
     )
+
+
+def features_sentence(plan: InspectionPlan) -> str:
+    """Say how many features of the dimensions are not planned, and why; empty if every one is."""
+    if not plan.features_text:
+        return ""
+    return f"{plan.features_text}; a plan measures one feature of each dimension."
+
+
+def features_cell(dimension: PlannedDimension) -> str:
+    """Say that a dimension is measured on one feature of several; empty if it applies to one."""
+    return f"1 of {dimension.n_features} features" if dimension.n_features > 1 else ""
 
 
 def bound_sentence(
@@ -306,6 +319,7 @@ def verdict(plan: InspectionPlan) -> str:
     sentences = [
         f"{inspected} of {count(len(plan.entities), *nouns(plan))} inspected from {count(n, 'setting')}."
     ]
+    sentences.append(features_sentence(plan))
     if n:
         sentences.append(bound_sentence(plan, nouns(plan)))
         told = "Not simulated." if plan.simulation is None else simulation_sentence(plan.simulation)

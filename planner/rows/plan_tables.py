@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.files import write_text
+from planner.wanted.features import features_text
 
 if TYPE_CHECKING:
     from planner.rows.measured import Row
@@ -38,7 +39,8 @@ class PlanTables:
         Returns
         -------
         list of dict
-            ``setting`` (from 1), ``name``, ``kind``, ``nominal``, ``permitted_error`` and ``unit``, and
+            ``setting`` (from 1), ``name``, ``kind``, ``nominal``, ``permitted_error`` and ``unit``; ``n_features``, how
+            many features of the part it applies to, of which one is measured; and
             ``permitted_error_px``, its size in the image (None of angles); ``probability``; of a simulation the
             frequency ``simulated``, its interval ``simulated_low`` and ``simulated_high`` and the ``verdict``, None
             without one; ``standard_uncertainty`` u of the measured value, and what u² consists of,
@@ -52,7 +54,7 @@ class PlanTables:
         from planner.rows.measured import measured_rows
 
         found = [
-            {**_values(row), "reason": None, **_pose(setting)}
+            {**_values(row, self._n_features(row.name)), "reason": None, **_pose(setting)}
             for setting, rows in zip(self.settings, measured_rows(self), strict=True)
             for row in rows
         ]
@@ -114,9 +116,11 @@ class PlanTables:
             )
         n, total = len(self.entities) - len(self.uninspectable), len(self.entities)
         settings = "1 setting" if len(self.settings) == 1 else f"{len(self.settings)} settings"
+        features = features_text([one.n_features for one in self.dimensions.values()])
         caption = (
             f"{self.part or 'part'}: {n} of {total} inspected in {settings} (at least "
             f"{self.lower_bound} needed), A = {self.accuracy:g}, P ≥ {self.probability:g}"
+            f"{'; ' if features else ''}{features}"
         )
         reasons = "".join(
             f"<li>{escape(name)}: {escape(why)}</li>" for name, why in self.uninspectable.items()
@@ -140,10 +144,15 @@ class PlanTables:
             "nominal": nominal,
             "permitted_error": error,
             "unit": unit,
+            "n_features": self._n_features(name),
         }
 
+    def _n_features(self, name: str) -> int:
+        """Return how many features of the part an item applies to."""
+        return self.dimensions[name].n_features if name in self.dimensions else 1
 
-def _values(row: Row) -> dict[str, Any]:
+
+def _values(row: Row, n_features: int) -> dict[str, Any]:
     """Return a row without what it is made of."""
     rate = row.rate
     return {
@@ -153,6 +162,7 @@ def _values(row: Row) -> dict[str, Any]:
         "nominal": row.nominal,
         "permitted_error": row.permitted_error,
         "unit": row.unit,
+        "n_features": n_features,
         "permitted_error_px": row.permitted_error_px,
         "probability": row.probability,
         "simulated": None if rate is None else rate.frequency,

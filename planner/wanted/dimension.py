@@ -40,6 +40,9 @@ class Dimension:
         The part of the tolerance's half width that is permitted as error.
     direction : (float, float, float), optional
         Direction of a distance in the part's frame. Default: across the two lines.
+    n_features : int
+        How many features of the part it applies to, as the holes of a pattern; the entities measure one of them. Plans
+        and reports count the others as not planned.
 
     Raises
     ------
@@ -60,6 +63,7 @@ class Dimension:
     accuracy: float | None = None
     share: float = QUARTER
     direction: tuple[float, float, float] | None = None
+    n_features: int = 1
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "entities", tuple(self.entities))
@@ -82,6 +86,11 @@ class Dimension:
             raise RequestError(f"share must be in (0, 1]. Got {self.share!r}.")
         if self.direction is not None:
             object.__setattr__(self, "direction", _checked_direction(self.direction))
+        whole = isinstance(self.n_features, int) and not isinstance(self.n_features, bool)
+        if not (whole and self.n_features >= 1):
+            raise RequestError(
+                f"n_features must be a whole number, 1 or more. Got {self.n_features!r}."
+            )
 
     @classmethod
     def length(cls, edge: Target, **asked: Any) -> Dimension:

@@ -36,6 +36,8 @@ class PlannedDimension:
         Lower and upper deviation that the drawing allows, mm (angles: degrees).
     direction : (float, float, float) or None
         Direction of a distance.
+    n_features : int
+        How many features of the part it applies to; the entities measure one of them.
     """
 
     kind: str
@@ -45,6 +47,7 @@ class PlannedDimension:
     localisation: Localisation
     tolerance: tuple[float, float] | None = None
     direction: tuple[float, float, float] | None = None
+    n_features: int = 1
 
     @classmethod
     def of(cls, target: Target, localisation: Localisation | None) -> PlannedDimension:
@@ -72,6 +75,7 @@ class PlannedDimension:
             localisation or Localisation.rounding(),
             target.dimension.tolerance,
             target.dimension.direction,
+            target.dimension.n_features,
         )
 
     @cached_property
@@ -107,6 +111,7 @@ class PlannedDimension:
             "geometry": [to_dict(one) for one in self.geometry],
             "direction": None if self.direction is None else list(self.direction),
             "localisation": self.localisation.to_dict(),
+            "n_features": self.n_features,
         }
 
     @classmethod
@@ -137,6 +142,8 @@ class PlannedDimension:
                 Localisation.from_dict(data["localisation"]),
                 None if data["tolerance"] is None else (data["tolerance"][0], data["tolerance"][1]),
                 None if data["direction"] is None else tuple(data["direction"]),
+                # files of earlier programs do not state it
+                data.get("n_features", 1),
             )
             nominal = found.nominal
         except (MeasurandError, ValueError, TypeError, KeyError) as error:

@@ -16,7 +16,8 @@ from aspectgraph.read.step.facets.stated import (
     is_linked,
     read_facets,
 )
-from aspectgraph.read.step.text import Entity, reachable
+from aspectgraph.read.step.operators import check_operators
+from aspectgraph.read.step.text import Entity, known_references, reachable
 
 SOLID_KINDS = frozenset(
     {
@@ -27,7 +28,9 @@ SOLID_KINDS = frozenset(
 )  # fmt: skip
 """The types that are solids, those the kernel cannot build among them."""
 
-_OCCURRENCES = {"NEXT_ASSEMBLY_USAGE_OCCURRENCE", "SPECIFIED_HIGHER_USAGE_OCCURRENCE"}
+OCCURRENCES = frozenset({"NEXT_ASSEMBLY_USAGE_OCCURRENCE", "SPECIFIED_HIGHER_USAGE_OCCURRENCE"})
+"""The types that place a part in an assembly."""
+
 _SHELL_KINDS = {"CLOSED_SHELL", "OPEN_SHELL", "ORIENTED_CLOSED_SHELL", "ORIENTED_OPEN_SHELL"}
 _PREFIX_MM = {
     "": 1e3, "KILO": 1e6, "HECTO": 1e5, "DECA": 1e4, "DECI": 1e2, "CENTI": 1e1, "MILLI": 1.0, "MICRO": 1e-3,
@@ -76,7 +79,7 @@ def list_solids(entities: dict[int, Entity]) -> list[ListedSolid]:
     ------
     ReadError
         A closed shell belongs to no solid, a solid to no representation, or a placement to no part; or the length unit
-        is not one of length.
+        is not one of length; or a part is mirrored or scaled.
     """
     holders = _holders(entities)
     listed = [_listed(entities, number, context) for number, context in holders.items()]
@@ -87,6 +90,7 @@ def list_solids(entities: dict[int, Entity]) -> list[ListedSolid]:
             f"the closed shells of a STEP file must belong to solids. Got #{min(loose)}, which does not."
         )
     _check_placements(entities)
+    check_operators(entities, SOLID_KINDS)
     return listed
 
 
@@ -97,7 +101,7 @@ def _check_placements(entities: dict[int, Entity]) -> None:
         for entity in entities.values()
         if entity.kind == "CONTEXT_DEPENDENT_SHAPE_REPRESENTATION"
     ]
-    parts = [entity for entity in entities.values() if entity.kind in _OCCURRENCES]
+    parts = [entity for entity in entities.values() if entity.kind in OCCURRENCES]
     if not placements and not parts:
         return
     used = {ref for placement in placements for ref in placement.references}
@@ -110,25 +114,17 @@ def _check_placements(entities: dict[int, Entity]) -> None:
         [
             entities[part].kind
             for shape in placement.references[1:2]
-            for part in _known(entities, shape)
+            if shape in entities
+            for part in known_references(entities, entities[shape])
         ]
         for placement in placements
     ]
-    wrong = [kinds for kinds in placed if not _OCCURRENCES.intersection(kinds)]
+    wrong = [kinds for kinds in placed if not OCCURRENCES.intersection(kinds)]
     if wrong or moves - used:
         raise ReadError(
             "every placement in the assembly of a STEP file must be that of a part. "
             f"Got {len(wrong) + len(moves - used)} that are not."
         )
-
-
-def _known(entities: dict[int, Entity], number: int) -> list[int]:
-    """Return what an entity refers to and the file holds."""
-    return (
-        [ref for ref in entities[number].references if ref in entities]
-        if number in entities
-        else []
-    )
 
 
 def _holders(entities: dict[int, Entity]) -> dict[int, int]:

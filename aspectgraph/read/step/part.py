@@ -16,8 +16,8 @@ from aspectgraph.read.step.circles import pack_circles
 from aspectgraph.read.step.facets.stated import StatedFacets
 from aspectgraph.read.step.gaps import measure_gaps
 from aspectgraph.read.step.merge import edge_map, merge_touching
+from aspectgraph.read.step.semantic.stated_dimensions import list_dimensions
 from aspectgraph.read.step.solids import Slot, diagonal_mm, load_solids
-from aspectgraph.read.step.stated_dimensions import list_dimensions
 from aspectgraph.read.step.text import parse_entities
 from aspectgraph.read.step.triangles import tessellate
 
@@ -114,10 +114,10 @@ class StepPart:
     def dimensions(self, path: str, name: str) -> tuple[dict[str, Any], dict[str, Any]]:
         """Read the semantic dimensions, as the kernel finds them and as the text states them."""
         # few files are asked for them, and the import takes time
-        from aspectgraph.read.step.semantic_dimensions import read_semantic_dimensions
+        from aspectgraph.read.step.semantic.semantic_dimensions import read_semantic_dimensions
 
-        stated = list_dimensions(parse_entities(Path(path).read_bytes()))
+        entities = parse_entities(Path(path).read_bytes())
         return {
-            "found": read_semantic_dimensions(Path(path), name),
-            "stated": [asdict(one) for one in stated],
+            "found": read_semantic_dimensions(Path(path), name, entities),
+            "stated": [asdict(stated) for stated in list_dimensions(entities)],
         }, {}

@@ -124,10 +124,7 @@ def load_solids(path: Path, name: str) -> Inventory:
         raise ReadError(
             f"a STEP file must hold at least one closed solid. Got {name} without any shape."
         )
-    found = [
-        (solid, _entity_number(reader, solid, numbers))
-        for solid in explore(shape, TopAbs_ShapeEnum.TopAbs_SOLID)
-    ]
+    found = number_solids(reader, shape, numbers)
     if not found and not damage:
         n = len(explore(shape, TopAbs_ShapeEnum.TopAbs_FACE))
         raise ReadError(
@@ -135,7 +132,7 @@ def load_solids(path: Path, name: str) -> Inventory:
         )
     slots = [
         _slot(solid, listed.get(number), damage.get(number, ""))
-        for solid, number in _in_order(found, listed, name)
+        for solid, number in in_file_order(found, listed, name)
     ]
     return Inventory(slots, _left_out(shape))
 
@@ -217,14 +214,45 @@ def _check_assembly(reader: Any, handles: list[Any], name: str) -> None:
         )
 
 
-def _entity_number(reader: Any, solid: Any, numbers: dict[Any, int]) -> int | None:
-    """Return the number of the entity that a solid was made from."""
-    bare = solid.Located(TopLoc_Location())
-    return numbers.get(reader.WS().TransferReader().EntityFromShapeResult(bare, 1))
+def number_solids(reader: Any, shape: Any, numbers: dict[Any, int]) -> list[tuple[Any, int | None]]:
+    """Return the solids of a shape in its order, each with the number of the entity that it was made from.
+
+    Parameters
+    ----------
+    reader : STEPControl_Reader
+        The reader that made the shape.
+    shape : TopoDS_Shape
+        What it made.
+    numbers : dict
+        The number of each entity in the file, by its handle.
+    """
+    transfer = reader.WS().TransferReader()
+    return [
+        (
+            solid,
+            numbers.get(transfer.EntityFromShapeResult(solid.Located(TopLoc_Location()), 1)),
+        )
+        for solid in explore(shape, TopAbs_ShapeEnum.TopAbs_SOLID)
+    ]
 
 
-def _in_order(found: list[Any], listed: dict[int, ListedSolid], name: str) -> list[Any]:
-    """Return the solids with their numbers; those that were not built stand where the file lists them, with None."""
+def in_file_order(found: list[Any], listed: dict[int, ListedSolid], name: str) -> list[Any]:
+    """Return the solids with their numbers; those that were not built stand where the file lists them, with None.
+
+    Parameters
+    ----------
+    found : list of tuple
+        See `number_solids`.
+    listed : dict of int to ListedSolid
+        The solids that the file lists, by number.
+    name : str
+        What to call the file in messages.
+
+    Raises
+    ------
+    ReadError
+        A solid of an assembly was not built.
+    """
     built = [number for _, number in found]
     missing = [number for number in listed if number not in built]
     if not missing:

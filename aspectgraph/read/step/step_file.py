@@ -18,6 +18,7 @@ from aspectgraph.read.step.client import StepKernel
 from aspectgraph.read.step.fit import RELATIVE_CHORD, check_fit
 from aspectgraph.read.tessellation import Tessellation
 from aspectgraph.solid.checks import RELATIVE_PLANARITY
+from aspectgraph.solid.file_solids import FileSolids
 from aspectgraph.solid.solid import Solid
 from aspectgraph.solid.triangulate import signed_volume
 
@@ -98,6 +99,9 @@ def read_step(
                     last=attempt == _MAX_REFINEMENTS,
                 )
                 if solid is not None:
+                    solid.file_solids = FileSolids(
+                        tuple(measured), tuple(i for i in chosen if i not in measured)
+                    )
                     return solid
         except SolidError as error:
             if len(chosen) == 1:

@@ -113,6 +113,11 @@ def _add(entities: dict[int, Entity], statement: str) -> None:
     entities[number] = Entity(name[1].upper(), found[2])
 
 
+def known_references(entities: dict[int, Entity], entity: Entity) -> list[int]:
+    """Return what an entity refers to and the file holds."""
+    return [number for number in entity.references if number in entities]
+
+
 def reachable(entities: dict[int, Entity], start: int) -> set[int]:
     """Return the numbers of the entities that one refers to, directly or through others, and its own."""
     found, front = {start}, [start]

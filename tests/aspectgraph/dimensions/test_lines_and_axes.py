@@ -187,7 +187,13 @@ def test_shapes_in_words(shape, words):
 
 def row(words, *sides, kernel_type="Size_None"):
     first, second = (*sides, [], [])[:2]
-    return {"words": words, "type": kernel_type, "sides": [first, second]}
+    return {
+        "words": words,
+        "type": kernel_type,
+        "sides": [first, second],
+        "solids": [0],
+        "unresolved": "",
+    }
 
 
 @pytest.mark.parametrize(
@@ -254,3 +260,12 @@ def test_of_a_pattern_what_cannot_be_measured_is_counted(pins):
     found = _Reader(pins, 0.01, 0.05).dimension(what, Statement(nominal=20.0))
     assert found.entities is not None
     assert found.note == "1 of its 2 features cannot be measured"
+    assert found.n_features == 2
+
+
+def test_balls_of_one_size_are_features_of_one_radius(box):
+    """Two halves of one ball are one feature, a ball elsewhere is another one."""
+    ball = {"kind": "sphere", "point": [5.0, 5.0, 5.0], "radius": 4.0, "edges": []}
+    balls = [ball, dict(ball), {**ball, "point": [5.0, 9.0, 5.0]}]
+    found = _Reader(box, 0.01, 0.05).dimension(row("spherical radius", balls), Statement())
+    assert (found.kind, found.n_features) == ("spherical_radius", 2)

@@ -23,7 +23,7 @@ from OCP.BRepPrimAPI import (
 from OCP.gp import gp_Ax2, gp_Dir, gp_Elips, gp_Pnt
 from OCP.TopAbs import TopAbs_ShapeEnum
 
-from aspectgraph.read.step.semantic_dimensions import describe
+from aspectgraph.read.step.semantic.semantic_dimensions import describe
 from aspectgraph.read.step.triangles import explore
 
 AT = gp_Ax2(gp_Pnt(1.0, 2.0, 3.0), gp_Dir(0.0, 0.0, 1.0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from aspectgraph.dimensions.records import unique_names
 from aspectgraph.dimensions.statements import Statement, read_statements
-from aspectgraph.read.step.stated_dimensions import StatedDimension, list_dimensions
+from aspectgraph.read.step.semantic.stated_dimensions import StatedDimension, list_dimensions
 from aspectgraph.read.step.text import parse_entities
 
 # as OCCT gives them: the lower deviation with its sign turned; swapped ones as a range
@@ -13,11 +13,16 @@ SWAPPED = {"values": [9.525, 0.127], "is_range": True, "has_bounds": False}
 LIMITS = {"values": [34.8, 35.2], "is_range": True, "has_bounds": False}
 BARE = {"values": None, "is_range": False, "has_bounds": False}
 TEXT = {
-    "plain": {"location": False, "values": (35.0,), "bounds": (-0.2, 0.0)},
-    "swapped": {"location": False, "values": (9.525,), "bounds": (0.127, -0.127)},
-    "limits": {"location": False, "values": (34.8, 35.2), "bounds": None},
-    "bare": {"location": True, "values": (), "bounds": None},
-    "left out": {"location": False, "values": (12.0,), "bounds": None},
+    "plain": {"location": False, "values": (35.0,), "bounds": (-0.2, 0.0), "of_occurrence": False},
+    "swapped": {
+        "location": False,
+        "values": (9.525,),
+        "bounds": (0.127, -0.127),
+        "of_occurrence": False,
+    },
+    "limits": {"location": False, "values": (34.8, 35.2), "bounds": None, "of_occurrence": False},
+    "bare": {"location": True, "values": (), "bounds": None, "of_occurrence": False},
+    "left out": {"location": False, "values": (12.0,), "bounds": None, "of_occurrence": False},
 }
 
 
@@ -46,12 +51,15 @@ def test_without_the_text_swapped_bounds_are_a_fault():
 
 
 def test_a_tolerance_is_not_paired_with_a_bare_value():
-    texts = [{"location": False, "values": (35.0,), "bounds": None}, TEXT["plain"]]
+    texts = [
+        {"location": False, "values": (35.0,), "bounds": None, "of_occurrence": False},
+        TEXT["plain"],
+    ]
     assert read_statements([PLAIN], texts) == [Statement(35.0, (-0.2, 0.0))]
 
 
 def test_three_values_are_limits_around_the_nominal_one():
-    text = {"location": False, "values": (35.0, 35.2, 34.8), "bounds": None}
+    text = {"location": False, "values": (35.0, 35.2, 34.8), "bounds": None, "of_occurrence": False}
     assert read_statements([LIMITS], [text]) == [Statement(35.0, (-0.2, 0.2))]
 
 

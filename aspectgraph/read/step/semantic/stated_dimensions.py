@@ -12,8 +12,8 @@ import math
 from dataclasses import dataclass
 
 from aspectgraph.exceptions import ReadError
-from aspectgraph.read.step.listing import unit_mm
-from aspectgraph.read.step.text import Entity
+from aspectgraph.read.step.listing import OCCURRENCES, unit_mm
+from aspectgraph.read.step.text import Entity, known_references
 
 _SIZES = frozenset(
     {
@@ -47,11 +47,14 @@ class StatedDimension:
         All values stated, in mm or degrees, in the order of the file.
     bounds : tuple of float or None
         Lower and upper bound of the deviation as the file writes them, be they in order or not.
+    of_occurrence : bool
+        It belongs to one occurrence of a part in an assembly, not to the part.
     """
 
     location: bool
     values: tuple[float, ...]
     bounds: tuple[float, float] | None
+    of_occurrence: bool = False
 
 
 def list_dimensions(entities: dict[int, Entity]) -> list[StatedDimension]:
@@ -67,12 +70,30 @@ def list_dimensions(entities: dict[int, Entity]) -> list[StatedDimension]:
     list of StatedDimension
         Empty for a file without semantic dimensions.
     """
-    values, bounds = _values(entities), _bounds(entities)
+    values = _values(entities)
+    bounds = _bounds(entities)
     return [
-        StatedDimension(bool(_LOCATIONS & entity.kinds), values.get(number, ()), bounds.get(number))
+        StatedDimension(
+            bool(_LOCATIONS & entity.kinds),
+            values.get(number, ()),
+            bounds.get(number),
+            _is_of_occurrence(entities, entity),
+        )
         for number, entity in entities.items()
         if (_SIZES | _LOCATIONS) & entity.kinds
     ]
+
+
+def _is_of_occurrence(entities: dict[int, Entity], dimension: Entity) -> bool:
+    """Return whether an aspect that a dimension is attached to is one of an occurrence, not of a part."""
+    kinds = [
+        entities[owner].kind
+        for aspect in known_references(entities, dimension)
+        for shape in known_references(entities, entities[aspect])
+        if entities[shape].kind == "PRODUCT_DEFINITION_SHAPE"
+        for owner in known_references(entities, entities[shape])
+    ]
+    return not OCCURRENCES.isdisjoint(kinds)
 
 
 def _values(entities: dict[int, Entity]) -> dict[int, tuple[float, ...]]:

@@ -28,7 +28,10 @@ from OCP.XCAFApp import XCAFApp_Application
 from OCP.XCAFDoc import XCAFDoc_Dimension, XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
 
 from aspectgraph.exceptions import ReadError
-from aspectgraph.read.step.solids import quiet
+from aspectgraph.read.step.listing import list_solids
+from aspectgraph.read.step.semantic.instances import AmbiguousInstanceError, Instances
+from aspectgraph.read.step.solids import in_file_order, number_solids, quiet
+from aspectgraph.read.step.text import Entity
 from aspectgraph.read.step.triangles import explore, xyz
 
 CANONICAL_MM = 1e-3
@@ -37,7 +40,9 @@ CANONICAL_MM = 1e-3
 _ONLY_SHOWN = ("DimensionPresentation", "CommonLabel")
 
 
-def read_semantic_dimensions(path: Path, name: str) -> list[dict[str, Any]]:
+def read_semantic_dimensions(
+    path: Path, name: str, entities: dict[int, Entity]
+) -> list[dict[str, Any]]:
     """Return the semantic dimensions of a STEP file, in its order.
 
     Parameters
@@ -46,12 +51,16 @@ def read_semantic_dimensions(path: Path, name: str) -> list[dict[str, Any]]:
         An uncompressed STEP file.
     name : str
         What to call it in messages.
+    entities : dict
+        Its entities, see `text.parse_entities`.
 
     Returns
     -------
     list of dict
         ``type`` (of OCCT), ``words`` (of the file), ``name`` (of its drawing, or empty), ``values`` in mm or degrees or
-        None, ``is_range``, ``has_bounds``, and ``sides``: two lists of shapes, see `describe`.
+        None, ``is_range``, ``has_bounds``, and ``sides``: two lists of shapes as in the part, see `describe`.
+        ``instances`` says where these are in the assembly: for each instance ``sides``, and ``solids``, their numbers.
+        It is empty if this is not known; ``unresolved`` then says why.
 
     Raises
     ------
@@ -73,20 +82,42 @@ def read_semantic_dimensions(path: Path, name: str) -> list[dict[str, Any]]:
     tool = XCAFDoc_DocumentTool.DimTolTool_s(document.Main())
     labels = Sequence_TDF_Label()
     tool.GetDimensionLabels(labels)
-    found = [_dimension(tool, labels.Value(k)) for k in range(1, labels.Length() + 1)]
+    if not labels.Length():
+        return []
+    instances = _instances(reader.ChangeReader(), entities, name)
+    found = [_dimension(tool, labels.Value(k), instances) for k in range(1, labels.Length() + 1)]
     return [row for row in found if row["type"] not in _ONLY_SHOWN]
 
 
-def _dimension(tool: Any, label: Any) -> dict[str, Any]:
+def _instances(reader: Any, entities: dict[int, Entity], name: str) -> Instances:
+    """Return the instances of parts, with the numbers that the solids have where the part is read."""
+    model = reader.Model()
+    handles = [model.Value(i) for i in range(1, model.NbEntities() + 1)]
+    if len(handles) != len(entities):
+        raise ReadError(
+            f"a STEP file must be whole. Got {name}: {len(handles)} of {len(entities)} entities read."
+        )
+    listed = {solid.number: solid for solid in list_solids(entities)}
+    shape = reader.OneShape()
+    found = number_solids(reader, shape, dict(zip(handles, entities, strict=True)))
+    slots = in_file_order(found, listed, name)
+    if len(slots) == len(found):
+        return Instances(shape, range(len(found)))
+    # without an assembly, every solid is there once
+    place = {number: k for k, (_, number) in enumerate(slots)}
+    return Instances(shape, [place[number] for _, number in found])
+
+
+def _dimension(tool: Any, label: Any, instances: Instances) -> dict[str, Any]:
     # FindAttribute leaves a null handle here; Set_s returns the attribute there is
     stated = XCAFDoc_Dimension.Set_s(label).GetObject()
-    values, words, title = (
-        stated.GetValues(),
-        stated.GetSemanticName(),
-        stated.GetPresentationName(),
-    )
-    first, second = Sequence_TDF_Label(), Sequence_TDF_Label()
+    values = stated.GetValues()
+    words = stated.GetSemanticName()
+    title = stated.GetPresentationName()
+    first = Sequence_TDF_Label()
+    second = Sequence_TDF_Label()
     tool.GetRefShapeLabel_s(label, first, second)
+    sides = [_shapes(side) for side in (first, second)]
     return {
         "type": stated.GetType().name.split("DimensionType_")[-1],
         "words": words.ToCString() if words is not None else "",
@@ -96,15 +127,40 @@ def _dimension(tool: Any, label: Any) -> dict[str, Any]:
         else [values.Value(k) for k in range(values.Lower(), values.Upper() + 1)],
         "is_range": stated.IsDimWithRange(),
         "has_bounds": stated.IsDimWithPlusMinusTolerance(),
-        "sides": [_shapes(side) for side in (first, second)],
+        "sides": [[describe(shape) for shape in side] for side in sides],
+        **_placed(sides, instances),
     }
 
 
-def _shapes(labels: Any) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = []
+def _placed(sides: list[list[Any]], instances: Instances) -> dict[str, Any]:
+    """Return the shapes of a dimension for each instance of the part, or why they are not known."""
+    n_first = len(sides[0])
+    shapes = [*sides[0], *sides[1]]
+    if not shapes:
+        return {"instances": [], "unresolved": "it is attached to nothing"}
+    try:
+        found = instances.of(shapes)
+    except AmbiguousInstanceError as error:
+        return {"instances": [], "unresolved": str(error)}
+    return {
+        "instances": [
+            {
+                "solids": sorted({one.solid for one in instance if one.solid is not None}),
+                "sides": [
+                    [describe(occurrence.shape) for occurrence in side]
+                    for side in (instance[:n_first], instance[n_first:])
+                ],
+            }
+            for instance in found
+        ],
+        "unresolved": "",
+    }
+
+
+def _shapes(labels: Any) -> list[Any]:
+    found: list[Any] = []
     for k in range(1, labels.Length() + 1):
-        shape = XCAFDoc_ShapeTool.GetShape_s(labels.Value(k))
-        found += [describe(part) for part in _simple_parts(shape)]
+        found += _simple_parts(XCAFDoc_ShapeTool.GetShape_s(labels.Value(k)))
     return found
 
 
