@@ -84,8 +84,9 @@ def plan_inspection(
     solid : Solid
         The part.
     entities : mapping or sequence
-        Name to edge id or to two end points, whose length is measured; or to a `Dimension`. Ids without names, such as
-        `select_entities` returns, are named ``"e<id>"``.
+        Name to an edge, a rim, an arc or a `Dimension`. An edge is an id or two end points, and its length is measured.
+        Of a rim (``"r3"``) the diameter is measured, of an arc (``"a0"``) the radius; 1 − A of it is permitted as
+        error. Ids without names, such as `select_entities` returns, are named ``"e<id>"``, ``"r<n>"`` or ``"a<n>"``.
     camera : Camera
         The camera.
     pose_uncertainty : PoseUncertainty
@@ -217,14 +218,15 @@ def _request(
 ) -> Request:
     """Return the request for edges, or for edges and dimensions."""
     localisation = how.localisation
+    from planner.wanted.resolve import is_circle, resolve_wanted
+
     rounded = localisation is None or localisation.model == "rounding"
-    if rounded and not any(isinstance(item, Dimension) for item in wanted.values()):
+    items = wanted.values()
+    if rounded and not any(isinstance(item, Dimension) or is_circle(item) for item in items):
         space = how.space or _visible(solid, wanted, asked.camera, how)
         for name, entity in space.entities.items():
             check_is_edge(name, entity)
         return Request(space, space.entity_names, *asked)
-    from planner.wanted.resolve import resolve_wanted
-
     entities, targets = resolve_wanted(solid, wanted, asked.accuracy, as_lengths=not rounded)
     space = how.space or _visible(solid, entities, asked.camera, how)
     missing = [name for name in entities if name not in space.entities]

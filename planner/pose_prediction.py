@@ -76,7 +76,7 @@ def predict(
     solid : Solid
         The part.
     wanted : mapping
-        Name to `Dimension`, or to an edge, whose length is measured.
+        Name to `Dimension`, or to an edge, rim or arc: its length, diameter or radius is measured.
     cam2world : array_like (4, 4)
         Planned pose of the camera.
     camera : Camera

@@ -97,6 +97,10 @@ def bytes_in_use(cx: Complex) -> int:
     )
 
 
+class RoomFullError(Exception):
+    """The arrays of a complex are full: more room is needed, which the process may well have."""
+
+
 def with_room(
     build: Callable[[int], Complex], n_cells: int = 1024, limit: int = 1 << 24
 ) -> Complex:
@@ -109,34 +113,88 @@ def with_room(
     """
     # the largest room known to be too small
     full = 0
+    reason = f"have at most {limit} cells. Got more"
     while True:
         try:
             return build(n_cells)
         except MemoryLimitError:
             raise
+        except RoomFullError:
+            full = n_cells
+            n_cells *= 4
         except MemoryError as error:
-            if _is_full(error):
-                full, n_cells = n_cells, 4 * n_cells
-                reason = f"needs more than {limit} cells"
-            else:
-                limit = n_cells = n_cells // 2
-                reason = f"gets no memory for more than {limit} cells"
-            if n_cells > limit or n_cells <= full:
-                raise MemoryLimitError(
-                    f"the cell complex must fit the memory. Got one that {reason}."
-                ) from None
+            n_cells //= 2
+            limit = n_cells
+            reason = (
+                f"fit the memory. Got a process that gets no memory for more than {limit} cells "
+                f"({str(error).rstrip('.') or 'no reason given'})"
+            )
+        if n_cells > limit or n_cells <= full:
+            raise MemoryLimitError(f"the cell complex must {reason}.")
 
 
-def _is_full(error: MemoryError) -> bool:
-    """Tell a room that is full from a process that gets no more memory; `require` gives no reason, others do."""
-    return type(error) is MemoryError and not error.args
+def enlarged(cx: Complex, n_cells: int) -> Complex:
+    """Return a copy of a complex with room for about `n_cells` cells.
+
+    Raises
+    ------
+    RoomFullError
+        If that is too little for the cells it has.
+    """
+    larger = allocate(cx.planes, n_cells, cx.label.shape[1])
+    rows = {
+        N_VERTICES: ("vertices", "coordinates", "vertex"),
+        N_EDGES: ("edge",),
+        N_FACES: ("face",),
+        N_CELLS: ("cell", "label"),
+    }
+    for which, names in rows.items():
+        used = int(cx.count[which])
+        for name in names:
+            _copy_rows(getattr(cx, name)[:used], getattr(larger, name))
+    for one, other, used in zip(cx.lists, larger.lists, cx.count[N_LIST:], strict=True):
+        _copy_rows(one[:used], other)
+    larger.count[:] = cx.count
+    return larger
+
+
+def _copy_rows(rows: np.ndarray, place: np.ndarray) -> None:
+    if len(rows) > len(place):
+        raise RoomFullError
+    place[: len(rows)] = rows
+
+
+def cut_further(cx: Complex, cut: Callable[[Complex], None], n_cells: int = 1024) -> Complex:
+    """Return a copy of a complex that `cut(copy)` has cut further; it is begun anew if the room was full.
+
+    Parameters
+    ----------
+    cx : Complex
+        It stays as it is.
+    cut : callable
+        Changes the complex it gets.
+    n_cells : int
+        Cells to reserve room for at first; at least those of the complex.
+
+    Raises
+    ------
+    MemoryLimitError
+        See `with_room`.
+    """
+
+    def build(room: int) -> Complex:
+        copy = enlarged(cx, room)
+        cut(copy)
+        return copy
+
+    return with_room(build, max(n_cells, int(cx.count[N_CELLS])))
 
 
 @lean
 def require(used, extra, room):
-    """Raise `MemoryError` without a reason where the room is full; see `with_room`."""
+    """Raise `RoomFullError` where the room is full; see `with_room`."""
     if used + extra > room:
-        raise MemoryError
+        raise RoomFullError
 
 
 @lean

@@ -10,11 +10,12 @@ import networkx as nx
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aspectgraph.cells.arrays import Complex
+from aspectgraph.cells.arrays import Complex, cut_further
 from aspectgraph.cells.cell_set import CellSet
 from aspectgraph.cells.crop import at_limits, crop
 from aspectgraph.cells.measure import measured
 from aspectgraph.cells.point_location import locate, tree_of
+from aspectgraph.cells.simplify import n_leaves
 from aspectgraph.domains.carve import carve, surface_facets
 from aspectgraph.domains.find_domains import Domain, Domains, find_domains
 from aspectgraph.domains.width import Ruler, check_min_width, largest_extent
@@ -28,6 +29,9 @@ from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.overlay import overlay, share_planes
 from aspectgraph.visibility.scene import own_order
 from aspectgraph.visibility.visibility_regions import Progress, VisibilityRegions, compute_regions
+
+# cells to reserve room for at first, where the part is cut out of the joint cells, per cell of these
+_ROOM_PER_CELL = 16
 
 
 class EntityAspectGraph:
@@ -360,9 +364,15 @@ def _joined(
     order = own_order(scene, chosen.solid, chosen.entities.values())
     shared = share_planes(own, scene, cube, order)
     facets = surface_facets(scene)
-    cx = overlay(own, shared.extended(limits).extended(facets.planes), order=order, watch=memory)
-    carve(cx, scene, facets, len(cube))
-    crop(cx, len(shared.planes))
+    uncut = overlay(own, shared.extended(limits).extended(facets.planes), order=order, watch=memory)
+
+    def cut(cx: Complex) -> None:
+        carve(cx, scene, facets, len(cube))
+        crop(cx, len(shared.planes))
+
+    # facets take room, too, and a part may have many more of them than its regions have cells
+    cx = cut_further(uncut, cut, _ROOM_PER_CELL * n_leaves(uncut) + len(facets.planes))
+    del uncut
     extent = largest_extent(grid.points * grid.scale)
     domains = find_domains(measured(cx, grid), Ruler(min_width_mm / grid.step_mm, 0.5 * extent))
     provenance = Provenance(chosen.solid, scene, grid, list(chosen.entities.values()), own, shared)

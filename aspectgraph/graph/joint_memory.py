@@ -215,8 +215,16 @@ class JointMemory:
 
     def refused(self, error: MemoryError) -> MemoryLimitError:
         """Return the error to raise in place of one that came on the way."""
-        if isinstance(error, MemoryLimitError) and "joint graph" in str(error):
-            return error
+        if isinstance(error, MemoryLimitError):
+            # the room of the cells has a limit, too, which is not the memory
+            own = "joint graph" in str(error)
+            return (
+                error
+                if own
+                else MemoryLimitError(
+                    f"the joint graph of {self.total} entities cannot be built: {error} {_ADVICE}"
+                )
+            )
         return self._refused(
             f"a process that gets no more memory ({str(error).rstrip('.') or 'no reason given'})"
         )

@@ -2,8 +2,9 @@
 
 Rules
 -----
-* An edge *shows* if the surface turns there: a straight edge by `SHARP_DEG`, a chord of a curve by `FEATURE_DEG`, an
-  edge between two facets of curved surfaces by `CURVED_FEATURE_DEG`, as facets meet at angles that the part has not.
+* An edge *shows* if the surface turns there: a straight edge by `SHARP_DEG`, a chord of a curve by `FEATURE_DEG`, a
+  chord between two facets of curved surfaces by `CURVED_FEATURE_DEG`, as facets meet at angles that the part has not.
+  So every edge that can be an entity shows.
 * An end of an edge is a *corner* if another edge that shows leaves it at `CORNER_DEG` or more from the edge's line,
   either way. Otherwise it is *tangent*: the edge runs on smoothly, and an image has no point to measure a length to.
 """
@@ -26,7 +27,7 @@ FEATURE_DEG = 20.0
 A smooth seam beside a curved face turns by as much as half a facet."""
 
 CURVED_FEATURE_DEG = 40.0
-"""The same between two facets of curved surfaces."""
+"""The same of a chord between two facets of curved surfaces."""
 
 CORNER_DEG = 25.0
 """Smallest angle at which another edge leaves a corner, in degrees: below 17 an image's end is off by two pixels."""
@@ -93,8 +94,8 @@ def edges_that_show(solid: _Surface) -> NDArray[np.bool_]:
     inside = np.array(
         [all(solid.faces[face].curved for face in edge.faces) for edge in solid.edges], dtype=bool
     )
-    least = np.where(inside, CURVED_FEATURE_DEG, np.where(curved, FEATURE_DEG, SHARP_DEG))
-    return np.asarray(turns >= least)
+    of_chords = np.where(inside, CURVED_FEATURE_DEG, FEATURE_DEG)
+    return np.asarray(turns >= np.where(curved, of_chords, SHARP_DEG))
 
 
 def edges_at_vertices(solid: _Surface) -> dict[int, list[Edge]]:

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from aspectgraph.cells.arrays import cut_further
 from aspectgraph.cells.cell_set import CellSet
 from aspectgraph.cells.crop import crop
 from aspectgraph.cells.point_location import holds
@@ -151,8 +152,9 @@ class VisibilityRegions:
             regions = [self._regions[key[k]] for k in order]
             shared = share_planes(regions, self._scene, self.grid.cube_planes(self.workspace))
             limits = self.grid.box_planes(self.workspace)
-            cx = overlay(regions, shared.extended(limits), covering_only=True)
-            crop(cx, len(shared.planes))
+            cube_cells = overlay(regions, shared.extended(limits), covering_only=True)
+            first = len(shared.planes)
+            cx = cut_further(cube_cells, lambda cells: crop(cells, first))
             present = leaves(cx)
             bits = np.unpackbits(cx.label[present].view(np.uint8), axis=1, bitorder="little")[
                 :, : len(key)

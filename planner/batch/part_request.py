@@ -43,7 +43,8 @@ class PartRequest:
     seed : int
         Same seed, same plans.
     select : str, optional
-        Rule for the edges, as `aspectgraph.select_entities` takes it. Default: all sharp straight edges.
+        Rule for the entities, as `aspectgraph.select_entities` takes it. Default: all sharp straight edges. Of rims the
+        diameter is measured, of arcs the radius.
     units : str, optional
         Of mesh files.
     simulate : int

@@ -35,6 +35,7 @@ from planner.inspection import plan_inspection
 from planner.output.plan_folder import write_outputs
 from planner.plan import InspectionPlan
 from planner.request.defaults import default_workspace
+from planner.wanted.resolve import resolve_wanted
 
 STATE, REGIONS = "planning-state.json", "planning-regions"
 _OWN = (AspectGraphError, MeasurementModelError, GAError, PlannerError)
@@ -93,6 +94,8 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
         entities = read_entities("all", solid)
     else:
         entities = resolve_entities(solid, select_entities(solid, request.select))
+    # what cannot be measured is refused before the work
+    resolve_wanted(solid, entities, request.accuracy)
     state, kept = folder / STATE, KeptRegions(folder / REGIONS)
     regions = compute_regions(
         solid, entities, workspace=default_workspace(solid, request.camera), kept=kept

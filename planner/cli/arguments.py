@@ -72,7 +72,7 @@ def add_promise(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.98,
         metavar="A",
-        help="0.98 allows 2%% of an edge's length",
+        help="0.98 permits an error of 2%% of an edge's length, a rim's diameter or an arc's radius",
     )
     parser.add_argument(
         "--probability",
@@ -263,13 +263,15 @@ def add_entities(parser: argparse.ArgumentParser) -> argparse._MutuallyExclusive
     which.add_argument(
         "--entities",
         metavar="FILE|IDS|all",
-        help="TOML, JSON or CSV file, ids like 3,17-21,r2, end points like '(0,0,10)-(25,0,10)', or all",
+        help="TOML, JSON or CSV file, ids like 3,17-21,r2, end points like '(0,0,10)-(25,0,10)', or all; "
+        "a plan measures an edge's length, a rim's diameter and an arc's radius",
     )
     which.add_argument(
         "--select",
         metavar="RULE",
         help="by conditions joined by 'and': length > 20, turn < 100, convex, reentrant, kind = rim, direction = z, "
-        "face = top (bottom, left, right, front, back: of the part's box), near 10,20,30 < 5",
+        "face = top (bottom, left, right, front, back: of the part's box), near 10,20,30 < 5; edges only unless a kind "
+        "is given",
     )
     which.add_argument(
         "--all", dest="entities", action="store_const", const="all", help="all sharp straight edges"

@@ -290,7 +290,9 @@ def _add_batch(commands: Any) -> None:
     batch.add_argument("folder", metavar="FOLDER", help="part files, in it or in folders of it")
     which = batch.add_mutually_exclusive_group()
     which.add_argument(
-        "--select", metavar="RULE", help="edges for which it holds, see plan --help (default: all)"
+        "--select",
+        metavar="RULE",
+        help="entities for which it holds, see plan --help (default: all)",
     )
     which.add_argument("--all", action="store_true", help="all sharp straight edges, as without it")
     batch.add_argument(

@@ -52,6 +52,8 @@ def read_request(options: Any, solid: Solid) -> Wanted:
     if options.dimensions is None:
         localisation = read_localisation(options.localisation or "rounding")
         entities = chosen_entities(options, solid)
+        # what cannot be measured is refused before the work
+        resolve_wanted(solid, entities, options.accuracy)
         return Wanted(entities, entities, localisation)
     localisation, left_out = read_localisation(options.localisation or "gaussian"), {}
     if options.dimensions.strip().lower() == "all":

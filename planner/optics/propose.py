@@ -83,7 +83,7 @@ def propose_optics(
     solid : Solid
         The part.
     wanted : mapping
-        Name to `Dimension`, or to an edge, whose length is measured.
+        Name to `Dimension`, or to an edge, rim or arc: its length, diameter or radius is measured.
     pose_uncertainty : PoseUncertainty
         How far the camera's real pose may be from the planned one.
     bodies : sequence of str, optional

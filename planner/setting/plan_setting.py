@@ -24,6 +24,7 @@ from planner.setting.infeasible import (
 from planner.setting.pose_search import Search, search_pose
 from planner.setting.sensor_setting import SensorSetting
 from planner.setting.setting_options import SettingKeywords, SettingOptions
+from planner.wanted.targets import check_is_edge
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -118,10 +119,11 @@ def plan_setting(
     (True, True)
     """
     wanted = chosen(SettingOptions, plan_setting, options)
+    names = check_names(space, names)
+    for name in names:
+        check_is_edge(name, space.entities[name])
     need = wanted.requirements(camera, pose_uncertainty)
-    request = Request(
-        space, check_names(space, names), camera, pose_uncertainty, accuracy, requirements=need
-    )
+    request = Request(space, names, camera, pose_uncertainty, accuracy, requirements=need)
     return best_setting(
         request,
         rng,

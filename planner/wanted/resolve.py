@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from errors.measurands import Circle, Line, MeasurandError, measurand
 from planner.exceptions import RequestError
 from planner.wanted.dimension import Dimension
-from planner.wanted.targets import Target, check_is_edge, edge_target
+from planner.wanted.targets import Target, edge_target
 
 if TYPE_CHECKING:
     from aspectgraph import Entity, Solid
@@ -20,6 +20,19 @@ if TYPE_CHECKING:
 
 _DIAMETERS = 8
 """Diameters of a circle that must be in the picture; a polygon of twice as many corners is drawn around the circle."""
+
+_MEASURED_OF = {"edge": "length", "rim": "diameter", "arc": "radius"}
+"""What is measured of an entity that is no part of a dimension, as drawings dimension it."""
+
+
+def is_circle(item: object) -> bool:
+    """Return whether an item of a request is a rim or arc, by its id or itself, and no dimension."""
+    from aspectgraph.entities.curves import is_curve_id
+    from aspectgraph.solid.rims import Arc
+
+    return (
+        isinstance(item, Arc) or is_curve_id(item) or getattr(item, "kind", None) in ("rim", "arc")
+    )
 
 
 def resolve_wanted(
@@ -32,9 +45,10 @@ def resolve_wanted(
     solid : Solid
         The part.
     wanted : mapping
-        Name to `Dimension`, or to an edge: an id, an `Edge`, an `Entity` or two end points.
+        Name to `Dimension`; or to an edge, rim or arc: an id, an `Edge`, `Rim`, `Arc` or `Entity`, or two end points.
+        Of a rim the diameter is measured, of an arc the radius.
     accuracy : float
-        Accuracy where a dimension has no requirement of its own.
+        Accuracy where a dimension has no requirement of its own, and of rims and arcs.
     as_lengths : bool
         Whether edges are dimensions, too: their lengths; the paper's model rounds their ends to pixels.
 
@@ -62,14 +76,13 @@ def resolve_wanted(
         if isinstance(item, Dimension):
             parts = [_entity_of(solid, name, given, known, entities) for given in item.entities]
             targets.append(_dimension_target(solid, name, item, parts, accuracy))
-        else:
-            target = _edge(entities[name])
-            length = Dimension("length", (name,), accuracy=accuracy)
-            targets.append(
-                _dimension_target(solid, name, length, [entities[name]], accuracy)
-                if as_lengths
-                else target
-            )
+            continue
+        entity = entities[name]
+        if entity.kind == "edge" and not as_lengths:
+            targets.append(edge_target(name, entity.endpoints))
+            continue
+        own = Dimension(_MEASURED_OF[entity.kind], (name,), accuracy=accuracy)
+        targets.append(_dimension_target(solid, name, own, [entity], accuracy))
     return entities, tuple(targets)
 
 
@@ -121,11 +134,6 @@ def _label(given: Any) -> str:
         )
     except (TypeError, ValueError):
         return repr(own)
-
-
-def _edge(entity: Entity) -> Target:
-    check_is_edge(entity.name, entity)
-    return edge_target(entity.name, entity.endpoints)
 
 
 def _dimension_target(

@@ -59,12 +59,13 @@ class Target:
 
 
 def check_is_edge(name: str, entity: Any) -> None:
-    """Raise `RequestError` if an entity is a rim or arc: of these it must be said what is measured."""
+    """Raise `RequestError` if an entity of a space whose edges are measured is a rim or arc."""
     kind = getattr(entity, "kind", "edge")
     if kind != "edge":
         raise RequestError(
-            f"entity {name!r} is a {kind}: say what is to be measured of it, such as Dimension.diameter({name!r}). "
-            "Got no dimension."
+            "entities of a space must be edges, whose lengths are measured. "
+            f"Got {name!r}, which is {'a rim' if kind == 'rim' else 'an arc'}: "
+            "plan_inspection measures it if it is asked for."
         )
 
 

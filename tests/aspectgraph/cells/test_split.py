@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aspectgraph.cells.arrays import (
+    CROSSED,
     EDGE_LIST,
     ENDS,
     FACE_CHILD,
@@ -17,10 +18,11 @@ from aspectgraph.cells.arrays import (
     N_FACES,
     SIDES,
     bytes_in_use,
+    cut_further,
     with_room,
 )
 from aspectgraph.cells.measure import cell_centre, cell_sizes, interfaces
-from aspectgraph.cells.split import leaves
+from aspectgraph.cells.split import cell_side, leaves, split_cell
 from aspectgraph.exceptions import MemoryLimitError
 
 pytestmark = pytest.mark.uncompiled
@@ -114,8 +116,32 @@ def test_room_grows_until_it_suffices():
 
     assert with_room(build, n_cells=8).count[N_CELLS] == cut_box(planes).count[N_CELLS]
     assert len(asked) > 1
-    with pytest.raises(MemoryLimitError, match="more than 32 cells"):
+    with pytest.raises(MemoryLimitError, match=r"must have at most 32 cells. Got more"):
         with_room(build, n_cells=8, limit=32)
+
+
+def test_cutting_further_leaves_the_complex_and_makes_room():
+    planes = random_planes(12, 3)
+    whole = cut_box(planes)
+    begun = cut_box(planes[:4], 64)
+    begun = begun._replace(planes=whole.planes)
+    before = begun.count.copy()
+    rooms = []
+
+    def cut(cx):
+        rooms.append(len(cx.cell))
+        for h in range(10, 18):
+            for c in leaves(cx):
+                if cell_side(cx, c, h) == CROSSED:
+                    split_cell(cx, c, h)
+
+    found = cut_further(begun, cut, 1)
+    assert len(rooms) > 1
+    assert (begun.count == before).all()
+    assert found.count[N_CELLS] == whole.count[N_CELLS]
+    assert np.sort(cell_sizes(found, leaves(found))[:, 0]) == pytest.approx(
+        np.sort(cell_sizes(whole, leaves(whole))[:, 0]), rel=1e-9
+    )
 
 
 def test_room_shrinks_where_the_process_gets_no_memory():

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -10,14 +11,18 @@ from aspectgraph import (
     AspectGraphError,
     JointForecast,
     MemoryLimitError,
+    Solid,
     build_aspect_graph,
     compute_regions,
     estimate_graph,
     graph_of,
     read_solid,
 )
+from aspectgraph.cells import arrays
+from aspectgraph.cells.arrays import RoomFullError
 from aspectgraph.graph import aspect_graph, joint_memory
 from aspectgraph.graph.joint_memory import ERROR, estimate_joint_graph
+from aspectgraph.visibility import visibility_regions
 
 PART = "examples/two_pocket_block.off"
 _MIB = 2**20
@@ -62,9 +67,67 @@ def test_running_out_of_memory_is_an_error_of_the_package(regions, monkeypatch):
 
     monkeypatch.setattr(aspect_graph, "carve", exhausted)
     with pytest.raises(
-        AspectGraphError, match=r"12 entities must fit.*Unable to allocate 7 GiB\).*fewer entities"
+        AspectGraphError,
+        match=r"12 entities cannot be built: .* no memory .*Unable to allocate 7 GiB\).*fewer entities",
     ):
         graph_of(regions)
+
+
+def prism(n_sides):
+    """A regular prism: an edge of its top has a region of a few cells, but the part has many facets."""
+    turns = np.arange(n_sides) * (2 * np.pi / n_sides)
+    ring = np.column_stack([50.0 * np.cos(turns), 50.0 * np.sin(turns)])
+    vertices = np.vstack([np.column_stack([ring, np.full(n_sides, z)]) for z in (0.0, 20.0)])
+    bottom = tuple(range(n_sides - 1, -1, -1))
+    top = tuple(range(n_sides, 2 * n_sides))
+    sides = [
+        (k, (k + 1) % n_sides, n_sides + (k + 1) % n_sides, n_sides + k) for k in range(n_sides)
+    ]
+    return Solid(vertices, [bottom, top, *sides])
+
+
+def test_the_graph_of_one_edge_of_a_part_with_many_facets(monkeypatch):
+    """Room for the cells of one region does not hold the facets of the part: more room is made, and no memory lacks."""
+    monkeypatch.setattr(import_module("aspectgraph.visibility.overlay"), "_ROOM", 64)
+    monkeypatch.setattr(aspect_graph, "_ROOM_PER_CELL", 0)
+    solid = prism(240)
+    edge = next(edge for edge in solid.straight_edges() if set(edge.vertices) <= {240, 241})
+    found = graph_of(compute_regions(solid, {"top": edge.id}))
+    # seen from in front of the top or of the side; the rest is one domain, too
+    assert sorted(found.graph.nodes(data="observable")) == [(0, ("top",)), (1, ())]
+    box = np.prod(np.ptp(found.workspace, axis=0))
+    area = 0.5 * 240 * 50.0**2 * np.sin(2 * np.pi / 240)
+    volumes = [volume for _, volume in found.graph.nodes(data="volume")]
+    assert sum(volumes) == pytest.approx(box - 20.0 * area)
+
+
+def test_too_many_cells_are_not_told_as_no_memory(regions, monkeypatch):
+    def full(*_):
+        raise RoomFullError
+
+    monkeypatch.setattr(aspect_graph, "carve", full)
+    with pytest.raises(MemoryLimitError) as error:
+        graph_of(regions)
+    assert str(error.value).startswith(
+        "the joint graph of 12 entities cannot be built: the cell complex must have at most 16777216 cells. "
+        "Got more. Ask for fewer entities"
+    )
+
+
+def test_covering_cells_make_room_for_the_workspace(regions, monkeypatch):
+    """The workspace is cut out after the regions are joined, in room of its own."""
+    names = regions.entity_names[:2]
+    free = regions.subset(names).covering_cells(names)
+    calls = []
+
+    def cut_further(cx, cut, n_cells=1024):
+        calls.append(n_cells)
+        return arrays.cut_further(cx, cut, 1)
+
+    monkeypatch.setattr(visibility_regions, "cut_further", cut_further)
+    narrow = regions.subset(names).covering_cells(names)
+    assert calls
+    assert [cell.volume for cell in narrow] == [cell.volume for cell in free]
 
 
 @pytest.mark.parametrize("limit", [0, -1.0, np.nan])

@@ -6,7 +6,7 @@ import pytest
 from lit_parts import block
 from shapely import LineString, Point
 
-from aspectgraph import read_solid, resolve_entities
+from aspectgraph import Face, Solid, read_solid, resolve_entities
 from aspectgraph.solid.edge_ends import edges_that_show
 from planner import Camera, RequestError, Requirements, Showing, look_at
 from planner.camera.pose import world_to_cam
@@ -203,6 +203,47 @@ def test_an_edge_that_runs_on_in_an_arc_has_no_corner(ctc01):
     wanted = np.array([[False, False, False, True]])
     assert check.corners(pose, wanted)[0, 3] == -25.0
     assert check_of(ctc01, NAMED, Showing(min_corner_deg=0))[0].without_corner(3) is None
+
+
+def valley(turn_deg):
+    """A bar whose upper side has a valley between two facets of curved surfaces, along y at x = 30, z = 20 mm."""
+    top = 20.0 + 30.0 * np.tan(np.radians(turn_deg / 2))
+    outline = [(0, 0), (60, 0), (60, top), (30, 20.0), (0, top)]
+    n = len(outline)
+    vertices = [(x, y, z) for y in (0.0, 40.0) for x, z in outline]
+    sides = [(k, n + k, n + (k + 1) % n, (k + 1) % n) for k in range(n)]
+    ends = [tuple(range(n)), tuple(range(2 * n - 1, n - 1, -1))]
+    # sides 2 and 3 slope down to the valley
+    return Solid(
+        vertices, [*ends, *(Face(side, curved=k in (2, 3)) for k, side in enumerate(sides))]
+    )
+
+
+@pytest.mark.parametrize("turn_deg", [6.0, 20.0, 39.0, 41.0])
+def test_an_edge_in_a_valley_of_curved_surfaces_shows(turn_deg):
+    """The MTC plate has such edges. From above, the slopes leave it at right angles but for the perspective."""
+    solid = valley(turn_deg)
+    (edge,) = (
+        one for one in solid.straight_edges() if all(solid.faces[f].curved for f in one.faces)
+    )
+    assert edge.turn_deg == pytest.approx(-turn_deg)
+    check, _ = check_of(solid, {"valley": edge.id}, Showing())
+    pose = look_at([[30.0, 20.0, 600.0]], [30.0, 20.0, 0.0], roll=0.3)
+    # an end of the valley is 20 mm off the axis and 580 mm away, and the slope is nearer by its rise
+    rise = 30.0 * np.tan(np.radians(turn_deg / 2))
+    aside = np.degrees(np.arctan2(20.0 * rise / 580.0, 30.0))
+    assert check.corners(pose, ONE)[0, 0] == pytest.approx(65.0 - aside, abs=1e-6)
+    # the slopes are its own neighbours, not other lines that touch it
+    assert check.separations(pose, ONE)[0, 0] > 0.0
+    assert check.shown(pose, ONE).all()
+
+
+@pytest.mark.parametrize(
+    "name", ["examples/nist_ctc_01_ap242.stp", "examples/two_pocket_block.off"]
+)
+def test_every_edge_that_can_be_an_entity_shows(name):
+    solid = read_solid(name)
+    assert edges_that_show(solid)[[edge.id for edge in solid.straight_edges()]].all()
 
 
 def test_surroundings_narrow_the_picture():
