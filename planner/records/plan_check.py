@@ -31,7 +31,6 @@ def check_plan(data: Mapping[str, Any]) -> None:
     """
     _check_geometry(data)
     _check_dimensions(data)
-    _check_on_grid(data)
     for k, setting in enumerate(data["settings"]):
         check_setting(setting, "settings", k)
         if "measurements" in setting:
@@ -114,13 +113,6 @@ def _check_dimensions(data: Mapping[str, Any]) -> None:
     for name in found:
         if name not in data["entities"]:
             _refuse(field_name("dimensions", name), "must be one of the plan's entities", name)
-
-
-def _check_on_grid(data: Mapping[str, Any]) -> None:
-    """Check that what was counted on the pixel grid are edges of the plan."""
-    for i, name in enumerate(data.get("on_grid", [])):
-        if name not in data["entities"] or name in data.get("dimensions", {}):
-            _refuse(field_name("on_grid", i), "must be one of the plan's edges", name)
 
 
 def _check_promises(setting: Mapping[str, Any], data: Mapping[str, Any], k: int) -> None:

@@ -118,14 +118,6 @@ def test_what_deserves_a_look_comes_first():
     assert "Worth a look" not in report_html(box_plan(), SPACE)
 
 
-def test_what_was_counted_on_the_grid_is_marked():
-    page = report_html(box_plan(on_grid=("+z+x",)), SPACE)
-    assert page.count('data-label="P">0.9400 *</td>') == 1
-    # in both settings that measure it
-    assert page.count("* counted on the sensor's pixel grid") == 2
-    assert "pixel grid, as" not in report_html(box_plan(), SPACE)
-
-
 def test_page_is_the_same_for_the_same_plan(page):
     assert report_html(box_plan().simulated(500), SPACE) == page
 
