@@ -117,7 +117,25 @@ class InspectionOptions:
         )
 
     def requirements(self, camera: Camera, pose_uncertainty: PoseUncertainty) -> Requirements:
-        """Return the limits; where nothing is said, those that suit the pose uncertainty."""
+        """Return the limits; where nothing is said, those that suit the pose uncertainty.
+
+        Parameters
+        ----------
+        camera : Camera
+            Gives the depth of field and the image.
+        pose_uncertainty : PoseUncertainty
+            Gives the reserves.
+
+        Returns
+        -------
+        Requirements
+            What every setting satisfies.
+
+        Raises
+        ------
+        RequestError
+            If a value breaks its rule.
+        """
         margin, radius = self.field_margin_px, self.visibility_radius_mm
         if self.focus_margin_mm is None:
             reserve = FocusReserve.of(camera, pose_uncertainty)

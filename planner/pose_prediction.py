@@ -130,7 +130,7 @@ def predict(
     >>> step = Dimension.distance([[50, 20, 10], [50, 40, 10]], [[60, 20, 10], [60, 40, 10]], max_error_mm=0.05)
     >>> camera = Camera.named("basler-acA2440-20gm-8mm")
     >>> uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-    >>> pose = look_at([[55, 30, 400]], [55, 30, 10])[0]
+    >>> pose = look_at([[310, 30, 168]], [55, 30, 10])[0]
     >>> found = predict(block, {"step": step}, pose, camera, uncertainty)["step"]
     >>> found.nominal, found.unit, found.inspected
     (10.0, 'mm', True)
@@ -141,7 +141,7 @@ def predict(
     >>> strict = InspectionOptions(min_length_px=300)
     >>> found = predict(block, {"step": step}, pose, camera, uncertainty, options=strict)["step"]
     >>> found.inspected, found.probability, {name: round(mm, 2) for name, mm in found.missed.items()}
-    (False, nan, {'resolution_mm': 0.63})
+    (False, nan, {'resolution_mm': 0.49})
     """
     from aspectgraph import compute_regions
     from planner.wanted.resolve import resolve_wanted
@@ -169,31 +169,36 @@ def predict(
         space, names, camera, pose_uncertainty, accuracy, 0.5, need, targets, localisation
     )
     seen = _observable(space, pose[:3, 3])
-    found = {}
-    for k, target in enumerate(targets):
-        told = dimension_model(target, camera, pose_uncertainty, localisation).describe(
-            np.linalg.inv(pose)
-        )
-        margins = {
-            name: float(margin.min())
-            for name, margin in request.of([target.name]).constraints.margins(pose[None]).items()
-        }
-        missed = {name: -margin for name, margin in margins.items() if margin < 0}
-        inspected = bool(seen[k]) and not missed
-        found[target.name] = PosePrediction(
-            nominal=told.nominal,
-            unit="mm" if target.measurand is None else target.measurand.unit,
-            permitted_error=told.permitted_error,
-            observable=bool(seen[k]),
-            probability=told.probability if inspected else math.nan,
-            standard_uncertainty=told.standard_uncertainty,
-            expanded_uncertainty=told.expanded_uncertainty,
-            budget=told.budget,
-            margins=margins,
-            conditional_probability=_if_found(told.probability, target, pose),
-            missed=missed,
-        )
-    return found
+    return {
+        target.name: _prediction(request, target, pose, bool(observable))
+        for target, observable in zip(targets, seen, strict=True)
+    }
+
+
+def _prediction(
+    request: Request, target: Target, cam2world: np.ndarray, observable: bool
+) -> PosePrediction:
+    """Say how sure a target is measured, and what keeps it from being measured."""
+    model = dimension_model(target, request.camera, request.pose_uncertainty, request.localisation)
+    described = model.describe(np.linalg.inv(cam2world))
+    constraints = request.of([target.name]).constraints
+    margins = {
+        name: float(margin.min()) for name, margin in constraints.margins(cam2world[None]).items()
+    }
+    missed = {name: -margin for name, margin in margins.items() if margin < 0}
+    return PosePrediction(
+        nominal=described.nominal,
+        unit="mm" if target.measurand is None else target.measurand.unit,
+        permitted_error=described.permitted_error,
+        observable=observable,
+        probability=described.probability if observable and not missed else math.nan,
+        standard_uncertainty=described.standard_uncertainty,
+        expanded_uncertainty=described.expanded_uncertainty,
+        budget=described.budget,
+        margins=margins,
+        conditional_probability=_if_found(described.probability, target, cam2world),
+        missed=missed,
+    )
 
 
 def _if_found(probability: float, target: Target, cam2world: np.ndarray) -> float:
