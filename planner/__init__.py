@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         UncertaintyError,
     )
     from planner.inspection import plan_inspection
+    from planner.inspection_options import InspectionOptions
     from planner.light.lamps import LampBox, LampDome, LampsTogether
     from planner.light.light_plan import LightPlan, LitImage
     from planner.light.lighting import Lighting
@@ -92,6 +93,7 @@ _NAMES = {
         "UncertaintyError",
     ),
     "planner.inspection": ("plan_inspection",),
+    "planner.inspection_options": ("InspectionOptions",),
     "planner.light.lamps": (
         "LampBox",
         "LampDome",
@@ -146,6 +148,7 @@ __all__ = [
     "Distortion",
     "Effort",
     "InfeasibleError",
+    "InspectionOptions",
     "InspectionPlan",
     "LampBox",
     "LampDome",

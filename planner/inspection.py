@@ -45,12 +45,10 @@ from planner.steps.assemble import assembled
 from planner.steps.find_columns import find_columns
 from planner.steps.incumbents import Incumbents
 from planner.steps.lit_settings import with_lamps
-from planner.steps.pixel_grid import COUNTED, COUNTING, count_on_grid
 from planner.steps.prove_bound import prove_bound
 from planner.steps.refute import refute
 from planner.steps.run import Run
 from planner.steps.settle import settle
-from planner.steps.told_on_grid import told_on_grid
 from planner.wanted.dimension import Dimension
 from planner.wanted.targets import check_is_edge
 from planner.watch import TimeIsUpError, Watch
@@ -116,7 +114,8 @@ def plan_inspection(
         As in `plan_setting`.
     focus_margin_mm : float, optional
         What both limits of the depth of field are narrowed by, so that a displaced camera is in focus still. Default:
-        three standard deviations of its place along its axis, at most an eighth of the depth of field.
+        for each end of an edge, three standard deviations of its depth as the camera is moved and turned; at most an
+        eighth of the depth of field, but never less than 1.645 of them.
     showing : Showing
         What the image needs so that edges can be found in it. Edges that run on smoothly in an arc are not inspected
         then; ``Showing(0, 0, 0)`` asks for nothing, as the paper. Default: ``Showing()``.
@@ -140,8 +139,7 @@ def plan_inspection(
         Default: as good as the effort allows.
     on_incumbent : callable, optional
         ``on_incumbent(plan)`` gets the best plan so far whenever it, or its bound, is better; the plan returned is the
-        last. Where the pixel grid comes to decide about more edges, plans and bounds begin anew, and may be worse than
-        those told before. An exception it raises cancels the work.
+        last. An exception it raises cancels the work.
     state : path, optional
         File to resume from, if it exists, and to keep results in while planning. It stays when the plan is done, and
         the same call then returns the plan at once: delete it when the plan is written. If it can no longer be saved,
@@ -279,6 +277,7 @@ def _basis(
             need.stand_off_mm,
             need.visibility_radius_mm,
             need.focus_margin_mm,
+            need.focus_reserve.sigmas,
         ],
         "reach": reach_name(need.reach),
         "seed": seed,
@@ -312,17 +311,8 @@ def _lit(plan: InspectionPlan, solid: Solid, lighting: Lighting | None) -> Inspe
 def _plan(run: Run, incumbents: Incumbents, lighting: Lighting | None) -> InspectionPlan:
     """Do all steps."""
     find_columns(run, incumbents)
-    while True:
-        bound, proof = prove_bound(run, incumbents)
-        inspected = np.asarray(run.pool.membership.any(axis=0))
-        refute(run, inspected, bound, incumbents)
-        told = told_on_grid(run, settle(run, inspected))
-        if not told.wrong or run.round + 1 == COUNTING.rounds:
-            break
-        count_on_grid(run, told.wrong)
-        run.begin_round()
-        incumbents.forget(run)
-        incumbents.offer(run)
-        run.keep(COUNTED, {})
-    found = assembled(run, told.settings, bound, proof, counted=told.counted)
-    return found if lighting is None else with_lamps(run, lighting, found, told.counted)
+    bound, proof = prove_bound(run, incumbents)
+    inspected = np.asarray(run.pool.membership.any(axis=0))
+    refute(run, inspected, bound, incumbents)
+    plan = assembled(run, settle(run, inspected), bound, proof)
+    return plan if lighting is None else with_lamps(run, lighting, plan)

@@ -19,10 +19,10 @@ from planner.request.defaults import (
     check_focus_margin,
     check_showing,
     corner_margin_px,
-    focus_reserve_mm,
     position_margin_mm,
 )
 from planner.request.effort import Effort
+from planner.request.focus_reserve import NO_RESERVE, FocusReserve
 from planner.request.reach import Reach
 from planner.request.space import Space
 from planner.showing.showing import USUAL, Showing
@@ -33,7 +33,58 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class InspectionOptions:
-    """Options of `plan_inspection`, which describes them."""
+    """Options of `plan_inspection`, which describes them, as one value.
+
+    `plan_inspection` takes them as keywords. `predict` and `propose_optics` take this value, so that a pose or a lens
+    can be judged by what a plan will be asked for: both use the constraints, the workspace and the visibility.
+
+    Parameters
+    ----------
+    workspace : array_like (2, 3), optional
+        Opposite corners of the box the camera may be in, mm. Default: as far around the part as the lens focuses.
+    stand_off_mm : float
+        Smallest distance between the front nodal point and the part, mm.
+    min_length_px : float
+        Shortest image of an edge that is measured, px.
+    field_margin_px : float, optional
+        Strip along the sensor's sides to keep free, px. Default: four standard deviations of the image's motion.
+    visibility_radius_mm : float, optional
+        All must be observable from so far around the camera, too, mm. Default: three standard deviations.
+    focus_margin_mm : float, optional
+        What both limits of the depth of field are narrowed by, mm. Default: three standard deviations of each point's
+        depth, see `plan_inspection`.
+    showing : Showing
+        What the image needs so that edges can be found in it.
+    reach : Region or callable, optional
+        Where the front nodal point may be. Default: anywhere.
+    lamps : array_like, shape (n, 3), or LampBox, LampDome, LampsTogether, "ring" or Lighting, optional
+        Lamps that are to show what is measured. Default: no lamps.
+    space : VisibilityRegions or EntityAspectGraph, optional
+        Visibility computed before. Default: it is computed.
+    effort : Effort, optional
+        How long to search.
+    localisation : Localisation, optional
+        How well points are found in the image. Default: on whole pixels.
+    time_limit_s : float, optional
+        Seconds until the planning ends with the best plan it has found. Default: no limit.
+    gap : float
+        Share of the settings in [0, 1) that the bound may miss.
+    on_incumbent : callable, optional
+        ``on_incumbent(plan)`` gets the best plan so far.
+    state : path, optional
+        File to resume from and to keep results in.
+    executor : concurrent.futures.Executor, optional
+        Runs the work in parallel.
+    progress : callable, optional
+        ``progress(done, total, label)``.
+
+    Examples
+    --------
+    >>> from planner import InspectionOptions
+    >>> options = InspectionOptions(stand_off_mm=80.0, min_length_px=30.0)
+    >>> options.stand_off_mm, options.focus_margin_mm
+    (80.0, None)
+    """
 
     workspace: ArrayLike | None = None
     stand_off_mm: float = 50.0
@@ -66,12 +117,32 @@ class InspectionOptions:
         )
 
     def requirements(self, camera: Camera, pose_uncertainty: PoseUncertainty) -> Requirements:
-        """Return the limits; where nothing is said, those that suit the pose uncertainty."""
-        margin, radius, focus = (
-            self.field_margin_px,
-            self.visibility_radius_mm,
-            self.focus_margin_mm,
-        )
+        """Return the limits; where nothing is said, those that suit the pose uncertainty.
+
+        Parameters
+        ----------
+        camera : Camera
+            Gives the depth of field and the image.
+        pose_uncertainty : PoseUncertainty
+            Gives the reserves.
+
+        Returns
+        -------
+        Requirements
+            What every setting satisfies.
+
+        Raises
+        ------
+        RequestError
+            If a value breaks its rule.
+        """
+        margin, radius = self.field_margin_px, self.visibility_radius_mm
+        if self.focus_margin_mm is None:
+            reserve = FocusReserve.of(camera, pose_uncertainty)
+            focus = reserve.on_axis_mm
+        else:
+            reserve = NO_RESERVE
+            focus = check_focus_margin(self.focus_margin_mm, camera)
         return Requirements(
             min_length_px=self.min_length_px,
             field_margin_px=corner_margin_px(camera, pose_uncertainty)
@@ -80,11 +151,8 @@ class InspectionOptions:
             stand_off_mm=self.stand_off_mm,
             reach=self.reach,
             visibility_radius_mm=position_margin_mm(pose_uncertainty) if radius is None else radius,
-            focus_margin_mm=(
-                focus_reserve_mm(camera, pose_uncertainty)
-                if focus is None
-                else check_focus_margin(focus, camera)
-            ),
+            focus_margin_mm=focus,
+            focus_reserve=reserve,
             showing=check_showing(self.showing, camera),
         )
 

@@ -79,9 +79,6 @@ class InspectionPlan(PlanTables):
     dimensions : mapping of str to PlannedDimension
         What is measured of those entities that are dimensions; of the others, their length. The points in ``entities``
         are two points of a dimension.
-    on_grid : sequence of str
-        Edges whose tolerance is under two pixels and whose probability was counted on the pixel grid, see
-        `planner.request.pixel_grid`: the paper's density would refuse them, or accept them wrongly.
     requirements : mapping of str to float
         What every setting satisfies beside: least length of an image and strip kept free at the sensor's sides, px;
         margin of focus, stand-off and radius of visibility, mm. Empty in plans of programs that did not store it.
@@ -107,7 +104,6 @@ class InspectionPlan(PlanTables):
     bound_proof: str = ""
     simulation: SimulationResult | None = None
     dimensions: Mapping[str, PlannedDimension] = field(default_factory=dict)
-    on_grid: tuple[str, ...] = ()
     requirements: Mapping[str, float] = field(default_factory=dict)
     unfinished: bool = False
     light: LightPlan | None = None
@@ -118,7 +114,6 @@ class InspectionPlan(PlanTables):
         object.__setattr__(self, "entities", entities)
         object.__setattr__(self, "uninspectable", dict(self.uninspectable))
         object.__setattr__(self, "dimensions", dict(self.dimensions))
-        object.__setattr__(self, "on_grid", tuple(self.on_grid))
         object.__setattr__(self, "requirements", dict(self.requirements))
         object.__setattr__(self, "workspace", _read_only(self.workspace, (2, 3)))
         self._check_names()
@@ -283,7 +278,6 @@ class InspectionPlan(PlanTables):
             "pose_uncertainty": self.pose_uncertainty.to_dict(),
             "entities": {name: points.tolist() for name, points in self.entities.items()},
             **({"dimensions": dimensions, "features": self._features()} if dimensions else {}),
-            **({"on_grid": list(self.on_grid)} if self.on_grid else {}),
             **({"unfinished": True} if self.unfinished else {}),
             "uninspectable": dict(self.uninspectable),
             "settings": [setting_dict(self, setting) for setting in self.settings],
@@ -390,7 +384,6 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
         pose_uncertainty=pose_uncertainty,
         simulation=_simulation_from(data.get("simulation")),
         dimensions=_dimensions_from(data.get("dimensions", {})),
-        on_grid=tuple(data.get("on_grid", ())),
         requirements=data.get("requirements", {}),
         unfinished=data.get("unfinished", False),
         light=_light_from(data.get("light")),
@@ -430,6 +423,12 @@ def _check_format(data: Any) -> None:
     ):
         raise PlanFileError(
             f"version must be {VERSION} or {WITH_DIMENSIONS}. Got {shown(data.get('version'))}."
+        )
+    if "on_grid" in data:
+        # of earlier programs; what they counted is false of an edge that is a tenth of a pixel longer
+        raise PlanFileError(
+            "on_grid must not be in a plan: its probabilities hold for a part of exactly nominal size only. "
+            f"Plan again. Got {shown(data['on_grid'])}."
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.camera.camera import Camera
+from planner.camera.pose import world_to_cam
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.inspection_options import InspectionOptions
@@ -17,6 +19,7 @@ from planner.request.defaults import check_fraction, default_workspace
 from planner.request.request import Request
 from planner.request.target_objective import dimension_model
 from planner.request.target_space import TargetSpace
+from planner.wanted.targets import Target
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -25,7 +28,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PosePrediction:
-    """How sure one value is measured from a pose.
+    """How sure one value is measured from a pose, and whether it is measured at all.
+
+    That a target is not found in the image, and that its value is not sure enough, are two things. ``missed`` says of
+    the first, ``conditional_probability`` of the second, and ``probability`` is stated where the target is inspected.
 
     Attributes
     ----------
@@ -38,13 +44,20 @@ class PosePrediction:
     observable : bool
         Whether all its entities are observable from the pose as wholes.
     probability : float
-        P(error at most the permitted one), if it is observable and the constraints are met.
+        P(error at most the permitted one). It is nan if the target is not ``inspected``: of what is not found in the
+        image nothing is promised. nan is below no number, so ``probability >= 0.9`` is false then.
     standard_uncertainty, expanded_uncertainty : float
         u, and U with k = 2.
     budget : dict of str to float
         Variance by "translation", "rotation" and "localisation".
     margins : dict of str to float
         Margin of every constraint, in the unit its name ends with; negative is not met.
+    conditional_probability : float
+        P(error at most the permitted one) if the target is found in the image, whatever the constraints say; nan if a
+        point of it is not in front of the camera.
+    missed : dict of str to float
+        Every constraint that is not met and by how much, in the unit its name ends with; 1 of what is met or missed
+        without an amount, such as "visibility". Empty if all are met.
     """
 
     nominal: float
@@ -56,6 +69,13 @@ class PosePrediction:
     expanded_uncertainty: float
     budget: dict[str, float]
     margins: dict[str, float]
+    conditional_probability: float
+    missed: dict[str, float]
+
+    @property
+    def inspected(self) -> bool:
+        """Whether the target is observable as a whole and every constraint is met."""
+        return self.observable and not self.missed
 
 
 def predict(
@@ -88,12 +108,12 @@ def predict(
     localisation : Localisation, optional
         How well points are found in the image. Default: on whole pixels.
     options : InspectionOptions, optional
-        Constraints and workspace, as of `plan_inspection`.
+        Constraints and workspace, as of `plan_inspection`. Default: ``InspectionOptions()``.
 
     Returns
     -------
     dict of str to PosePrediction
-        By name, in the order given.
+        By name, in the order given. Of a target that is not inspected from the pose it says why.
 
     Raises
     ------
@@ -110,10 +130,18 @@ def predict(
     >>> step = Dimension.distance([[50, 20, 10], [50, 40, 10]], [[60, 20, 10], [60, 40, 10]], max_error_mm=0.05)
     >>> camera = Camera.named("basler-acA2440-20gm-8mm")
     >>> uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-    >>> pose = look_at([[55, 30, 400]], [55, 30, 10])[0]
+    >>> pose = look_at([[310, 30, 168]], [55, 30, 10])[0]
     >>> found = predict(block, {"step": step}, pose, camera, uncertainty)["step"]
-    >>> found.nominal, found.unit
-    (10.0, 'mm')
+    >>> found.nominal, found.unit, found.inspected
+    (10.0, 'mm', True)
+
+    Nothing is promised of an image that is too short, and the prediction says what is missing:
+
+    >>> from planner import InspectionOptions
+    >>> strict = InspectionOptions(min_length_px=300)
+    >>> found = predict(block, {"step": step}, pose, camera, uncertainty, options=strict)["step"]
+    >>> found.inspected, found.probability, {name: round(mm, 2) for name, mm in found.missed.items()}
+    (False, nan, {'resolution_mm': 0.49})
     """
     from aspectgraph import compute_regions
     from planner.wanted.resolve import resolve_wanted
@@ -141,28 +169,42 @@ def predict(
         space, names, camera, pose_uncertainty, accuracy, 0.5, need, targets, localisation
     )
     seen = _observable(space, pose[:3, 3])
-    found = {}
-    for k, target in enumerate(targets):
-        told = dimension_model(target, camera, pose_uncertainty, localisation).describe(
-            np.linalg.inv(pose)
-        )
-        margins = {
-            name: float(margin.min())
-            for name, margin in request.of([target.name]).constraints.margins(pose[None]).items()
-        }
-        met = bool(seen[k]) and min(margins.values()) >= 0
-        found[target.name] = PosePrediction(
-            nominal=told.nominal,
-            unit="mm" if target.measurand is None else target.measurand.unit,
-            permitted_error=told.permitted_error,
-            observable=bool(seen[k]),
-            probability=told.probability if met else 0.0,
-            standard_uncertainty=told.standard_uncertainty,
-            expanded_uncertainty=told.expanded_uncertainty,
-            budget=told.budget,
-            margins=margins,
-        )
-    return found
+    return {
+        target.name: _prediction(request, target, pose, bool(observable))
+        for target, observable in zip(targets, seen, strict=True)
+    }
+
+
+def _prediction(
+    request: Request, target: Target, cam2world: np.ndarray, observable: bool
+) -> PosePrediction:
+    """Say how sure a target is measured, and what keeps it from being measured."""
+    model = dimension_model(target, request.camera, request.pose_uncertainty, request.localisation)
+    described = model.describe(np.linalg.inv(cam2world))
+    constraints = request.of([target.name]).constraints
+    margins = {
+        name: float(margin.min()) for name, margin in constraints.margins(cam2world[None]).items()
+    }
+    missed = {name: -margin for name, margin in margins.items() if margin < 0}
+    return PosePrediction(
+        nominal=described.nominal,
+        unit="mm" if target.measurand is None else target.measurand.unit,
+        permitted_error=described.permitted_error,
+        observable=observable,
+        probability=described.probability if observable and not missed else math.nan,
+        standard_uncertainty=described.standard_uncertainty,
+        expanded_uncertainty=described.expanded_uncertainty,
+        budget=described.budget,
+        margins=margins,
+        conditional_probability=_if_found(described.probability, target, cam2world),
+        missed=missed,
+    )
+
+
+def _if_found(probability: float, target: Target, cam2world: np.ndarray) -> float:
+    """Return a probability, or nan where a point of the target has no image."""
+    in_front = world_to_cam(target.segments, cam2world)[..., 2] > 0
+    return probability if in_front.all() else math.nan
 
 
 def _observable(space: TargetSpace, position: np.ndarray) -> np.ndarray:

@@ -50,10 +50,6 @@ class Watch:
         """From now on there is something to end with."""
         self._armed = True
 
-    def disarm(self) -> None:
-        """What there was to end with no longer counts."""
-        self._armed = False
-
     def check(self) -> None:
         """Raise `TimeIsUpError` if the time is up and there is something to end with."""
         if self._armed and time.monotonic() > self._end:

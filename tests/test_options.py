@@ -49,3 +49,11 @@ def test_an_unknown_keyword_is_refused_as_python_would(call, kind, _, __):
     message = rf"^{call.__name__}\(\) got an unexpected keyword argument 'colour'\..* {fields(kind)[-1].name}\.$"
     with pytest.raises(TypeError, match=message):
         call(**dict.fromkeys(needed), colour="red")
+
+
+@pytest.mark.parametrize("call", [planner.predict, planner.propose_optics])
+def test_options_that_a_call_takes_as_one_value_are_public(call):
+    """A user must be able to make them: by their public name, which is documented like the others."""
+    assert "InspectionOptions" in inspect.signature(call).parameters["options"].annotation
+    assert "InspectionOptions" in planner.__all__
+    assert planner.InspectionOptions is InspectionOptions

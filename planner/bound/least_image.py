@@ -42,7 +42,7 @@ def least_images_mm(judge: Judge) -> NDArray[np.float64]:
     -------
     array (k,)
         Lengths, mm; 0 asks for none. Of dimensions nothing is claimed: how short an image of two of their points may
-        be, follows from no constraint. Of edges counted on the pixel grid nothing is claimed but what the request asks.
+        be, follows from no constraint.
     """
     request, of_accuracy = judge.request, {}
     quantile = quantization_quantile(
@@ -55,8 +55,6 @@ def least_images_mm(judge: Judge) -> NDArray[np.float64]:
         )
     least = np.array([of_accuracy[accuracy] for accuracy in request.accuracies.tolist()])
     least[list(request.dimensions)] = 0.0
-    # on the grid an image of whole pixels may be as short as the constraints allow
-    least[request.counted] = judge.constraints.min_length_mm
     return least
 
 

@@ -122,8 +122,8 @@ def add_limits(plan: argparse.ArgumentParser) -> None:
         "--focus-margin-mm",
         type=float,
         metavar="MM",
-        help="taken from both ends of the depth of field (default: three standard deviations of the camera's place "
-        "along its axis, at most an eighth of that depth)",
+        help="taken from both ends of the depth of field (default: for each end of an edge three standard deviations "
+        "of its depth, at most an eighth of that depth of field but at least 1.645 of them)",
     )
     limits.add_argument(
         "--visibility-radius-mm",

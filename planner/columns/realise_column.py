@@ -39,8 +39,7 @@ class Support:
     most_trials : int
         Of those that inspect the same, so many are simulated at most.
     too_high : float
-        A promise too high by no more than this is supported: stricter than what is asked of the plan, so that the
-        plan's own simulation, with other draws, agrees.
+        A promise too high by no more than this is supported.
     sure_poses : int
         Displaced poses simulated where the first ones do not support a promise: frequencies are known to a standard
         error of 0.0025 or less then.
@@ -52,7 +51,7 @@ class Support:
     neighbours: int = 2000
     batch: int = 250
     most_trials: int = 100
-    too_high: float = 0.5 * MODEL_TOLERANCE
+    too_high: float = MODEL_TOLERANCE
     sure_poses: int = 40_000
     contradicted: float = MODEL_TOLERANCE
 
@@ -132,8 +131,8 @@ def meaning(error: InfeasibleError) -> str:
 def best_supported(judge: Judge, options: Sequence[SensorSetting], seed: int) -> SensorSetting:
     """Return the first setting that simulation does not contradict, or a pose near the first that it supports.
 
-    The probability takes the phases of the pixel grid as random; where the tolerance is less than two pixels one pose
-    may succeed less often, and the next one does not. If all are contradicted, the least contradicted is returned.
+    The probability is of second order in the displacement and does not count ends that leave the image, so a pose may
+    succeed less often. If all are contradicted, the least contradicted is returned.
 
     Parameters
     ----------

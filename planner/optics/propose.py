@@ -285,12 +285,15 @@ def _judged(
     if 2 * margin >= far - near:
         nothing = {view.target.name: 0.0 for view in views}
         return OpticsProposal(*names, camera, required, nothing, {}, {})
+    # what is said holds for all points; otherwise each keeps more the farther it is from the axis
+    reserve = how.requirements(camera, pose_uncertainty).focus_reserve
     need = replace(how, focus_margin_mm=margin).requirements(camera, pose_uncertainty)
     lens = Lens.of(
         camera,
         need.min_length_px * max(camera.pixel_pitch_mm),
         need.border_px,
         need.focus_margin_mm,
+        reserve,
     )
     probability, share, poses = {}, {}, {}
     for view in views:

@@ -20,7 +20,6 @@ from planner.output.wording import (
     calibration_rows,
     count,
     features_sentence,
-    grid_sentence,
     light_sentence,
     nouns,
     percent,
@@ -261,8 +260,6 @@ def _method(plan: InspectionPlan) -> str:
         "were chosen by integer programming and exchange.",
         f"Lower bound. {plan.bound_proof} {_gap(plan)}",
     ]
-    if plan.on_grid:
-        paragraphs.append(f"Pixel grid. {grid_sentence(plan)}")
     if plan.simulation is not None and plan.settings:
         paragraphs.append(_simulated(plan, plan.simulation))
     if plan.light is not None:
@@ -314,8 +311,10 @@ def _simulated(plan: InspectionPlan, simulation: SimulationResult) -> str:
         f"All intervals hold together with {percent(simulation.confidence)} confidence. A stated probability is "
         "confirmed when it is "
         f"inside its interval, and conservative when it is below: the {one} is measured better than stated. Above the "
-        f"interval by at most {MODEL_TOLERANCE:g} it is within the model's tolerance, as the model takes the phases of "
-        "the pixel grid as random; above it by more, it is contradicted."
+        f"interval by at most {MODEL_TOLERANCE:g} it is within the model's tolerance, as the model is of second "
+        "order; above it by more, it is contradicted. The pixel grid lies at random in every draw: a probability is "
+        "the share of accurate measurements over displaced poses and over parts, whose edges may end anywhere within "
+        "a pixel."
     )
 
 

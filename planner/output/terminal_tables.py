@@ -20,7 +20,6 @@ from planner.output.wording import (
     count,
     features_cell,
     features_sentence,
-    grid_sentence,
     lamp_texts,
     margin_texts,
     nouns,
@@ -272,8 +271,6 @@ def print_plan(plan: InspectionPlan) -> None:
     _print_rows(console, table)
     for name, reason in plan.uninspectable.items():
         console.print(f"not inspected: {name}: {reason}")
-    if plan.on_grid:
-        console.print(f"note: {grid_sentence(plan)}")
     for k in range(len(plan.settings)):
         for text in [*window_texts(plan, k), *lamp_texts(plan, k)]:
             console.print(f"setting {k + 1}: {text}")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from planner.progress import duration
 from planner.request.defaults import corner_margin_px
+from planner.request.focus_reserve import LEAST_SIGMAS
 from planner.rows.measured import line_warning, unshown_warning
 from planner.showing.image_check import MOST_PX
 from planner.verify.setting_record import search_windows_px
@@ -251,17 +252,6 @@ def regions_sentence(shares: Mapping[str, float], most: int) -> str:
     )
 
 
-def grid_sentence(plan: InspectionPlan) -> str:
-    """Say which probabilities were counted on the pixel grid; empty if none was."""
-    if not plan.on_grid:
-        return ""
-    names = ", ".join(plan.on_grid)
-    return (
-        f"The tolerance of {names} is under two pixels. There the formula for random phases of the pixel grid is wrong "
-        "for one planned pose, either way: P was counted on the grid of the sensor, lowered by three standard errors."
-    )
-
-
 def light_sentence(plan: InspectionPlan) -> str:
     """Say which lamps a plan has, and what they show; empty of a plan without lamps."""
     light = plan.light
@@ -364,18 +354,32 @@ def requirement_rows(plan: InspectionPlan) -> dict[str, str]:
     if need.get("min_corner_deg"):
         asked["Corners"] = f"another line leaves each end at {need['min_corner_deg']:g}° or more"
     corner = corner_margin_px(plan.camera, uncertainty, 1.0)
-    along, anyway = float(uncertainty.sigmas[2]), float(uncertainty.sigmas[:3].max())
+    anyway = float(uncertainty.sigmas[:3].max())
     return {
         **asked,
         "Stand-off": f"at least {need['stand_off_mm']:g} mm from the part",
         "Image of an edge": f"at least {need['min_length_px']:g} px long",
         "Reserve of the field of view": f"{need['field_margin_px']:.4g} px along the sensor's sides, in which nothing "
         f"that is measured may lie{_in_sigmas(need['field_margin_px'], corner, 'an image point in the corners')}",
-        "Reserve of focus": f"{need['focus_margin_mm']:.4g} mm at both ends of the depth of field"
-        f"{_in_sigmas(need['focus_margin_mm'], along, 'the camera along its axis')}",
+        "Reserve of focus": _focus_reserve(need, float(uncertainty.sigmas[2])),
         "Reserve of visibility": f"visible from {need['visibility_radius_mm']:.4g} mm around the camera too"
         f"{_in_sigmas(need['visibility_radius_mm'], anyway, 'its place')}",
     }
+
+
+def _focus_reserve(need: Mapping[str, float], along: float) -> str:
+    """Say how far from the limits of the depth of field all that is measured stays."""
+    margin, sigmas = need["focus_margin_mm"], need.get("focus_sigmas", 0.0)
+    if not sigmas or not along:
+        return (
+            f"{margin:.4g} mm at both ends of the depth of field"
+            f"{_in_sigmas(margin, along, 'the camera along its axis')}"
+        )
+    return (
+        f"{sigmas:g} standard deviations of the depth of each point at both ends of the depth of field, as the camera "
+        f"is moved and turned; in a narrow depth of field an eighth of it, and at least {LEAST_SIGMAS:g} of them. That "
+        f"is {margin:.4g} mm on the axis, and more off it"
+    )
 
 
 def _in_sigmas(value: float, sigma: float, of: str) -> str:

@@ -32,7 +32,6 @@ def check_plan(data: Mapping[str, Any]) -> None:
     """
     _check_geometry(data)
     _check_dimensions(data)
-    _check_on_grid(data)
     for k, setting in enumerate(data["settings"]):
         check_setting(setting, "settings", k)
         if "measurements" in setting:
@@ -121,13 +120,6 @@ def _check_dimensions(data: Mapping[str, Any]) -> None:
         if value != expected[key]:
             rule = f"must be that of the dimensions, {expected[key]}"
             _refuse(field_name("features", key), rule, value)
-
-
-def _check_on_grid(data: Mapping[str, Any]) -> None:
-    """Check that what was counted on the pixel grid are edges of the plan."""
-    for i, name in enumerate(data.get("on_grid", [])):
-        if name not in data["entities"] or name in data.get("dimensions", {}):
-            _refuse(field_name("on_grid", i), "must be one of the plan's edges", name)
 
 
 def _check_promises(setting: Mapping[str, Any], data: Mapping[str, Any], k: int) -> None:

@@ -23,7 +23,7 @@ def attention(rows: Sequence[Sequence[Row]], unsharp: Sequence[int] = ()) -> str
     rows : sequence of sequence of Row
         The rows of each setting.
     unsharp : sequence of int
-        Settings, from 1, with less room in focus than their place is uncertain, see `may_be_unsharp`.
+        Settings, from 1, in which displaced poses may be out of focus, see `may_be_unsharp`.
     """
     kinds: dict[str, list[tuple[Row, str]]] = {}
     for row in (row for setting in rows for row in setting):
@@ -33,8 +33,8 @@ def attention(rows: Sequence[Sequence[Row]], unsharp: Sequence[int] = ()) -> str
     if unsharp:
         which = ", ".join(map(setting_link, unsharp))
         told.append(
-            f"<b>Little room in focus</b> in setting{'s' * (len(unsharp) > 1)} {which}: less than three standard "
-            "deviations of the camera's place along its axis; a reserve of focus (--focus-margin-mm) keeps more"
+            f"<b>Little room in focus</b> in setting{'s' * (len(unsharp) > 1)} {which}: a point is less than "
+            "three standard deviations of its depth from a limit; a reserve of focus (--focus-margin-mm) keeps more"
         )
     if not told:
         return ""

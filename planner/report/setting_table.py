@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from errors.telling import frequency_text, interval_text, probability_text
+from planner.camera.pose import world_to_cam
 from planner.report.binding import Nearness, nearest_limits
 from planner.report.tables import budget_bar, cells, heads, permitted, warned
+from planner.request.focus_reserve import SIGMAS, sigmas_left
 from planner.rows.measured import Row
+from planner.verify.measurements import dimension_points
 from planner.verify.simulate_setting import (
     CONFIRMED,
     CONSERVATIVE,
@@ -25,6 +28,8 @@ if TYPE_CHECKING:
     from planner.setting.sensor_setting import SensorSetting
     from planner.verify.simulate_setting import SuccessRate
 
+# margins are kept up to the rounding of a search that ends at them
+_ROUNDING = 1e-3
 _STYLES = {
     CONFIRMED: "good",
     CONSERVATIVE: "good",
@@ -51,18 +56,14 @@ def setting_table(plan: InspectionPlan, told: Sequence[Row], noun: str) -> str:
     names = [noun.capitalize(), f"n:{what}", "n:Permitted error", "Budget", "n:P"]
     names += ["n:Simulated", "Interval", ""] if simulated else []
     rows = "".join(_rows(plan, one, what) for one in told)
-    counted = any(one.name in plan.on_grid for one in told)
-    note = '<p class="note">* counted on the sensor\'s pixel grid, as the tolerance is under two pixels.</p>'
     windows = ", ".join(f"{one.name} ±{one.search_window_px:.3g} px" for one in told)
-    note = (note if counted else "") + f'<p class="note">Search windows: {escape(windows)}.</p>'
+    note = f'<p class="note">Search windows: {escape(windows)}.</p>'
     return f'<table class="stack">{heads(names)}<tbody>{rows}</tbody></table>{note}'
 
 
 def _rows(plan: InspectionPlan, one: Row, what: str) -> str:
     """Return the row of an item, and that of what it warns of."""
     probability = probability_text(one.probability, plan.probability)
-    if one.name in plan.on_grid:
-        probability += " *"
     values = {
         "": escape(one.name),
         f"n:{what}": _value(plan, one.name),
@@ -94,16 +95,16 @@ def _share(one: Nearness) -> str:
 
 
 def may_be_unsharp(plan: InspectionPlan, setting: SensorSetting) -> bool:
-    """Say if less room in focus is left than three standard deviations of the camera's place along its axis.
+    """Say if a point is less than three standard deviations of its depth from a limit of the depth of field.
 
     Parameters
     ----------
     plan : InspectionPlan
-        Gives uncertainty of the pose and reserve of focus.
+        Gives camera and uncertainty of the pose.
     setting : SensorSetting
         One of its settings.
     """
-    return bool(_focus_left(plan, setting) < 3 * plan.pose_uncertainty.sigmas[2])
+    return bool(_focus_sigmas(plan, setting) < SIGMAS - _ROUNDING)
 
 
 def focus_note(plan: InspectionPlan, setting: SensorSetting) -> str:
@@ -119,15 +120,19 @@ def focus_note(plan: InspectionPlan, setting: SensorSetting) -> str:
     if not may_be_unsharp(plan, setting):
         return ""
     return (
-        f"Focus: {_focus_left(plan, setting):.2g} mm of the depth of field are left, and the standard deviation of the "
-        f"camera's place along its axis is {plan.pose_uncertainty.sigmas[2]:.2g} mm, so images from displaced poses "
-        "may be less sharp than is asked for."
+        f"Focus: a point that is measured is only {_focus_sigmas(plan, setting):.2g} standard deviations of its depth "
+        "from a limit of the depth of field, so images from displaced poses may be less sharp than is asked for."
     )
 
 
-def _focus_left(plan: InspectionPlan, setting: SensorSetting) -> float:
-    """Return how far a camera may move along its axis before something is out of focus, mm."""
-    return setting.margins.get("focus_mm", np.inf) + plan.requirements.get("focus_margin_mm", 0.0)
+def _focus_sigmas(plan: InspectionPlan, setting: SensorSetting) -> float:
+    """Return how many standard deviations of its own depth the least sure point is from a limit of focus."""
+    points = [
+        dimension_points(plan.dimensions[name]) if name in plan.dimensions else plan.entities[name]
+        for name in setting.entities
+    ]
+    local = world_to_cam(np.concatenate(points), setting.cam2world)
+    return sigmas_left(local, plan.camera, plan.pose_uncertainty)
 
 
 def _value(plan: InspectionPlan, name: str) -> str:

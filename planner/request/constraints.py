@@ -22,6 +22,7 @@ import numpy as np
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.exceptions import RequestError
+from planner.request.focus_reserve import NO_RESERVE, FocusReserve
 from planner.request.image_constraints import (
     FIELD_OF_VIEW,
     FOCUS,
@@ -142,6 +143,8 @@ class Requirements:
         Distance around the front nodal point from which the entities must be observable too.
     focus_margin_mm : float
         What both limits of the depth of field are narrowed by, so that a displaced camera is still in focus.
+    focus_reserve : FocusReserve
+        What they are narrowed by for each end, as far from the axis as that is, if it is more than the margin.
     showing : Showing
         What the image needs so that edges can be found in it.
 
@@ -158,6 +161,7 @@ class Requirements:
     reach: Reach | None = field(default=None, repr=False)
     visibility_radius_mm: float = 0.0
     focus_margin_mm: float = 0.0
+    focus_reserve: FocusReserve = NO_RESERVE
     showing: Showing = NOT_ASKED
 
     def __post_init__(self) -> None:
@@ -182,6 +186,8 @@ class Requirements:
             By field.
         """
         asked = {} if self.showing.asks_nothing else asdict(self.showing)
+        if self.focus_reserve.sigmas > 0:
+            asked = {"focus_sigmas": self.focus_reserve.sigmas, **asked}
         return {
             name: float(value)
             for name, value in {**{n: getattr(self, n) for n in _NUMBERS}, **asked}.items()
@@ -243,7 +249,11 @@ class Constraints:
         self._first = np.cumsum([0, *sizes[:-1]])
         self.min_length_mm = requirements.min_length_px * max(camera.pixel_pitch_mm)
         self._lens = Lens.of(
-            camera, self.min_length_mm, requirements.border_px, requirements.focus_margin_mm
+            camera,
+            self.min_length_mm,
+            requirements.border_px,
+            requirements.focus_margin_mm,
+            requirements.focus_reserve,
         )
         self._exact_field = requirements.field_of_view == "exact"
         self._workspace = np.array(space.workspace, dtype=np.float64)

@@ -86,23 +86,6 @@ def corner_margin_px(
     return min(sigmas * most * widest, min(camera.resolution) / 4)
 
 
-def focus_reserve_mm(camera: Camera, pose_uncertainty: PoseUncertainty) -> float:
-    """Return the reserve of focus where nothing is said, mm.
-
-    Three standard deviations of the camera's place along its axis. More than an eighth of the depth of field at either
-    end would leave too little of a narrow one; what is missing then is told in the report.
-
-    Parameters
-    ----------
-    camera : Camera
-        Gives the depth of field.
-    pose_uncertainty : PoseUncertainty
-        Gives the standard deviation.
-    """
-    nearest, farthest = camera.depth_of_field_mm
-    return min(3.0 * float(pose_uncertainty.sigmas[2]), (farthest - nearest) / 8.0)
-
-
 def check_focus_margin(margin_mm: float, camera: Camera) -> float:
     """Return a margin that leaves something of the depth of field, or raise `RequestError`.
 

@@ -5,8 +5,8 @@ Every function takes the entities' ends in the camera frame, ``ends_cam`` (n, k,
 compiled pass, as a search asks for few poses very often: column by column of `image_slacks`,
 
 0       eq 16: image length minus the smallest allowed, mm; an entity not wholly in front has an image of length 0
-1–2     eq 17: depth of each end minus D_min, mm
-3–4     eq 18: D_max minus that depth, mm
+1–2     eq 17: depth of each end minus D_min, less the reserve of focus, mm
+3–4     eq 18: D_max minus that depth, less the reserve of focus, mm
 5–12    each end's image from the left, right, upper and lower side of the sensor, less a margin, px; with distortion
         undistorted images, and the sides of a rectangle that the sensor surely holds (`Camera.field`)
 
@@ -20,8 +20,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aspectgraph.exact.lean import compiled
+from aspectgraph.exact.lean import compiled, inner
 from planner.camera.camera import Camera
+from planner.request.focus_reserve import NO_RESERVE, FocusReserve
 
 RESOLUTION, FOCUS, FIELD_OF_VIEW = slice(0, 1), slice(1, 5), slice(5, 13)
 
@@ -30,12 +31,17 @@ _NOT_IMAGED_PX = -1e6
 
 
 class Lens(NamedTuple):
-    """What the slacks depend on beside the ends: lengths in mm on the part's or the sensor's side, the rest in px."""
+    """What the slacks depend on beside the ends: lengths in mm on the part's or the sensor's side, the rest in px.
+
+    The reserve of focus of an end is ``focus_margin_mm``, or what ``reserve`` asks for if that is more.
+    """
 
     image_distance_mm: float
     min_length_mm: float
     nearest_mm: float
     farthest_mm: float
+    focus_margin_mm: float
+    reserve: FocusReserve
     scale_x_px: float
     scale_y_px: float
     centre_x_px: float
@@ -53,6 +59,7 @@ class Lens(NamedTuple):
         min_length_mm: float = 0.0,
         margin_px: float = 0.0,
         focus_margin_mm: float = 0.0,
+        reserve: FocusReserve = NO_RESERVE,
     ) -> Lens:
         """Return the numbers of a camera and of what is asked of its image."""
         matrix, (width, height) = camera.matrix, camera.resolution
@@ -67,11 +74,13 @@ class Lens(NamedTuple):
             sides = left, top, right, bottom
         scales = float(matrix[0, 0]), float(matrix[1, 1]), float(matrix[0, 2]), float(matrix[1, 2])
         near, far = map(float, camera.depth_of_field_mm)
-        depths = near + focus_margin_mm, far - focus_margin_mm
         return cls(
             camera.image_distance_mm,
             float(min_length_mm),
-            *depths,
+            near,
+            far,
+            float(focus_margin_mm),
+            reserve,
             *scales,
             *sides,
             float(margin_px),
@@ -104,6 +113,23 @@ def field_of_view_slacks(camera: Camera, ends_cam: np.ndarray, margin_px: float)
     return image_slacks(Lens.of(camera, margin_px=margin_px), ends_cam)[..., FIELD_OF_VIEW]
 
 
+@inner(error_model="numpy")
+def _focus_margin(least, reserve, x, y):
+    """Return the reserve of focus of an end at (x, y) of the camera's frame, mm, as `FocusReserve.margin_mm`."""
+    if reserve.sigmas <= 0.0:
+        return least
+    variance = (
+        reserve.along
+        + 2.0 * (y * reserve.along_x - x * reserve.along_y)
+        + y * y * reserve.turn_x
+        + x * x * reserve.turn_y
+        - 2.0 * x * y * reserve.turn_xy
+    )
+    sigma = math.sqrt(max(variance, 0.0))
+    most = max(reserve.most_mm, reserve.least_sigmas * sigma)
+    return max(least, min(reserve.sigmas * sigma, most))
+
+
 @compiled(error_model="numpy")
 def _image_slacks(lens, ends_cam, out):
     for i in range(ends_cam.shape[0]):
@@ -116,7 +142,9 @@ def _image_slacks(lens, ends_cam, out):
             row[0] = length - lens.min_length_mm
             for e in range(2):
                 x, y, z = ends_cam[i, j, e]
-                row[1 + e], row[3 + e] = z - lens.nearest_mm, lens.farthest_mm - z
+                margin = _focus_margin(lens.focus_margin_mm, lens.reserve, x, y)
+                row[1 + e] = z - (lens.nearest_mm + margin)
+                row[3 + e] = (lens.farthest_mm - margin) - z
                 if z <= 0.0:
                     row[5 + e] = row[7 + e] = row[9 + e] = row[11 + e] = _NOT_IMAGED_PX
                     continue

@@ -15,7 +15,6 @@ from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.request.constraints import Constraints, Requirements
 from planner.request.defaults import check_fraction
 from planner.request.objective import Objective
-from planner.request.pixel_grid import GridObjective
 from planner.request.space import Space
 from planner.request.target_objective import TargetObjective, dimension_model
 from planner.wanted.targets import Target
@@ -48,8 +47,6 @@ class Request:
         What of the items must be in the picture and what is measured of them, in their order. Default: lengths.
     localisation : Localisation, optional
         How well points are found in the image. Default: the paper's, both ends of an edge on whole pixels.
-    on_grid : sequence of str
-        Edges whose probability is counted on the pixel grid, see `planner.request.pixel_grid`.
 
     Raises
     ------
@@ -66,7 +63,6 @@ class Request:
     requirements: Requirements = field(default_factory=Requirements)
     targets: tuple[Target, ...] | None = None
     localisation: Localisation | None = None
-    on_grid: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(self.names))
@@ -95,15 +91,7 @@ class Request:
     @cached_property
     def objective(self) -> Objective:
         """The success probabilities of all that is wanted, and their sum."""
-        smooth, counted = self.objective_of("sum", "joint"), self.counted
-        if not counted.size:
-            return smooth
-        return GridObjective(smooth, counted, self.camera, self.pose_uncertainty, self.accuracy)
-
-    @property
-    def counted(self) -> NDArray[np.int_]:
-        """Columns of the edges whose probability is counted on the pixel grid."""
-        return np.flatnonzero(np.isin(self.names, self.on_grid))
+        return self.objective_of("sum", "joint")
 
     def objective_of(self, kind: str, model: str) -> Objective:
         """Return the objective of another kind or error model, see `Objective`."""

@@ -23,7 +23,7 @@ from planner.verify.simulate_setting import (
 )
 
 TRUSTED_PX = 2.0
-"""Permitted errors below this are told: there the phases of the pixel grid are not random for one planned pose."""
+"""Permitted errors below this are told: there a single part may be measured more or less often than P says."""
 
 LARGE_DIFFERENCE = 0.02
 """A simulated frequency that differs from the stated probability by more than this is told, even if it is better."""
@@ -139,7 +139,7 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
         )
         rate, probability = rates.get(name), setting.probability[name]
         coarse = value.permitted_error_px if _is_rounded(plan, name) else None
-        warnings = _warnings(coarse, name in plan.on_grid, probability, rate)
+        warnings = _warnings(coarse, probability, rate)
         if name in setting.lines_in_window_px:
             warnings += (
                 Warned(LINE, line_warning(setting.lines_in_window_px[name], windows[name])),
@@ -183,6 +183,20 @@ def unshown_warning(shown: int, n: int) -> str:
     return f"the conditions for being found are met in {shown} of {n} images of displaced cameras"
 
 
+def fine_warning(permitted_px: float) -> str:
+    """Return what to look at where the permitted error is less than two pixels.
+
+    Parameters
+    ----------
+    permitted_px : float
+        The permitted error in the image, px.
+    """
+    return (
+        f"tolerance of {permitted_px:.2g} px, under two pixels: P is the mean over parts whose edges end anywhere on "
+        "the pixel grid, and one part may be measured less often"
+    )
+
+
 def _dimension(one: Any, told: Any) -> _Value:
     # the quantiles of a short arc are no variance
     budget = {} if any(map(is_short, one.geometry)) else dict(told.budget)
@@ -218,15 +232,10 @@ def _is_rounded(plan: Any, name: str) -> bool:
     return name not in plan.dimensions or plan.dimensions[name].localisation.model == "rounding"
 
 
-def _warnings(
-    px: float | None, on_grid: bool, probability: float, rate: SuccessRate | None
-) -> tuple[Warned, ...]:
+def _warnings(px: float | None, probability: float, rate: SuccessRate | None) -> tuple[Warned, ...]:
     found = []
     if px is not None and px < TRUSTED_PX:
-        told = f"tolerance of {px:.2g} px, under two pixels"
-        found.append(
-            Warned(FINE, told + (": P was counted on the sensor's grid" if on_grid else ""))
-        )
+        found.append(Warned(FINE, fine_warning(px)))
     if rate is not None:
         off, drawn = rate.frequency - probability, frequency_text(rate.successes, rate.n)
         if rate.verdict in (CONTRADICTED, TOLERATED, UNSTATED):

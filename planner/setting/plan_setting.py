@@ -180,9 +180,6 @@ def best_setting(
     )
     pose = outcome.cam2world[None]
     probability = goal.probability(pose)[0]
-    if request.counted.size:
-        counted = np.isin(np.arange(len(request.names)), request.counted)
-        probability[counted] = request.objective.probability_where(pose, counted[None])
     return SensorSetting(
         cam2world=outcome.cam2world,
         entities=request.names,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -57,3 +58,30 @@ def setting_at(
         message=message,
         seed=seed,
     )
+
+
+def without(request: Request, setting: SensorSetting, names: Sequence[str]) -> SensorSetting:
+    """Return a setting without some of its entities; of the others it states what it stated.
+
+    Parameters
+    ----------
+    request : Request
+        What is asked.
+    setting : SensorSetting
+        The setting.
+    names : sequence of str
+        The entities it loses.
+
+    Returns
+    -------
+    SensorSetting
+        The same pose; its margins are those of what is left.
+    """
+    kept = tuple(name for name in setting.entities if name not in names)
+    if not kept:
+        return replace(setting, entities=(), probability={})
+    fewer = setting_at(
+        request, setting.cam2world, kept, setting.message, seed=setting.seed, nfev=setting.nfev
+    )
+    stated = {name: setting.probability[name] for name in kept}
+    return replace(fewer, generations=setting.generations, probability=stated)

@@ -23,7 +23,6 @@ def assembled(
     bound: int,
     proof: str,
     *,
-    counted: Sequence[str] = (),
     unfinished: bool = False,
 ) -> InspectionPlan:
     """Put the plan together, its settings in the order of travel.
@@ -37,8 +36,6 @@ def assembled(
         Settings that are needed at least.
     proof : str
         What that rests on.
-    counted : sequence of str
-        Edges whose stated probability was counted on the pixel grid, beside those that the grid decided about.
     unfinished : bool
         The run goes on.
     """
@@ -62,7 +59,6 @@ def assembled(
         part=request.space.solid.name,
         seed=run.seed,
         dimensions=planned_dimensions(request),
-        on_grid=(*request.on_grid, *counted),
         requirements=request.requirements.to_dict(),
         unfinished=unfinished,
     )

@@ -8,16 +8,12 @@ import numpy as np
 
 from planner.columns.candidates import Beginning, column_seed, judged_poses, price_poses
 from planner.columns.realise_column import without_corners
-from planner.cover.few_columns import few_columns
 from planner.executors import in_order
 from planner.ledger import Ledger
 from planner.progress import report
 from planner.steps.incumbents import IMPROVING, Incumbents
-from planner.steps.pixel_grid import COUNTED, COUNTING, count_on_grid, decided_on_grid
 from planner.steps.prove_bound import WEIGHING, exclude
-from planner.steps.run import SHARES, Run
-from planner.steps.supported_columns import candidate_settings
-from planner.steps.told_on_grid import told_on_grid
+from planner.steps.run import Run
 
 # entities without a view are tried so many at a time: whole numbers of what several processes take at once
 _AT_A_TIME = 8
@@ -47,14 +43,9 @@ def find_columns(run: Run, incumbents: Incumbents) -> None:
         incumbents.offer(run)
         # before the columns are improved further, so that others can join what is hard to inspect
         run.uninspectable = _try_alone(run, incumbents)
-        if on_grid := decided_on_grid(run):
-            count_on_grid(run, on_grid)
-            exclude(run)
-            incumbents.forget(run)
         incumbents.offer(run)
-    if last is None or last["step"] not in (_PROVEN, COUNTED, WEIGHING):
+    if last is None or last["step"] not in (_PROVEN, WEIGHING):
         _price(run, incumbents, last, _PRICED)
-        _count_contradicted(run, incumbents)
         incumbents.offer(run)
 
 
@@ -83,30 +74,6 @@ def _try_alone(run: Run, incumbents: Incumbents) -> dict[str, str]:
         if len(reasons) < first + len(some):
             incumbents.offer(run)
     return reasons
-
-
-def _count_contradicted(run: Run, incumbents: Incumbents) -> None:
-    """Let the pixel grid decide about what simulation contradicts in a plan of the columns now.
-
-    What is found out only after the proof costs another one.
-    """
-    for k in range(COUNTING.looks):
-        inspected = run.pool.membership.any(axis=0)
-        if not inspected.any():
-            return
-        chosen = few_columns(
-            run.pool.membership[:, inspected], run.nodes(SHARES.refuting), run.rng(f"look {k}")
-        )
-        wrong = told_on_grid(run, candidate_settings(run, run.pool, chosen)).wrong
-        if not wrong:
-            return
-        count_on_grid(run, wrong)
-        incumbents.forget(run)
-        seed, rounds = (
-            column_seed(run.seed, ["look", str(k)]),
-            min(COUNTING.pricing, run.effort.pricing_rounds),
-        )
-        price_poses(run.shared, run.pools, seed, rounds, run.executor, run.silent)
 
 
 def _price(run: Run, incumbents: Incumbents, last: dict[str, Any] | None, step: str) -> None:

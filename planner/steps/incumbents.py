@@ -93,11 +93,9 @@ class Incumbents:
         found = self._columns.cover(
             run, pool, (0, 0) if self.best is None else _worth(self.best), covers
         )
-        if found is not None and found.settings:
-            bound, proof = self._proven(run, found.settings)
-            plan = assembled(
-                run, found.settings, bound, proof, counted=found.counted, unfinished=True
-            )
+        if found:
+            bound, proof = self._proven(run, found)
+            plan = assembled(run, found, bound, proof, unfinished=True)
             if self.best is None or _worth(plan) > _worth(self.best):
                 self.end(plan)
 
@@ -122,14 +120,6 @@ class Incumbents:
         """The best plan, once there is one."""
         assert self.best is not None
         return self.best
-
-    def forget(self, run: Run) -> None:
-        """Rules have changed: what was found so far was judged by others. What excludes each other still does."""
-        self._watch.disarm()
-        self.best = None
-        self._columns.forget()
-        self._proofs.clear()
-        self.excluded(run)
 
     def end(self, plan: InspectionPlan) -> None:
         """Take in the plan of the whole run, and tell of it."""

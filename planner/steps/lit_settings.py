@@ -21,11 +21,10 @@ from planner.light.lighting import Lighting, eyes_of
 from planner.light.plan_light import chosen_lamps
 from planner.plan import InspectionPlan
 from planner.progress import report
-from planner.setting.pose_setting import setting_at
+from planner.setting.pose_setting import setting_at, without
 from planner.setting.sensor_setting import SensorSetting
 from planner.steps.assemble import assembled
 from planner.steps.run import Run
-from planner.steps.told_on_grid import without
 
 if TYPE_CHECKING:
     from planner.camera.camera import Camera
@@ -71,9 +70,7 @@ class _Posed(NamedTuple):
     requirements: Mapping[str, float]
 
 
-def with_lamps(
-    run: Run, lighting: Lighting, draft: InspectionPlan, counted: Sequence[str]
-) -> InspectionPlan:
+def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan) -> InspectionPlan:
     """Return a plan with lamps, of other settings where that shows more.
 
     **Guarantee.** It measures what the draft measures, as surely as is asked. What a lamp shows in a setting of the
@@ -87,8 +84,6 @@ def with_lamps(
         What is asked of the lamps.
     draft : InspectionPlan
         The settings chosen without them.
-    counted : sequence of str
-        Edges whose stated probability was counted on the pixel grid, see `assembled`.
     """
     found = replace(draft, light=chosen_lamps(lighting, draft, run.request.space.solid, run.silent))
     assert found.light is not None
@@ -104,7 +99,6 @@ def with_lamps(
         settings,
         draft.lower_bound,
         draft.bound_proof,
-        counted=counted,
         unfinished=draft.unfinished,
     )
     better = replace(
@@ -161,7 +155,7 @@ def _shown_from_elsewhere(
     full = [one for one in map(_with_all(run), kept) if one.entities]
     lit = _shown(run, lighting, plan, full, places)
     cut = [
-        without(run, one, [n for n in one.entities if n not in some])
+        without(run.request, one, [n for n in one.entities if n not in some])
         for one, some in zip(full, lit, strict=True)
     ]
     return [one for one in cut if one.entities]
@@ -177,7 +171,7 @@ def _with_all(run: Run) -> Any:
             run.request, pose, names, setting.message, seed=column_seed(run.seed, names)
         )
         wrong = run.contradicted_in(full)
-        return without(run, full, list(wrong)) if wrong else full
+        return without(run.request, full, list(wrong)) if wrong else full
 
     return with_all
 
@@ -241,7 +235,7 @@ def _chosen_among(
     old = []
     for setting, shadows in zip(plan.settings, plan.light.unlit, strict=True):
         needless = [name for name in shadows if name in shown]
-        old.append(without(run, setting, needless) if needless else setting)
+        old.append(without(run.request, setting, needless) if needless else setting)
     options = [setting for setting in (*old, *others) if setting.entities]
     if not others:
         return options

@@ -79,8 +79,7 @@ def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
         proven = lower_bound(
             run.judge,
             np.flatnonzero(inspected),
-            # since the last proof less has become necessary, so what was out of reach then stays so
-            enough if run.highest is None else min(enough, run.highest),
+            enough,
             weighing.columns[:, inspected],
             max_nodes=run.effort.bound_nodes,
             ledger=ledger,
@@ -90,7 +89,6 @@ def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
         keep({"proven": list(proven)})
     bound, proof = proven if proven[0] >= alone else (alone, exclusion_proof(run.judge, alone))
     incumbents.raised(run, bound, inspected)
-    run.reached = bound if bound < enough else None
     return bound, proof
 
 

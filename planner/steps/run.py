@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -81,11 +81,6 @@ class Run:
         self.uninspectable: dict[str, str] = {}
         # entities of which no setting inspects two, as known so far
         self.exclusive: tuple[str, ...] = ()
-        # plans made before, of which simulation contradicted something
-        self.round = 0
-        # where the last proof gave up, and the one of the round before, if they did
-        self.reached: int | None = None
-        self.highest: int | None = None
         self._begun = 0
         # by how much simulation contradicts what is stated of an entity from a pose
         self._excess: dict[tuple[bytes, str, float], float] = {}
@@ -100,24 +95,6 @@ class Run:
         """Progress of work that is not told of, but may be ended."""
         return self.watch.watched(None)
 
-    def set_on_grid(self, names: Sequence[str]) -> None:
-        """Let the pixel grid decide about these edges, and about no other."""
-        on_grid = tuple(dict.fromkeys(names))
-        if on_grid != self.request.on_grid:
-            # what is necessary of an edge depends on who decides about it, of the others nothing changes
-            changed = set(on_grid) ^ set(self.request.on_grid)
-            self.exclusive = tuple(name for name in self.exclusive if name not in changed)
-            self.request = replace(self.request, on_grid=on_grid)
-            self.judge = Judge(self.request)
-            self.shared = Shared(self.judge)
-
-    def count_on_grid(self, names: Sequence[str]) -> None:
-        """Let the pixel grid decide about more edges, and judge all poses found so far anew."""
-        self.set_on_grid([*self.request.on_grid, *names])
-        poses = np.concatenate([pool.poses for pool in self.pools])
-        self.pools = Pools(ColumnPool(len(self.names)), ColumnPool(len(self.names)))
-        self.pools.add(poses, self.judge(poses))
-
     @property
     def pool(self) -> ColumnPool:
         """Columns that poses inspect."""
@@ -130,10 +107,7 @@ class Run:
             {
                 "pools": self.pools.to_dict(),
                 "uninspectable": dict(self.uninspectable),
-                "on_grid": self.request.on_grid,
                 "exclusive": self.exclusive,
-                "round": self.round,
-                "highest": self.highest,
                 **values,
             },
         )
@@ -141,13 +115,7 @@ class Run:
     def restore(self, last: dict[str, Any]) -> None:
         """Go on from a checkpoint."""
         self.pools, self.uninspectable = Pools.from_dict(last["pools"]), last["uninspectable"]
-        self.set_on_grid(last.get("on_grid", ()))
         self.exclusive = tuple(last.get("exclusive", ()))
-        self.round, self.highest = last.get("round", 0), last.get("highest")
-
-    def begin_round(self) -> None:
-        """Plan once more, as simulation contradicts something in this plan."""
-        self.round, self.highest = self.round + 1, self.reached
 
     def kept(self, step: str) -> dict[str, Any] | None:
         """Return the checkpoint if it was taken in this step."""

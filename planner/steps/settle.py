@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -50,20 +50,9 @@ def settle(run: Run, inspected: np.ndarray) -> list[SensorSetting]:
         seed, found = column_seed(run.seed, names), outcome.setting
         options = [setting_at(request, pool.poses[c], names, "candidate pose", seed=seed)]
         if found is not None and _holds(run, found, names):
-            found = _as_judged_now(run, found)
             options.insert(found.fitness < options[0].fitness - PREFERENCE.fitness_gain, found)
         settings.append(best_supported(run.judge, options, seed))
     return without_contradicted(run.judge, settings, run.seed)
-
-
-def _as_judged_now(run: Run, setting: SensorSetting) -> SensorSetting:
-    """Return a setting with the probabilities of now: it may be older than the pixel grid's say about an edge."""
-    if not run.request.counted.size:
-        return setting
-    return replace(
-        setting,
-        probability=setting_at(run.request, setting.cam2world, setting.entities, "").probability,
-    )
 
 
 def _holds(run: Run, setting: SensorSetting, names: tuple[str, ...]) -> bool:

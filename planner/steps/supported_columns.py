@@ -1,16 +1,16 @@
 """Covers by candidate poses of which simulation supports what is counted on.
 
-A cover by columns as judged promises more than a simulation of their poses supports, where the tolerance is less than
-two pixels. So what a cover takes is simulated, what is contradicted is taken out of these columns, and a cover is
-chosen again, until all of it has been simulated: a relaxation, tightened where a cover makes use of it.
+A cover by columns as judged may promise more than a simulation of their poses supports: the probability is of second
+order, and does not count ends that leave the image. So what a cover takes is simulated, what is contradicted is taken
+out of these columns, and a cover is chosen again, until all of it has been simulated: a relaxation, tightened where a
+cover makes use of it.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,9 @@ from planner.columns.candidates import column_seed
 from planner.columns.pool import ColumnPool
 from planner.cover.exchange_search import exchange_columns
 from planner.cover.set_cover import greedy_cover
-from planner.setting.pose_setting import setting_at
+from planner.setting.pose_setting import setting_at, without
 from planner.setting.sensor_setting import SensorSetting
 from planner.steps.run import Run
-from planner.steps.told_on_grid import told_on_grid, without
 
 
 @dataclass(frozen=True)
@@ -47,43 +46,18 @@ class Trying:
 TRYING = Trying()
 
 
-class Tried(NamedTuple):
-    """What simulation supports of a candidate pose.
-
-    Attributes
-    ----------
-    setting : SensorSetting or None
-        What is stated of the pose; None if nothing is.
-    counted : tuple of str
-        Edges whose probability is that of the pixel grid.
-    """
-
-    setting: SensorSetting | None
-    counted: tuple[str, ...]
-
-
-class SupportedCover(NamedTuple):
-    """Settings that simulation supports, and the edges counted on the pixel grid among what they state."""
-
-    settings: list[SensorSetting]
-    counted: tuple[str, ...]
-
-
 class SupportedColumns:
     """What simulation supports of the candidate poses that were tried, each of them once."""
 
     def __init__(self) -> None:
-        self._tried: dict[tuple[bytes, tuple[str, ...], tuple[str, ...]], Tried] = {}
+        # None if nothing is stated of the pose
+        self._tried: dict[tuple[bytes, tuple[str, ...]], SensorSetting | None] = {}
         # poses that promise an edge, and that simulation contradicts there
         self._in_vain: Counter[str] = Counter()
 
-    def forget(self) -> None:
-        """What was tried in vain may be worth another try: other columns are there."""
-        self._in_vain.clear()
-
     def cover(
         self, run: Run, pool: ColumnPool, beaten: tuple[int, int], covers: int = TRYING.covers
-    ) -> SupportedCover | None:
+    ) -> list[SensorSetting] | None:
         """Choose few columns of a pool that simulation supports, for as many entities as possible.
 
         Parameters
@@ -98,7 +72,7 @@ class SupportedColumns:
 
         Returns
         -------
-        SupportedCover or None
+        list of SensorSetting or None
             None if none better was found.
         """
         membership, done = self._corrected(run, pool)
@@ -141,18 +115,17 @@ class SupportedColumns:
         """Return which entities (k,) of a column simulation supports; it is tried if it was not."""
         key = _key(run, pool, c)
         if key not in self._tried:
-            told = as_simulated(run, candidate_settings(run, pool, [c]))
-            tried = Tried(told.settings[0] if told.settings else None, told.counted)
+            supported = as_simulated(run, candidate_settings(run, pool, [c]))
+            tried = supported[0] if supported else None
             self._tried[key] = tried
             self._in_vain.update(set(key[1]) - set(_entities(tried)))
         return np.isin(run.names, _entities(self._tried[key]))
 
-    def _as_settings(self, run: Run, pool: ColumnPool, chosen: NDArray[np.int_]) -> SupportedCover:
+    def _as_settings(
+        self, run: Run, pool: ColumnPool, chosen: NDArray[np.int_]
+    ) -> list[SensorSetting]:
         tried = [self._tried[_key(run, pool, c)] for c in chosen.tolist()]
-        settings = [one.setting for one in tried if one.setting is not None]
-        return SupportedCover(
-            settings, tuple(dict.fromkeys(name for one in tried for name in one.counted))
-        )
+        return [setting for setting in tried if setting is not None]
 
 
 def candidate_settings(run: Run, pool: ColumnPool, columns: Iterable[int]) -> list[SensorSetting]:
@@ -164,22 +137,21 @@ def candidate_settings(run: Run, pool: ColumnPool, columns: Iterable[int]) -> li
     ]
 
 
-def as_simulated(run: Run, settings: Sequence[SensorSetting]) -> SupportedCover:
-    """Return settings that state what simulation does not contradict, and the edges counted on the pixel grid."""
-    told = told_on_grid(run, settings)
+def as_simulated(run: Run, settings: Iterable[SensorSetting]) -> list[SensorSetting]:
+    """Return settings that state what simulation does not contradict; those that state nothing are left out."""
     supported = []
-    for setting in told.settings:
+    for setting in settings:
         wrong = run.contradicted_in(setting)
-        supported.append(without(run, setting, list(wrong)) if wrong else setting)
-    return SupportedCover([setting for setting in supported if setting.entities], told.counted)
+        supported.append(without(run.request, setting, list(wrong)) if wrong else setting)
+    return [setting for setting in supported if setting.entities]
 
 
-def _key(run: Run, pool: ColumnPool, c: int) -> tuple[bytes, tuple[str, ...], tuple[str, ...]]:
-    return pool.poses[c].tobytes(), run.names_of(pool.membership[c]), run.request.on_grid
+def _key(run: Run, pool: ColumnPool, c: int) -> tuple[bytes, tuple[str, ...]]:
+    return pool.poses[c].tobytes(), run.names_of(pool.membership[c])
 
 
-def _entities(tried: Tried) -> tuple[str, ...]:
-    return () if tried.setting is None else tried.setting.entities
+def _entities(tried: SensorSetting | None) -> tuple[str, ...]:
+    return () if tried is None else tried.entities
 
 
 def _short_cover(

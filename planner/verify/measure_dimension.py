@@ -25,6 +25,8 @@ def measured_errors(
     poses: NDArray[np.float64],
     camera: Camera,
     rng: np.random.Generator,
+    *,
+    random_phase: bool = True,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Measure a dimension from displaced poses.
 
@@ -39,7 +41,11 @@ def measured_errors(
     camera : Camera
         The camera.
     rng : numpy.random.Generator
-        For errors of localisation.
+        For errors of localisation, and for phases.
+    random_phase : bool
+        Whether points on whole pixels lie on a grid shifted at random: one shift for all points of an entity, and one
+        for each end where the length of an image is measured. A line along the pixels' rows keeps its own error then:
+        all of its points are rounded to the same side.
 
     Returns
     -------
@@ -54,7 +60,8 @@ def measured_errors(
         points = _points(one, dimension, planned, camera)
         pixels = _pixels(points, poses, camera)
         outside |= ~_on_sensor(pixels, camera)
-        found = _localised(pixels, dimension.localisation, rng)
+        phase = _phases(pixels, value.in_image, rng) if random_phase else None
+        found = _localised(pixels, dimension.localisation, rng, phase)
         if value.in_image:
             pitch = np.array(camera.pixel_pitch_mm)
             nominal = undistorted_px(camera, _pixels(points, planned[None], camera)[0])
@@ -98,12 +105,24 @@ def _on_sensor(pixels: NDArray[np.float64], camera: Camera) -> NDArray[np.bool_]
     return np.asarray(inside.all(axis=(1, 2)))
 
 
+def _phases(
+    pixels: NDArray[np.float64], of_each: bool, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """Return shifts of the pixel grid, px: of each point of images (n, m, 2), or one for all points of an image."""
+    n, points, _ = pixels.shape
+    return rng.uniform(-0.5, 0.5, (n, points if of_each else 1, 2))
+
+
 def _localised(
-    pixels: NDArray[np.float64], how: Localisation, rng: np.random.Generator
+    pixels: NDArray[np.float64],
+    how: Localisation,
+    rng: np.random.Generator,
+    phase: NDArray[np.float64] | None,
 ) -> NDArray[np.float64]:
     """Return where points are found instead of where they are."""
     if how.model == "rounding":
-        return np.rint(pixels)
+        shift = 0.0 if phase is None else phase
+        return np.asarray(np.rint(pixels + shift) - shift)
     return np.asarray(pixels + rng.normal(0.0, how.sigma_px, pixels.shape))
 
 

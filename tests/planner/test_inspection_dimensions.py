@@ -1,6 +1,7 @@
 """Dimensions from the request to the plan: resolved, planned, simulated, kept."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -18,8 +19,10 @@ from holed_plate import (
 
 from planner import (
     Dimension,
+    InspectionOptions,
     Localisation,
     PlanFileError,
+    PoseUncertainty,
     RequestError,
     look_at,
     plan_inspection,
@@ -157,7 +160,45 @@ def test_prediction_from_a_pose(solid, wanted):
         solid, wanted, look_at([[40.0, 25.0, -390.0]], [40.0, 25.0, 10.0])[0], CAMERA, UNCERTAINTY
     )
     assert not below["depth"].observable
-    assert below["depth"].probability == 0.0
+    assert not below["depth"].inspected
+    assert math.isnan(below["depth"].probability)
+    assert below["depth"].missed["visibility"] == 1.0
+
+
+def test_a_prediction_says_which_constraint_is_missed_and_by_how_much(solid, wanted):
+    """Not inspected, and not sure enough, are two things: an image too short says nothing of the probability."""
+    pose = look_at([[40.0, 25.0, 410.0]], [40.0, 25.0, 10.0])[0]
+    plain = predict(solid, wanted, pose, CAMERA, UNCERTAINTY, localisation=FINE)["depth"]
+    assert plain.inspected
+    assert plain.missed == {}
+    assert plain.conditional_probability == plain.probability > 0.5
+    length_px = plain.margins["resolution_mm"] / CAMERA.pixel_pitch_mm[0] + 20.0
+    strict = InspectionOptions(min_length_px=length_px + 10.0)
+    found = predict(solid, wanted, pose, CAMERA, UNCERTAINTY, localisation=FINE, options=strict)[
+        "depth"
+    ]
+    assert found.observable
+    assert not found.inspected
+    assert math.isnan(found.probability)
+    assert found.conditional_probability == plain.probability
+    assert found.missed == {
+        "resolution_mm": pytest.approx(10.0 * max(CAMERA.pixel_pitch_mm), rel=1e-6)
+    }
+    # improbable is not missed: the same pose, far less certain
+    vague = PoseUncertainty.isotropic(translation_mm=30.0, rotation_rad=0.0)
+    loose = InspectionOptions(focus_margin_mm=0.0, field_margin_px=0.0, visibility_radius_mm=0.0)
+    unsure = predict(solid, wanted, pose, CAMERA, vague, localisation=FINE, options=loose)["depth"]
+    assert unsure.inspected
+    assert 0.0 < unsure.probability < 0.2
+
+
+def test_of_what_is_behind_the_camera_there_is_no_probability(solid, wanted):
+    pose = look_at([[40.0, 25.0, 410.0]], [40.0, 25.0, 800.0])[0]
+    found = predict(solid, wanted, pose, CAMERA, UNCERTAINTY)["depth"]
+    assert math.isnan(found.probability)
+    assert math.isnan(found.conditional_probability)
+    assert found.missed["focus_mm"] > 0
+    assert found.missed["field_of_view_px"] > 0
 
 
 @pytest.mark.parametrize(

@@ -47,8 +47,12 @@ def test_many_warnings_of_a_kind_are_one_line_with_every_name_once():
 
 
 def test_settings_with_little_room_in_focus_are_named():
-    assert "Little room in focus in setting 2: less than" in text(attention([[row(1, "a")]], [2]))
-    assert "Little room in focus in settings 2, 3: less than" in text(attention([], [2, 3]))
+    assert "Little room in focus in setting 2: a point is less than" in text(
+        attention([[row(1, "a")]], [2])
+    )
+    assert "Little room in focus in settings 2, 3: a point is less than" in text(
+        attention([], [2, 3])
+    )
 
 
 def test_few_reasons_stand_at_the_head():

@@ -1,6 +1,10 @@
 """What is said below a setting's pictures: numbers of hand-made margins."""
 
-from plan_examples import plan, setting
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from plan_examples import CAMERA, plan, setting
 
 from planner.report.setting_table import binding_sentence, focus_note
 
@@ -30,12 +34,26 @@ def test_the_nearest_limit_comes_first():
     )
 
 
-def test_a_margin_of_focus_within_the_uncertainty_of_the_place_is_told():
-    # the camera's place has a standard deviation of 0.05 mm
-    told = focus_note(*with_margins({"focus_mm": 0.1}))
-    assert told.startswith("Focus: 0.1 mm of the depth of field are left")
-    assert "0.05 mm" in told
-    assert focus_note(*with_margins({"focus_mm": 0.16})) == ""
-    # what is kept as a reserve is left, too
-    assert focus_note(*with_margins({"focus_mm": 0.0}, {"focus_margin_mm": 0.2})) == ""
-    assert focus_note(*with_margins({})) == ""
+@pytest.mark.parametrize(
+    ("across_mm", "above_mm", "sigmas"),
+    [
+        # the camera's place has a standard deviation of 0.05 mm
+        (0.0, 0.1, "2"),
+        (0.0, 0.16, None),
+        # 40 mm off the axis a turn of 1 mrad moves the edge by 0.04 mm, as well: hypot(0.05, 0.04) = 0.064 mm
+        (40.0, 0.16, "2.5"),
+        (40.0, 0.2, None),
+    ],
+)
+def test_a_point_that_displaced_poses_may_not_have_in_focus_is_told(across_mm, above_mm, sigmas):
+    near = CAMERA.depth_of_field_mm[0]
+    pose = np.eye(4)
+    pose[:3, :3] = np.diag([1.0, -1.0, -1.0])
+    pose[:3, 3] = [across_mm, 0.0, near + above_mm]
+    one = replace(setting((0.0, 0.0, 600.0), ["short"]), cam2world=pose)
+    ends = {"short": [[-0.01, 0.0, 0.0], [0.01, 0.0, 0.0]]}
+    note = focus_note(plan(settings=(one,), entities=ends, uninspectable={}), one)
+    if sigmas is None:
+        assert note == ""
+    else:
+        assert f" only {sigmas} standard deviations of its depth from a limit" in note

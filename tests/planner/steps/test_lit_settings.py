@@ -21,8 +21,8 @@ from planner import (
 )
 from planner.light.light_plan import LightPlan
 from planner.request.defaults import default_workspace
+from planner.setting import pose_setting
 from planner.steps import lit_settings as module
-from planner.steps import told_on_grid
 
 # between the top, z = 60, and the face x = 0
 LEFT = {"left": [[0.0, 0, 60], [0, 50, 60]]}
@@ -123,7 +123,7 @@ def test_a_setting_does_not_measure_what_only_another_one_shows(monkeypatch):
         light=light,
     )
     monkeypatch.setattr(
-        told_on_grid, "setting_at", lambda _, pose, names, *args, **how: setting(pose[:3, 3], names)
+        pose_setting, "setting_at", lambda _, pose, names, *args, **how: setting(pose[:3, 3], names)
     )
     run = SimpleNamespace(request=None, names=["left", "right"])
     # what nothing shows is measured where it was

@@ -1,18 +1,16 @@
-"""Plans made again as simulation contradicts something: what is decided before the proof, how far a proof goes."""
+"""What a run keeps and knows: bounds by what excludes each other, checkpoints, what simulation says of a promise."""
 
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 from grid_box import EDGES, BoxSpace
 
 from planner import Camera, PoseUncertainty
 from planner.request.effort import Effort
 from planner.request.request import Request
 from planner.resume import PlanningState
-from planner.steps import find_columns, prove_bound
+from planner.steps import prove_bound
 from planner.steps.incumbents import Incumbents
-from planner.steps.pixel_grid import COUNTING
 from planner.steps.run import Run
 from planner.watch import Watch
 
@@ -33,43 +31,6 @@ def run_with(columns):
 
 def unwatched():
     return Incumbents(None, Watch())
-
-
-@pytest.mark.parametrize(("proven", "again"), [(2, 2), (4, 4)])
-def test_a_second_proof_aims_no_higher_than_the_first_got(monkeypatch, proven, again):
-    """One setting an edge: 4 are known to suffice. A proof that got to 2 of them needs not be tried beyond 2 again."""
-    aims = []
-
-    def bound(judge, entity_idx, n_settings, columns, **how):
-        aims.append(n_settings)
-        return min(proven, n_settings), "for a reason"
-
-    monkeypatch.setattr(prove_bound, "lower_bound", bound)
-    run = run_with(np.eye(4))
-    for _ in range(3):
-        assert prove_bound.prove_bound(run, unwatched()) == (proven, "for a reason")
-        run.memo.keep("another step", {})
-        run.begin_round()
-    assert aims == [4, again, again]
-    assert run.round == 3
-
-
-def test_a_proof_that_got_all_it_was_asked_for_does_not_limit_the_next(monkeypatch):
-    """The first plan needs 2 settings, and 2 are proven; the second needs 4, as less of it stands."""
-    aims = []
-
-    def bound(judge, entity_idx, n_settings, columns, **how):
-        aims.append(n_settings)
-        return min(3, n_settings), ""
-
-    monkeypatch.setattr(prove_bound, "lower_bound", bound)
-    run = run_with([[1, 1, 0, 0], [0, 0, 1, 1]])
-    assert prove_bound.prove_bound(run, unwatched())[0] == 2
-    run.memo.keep("another step", {})
-    run.begin_round()
-    run.pools = run_with(np.eye(4)).pools
-    assert prove_bound.prove_bound(run, unwatched())[0] == 3
-    assert aims == [2, 4]
 
 
 def test_what_excludes_each_other_is_a_bound_without_a_search(monkeypatch):
@@ -102,61 +63,14 @@ def test_of_what_is_not_inspected_nothing_is_proven(monkeypatch):
     assert prove_bound.prove_bound(run, unwatched()) == (1, "by search")
 
 
-def test_who_decides_about_an_edge_changes_what_excludes_it():
-    run = run_with(np.eye(4))
-    run.exclusive = tuple(NAMES[:3])
-    run.set_on_grid([])
-    assert run.exclusive == tuple(NAMES[:3])
-    # of the others nothing changes
-    run.set_on_grid(NAMES[:1])
-    assert run.exclusive == tuple(NAMES[1:3])
-    run.set_on_grid(NAMES[:1] + NAMES[3:])
-    assert run.exclusive == tuple(NAMES[1:3])
-
-
-def test_a_bound_of_edges_that_exclude_each_other_outlives_a_change_of_the_rules():
-    run, told = run_with(np.eye(4)), []
-    incumbents = Incumbents(told.append, Watch())
-    run.exclusive = tuple(NAMES[:3])
-    incumbents.excluded(run)
-    run.set_on_grid(NAMES[:1])
-    incumbents.forget(run)
-    assert incumbents._proven(run, [SimpleNamespace(entities=NAMES)])[0] == 2
-    assert incumbents._proven(run, [SimpleNamespace(entities=NAMES[:2])])[0] == 1
-
-
-def test_a_checkpoint_tells_the_round():
+def test_a_checkpoint_tells_what_excludes_each_other():
     run = run_with(np.eye(4))
     run.exclusive = tuple(NAMES[:2])
-    run.reached = 2
-    run.begin_round()
     run.keep("some step", {})
     other = run_with(np.eye(4))
     other.restore(run.memo.last())
-    assert (other.round, other.highest) == (1, 2)
     assert other.exclusive == tuple(NAMES[:2])
     assert np.array_equal(other.pool.membership, run.pool.membership)
-
-
-@pytest.mark.parametrize("contradicted", [0, 1, 2, 5])
-def test_what_simulation_contradicts_is_counted_before_the_proof(monkeypatch, contradicted):
-    run, counted, priced, looked = run_with(np.eye(4)), [], [], []
-
-    def told(run, settings):
-        # every edge is in some setting of the plan that is looked at
-        assert {name for setting in settings for name in setting.entities} == set(NAMES)
-        looked.append(len(settings))
-        return SimpleNamespace(
-            wrong=[NAMES[len(looked) % 4]] if len(looked) <= contradicted else []
-        )
-
-    monkeypatch.setattr(find_columns, "told_on_grid", told)
-    monkeypatch.setattr(find_columns, "count_on_grid", lambda run, names: counted.append(names))
-    monkeypatch.setattr(find_columns, "price_poses", lambda *args, **how: priced.append(args[3]))
-    find_columns._count_contradicted(run, unwatched())
-    assert len(counted) == len(priced) == min(contradicted, COUNTING.looks)
-    assert len(looked) == min(contradicted + 1, COUNTING.looks)
-    assert all(rounds == 3 for rounds in priced)
 
 
 def test_what_simulation_says_of_a_promise_does_not_depend_on_the_others(monkeypatch):

@@ -9,7 +9,7 @@ import pytest
 
 from planner.columns.pool import ColumnPool
 from planner.steps import supported_columns
-from planner.steps.supported_columns import TRYING, SupportedColumns, SupportedCover
+from planner.steps.supported_columns import TRYING, SupportedColumns
 
 N_ENTITIES = 7
 
@@ -20,7 +20,7 @@ class World:
     def __init__(self, promised, supported, monkeypatch):
         self.promised, self.truth = np.array(promised, dtype=bool), np.array(supported, dtype=bool)
         self.names = [f"e{i}" for i in range(self.promised.shape[1])]
-        self.request, self.tries = SimpleNamespace(on_grid=()), Counter()
+        self.tries = Counter()
         self.pool = ColumnPool(len(self.names))
         self.pool.membership = self.promised
         self.pool.poses = np.tile(np.eye(4), (len(self.promised), 1, 1))
@@ -41,7 +41,7 @@ class World:
         (c,) = columns
         self.tries[c] += 1
         names = self.names_of(self.truth[c])
-        return SupportedCover([SimpleNamespace(entities=names)] if names else [], names[:1])
+        return [SimpleNamespace(entities=names)] if names else []
 
 
 def random_world(seed, monkeypatch):
@@ -64,7 +64,7 @@ def fewest(columns):
 
 
 def reached(found):
-    return {name for setting in found.settings for name in setting.entities}
+    return {name for setting in found for name in setting.entities}
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -74,8 +74,7 @@ def test_the_cover_is_as_small_as_any_of_what_is_supported(seed, monkeypatch):
     world = random_world(seed, monkeypatch)
     found = SupportedColumns().cover(world, world.pool, (0, 0), covers=99)
     assert reached(found) == set(world.names_of(world.truth.any(axis=0)))
-    assert len(found.settings) == fewest(world.truth)
-    assert set(found.counted) == {setting.entities[0] for setting in found.settings}
+    assert len(found) == fewest(world.truth)
     assert set(world.tries.values()) == {1}
 
 
@@ -83,18 +82,18 @@ def test_the_cover_is_as_small_as_any_of_what_is_supported(seed, monkeypatch):
 def test_what_was_tried_once_is_known(seed, monkeypatch):
     world, columns = random_world(seed, monkeypatch), SupportedColumns()
     first = columns.cover(world, world.pool, (0, 0))
-    tries, worth = dict(world.tries), (len(reached(first)), -len(first.settings))
+    tries, worth = dict(world.tries), (len(reached(first)), -len(first))
     # no better one is there, and that is known
     assert columns.cover(world, world.pool, worth) is None
     assert world.tries == tries
     again = columns.cover(world, world.pool, (worth[0], worth[1] - 1))
-    assert (len(reached(again)), len(again.settings)) == (worth[0], -worth[1])
+    assert (len(reached(again)), len(again)) == (worth[0], -worth[1])
     assert set(world.tries.values()) == {1}
 
 
 def test_where_all_is_supported_not_a_column_more_is_tried(monkeypatch):
     world = World(np.eye(5), np.eye(5), monkeypatch)
-    assert len(SupportedColumns().cover(world, world.pool, (0, 0)).settings) == 5
+    assert len(SupportedColumns().cover(world, world.pool, (0, 0))) == 5
     assert world.tries == dict.fromkeys(range(5), 1)
 
 
