@@ -13,7 +13,7 @@ from planner.batch.part_request import PartRequest
 from planner.batch.part_result import PartResult, digest_of, found_again, write_tables
 from planner.batch.workers import Task, on_executor, on_own_processes
 from planner.exceptions import RequestError
-from planner.files import output_folder
+from planner.files import absolute, output_folder
 from planner.progress import Progress, report
 from planner.request.defaults import check_count
 
@@ -65,7 +65,7 @@ def plan_folder(
         If nothing can be written.
     """
     check_count("jobs", jobs, 1)
-    source = Path(folder).absolute()
+    source = absolute(folder)
     with output_folder(out, (), "out") as target:
         results: dict[str, PartResult] = {}
         waiting: list[Task] = []
