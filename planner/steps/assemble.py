@@ -64,6 +64,7 @@ def assembled(
         dimensions=planned_dimensions(request),
         on_grid=(*request.on_grid, *counted),
         requirements=request.requirements.to_dict(),
+        request=run.memo.identity,
         unfinished=unfinished,
     )
     return with_lines_in_windows(found, request)

@@ -14,7 +14,7 @@ from plan_examples import plan
 
 from planner.cli import commands
 from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
-from planner.cli.leftovers import REGIONS_FOLDER
+from planner.cli.folder_owner import REGIONS_FOLDER
 from planner.cli.main import main
 from planner.columns.outcome import Outcome
 from planner.exceptions import OutputError
@@ -56,13 +56,11 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def quick(monkeypatch):
-    from planner.inspection import plan_inspection
+    """Search little where no effort is asked for."""
     from planner.request.effort import Effort
 
     effort = Effort(viewpoints=20, pricing_rounds=5, refutations=1, bound_nodes=3000)
-    monkeypatch.setattr(
-        commands, "plan_inspection", lambda *a, **k: plan_inspection(*a, **{"effort": effort, **k})
-    )
+    monkeypatch.setattr("planner.identity.resolve_request.Effort", lambda: effort)
 
 
 PLAN = [

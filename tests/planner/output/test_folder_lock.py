@@ -80,9 +80,12 @@ def test_a_killed_process_blocks_nobody_even_if_its_worker_still_runs(tmp_path):
 
 
 def test_a_lock_is_free_after_the_block_whatever_happened_in_it(tmp_path):
-    with pytest.raises(KeyboardInterrupt), folder_lock(tmp_path):
-        assert "in use by process" in refusal(tmp_path)
-        raise KeyboardInterrupt
+    def interrupted():
+        with folder_lock(tmp_path):
+            assert "in use by process" in refusal(tmp_path)
+            raise KeyboardInterrupt
+
+    pytest.raises(KeyboardInterrupt, interrupted)
     with folder_lock(tmp_path):
         pass
     assert list(tmp_path.iterdir()) == []
@@ -114,9 +117,7 @@ def test_a_file_system_without_locks_goes_by_the_record(tmp_path, no_locks):
     owned_by(tmp_path, pid=parent, started=started)
     assert f"process {parent} on {socket.gethostname()} for 2 h" in refusal(tmp_path)
     owned_by(tmp_path, host="another-host")
-    assert refusal(tmp_path).endswith(
-        f"If that process has ended, delete {tmp_path / LOCK_FILE}."
-    )
+    assert refusal(tmp_path).endswith(f"If that process has ended, delete {tmp_path / LOCK_FILE}.")
     # a record that is half written is of nobody
     (tmp_path / LOCK_FILE).write_text('{"pid": 1')
     with folder_lock(tmp_path):
