@@ -225,8 +225,9 @@ def _planned(
         found = with_light(found, solid, request.lighting, progress)
         found = with_source(found, leftovers.folder, job.part, job.reading)
         try:
+            folder = Path(path_text(leftovers.folder))
             written = write_outputs(
-                found, regions, leftovers.folder, progress, graph_limit=options.graph_limit
+                found, regions, folder, progress, graph_limit=options.graph_limit
             )
         except OutputError as error:
             raise OutputError(f"{error} {rescue(found, state)}") from None

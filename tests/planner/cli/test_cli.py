@@ -239,7 +239,7 @@ def test_visible_regions_are_kept_before_there_is_a_state(folder, quick, capsys,
         patch.setattr("aspectgraph.visibility.visibility_regions.observable_region", interrupt)
         assert main([*PLAN, "--jobs", "1", "--resume"]) == DONE
     assert REGIONS_FOLDER not in os.listdir(folder / "out")
-    # without --resume they are forgotten
+    # with --force they are forgotten
     with monkeypatch.context() as patch:
         patch.setattr("planner.steps.incumbents.first_poses", interrupt)
         assert main([*PLAN, "--jobs", "1", "--force"]) == INCOMPLETE
@@ -428,11 +428,13 @@ def test_malformed_files_are_named(folder, capsys):
 
 def test_state_of_another_request_is_refused(folder, quick, capsys):
     (folder / "out").mkdir()
-    other = PlanningState({"part": "another"}, folder / "out" / commands.STATE_FILE)
+    other = PlanningState({"part": {"name": "another"}}, folder / "out" / commands.STATE_FILE)
     other.put(["rim"], Outcome(reason="hidden"))
     other.save()
     lines = failure(capsys, [*PLAN, "--resume"])
-    assert "must belong to the same part" in lines[-1]
+    assert len(lines) == 1
+    assert "--resume must be of the same request. Got" in lines[0]
+    assert "of another one: the part was 'another' and is now 'block'" in lines[0]
 
 
 def test_boxes_too_near_each_other_are_refused_before_planning(folder, capsys):
@@ -499,7 +501,7 @@ def test_a_state_that_cannot_be_resumed_is_refused_before_any_work(folder, capsy
     )
     lines = failure(capsys, [*PLAN, "--resume"])
     assert len(lines) == 1
-    assert "must be a planning state of version 2. Got version 1" in lines[0]
+    assert "must be a planning state of version 3. Got version 1" in lines[0]
 
 
 def test_help_explains_and_is_quick():

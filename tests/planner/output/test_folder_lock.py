@@ -85,7 +85,8 @@ def test_a_lock_is_free_after_the_block_whatever_happened_in_it(tmp_path):
             assert "in use by process" in refusal(tmp_path)
             raise KeyboardInterrupt
 
-    pytest.raises(KeyboardInterrupt, interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
     with folder_lock(tmp_path):
         pass
     assert list(tmp_path.iterdir()) == []
