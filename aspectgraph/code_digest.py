@@ -27,14 +27,14 @@ def code_digest(packages: Sequence[str], without: Sequence[str] = ()) -> str:
         64 hexadecimal digits. Where the files cannot be read, that of the program's version.
     """
     digest = hashlib.sha256()
-    left_out = tuple(name.replace(".", "/") for name in without)
+    left_out = [name.replace(".", "/") for name in without]
     read = 0
     for package in packages:
         spec = find_spec(package)
         for folder in () if spec is None else map(Path, spec.submodule_search_locations or ()):
             for path in sorted(folder.rglob("*.py")):
                 name = f"{package}/{path.relative_to(folder).as_posix()}"
-                if name.removesuffix(".py").startswith(left_out) and left_out:
+                if any(f"{name[:-3]}/".startswith(f"{place}/") for place in left_out):
                     continue
                 digest.update(f"{name}\0".encode())
                 digest.update(hashlib.sha256(path.read_bytes()).digest())
