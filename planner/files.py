@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
+import re
 import shutil
+import socket
 import stat
 import tempfile
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from planner.exceptions import OutputError
 
-# hidden files and folders of a run that was killed while it wrote begin like this
+# hidden files and folders of a process that writes begin like this, then come its machine and its id
 _HIDDEN = ".aspectgraph-"
+_OWNED = re.compile(r"\.aspectgraph-([0-9a-f]{8})-(\d+)-")
+# what nobody knows the owner of is of a killed process when it is so old
+_FORGOTTEN_S = 86_400.0
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
@@ -141,13 +148,14 @@ def output_folder(
         If it is no folder, cannot be made or written, or a folder is in a file's way.
     """
     # errors name it as it was given, the work may not depend on where the process is
-    given, path = Path(path), Path(path).absolute()
+    given = Path(path)
+    path = absolute(given)
     made: list[Path] = []
     try:
         try:
             make_folder(given, made)
             for name in names:
-                _check_not_in_the_way(given / name)
+                _check_not_in_the_way(given / name, given)
                 _check_replaceable(given / name)
             for folder in dict.fromkeys([given, *((given / name).parent for name in names)]):
                 if folder.exists():
@@ -190,7 +198,7 @@ def staged_folder(
     """
     with output_folder(path, names, parameter) as folder:
         try:
-            staging = Path(tempfile.mkdtemp(prefix=_HIDDEN, dir=folder))
+            staging = Path(tempfile.mkdtemp(prefix=_own_prefix(), dir=folder))
             try:
                 yield staging
                 _Exchange(staging, folder).run(names)
@@ -199,6 +207,23 @@ def staged_folder(
             _remove_leftovers({folder, *((folder / name).parent for name in names)})
         except OSError as error:
             raise _refused(Path(path), error, parameter) from None
+
+
+def absolute(path: str | os.PathLike[str]) -> Path:
+    """Return a path that does not depend on the current folder; the path itself if that is deleted."""
+    try:
+        return Path(path).absolute()
+    except OSError:
+        return Path(path)
+
+
+def path_text(path: Path) -> str:
+    """Return a path as the user may type it: relative to the current folder, if the path is inside."""
+    try:
+        here = Path.cwd()
+    except OSError:
+        return str(path)
+    return os.path.relpath(path, here) if path.is_relative_to(here) else str(path)
 
 
 class _Exchange:
@@ -248,7 +273,7 @@ class _Exchange:
 
     def _bring(self, name: Path, hidden: Path) -> None:
         """Move a file beside its place, where another file system may be mounted."""
-        _check_not_in_the_way(self.target / name)
+        _check_not_in_the_way(self.target / name, self.target)
         make_folder(hidden.parent, self.made)
         source = self.staging / name
         with open(source, "rb") as stream:
@@ -278,7 +303,7 @@ def make_folder(path: Path, made: list[Path]) -> None:
     _check_is_folder(nearest)
     for folder in reversed([path, *path.parents][: len(path.parts) - len(nearest.parts)]):
         folder.mkdir(exist_ok=True)
-        made.append(folder.absolute())
+        made.append(absolute(folder))
 
 
 def _check_is_folder(path: Path) -> None:
@@ -298,7 +323,7 @@ def _check_is_folder(path: Path) -> None:
 
 def _try_to_write(folder: Path) -> None:
     try:
-        with tempfile.NamedTemporaryFile(prefix=_HIDDEN, dir=folder) as stream:
+        with tempfile.NamedTemporaryFile(prefix=_own_prefix(), dir=folder) as stream:
             stream.write(b"some text")
             stream.flush()
             os.fsync(stream.fileno())
@@ -308,11 +333,17 @@ def _try_to_write(folder: Path) -> None:
         raise
 
 
-def _check_not_in_the_way(place: Path) -> None:
+def _check_not_in_the_way(place: Path, folder: Path) -> None:
     if place.is_dir():
         raise IsADirectoryError(errno.EISDIR, f"{place} is a folder")
     if os.path.lexists(place.parent):
         _check_is_folder(place.parent)
+    # a link in a file's place is replaced; through one in a folder's place, files elsewhere would be
+    for between in place.parents:
+        if between == folder:
+            break
+        if between.is_symlink():
+            raise NotADirectoryError(errno.ENOTDIR, f"{between} is a link to another folder")
 
 
 def _remove_empty(folders: Sequence[Path]) -> None:
@@ -321,10 +352,44 @@ def _remove_empty(folders: Sequence[Path]) -> None:
             folder.rmdir()
 
 
+def _own_prefix() -> str:
+    """Return how names of hidden files of this process begin."""
+    return f"{_HIDDEN}{_this_host()}-{os.getpid()}-"
+
+
+def _this_host() -> str:
+    return hashlib.sha256(socket.gethostname().encode()).hexdigest()[:8]
+
+
+def is_running(pid: int) -> bool:
+    """Tell whether a process of this machine runs, or may run."""
+    if os.name != "posix":
+        # elsewhere a signal cannot be sent to find out
+        return True
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def _is_abandoned(path: Path) -> bool:
+    """Tell whether a hidden file is of a process that was killed, and not of one that writes now."""
+    owner = _OWNED.match(path.name)
+    if owner is not None and owner[1] == _this_host() and not is_running(int(owner[2])):
+        return True
+    try:
+        return time.time() - path.lstat().st_mtime > _FORGOTTEN_S
+    except OSError:
+        return False
+
+
 def _remove_leftovers(folders: Iterable[Path]) -> None:
-    """Remove what a run left that was killed while it wrote."""
+    """Remove what a process left that was killed while it wrote; of one that still runs nothing."""
     for folder in folders:
-        for path in folder.glob(f"{_HIDDEN}*"):
+        for path in filter(_is_abandoned, folder.glob(f"{_HIDDEN}*")):
             if path.is_dir() and not path.is_symlink():
                 shutil.rmtree(path, ignore_errors=True)
             else:
@@ -343,7 +408,8 @@ def _refused(path: Path, error: OSError, parameter: str) -> OutputError:
     )
     reason = error.strerror or error
     if isinstance(error.filename, str) and not Path(error.filename).name.startswith(_HIDDEN):
-        inside, folder = Path(error.filename).absolute(), path.absolute()
+        inside = absolute(error.filename)
+        folder = absolute(path)
         # which file it is that cannot be replaced
         reason = f"{reason} ({inside.relative_to(folder)})" if folder in inside.parents else reason
     return OutputError(f"{parameter} must be {rule}. Got {path}: {reason}.")

@@ -17,14 +17,15 @@ The way
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
+from planner.identity.resolve_request import Promise, ResolvedRequest, resolve_request
 from planner.inspection_options import InspectionKeywords, InspectionOptions
 from planner.light.lighting import Lighting
 from planner.light.plan_light import chosen_lamps
@@ -32,11 +33,6 @@ from planner.light.ring_space import RingSpace
 from planner.options import chosen, with_keywords_of
 from planner.plan import InspectionPlan
 from planner.progress import labelled
-from planner.request.constraints import Requirements
-from planner.request.defaults import check_fraction, check_seed, default_workspace
-from planner.request.effort import Effort
-from planner.request.measured import planned_dimensions
-from planner.request.reach import reach_name
 from planner.request.request import Request
 from planner.request.space import Space
 from planner.request.target_space import TargetSpace
@@ -49,8 +45,6 @@ from planner.steps.prove_bound import prove_bound
 from planner.steps.refute import refute
 from planner.steps.run import Run
 from planner.steps.settle import settle
-from planner.wanted.dimension import Dimension
-from planner.wanted.targets import check_is_edge
 from planner.watch import TimeIsUpError, Watch
 
 if TYPE_CHECKING:
@@ -120,7 +114,8 @@ def plan_inspection(
         What the image needs so that edges can be found in it. Edges that run on smoothly in an arc are not inspected
         then; ``Showing(0, 0, 0)`` asks for nothing, as the paper. Default: ``Showing()``.
     reach : Region or callable, optional
-        As in `plan_setting`.
+        As in `plan_setting`. With ``state`` it must have a name that lasts: a lambda, a function inside another one, or
+        what cannot be pickled needs an attribute ``state_name`` that says what it permits.
     lamps : array_like, shape (n, 3), or LampBox, LampDome, LampsTogether, "ring" or Lighting, optional
         Lamps that are to show what is measured, as in `plan_light`; the plan then has its ``light``. What no lamp shows
         in any of the settings found is looked for from other poses. With "ring", the search keeps to where edges show.
@@ -172,23 +167,29 @@ def plan_inspection(
     (True, 1, 1)
     """
     how = chosen(InspectionOptions, plan_inspection, options)
-    check_fraction("accuracy", accuracy)
-    check_fraction("probability", probability)
-    seed, watch, lighting = check_seed(rng), Watch(how.time_limit_s, how.gap), how.lighting
+    promise = Promise(accuracy, probability, rng)
+    watch = Watch(how.time_limit_s, how.gap)
+    lighting = how.lighting
     if not entities:
         raise RequestError("entities must hold at least one entity. Got none.")
     if lighting is not None:
         lighting.check_part(solid)
-    need = how.requirements(camera, pose_uncertainty)
-    asked = _Asked(camera, pose_uncertainty, accuracy, probability, need)
-    wanted = entities if isinstance(entities, Mapping) else _named(solid, entities)
-    request = _request(solid, wanted, asked, how)
-    effort = how.effort or (Effort.for_dimensions() if request.dimensions else Effort())
-    memo = PlanningState(_basis(request, seed, effort, watch.gap, lighting), how.state)
+    resolved = resolve_request(solid, entities, camera, pose_uncertainty, promise, how)
+    asked = resolved.request
+    if how.state is not None:
+        asked.check_lasting()
+    request = _request(solid, resolved, how)
+    memo = PlanningState(asked.identity(), how.state)
     incumbents = Incumbents(how.on_incumbent, watch)
     if memo.plan is None:
         run = Run(
-            request, seed, effort, memo, executor=how.executor, progress=how.progress, watch=watch
+            request,
+            asked.seed,
+            asked.effort,
+            memo,
+            executor=how.executor,
+            progress=how.progress,
+            watch=watch,
         )
         try:
             memo.finish(_plan(run, incumbents, lighting))
@@ -201,106 +202,40 @@ def plan_inspection(
     return memo.plan
 
 
-class _Asked(NamedTuple):
-    """What of a request does not depend on the part."""
-
-    camera: Camera
-    pose_uncertainty: PoseUncertainty
-    accuracy: float
-    probability: float
-    requirements: Requirements
-
-
-def _request(
-    solid: Solid, wanted: Mapping[str, Any], asked: _Asked, how: InspectionOptions
-) -> Request:
-    """Return the request for edges, or for edges and dimensions."""
-    localisation = how.localisation
-    from planner.wanted.resolve import is_circle, resolve_wanted
-
-    rounded = localisation is None or localisation.model == "rounding"
-    items = wanted.values()
-    if rounded and not any(isinstance(item, Dimension) or is_circle(item) for item in items):
-        space = how.space or _visible(solid, wanted, asked.camera, how)
-        for name, entity in space.entities.items():
-            check_is_edge(name, entity)
-        return Request(space, space.entity_names, *asked)
-    entities, targets = resolve_wanted(solid, wanted, asked.accuracy, as_lengths=not rounded)
-    space = how.space or _visible(solid, entities, asked.camera, how)
+def _request(solid: Solid, resolved: ResolvedRequest, how: InspectionOptions) -> Request:
+    """Return the request for edges, or for edges and dimensions, with where they are observable."""
+    asked, entities, targets = resolved
+    rest = (
+        asked.camera,
+        asked.pose_uncertainty,
+        asked.accuracy,
+        asked.probability,
+        asked.requirements,
+    )
+    space = how.space or _visible(solid, resolved, how)
+    if targets is None:
+        return Request(space, space.entity_names, *rest)
     missing = [name for name in entities if name not in space.entities]
     if missing:
         raise RequestError(f"space must hold all entities that are wanted. Got no {missing[0]!r}.")
     needs = {target.name: target.entities for target in targets}
     ends = {target.name: target.ends for target in targets}
-    return Request(TargetSpace(space, needs, ends), tuple(needs), *asked, targets, localisation)
+    joined = TargetSpace(space, needs, ends)
+    return Request(joined, tuple(needs), *rest, targets, how.localisation)
 
 
-def _named(solid: Solid, entities: Sequence[Any]) -> Mapping[str, Any]:
-    """Return entities without names under their ids."""
-    from aspectgraph import resolve_entities
-
-    return resolve_entities(solid, entities)
-
-
-def _visible(
-    solid: Solid, entities: Mapping[str, Any], camera: Camera, how: InspectionOptions
-) -> Space:
+def _visible(solid: Solid, resolved: ResolvedRequest, how: InspectionOptions) -> Space:
     """Compute from where the entities are observable."""
     from aspectgraph import compute_light, compute_regions
 
-    box = default_workspace(solid, camera) if how.workspace is None else how.workspace
-    shown, lighting = labelled(how.progress, "visible regions"), how.lighting
-    if lighting is not None and lighting.is_ring:
-        lit = compute_light(solid, entities, lighting.contrast, box, how.executor, shown)
-        return RingSpace(lit, camera, lighting.step)
+    asked, entities, _ = resolved
+    shown = labelled(how.progress, "visible regions")
+    box = asked.workspace
+    if asked.ring is not None and asked.lighting is not None:
+        contrast = asked.lighting.contrast
+        lit = compute_light(solid, entities, contrast, box, how.executor, shown)
+        return RingSpace(lit, asked.camera, asked.lighting.step)
     return compute_regions(solid, entities, workspace=box, executor=how.executor, progress=shown)
-
-
-def _basis(
-    request: Request, seed: int, effort: Effort, gap: float, lighting: Lighting | None = None
-) -> dict[str, Any]:
-    """Return what the plan depends on."""
-    need = request.requirements
-    return {
-        "vertices": np.round(request.space.solid.vertices, 6).tolist(),
-        "entities": {
-            name: ends.tolist() for name, ends in zip(request.names, request.ends, strict=True)
-        },
-        "workspace": np.asarray(request.space.workspace, dtype=float).tolist(),
-        "camera": request.camera.to_dict(),
-        "pose_uncertainty": request.pose_uncertainty.to_dict(),
-        "limits": [
-            request.accuracy,
-            request.probability,
-            need.min_length_px,
-            need.field_margin_px,
-            need.stand_off_mm,
-            need.visibility_radius_mm,
-            need.focus_margin_mm,
-            need.focus_reserve.sigmas,
-        ],
-        "reach": reach_name(need.reach),
-        "seed": seed,
-        "effort": asdict(effort),
-        **({"gap": gap} if gap else {}),
-        **({} if need.showing.asks_nothing else {"showing": asdict(need.showing)}),
-        **({} if lighting is None else {"lamps": lighting.to_dict()}),
-        **_ring(request.space),
-        **_dimensions(request),
-    }
-
-
-def _ring(space: Space) -> dict[str, Any]:
-    """Return contrast and step of a space in which the lamp is at the camera."""
-    own = getattr(space, "space", space)
-    contrast = getattr(own, "contrast", None)
-    return {} if contrast is None else {"ring": [contrast, getattr(own, "step", None)]}
-
-
-def _dimensions(request: Request) -> dict[str, Any]:
-    """Return what a plan depends on besides, if it measures dimensions."""
-    found = planned_dimensions(request)
-    return {"dimensions": {name: one.to_dict() for name, one in found.items()}} if found else {}
 
 
 def _lit(plan: InspectionPlan, solid: Solid, lighting: Lighting | None) -> InspectionPlan:

@@ -82,6 +82,9 @@ class InspectionPlan(PlanTables):
     requirements : mapping of str to float
         What every setting satisfies beside: least length of an image and strip kept free at the sensor's sides, px;
         margin of focus, stand-off and radius of visibility, mm. Empty in plans of programs that did not store it.
+    request : mapping of str to value
+        All that the plan depends on, as `InspectionRequest.identity`; and ``source``, how the part's file was read, if
+        the command line read it. Empty in plans of programs that did not store it.
     unfinished : bool
         The planning was ended before its end: a longer one may need fewer settings, or prove a larger bound.
     simulation : SimulationResult or None
@@ -105,6 +108,7 @@ class InspectionPlan(PlanTables):
     simulation: SimulationResult | None = None
     dimensions: Mapping[str, PlannedDimension] = field(default_factory=dict)
     requirements: Mapping[str, float] = field(default_factory=dict)
+    request: Mapping[str, Any] = field(default_factory=dict)
     unfinished: bool = False
     light: LightPlan | None = None
 
@@ -115,6 +119,7 @@ class InspectionPlan(PlanTables):
         object.__setattr__(self, "uninspectable", dict(self.uninspectable))
         object.__setattr__(self, "dimensions", dict(self.dimensions))
         object.__setattr__(self, "requirements", dict(self.requirements))
+        object.__setattr__(self, "request", dict(self.request))
         object.__setattr__(self, "workspace", _read_only(self.workspace, (2, 3)))
         self._check_names()
 
@@ -274,6 +279,7 @@ class InspectionPlan(PlanTables):
             "minimal": self.minimal,
             "workspace": self.workspace.tolist(),
             **({"requirements": dict(self.requirements)} if self.requirements else {}),
+            **({"request": dict(self.request)} if self.request else {}),
             "camera": self.camera.to_dict(),
             "pose_uncertainty": self.pose_uncertainty.to_dict(),
             "entities": {name: points.tolist() for name, points in self.entities.items()},
@@ -385,6 +391,7 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
         simulation=_simulation_from(data.get("simulation")),
         dimensions=_dimensions_from(data.get("dimensions", {})),
         requirements=data.get("requirements", {}),
+        request=data.get("request", {}),
         unfinished=data.get("unfinished", False),
         light=_light_from(data.get("light")),
         **{name: data[name] for name in (*_PLAIN_FIELDS, "part", "seed")},

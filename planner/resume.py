@@ -20,14 +20,16 @@ import json
 import os
 import time
 import warnings
-from collections.abc import Iterable
-from importlib.metadata import PackageNotFoundError, version
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from planner.columns.outcome import Outcome
 from planner.exceptions import OutputError, PlanFileError
 from planner.files import make_folder, write_text
+from planner.identity.difference import first_difference, keyword
+from planner.identity.inspection_request import with_defaults
+from planner.identity.program import program_digest
 from planner.plan import InspectionPlan
 from planner.records.json_file import encoded, read_json
 from planner.records.packing import packed, unpacked
@@ -36,7 +38,7 @@ from planner.records.schema import check_schema, shown
 from planner.setting.sensor_setting import SensorSetting
 
 FORMAT = "aspectgraph planning state"
-VERSION = 2
+VERSION = 3
 
 # the file is not written anew before so many seconds, nor before so many times as long as it took, but after so many
 _SECONDS, _TIMES, _MOST_SECONDS = 5.0, 60.0, 15.0
@@ -47,9 +49,9 @@ class PlanningState:
 
     Parameters
     ----------
-    request : dict
-        Everything the plan depends on, as plain values; a file made for another request, or by another version of the
-        program, is refused.
+    identity : mapping
+        Everything the plan depends on, as plain values: `InspectionRequest.identity`. A file made for another request,
+        or by other code, is refused.
     path : path, optional
         File to continue from, if it exists, and to save to.
 
@@ -61,9 +63,10 @@ class PlanningState:
         If nothing can be saved there.
     """
 
-    def __init__(self, request: dict[str, Any], path: str | os.PathLike[str] | None = None) -> None:
-        basis = {**request, "program": program_version()}
-        self.fingerprint = hashlib.sha256(json.dumps(basis, sort_keys=True).encode()).hexdigest()
+    def __init__(
+        self, identity: Mapping[str, Any], path: str | os.PathLike[str] | None = None
+    ) -> None:
+        self.identity = dict(identity)
         self.path = None if path is None else Path(path)
         self._outcomes: dict[str, dict[str, Any]] = {}
         self._checkpoint: dict[str, Any] | None = None
@@ -153,7 +156,8 @@ class PlanningState:
             {
                 "format": FORMAT,
                 "version": VERSION,
-                "request": self.fingerprint,
+                "request": self.identity,
+                "program": program_digest(),
                 "outcomes": self._outcomes,
                 "checkpoint": packed(self._checkpoint),
                 "plan": None if self.plan is None else self.plan.to_dict(),
@@ -172,10 +176,11 @@ class PlanningState:
     def _read(self, path: Path) -> dict[str, Any]:
         """Read the file, and all of its fields."""
         data = read_state(path)
-        if data["request"] != self.fingerprint:
+        change = state_difference(data, self.identity)
+        if change is not None:
             raise PlanFileError(
-                f"{path}: state file must belong to the same part, entities, camera, limits, effort, seed and "
-                "version of the program. Got another request's."
+                f"{path}: state file must belong to the same request and version of the program. "
+                f"Got another one: {change}; plan again without it."
             )
         return {
             "outcomes": data["outcomes"],
@@ -224,17 +229,38 @@ def holds_plan(path: str | os.PathLike[str]) -> bool:
         return False
 
 
+def state_difference(
+    data: Mapping[str, Any],
+    identity: Mapping[str, Any],
+    words: Callable[[str], str] = keyword,
+) -> str | None:
+    """Return in what the request or the program of a state differs from those of now.
+
+    Parameters
+    ----------
+    data : mapping
+        As `read_state` returns it.
+    identity : mapping
+        The identity of the request now.
+    words : callable
+        Returns what the caller knows a field as.
+
+    Returns
+    -------
+    str or None
+        The first difference; None if the state can be resumed.
+    """
+    # as plain values come back from a file
+    now = json.loads(json.dumps(encoded(identity)))
+    change = first_difference(with_defaults(now), with_defaults(data["request"]), words)
+    if change is None and data["program"] != program_digest():
+        return "the version of the program changed"
+    return change
+
+
 def _digest(data: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
 
 def _key(names: Iterable[str]) -> str:
     return json.dumps(sorted(names))
-
-
-def program_version() -> str:
-    """Return the version of the installed program."""
-    try:
-        return version("aspectgraph")
-    except PackageNotFoundError:
-        return "unknown"

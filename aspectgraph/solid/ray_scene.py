@@ -6,6 +6,9 @@ observable is decided exactly, by the regions.
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -26,7 +29,8 @@ class RayScene:
     """
 
     def __init__(self, vertices: ArrayLike, triangles: ArrayLike, n_threads: int = 0) -> None:
-        import open3d as o3d
+        with _existing_folder():
+            import open3d as o3d
 
         corners = np.asarray(vertices, dtype=np.float64)
         # float32 loses digits far from the origin, so everything is computed around the triangles' own centre
@@ -90,3 +94,23 @@ class RayScene:
 def _packed(array: ArrayLike, dtype: type[np.generic] = np.float32) -> Any:
     """Return an array as Open3D takes it; its stubs know tensors only."""
     return np.ascontiguousarray(array, dtype=dtype)
+
+
+@contextmanager
+def _existing_folder() -> Iterator[None]:
+    """Leave the current folder for the block if it is deleted; Open3D ends the process there as it loads."""
+    try:
+        os.getcwd()
+    except OSError:
+        pass
+    else:
+        yield
+        return
+    # a deleted folder has no name to return to, but a handle
+    deleted = os.open(".", os.O_RDONLY)
+    os.chdir(os.sep)
+    try:
+        yield
+    finally:
+        os.fchdir(deleted)
+        os.close(deleted)

@@ -1,30 +1,34 @@
 """Visible regions kept in files as they are computed, so that an interrupted computation goes on where it was.
 
-One file per region, written whole or not at all. Its name is a digest of all that the region depends on and of the
-entity, so a file is never taken for another request's. What is damaged is computed again.
+One file per region, written whole or not at all. Its name is a digest of all that the region depends on, of the request
+and of the entity, so a file is never taken for another request's. What is damaged is computed again. A file beside them
+says which request they are of.
 """
 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Mapping
-from importlib.metadata import PackageNotFoundError, version
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import IO, TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from aspectgraph.cells.point_location import Tree
+from aspectgraph.code_digest import code_digest
 from aspectgraph.visibility.entity_region import Region
 
 if TYPE_CHECKING:
     from aspectgraph.entities.straight_edges import Entity
     from aspectgraph.solid.solid import Solid
 
+OWNER_FILE = "request.json"
 _FIELDS = {
     "planes": (np.int64, 2),
     "plane": (np.int32, 1),
@@ -53,20 +57,40 @@ class KeptRegions:
     Parameters
     ----------
     folder : path
-        It is made with the first region. What cannot be written is not kept, and computed again another time.
+        It is made with the first region. What cannot be written is not kept, and computed again another time; nor is
+        anything read or written through a link in its place.
+    request : mapping, optional
+        What the regions are computed for, as plain values. Those of another request are not taken.
     """
 
-    def __init__(self, folder: str | os.PathLike[str]) -> None:
+    def __init__(
+        self, folder: str | os.PathLike[str], request: Mapping[str, Any] | None = None
+    ) -> None:
         self.folder = Path(folder)
+        self._owner = "" if request is None else json.dumps(request, sort_keys=True)
         self._request = b""
 
     def __bool__(self) -> bool:
         """Whether there are any files, of whatever request."""
-        return self.folder.is_dir() and any(self.folder.iterdir())
+        return self.is_own_folder and any(self.folder.iterdir())
+
+    @property
+    def is_own_folder(self) -> bool:
+        """Whether the folder is there, and no link to another one."""
+        return self.folder.is_dir() and not self.folder.is_symlink()
+
+    def owner(self) -> dict[str, Any] | None:
+        """Return the request that the folder's regions are of, or None if nothing says so."""
+        try:
+            owner = json.loads((self.folder / OWNER_FILE).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        return owner if isinstance(owner, dict) else None
 
     def begin(self, solid: Solid, box_mm: np.ndarray, entities: Mapping[str, Entity]) -> None:
         """Say what the regions depend on: part, workspace, all entities, as they share a grid, and the program."""
-        digest = hashlib.sha256(_program().encode())
+        digest = hashlib.sha256(code_digest(("aspectgraph",)).encode())
+        digest.update(self._owner.encode("utf-8", "surrogatepass"))
         for array in (solid.vertices, solid.triangles, box_mm):
             digest.update(np.ascontiguousarray(array).tobytes())
         for name, entity in entities.items():
@@ -78,6 +102,8 @@ class KeptRegions:
 
     def get(self, name: str) -> Region | None:
         """Return the region of an entity, or None if there is none, or none that can be read."""
+        if not self.is_own_folder:
+            return None
         try:
             with self._path(name).open("rb") as file, np.load(file, allow_pickle=False) as data:
                 arrays = {field: data[field] for field in _FIELDS}
@@ -91,24 +117,31 @@ class KeptRegions:
 
     def put(self, name: str, region: Region) -> None:
         """Keep the region of an entity, if that is possible."""
-        temporary = None
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            handle, temporary = tempfile.mkstemp(dir=self.folder)
-            with os.fdopen(handle, "wb") as file:
+        with suppress(OSError):
+            self._make_folder()
+            with _written_whole(self._path(name)) as file:
                 np.savez(
                     file,
                     **region.tree._asdict(),
                     origin=region.origin,
                     observable=region.observable,
                 )
-            os.replace(temporary, self._path(name))
-        except OSError:
-            if temporary is not None:
-                Path(temporary).unlink(missing_ok=True)
+
+    def _make_folder(self) -> None:
+        """Make the folder, if need be, and say whose it is before there is a region."""
+        if self.folder.is_symlink():
+            raise NotADirectoryError
+        self.folder.mkdir(parents=True, exist_ok=True)
+        owner = self.folder / OWNER_FILE
+        if self._owner and not owner.exists():
+            with _written_whole(owner) as file:
+                file.write(self._owner.encode("utf-8", "surrogatepass"))
 
     def remove(self) -> None:
-        """Delete the folder."""
+        """Delete the folder; of a link in its place nothing but the link."""
+        if self.folder.is_symlink():
+            with suppress(OSError):
+                self.folder.unlink()
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _path(self, name: str) -> Path:
@@ -116,8 +149,13 @@ class KeptRegions:
         return self.folder / f"{hashlib.sha256(self._request + text).hexdigest()[:40]}.npz"
 
 
-def _program() -> str:
+@contextmanager
+def _written_whole(path: Path) -> Iterator[IO[bytes]]:
+    """Open a file that appears under its name when the block ends, or not at all."""
+    handle, temporary = tempfile.mkstemp(dir=path.parent)
     try:
-        return version("aspectgraph")
-    except PackageNotFoundError:
-        return "unknown"
+        with os.fdopen(handle, "wb") as file:
+            yield file
+        os.replace(temporary, path)
+    finally:
+        Path(temporary).unlink(missing_ok=True)

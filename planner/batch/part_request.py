@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, fields
+from functools import cached_property
 from typing import Any
 
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
+from planner.identity.inspection_request import InspectionRequest, digest_of
+from planner.identity.plain import plain_fields
+from planner.identity.resolve_request import Promise, promised
+from planner.inspection_options import InspectionOptions
 from planner.request.defaults import check_count, check_fraction
 from planner.request.effort import Effort
-from planner.resume import program_version
-from planner.showing.showing import NOT_ASKED, Showing
 
 _LIMITS = (
     "stand_off_mm",
@@ -86,27 +87,31 @@ class PartRequest:
                 raise RequestError(f"limits must be of {', '.join(_LIMITS)}. Got {name!r}.")
 
     @property
+    def options(self) -> InspectionOptions:
+        """The limits and the effort, as `plan_inspection` takes them."""
+        given = {name: value for name, value in self.limits.items() if value is not None}
+        return InspectionOptions(**{**given, "effort": self.effort})
+
+    @cached_property
+    def request(self) -> InspectionRequest:
+        """What is asked of any part: the request without a part, its targets and its workspace."""
+        promise = Promise(self.accuracy, self.probability, self.seed)
+        known = promised(self.camera, self.pose_uncertainty, promise, self.options)
+        return InspectionRequest(part=None, targets=None, workspace=None, ring=None, **known)
+
+    @property
     def fingerprint(self) -> str:
-        """Digest of the request and of the program's version: equal for equal plans of a file."""
-        basis: dict[str, Any] = {
-            "camera": self.camera.to_dict(),
-            "pose_uncertainty": self.pose_uncertainty.to_dict(),
-            "effort": asdict(self.effort),
-            "limits": {
-                name: asdict(value) if isinstance(value, Showing) else value
-                for name, value in self.limits.items()
-                if value not in (None, NOT_ASKED)
-            },
-            "program": program_version(),
-        }
-        for name in (
-            "accuracy",
-            "probability",
-            "seed",
-            "select",
-            "units",
-            "simulate",
-            "graph_limit",
-        ):
-            basis[name] = getattr(self, name)
-        return hashlib.sha256(json.dumps(basis, sort_keys=True).encode()).hexdigest()
+        """Digest of the request and of the program: equal for equal plans of a file.
+
+        All fields count: those that are no field of an `InspectionRequest`, too.
+        """
+        asked = {one.name for one in fields(InspectionRequest)}
+        own = {name: value for name, value in plain_fields(self).items() if name not in asked}
+        # in the request as they are resolved: a default that is given is a default
+        own["limits"] = {"time_limit_s": self.options.time_limit_s}
+        return digest_of(self.request.fingerprint(), own)
+
+
+def limits_of(options: InspectionOptions) -> dict[str, Any]:
+    """Return the options that `PartRequest` takes as limits."""
+    return {name: getattr(options, name) for name in _LIMITS}

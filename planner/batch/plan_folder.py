@@ -13,7 +13,8 @@ from planner.batch.part_request import PartRequest
 from planner.batch.part_result import PartResult, digest_of, found_again, write_tables
 from planner.batch.workers import Task, on_executor, on_own_processes
 from planner.exceptions import RequestError
-from planner.files import output_folder
+from planner.files import absolute, output_folder
+from planner.output.folder_lock import folder_lock
 from planner.progress import Progress, report
 from planner.request.defaults import check_count
 
@@ -62,11 +63,11 @@ def plan_folder(
     RequestError
         If the folder holds no part file, or a number breaks its rule.
     OutputError
-        If nothing can be written.
+        If nothing can be written, or another process writes there.
     """
     check_count("jobs", jobs, 1)
-    source = Path(folder).absolute()
-    with output_folder(out, (), "out") as target:
+    source = absolute(folder)
+    with output_folder(out, (), "out") as target, folder_lock(target):
         results: dict[str, PartResult] = {}
         waiting: list[Task] = []
         for path in part_files(source, target):

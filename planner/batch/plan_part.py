@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from aspectgraph import (
     AspectGraphError,
@@ -32,6 +31,8 @@ from planner.batch.part_result import (
 )
 from planner.exceptions import PlanFileError, PlannerError
 from planner.inspection import plan_inspection
+from planner.output.folder_lock import folder_lock
+from planner.output.part_source import with_source
 from planner.output.plan_folder import write_outputs
 from planner.plan import InspectionPlan
 from planner.request.defaults import default_workspace
@@ -67,7 +68,8 @@ def plan_part(request: PartRequest, part: str, path: Path, folder: Path) -> Part
     blank = PartResult(part, FAILED, file_sha256=file_sha256, request=fingerprint)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        result = _described(blank, _planned(request, path, folder), folder)
+        with folder_lock(folder):
+            result = _described(blank, _planned(request, path, folder), folder)
     except Exception as error:
         refused = isinstance(error, _OWN) and not isinstance(error, _OUTER)
         result = replace(blank, status=REFUSED if refused else FAILED, reason=reason_of(error))
@@ -96,26 +98,21 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
         entities = resolve_entities(solid, select_entities(solid, request.select))
     # what cannot be measured is refused before the work
     resolve_wanted(solid, entities, request.accuracy)
-    state, kept = folder / STATE, KeptRegions(folder / REGIONS)
-    regions = compute_regions(
-        solid, entities, workspace=default_workspace(solid, request.camera), kept=kept
-    )
-    keywords: dict[str, Any] = {
-        name: value for name, value in request.limits.items() if value is not None
-    }
-    keywords |= {
-        "workspace": regions.workspace,
-        "space": regions,
-        "effort": request.effort,
-        "state": state,
-    }
-    keywords |= {
-        "accuracy": request.accuracy,
-        "probability": request.probability,
-        "rng": request.seed,
-    }
+    state = folder / STATE
+    kept = KeptRegions(folder / REGIONS, request.request.identity())
+    workspace = default_workspace(solid, request.camera)
+    regions = compute_regions(solid, entities, workspace=workspace, kept=kept)
+    options = replace(request.options, workspace=workspace, space=regions, state=state)
     plan = partial(
-        plan_inspection, solid, entities, request.camera, request.pose_uncertainty, **keywords
+        plan_inspection,
+        solid,
+        entities,
+        request.camera,
+        request.pose_uncertainty,
+        accuracy=request.accuracy,
+        probability=request.probability,
+        rng=request.seed,
+        **{one.name: getattr(options, one.name) for one in fields(options)},
     )
     try:
         found = plan()
@@ -124,6 +121,7 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
         state.unlink(missing_ok=True)
         found = plan()
     found = found.simulated(request.simulate, rng=request.seed, solid=solid)
+    found = with_source(found, folder, path, {"units": request.units})
     write_outputs(found, regions, folder, graph_limit=request.graph_limit)
     state.unlink(missing_ok=True)
     kept.remove()

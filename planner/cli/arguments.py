@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+from typing import Any
 
 from planner.light.background import DEFAULT_STEP
 
@@ -40,6 +41,35 @@ def add_asked(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--simulate", type=int, default=10_000, metavar="N", help="displaced poses per setting"
+    )
+
+
+class _Again(argparse.Action):
+    """Takes a plan file; what its request says need not be given then."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        """Set the file."""
+        setattr(namespace, self.dest, values)
+        for action in parser._actions:
+            if action.dest in ("part", "camera"):
+                action.required = False
+        for group in parser._mutually_exclusive_groups:
+            group.required = False
+
+
+def add_again(parser: argparse.ArgumentParser) -> None:
+    """Add the plan whose request is planned again."""
+    parser.add_argument(
+        "--again",
+        metavar="PLAN",
+        action=_Again,
+        help="plan the request of a plan.json again, without its options; PART, too, if the part was moved",
     )
 
 

@@ -11,30 +11,24 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from aspectgraph import (
-    AspectGraphError,
     JointForecast,
     LightRegions,
     ReadError,
-    SolidChoice,
     compute_light,
     compute_regions,
     estimate_graph,
     graph_of,
     light_graph_of,
     read_dimensions,
-    read_solid,
     select_entities,
     write_edge_picture,
 )
 from aspectgraph.read.part_file import MESH_SUFFIXES
-from planner.batch.part_request import PartRequest
+from planner.batch.part_request import PartRequest, limits_of
 from planner.batch.part_result import PLANNED, TABLES
 from planner.batch.plan_folder import plan_folder
 from planner.batch.scheduler import dask_executor
-from planner.camera.camera import Camera
 from planner.camera.catalogue import camera_names
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.best_so_far import BestSoFar
@@ -42,19 +36,27 @@ from planner.cli.catalogue import cameras as cameras
 from planner.cli.catalogue import rank_optics
 from planner.cli.completion import completion_script
 from planner.cli.exit_codes import DONE, INCOMPLETE
-from planner.cli.folder_owner import asked_request, check_owner
-from planner.cli.leftovers import STATE_FILE, Leftovers
-from planner.cli.light import read_lighting, with_light
+from planner.cli.folder_owner import STATE_FILE, Leftovers, check_owner
+from planner.cli.job import (
+    Job,
+    inspection_options,
+    read_camera,
+    read_job,
+    read_part,
+    workspace_of,
+)
+from planner.cli.light import with_light
 from planner.cli.wanted import chosen_entities, read_request
 from planner.exceptions import OutputError
 from planner.executors import leave_signals_to_the_parent, usable_cores
-from planner.files import check_file_place, output_folder
+from planner.files import absolute, check_file_place, output_folder, path_text
 from planner.inspection import plan_inspection
-from planner.inspection_options import InspectionOptions
-from planner.light.lamps import RING
+from planner.light.background import DEFAULT_STEP
 from planner.light.ring_space import RingSpace
 from planner.output import terminal_tables
+from planner.output.folder_lock import folder_lock
 from planner.output.json_records import graph_record, part_record, plan_record, print_json
+from planner.output.part_source import with_source
 from planner.output.plan_folder import PLAN_FILES, Written, rescue, write_graph, write_outputs
 from planner.output.wording import cost_sentence
 from planner.plan import InspectionPlan, read_plan
@@ -62,18 +64,18 @@ from planner.progress import labelled, note, terminal_progress
 from planner.progress.terminal_text import visible
 from planner.request.defaults import check_fraction, default_workspace
 from planner.request.effort import Effort
-from planner.showing.showing import Showing
 from planner.verify.simulate_plan import simulate_plan
 
 if TYPE_CHECKING:
     from aspectgraph import EntityAspectGraph, Solid, VisibilityRegions
+    from planner.identity.inspection_request import InspectionRequest
 
 
 def info(options: argparse.Namespace) -> int:
     """Show what a part consists of and which edges, rims and arcs can be entities."""
     if options.picture:
         check_file_place(options.picture, "--picture")
-    solid = _read_part(options)
+    solid = read_part(options)
     edges = solid.straight_edges(min_length_mm=options.min_length)
     curves = (*solid.rims(), *solid.arcs())
     if options.select is not None:
@@ -85,10 +87,14 @@ def info(options: argparse.Namespace) -> int:
             solid, options.picture, [edge.id for edge in edges], [curve.id for curve in curves]
         )
     if options.json:
-        print_json(part_record(solid, edges, curves, filter(None, [_unit_note(options)])))
+        print_json(
+            part_record(
+                solid, edges, curves, filter(None, [_unit_note(options.part, options.units)])
+            )
+        )
         return DONE
     terminal_tables.print_part(solid, edges, curves)
-    _print_unit(options)
+    _print_unit(options.part, options.units)
     if options.picture:
         print(visible(str(options.picture)))
     return DONE
@@ -97,8 +103,8 @@ def info(options: argparse.Namespace) -> int:
 def graph(options: argparse.Namespace) -> int:
     """Build the entity-based aspect graph and write it."""
     check_file_place(options.graphml, "--graphml")
-    solid = _read_part(options)
-    entities, box = chosen_entities(options, solid), _workspace(options)
+    solid = read_part(options)
+    entities, box = chosen_entities(options, solid), workspace_of(options)
     if box is None and options.camera is not None:
         box = default_workspace(solid, read_camera(options.camera))
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
@@ -108,7 +114,7 @@ def graph(options: argparse.Namespace) -> int:
         print_json(graph_record(result, options.graphml))
         return DONE
     terminal_tables.print_graph(result)
-    _print_unit(options)
+    _print_unit(options.part, options.units)
     print(visible(str(options.graphml)))
     return DONE
 
@@ -132,7 +138,7 @@ def _graph(
 
 def dimensions(options: argparse.Namespace) -> int:
     """Show the dimensions an AP242 file states, and the entities that measure them."""
-    found = read_dimensions(options.part, _read_part(options))
+    found = read_dimensions(options.part, read_part(options))
     if not found:
         raise ReadError(
             f"the part must be a STEP file with semantic dimensions (AP242). Got {options.part}, which states none."
@@ -151,43 +157,38 @@ def plan(options: argparse.Namespace) -> int:
     names = (*PLAN_FILES, STATE_FILE)
     with (
         output_folder(options.out, names, "--out") as folder,
+        folder_lock(folder, "--out"),
         (leftovers := Leftovers(folder)).told(),
     ):
-        camera = read_camera(options.camera)
-        uncertainty = PoseUncertainty.isotropic(
-            translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
-        )
-        solid = _read_part(options)
-        wanted, lighting = read_request(options, solid), read_lighting(options)
+        job = read_job(options)
+        lighting = job.request.lighting
         if lighting is not None:
-            lighting.check_part(solid)
-        how = _limits(options, solid, camera)
-        asked = asked_request(options, solid.name, wanted.items, camera, uncertainty, how)
-        check_owner(folder, asked, force=options.force)
-        found, written, interrupted = _planned(
-            options, solid, wanted, camera, uncertainty, leftovers
+            lighting.check_part(job.solid)
+        check_owner(folder, job.request, force=options.force)
+        leftovers.prepare(
+            job.request, resume=options.resume, force=options.force, quiet=options.quiet
         )
-        _print_planned(options, found, wanted, written, leftovers.state)
+        with leftovers.forgotten_if_refused():
+            found, written, interrupted = _planned(options, job, leftovers)
+        _print_planned(options, found, job, written, leftovers.state)
         if interrupted:
             raise KeyboardInterrupt
     lit = found.light is None or found.light.complete
-    return DONE if found.complete and found.simulation.confirmed and lit else INCOMPLETE
+    confirmed = found.simulation is not None and found.simulation.confirmed
+    return DONE if found.complete and confirmed and lit else INCOMPLETE
 
 
 def _print_planned(
-    options: argparse.Namespace, found: InspectionPlan, wanted: Any, written: Written, state: Path
+    options: argparse.Namespace, found: InspectionPlan, job: Job, written: Written, state: Path
 ) -> None:
     """Print a plan, and the files it is in."""
-    files = [
-        os.path.relpath(path) if path.is_relative_to(Path.cwd()) else str(path)
-        for path in written.files
-    ]
+    files = [path_text(path) for path in written.files]
     if options.json:
-        print_json(plan_record(found, files, wanted.left_out))
+        print_json(plan_record(found, files, job.wanted.left_out))
         return
     terminal_tables.print_plan(found)
-    _print_unit(options)
-    for name, reason in wanted.left_out.items():
+    _print_unit(job.part, job.reading.get("units"))
+    for name, reason in job.wanted.left_out.items():
         print(visible(f"{name} is not planned: {reason}"))
     if found.unfinished and state.exists():
         print("The same command with --resume goes on from here.")
@@ -195,51 +196,39 @@ def _print_planned(
 
 
 def _planned(
-    options: argparse.Namespace,
-    solid: Solid,
-    wanted: Any,
-    camera: Camera,
-    uncertainty: PoseUncertainty,
-    leftovers: Leftovers,
-) -> tuple[Any, ...]:
+    options: argparse.Namespace, job: Job, leftovers: Leftovers
+) -> tuple[InspectionPlan, Written, bool]:
     """Plan and write; return plan, files, and whether it was interrupted. The state is deleted only after the end."""
-    state, how, lighting = leftovers.state, _limits(options, solid, camera), read_lighting(options)
-    leftovers.prepare(resume=options.resume, quiet=options.quiet)
+    request, solid, state = job.request, job.solid, leftovers.state
     with (
         terminal_progress(quiet=options.quiet, lines=options.verbose) as progress,
         _executor(options.jobs) as executor,
     ):
         best = BestSoFar(progress)
-        regions = _regions(
-            options, solid, wanted.entities, how.workspace, (executor, progress, leftovers)
+        regions = _regions(job, executor, progress, leftovers)
+        limit = options.time_limit
+        tools = job.keywords(
+            # the first plan is waited for, however little is left
+            time_limit_s=None if limit is None else max(limit - best.seconds, 1e-3),
+            on_incumbent=best,
+            space=_space(request, regions),
+            state=state,
+            executor=executor,
+            progress=progress,
         )
         try:
             found = plan_inspection(
-                solid,
-                wanted.items,
-                camera,
-                uncertainty,
-                accuracy=options.accuracy,
-                probability=options.probability,
-                rng=options.seed,
-                **_limit_keywords(options),
-                **_ends(options, best),
-                lamps=lighting,
-                space=RingSpace(regions, camera, options.grey_step)
-                if isinstance(regions, LightRegions)
-                else regions,
-                localisation=wanted.localisation,
-                state=state,
-                executor=executor,
-                progress=progress,
+                solid, job.wanted.items, request.camera, request.pose_uncertainty, **tools
             )
         except KeyboardInterrupt:
             found = best.instead()
-        found = found.simulated(options.simulate, rng=options.seed, progress=progress, solid=solid)
-        found = with_light(found, solid, lighting, progress)
+        found = found.simulated(options.simulate, rng=request.seed, progress=progress, solid=solid)
+        found = with_light(found, solid, request.lighting, progress)
+        found = with_source(found, leftovers.folder, job.part, job.reading)
         try:
+            folder = Path(path_text(leftovers.folder))
             written = write_outputs(
-                found, regions, Path(options.out), progress, graph_limit=options.graph_limit
+                found, regions, folder, progress, graph_limit=options.graph_limit
             )
         except OutputError as error:
             raise OutputError(f"{error} {rescue(found, state)}") from None
@@ -249,53 +238,29 @@ def _planned(
 
 
 def _regions(
-    options: argparse.Namespace,
-    solid: Solid,
-    entities: Any,
-    box: Any,
-    how: tuple[Any, Any, Leftovers],
+    job: Job, executor: Executor | None, progress: Any, leftovers: Leftovers
 ) -> VisibilityRegions:
     """Return from where a camera observes entities; with a ring light on it, from where they show besides."""
-    executor, progress, leftovers = how
     shown = labelled(progress, "visible regions")
-    if options.light == RING:
-        return compute_light(solid, entities, options.contrast, box, executor, shown)
+    entities, box, ring = job.wanted.entities, job.request.workspace, job.request.ring
+    if ring is not None:
+        return compute_light(job.solid, entities, ring.contrast, box, executor, shown)
     return compute_regions(
-        solid, entities, workspace=box, executor=executor, progress=shown, kept=leftovers.regions
+        job.solid,
+        entities,
+        workspace=box,
+        executor=executor,
+        progress=shown,
+        kept=leftovers.regions,
     )
 
 
-def _ends(options: argparse.Namespace, best: BestSoFar) -> dict[str, Any]:
-    """Return what may end a planning, as `plan_inspection` takes it."""
-    limit = options.time_limit
-    return {
-        # the first plan is waited for, however little is left
-        "time_limit_s": None if limit is None else max(limit - best.seconds, 1e-3),
-        "gap": options.gap,
-        **({} if options.effort is None else {"effort": Effort.named(options.effort)}),
-        "on_incumbent": best,
-    }
-
-
-def _limit_keywords(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the limits as `plan_inspection` takes them."""
-    return {
-        "stand_off_mm": options.stand_off,
-        "min_length_px": options.min_length_px,
-        "field_margin_px": options.field_margin_px,
-        "focus_margin_mm": options.focus_margin_mm,
-        "visibility_radius_mm": options.visibility_radius_mm,
-        "showing": Showing(options.separation_px, options.surround_px, options.min_corner_deg),
-    }
-
-
-def _limits(options: argparse.Namespace, solid: Solid, camera: Camera) -> InspectionOptions:
-    """Return workspace and limits of a request."""
-    box = _workspace(options)
-    return InspectionOptions(
-        workspace=default_workspace(solid, camera) if box is None else box,
-        **_limit_keywords(options),
-    )
+def _space(request: InspectionRequest, regions: VisibilityRegions) -> Any:
+    """Return the space that is planned in: with a ring light, where edges show to the camera."""
+    if request.ring is None or not isinstance(regions, LightRegions):
+        return regions
+    step = DEFAULT_STEP if request.ring.step is None else request.ring.step
+    return RingSpace(regions, request.camera, step)
 
 
 def batch(options: argparse.Namespace) -> int:
@@ -314,8 +279,9 @@ def batch(options: argparse.Namespace) -> int:
         simulate=options.simulate,
         graph_limit=options.graph_limit,
         effort=Effort.named(options.effort or "standard"),
-        limits={**_limit_keywords(options), "time_limit_s": options.time_limit, "gap": options.gap},
+        limits=limits_of(inspection_options(options, time_limit_s=options.time_limit)),
     )
+    out = absolute(options.out)
     workers = nullcontext() if options.scheduler is None else dask_executor(options.scheduler)
     try:
         with (
@@ -339,14 +305,14 @@ def batch(options: argparse.Namespace) -> int:
         print_json([asdict(one) for one in results])
     else:
         terminal_tables.print_batch(results)
-        print("\n".join(visible(os.path.relpath(Path(options.out) / name)) for name in TABLES))
+        print("\n".join(visible(path_text(out / name)) for name in TABLES))
     return DONE if all(one.status == PLANNED for one in results) else INCOMPLETE
 
 
 def simulate(options: argparse.Namespace) -> int:
     """Check a plan by simulation."""
     found = read_plan(options.plan)
-    solid = None if options.part is None else _read_part(options)
+    solid = None if options.part is None else read_part(options)
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         result = simulate_plan(
             found, options.poses, rng=options.seed, progress=progress, solid=solid
@@ -360,16 +326,14 @@ def simulate(options: argparse.Namespace) -> int:
 
 def optics(options: argparse.Namespace) -> int:
     """Rank bodies and lenses of the catalogue by how well they measure what is wanted."""
-    solid = _read_part(options)
+    solid = read_part(options)
     wanted = read_request(options, solid)
-    given = {
-        "workspace": _workspace(options),
-        "localisation": wanted.localisation,
-        **_limit_keywords(options),
-    }
-    code = rank_optics(options, solid, wanted.items, InspectionOptions(**given))
+    given = inspection_options(
+        options, workspace=workspace_of(options), localisation=wanted.localisation
+    )
+    code = rank_optics(options, solid, wanted.items, given)
     if not options.json:
-        _print_unit(options)
+        _print_unit(options.part, options.units)
     return code
 
 
@@ -379,44 +343,17 @@ def completion(options: argparse.Namespace) -> int:
     return DONE
 
 
-def read_camera(text: str) -> Camera:
-    """Return the camera of a TOML file, or the one with that name in the catalogue."""
-    path = Path(text)
-    return (
-        Camera.from_toml(path)
-        if path.suffix.lower() == ".toml" or path.is_file()
-        else Camera.named(text)
-    )
-
-
-def _read_part(options: argparse.Namespace) -> Solid:
-    """Read the part; an error names the file."""
-    try:
-        solids = (
-            SolidChoice(options.solids, options.occluders) if options.occluders else options.solids
-        )
-        return read_solid(options.part, units=options.units, solids=solids, gap_mm=options.gap_mm)
-    except AspectGraphError as error:
-        if str(options.part) in str(error):
-            raise
-        raise type(error)(f"{options.part}: {error}") from None
-
-
-def _print_unit(options: argparse.Namespace) -> None:
-    if told := _unit_note(options):
+def _print_unit(part: str, units: str | None) -> None:
+    if told := _unit_note(part, units):
         print(visible(f"note: {told}"))
 
 
-def _unit_note(options: argparse.Namespace) -> str:
+def _unit_note(part: str, units: str | None) -> str:
     """Say which unit was assumed for a file that has none; nothing of others."""
-    mesh = [suffix for suffix in Path(options.part).suffixes if suffix.lower() in MESH_SUFFIXES]
-    if options.units is None and mesh and mesh[-1].lower() != ".glb":
+    mesh = [suffix for suffix in Path(part).suffixes if suffix.lower() in MESH_SUFFIXES]
+    if units is None and mesh and mesh[-1].lower() != ".glb":
         return f"{mesh[-1][1:].upper()} files state no unit: mm is assumed; --units says otherwise"
     return ""
-
-
-def _workspace(options: argparse.Namespace) -> np.ndarray | None:
-    return None if options.workspace is None else np.reshape(options.workspace, (2, 3))
 
 
 @contextmanager

@@ -1,73 +1,59 @@
-"""An output folder belongs to one plan: another one does not replace it by accident."""
+"""An output folder belongs to one request: its plan, and what an interrupted planning of it left, stay with it.
+
+Nothing is deleted in silence: a plan or unfinished work of another request is replaced with ``--force`` only, and
+unfinished work of the same request is continued with ``--resume``, or discarded with ``--force``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from aspectgraph import EntityError
+from aspectgraph.visibility.kept_regions import KeptRegions
+from planner.exceptions import InfeasibleError, OutputError, PlanFileError, RequestError
+from planner.identity.difference import first_difference
+from planner.identity.inspection_request import InspectionRequest, with_defaults
+from planner.identity.of_plan import plan_difference
+from planner.plan import read_plan
+from planner.resume import read_state, state_difference
 
-from planner.camera.camera import Camera
-from planner.camera.pose_uncertainty import PoseUncertainty
-from planner.cli.light import light_request
-from planner.exceptions import OutputError, PlanFileError
-from planner.inspection_options import InspectionOptions
-from planner.plan import InspectionPlan, read_plan
-
-# numbers that went through a file keep all digits; those computed again may differ in the last
-_SAME = 1e-9
+STATE_FILE = "planning-state.json"
+REGIONS_FOLDER = "planning-regions"
+PLAN_FILE = "plan.json"
 _RULE = "--out must be a folder without another plan; --force replaces it."
+_UNFINISHED = "--out must be a folder without an unfinished plan."
+# options that are not named like the fields of a request
+_OPTIONS = {
+    "part": "the part",
+    "pose_uncertainty": "--sigma-mm or --sigma-rad",
+    "stand_off_mm": "--stand-off",
+    "lighting": "--light",
+    "lamps": "--light",
+    "ring": "--light",
+    "step": "--grey-step",
+}
 
 
-def request_of(plan: InspectionPlan) -> dict[str, Any]:
-    """Return what a plan was asked for, as plain values by the name a user knows."""
-    return {
-        "part": plan.part,
-        "set of entities": sorted(plan.entities),
-        "camera": plan.camera.to_dict(),
-        "pose uncertainty": plan.pose_uncertainty.covariance.tolist(),
-        "accuracy": plan.accuracy,
-        "probability": plan.probability,
-        "seed": plan.seed,
-        "workspace": plan.workspace.tolist(),
-        "limits": dict(plan.requirements),
-        "light": _light_of(plan),
-    }
+def option(name: str) -> str:
+    """Return the option that a user of the command line knows a field of a request as."""
+    return _OPTIONS.get(name, f"--{name.replace('_', '-')}")
 
 
-def asked_request(
-    options: Any,
-    part: str,
-    names: Mapping[str, Any],
-    camera: Camera,
-    uncertainty: PoseUncertainty,
-    how: InspectionOptions,
-) -> dict[str, Any]:
-    """Return the same of a request that is not planned yet; ``how`` holds its limits and its workspace."""
-    return {
-        "part": part,
-        "set of entities": sorted(names),
-        "camera": camera.to_dict(),
-        "pose uncertainty": uncertainty.covariance.tolist(),
-        "accuracy": options.accuracy,
-        "probability": options.probability,
-        "seed": options.seed,
-        "workspace": np.asarray(how.workspace, dtype=float).tolist(),
-        "limits": how.requirements(camera, uncertainty).to_dict(),
-        "light": light_request(options),
-    }
-
-
-def check_owner(folder: Path, asked: Mapping[str, Any], *, force: bool) -> None:
+def check_owner(folder: Path, request: InspectionRequest, *, force: bool) -> None:
     """Refuse a folder that holds the plan of another request.
 
     Parameters
     ----------
     folder : pathlib.Path
         The output folder.
-    asked : mapping
-        See `asked_request`.
+    request : InspectionRequest
+        What is asked now.
     force : bool
         Replace whatever is there.
 
@@ -76,48 +62,142 @@ def check_owner(folder: Path, asked: Mapping[str, Any], *, force: bool) -> None:
     OutputError
         If there is a plan, and it is of another request or cannot be read; names the first difference.
     """
-    path = folder / "plan.json"
+    path = folder / PLAN_FILE
     if force or not path.exists():
         return
     try:
-        found = request_of(read_plan(path))
+        change = plan_difference(request, read_plan(path), option)
     except PlanFileError as error:
         raise OutputError(f"{_RULE} Got {error}") from None
-    for name, value in asked.items():
-        # a file of an earlier program knows no limits
-        if found[name] != {} and not _same(found[name], value):
-            told = (
-                f", {found[name]!r} and not {value!r}"
-                if isinstance(value, str | int | float)
-                else ""
+    if change is not None:
+        raise OutputError(f"{_RULE} Got {path} of another request: {change}.")
+
+
+class Leftovers:
+    """State and visible regions of an interrupted planning.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        The output folder.
+
+    Attributes
+    ----------
+    state : pathlib.Path
+        File of the state.
+    regions : KeptRegions
+        Visible regions; they are computed before there is a state.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.state = folder / STATE_FILE
+        self.regions = KeptRegions(folder / REGIONS_FOLDER)
+
+    def __bool__(self) -> bool:
+        """Whether there is anything to go on from."""
+        return self.state.exists() or bool(self.regions)
+
+    def prepare(
+        self, request: InspectionRequest, *, resume: bool, force: bool, quiet: bool
+    ) -> None:
+        """Refuse what is not to be resumed, or cannot be, before any work; discard it if that is asked for.
+
+        Raises
+        ------
+        PlanFileError
+            If the state is to be resumed and is damaged, or of another request.
+        OutputError
+            If there is unfinished work that is neither to be resumed nor to be discarded, or it cannot be deleted.
+        """
+        identity = request.identity()
+        if self.regions.folder.is_symlink():
+            raise OutputError(
+                f"--out must be a folder in which {REGIONS_FOLDER} is no link. "
+                f"Got {self.regions.folder}, a link to {os.readlink(self.regions.folder)}."
             )
-            raise OutputError(f"{_RULE} Got {path} with another {name}{told}.")
+        if not self:
+            if resume and not quiet:
+                print(
+                    f"nothing to resume in {self.folder}: planned from the beginning",
+                    file=sys.stderr,
+                )
+        elif resume:
+            change = self._change(identity)
+            if change is not None:
+                raise PlanFileError(
+                    f"--resume must be of the same request. Got {self._place} of another one: {change}; "
+                    "--force without --resume discards it."
+                )
+        elif force:
+            self._discard()
+        else:
+            raise OutputError(f"{_UNFINISHED} Got {self._unfinished(identity)}.")
+        self.regions = KeptRegions(self.regions.folder, identity)
 
+    @property
+    def _place(self) -> Path:
+        return self.state if self.state.exists() else self.regions.folder
 
-def _light_of(plan: InspectionPlan) -> dict[str, Any]:
-    """Return what was asked of the lamps of a plan; nothing if it has none, as any may be added."""
-    light = plan.light
-    return (
-        {}
-        if light is None
-        else {
-            "kind": light.kind,
-            "contrast": light.contrast,
-            "step": light.step,
-            "ground": light.ground,
-            "together": light.together,
-        }
-    )
+    def _unfinished(self, identity: dict[str, Any]) -> str:
+        """Say what is there, and what can be done about it."""
+        try:
+            change = self._change(identity)
+        except PlanFileError as error:
+            return f"{str(error).rstrip('.')}; --force discards it"
+        if change is not None:
+            return (
+                f"{self._place} of another request: {change}; that request with --resume continues it, "
+                "--force discards it"
+            )
+        return f"{self._place} of this request: --resume continues it, --force begins anew"
 
+    def _change(self, identity: dict[str, Any]) -> str | None:
+        """Return in what the request of what is there differs; None if it does not, or nothing says so."""
+        if self.state.exists():
+            return state_difference(read_state(self.state), identity, option)
+        owner = self.regions.owner()
+        if owner is None:
+            return None
+        return first_difference(identity, with_defaults(owner), option)
 
-def _same(first: Any, second: Any) -> bool:
-    """Compare plain values, numbers up to rounding."""
-    if isinstance(first, Mapping) and isinstance(second, Mapping):
-        return first.keys() == second.keys() and all(
-            _same(first[key], second[key]) for key in first
-        )
-    if isinstance(first, list | tuple) and isinstance(second, list | tuple):
-        return len(first) == len(second) and all(map(_same, first, second))
-    if isinstance(first, int | float) and isinstance(second, int | float):
-        return abs(first - second) <= _SAME * max(abs(first), abs(second))
-    return bool(first == second)
+    def _discard(self) -> None:
+        self.regions.remove()
+        try:
+            self.state.unlink(missing_ok=True)
+        except OSError as error:
+            reason = f"{self.state} cannot be deleted: {error.strerror}"
+            raise OutputError(
+                f"--out must be a folder that can be written. Got {reason}."
+            ) from None
+
+    def remove(self) -> None:
+        """Delete all of it, after the end; what stays does no harm: it gives the same plan again."""
+        self.regions.remove()
+        with suppress(OSError):
+            self.state.unlink(missing_ok=True)
+
+    @contextmanager
+    def told(self) -> Iterator[None]:
+        """Tell how to go on when the work is interrupted, if there is something to go on from then."""
+        try:
+            with warnings.catch_warnings():
+                # if it matters in the end, that is told then
+                warnings.filterwarnings("ignore", "state is no longer saved", RuntimeWarning)
+                yield
+        except KeyboardInterrupt:
+            if self:
+                raise KeyboardInterrupt(
+                    "'plan' continues from where it was with --resume"
+                ) from None
+            raise
+
+    @contextmanager
+    def forgotten_if_refused(self) -> Iterator[None]:
+        """Delete regions if the request turns out to be one that cannot be planned: nobody can go on from them."""
+        try:
+            yield
+        except (EntityError, InfeasibleError, RequestError):
+            if not self.state.exists():
+                self.regions.remove()
+            raise

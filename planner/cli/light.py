@@ -73,21 +73,6 @@ def _lamps(text: str | None) -> Any:
     raise RequestError(f"{_RULE} Got {text!r}.")
 
 
-def light_request(options: Any) -> dict[str, Any]:
-    """Return what a plan is known by of what was asked of its lamps; nothing if it needs none."""
-    if options.light is None:
-        return {}
-    kind = options.light.partition(":")[0]
-    kind = kind if kind == RING else "placed" if kind in ("box", "dome") else "fixed"
-    return {
-        "kind": kind,
-        "contrast": options.contrast,
-        "step": options.grey_step,
-        "ground": options.ground,
-        "together": options.together,
-    }
-
-
 def with_light(
     found: InspectionPlan, solid: Solid, lighting: Lighting | None, progress: Progress | None
 ) -> InspectionPlan:

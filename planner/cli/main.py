@@ -13,6 +13,7 @@ import traceback
 from typing import Any, NoReturn
 
 from planner.cli.arguments import (
+    add_again,
     add_asked,
     add_entities,
     add_light,
@@ -107,6 +108,8 @@ def _run(arguments: list[str] | None) -> int:
     """Run a command, and report an error in one line."""
     try:
         options = build_parser().parse_args(arguments)
+        given = sys.argv[1:] if arguments is None else arguments
+        options.typed = {text.partition("=")[0] for text in given if text.startswith("--")}
         with termination_as_interruption():
             from planner.cli import commands
             from planner.cli.checks import check_numbers
@@ -260,6 +263,7 @@ def _add_dimensions(commands: Any) -> None:
 def _add_plan(commands: Any) -> None:
     plan = _command(commands, "plan", "plan the inspection and write plan, graph, report, poses")
     add_part(plan)
+    add_again(plan)
     add_wanted(plan)
     add_asked(plan)
     add_light(plan)

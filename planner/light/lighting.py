@@ -18,7 +18,6 @@ from planner.light.demands import Demands, Planned, demands_of
 from planner.light.lamps import LampSpace, LampsTogether, check_lamps_given
 from planner.light.served import Served
 from planner.progress import Progress, labelled
-from planner.request.reach import reach_name
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -121,29 +120,6 @@ class Lighting:
         """
         if isinstance(self.given, np.ndarray):
             check_lamps(solid, self.given)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what tells this from other lighting, the same in every process.
-
-        Returns
-        -------
-        dict
-            Plain values.
-        """
-        given, content = self.given, {}
-        if isinstance(given, np.ndarray):
-            content = {"places": given.tolist()}
-        elif given is not None:
-            fields = vars(given)
-            content = {k: reach_name(v) if k == "reach" else v for k, v in fields.items()}
-        kind = "ring" if given is None else type(given).__name__
-        rest = {
-            "contrast": self.contrast,
-            "step": self.step,
-            "ground": self.ground,
-            "tolerance_mm": self.tolerance_mm,
-        }
-        return {"kind": kind, "together": self.together, **content, **rest}
 
     def served(self, plan: Planned, solid: Solid, progress: Progress | None = None) -> Served:
         """Return what tells which places of lamps show what a plan measures; it holds no places yet.

@@ -160,12 +160,13 @@ def write_graph(graph: EntityAspectGraph, path: str, parameter: str) -> None:
 
 
 def _kept_elsewhere(what: str, write: Callable[[Path], object], name: str) -> str:
-    """Write to a folder for what is temporary, else to where the process or the user is at home; tell where it is."""
+    """Write to the system's, the current or the user's folder, whichever takes it; return a sentence with the place."""
     reason = ""
-    for parent in (None, Path.cwd(), Path("~").expanduser()):
+    # each is tried on its own: the current folder may be deleted, and a user may have no home
+    for parent in (lambda: None, Path.cwd, Path.home):
         try:
-            folder = Path(tempfile.mkdtemp(prefix="aspectgraph-", dir=parent))
-        except OSError as error:
+            folder = Path(tempfile.mkdtemp(prefix="aspectgraph-", dir=parent()))
+        except (OSError, RuntimeError) as error:
             reason = reason or f"Got: {error}."
             continue
         try:

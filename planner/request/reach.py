@@ -2,7 +2,7 @@
 
 A region is anything with ``margin(positions) -> (n,)``: the distance in mm to its boundary, positive inside. A plain
 ``callable(positions) -> (n,) bool`` is accepted wherever a region is, which is where inverse kinematics goes. A plan
-that is to be resumed tells regions apart by `reach_name`; a region or callable of your own may have an attribute
+that is to be resumed tells regions apart by `reach_identity`; a region or callable of your own may have an attribute
 ``state_name`` that says what it permits.
 """
 
@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from types import BuiltinFunctionType, FunctionType
+from functools import partial
+from types import CodeType, FunctionType, MethodType
 from typing import Any, Protocol
 
 import numpy as np
@@ -201,24 +202,84 @@ def check_reach(reach: Reach | None) -> Reach | None:
     raise RequestError(f"reach must have a margin method or be callable. Got {reach!r}.")
 
 
-def reach_name(reach: Reach | None) -> str:
-    """Return what tells a region from others, the same in every process: a planning state belongs to one region.
+def reach_identity(reach: Reach | None) -> dict[str, Any] | None:
+    """Return what tells a region from others as plain values, the same in every process.
 
-    An attribute ``state_name`` (str), if there is one, is the name. Else a function is known by its module and name,
-    whatever it refers to, and any other region by its content.
+    Parameters
+    ----------
+    reach : Region or callable or None
+        An attribute ``state_name`` (str), if there is one, says what it permits. Otherwise a box and a ball are known
+        by their numbers, another region by its content and its code, and a function by its name and its code.
+
+    Returns
+    -------
+    dict of str to value, or None
+        With the key ``unnamed`` where nothing lasts: of a lambda, of a function inside another one or with variables
+        of one, and of what cannot be pickled.
     """
     if reach is None:
-        return "none"
+        return None
     if hasattr(reach, "state_name"):
-        return str(reach.state_name)
-    if isinstance(reach, FunctionType | BuiltinFunctionType):
-        return f"{reach.__module__}.{reach.__qualname__}"
+        return {"state_name": str(reach.state_name)}
+    if type(reach) is BoxRegion:
+        return {"kind": "BoxRegion", "low": list(reach.low), "high": list(reach.high)}
+    if type(reach) is SphereRegion:
+        return {"kind": "SphereRegion", "centre": list(reach.centre), "radius_mm": reach.radius_mm}
+    name = _name_of(reach)
     try:
-        content = hashlib.sha256(pickle.dumps(reach, protocol=4)).hexdigest()
-    except (pickle.PicklingError, TypeError, AttributeError):
-        # what cannot be packed, such as a connection to a robot
-        content = "unnamed"
-    return f"{type(reach).__module__}.{type(reach).__qualname__} {content}"
+        return {"kind": name, "content": _content_of(reach)}
+    # whatever code of the caller raises, such as that of a connection to a robot
+    except Exception:
+        return {"unnamed": name}
+
+
+def _name_of(reach: Any) -> str:
+    named = reach if hasattr(reach, "__qualname__") else type(reach)
+    return f"{named.__module__}.{named.__qualname__}"
+
+
+def _content_of(reach: Any) -> str:
+    """Return a digest of a callable or region; raise if something of it does not last."""
+    digest = hashlib.sha256()
+    for part in _parts_of(reach):
+        digest.update(hashlib.sha256(part).digest())
+    return digest.hexdigest()
+
+
+def _parts_of(reach: Any) -> Iterator[bytes]:
+    """Yield what a callable or region consists of."""
+    reach = getattr(reach, "py_func", reach)
+    if isinstance(reach, partial):
+        yield from _parts_of(reach.func)
+        yield pickle.dumps((reach.args, sorted(reach.keywords.items())), protocol=4)
+    elif isinstance(reach, MethodType):
+        yield from _parts_of(reach.__func__)
+        yield pickle.dumps(reach.__self__, protocol=4)
+    elif isinstance(reach, FunctionType):
+        if "<" in reach.__qualname__ or reach.__closure__ is not None:
+            raise TypeError(f"{reach.__qualname__} does not last.")
+        yield from _code_of(reach.__code__)
+        yield pickle.dumps((reach.__defaults__, reach.__kwdefaults__), protocol=4)
+    else:
+        yield pickle.dumps(reach, protocol=4)
+        for name in ("margin", "__call__"):
+            function = getattr(type(reach), name, None)
+            if isinstance(function, FunctionType):
+                yield from _code_of(function.__code__)
+
+
+def _code_of(code: CodeType) -> Iterator[bytes]:
+    """Yield instructions, names and constants of compiled Python."""
+    yield code.co_code
+    yield repr(code.co_names).encode()
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _code_of(constant)
+        elif isinstance(constant, frozenset):
+            # the order of a set is another one in every process
+            yield repr(sorted(map(repr, constant))).encode()
+        else:
+            yield repr(constant).encode()
 
 
 def reach_margin(reach: Reach, positions: np.ndarray) -> np.ndarray:

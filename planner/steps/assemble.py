@@ -60,6 +60,7 @@ def assembled(
         seed=run.seed,
         dimensions=planned_dimensions(request),
         requirements=request.requirements.to_dict(),
+        request=run.memo.identity,
         unfinished=unfinished,
     )
     return with_lines_in_windows(found, request)

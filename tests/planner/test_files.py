@@ -3,11 +3,15 @@
 import errno
 import os
 import stat
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
 from pipes_to_write import read_while
 
+from planner import files
 from planner.exceptions import OutputError
 from planner.files import check_file_place, output_folder, staged_folder, write_text
 
@@ -145,16 +149,57 @@ def test_a_folder_whose_parent_cannot_be_written_will_do(out, monkeypatch):
     assert contents(out)["plan.json"] == "new"
 
 
-def test_what_a_killed_run_left_is_removed_by_the_next(out):
-    for name in (
-        ".aspectgraph-abc/plan.json",
-        ".aspectgraph-abc-old-plan.json",
-        "colmap/.aspectgraph-abc-new-images.txt",
-    ):
-        (out / name).parent.mkdir(exist_ok=True)
-        (out / name).write_text("half")
+def hidden_by(out, pid):
+    """Leave in a folder what a process leaves that is killed while it writes."""
+    name = f".aspectgraph-{files._this_host()}-{pid}-abc"
+    left = (f"{name}/plan.json", f"{name}-old-plan.json", f"colmap/{name}-new-images.txt")
+    for path in left:
+        (out / path).parent.mkdir(exist_ok=True)
+        (out / path).write_text("half")
+    return set(left)
+
+
+@pytest.fixture
+def dead_pid():
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    process.wait()
+    return process.pid
+
+
+def test_what_a_killed_run_left_is_removed_by_the_next(out, dead_pid):
+    hidden_by(out, dead_pid)
     write(out, NAMES, "new")
     assert set(contents(out)) == {*NAMES, "notes.txt", "colmap/database.db"}
+
+
+def test_what_another_process_writes_just_now_is_left_alone(out):
+    """The parent of this process runs as long as the test."""
+    live = hidden_by(out, os.getppid())
+    # of a program that did not write its id, or of another machine
+    for name in (".aspectgraph-x1", ".aspectgraph-01234567-1-x2"):
+        (out / name).write_text("half")
+        live.add(name)
+    write(out, NAMES, "new")
+    assert live <= set(contents(out))
+    # two days later nobody writes there any more
+    for name in live:
+        os.utime(out / name, (time.time() - 2 * 86_400,) * 2, follow_symlinks=False)
+        os.utime((out / name).parent, (time.time() - 2 * 86_400,) * 2)
+    write(out, NAMES, "new")
+    assert set(contents(out)) == {*NAMES, "notes.txt", "colmap/database.db"}
+
+
+def test_nothing_is_written_through_a_link_in_the_place_of_a_folder(out, tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    for path in (out / "colmap").iterdir():
+        path.unlink()
+    (out / "colmap").rmdir()
+    (out / "colmap").symlink_to(tmp_path / "elsewhere")
+    assert "colmap is a link to another folder" in refused(out)
+    with pytest.raises(OutputError, match="colmap is a link to another folder"):
+        write(out, NAMES, "new")
+    assert list((tmp_path / "elsewhere").iterdir()) == []
+    assert contents(out)["plan.json"] == "old"
 
 
 def test_the_reason_behind_an_error_in_the_block_is_told(tmp_path):

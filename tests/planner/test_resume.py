@@ -20,7 +20,7 @@ from planner.exceptions import OutputError, PlanFileError
 from planner.inspection import plan_inspection
 from planner.records.packing import packed, unpacked
 from planner.request.effort import Effort
-from planner.request.reach import reach_name
+from planner.request.reach import reach_identity
 from planner.resume import PlanningState, holds_plan
 
 # a narrow field of view, so that column generation, sweeps of the proof and refutations all have something to do
@@ -238,7 +238,7 @@ def test_state_of_another_request_is_refused(space, whole, tmp_path, change):
         plan_box(space, path, stop_at(10))
     before = path.read_bytes()
     with pytest.raises(
-        PlanFileError, match="state file must belong to the same part, entities, camera, limits"
+        PlanFileError, match="state file must belong to the same request and version of the program"
     ):
         plan_box(space, path, **change)
     assert path.read_bytes() == before
@@ -246,22 +246,24 @@ def test_state_of_another_request_is_refused(space, whole, tmp_path, change):
 
 def test_state_of_another_version_of_the_program_is_refused(tmp_path, monkeypatch):
     path = tmp_path / "state.json"
-    monkeypatch.setattr(resume, "version", lambda name: "0.0.1")
+    monkeypatch.setattr(resume, "program_digest", lambda: "1" * 64)
     first = PlanningState({}, path)
     first.put(["a"], Outcome(reason="no view"))
     first.save()
-    monkeypatch.setattr(resume, "version", lambda name: "0.0.2")
-    with pytest.raises(PlanFileError, match=r"version of the program\. Got another request's"):
+    monkeypatch.setattr(resume, "program_digest", lambda: "2" * 64)
+    with pytest.raises(PlanFileError, match=r"Got another one: the version of the program changed"):
         PlanningState({}, path)
 
 
-def test_state_of_an_earlier_format_is_refused_clearly(tmp_path):
+@pytest.mark.parametrize("version", [1, 2])
+def test_state_of_an_earlier_format_is_refused_clearly(tmp_path, version):
     path = tmp_path / "state.json"
     path.write_text(
-        json.dumps({"format": resume.FORMAT, "version": 1, "request": "0", "outcomes": {}})
+        json.dumps({"format": resume.FORMAT, "version": version, "request": "0", "outcomes": {}})
     )
     with pytest.raises(
-        PlanFileError, match=r"must be a planning state of version 2\. Got version 1, which another"
+        PlanFileError,
+        match=rf"must be a planning state of version 3\. Got version {version}, which another",
     ):
         PlanningState({}, path)
     assert not holds_plan(path)
@@ -392,7 +394,8 @@ regions = [
 def test_a_region_has_the_same_name_in_every_process_and_another_than_others():
     script = (
         REGIONS
-        + "import json\nfrom planner.request.reach import reach_name\nprint(json.dumps([*map(reach_name, regions)]))"
+        + "import json\nfrom planner.request.reach import reach_identity\n"
+        + "print(json.dumps([*map(reach_identity, regions)]))"
     )
     runs = [
         subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
@@ -400,9 +403,14 @@ def test_a_region_has_the_same_name_in_every_process_and_another_than_others():
     ]
     names = json.loads(runs[0].stdout)
     assert json.loads(runs[1].stdout) == names
-    assert len(set(names)) == len(names)
-    assert not any("0x" in name for name in names)
-    assert names[5:7] == ["robot of cell 7", "__main__.above"]
+    assert len({json.dumps(name) for name in names}) == len(names)
+    assert not any("0x" in json.dumps(name) for name in names)
+    assert names[0] is None
+    assert names[1] == {"kind": "BoxRegion", "low": [0, 0, 0], "high": [1, 1, 1]}
+    assert names[5] == {"state_name": "robot of cell 7"}
+    assert names[6]["kind"] == "__main__.above"
+    # nobody can know another lambda from this one
+    assert names[-1] == {"unnamed": "__main__.<lambda>"}
 
 
 def test_a_mesh_is_known_by_its_content():
@@ -410,9 +418,11 @@ def test_a_mesh_is_known_by_its_content():
     triangles = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
     used = MeshRegion(corners.astype(float), np.array(triangles, dtype=np.int32))
     used.margin(np.zeros((1, 3)))
-    assert reach_name(used) == reach_name(MeshRegion(np.asfortranarray(corners), triangles))
-    assert reach_name(used) != reach_name(MeshRegion(corners, triangles[::-1]))
-    assert reach_name(SphereRegion((0, 0, 0), 1.0)) != reach_name(SphereRegion((0, 0, 0), 2.0))
+    assert reach_identity(used) == reach_identity(MeshRegion(np.asfortranarray(corners), triangles))
+    assert reach_identity(used) != reach_identity(MeshRegion(corners, triangles[::-1]))
+    assert reach_identity(SphereRegion((0, 0, 0), 1.0)) != reach_identity(
+        SphereRegion((0, 0, 0), 2.0)
+    )
 
 
 def test_a_plan_with_a_mesh_to_reach_is_resumed_by_another_region_object(space, tmp_path):

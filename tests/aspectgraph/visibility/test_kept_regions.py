@@ -60,6 +60,44 @@ def test_another_request_is_computed(block, tmp_path, monkeypatch):
             compute_regions(block, edges, box, kept=kept)
 
 
+def test_regions_of_another_request_are_not_taken_and_say_whose_they_are(
+    block, tmp_path, monkeypatch
+):
+    kept = KeptRegions(tmp_path / "kept", {"seed": 1})
+    first = compute_regions(block, EDGES, BOX, kept=kept)
+    assert kept.owner() == {"seed": 1}
+    assert KeptRegions(tmp_path / "kept").owner() == {"seed": 1}
+    assert KeptRegions(tmp_path / "none").owner() is None
+    monkeypatch.setattr("aspectgraph.visibility.visibility_regions.observable_region", refuse)
+    again = KeptRegions(kept.folder, {"seed": 1})
+    assert same(compute_regions(block, EDGES, BOX, kept=again), first)
+    with pytest.raises(RuntimeError, match="computed again"):
+        compute_regions(block, EDGES, BOX, kept=KeptRegions(kept.folder, {"seed": 2}))
+
+
+def test_regions_of_other_code_are_not_taken(block, tmp_path, monkeypatch):
+    kept = KeptRegions(tmp_path)
+    compute_regions(block, EDGES, BOX, kept=kept)
+    monkeypatch.setattr("aspectgraph.visibility.kept_regions.code_digest", lambda names: "other")
+    monkeypatch.setattr("aspectgraph.visibility.visibility_regions.observable_region", refuse)
+    with pytest.raises(RuntimeError, match="computed again"):
+        compute_regions(block, EDGES, BOX, kept=kept)
+
+
+def test_nothing_is_read_or_written_through_a_link(block, tmp_path):
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "mine").write_text("mine")
+    (tmp_path / "kept").symlink_to(elsewhere)
+    kept = KeptRegions(tmp_path / "kept", {"seed": 1})
+    assert not kept
+    compute_regions(block, EDGES, BOX, kept=kept)
+    assert kept.get("e1") is None
+    kept.remove()
+    assert not (tmp_path / "kept").is_symlink()
+    assert [path.name for path in elsewhere.iterdir()] == ["mine"]
+
+
 @pytest.mark.parametrize(
     "damage", [lambda b: b"", lambda b: b[:-40], lambda b: b[:200] + b"x" + b[201:], lambda b: b"x"]
 )

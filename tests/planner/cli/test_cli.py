@@ -14,7 +14,7 @@ from plan_examples import plan
 
 from planner.cli import commands
 from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
-from planner.cli.leftovers import REGIONS_FOLDER
+from planner.cli.folder_owner import REGIONS_FOLDER
 from planner.cli.main import main
 from planner.columns.outcome import Outcome
 from planner.exceptions import OutputError
@@ -56,13 +56,11 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def quick(monkeypatch):
-    from planner.inspection import plan_inspection
+    """Search little where no effort is asked for."""
     from planner.request.effort import Effort
 
     effort = Effort(viewpoints=20, pricing_rounds=5, refutations=1, bound_nodes=3000)
-    monkeypatch.setattr(
-        commands, "plan_inspection", lambda *a, **k: plan_inspection(*a, **{"effort": effort, **k})
-    )
+    monkeypatch.setattr("planner.identity.resolve_request.Effort", lambda: effort)
 
 
 PLAN = [
@@ -241,7 +239,7 @@ def test_visible_regions_are_kept_before_there_is_a_state(folder, quick, capsys,
         patch.setattr("aspectgraph.visibility.visibility_regions.observable_region", interrupt)
         assert main([*PLAN, "--jobs", "1", "--resume"]) == DONE
     assert REGIONS_FOLDER not in os.listdir(folder / "out")
-    # without --resume they are forgotten
+    # with --force they are forgotten
     with monkeypatch.context() as patch:
         patch.setattr("planner.steps.incumbents.first_poses", interrupt)
         assert main([*PLAN, "--jobs", "1", "--force"]) == INCOMPLETE
@@ -430,11 +428,13 @@ def test_malformed_files_are_named(folder, capsys):
 
 def test_state_of_another_request_is_refused(folder, quick, capsys):
     (folder / "out").mkdir()
-    other = PlanningState({"part": "another"}, folder / "out" / commands.STATE_FILE)
+    other = PlanningState({"part": {"name": "another"}}, folder / "out" / commands.STATE_FILE)
     other.put(["rim"], Outcome(reason="hidden"))
     other.save()
     lines = failure(capsys, [*PLAN, "--resume"])
-    assert "must belong to the same part" in lines[-1]
+    assert len(lines) == 1
+    assert "--resume must be of the same request. Got" in lines[0]
+    assert "of another one: the part was 'another' and is now 'block'" in lines[0]
 
 
 def test_boxes_too_near_each_other_are_refused_before_planning(folder, capsys):
@@ -501,7 +501,7 @@ def test_a_state_that_cannot_be_resumed_is_refused_before_any_work(folder, capsy
     )
     lines = failure(capsys, [*PLAN, "--resume"])
     assert len(lines) == 1
-    assert "must be a planning state of version 2. Got version 1" in lines[0]
+    assert "must be a planning state of version 3. Got version 1" in lines[0]
 
 
 def test_help_explains_and_is_quick():
@@ -577,7 +577,10 @@ def test_time_limit_and_gap_end_a_plan(folder, quick, capsys):
     assert "unfinished" not in record
     assert not read_plan(folder / "out" / "plan.json").unfinished
     assert commands.STATE_FILE not in os.listdir(folder / "out")
-    assert main([*PLAN, "--gap", "0.9", "--effort", "quick"]) == DONE
+    # what may end the search sooner is of the request, too
+    (line,) = failure(capsys, [*PLAN, "--gap", "0.9"])
+    assert line.endswith("plan.json of another request: --gap was 0 and is now 0.9.")
+    assert main([*PLAN, "--gap", "0.9", "--effort", "quick", "--force"]) == DONE
 
 
 @pytest.mark.parametrize(

@@ -1,77 +1,252 @@
-"""An output folder belongs to one plan."""
+"""An output folder belongs to one request; what is unfinished in it is never deleted in silence."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import fields, replace
 
+import numpy as np
 import pytest
-from plan_examples import ENTITIES, plan
+from plan_examples import CAMERA, ENTITIES, LIGHT, UNCERTAINTY, plan
 
-from planner.cli.folder_owner import check_owner, request_of
-from planner.exceptions import OutputError
+from errors.measurands import Localisation
+from planner.camera.camera import Camera
+from planner.cli.arguments import add_asked, add_light, add_wanted, add_workspace
+from planner.cli.folder_owner import REGIONS_FOLDER, STATE_FILE, Leftovers, check_owner, option
+from planner.columns.outcome import Outcome
+from planner.exceptions import OutputError, PlanFileError
+from planner.identity.inspection_request import InspectionRequest, PartRecord
+from planner.identity.target_record import EntityRecord, TargetRecord
+from planner.light.lighting import Lighting
+from planner.request.constraints import Requirements
+from planner.request.effort import Effort
+from planner.resume import PlanningState
 
 LIMITS = dict.fromkeys(
     ("min_length_px", "field_margin_px", "focus_margin_mm", "stand_off_mm", "visibility_radius_mm"),
     1.0,
 )
+
+
+def targets(**changes):
+    """Records of the edges of the hand-made plan; a change is another edge, with other ends."""
+    edges = {name: (k, np.array(ends)) for k, (name, ends) in enumerate(ENTITIES.items())}
+    edges |= changes
+    return tuple(
+        TargetRecord(name, "edge", np.array(ends), (EntityRecord(name, "edge", (edge,)),))
+        for name, (edge, ends) in edges.items()
+    )
+
+
+def request_(**changes):
+    """The request of the hand-made plan."""
+    return InspectionRequest(
+        **{
+            "part": PartRecord("block", "0" * 64),
+            "targets": targets(),
+            "camera": CAMERA,
+            "pose_uncertainty": UNCERTAINTY,
+            "localisation": Localisation.rounding(),
+            "accuracy": 0.98,
+            "probability": 0.9,
+            "requirements": Requirements(**LIMITS),
+            "workspace": np.array([[-900.0] * 3, [900.0] * 3]),
+            "lighting": None,
+            "ring": None,
+            "seed": 5,
+            "effort": Effort(),
+            **changes,
+        }
+    )
+
+
 OTHERS = {
-    "part": ({"part": "bracket"}, "another part, 'block' and not 'bracket'"),
-    "seed": ({"seed": 6}, "another seed, 5 and not 6"),
-    "accuracy": ({"accuracy": 0.97}, "another accuracy, 0.98 and not 0.97"),
-    "workspace": ({"workspace": [[-1, -1, -1], [900, 900, 900]]}, "another workspace."),
-    "limits": ({"requirements": {**LIMITS, "stand_off_mm": 60.0}}, "another limits."),
-    "entities": (
-        {
-            "entities": {**ENTITIES, "more": [[0, 0, 0], [0, 50, 0]]},
-            "uninspectable": {"bottom": "", "more": ""},
-        },
-        "another set of entities.",
+    "part": ({"part": PartRecord("bracket", "0" * 64)}, "part was 'block' and is now 'bracket'"),
+    "seed": ({"seed": 6}, "--seed was 5 and is now 6"),
+    "accuracy": ({"accuracy": 0.97}, "--accuracy was 0.98 and is now 0.97"),
+    "workspace": ({"workspace": np.array([[-1.0] * 3, [900.0] * 3])}, "--workspace changed"),
+    "limits": (
+        {"requirements": Requirements(**{**LIMITS, "stand_off_mm": 60.0})},
+        "--stand-off was 1 and is now 60",
     ),
+    "camera": ({"camera": Camera.named("basler-acA2440-20gm-8mm")}, "--camera changed"),
+    "new entity": (
+        {"targets": targets(more=(9, [[0.0, 0, 0], [0, 50, 0]]))},
+        "target 'more' is new",
+    ),
+    "another edge": (
+        {"targets": targets(bottom=(17, [[0.0, 0, 0], [0, 50, 0]]))},
+        "target 'bottom'",
+    ),
+    "lighting": ({"lighting": Lighting("ring")}, "--light"),
+}
+# what a file of an earlier program does not tell
+UNTOLD = {
+    "effort": ({"effort": Effort.named("quick")}, "--effort changed: pricing rounds was 50"),
+    "gap": ({"gap": 0.2}, "--gap was 0 and is now 0.2"),
+    "localisation": ({"localisation": Localisation.gaussian(0.1)}, "--localisation changed: model"),
+    "shape": ({"part": PartRecord("block", "1" * 64)}, "the shape of the part changed"),
 }
 
 
-@pytest.fixture
-def folder(tmp_path):
-    plan(requirements=LIMITS).write(tmp_path / "plan.json")
-    return tmp_path
+def write_plan(folder, request, **changes):
+    plan(requirements=LIMITS, request=request.identity(), **changes).write(folder / "plan.json")
 
 
-def test_the_same_request_and_an_empty_folder_are_welcome(folder, tmp_path):
-    asked, before = (
-        request_of(plan(requirements=LIMITS, lower_bound=2)),
-        (folder / "plan.json").read_bytes(),
-    )
-    check_owner(folder, asked, force=False)
-    check_owner(tmp_path / "new", asked, force=False)
+def test_the_same_request_and_an_empty_folder_are_welcome(tmp_path):
+    write_plan(tmp_path, request_())
+    before = (tmp_path / "plan.json").read_bytes()
+    check_owner(tmp_path, request_(), force=False)
+    check_owner(tmp_path / "new", request_(), force=False)
     # asking replaces and makes nothing
-    assert (folder / "plan.json").read_bytes() == before
+    assert (tmp_path / "plan.json").read_bytes() == before
     assert not (tmp_path / "new").exists()
 
 
-@pytest.mark.parametrize("case", OTHERS)
-def test_another_request_needs_force(folder, case):
-    changes, message = OTHERS[case]
-    asked = request_of(plan(**{"requirements": LIMITS, **changes}))
+@pytest.mark.parametrize("case", [*OTHERS, *UNTOLD])
+def test_another_request_needs_force_and_the_option_is_named(tmp_path, case):
+    changes, message = {**OTHERS, **UNTOLD}[case]
+    write_plan(tmp_path, request_())
     with pytest.raises(
         OutputError, match="--out must be a folder without another plan; --force replaces it"
     ) as caught:
-        check_owner(folder, asked, force=False)
+        check_owner(tmp_path, request_(**changes), force=False)
     assert message in str(caught.value)
-    check_owner(folder, asked, force=True)
+    check_owner(tmp_path, request_(**changes), force=True)
 
 
-def test_a_plan_without_limits_is_replaced_by_one_with_limits(tmp_path):
+@pytest.mark.parametrize("case", [one for one in OTHERS if one != "lighting"])
+def test_of_a_plan_of_an_earlier_program_what_it_tells_is_compared(tmp_path, case):
+    """It does not store the request: its entities, limits and camera say most of it."""
+    plan(requirements=LIMITS).write(tmp_path / "plan.json")
+    check_owner(tmp_path, request_(), force=False)
+    changes, message = OTHERS[case]
+    with pytest.raises(OutputError) as caught:
+        check_owner(tmp_path, request_(**changes), force=False)
+    assert message in str(caught.value)
+
+
+def test_what_an_earlier_program_does_not_tell_is_not_held_against_it(tmp_path):
     plan().write(tmp_path / "plan.json")
-    limited, other = (
-        request_of(plan(requirements=LIMITS, **changes)) for changes in ({}, {"seed": 6})
-    )
-    check_owner(tmp_path, limited, force=False)
-    # what it does not tell is not held against it; what it tells is
-    with pytest.raises(OutputError, match="another seed, 5 and not 6"):
-        check_owner(tmp_path, other, force=False)
+    for changes, _ in UNTOLD.values():
+        check_owner(tmp_path, request_(**changes), force=False)
+    check_owner(tmp_path, request_(requirements=Requirements()), force=False)
+    plan(light=LIGHT).write(tmp_path / "plan.json")
+    with pytest.raises(OutputError, match="--light changed"):
+        check_owner(tmp_path, request_(), force=False)
+    lamps = Lighting([[0.0, 0.0, 900.0]], LIGHT.contrast, LIGHT.step, LIGHT.ground)
+    check_owner(tmp_path, request_(lighting=lamps), force=False)
+    with pytest.raises(OutputError, match=r"--grey-step was 0\.05 and is now 0\.5"):
+        check_owner(tmp_path, request_(lighting=replace(lamps, step=0.5)), force=False)
 
 
-def test_a_file_that_is_no_plan_is_not_replaced_either(folder):
-    (folder / "plan.json").write_text(json.dumps({"mine": 1}))
+def test_a_file_that_is_no_plan_is_not_replaced_either(tmp_path):
+    (tmp_path / "plan.json").write_text(json.dumps({"mine": 1}))
     with pytest.raises(OutputError, match=r"Got .*plan\.json: format must be"):
-        check_owner(folder, request_of(plan()), force=False)
+        check_owner(tmp_path, request_(), force=False)
+
+
+def test_every_field_of_a_request_is_named_as_an_option_that_there_is():
+    """So is one that is added, if its option has its name."""
+    import argparse
+
+    parser = argparse.ArgumentParser()
+    for add in (add_wanted, add_asked, add_light, add_workspace):
+        add(parser)
+    names = [one.name for kind in (InspectionRequest, Lighting) for one in fields(kind)]
+    names += [one.name for one in fields(Requirements)]
+    # what the command line cannot ask for, and what is no word of an error
+    names = set(names) - {
+        *("part", "targets", "requirements", "reach", "field_of_view", "showing"),
+        *("tolerance_mm", "pose_uncertainty"),
+    }
+    for name in names:
+        assert option(name) in parser._option_string_actions, name
+
+
+# --- what an interrupted planning left ------------------------------------------------------------------------------
+
+
+def unfinished(folder, request, kind):
+    """Leave what a killed planning leaves: its state, or regions only."""
+    if kind == "state":
+        state = PlanningState(request.identity(), folder / STATE_FILE)
+        state.put(["top front"], Outcome(reason="hidden"))
+        state.save()
+    else:
+        (folder / REGIONS_FOLDER).mkdir()
+        (folder / REGIONS_FOLDER / "request.json").write_text(json.dumps(request.identity()))
+        (folder / REGIONS_FOLDER / "abc.npz").write_text("hours of work")
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def prepare(folder, request, *, resume=False, force=False):
+    leftovers = Leftovers(folder)
+    leftovers.prepare(request, resume=resume, force=force, quiet=True)
+    return leftovers
+
+
+@pytest.mark.parametrize("kind", ["state", "regions"])
+def test_unfinished_work_of_another_request_is_refused_and_stays(tmp_path, kind):
+    left = unfinished(tmp_path, request_(), kind)
+    place = tmp_path / (STATE_FILE if kind == "state" else REGIONS_FOLDER)
+    with pytest.raises(OutputError) as caught:
+        prepare(tmp_path, request_(seed=6))
+    assert str(caught.value) == (
+        f"--out must be a folder without an unfinished plan. Got {place} of another request: "
+        "--seed was 5 and is now 6; that request with --resume continues it, --force discards it."
+    )
+    with pytest.raises(PlanFileError, match="--seed was 5 and is now 6; --force without --resume"):
+        prepare(tmp_path, request_(seed=6), resume=True)
+    # with both, only a plan may be replaced
+    with pytest.raises(PlanFileError, match="--resume must be of the same request"):
+        prepare(tmp_path, request_(seed=6), resume=True, force=True)
+    assert {path: path.read_bytes() for path in left} == left
+    prepare(tmp_path, request_(seed=6), force=True)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", ["state", "regions"])
+def test_unfinished_work_of_the_same_request_is_continued_or_discarded_as_the_user_says(
+    tmp_path, kind
+):
+    left = unfinished(tmp_path, request_(), kind)
+    with pytest.raises(
+        OutputError, match="of this request: --resume continues it, --force begins anew"
+    ):
+        prepare(tmp_path, request_())
+    prepare(tmp_path, request_(), resume=True)
+    assert {path: path.read_bytes() for path in left} == left
+    prepare(tmp_path, request_(), force=True)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_damaged_state_is_refused_and_stays(tmp_path):
+    (tmp_path / STATE_FILE).write_text("{")
+    with pytest.raises(OutputError, match=r"must be JSON\. Got.*; --force discards it\.$"):
+        prepare(tmp_path, request_())
+    assert (tmp_path / STATE_FILE).read_text() == "{"
+    with pytest.raises(PlanFileError, match="must be JSON"):
+        prepare(tmp_path, request_(), resume=True)
+    prepare(tmp_path, request_(), force=True)
+    assert not (tmp_path / STATE_FILE).exists()
+
+
+def test_regions_of_an_earlier_program_are_of_nobody_known(tmp_path):
+    (tmp_path / REGIONS_FOLDER).mkdir()
+    (tmp_path / REGIONS_FOLDER / "abc.npz").write_text("hours of work")
+    with pytest.raises(OutputError, match="--resume continues it, --force begins anew"):
+        prepare(tmp_path, request_())
+    assert prepare(tmp_path, request_(), resume=True)
+
+
+@pytest.mark.parametrize("given", [{}, {"resume": True}, {"force": True}])
+def test_regions_are_not_kept_through_a_link(tmp_path, given):
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "mine").write_text("mine")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / REGIONS_FOLDER).symlink_to(elsewhere)
+    with pytest.raises(OutputError, match="in which planning-regions is no link"):
+        prepare(tmp_path / "out", request_(), **given)
+    assert [path.name for path in elsewhere.iterdir()] == ["mine"]

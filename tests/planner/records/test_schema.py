@@ -275,8 +275,9 @@ def test_folder_instead_of_a_file_is_named(tmp_path):
 
 STATE = {
     "format": "aspectgraph planning state",
-    "version": 2,
-    "request": "0" * 64,
+    "version": 3,
+    "request": {},
+    "program": "0" * 64,
     "outcomes": {'["a"]': {"reason": "hidden"}},
     "checkpoint": None,
     "plan": None,
@@ -300,6 +301,16 @@ WRONG_STATE = {
         "checkpoint.pools must be given. Got none.",
     ),
     "digest": ({"digest": 7}, "digest must be 64 hexadecimal digits. Got 7."),
+    "program": ({"program": 7}, "program must be 64 hexadecimal digits. Got 7."),
+    "request": ({"request": "0" * 64}, "request must be an object that holds what was asked for."),
+    "targets": (
+        {
+            "request": {
+                "targets": [{"name": "a", "kind": "edge", "ends": [[0, 0, 0]], "entities": []}]
+            }
+        },
+        "request.targets[0].ends must have the shape (2, 3). Got (1, 3).",
+    ),
     "no plan": ({"plan": 7}, "plan must be an object or null. Got 7."),
     "plan's field": (
         {"plan": changed(("accuracy",), 2)},

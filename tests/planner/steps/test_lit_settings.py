@@ -19,6 +19,7 @@ from planner import (
     plan_inspection,
     plan_light,
 )
+from planner.identity.plain import plain_value
 from planner.light.light_plan import LightPlan
 from planner.request.defaults import default_workspace
 from planner.setting import pose_setting
@@ -134,5 +135,5 @@ def test_lighting_tells_what_is_asked():
     assert repr(Lighting(LampBox((0, 0, 0), (1, 1, 1)), 0.2)).startswith(
         "<Lighting by the box of lamps: contrast 0.2"
     )
-    assert Lighting([EVEN]).to_dict() == Lighting(np.array([EVEN])).to_dict()
-    assert Lighting([EVEN]).to_dict() != Lighting([EVEN], step=0.3).to_dict()
+    assert plain_value(Lighting([EVEN])) == plain_value(Lighting(np.array([EVEN])))
+    assert plain_value(Lighting([EVEN])) != plain_value(Lighting([EVEN], step=0.3))

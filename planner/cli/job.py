@@ -1,0 +1,217 @@
+"""What `plan` is to do: the request, built once from the options or from the file of a plan."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aspectgraph import AspectGraphError, SolidChoice, read_solid
+from planner.camera.camera import Camera
+from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.cli.light import read_lighting
+from planner.cli.wanted import Wanted, read_request
+from planner.exceptions import PlanFileError, RequestError
+from planner.identity.inspection_request import InspectionRequest, PartRecord
+from planner.identity.of_plan import SOURCE
+from planner.identity.resolve_request import Promise, resolve_request
+from planner.identity.restore import restored_options, restored_request
+from planner.inspection_options import InspectionOptions
+from planner.plan import read_plan
+from planner.request.defaults import default_workspace
+from planner.request.effort import Effort
+from planner.showing.showing import Showing
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+
+# with --again, what else may be given
+_BESIDE_AGAIN = {
+    *("--again", "--out", "--jobs", "--resume", "--force", "--graph-limit", "--simulate"),
+    *("--time-limit", "--json", "--quiet", "--verbose"),
+}
+
+
+@dataclass(frozen=True)
+class Job:
+    """A request, and what a call of `plan_inspection` needs to answer it.
+
+    Attributes
+    ----------
+    request : InspectionRequest
+        What is asked.
+    solid : Solid
+        The part.
+    wanted : Wanted
+        What is to be inspected, and what of it cannot be.
+    options : InspectionOptions
+        Options of `plan_inspection`.
+    part : str
+        The part's file.
+    reading : dict of str to value
+        How it is read, as `aspectgraph.read_solid` takes it.
+    """
+
+    request: InspectionRequest
+    solid: Solid
+    wanted: Wanted
+    options: InspectionOptions
+    part: str
+    reading: dict[str, Any]
+
+    def keywords(self, **more: Any) -> dict[str, Any]:
+        """Return all keywords of `plan_inspection`; ``more`` replaces some."""
+        asked = self.request
+        promise = {
+            "accuracy": asked.accuracy,
+            "probability": asked.probability,
+            "rng": asked.seed,
+        }
+        own = {one.name: getattr(self.options, one.name) for one in fields(self.options)}
+        return {**promise, **own, **more}
+
+
+def read_job(options: argparse.Namespace) -> Job:
+    """Return what the options of `plan` ask for.
+
+    Raises
+    ------
+    RequestError, ReadError, EntityError, PlanFileError
+        If they ask for what is not there, or break a rule.
+    """
+    if options.again is not None:
+        return _job_again(options)
+    camera = read_camera(options.camera)
+    uncertainty = PoseUncertainty.isotropic(
+        translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
+    )
+    solid = read_part(options)
+    wanted = read_request(options, solid)
+    box = workspace_of(options)
+    given = inspection_options(
+        options,
+        lamps=read_lighting(options),
+        localisation=wanted.localisation,
+        workspace=default_workspace(solid, camera) if box is None else box,
+    )
+    promise = Promise(options.accuracy, options.probability, options.seed)
+    request = resolve_request(solid, wanted.items, camera, uncertainty, promise, given).request
+    return Job(request, solid, wanted, given, options.part, reading_of(options))
+
+
+def inspection_options(options: argparse.Namespace, **more: Any) -> InspectionOptions:
+    """Return the options of `plan_inspection` that the command line gives.
+
+    An option that has the same name there is taken over as it is; ``more`` holds what is not.
+    """
+    names = {one.name for one in fields(InspectionOptions)}
+    same = {name: value for name, value in vars(options).items() if name in names}
+    effort = getattr(options, "effort", None)
+    given = {
+        "stand_off_mm": options.stand_off,
+        "showing": Showing(options.separation_px, options.surround_px, options.min_corner_deg),
+        "effort": None if effort is None else Effort.named(effort),
+        "workspace": None,
+        "localisation": None,
+    }
+    return InspectionOptions(**{**same, **given, **more})
+
+
+def _job_again(options: argparse.Namespace) -> Job:
+    """Return the job whose plan a file holds."""
+    for name in options.typed:
+        if name not in _BESIDE_AGAIN and name not in _READING:
+            raise RequestError(
+                f"{name} must not be given with --again, which takes the request from the plan. "
+                f"Got {name}."
+            )
+    path = Path(options.again)
+    plan = read_plan(path)
+    if not plan.request:
+        raise PlanFileError(
+            f"{path}: plan file must hold its request. Got one of an earlier program; plan it from its part once more."
+        )
+    try:
+        asked = restored_request(plan.request)
+        part, reading = _part_again(options, path, plan.request)
+    except PlanFileError as error:
+        raise PlanFileError(f"{path}: {error}") from None
+    solid = _read(part, reading)
+    if asked.part is None or asked.part.digest != PartRecord.of(solid).digest:
+        raise RequestError(
+            f"the part must be the one that was planned. Got {part}, which has another shape: "
+            "plan it from its options."
+        )
+    items = {record.name: record.item_of(solid) for record in asked.targets or ()}
+    given = restored_options(asked)
+    promise = Promise(asked.accuracy, asked.probability, asked.seed)
+    resolved = resolve_request(solid, items, asked.camera, asked.pose_uncertainty, promise, given)
+    wanted = Wanted(items, resolved.entities, asked.localisation)
+    return Job(resolved.request, solid, wanted, given, part, reading)
+
+
+# how a part's file is read
+_READING = ("--units", "--solids", "--occluders", "--gap-mm")
+
+
+def _part_again(
+    options: argparse.Namespace, path: Path, stored: Mapping[str, Any]
+) -> tuple[str, dict[str, Any]]:
+    """Return the part's file and how it is read: as given, or as the plan stores it."""
+    source = stored.get(SOURCE)
+    if options.part is not None:
+        kept = {} if source is None else {k: v for k, v in source.items() if k != "file"}
+        typed = {name: value for name, value in reading_of(options).items() if value is not None}
+        return options.part, {**kept, **typed}
+    if any(name in options.typed for name in _READING):
+        raise RequestError("the part must be given with options that say how to read it. Got none.")
+    if not isinstance(source, dict) or not isinstance(source.get("file"), str):
+        raise PlanFileError("request.source must name the part's file. Got none; give PART, too.")
+    return str(path.parent / source["file"]), {k: v for k, v in source.items() if k != "file"}
+
+
+def reading_of(options: argparse.Namespace) -> dict[str, Any]:
+    """Return how the part is to be read, as `aspectgraph.read_solid` takes it, with ``occluders`` apart."""
+    return {
+        "units": options.units,
+        "solids": options.solids,
+        "occluders": options.occluders,
+        "gap_mm": options.gap_mm,
+    }
+
+
+def read_part(options: argparse.Namespace) -> Solid:
+    """Read the part; an error names the file."""
+    return _read(options.part, reading_of(options))
+
+
+def _read(part: str, reading: dict[str, Any]) -> Solid:
+    given = dict(reading)
+    occluders = given.pop("occluders", None)
+    if occluders:
+        given["solids"] = SolidChoice(given.get("solids"), occluders)
+    try:
+        return read_solid(part, **given)
+    except AspectGraphError as error:
+        if str(part) in str(error):
+            raise
+        raise type(error)(f"{part}: {error}") from None
+
+
+def read_camera(text: str) -> Camera:
+    """Return the camera of a TOML file, or the one with that name in the catalogue."""
+    path = Path(text)
+    return (
+        Camera.from_toml(path)
+        if path.suffix.lower() == ".toml" or path.is_file()
+        else Camera.named(text)
+    )
+
+
+def workspace_of(options: argparse.Namespace) -> np.ndarray | None:
+    """Return the box the camera may be in, (2, 3), mm, if one is given."""
+    return None if options.workspace is None else np.reshape(options.workspace, (2, 3))

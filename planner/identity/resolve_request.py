@@ -1,0 +1,173 @@
+"""From the arguments of a call to the request: entities and targets are found on the part, defaults become numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from errors.measurands.localisation import Localisation
+from planner.camera.camera import Camera
+from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.identity.inspection_request import InspectionRequest, PartRecord, RingRecord
+from planner.identity.target_record import target_records
+from planner.inspection_options import InspectionOptions
+from planner.request.defaults import check_fraction, check_seed, default_workspace
+from planner.request.effort import Effort
+from planner.wanted.dimension import Dimension
+from planner.wanted.targets import Target, check_is_edge
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+    from planner.light.lighting import Lighting
+
+
+class Promise(NamedTuple):
+    """What is required of every measurement, and the seed that repeats the plan.
+
+    Attributes
+    ----------
+    accuracy, probability : float
+        In (0, 1).
+    rng : int or numpy.random.Generator
+        The seed; a generator is asked for one.
+    """
+
+    accuracy: float
+    probability: float
+    rng: int | np.random.Generator = 0
+
+
+class ResolvedRequest(NamedTuple):
+    """A request, and what of the part it stands for.
+
+    Attributes
+    ----------
+    request : InspectionRequest
+        The request.
+    entities : mapping of str to Entity
+        What must be seen.
+    targets : tuple of Target or None
+        What is measured; None if that is the length of every entity, as in the paper.
+    """
+
+    request: InspectionRequest
+    entities: Mapping[str, Any]
+    targets: tuple[Target, ...] | None
+
+
+def resolve_request(
+    solid: Solid,
+    wanted: Mapping[str, Any] | Sequence[Any],
+    camera: Camera,
+    pose_uncertainty: PoseUncertainty,
+    promise: Promise,
+    options: InspectionOptions,
+) -> ResolvedRequest:
+    """Return the request that the arguments of `plan_inspection` make.
+
+    Parameters
+    ----------
+    solid, wanted, camera, pose_uncertainty, options
+        As `plan_inspection` takes them.
+    promise : Promise
+        Accuracy, probability and seed.
+
+    Raises
+    ------
+    RequestError
+        If an argument breaks its rule.
+    """
+    lighting = options.lighting
+    accuracy = check_fraction("accuracy", promise.accuracy)
+    items = wanted if isinstance(wanted, Mapping) else _named(solid, wanted)
+    entities, targets = _resolved(solid, items, accuracy, options)
+    space = options.space
+    part = solid if space is None else space.solid
+    known = {
+        "part": PartRecord.of(part),
+        "targets": target_records(entities, targets),
+        "workspace": _workspace(solid, camera, options),
+        "ring": _ring(options, lighting),
+        **promised(camera, pose_uncertainty, promise, options),
+    }
+    if options.effort is None and any(target.dimension for target in targets or ()):
+        known["effort"] = Effort.for_dimensions()
+    return ResolvedRequest(InspectionRequest(**known), entities, targets)
+
+
+def promised(
+    camera: Camera,
+    pose_uncertainty: PoseUncertainty,
+    promise: Promise,
+    options: InspectionOptions,
+) -> dict[str, Any]:
+    """Return the fields of a request that do not depend on the part, by name.
+
+    A field that has the name of an option is that option; so is one that is added.
+    """
+    known: dict[str, Any] = {
+        "camera": camera,
+        "pose_uncertainty": pose_uncertainty,
+        "accuracy": check_fraction("accuracy", promise.accuracy),
+        "probability": check_fraction("probability", promise.probability),
+        "seed": check_seed(promise.rng),
+        "requirements": options.requirements(camera, pose_uncertainty),
+        "localisation": options.localisation or Localisation.rounding(),
+        "lighting": options.lighting,
+        "effort": options.effort or Effort(),
+    }
+    apart = ("part", "targets", "workspace", "ring")
+    for field in fields(InspectionRequest):
+        if field.name not in known and field.name not in apart and hasattr(options, field.name):
+            known[field.name] = getattr(options, field.name)
+    return known
+
+
+def _resolved(
+    solid: Solid, items: Mapping[str, Any], accuracy: float, options: InspectionOptions
+) -> tuple[Mapping[str, Any], tuple[Target, ...] | None]:
+    """Return the entities, and the targets if something else than lengths of edges is measured."""
+    from aspectgraph import resolve_entities
+    from planner.wanted.resolve import is_circle, resolve_wanted
+
+    localisation = options.localisation
+    rounded = localisation is None or localisation.model == "rounding"
+    if rounded and not any(
+        isinstance(item, Dimension) or is_circle(item) for item in items.values()
+    ):
+        known = options.space
+        entities = resolve_entities(solid, items) if known is None else known.entities
+        for name, entity in entities.items():
+            check_is_edge(name, entity)
+        return entities, None
+    return resolve_wanted(solid, items, accuracy, as_lengths=not rounded)
+
+
+def _named(solid: Solid, entities: Sequence[Any]) -> Mapping[str, Any]:
+    """Return entities without names under their ids."""
+    from aspectgraph import resolve_entities
+
+    return resolve_entities(solid, entities)
+
+
+def _workspace(solid: Solid, camera: Camera, options: InspectionOptions) -> np.ndarray:
+    from aspectgraph.visibility.visibility_regions import check_workspace
+
+    if options.space is not None:
+        return np.array(options.space.workspace, dtype=np.float64)
+    box = options.workspace
+    return check_workspace(default_workspace(solid, camera) if box is None else box, solid)
+
+
+def _ring(options: InspectionOptions, lighting: Lighting | None) -> RingRecord | None:
+    """Return contrast and step of a space in which the lamp is on the camera."""
+    if options.space is not None:
+        contrast = getattr(options.space, "contrast", None)
+        step = getattr(options.space, "step", None)
+        return None if contrast is None else RingRecord(contrast, step)
+    if lighting is not None and lighting.is_ring:
+        return RingRecord(lighting.contrast, lighting.step)
+    return None

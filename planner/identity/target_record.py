@@ -1,0 +1,148 @@
+"""Targets as a request keeps them: which entities of the part, and which error is permitted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.wanted.dimension import Dimension
+from planner.wanted.targets import Target, edge_target
+
+if TYPE_CHECKING:
+    from aspectgraph import Entity, Solid
+
+EDGE = "edge"
+
+
+@dataclass(frozen=True)
+class EntityRecord:
+    """An entity of the part.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    kind : str
+        "edge", "rim" or "arc".
+    edges : tuple of int
+        Ids of its edges in the part.
+    """
+
+    name: str
+    kind: str
+    edges: tuple[int, ...]
+
+    @classmethod
+    def of(cls, name: str, entity: Any) -> EntityRecord:
+        """Return the record of an entity of a space."""
+        edges = tuple(int(edge) for edge in getattr(entity, "edge_ids", ()))
+        return cls(name, getattr(entity, "kind", EDGE), edges)
+
+    def entity_of(self, solid: Solid) -> Entity:
+        """Return the entity of the part under its name."""
+        from aspectgraph import resolve_entities
+
+        return resolve_entities(solid, {self.name: self._given(solid)})[self.name]
+
+    def _given(self, solid: Solid) -> Any:
+        from aspectgraph import Entity
+
+        if self.kind != EDGE:
+            curves = {curve.edge_ids: curve for curve in (*solid.rims(), *solid.arcs())}
+            return curves[self.edges]
+        if len(self.edges) == 1:
+            return self.edges[0]
+        first = solid.edge_points(self.edges[0])
+        last = solid.edge_points(self.edges[-1])
+        # of a chain of collinear edges the ends are farthest apart
+        apart = np.linalg.norm(first[:, None] - last, axis=-1)
+        begin, end = np.unravel_index(np.argmax(apart), apart.shape)
+        return Entity(self.name, np.array([first[begin], last[end]]), self.edges)
+
+
+@dataclass(frozen=True, eq=False)
+class TargetRecord:
+    """An edge or a dimension that is wanted.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    kind : str
+        "edge", whose length is measured as in the paper, or the kind of dimension.
+    ends : array (2, 3)
+        Two points of it, mm.
+    entities : tuple of EntityRecord
+        What must be seen.
+    permitted_error : float or None
+        Of a dimension, mm (angles: degrees).
+    tolerance : tuple of float or None
+        Lower and upper deviation that the drawing allows.
+    share : float or None
+        Part of the tolerance's half width that is permitted as error.
+    direction : tuple of float or None
+        Of a distance.
+    """
+
+    name: str
+    kind: str
+    ends: np.ndarray
+    entities: tuple[EntityRecord, ...]
+    permitted_error: float | None = None
+    tolerance: tuple[float, float] | None = None
+    share: float | None = None
+    direction: tuple[float, float, float] | None = None
+
+    @classmethod
+    def of(cls, target: Target, entities: Mapping[str, Any]) -> TargetRecord:
+        """Return the record of a target whose entities are known by name."""
+        seen = tuple(EntityRecord.of(name, entities[name]) for name in target.entities)
+        dimension = target.dimension
+        if dimension is None:
+            return cls(target.name, EDGE, target.ends, seen)
+        return cls(
+            target.name,
+            dimension.kind,
+            target.ends,
+            seen,
+            float(target.permitted_error),
+            dimension.tolerance,
+            None if dimension.tolerance is None else dimension.share,
+            dimension.direction,
+        )
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> TargetRecord:
+        """Build from plain values."""
+        values: dict[str, Any] = {field.name: data.get(field.name) for field in fields(cls)}
+        values["ends"] = np.array(data["ends"], dtype=np.float64)
+        values["entities"] = tuple(
+            EntityRecord(entity["name"], entity["kind"], tuple(entity["edges"]))
+            for entity in data["entities"]
+        )
+        for name in ("tolerance", "direction"):
+            values[name] = None if values[name] is None else tuple(values[name])
+        return cls(**values)
+
+    def item_of(self, solid: Solid) -> Any:
+        """Return the target as `plan_inspection` takes it."""
+        entities = tuple(record.entity_of(solid) for record in self.entities)
+        if self.kind == EDGE:
+            return entities[0]
+        if self.tolerance is None:
+            error: dict[str, Any] = {"max_error": self.permitted_error}
+        else:
+            error = {"tolerance": self.tolerance, "share": self.share}
+        return Dimension(self.kind, entities, direction=self.direction, **error)
+
+
+def target_records(
+    entities: Mapping[str, Any], targets: Sequence[Target] | None
+) -> tuple[TargetRecord, ...]:
+    """Return the records of targets; where there are none, the entities are edges whose lengths are measured."""
+    if targets is None:
+        targets = [edge_target(name, entity.endpoints) for name, entity in entities.items()]
+    return tuple(TargetRecord.of(target, entities) for target in targets)

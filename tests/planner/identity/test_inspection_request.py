@@ -1,0 +1,328 @@
+"""One value says what is asked: each of its fields tells requests apart, and comes back from a plan file."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields, make_dataclass, replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from aspectgraph import read_solid
+from errors.measurands import Localisation
+from planner import (
+    BoxRegion,
+    Camera,
+    Dimension,
+    LampBox,
+    LampsTogether,
+    Lighting,
+    MeshRegion,
+    PoseUncertainty,
+    RequestError,
+    Showing,
+    SphereRegion,
+)
+from planner.exceptions import PlanFileError
+from planner.identity.inspection_request import InspectionRequest
+from planner.identity.plain import plain_value
+from planner.identity.resolve_request import Promise, resolve_request
+from planner.identity.restore import restored_options, restored_request
+from planner.inspection_options import InspectionOptions
+from planner.request.effort import Effort
+from planner.request.reach import reach_identity
+
+CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 300.0)
+UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+BOX = [[-300.0] * 3, [300.0] * 3]
+# options that say how to work, and not what is asked; a space is known by what it was computed for
+TOOLS = {"time_limit_s", "on_incumbent", "state", "executor", "progress", "space"}
+
+
+@pytest.fixture(scope="module")
+def block(pytestconfig):
+    return read_solid(pytestconfig.rootpath / "examples/two_pocket_block.off")
+
+
+def ids(solid):
+    return [edge.id for edge in solid.straight_edges()]
+
+
+def request_of(solid, wanted=None, promise=(0.98, 0.9, 0), camera=CAMERA, **options):
+    wanted = {"top": ids(solid)[0], "side": ids(solid)[3]} if wanted is None else wanted
+    uncertainty = options.pop("uncertainty", UNCERTAINTY)
+    given = InspectionOptions(**{"workspace": BOX, **options})
+    return resolve_request(solid, wanted, camera, uncertainty, Promise(*promise), given).request
+
+
+# every option of a plan, changed: and what is said of it
+CHANGES = {
+    "workspace": ({"workspace": [[-301.0] * 3, [300.0] * 3]}, "workspace changed"),
+    "stand_off_mm": ({"stand_off_mm": 60}, "stand_off_mm was 50 and is now 60"),
+    "min_length_px": ({"min_length_px": 21.0}, "min_length_px was 20 and is now 21"),
+    "field_margin_px": ({"field_margin_px": 7.0}, "and is now 7"),
+    "visibility_radius_mm": ({"visibility_radius_mm": 1.0}, "visibility_radius_mm was 0.15"),
+    "focus_margin_mm": ({"focus_margin_mm": 1.0}, "focus_margin_mm was 0.15 and is now 1"),
+    "showing": ({"showing": Showing(4.0)}, "separation_px was 5 and is now 4"),
+    "reach": ({"reach": SphereRegion((0, 0, 0), 900.0)}, "reach changed"),
+    "lamps": ({"lamps": [[0.0, 0.0, 500.0]]}, "lamps changed"),
+    "effort": (
+        {"effort": Effort(viewpoints=49)},
+        "effort changed: viewpoints was 50 and is now 49",
+    ),
+    "localisation": ({"localisation": Localisation.rounding(9)}, "localisation changed: points"),
+    "gap": ({"gap": 0.1}, "gap was 0 and is now 0.1"),
+}
+
+
+def test_every_option_of_a_plan_is_of_the_request_or_a_tool():
+    """Whoever adds an option must say which it is: here, and by a field of the request."""
+    assert {one.name for one in fields(InspectionOptions)} == {*CHANGES, *TOOLS}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_every_option_tells_requests_apart_and_is_named(block, name):
+    options, words = CHANGES[name]
+    first, second = request_of(block), request_of(block, **options)
+    assert words in second.difference(first)
+    assert first.difference(second) is not None
+    assert first.fingerprint() != second.fingerprint()
+    assert second.difference(request_of(block, **options)) is None
+    assert second.fingerprint() == request_of(block, **options).fingerprint()
+
+
+def test_what_else_is_asked_tells_requests_apart(block):
+    first, some = request_of(block), ids(block)
+    top, side = some[0], some[3]
+    cases = {
+        "rng was 0 and is now 1": request_of(block, promise=(0.98, 0.9, 1)),
+        "accuracy was 0.98 and is now 0.97": request_of(block, promise=(0.97, 0.9, 0)),
+        "probability was 0.9 and is now 0.8": request_of(block, promise=(0.98, 0.8, 0)),
+        "camera changed: f number was 8 and is now 4": request_of(
+            block, camera=replace(CAMERA, f_number=4.0)
+        ),
+        "pose_uncertainty changed": request_of(
+            block, uncertainty=PoseUncertainty.isotropic(translation_mm=0.1, rotation_rad=0.001)
+        ),
+        f"target 'top' was edge {top} and is now edge {some[5]}": request_of(
+            block, {"top": some[5], "side": side}
+        ),
+        "target 'side' is no longer wanted": request_of(block, {"top": top}),
+        "target 'more' is new": request_of(block, {"top": top, "side": side, "more": some[5]}),
+        "the order of the targets changed": request_of(block, {"side": side, "top": top}),
+    }
+    for words, other in cases.items():
+        assert other.difference(first) == words
+        assert other.fingerprint() != first.fingerprint()
+
+
+def test_tolerances_tell_requests_apart(block):
+    def asked(**error):
+        return request_of(block, {"d": Dimension.length(ids(block)[0], **error)})
+
+    first = asked(max_error_mm=0.5)
+    assert asked(max_error_mm=0.9).difference(first) == (
+        "target 'd' changed: permitted error was 0.5 and is now 0.9"
+    )
+    assert "target 'd' changed: " in asked(tolerance_mm=(-2, 2)).difference(first)
+    other = asked(tolerance_mm=(-1, 3))
+    assert other.difference(asked(tolerance_mm=(-2, 2))) == (
+        "target 'd' changed: tolerance was [-2.0, 2.0] and is now [-1.0, 3.0]"
+    )
+
+
+def test_a_part_that_changed_is_noticed_and_the_last_digits_are_not(block):
+    first = request_of(block).identity()
+    moved = json.loads(json.dumps(first))
+    moved["part"]["digest"] = "0" * 64
+    assert request_of(block).difference(moved) == "the shape of the part changed"
+    moved["part"] = {**first["part"], "name": "another"}
+    assert request_of(block).difference(moved) == (
+        f"the part was 'another' and is now {block.name!r}"
+    )
+
+
+def test_numbers_computed_on_another_machine_are_the_same_if_that_is_allowed(block):
+    asked = request_of(block)
+    other = json.loads(json.dumps(asked.identity()))
+    other["workspace"][0][0] *= 1 + 1e-12
+    assert asked.difference(other) == "workspace changed"
+    assert asked.difference(other, tolerance=1e-9) is None
+
+
+def test_whole_numbers_are_floats_where_floats_are_meant(block):
+    assert (
+        request_of(block, stand_off_mm=50).fingerprint()
+        == request_of(block, stand_off_mm=50.0).fingerprint()
+    )
+
+
+def test_the_default_of_a_field_that_an_earlier_program_did_not_know_is_the_same(block):
+    earlier = request_of(block).identity()
+    del earlier["gap"]
+    assert request_of(block).difference(earlier) is None
+    assert "gap was 0" in request_of(block, gap=0.5).difference(earlier)
+
+
+def test_a_field_that_is_added_cannot_be_forgotten(block):
+    wider = make_dataclass(
+        "Wider", [("made_up", float, 1.0)], bases=(InspectionRequest,), frozen=True, eq=False
+    )
+    known = {one.name: getattr(request_of(block), one.name) for one in fields(InspectionRequest)}
+    first, second = wider(**known), wider(**known, made_up=2.0)
+    assert second.difference(first) == "made_up was 1 and is now 2"
+    assert first.fingerprint() != second.fingerprint()
+    # and one that cannot be told apart by plain values is refused
+    with pytest.raises(TypeError, match="made_up of a request must have to_dict"):
+        wider(**known, made_up=object()).identity()
+
+
+LIGHTS = [
+    Lighting("ring", 0.2, 0.1),
+    Lighting([[0.0, 0.0, 500.0]], ground="bright"),
+    Lighting(
+        LampBox((-9.0, -9.0, 400.0), (9.0, 9.0, 500.0), reach=BoxRegion((0, 0, 0), (1, 1, 9)))
+    ),
+    Lighting(LampsTogether([[0.0, 0.0, 500.0], [0.0, 9.0, 500.0]])),
+]
+
+
+@pytest.mark.parametrize("lamps", [None, *LIGHTS])
+def test_a_request_comes_back_from_a_plan_file(block, lamps):
+    some = ids(block)
+    asked = request_of(
+        block,
+        {"top": some[0], "d": Dimension.length(some[3], tolerance_mm=(-2, 2), share=0.5)},
+        lamps=lamps,
+        reach=BoxRegion((-300, -300, 0), (300, 300, 300)),
+        localisation=Localisation.gaussian(0.05),
+    )
+    stored = json.loads(json.dumps(asked.identity()))
+    again = restored_request(stored)
+    assert again.difference(asked) is None
+    assert again.fingerprint() == asked.fingerprint()
+    # and from its targets and options the same request follows
+    items = {record.name: record.item_of(block) for record in again.targets}
+    promise = Promise(again.accuracy, again.probability, again.seed)
+    made = resolve_request(
+        block, items, again.camera, again.pose_uncertainty, promise, restored_options(again)
+    ).request
+    assert made.difference(asked) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"colour": "red"}, r"request\.colour must be known to this program"),
+        ({"camera": {}}, r"request\.camera"),
+        ({"effort": {"viewpoints": -1}}, r"request\.effort: viewpoints must be"),
+        ({"seed": None, "targets": [{"name": "a"}]}, r"request\.targets must be as"),
+        ({"part": 5}, r"request\.part must be as this program writes it\. Got 5\."),
+    ],
+)
+def test_a_request_that_was_changed_is_refused_by_name(block, change, message):
+    stored = {**request_of(block).identity(), **change}
+    with pytest.raises(PlanFileError, match=message):
+        restored_request(stored)
+
+
+def test_a_reach_of_a_program_cannot_come_from_a_file(block):
+    corners = np.array([[0, 0, 0], [9, 0, 0], [0, 9, 0], [0, 0, 9.0]])
+    mesh = MeshRegion(corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    with pytest.raises(PlanFileError, match="reach must be a box or a ball to be in a file"):
+        restored_request(request_of(block, reach=mesh).identity())
+
+
+# --- reaches that nobody can recognise ------------------------------------------------------------------------------
+
+
+def above(positions):
+    return positions[:, 2] > 0
+
+
+def higher(positions, height=3.0):
+    return positions[:, 2] > height
+
+
+class Arm:
+    def __init__(self, length):
+        self.length = length
+
+    def margin(self, positions):
+        return self.length - np.abs(positions).max(axis=-1)
+
+
+def closure(height):
+    def over(positions):
+        return positions[:, 2] > height
+
+    return over
+
+
+def named(reach, name):
+    reach.state_name = name
+    return reach
+
+
+UNNAMED = {
+    "lambda": lambda positions: positions[:, 2] > 0,
+    "closure": closure(3.0),
+    "partial of a lambda": partial(lambda p, h: p[:, 2] > h, h=3.0),
+}
+
+
+@pytest.mark.parametrize("kind", UNNAMED)
+def test_a_reach_without_a_lasting_name_is_no_request_to_resume(block, kind):
+    asked = request_of(block, reach=UNNAMED[kind])
+    with pytest.raises(
+        RequestError, match=r"^reach must have a name that lasts .* state_name, a text that says"
+    ):
+        asked.check_lasting()
+    # it is not even known to be the same as itself
+    assert asked.difference(asked) == "reach changed"
+
+
+def test_a_reach_with_a_lasting_name_is_told_from_others(block):
+    reaches = [
+        above,
+        higher,
+        partial(higher, height=4.0),
+        partial(higher, height=5.0),
+        Arm(3.0),
+        Arm(4.0),
+        Arm(3.0).margin,
+        named(closure(3.0), "over the table"),
+        BoxRegion((0, 0, 0), (1, 1, 1)),
+    ]
+    for reach in reaches:
+        asked = request_of(block, reach=reach)
+        asked.check_lasting()
+        assert asked.difference(request_of(block, reach=reach)) is None
+    assert len({json.dumps(reach_identity(reach)) for reach in reaches}) == len(reaches)
+
+
+def test_a_function_whose_code_changed_is_another_one():
+    space: dict = {}
+    exec("def reach(p):\n    return p[:, 2] > 0", space)
+    first = reach_identity(space["reach"])
+    exec("def reach(p):\n    return p[:, 2] > 1", space)
+    second = reach_identity(space["reach"])
+    assert "content" in first
+    assert first["kind"] == second["kind"]
+    assert first != second
+
+
+def test_the_reach_of_a_lamp_needs_a_lasting_name_too(block):
+    lamps = LampBox((-9.0, -9.0, 400.0), (9.0, 9.0, 500.0), reach=UNNAMED["lambda"])
+    with pytest.raises(RequestError, match="reach must have a name that lasts"):
+        request_of(block, lamps=lamps).check_lasting()
+
+
+def test_values_of_several_kinds_say_which_they_are():
+    assert plain_value(Lighting("ring"))["lamps"] is None
+    assert plain_value(LIGHTS[2])["lamps"]["kind"] == "LampBox"
+    assert plain_value(LIGHTS[3])["lamps"] == {
+        "kind": "LampsTogether",
+        "lamps": [[0.0, 0.0, 500.0], [0.0, 9.0, 500.0]],
+    }
