@@ -86,9 +86,7 @@ def _gather(
                         f"a GLB file must place at most triangles={most_triangles} triangles. "
                         "Got more; allow more with limits=ReadLimits(triangles=...)."
                     )
-                vertices.append(
-                    points.astype(np.float64) @ placement[:3, :3].T + placement[:3, 3]
-                )
+                vertices.append(points.astype(np.float64) @ placement[:3, :3].T + placement[:3, 3])
                 corners = corners.astype(np.int64)
                 triangles.append(n + (corners[:, ::-1] if turned else corners))
                 n += len(points)

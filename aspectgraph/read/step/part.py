@@ -54,7 +54,9 @@ class StepPart:
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Choose the solids to work on; tell their size and how closely each fits together."""
         chosen = [self.slots[i] for i in solids]
-        self.facets = {i: slot.facets for i, slot in zip(solids, chosen, strict=True) if slot.facets}
+        self.facets = {
+            i: slot.facets for i, slot in zip(solids, chosen, strict=True) if slot.facets
+        }
         self.solids = [i for i in solids if i not in self.facets]
         self.hidden = set()
         self.shapes = self.bodies = [self.slots[i].shape for i in self.solids]

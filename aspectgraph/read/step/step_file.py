@@ -173,9 +173,7 @@ def _tessellate(
         )
     for k, row in enumerate(answer["facets"]):
         parts.append(
-            _facets(
-                arrays[f"facets_{k}_vertices"], arrays[f"facets_{k}_triangles"], row["hidden"]
-            )
+            _facets(arrays[f"facets_{k}_vertices"], arrays[f"facets_{k}_triangles"], row["hidden"])
         )
     return parts
 

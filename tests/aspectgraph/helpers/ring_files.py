@@ -13,7 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-_HEAD = "ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION((''),'2;1');\nFILE_NAME('','',(''),(''),'','','');\n"
+_HEAD = (
+    "ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION((''),'2;1');\nFILE_NAME('','',(''),(''),'','','');\n"
+)
 _SCHEMA = "FILE_SCHEMA(('AUTOMOTIVE_DESIGN { 1 0 10303 214 1 1 1 1 }'));\nENDSEC;\nDATA;\n"
 
 
@@ -81,9 +83,7 @@ class _Writer:
         for i, corner in enumerate(profile):
             following = profile[(i + 1) % n]
             ends = (vertices[i], vertices[(i + 1) % n])
-            faces.append(
-                self._face(corner, following, ends, (circles[i], circles[(i + 1) % n]))
-            )
+            faces.append(self._face(corner, following, ends, (circles[i], circles[(i + 1) % n])))
         shell = self._add(f"CLOSED_SHELL('',({','.join(faces)}))")
         solid = self._add(f"MANIFOLD_SOLID_BREP('',{shell})")
         self._add_product(solid)

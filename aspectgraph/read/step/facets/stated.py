@@ -19,9 +19,7 @@ from aspectgraph.read.step.text import Entity
 
 TESSELLATED_SOLIDS = frozenset({"TESSELLATED_SOLID"})
 
-_WITHOUT_AREA = frozenset(
-    {"TESSELLATED_CONNECTING_EDGE", "TESSELLATED_EDGE", "TESSELLATED_VERTEX"}
-)
+_WITHOUT_AREA = frozenset({"TESSELLATED_CONNECTING_EDGE", "TESSELLATED_EDGE", "TESSELLATED_VERTEX"})
 _TOKEN = re.compile(r"[(),]|''|\$|\*|#[0-9]+|[-+0-9.Ee]+|\.[A-Za-z_0-9]+\.|[A-Za-z_0-9]+")
 
 
