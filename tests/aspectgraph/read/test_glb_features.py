@@ -156,7 +156,7 @@ def test_skins_are_refused():
     glb = Glb()
     glb.node["skin"] = 0
     with pytest.raises(
-        ReadError, match="must have no skin, which bends them. Got skin 0 at node 0"
+        ReadError, match=r"must have no skin, which bends them\. Got skin 0 at node 0"
     ):
         glb.read()
 
