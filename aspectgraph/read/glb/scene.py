@@ -179,10 +179,9 @@ def _read_primitive(
             f"the primitives of a GLB file must be triangles (mode 4). Got mode {str(mode)[:40]}."
         )
     points = accessors.positions(primitive["attributes"]["POSITION"])
+    corners = np.arange(len(points))
     if "indices" in primitive:
         corners = accessors.indices(primitive["indices"])
-    else:
-        corners = np.arange(len(points))
     if len(corners) % 3 or corners.max() >= len(points):
         raise ReadError(
             f"GLB indices must be triples below {len(points)}. Got {len(corners)} up to {corners.max()}."

@@ -150,7 +150,7 @@ def _fans(fans: Sequence[Sequence[float]]) -> list[list[float]]:
 
 
 def _read_points(entities: dict[int, Entity], reference: str) -> np.ndarray:
-    listed = entities[int(reference[1:])] if int(reference[1:]) in entities else None
+    listed = entities.get(int(reference[1:]))
     if listed is None or listed.kind != "COORDINATES_LIST":
         raise ValueError("no list of coordinates")
     _, count, rows = _parameters(listed.text)[:3]
