@@ -48,6 +48,31 @@ def test_a_byte_order_mark_changes_nothing(tmp_path, name, data):
     assert marked.faces == plain.faces
 
 
+MATERIAL = b"""newmtl steel
+Kd 0.5 0.5 0.5
+Ns 10
+map_Kd steel.png
+"""
+
+
+def test_materials_inside_an_obj_file_carry_no_geometry(tmp_path):
+    """Some programs write the lines of the .mtl file into the part; trimesh reads them so, too."""
+    plain = read(tmp_path, "plain.obj", OBJ)
+    embedded = read(tmp_path, "embedded.obj", MATERIAL + b"usemtl steel\n" + OBJ)
+    assert embedded.faces == plain.faces
+    assert embedded.volume == plain.volume
+    with pytest.raises(ReadError, match="must begin with a keyword. Got 'Kd'"):
+        read(tmp_path, "loose.obj", OBJ + b"Kd 0.5 0.5 0.5\n")
+
+
+def test_a_signalling_nan_is_one_error_and_no_warning(tmp_path):
+    """Widening its 32 bits raises the processor's flag, which numpy reports as a warning."""
+    data = bytearray(stl_bytes(corners(CUBE)))
+    data[84 + 12 : 84 + 16] = bytes([1, 0, 0x80, 0x7F])
+    with pytest.raises(ReadError, match="coordinates must be finite"):
+        read(tmp_path, "part.stl", bytes(data))
+
+
 def with_column(text: bytes, keyword: bytes, extra: bytes) -> bytes:
     lines = text.split(b"\n")
     return b"\n".join(line + extra if line.startswith(keyword) else line for line in lines)
