@@ -46,8 +46,10 @@ _NAMES: tuple[tuple[type, tuple[str, ...]], ...] = (
 def has_all_names() -> bool:
     """Return whether numba has all that this module takes from it; otherwise nothing here may be used."""
     named = all(_has(kind, name) for kind, names in _NAMES for name in names)
-    prefixed = CompileResult._find_referenced_environments.__code__.co_consts
-    return named and _ENVIRONMENT in prefixed
+    # the function of numba that looks for these variables says what they are called
+    finder = getattr(CompileResult, "_find_referenced_environments", None)
+    code = getattr(finder, "__code__", None)
+    return named and code is not None and _ENVIRONMENT in code.co_consts
 
 
 def _has(kind: type, name: str) -> bool:

@@ -54,3 +54,16 @@ def test_it_is_told_once_however_many_others_come_first():
         function.py_func.__module__ = "elsewhere"
     lines, _ = run(lambda: [function(1) for function in functions])
     assert len(lines) == 1
+
+
+def test_a_run_that_can_keep_nothing_says_that_the_next_one_compiles_again(monkeypatch):
+    monkeypatch.setattr("planner.compiling.can_keep", lambda source: False)
+
+    @numba.njit
+    def kept_nowhere(x):
+        return x + 2
+
+    kept_nowhere.py_func.__module__ = "planner.nowhere"
+    lines, _ = run(lambda: kept_nowhere(1))
+    assert "at every run" in lines[0]
+    assert lines[1].endswith("the next run compiles them again")
