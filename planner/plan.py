@@ -46,9 +46,9 @@ class InspectionPlan(PlanTables):
     """Sensor settings from which every entity that can be inspected is inspected.
 
     **Guarantee.** Every entity is either inspected by a setting with at least ``probability``, or listed in
-    ``uninspectable`` with the reason: no view of it was found. Of a dimension that applies to several features, such as
-    the holes of a pattern, one feature is inspected; `n_features_not_planned` counts the others. No plan that inspects the same entities, or more, under
-    the same request has fewer than ``lower_bound`` settings.
+    ``uninspectable`` with the reason: no view of it was found. No plan that inspects the same entities, or more, under
+    the same request has fewer than ``lower_bound`` settings. Of a dimension that applies to several features, such as
+    the holes of a pattern, one feature is inspected; `n_features_not_planned` counts the others.
 
     Attributes
     ----------

@@ -13,7 +13,6 @@ import numpy as np
 
 from planner.exceptions import PlanFileError
 from planner.records.schema import field_name, shown
-from planner.wanted.features import n_not_planned
 
 # rotations are stored with all digits; a matrix farther from one was changed
 _RIGID = 1e-6
@@ -115,7 +114,7 @@ def _check_dimensions(data: Mapping[str, Any]) -> None:
         if name not in data["entities"]:
             _refuse(field_name("dimensions", name), "must be one of the plan's entities", name)
     counts = [one.get("n_features", 1) for one in found.values()]
-    expected = {"n": sum(counts), "not_planned": n_not_planned(counts)}
+    expected = {"n": sum(counts), "not_planned": sum(counts) - len(counts)}
     for key, value in data.get("features", {}).items():
         if value != expected[key]:
             rule = f"must be that of the dimensions, {expected[key]}"
