@@ -98,11 +98,13 @@ def plan(part: Path, request: str, camera: Path, out: Path, options: argparse.Na
     try:
         _, errors = process.communicate(timeout=options.wall)
     except subprocess.TimeoutExpired:
-        # the STEP kernel may have a process of its own
-        os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
         seconds = time.monotonic() - begun
         return Outcome(None, seconds, None, None, f"not within {options.wall:g} s")
+    finally:
+        if process.poll() is None:
+            # the STEP kernel may have a process of its own
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
     seconds = time.monotonic() - begun
     entities, inspected = counts_of(out / "plan.json")
     text = judged(process.returncode, errors, entities)

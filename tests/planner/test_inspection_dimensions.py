@@ -226,8 +226,6 @@ def test_of_what_is_behind_the_camera_there_is_no_probability(solid, wanted):
             Dimension.diameter(FRONT),
             "dimension 'bore': a diameter must have one rim or arc. Got a line",
         ),
-        # 1 - A of 12 mm is less than a mesh of so few chords tells of a circle
-        ("bore", "r0", "dimension 'bore': rim r0 must have .* chords at least"),
     ],
 )
 def test_what_cannot_be_measured_as_asked_is_refused_by_name(solid, name, item, message):

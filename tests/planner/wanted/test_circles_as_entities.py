@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from holed_plate import CAMERA, FRONT, HOLES, QUICK, UNCERTAINTY, holed_plate, upper_rims
 
-from aspectgraph import Solid, compute_regions, resolve_entities, select_entities
+from aspectgraph import Solid, compute_regions, read_solid, resolve_entities, select_entities
 from planner import Dimension, RequestError, plan_inspection, plan_setting, predict
 from planner.cli.exit_codes import BAD_INPUT, DONE
 from planner.cli.main import main
@@ -32,10 +32,9 @@ def planned(wanted, **options):
 
 def plate_file(path):
     """Write the plate as an OFF file, its upper side towards +z."""
-    solid = PLATE
-    lines = ["OFF", f"{len(solid.vertices)} {len(solid.triangles)} 0"]
-    lines += [" ".join(map(repr, row)) for row in solid.vertices.tolist()]
-    lines += ["3 " + " ".join(map(str, row)) for row in solid.triangles.tolist()]
+    lines = ["OFF", f"{len(PLATE.vertices)} {len(PLATE.triangles)} 0"]
+    lines += [" ".join(map(repr, row)) for row in PLATE.vertices.tolist()]
+    lines += ["3 " + " ".join(map(str, row)) for row in PLATE.triangles.tolist()]
     path.write_text("\n".join(lines) + "\n")
     return str(path)
 
@@ -133,11 +132,12 @@ def test_one_setting_measures_edges_only():
 def test_the_command_line_plans_rims(tmp_path, capsys):
     part = plate_file(tmp_path / "plate.off")
     out = tmp_path / "rims"
-    select = ["--select", "kind = rim and face = top and radius > 7"]
-    assert main(["plan", part, *select, *CLI, "--out", str(out)]) == DONE
-    assert "the dimension is inspected" in capsys.readouterr().out
+    rule = "kind = rim and face = top and radius > 7"
+    assert main(["plan", part, "--select", rule, *CLI, "--out", str(out)]) == DONE
+    assert "1 of 1 dimension inspected" in capsys.readouterr().out
     wanted = tmp_path / "wanted.toml"
-    wanted.write_text(f'{LEFT_RIM} = {{ diameter = "{LEFT_RIM}", accuracy = 0.95 }}\n')
+    (rim,) = select_entities(read_solid(part), rule)
+    wanted.write_text(f'{rim} = {{ diameter = "{rim}", accuracy = 0.95 }}\n')
     same = tmp_path / "same"
     command = ["plan", part, "--dimensions", str(wanted), "--localisation", "rounding", *CLI]
     assert main([*command, "--out", str(same)]) == DONE
