@@ -37,6 +37,7 @@ _OPTIONS = {
     "lamps": "--light",
     "ring": "--light",
     "step": "--grey-step",
+    "focus_reserve": "--focus-margin-mm",
 }
 
 

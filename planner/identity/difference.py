@@ -13,6 +13,8 @@ KEYWORDS = {
     "seed": "rng",
     "lighting": "lamps",
     "ring": "space",
+    # the default of the margin is a reserve for each point
+    "focus_reserve": "focus_margin_mm",
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -34,8 +35,13 @@ def plain_value(value: Any, name: str = "") -> Any:
         return reach_identity(value)
     if isinstance(value, np.generic):
         value = value.item()
+    if isinstance(value, float) and math.isinf(value):
+        # JSON has no such number; float() reads the text
+        return str(value)
     if value is None or isinstance(value, str | bool | int | float):
         return value
+    if hasattr(value, "_asdict"):
+        return plain_value(value._asdict())
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, np.ndarray):

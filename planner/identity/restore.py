@@ -21,6 +21,7 @@ from planner.light.lighting import Lighting
 from planner.records.schema import field_name, shown
 from planner.request.constraints import Requirements
 from planner.request.effort import Effort
+from planner.request.focus_reserve import FocusReserve
 from planner.request.reach import BoxRegion, Reach, SphereRegion
 from planner.showing.showing import Showing
 
@@ -71,12 +72,21 @@ def restored_options(request: InspectionRequest) -> InspectionOptions:
         for name in own
         if hasattr(record, name)
     }
+    if need.focus_reserve.sigmas > 0:
+        # the reserve of each point stands for a margin that was not given
+        values["focus_margin_mm"] = None
     return InspectionOptions(**{**values, "lamps": request.lighting})
 
 
 def _requirements(data: Mapping[str, Any]) -> Requirements:
-    showing = Showing(**data["showing"])
-    return Requirements(**{**data, "showing": showing, "reach": _reach(data["reach"])})
+    made = {
+        "showing": Showing(**data["showing"]),
+        "reach": _reach(data["reach"]),
+        "focus_reserve": FocusReserve(
+            **{name: float(x) for name, x in data["focus_reserve"].items()}
+        ),
+    }
+    return Requirements(**{**data, **made})
 
 
 def _reach(data: Mapping[str, Any] | None) -> Reach | None:
