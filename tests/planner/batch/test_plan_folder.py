@@ -6,7 +6,7 @@ import multiprocessing
 import os
 import signal
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import pytest
 
@@ -17,13 +17,15 @@ from planner import (
     PartRequest,
     PoseUncertainty,
     RequestError,
+    Showing,
     plan_folder,
 )
+from planner.batch import part_request, workers
 from planner.batch import plan_part as plan_part_module
-from planner.batch import workers
 from planner.batch.part_result import digest_of
 from planner.cli.exit_codes import BAD_INPUT, INCOMPLETE
 from planner.cli.main import main
+from planner.output.folder_lock import folder_lock
 from planner.plan import read_plan
 
 forked = pytest.mark.skipif(
@@ -218,3 +220,73 @@ def test_dask_plans_the_same(parts, request_, tmp_path):
         )
     here = plan_folder(parts, tmp_path / "here", request_)
     assert [replace(one, seconds=0) for one in there] == [replace(one, seconds=0) for one in here]
+
+
+def test_requests_that_differ_have_different_fingerprints(request_):
+    """Whatever field it is; and a default that is given is the default."""
+    usual, none = Showing(), Showing(0.0, 0.0, 0.0)
+    given = {
+        "stand_off_mm": 60.0,
+        "min_length_px": 21.0,
+        "field_margin_px": 3.0,
+        "visibility_radius_mm": 1.0,
+        "focus_margin_mm": 1.0,
+        "showing": none,
+        "time_limit_s": 60.0,
+        "gap": 0.1,
+    }
+    fields_ = {
+        "camera": Camera.named("basler-acA2440-20gm-12mm"),
+        "pose_uncertainty": PoseUncertainty.isotropic(translation_mm=0.1, rotation_rad=0.001),
+        "accuracy": 0.9,
+        "probability": 0.8,
+        "seed": 1,
+        "select": None,
+        "units": "inch",
+        "simulate": 200,
+        "graph_limit": 3,
+        "effort": Effort(viewpoints=6),
+    }
+    others = [replace(request_, limits={name: value}) for name, value in given.items()]
+    others += [replace(request_, **{name: value}) for name, value in fields_.items()]
+    # a field or limit that is added must be changed here, too
+    assert set(given) == set(part_request._LIMITS)
+    assert {*fields_, "limits"} == {one.name for one in fields(PartRequest)}
+    prints = {one.fingerprint for one in others}
+    assert len(prints) == len(others)
+    assert request_.fingerprint not in prints
+    same = [
+        {"showing": usual},
+        {"showing": None},
+        {"stand_off_mm": 50},
+        {"time_limit_s": None, "gap": 0},
+    ]
+    assert {replace(request_, limits=one).fingerprint for one in same} == {request_.fingerprint}
+
+
+def test_a_folder_that_another_process_plans_into_is_refused(parts, request_, tmp_path, capsys):
+    out = tmp_path / "out"
+    out.mkdir()
+    with folder_lock(out):
+        with pytest.raises(OutputError, match="must be a folder that no other process writes to"):
+            plan_folder(parts, out, request_)
+        arguments = ["batch", str(parts), "--camera", "basler-acA2440-20gm-8mm", "--out", str(out)]
+        assert main(arguments) == BAD_INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"--out must be a folder that no other process writes to. Got {out}, in use by" in line
+    assert list(out.iterdir()) == []
+
+
+def test_a_part_that_another_process_plans_is_tried_again(parts, request_, tmp_path):
+    (parts / "more" / "a.off").unlink()
+    (parts / "torn.stl").unlink()
+    out = tmp_path / "out"
+    (out / "a.off").mkdir(parents=True)
+    with folder_lock(out / "a.off"):
+        (failed,) = plan_folder(parts, out, request_)
+    assert failed.status == "failed"
+    assert "no other process writes to" in failed.reason
+    (planned,) = plan_folder(parts, out, request_)
+    assert planned.status == "planned"
+    stored = read_plan(out / "a.off" / "plan.json").request
+    assert stored["source"] == {"file": "../../parts/a.off"}
