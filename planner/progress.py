@@ -10,9 +10,10 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.progress import Progress as RichProgress
     from rich.progress import TaskID
 
@@ -145,7 +146,6 @@ def duration(seconds: float) -> str:
 
 @contextmanager
 def _bars(stream: TextIO | None) -> Iterator[Progress]:
-    from rich.console import Console
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
@@ -157,8 +157,19 @@ def _bars(stream: TextIO | None) -> Iterator[Progress]:
 
     times = (TimeElapsedColumn(), TextColumn("left:"), TimeRemainingColumn())
     columns = (TextColumn("{task.description:<34}"), BarColumn(), MofNCompleteColumn(), *times)
-    with RichProgress(*columns, console=Console(file=stream)) as bars:
+    with RichProgress(*columns, console=terminal_console(stream)) as bars:
         yield _Bars(bars)
+
+
+def terminal_console(stream: TextIO | None, **options: Any) -> Console:
+    """Return a console of rich that raises when nobody reads any more, where rich's own ends the program with 1."""
+    from rich.console import Console
+
+    class Raising(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError
+
+    return Raising(file=stream, **options)
 
 
 class _Bars:
@@ -199,7 +210,15 @@ class _Lines:
         if done >= total and (label, total) not in self._finished:
             seconds = time.monotonic() - self._started[label]
             self._finished.add((label, total))
-            print(f"{label}: {done}/{total} ({seconds:.1f} s)", file=self._stream, flush=True)
+            self.note(f"{label}: {done}/{total} ({seconds:.1f} s)")
 
     def note(self, text: str) -> None:
-        print(text, file=self._stream, flush=True)
+        if self._stream is None:
+            return
+        try:
+            print(text, file=self._stream, flush=True)
+        except BrokenPipeError:
+            raise
+        except OSError:
+            # a full disk under a log is no reason to lose the work
+            self._stream = None

@@ -29,6 +29,7 @@ from planner.output.wording import (
     verdict,
     window_texts,
 )
+from planner.progress import terminal_console
 from planner.verify.simulate_setting import CONFIRMED
 
 if TYPE_CHECKING:
@@ -363,4 +364,4 @@ def print_batch(results: Sequence[Any]) -> None:
 def _console() -> Console:
     """Return a console that does not squeeze tables when the output is not a terminal, and never guesses at markup."""
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else 160
-    return Console(file=sys.stdout, width=width, markup=False, highlight=False, soft_wrap=False)
+    return terminal_console(sys.stdout, width=width, markup=False, highlight=False, soft_wrap=False)
