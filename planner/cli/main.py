@@ -400,9 +400,9 @@ def _add_optics(commands: Any) -> None:
 
 
 def _version() -> str:
-    from importlib.metadata import version
+    import planner
 
-    return f"aspectgraph {version('aspectgraph')}"
+    return f"aspectgraph {planner.__version__}"
 
 
 def _loaded_errors() -> tuple[type[Exception], ...]:
