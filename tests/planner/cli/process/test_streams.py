@@ -26,7 +26,7 @@ def run(arguments: str, shell: str = "{}", **environment: str) -> subprocess.Com
     return subprocess.run(command, capture_output=True, text=True, check=False, env=given)
 
 
-@pytest.mark.parametrize("arguments", ["cameras"])
+@pytest.mark.parametrize("arguments", ["--version"])
 def test_closed_output_is_refused_in_one_line(arguments):
     done = run(arguments, "{} >&-")
     assert done.returncode == 2
