@@ -18,6 +18,11 @@ SMALL_FILE_BYTES = 64_000_000
 LARGE_FILE_BYTES = 1_000_000_000
 """Most of a file that the package writes: plans, states, graphs. Those of large parts have some ten megabytes."""
 
+DEEPEST = 40
+"""Most levels of tables and arrays in a file that people write. These have three."""
+# a double has 1024 at most
+_MOST_BITS = 1000
+
 
 def read_text(
     path: str | os.PathLike[str],
@@ -62,6 +67,36 @@ def up_to_limit(file: IO[bytes], *, large: bool) -> bytes:
     if len(data) > most:
         raise OSError(errno.EFBIG, f"it has more than {most / 1e6:g} MB")
     return data
+
+
+def check_plain(value: object) -> None:
+    """Refuse what no file of names or numbers needs, and what code that walks or prints values would fail at.
+
+    Parameters
+    ----------
+    value : object
+        What a TOML or JSON file holds. The walk does not recurse.
+
+    Raises
+    ------
+    ValueError
+        Tables or arrays are nested deeper than `DEEPEST`, or a whole number exceeds every floating-point number; the
+        message is the reason alone.
+    """
+    level = [value]
+    for _ in range(DEEPEST):
+        below: list[object] = []
+        for item in level:
+            if isinstance(item, dict):
+                below += item.values()
+            elif isinstance(item, list):
+                below += item
+            elif isinstance(item, int) and item.bit_length() > _MOST_BITS:
+                raise ValueError("it holds a number of too many digits")
+        if not below:
+            return
+        level = below
+    raise ValueError("it is nested too deep")
 
 
 @contextmanager

@@ -37,20 +37,32 @@ class InfeasibleError(PlannerError, RuntimeError):
         Entity for which it fails, or an empty string when it does not depend on the entity.
     margin : float
         Largest margin that was found (negative), in the unit the constraint's name ends with.
+    proven : bool
+        Whether no pose at all meets the constraint; otherwise none was found that does.
+    together : bool
+        Whether each constraint can be met by itself, so that `constraint` is only the one missed by most.
     """
 
     def __init__(
-        self, message: str, *, constraint: str = "", entity: str = "", margin: float = float("nan")
+        self,
+        message: str,
+        *,
+        constraint: str = "",
+        entity: str = "",
+        margin: float = float("nan"),
+        proven: bool = False,
+        together: bool = False,
     ):
         super().__init__(message)
+        self.proven = proven
+        self.together = together
         self.constraint = constraint
         self.entity = entity
         self.margin = margin
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Keep the attributes when the error crosses a process boundary."""
-        state = {"constraint": self.constraint, "entity": self.entity, "margin": self.margin}
-        return type(self), (str(self),), state
+        return type(self), (str(self),), dict(vars(self))
 
 
 class CoverError(PlannerError, ValueError):

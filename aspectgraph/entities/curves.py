@@ -11,7 +11,8 @@ from aspectgraph.solid.circles import FloatArray
 from aspectgraph.solid.rims import Arc, Rim
 from aspectgraph.solid.solid import Solid
 
-_CURVE_ID = re.compile(r"[ra]\d+")
+# Python reads no integer of more than some thousand digits
+_CURVE_ID = re.compile(r"[ra]\d{1,300}", re.ASCII)
 
 
 def is_curve_id(target: object) -> bool:

@@ -13,7 +13,7 @@ from typing import Any
 from aspectgraph.entities.spreadsheet_text import text_of_cell
 from aspectgraph.entities.straight_edges import Entity, resolve_entities
 from aspectgraph.exceptions import EntityError
-from aspectgraph.files import read_text
+from aspectgraph.files import check_plain, read_text
 from aspectgraph.solid.solid import Solid
 
 if sys.version_info >= (3, 11):
@@ -21,7 +21,9 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-_IDS = re.compile(r"[era]?\d+(-[era]?\d+)?")
+# Python reads no integer of more than some thousand digits
+_ID = r"[era]?\d{1,300}"
+_IDS = re.compile(rf"{_ID}(-{_ID})?", re.ASCII)
 _ENDS = re.compile(r"\(([^()]*)\)\s*-\s*\(([^()]*)\)")
 _LONGEST_RANGE = 100_000
 
@@ -130,7 +132,7 @@ def _read_csv(path: Path) -> dict[str, Any]:
             raise EntityError(
                 f"a CSV file must name an entity once. Got {name!r} again in {path.name}, row {number}."
             )
-        if len(values) == 1 and re.fullmatch(r"[era]?\d+", values[0]):
+        if len(values) == 1 and re.fullmatch(_ID, values[0], re.ASCII):
             found[name] = _ids(values[0])[0]
         elif len(values) == 6:
             found[name] = [_point(",".join(values[:3])), _point(",".join(values[3:]))]
@@ -157,7 +159,7 @@ def parse_names(path: Path) -> Any:
     """
     try:
         text = read_text(path)
-        return json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
+        content = json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
     except OSError as error:
         raise ValueError(error.strerror or str(error)) from error
     except RecursionError as error:
@@ -167,6 +169,8 @@ def parse_names(path: Path) -> Any:
     except ValueError as error:
         # Python reads no integer of more than some thousand digits
         raise ValueError("it holds a number of too many digits") from error
+    check_plain(content)
+    return content
 
 
 def _read_file(path: Path) -> Any:

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from aspectgraph.read.part_file import MESH_SUFFIXES
-from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
+from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 
 STEP_SUFFIXES = (".step", ".stp")
 FOLDERS = "ASPECTGRAPH_PARTS"

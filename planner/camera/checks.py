@@ -21,11 +21,11 @@ _SMALLEST, _LARGEST = 1e-9, 1e9
 
 def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
     """Return the text of a TOML file and what it says, or raise `CameraError` with file and line."""
-    from aspectgraph.files import read_text
+    from aspectgraph.files import check_plain, read_text
 
     try:
         text = read_text(path)
-        return text, tomllib.loads(text)
+        content = tomllib.loads(text)
     except OSError as error:
         raise CameraError(f"{path}: camera file cannot be read: {error.strerror}.") from None
     except UnicodeDecodeError as error:
@@ -45,6 +45,11 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
         raise CameraError(
             f"{path}: camera file must hold numbers of a sensible length. Got a longer one."
         ) from None
+    try:
+        check_plain(content)
+    except ValueError as error:
+        raise CameraError(f"{path}: camera file must be TOML for a camera. Got: {error}.") from None
+    return text, content
 
 
 def line_of(field: str, text: str) -> int:

@@ -7,7 +7,10 @@ Errors are one line on standard error, never a traceback. Commands are imported 
 from __future__ import annotations
 
 import os
-import sys
+
+from planner.cli.process.exit_codes import BAD_INPUT, INCOMPLETE
+from planner.cli.process.shortages import shortage
+from planner.cli.process.streams import prepare_streams, write_error
 
 
 def start() -> int:
@@ -23,11 +26,17 @@ def start() -> int:
     """
     # has to be said before numpy is loaded
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    prepare_streams()
     try:
         from planner.cli.main import main
-    except KeyboardInterrupt:
-        from planner.cli.exit_codes import INCOMPLETE
 
-        print("aspectgraph: interrupted", file=sys.stderr)
+        return main()
+    except KeyboardInterrupt:
+        write_error("aspectgraph: interrupted")
         return INCOMPLETE
-    return main()
+    except (MemoryError, ImportError) as error:
+        line = shortage(error)
+        if line is None:
+            raise
+        write_error(f"aspectgraph: {line}")
+        return BAD_INPUT

@@ -9,6 +9,8 @@ from typing import Any
 from planner.light.background import DEFAULT_STEP
 
 _BYTES = {"mb": 1e6, "gb": 1e9, "tb": 1e12, "mib": 2.0**20, "gib": 2.0**30, "tib": 2.0**40}
+# no file has more solids; Python reads no number of more than some thousand digits
+_WHOLE = re.compile(r"\d{1,18}", re.ASCII)
 _MEMORY = re.compile(r"(\d+(?:\.\d*)?(?:e[+-]?\d+)?) ?([MGT]i?B)?", re.ASCII | re.IGNORECASE)
 
 
@@ -277,7 +279,7 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
 def numbers(text: str) -> list[int]:
     """Return whole numbers separated by commas."""
     numbers = text.split(",")
-    if not all(number.strip().isascii() and number.strip().isdigit() for number in numbers):
+    if not all(_WHOLE.fullmatch(number.strip()) for number in numbers):
         raise argparse.ArgumentTypeError(f"must be whole numbers like 0,2. Got {text!r}.")
     return [int(number) for number in numbers]
 

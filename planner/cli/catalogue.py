@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from planner.camera.camera import Camera
 from planner.camera.catalogue import camera_names, camera_parts
 from planner.camera.pose_uncertainty import PoseUncertainty
-from planner.cli.exit_codes import DONE, INCOMPLETE
+from planner.cli.process.exit_codes import DONE, INCOMPLETE
 from planner.inspection_options import InspectionOptions
 from planner.optics.proposal import optics_table
 from planner.optics.propose import DISTANCES_MM, propose_optics

@@ -8,6 +8,10 @@ from typing import Any
 from planner.exceptions import RequestError
 
 _COUNTS = {"seed": 0, "simulate": 1, "jobs": 1, "poses": 1, "graph_limit": 0, "rows": 1}
+# of what is counted
+_MOST = 10**9
+# as `planner.request.defaults.MOST_SEED`, which takes a second to load
+_MOST_SEED = 10**300
 _NOT_NEGATIVE = (
     "sigma_mm",
     "sigma_rad",
@@ -38,8 +42,16 @@ def check_numbers(options: Any) -> None:
     """
     given = vars(options)
     for name, least in _COUNTS.items():
-        if given.get(name) is not None and given[name] < least:
-            raise RequestError(f"{_option(name)} must be at least {least}. Got {given[name]}.")
+        value = given.get(name)
+        if value is None:
+            continue
+        if value < least:
+            raise RequestError(f"{_option(name)} must be at least {least}. Got {value}.")
+        most = _MOST_SEED if name == "seed" else _MOST
+        if value > most:
+            raise RequestError(
+                f"{_option(name)} must be at most {most:g}. Got a number of {len(str(value))} digits."
+            )
     for name in _NOT_NEGATIVE:
         value = given.get(name)
         if value is not None and not (math.isfinite(value) and value >= 0):

@@ -35,7 +35,6 @@ from planner.cli.best_so_far import BestSoFar
 from planner.cli.catalogue import cameras as cameras
 from planner.cli.catalogue import rank_optics
 from planner.cli.completion import completion_script
-from planner.cli.exit_codes import DONE, INCOMPLETE
 from planner.cli.folder_owner import STATE_FILE, Leftovers, check_owner
 from planner.cli.job import (
     Job,
@@ -46,6 +45,7 @@ from planner.cli.job import (
     workspace_of,
 )
 from planner.cli.light import with_light
+from planner.cli.process.exit_codes import DONE, INCOMPLETE
 from planner.cli.wanted import chosen_entities, read_request
 from planner.exceptions import OutputError
 from planner.executors import leave_signals_to_the_parent, usable_cores

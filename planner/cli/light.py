@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aspectgraph.files import read_text
+from aspectgraph.entities.entity_files import parse_names
 from aspectgraph.light.contrast import check_contrast
 from planner.exceptions import RequestError
 from planner.light.lamps import RING, LampBox, LampDome, LampsTogether, check_lamps_given
 from planner.light.lighting import Lighting, check_step
 from planner.light.plan_light import chosen_lamps
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -91,14 +85,14 @@ def _numbers(text: str, whole: str) -> list[float]:
 
 def _from_file(path: Path) -> Any:
     try:
-        return tomllib.loads(read_text(path))["lamps"]
+        return parse_names(path)["lamps"]
     except KeyError:
         raise RequestError(
             f"{path}: a file of lamps must hold lamps = [[X, Y, Z], ...]. Got no lamps."
         ) from None
-    except OSError as error:
-        raise RequestError(
-            f"{path}: file of lamps must be readable. Got: {error.strerror}."
-        ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
+        if isinstance(error.__cause__, OSError):
+            raise RequestError(
+                f"{path}: file of lamps must be readable. Got: {error.__cause__.strerror}."
+            ) from error
         raise RequestError(f"{path}: file of lamps must be TOML. Got: {error}.") from error

@@ -1,13 +1,14 @@
 """The command line: what can be asked, and how errors and exit codes come out.
 
-Results go to standard output, progress and errors to standard error. Exit codes: 0 done, 1 the plan is incomplete (or
-was interrupted, or its simulation contradicts it), 2 bad input. The imports that take time happen inside the
-commands, so ``--help`` is immediate.
+Results go to standard output, progress and errors to standard error. Exit codes: 0 done, 1 the plan is
+incomplete (or was interrupted, or its simulation contradicts it), 2 bad input, 141 nobody reads the output
+any more. The imports that take time happen inside the commands, so ``--help`` is immediate.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import traceback
 from typing import Any, NoReturn
@@ -26,8 +27,17 @@ from planner.cli.arguments import (
     lengths,
     memory,
 )
-from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
-from planner.cli.signals import termination_as_interruption
+from planner.cli.messages import as_typed
+from planner.cli.process.exit_codes import BAD_INPUT, INCOMPLETE, NOBODY_READS
+from planner.cli.process.shortages import shortage
+from planner.cli.process.signals import termination_as_interruption
+from planner.cli.process.streams import (
+    output_fails,
+    prepare_streams,
+    settle,
+    stop_writing,
+    write_error,
+)
 from planner.executors import usable_cores
 from planner.progress.terminal_text import visible, visible_output
 
@@ -54,7 +64,8 @@ An entities file (TOML or JSON) maps names to edge ids, to ids of rims and arcs,
   slot = [[0, 0, 10], [25, 0, 10]]
 
 exit codes: 0 done, 1 plan incomplete, 2 bad input
-(1 also if the simulation contradicts the plan, or the work was interrupted)"""
+(1 also if the simulation contradicts the plan, or the work was interrupted;
+141 if a pipe is closed before all is written, as by head)"""
 
 
 _COLUMNS = """\
@@ -83,8 +94,20 @@ class _Help(argparse.RawDescriptionHelpFormatter):
 class _Parser(argparse.ArgumentParser):
     """Reports usage errors like all others: one line, and no usage text in front of it."""
 
+    def print_help(self, file: Any = None) -> None:
+        """Print all of it, or raise: argparse itself passes over a full disk."""
+        print(self.format_help(), end="", file=file)
+
     def error(self, message: str) -> NoReturn:
         raise _UsageError(f"{self.prog}: {message.rstrip('.')}; see {self.prog} --help")
+
+
+class _Version(argparse.Action):
+    """Prints the version, which is looked up only when it is asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        print(_version())
+        parser.exit()
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -100,14 +123,18 @@ def main(arguments: list[str] | None = None) -> int:
     int
         The exit code.
     """
+    prepare_streams()
     with visible_output():
         return _run(arguments)
 
 
 def _run(arguments: list[str] | None) -> int:
     """Run a command, and report an error in one line."""
+    options = argparse.Namespace()
     try:
-        options = build_parser().parse_args(arguments)
+        if sys.stdout is None:
+            return _fail("standard output must be open. Got a closed one.", BAD_INPUT)
+        options = _parsed(arguments)
         given = sys.argv[1:] if arguments is None else arguments
         options.typed = {text.partition("=")[0] for text in given if text.startswith("--")}
         with termination_as_interruption():
@@ -121,37 +148,58 @@ def _run(arguments: list[str] | None) -> int:
             return code
     except _UsageError as error:
         return _fail(str(error), BAD_INPUT)
-    except SystemExit:
-        raise
     except KeyboardInterrupt as interruption:
         # a command that can be resumed says how
         return _fail("; ".join(["interrupted", *map(str, interruption.args)]), INCOMPLETE)
-    except BrokenPipeError:
-        # the reader of a pipe has seen enough; without this the interpreter complains while it shuts down
-        sys.stdout = None
-        return DONE
-    # last, because finding out which exceptions are ours imports the packages
-    except _own_errors() as error:
-        from planner.exceptions import InfeasibleError
+    except Exception as error:
+        ending = _ending(error, options)
+        if ending is None:
+            raise
+        return _fail(*ending)
+    finally:
+        settle()
 
+
+def _parsed(arguments: list[str] | None) -> argparse.Namespace:
+    """Return the options; help and version, which end the program, are written before it ends."""
+    try:
+        return build_parser().parse_args(arguments)
+    except SystemExit:
+        print(end="", flush=True)
+        raise
+
+
+def _ending(error: Exception, options: argparse.Namespace) -> tuple[str, int] | None:
+    """Return the line and the exit code of an error; None of one that nobody foresaw."""
+    if isinstance(error, _loaded_errors()):
         if getattr(options, "verbose", False):
             traceback.print_exc()
-        return _fail(str(error), INCOMPLETE if isinstance(error, InfeasibleError) else BAD_INPUT)
-    except OSError as error:
-        if not _output_fails():
-            raise
-        return _fail(f"standard output must be writable. Got: {error.strerror}.", BAD_INPUT)
+        from planner.exceptions import InfeasibleError
+
+        return str(error), INCOMPLETE if isinstance(error, InfeasibleError) else BAD_INPUT
+    if isinstance(error, BrokenPipeError):
+        stop_writing()
+        return "", NOBODY_READS
+    if (line := shortage(error)) is not None:
+        return line, BAD_INPUT
+    if isinstance(error, OSError) and output_fails(error):
+        return f"standard output must be writable. Got: {error.strerror}.", BAD_INPUT
+    if isinstance(error, OSError) and isinstance(error.filename, str):
+        path = error.filename
+        shown = repr(path if len(path) <= 80 else f"{path[:77]}...")
+        line = f"{_known_as(path, options)} must be a path that can be used. Got {shown}: {error.strerror}."
+        return line, BAD_INPUT
+    return None
 
 
-def _output_fails() -> bool:
-    """Tell whether standard output takes no more; if so, forget it, as the interpreter would try again in the end."""
-    try:
-        # nothing need be left of what failed, so that is found out by an empty line
-        print(flush=True)
-    except OSError:
-        sys.stdout = None
-        return True
-    return False
+def _known_as(name: str, options: argparse.Namespace) -> str:
+    """Return the option that a path was given by."""
+    for key, value in vars(options).items():
+        if isinstance(value, str) and os.path.abspath(value) == os.path.abspath(name):
+            return (
+                f"the {key}" if key in ("part", "plan", "folder") else "--" + key.replace("_", "-")
+            )
+    return "path"
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -163,7 +211,9 @@ def build_parser() -> argparse.ArgumentParser:
         formatter_class=_Help,
         allow_abbrev=False,
     )
-    parser.add_argument("--version", action="version", version=_version())
+    parser.add_argument(
+        "--version", action=_Version, nargs=0, help="show program's version number and exit"
+    )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     _add_info(commands)
     _add_graph(commands)
@@ -363,26 +413,30 @@ def _add_optics(commands: Any) -> None:
 
 
 def _version() -> str:
-    from importlib.metadata import version
+    import planner
 
-    return f"aspectgraph {version('aspectgraph')}"
+    return f"aspectgraph {planner.__version__}"
 
 
-def _own_errors() -> tuple[type[Exception], ...]:
-    """Return the exception trees of the packages; imported only when there is something to catch."""
-    from aspectgraph.exceptions import AspectGraphError
-    from errors.exceptions import MeasurementModelError
-    from ga.exceptions import GAError
-    from planner.exceptions import PlannerError
-
-    return AspectGraphError, MeasurementModelError, GAError, PlannerError
+def _loaded_errors() -> tuple[type[Exception], ...]:
+    """Return the exception trees of the packages; what is not loaded has raised nothing."""
+    roots = {
+        "aspectgraph.exceptions": "AspectGraphError",
+        "errors.exceptions": "MeasurementModelError",
+        "ga.exceptions": "GAError",
+        "planner.exceptions": "PlannerError",
+    }
+    return tuple(
+        getattr(sys.modules[module], name)
+        for module, name in roots.items()
+        if module in sys.modules
+    )
 
 
 def _fail(message: str, code: int) -> int:
-    from planner.cli.messages import as_typed
-
-    line = visible(as_typed(" ".join(message.split())))
-    print(line if line.startswith("aspectgraph") else f"aspectgraph: {line}", file=sys.stderr)
+    if message:
+        line = visible(as_typed(" ".join(message.split())))
+        write_error(line if line.startswith("aspectgraph") else f"aspectgraph: {line}")
     return code
 
 

@@ -120,10 +120,9 @@ def without_corners(judge: Judge) -> dict[str, str]:
 
 def meaning(error: InfeasibleError) -> str:
     """Say in a few words what keeps entities from being inspected."""
-    told = str(error)
-    if not told.startswith(f"{error.constraint} "):
+    if error.together or not error.constraint:
         return "no feasible view"
-    if error.constraint == "visibility" and " cannot be met" not in told:
+    if error.constraint == "visibility" and not error.proven:
         return "in view from no pose tried"
     return _MEANING[error.constraint]
 

@@ -382,3 +382,7 @@ class _VisibleConsole(Console):
 
     def render_str(self, text: str, **options: Any) -> Text:
         return super().render_str(visible(text), **options)
+
+    def on_broken_pipe(self) -> None:
+        """Raise when nobody reads any more, where rich's own console ends the program with 1."""
+        raise BrokenPipeError

@@ -10,11 +10,12 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from planner.progress.terminal_text import unescaped, visible, visible_output
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.progress import Progress as RichProgress
     from rich.progress import TaskID
 
@@ -151,7 +152,6 @@ def duration(seconds: float) -> str:
 
 @contextmanager
 def _bars(stream: TextIO | None) -> Iterator[Progress]:
-    from rich.console import Console
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
@@ -170,9 +170,21 @@ def _bars(stream: TextIO | None) -> Iterator[Progress]:
         MofNCompleteColumn(),
         *times,
     )
+    console = terminal_console(console_stream)
     # while bars are shown, rich has its own standard error, for which names are escaped, too
-    with RichProgress(*columns, console=Console(file=console_stream)) as bars, visible_output():
+    with RichProgress(*columns, console=console) as bars, visible_output():
         yield _Bars(bars)
+
+
+def terminal_console(stream: TextIO | None, **options: Any) -> Console:
+    """Return a console of rich that raises when nobody reads any more, where rich's own ends the program with 1."""
+    from rich.console import Console
+
+    class Raising(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError
+
+    return Raising(file=stream, **options)
 
 
 class _Bars:
@@ -216,4 +228,12 @@ class _Lines:
             self.note(f"{label}: {done}/{total} ({seconds:.1f} s)")
 
     def note(self, text: str) -> None:
-        print(visible(text), file=self._stream, flush=True)
+        if self._stream is None:
+            return
+        try:
+            print(visible(text), file=self._stream, flush=True)
+        except BrokenPipeError:
+            raise
+        except OSError:
+            # a full disk under a log is no reason to lose the work
+            self._stream = None

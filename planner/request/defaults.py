@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from aspectgraph import Solid
 
 
+MOST_SEED = 10**300
+"""Largest seed: plan.json holds no longer numbers."""
+
+
 def default_workspace(solid: Solid, camera: Camera) -> np.ndarray:
     """Return the box around a part from whose walls the lens can just focus on it.
 
@@ -144,7 +148,10 @@ def check_seed(rng: object) -> int:
         return int(rng.integers(2**31))
     if isinstance(rng, bool) or not isinstance(rng, Integral) or rng < 0:
         raise RequestError(f"rng must be a non-negative integer or a numpy Generator. Got {rng!r}.")
-    return int(rng)
+    seed = int(rng)
+    if seed > MOST_SEED:
+        raise RequestError(f"rng must be at most {MOST_SEED:g}. Got a longer integer.")
+    return seed
 
 
 def pose_margin_px(camera: Camera, pose_uncertainty: PoseUncertainty) -> float:

@@ -36,6 +36,7 @@ def check_observable(space: Space, names: Sequence[str]) -> CellSet:
             constraint="visibility",
             entity=hidden[0],
             margin=-1.0,
+            proven=True,
         )
     pair = _pair_never_seen_together(space, names)
     who = f"entities {pair[0]!r} and {pair[1]!r}" if pair else f"the entities {', '.join(names)}"
@@ -44,6 +45,7 @@ def check_observable(space: Space, names: Sequence[str]) -> CellSet:
         constraint="visibility",
         entity=pair[1] if pair else "",
         margin=-1.0,
+        proven=True,
     )
 
 
@@ -88,6 +90,7 @@ def check_resolvable(constraints: Constraints) -> None:
             constraint="resolution_mm",
             entity=name,
             margin=margin,
+            proven=True,
         )
 
 
@@ -121,6 +124,7 @@ def check_extent(constraints: Constraints) -> None:
             constraint="field_of_view_px",
             entity=names[-1],
             margin=float(margin),
+            proven=True,
         )
 
 
@@ -141,6 +145,7 @@ def missing_corners(constraints: Constraints) -> dict[str, InfeasibleError]:
                 constraint="corner_deg",
                 entity=name,
                 margin=-least,
+                proven=True,
             )
     return found
 
@@ -244,6 +249,7 @@ def _nearest_misses(margins: dict[str, np.ndarray], constraints: Constraints) ->
         constraint=name,
         entity=worst[name][1] if name else "",
         margin=worst[name][0] if name else float("nan"),
+        together=True,
     )
 
 

@@ -23,8 +23,8 @@ from planner import (
 from planner.batch import part_request, workers
 from planner.batch import plan_part as plan_part_module
 from planner.batch.part_result import digest_of
-from planner.cli.exit_codes import BAD_INPUT, INCOMPLETE
 from planner.cli.main import main
+from planner.cli.process.exit_codes import BAD_INPUT, INCOMPLETE
 from planner.output.folder_lock import folder_lock
 from planner.plan import read_plan
 

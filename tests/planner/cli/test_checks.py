@@ -11,8 +11,8 @@ import pytest
 
 from planner import Camera, camera_names
 from planner.cli.arguments import memory
-from planner.cli.exit_codes import BAD_INPUT, DONE
 from planner.cli.main import main
+from planner.cli.process.exit_codes import BAD_INPUT, DONE
 
 BLOCK = str(Path(__file__).parents[3] / "examples" / "two_pocket_block.off")
 PLAN = ["plan", BLOCK, "--entities", "8", "--camera", "basler-acA2440-20gm-8mm", "--out", "out"]

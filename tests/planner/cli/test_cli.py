@@ -13,9 +13,9 @@ import pytest
 from plan_examples import plan
 
 from planner.cli import commands
-from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 from planner.cli.folder_owner import REGIONS_FOLDER
 from planner.cli.main import main
+from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 from planner.columns.outcome import Outcome
 from planner.exceptions import OutputError
 from planner.plan import read_plan

@@ -8,8 +8,8 @@ import subprocess
 import pytest
 
 from planner import camera_names
-from planner.cli.exit_codes import DONE
 from planner.cli.main import main
+from planner.cli.process.exit_codes import DONE
 
 
 def completed(script, *words):

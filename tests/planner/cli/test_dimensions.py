@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from planner.cli.exit_codes import BAD_INPUT, DONE
 from planner.cli.main import main
+from planner.cli.process.exit_codes import BAD_INPUT, DONE
 
 pytest.importorskip("OCP")
 

@@ -12,8 +12,8 @@ from plan_examples import plan
 
 from planner import Camera
 from planner.cli import commands
-from planner.cli.exit_codes import DONE, INCOMPLETE
 from planner.cli.main import main
+from planner.cli.process.exit_codes import DONE, INCOMPLETE
 from planner.inspection import plan_inspection
 from planner.plan import InspectionPlan, read_plan
 from planner.request.effort import Effort

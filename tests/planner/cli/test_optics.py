@@ -3,8 +3,8 @@
 import json
 from pathlib import Path
 
-from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 from planner.cli.main import main
+from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 
 BLOCK = str(Path(__file__).parents[3] / "examples" / "two_pocket_block.off")
 EDGE = "(60,20,10)-(60,40,10)"

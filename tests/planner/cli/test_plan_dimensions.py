@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from planner import read_plan
-from planner.cli.exit_codes import BAD_INPUT, DONE
 from planner.cli.main import main
+from planner.cli.process.exit_codes import BAD_INPUT, DONE
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 BLOCK = str(EXAMPLES / "two_pocket_block.off")

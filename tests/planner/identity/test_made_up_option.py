@@ -15,8 +15,8 @@ from grid_box import EDGES, BoxSpace
 from planner import Camera, Effort, PartRequest, PoseUncertainty, plan_inspection, read_plan
 from planner.batch import part_request
 from planner.cli import main as command_line
-from planner.cli.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 from planner.cli.folder_owner import REGIONS_FOLDER
+from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 from planner.exceptions import PlanFileError
 from planner.identity.inspection_request import InspectionRequest
 from planner.identity.restore import restored_options, restored_request

@@ -1,5 +1,6 @@
 """Reasons why an entity is not inspected: what they say is so, and no more than is known."""
 
+import pickle
 from types import SimpleNamespace
 
 import numpy as np
@@ -53,39 +54,29 @@ def test_too_far_apart_names_one_entity_once(ends, who):
     segments = np.array(list(ends.values()), dtype=float)
     owner = np.arange(len(ends))
     constraints = SimpleNamespace(camera=CAMERA, names=tuple(ends), segments=segments, owner=owner)
-    with pytest.raises(InfeasibleError, match=f"^field_of_view_px cannot be met for {who}"):
+    with pytest.raises(InfeasibleError, match=f"^field_of_view_px cannot be met for {who}") as told:
         check_extent(constraints)
+    assert told.value.proven
 
 
 @pytest.mark.parametrize(
-    ("message", "constraint", "words"),
+    ("facts", "words"),
     [
-        (
-            "visibility cannot be met: entity 'a' is observable from nowhere.",
-            "visibility",
-            "unobservable",
-        ),
-        (
-            "visibility was met by no pose tried for entity 'a'.",
-            "visibility",
-            "in view from no pose tried",
-        ),
-        (
-            "constraints were met together by no pose tried for a: nothing.",
-            "focus_mm",
-            "no feasible view",
-        ),
-        (
-            "field_of_view_mm was met by no pose tried.",
-            "field_of_view_mm",
-            "larger than the field of view",
-        ),
-        (
-            "clearance_mm was met by no pose tried.",
-            "clearance_mm",
-            "in view only too near the part",
-        ),
+        ({"constraint": "visibility", "proven": True}, "unobservable"),
+        ({"constraint": "visibility"}, "in view from no pose tried"),
+        ({"constraint": "focus_mm", "together": True}, "no feasible view"),
+        ({}, "no feasible view"),
+        ({"constraint": "field_of_view_mm"}, "larger than the field of view"),
+        ({"constraint": "clearance_mm"}, "in view only too near the part"),
     ],
 )
-def test_words_before_a_reason_claim_no_more_than_it_says(message, constraint, words):
-    assert meaning(InfeasibleError(message, constraint=constraint)) == words
+def test_words_before_a_reason_claim_no_more_than_is_known(facts, words):
+    """They rest on what the error says as data; its sentence may be reworded."""
+    assert meaning(InfeasibleError("any sentence at all", **facts)) == words
+
+
+def test_what_is_known_crosses_a_process_boundary():
+    error = InfeasibleError("no", constraint="visibility", entity="e", margin=-1.0, proven=True)
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == "no"
+    assert vars(again) == vars(error)

@@ -10,8 +10,8 @@ from holed_plate import CAMERA, FRONT, HOLES, QUICK, UNCERTAINTY, holed_plate, u
 
 from aspectgraph import Solid, compute_regions, read_solid, resolve_entities, select_entities
 from planner import Dimension, RequestError, plan_inspection, plan_setting, predict
-from planner.cli.exit_codes import BAD_INPUT, DONE
 from planner.cli.main import main
+from planner.cli.process.exit_codes import BAD_INPUT, DONE
 from planner.plan import read_plan
 from planner.wanted.dimension_files import read_wanted
 from planner.wanted.resolve import is_circle, resolve_wanted

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from planner.cli.signals import termination_as_interruption
+from planner.cli.process.signals import termination_as_interruption
 
 llvm = pytest.importorskip("llvmlite.binding.executionengine")
 
