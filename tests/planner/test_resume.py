@@ -394,7 +394,8 @@ regions = [
 def test_a_region_has_the_same_name_in_every_process_and_another_than_others():
     script = (
         REGIONS
-        + "import json\nfrom planner.request.reach import reach_identity\nprint(json.dumps([*map(reach_identity, regions)]))"
+        + "import json\nfrom planner.request.reach import reach_identity\n"
+        + "print(json.dumps([*map(reach_identity, regions)]))"
     )
     runs = [
         subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
