@@ -50,8 +50,9 @@ def test_lamps_to_be_placed_are_written_and_told(folder, capsys):
     assert "polished metal is out of scope" in page
     # what is planned anew must be asked for as before
     assert main([*PLAN, *light, "--contrast", "0.2"]) == BAD_INPUT
+    assert "--contrast was 0.1 and is now 0.2." in capsys.readouterr().err
     assert main(PLAN) == BAD_INPUT
-    assert "with another light" in capsys.readouterr().err
+    assert "plan.json of another request: --light changed." in capsys.readouterr().err
 
 
 def test_lamps_that_are_on_together(folder, capsys):
@@ -96,7 +97,10 @@ def test_what_no_fixed_lamp_shows_makes_the_plan_incomplete(folder, capsys):
         "not shown: p1: none of 2 lamps shows it: 2 with a contrast under 0.1, 0 with a step under 0.1"
         in told
     )
-    assert main([*PLAN, "--light", "lamps.toml"]) == DONE
+    # lamps at other places are another request
+    assert main([*PLAN, "--light", "lamps.toml"]) == BAD_INPUT
+    assert "plan.json of another request: --light changed." in capsys.readouterr().err
+    assert main([*PLAN, "--light", "lamps.toml", "--force"]) == DONE
     assert len(read_plan(folder / "out" / "plan.json").light.lamps) == 1
 
 

@@ -103,9 +103,9 @@ def test_lamps_are_part_of_what_a_state_belongs_to(tmp_path):
     state = tmp_path / "state.json"
     first = planned(lamps=[EVEN], state=state)
     assert planned(lamps=Lighting([EVEN]), state=state) == first
-    with pytest.raises(Exception, match="another request"):
+    with pytest.raises(Exception, match=r"contrast was 0\.1 and is now 0\.2"):
         planned(lamps=Lighting([EVEN], contrast=0.2), state=state)
-    with pytest.raises(Exception, match="another request"):
+    with pytest.raises(Exception, match="lamps changed"):
         planned(state=state)
 
 
