@@ -37,14 +37,9 @@ from planner.request.request import Request
 from planner.request.space import Space
 from planner.request.target_space import TargetSpace
 from planner.resume import PlanningState
-from planner.steps.assemble import assembled
-from planner.steps.find_columns import find_columns
 from planner.steps.incumbents import Incumbents
-from planner.steps.lit_settings import with_lamps
-from planner.steps.prove_bound import prove_bound
-from planner.steps.refute import refute
 from planner.steps.run import Run
-from planner.steps.settle import settle
+from planner.steps.stages import run_stages
 from planner.watch import TimeIsUpError, Watch
 
 if TYPE_CHECKING:
@@ -192,7 +187,7 @@ def plan_inspection(
             watch=watch,
         )
         try:
-            memo.finish(_plan(run, incumbents, lighting))
+            memo.finish(run_stages(run, incumbents, lighting))
         except TimeIsUpError:
             return _lit(incumbents.latest, solid, lighting)
         finally:
@@ -241,13 +236,3 @@ def _visible(solid: Solid, resolved: ResolvedRequest, how: InspectionOptions) ->
 def _lit(plan: InspectionPlan, solid: Solid, lighting: Lighting | None) -> InspectionPlan:
     """Return a plan that was ended early, with lamps for the settings it has."""
     return plan if lighting is None else replace(plan, light=chosen_lamps(lighting, plan, solid))
-
-
-def _plan(run: Run, incumbents: Incumbents, lighting: Lighting | None) -> InspectionPlan:
-    """Do all steps."""
-    find_columns(run, incumbents)
-    bound, proof = prove_bound(run, incumbents)
-    inspected = np.asarray(run.pool.membership.any(axis=0))
-    refute(run, inspected, bound, incumbents)
-    plan = assembled(run, settle(run, inspected), bound, proof)
-    return plan if lighting is None else with_lamps(run, lighting, plan)

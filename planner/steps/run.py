@@ -38,6 +38,8 @@ class CoverShares:
 
 
 SHARES = CoverShares()
+# what every checkpoint holds
+_STATE = frozenset({"step", "pools", "uninspectable", "exclusive"})
 
 
 class Run:
@@ -118,9 +120,10 @@ class Run:
         self.exclusive = tuple(last.get("exclusive", ()))
 
     def kept(self, step: str) -> dict[str, Any] | None:
-        """Return the checkpoint if it was taken in this step."""
+        """Return the checkpoint if it was taken within this step, and not at its beginning."""
         last = self.memo.last()
-        return last if last is not None and last["step"] == step else None
+        within = last is not None and last["step"] == step and set(last) - _STATE
+        return last if within else None
 
     def nodes(self, share: float = 1.0) -> int:
         """Return the nodes that a cover may take: a share of what the effort allows."""

@@ -133,7 +133,7 @@ def test_a_resumed_plan_takes_in_the_poses_that_the_proof_came_across(space, tmp
     monkeypatch.setattr("planner.steps.prove_bound.lower_bound", proof)
     plan = plan_box(space, rng=3)
     with monkeypatch.context() as patch:
-        patch.setattr("planner.inspection.assembled", stop)
+        patch.setattr("planner.steps.stages.assembled", stop)
         with pytest.raises(KeyboardInterrupt):
             plan_box(space, rng=3, state=state)
     assert plan_box(space, rng=3, state=state) == plan

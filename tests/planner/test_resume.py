@@ -122,7 +122,7 @@ def test_candidate_poses_are_not_drawn_again(space, whole, tmp_path, monkeypatch
         patch.setattr("planner.steps.find_columns.price_poses", stop)
         with pytest.raises(Stop):
             plan_box(space, path)
-    assert json.loads(path.read_text())["checkpoint"]["step"] == "candidate poses"
+    assert json.loads(path.read_text())["checkpoint"]["step"] == "first columns"
     monkeypatch.setattr("planner.steps.find_columns.judged_poses", stop)
     assert exact(plan_box(space, path)) == exact(whole[0])
 

@@ -184,7 +184,7 @@ def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):
 
     arguments = [*PLAN[:-1], "other", "--simulate", "100"]
     with monkeypatch.context() as patch:
-        patch.setattr("planner.inspection.assembled", interrupt)
+        patch.setattr("planner.steps.stages.assembled", interrupt)
         assert main(arguments) == INCOMPLETE
     out, err = capsys.readouterr()
     assert "The planning was ended before its end: a longer one may" in " ".join(out.split())
@@ -205,7 +205,7 @@ def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):
 
 def test_a_request_to_terminate_keeps_the_state_too(folder, quick, capsys, monkeypatch):
     monkeypatch.setattr(
-        "planner.inspection.assembled", lambda *a, **k: os.kill(os.getpid(), signal.SIGTERM)
+        "planner.steps.stages.assembled", lambda *a, **k: os.kill(os.getpid(), signal.SIGTERM)
     )
     before = signal.getsignal(signal.SIGTERM)
     assert main(PLAN) == INCOMPLETE
