@@ -57,7 +57,7 @@ from rivals import Problem
 from errors.telling import probability_text
 from planner import Search
 from planner.camera.pose import world_to_cam
-from planner.output.predicted_image import PictureMaker
+from planner.report.predicted_image import PictureMaker
 
 FULL = os.environ.get("FULL_TABLES") == "1"
 plt.rcParams.update(

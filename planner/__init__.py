@@ -39,12 +39,12 @@ if TYPE_CHECKING:
     from planner.light.ring_space import RingSpace
     from planner.optics.proposal import OpticsProposal, optics_table
     from planner.optics.propose import propose_optics
-    from planner.output.figure import plan_figure
     from planner.output.pose_files import write_poses
-    from planner.output.predicted_image import predicted_image
-    from planner.output.report import report_html
     from planner.plan import InspectionPlan, read_plan
     from planner.pose_prediction import PosePrediction, predict
+    from planner.report.figure import plan_figure
+    from planner.report.page import report_html
+    from planner.report.predicted_image import predicted_image
     from planner.request.constraints import Requirements
     from planner.request.defaults import default_workspace
     from planner.request.effort import Effort
@@ -106,10 +106,10 @@ _NAMES = {
     "planner.light.lighting": ("Lighting",),
     "planner.light.plan_light": ("plan_light",),
     "planner.light.ring_space": ("RingSpace",),
-    "planner.output.figure": ("plan_figure",),
+    "planner.report.figure": ("plan_figure",),
     "planner.output.pose_files": ("write_poses",),
-    "planner.output.predicted_image": ("predicted_image",),
-    "planner.output.report": ("report_html",),
+    "planner.report.predicted_image": ("predicted_image",),
+    "planner.report.page": ("report_html",),
     "planner.plan": (
         "InspectionPlan",
         "read_plan",

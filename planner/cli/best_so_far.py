@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import time
 
-from planner.output.wording import incumbent_line
 from planner.plan import InspectionPlan
 from planner.progress import Progress, note
+from planner.report.wording import incumbent_line
 
 
 class BestSoFar:

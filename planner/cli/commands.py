@@ -58,10 +58,10 @@ from planner.output.folder_lock import folder_lock
 from planner.output.json_records import graph_record, part_record, plan_record, print_json
 from planner.output.part_source import with_source
 from planner.output.plan_folder import PLAN_FILES, Written, rescue, write_graph, write_outputs
-from planner.output.wording import cost_sentence
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import labelled, note, terminal_progress
 from planner.progress.terminal_text import visible
+from planner.report.wording import cost_sentence
 from planner.request.defaults import check_fraction, default_workspace
 from planner.request.effort import Effort
 from planner.verify.simulate_plan import simulate_plan

@@ -15,9 +15,9 @@ from aspectgraph import OutputError as GraphOutputError
 from planner.exceptions import OutputError
 from planner.files import staged_folder
 from planner.output.pose_files import POSE_FILES, write_poses
-from planner.output.report import report_html
-from planner.output.wording import graph_sentence, regions_sentence
 from planner.plan import InspectionPlan
+from planner.report.page import report_html
+from planner.report.wording import graph_sentence, regions_sentence
 from planner.request.target_space import TargetSpace
 from planner.resume import holds_plan
 

@@ -16,7 +16,8 @@ from rich.text import Text
 from aspectgraph import Rim
 from errors.telling import frequency_text, interval_text, probability_text
 from planner.camera.camera import Camera
-from planner.output.wording import (
+from planner.progress.terminal_text import unescaped, visible
+from planner.report.wording import (
     count,
     features_cell,
     features_sentence,
@@ -31,7 +32,6 @@ from planner.output.wording import (
     verdict,
     window_texts,
 )
-from planner.progress.terminal_text import unescaped, visible
 from planner.verify.simulate_setting import CONFIRMED
 from planner.wanted.features import features_text
 

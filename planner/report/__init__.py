@@ -1,4 +1,4 @@
-"""What a report tells beyond the plan itself: rows of values and what they warn of, what binds, views, the graph.
+"""The report: one page, its sections, figures, predicted images and words; what it says beyond the plan itself.
 
-It computes and formats; the page around it is `planner.output.report`.
+`planner.report.page` puts it together. Nothing here changes a plan or judges it anew.
 """

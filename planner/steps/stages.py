@@ -110,7 +110,7 @@ def _generate_columns(work: Work) -> None:
 
 def _prove_bound(work: Work) -> None:
     work.bound, work.proof = prove_bound(work.run, work.incumbents)
-    work.inspected = work.run.pool.membership.any(axis=0)
+    work.inspected = np.asarray(work.run.pool.membership.any(axis=0))
 
 
 def _refute(work: Work) -> None:

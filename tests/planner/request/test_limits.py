@@ -11,8 +11,8 @@ from plan_examples import CAMERA, UNCERTAINTY, plan
 from planner import PoseUncertainty
 from planner.exceptions import PlanFileError, RequestError
 from planner.inspection_options import InspectionOptions
-from planner.output.wording import requirement_rows
 from planner.plan import InspectionPlan
+from planner.report.wording import requirement_rows
 from planner.request.constraints import Requirements
 from planner.request.image_constraints import FOCUS, Lens, image_slacks
 

@@ -18,7 +18,7 @@ from planner import (
     Showing,
 )
 from planner.camera.pose import world_to_cam
-from planner.output.wording import shown_sentence, unshown_texts
+from planner.report.wording import shown_sentence, unshown_texts
 from planner.rows.measured import UNSHOWN, measured_rows
 from planner.verify.shown_images import MOST_POSES, ShownImages, count_shown
 from planner.verify.simulate_setting import displaced_poses

@@ -15,9 +15,9 @@ from planner import Dimension, RequestError, read_plan
 from planner.exceptions import PlanFileError
 from planner.output import terminal_tables
 from planner.output.json_records import plan_record
-from planner.output.report import _figures, _lead
-from planner.output.wording import features_cell, verdict
 from planner.plan import InspectionPlan
+from planner.report.page import _figures, _lead
+from planner.report.wording import features_cell, verdict
 from planner.wanted.features import features_text, n_not_planned
 from planner.wanted.planned import PlannedDimension
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from errors.measurands import Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.fitted import is_short
 from errors.telling import interval_text, probability_text
-from planner.output.wording import features_cell
 from planner.report.tables import COLOURS
+from planner.report.wording import features_cell
 from planner.verify.measurements import Measurement, measurements
 
 if TYPE_CHECKING:

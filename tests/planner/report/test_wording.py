@@ -13,9 +13,9 @@ from plan_examples import ENTITIES, plan, setting
 
 from planner import Camera, LightPlan, LitImage, SimulationResult, SuccessRate
 from planner.bound.lower_bound import _proof, _proof_of_clique
-from planner.output.report import report_html
 from planner.output.terminal_tables import print_graph, print_plan, print_simulation
-from planner.output.wording import (
+from planner.report.page import report_html
+from planner.report.wording import (
     bound_sentence,
     calibration_rows,
     graph_sentence,

@@ -8,7 +8,7 @@ from errors.measurands import Circle, Localisation
 from planner import RequestError
 from planner.cli.wanted import read_localisation
 from planner.exceptions import PlanFileError
-from planner.output.dimension_report import (
+from planner.report.dimension_report import (
     _accepted,
     _budget,
     _nominal,

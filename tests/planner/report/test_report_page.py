@@ -9,8 +9,8 @@ from grid_box import EDGES, BoxSpace
 from plan_examples import plan, setting
 
 from aspectgraph import build_aspect_graph
-from planner.output.figure import figure_views
-from planner.output.report import report_html
+from planner.report.figure import figure_views
+from planner.report.page import report_html
 
 NAMES = ("+z-y", "+z+x", "-z+y")
 SPACE = BoxSpace((80.0, 50.0, 60.0), [[-900.0] * 3, [900.0] * 3], EDGES)

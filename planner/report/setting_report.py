@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 from scipy.spatial.transform import Rotation
 
 from errors.telling import probability_text
-from planner.output.figure import color_of
-from planner.output.outlines import drawn
-from planner.output.predicted_image import PictureMaker
-from planner.output.wording import lamp_texts, lamps_named, margin_texts
 from planner.progress import report
+from planner.report.figure import color_of
+from planner.report.outlines import drawn
+from planner.report.predicted_image import PictureMaker
 from planner.report.setting_table import binding_sentence, focus_note, setting_table
 from planner.report.tables import cells, heads
+from planner.report.wording import lamp_texts, lamps_named, margin_texts
 
 if TYPE_CHECKING:
     from aspectgraph import Solid

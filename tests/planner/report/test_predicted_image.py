@@ -10,7 +10,7 @@ from plan_examples import CAMERA
 
 from aspectgraph import read_solid
 from planner import Camera, look_at, predicted_image
-from planner.output.predicted_image import _AMBIENT, _GROUND, PictureMaker
+from planner.report.predicted_image import _AMBIENT, _GROUND, PictureMaker
 
 RIM = [[60.0, 20.0, 10.0], [60.0, 40.0, 10.0]]
 

@@ -12,10 +12,10 @@ from plan_examples import CAMERA, plan, setting
 from scipy.spatial.transform import Rotation
 
 from planner import LightPlan, LitImage, look_at
-from planner.output.figure import color_of, plan_figure
-from planner.output.predicted_image import PictureMaker, png_grey
-from planner.output.report import report_html
-from planner.output.wording import margin_texts, verdict
+from planner.report.figure import color_of, plan_figure
+from planner.report.page import report_html
+from planner.report.predicted_image import PictureMaker, png_grey
+from planner.report.wording import margin_texts, verdict
 
 SIZE = (80.0, 50.0, 60.0)
 SPACE = BoxSpace(SIZE, [[-900.0] * 3, [900.0] * 3], EDGES)

@@ -12,10 +12,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from errors.telling import probability_text
-from planner.output.dimension_report import dimension_section, localisation_text
-from planner.output.figure import color_of, figure_views, plan_figure, scene_frame
-from planner.output.setting_report import settings_section, settings_table
-from planner.output.wording import (
+from planner.report.attention import attention, not_inspected, reasons_section
+from planner.report.dimension_report import dimension_section, localisation_text
+from planner.report.figure import color_of, figure_views, plan_figure, scene_frame
+from planner.report.graph_picture import graph_picture
+from planner.report.setting_report import settings_section, settings_table
+from planner.report.setting_table import may_be_unsharp
+from planner.report.tables import download, results, robot
+from planner.report.views import view_buttons
+from planner.report.wording import (
     bound_sentence,
     calibration_rows,
     count,
@@ -30,11 +35,6 @@ from planner.output.wording import (
     unfinished_sentence,
     window_sentence,
 )
-from planner.report.attention import attention, not_inspected, reasons_section
-from planner.report.graph_picture import graph_picture
-from planner.report.setting_table import may_be_unsharp
-from planner.report.tables import download, results, robot
-from planner.report.views import view_buttons
 from planner.rows.measured import measured_rows
 from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, MODEL_TOLERANCE
 
@@ -84,7 +84,7 @@ def report_html(
     dimensions = dimension_section(plan)
     views, rows = figure_views(plan, space.solid), measured_rows(plan)
     template = Template(
-        resources.files("planner.output").joinpath("report.html").read_text(encoding="utf-8")
+        resources.files("planner.report").joinpath("report.html").read_text(encoding="utf-8")
     )
     return template.substitute(
         title=escape(f"Inspection plan: {plan.part}"),

@@ -18,7 +18,7 @@ from aspectgraph.plot.traces import (
     xyz,
 )
 from errors.telling import probability_text
-from planner.output.outlines import polylines
+from planner.report.outlines import polylines
 from planner.report.views import EVERYTHING, SceneFrame, box_around, plan_views
 
 if TYPE_CHECKING:
