@@ -270,7 +270,8 @@ def in_file_order(found: list[Any], listed: dict[int, ListedSolid], name: str) -
 def _slot(shape: Any, listed: ListedSolid | None, damage: str) -> Slot:
     if listed is None:
         return Slot(shape, damage)
-    damage = damage or listed.damage
+    # the text says which facets are not read; of the same ones the kernel only says that they are wrong
+    damage = listed.damage or damage
     if shape is not None and listed.facets is not None:
         move = shape.Location().Transformation()
         matrix = np.array([[move.Value(i, k) for k in (1, 2, 3, 4)] for i in (1, 2, 3)])
