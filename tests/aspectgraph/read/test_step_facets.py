@@ -232,3 +232,31 @@ def test_facets_that_are_refused(tmp_path):
             read_solid(path)
         assert "\n" not in str(caught.value)
         assert read_solid(path, solids=[0]).volume == pytest.approx(8.0)
+
+
+@pytest.mark.usefixtures("in_process")
+@pytest.mark.parametrize(
+    "holder", ["TESSELLATED_SHELL('',{},$)", "TESSELLATED_GEOMETRIC_SET('',{})"]
+)
+def test_facets_of_no_solid(tmp_path, holder):
+    path = box_file(tmp_path / "part.step", (20, 0, 0), (50, 0, 0))
+    text = with_facets(path, strips_and_fans(cube()), which=1).read_text()
+    solid = re.search(r"TESSELLATED_SOLID\('',(\([^)]*\)),\$\)", text)
+    path.write_text(text.replace(solid[0], holder.format(solid[1])))
+    beside = read_solid(path)
+    assert beside.volume == pytest.approx(8.0)
+    assert "left out 6 tessellated faces that belong to no solid" in beside.notes
+    assert not any("left out 6 faces" in note for note in beside.notes)
+    # drawn for people to see, as dimensions are
+    noted = f"#9999=TESSELLATED_ANNOTATION_OCCURRENCE('',(),#{text[: solid.start()].split('#')[-1].split('=')[0]});"
+    path.write_text(path.read_text().replace("ENDSEC;\nEND-ISO", f"{noted}\nENDSEC;\nEND-ISO"))
+    if "SET" in holder:
+        assert not any("tessellated" in note for note in read_solid(path).notes)
+    alone = with_facets(box_file(tmp_path / "alone.step", (0, 0, 0)), strips_and_fans(cube()))
+    text = alone.read_text()
+    solid = re.search(r"TESSELLATED_SOLID\('',(\([^)]*\)),\$\)", text)
+    alone.write_text(text.replace(solid[0], holder.format(solid[1])))
+    with pytest.raises(
+        ReadError, match=r"tessellated faces of no solid only \(COMPLEX_TRIANG.* #\d+\)"
+    ):
+        read_solid(alone)

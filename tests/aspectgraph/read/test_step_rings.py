@@ -13,11 +13,16 @@ from aspectgraph import ReadError, read_solid
 
 pytest.importorskip("OCP")
 from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Surface
+from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeCone, BRepPrimAPI_MakeTorus
 from OCP.BRepTools import BRepTools
 from OCP.Geom import Geom_ConicalSurface
+from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
 from step_in_process import read_in_process
 
 from aspectgraph.read.step.facets import mesher
+from aspectgraph.read.step.facets.deviation import deviation_mm
 
 ALONG_X = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 
@@ -131,3 +136,75 @@ def test_a_face_that_stays_bare_is_named(tmp_path, monkeypatch):
     # on the cone of 90 degrees, from 6.5 mm at 2.3 mm to 8.2 mm at 4 mm
     assert math.hypot(x, y) - 6.5 == pytest.approx(z - 2.3, abs=0.01)
     assert "from 0.01 to 0.04 mm" in str(caught.value)
+
+
+def torus_distances(solid, radius, tube):
+    """How far the facets of a bend about z leave its torus, at the middles of sides and of facets."""
+    corners = solid.vertices[solid.triangles]
+    radii = np.hypot(corners[..., 0], corners[..., 1])
+    reach = np.abs(np.hypot(radii - radius, corners[..., 2]) - tube)
+    # the rims of its flat ends are on the torus, too
+    angles = np.arctan2(corners[..., 1], corners[..., 0])
+    is_flat = (np.ptp(angles, axis=1) < 1e-9) | (np.abs(corners[..., 2]) < 1e-9).all(axis=1)
+    on_torus = corners[(reach < 1e-9).all(axis=1) & ~is_flat]
+    sides = 0.5 * (on_torus + np.roll(on_torus, 1, axis=1))
+    tested = np.concatenate([sides.reshape(-1, 3), on_torus.mean(axis=1)])
+    rise = np.hypot(np.hypot(tested[:, 0], tested[:, 1]) - radius, tested[:, 2])
+    return np.abs(rise - tube)
+
+
+def torus_file(path, radius, tube, along_deg):
+    """A quarter of a tube, bent by an angle."""
+    bend = BRepPrimAPI_MakeTorus(radius, tube, 0.0, math.radians(90.0), math.radians(along_deg))
+    writer = STEPControl_Writer()
+    writer.Transfer(bend.Shape(), STEPControl_StepModelType.STEPControl_AsIs)
+    writer.Write(str(path))
+    return path
+
+
+def test_the_chord_tolerance_holds_on_tori_that_the_mesher_cuts_too_coarsely(tmp_path):
+    # OCCT 8.0 misses the first three by factors of 3.1, 2.3 and 1.6
+    for radius, along_deg, chord in (
+        (25, 130, 0.1),
+        (25, 200, 0.07),
+        (10, 90, 0.1),
+        (10, 60, 0.02),
+    ):
+        solid = read_solid(
+            torus_file(tmp_path / "bend.step", radius, 1.0, along_deg), chord_tolerance_mm=chord
+        )
+        distances = torus_distances(solid, radius, 1.0)
+        assert len(distances) > 100
+        assert distances.max() <= chord
+
+
+def test_the_chord_tolerance_holds_whatever_the_mesher_makes_of_it(tmp_path, monkeypatch):
+    cut = mesher._cut
+    monkeypatch.setattr(
+        mesher, "_cut", lambda shape, chord_mm, angle_rad: cut(shape, 5.0 * chord_mm, angle_rad)
+    )
+    path = torus_file(tmp_path / "bend.step", 10.0, 1.0, 90.0)
+    distances = torus_distances(read_solid(path, chord_tolerance_mm=0.02), 10.0, 1.0)
+    assert len(distances) > 100
+    assert distances.max() <= 0.02
+    monkeypatch.setattr(
+        mesher, "_cut", lambda shape, chord_mm, angle_rad: cut(shape, 0.2, angle_rad)
+    )
+    with pytest.raises(
+        ReadError, match=r"chord_tolerance_mm=0\.02\. Got more on face \d+ .* kind torus at \("
+    ):
+        read_solid(path, chord_tolerance_mm=0.02)
+
+
+def test_distances_from_splines_are_those_from_what_they_stand_for():
+    for shape in (
+        BRepPrimAPI_MakeTorus(10.0, 3.0).Shape(),
+        BRepPrimAPI_MakeCone(5.0, 2.0, 4.0).Shape(),
+    ):
+        converted = BRepBuilderAPI_NurbsConvert(shape, True).Shape()
+        mesher._mesh(converted, 0.3, math.radians(30.0))
+        spline = mesher._faces(converted)[0]
+        truth = BRepAdaptor_Surface(mesher._faces(shape)[0])
+        exact = deviation_mm(spline, truth, 0.0)
+        assert exact > 0.02
+        assert deviation_mm(spline, BRepAdaptor_Surface(spline), 0.0) == pytest.approx(exact)

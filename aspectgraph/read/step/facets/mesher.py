@@ -5,7 +5,7 @@ rounding error beside the curves of the rims, the mesher gives the cone up (OCCT
 cone as a surface of revolution, with the same parameters and the same edges, is meshed. Finer tolerances come next.
 
 Facets of tori can leave their surface by more than the tolerance the mesher is given; twice as far was seen. A face
-whose facets do is meshed again with half of it, and again.
+whose facets do is meshed again with less of it.
 
 Imports OCP; import this module only in the kernel's process.
 """
@@ -34,8 +34,10 @@ from aspectgraph.solid.places import describe_point
 _SHARES = (1.0, 0.9, 0.8, 0.65, 0.5, 0.35, 0.25)
 """Shares of the chord tolerance that are tried where the tolerance itself leaves a face without triangles."""
 
-_MAX_REFINEMENTS = 8
-"""How often a face that leaves its surface by more than the chord tolerance is meshed with half of the last one."""
+_FINER = 0.75
+"""What share of its last tolerance a face gets next whose facets leave its surface by more than the chord tolerance."""
+
+_MAX_REFINEMENTS = 12
 
 _FORWARD = TopAbs_Orientation.TopAbs_FORWARD
 
@@ -123,7 +125,7 @@ def _refine(
         if not wide:
             return []
         for index in wide:
-            finer[index] = 0.5 * finer.get(index, share)
+            finer[index] = _FINER * finer.get(index, share)
         BRepTools.Clean_s(solid)
         # where a face is finer, its edges are, and the mesher takes them as they are for its neighbours
         for index in sorted(finer, key=lambda index: (finer[index], index)):
