@@ -68,6 +68,14 @@ def is_linked(entities: dict[int, Entity], number: int) -> bool:
 
 def list_loose(entities: dict[int, Entity]) -> list[int]:
     """Return the tessellated faces that belong to no solid and draw none, and are no part of an annotation."""
+    # few files have any; to look for the words first saves a third of a second for 20,000 entities
+    faces = [
+        number
+        for number, entity in entities.items()
+        if "TRIANGULATED" in entity.text.upper() and not _WITH_AREA.isdisjoint(entity.kinds)
+    ]
+    if not faces:
+        return []
     owned: set[int] = set()
     for number, entity in entities.items():
         is_solid = not TESSELLATED_SOLIDS.isdisjoint(entity.kinds)
@@ -77,11 +85,7 @@ def list_loose(entities: dict[int, Entity]) -> list[int]:
     for number in sorted(owned & set(entities)):
         if not _SETS.isdisjoint(entities[number].kinds):
             owned.update(entities[number].references)
-    return [
-        number
-        for number, entity in entities.items()
-        if number not in owned and not _WITH_AREA.isdisjoint(entity.kinds)
-    ]
+    return [number for number in faces if number not in owned]
 
 
 def read_facets(entities: dict[int, Entity], number: int, unit_mm: float) -> StatedFacets:
