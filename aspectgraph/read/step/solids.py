@@ -29,7 +29,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
 from aspectgraph.exceptions import ReadError
-from aspectgraph.read.step.facets.stated import TESSELLATED_SOLIDS, StatedFacets
+from aspectgraph.read.step.facets.stated import TESSELLATED_SOLIDS, StatedFacets, list_loose
 from aspectgraph.read.step.listing import ListedSolid, linked_facets, list_solids
 from aspectgraph.read.step.text import Entity, parse_entities
 from aspectgraph.read.step.triangles import explore, xyz
@@ -99,6 +99,12 @@ def load_solids(path: Path, name: str) -> Inventory:
     """
     entities = parse_entities(Path(path).read_bytes())
     listed = {solid.number: solid for solid in list_solids(entities)}
+    loose = list_loose(entities)
+    if loose and not listed:
+        raise ReadError(
+            f"a STEP file must hold at least one closed solid. Got {name} with tessellated faces of "
+            f"no solid only ({entities[loose[0]].kind} #{loose[0]}); export the part as a solid, or as a mesh."
+        )
     reader = STEPControl_Reader()
     with quiet():
         Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
@@ -134,7 +140,7 @@ def load_solids(path: Path, name: str) -> Inventory:
         _slot(solid, listed.get(number), damage.get(number, ""))
         for solid, number in in_file_order(found, listed, name)
     ]
-    return Inventory(slots, _left_out(shape))
+    return Inventory(slots, _left_out(shape, len(loose)))
 
 
 def _tessellation_mode(entities: dict[int, Entity], name: str) -> str:
@@ -270,7 +276,8 @@ def in_file_order(found: list[Any], listed: dict[int, ListedSolid], name: str) -
 def _slot(shape: Any, listed: ListedSolid | None, damage: str) -> Slot:
     if listed is None:
         return Slot(shape, damage)
-    damage = damage or listed.damage
+    # the text says which facets are not read; of the same ones the kernel only says that they are wrong
+    damage = listed.damage or damage
     if shape is not None and listed.facets is not None:
         move = shape.Location().Transformation()
         matrix = np.array([[move.Value(i, k) for k in (1, 2, 3, 4)] for i in (1, 2, 3)])
@@ -319,19 +326,23 @@ def _farthest(expected: np.ndarray, points: np.ndarray) -> tuple[float, np.ndarr
     return worst, place
 
 
-def _left_out(shape: Any) -> list[str]:
-    """Return a note on faces and edges that belong to no solid, such as annotations."""
-    n_faces = len(
-        explore(shape, TopAbs_ShapeEnum.TopAbs_FACE, outside=TopAbs_ShapeEnum.TopAbs_SOLID)
+def _left_out(shape: Any, n_tessellated: int) -> list[str]:
+    """Return notes on faces and edges that belong to no solid, such as annotations."""
+    faces = explore(shape, TopAbs_ShapeEnum.TopAbs_FACE, outside=TopAbs_ShapeEnum.TopAbs_SOLID)
+    # of tessellated faces the kernel builds some and leaves out others
+    n_faces = sum(
+        BRep_Tool.Surface_s(TopoDS.Face(face), TopLoc_Location()) is not None for face in faces
     )
     n_edges = len(
         explore(shape, TopAbs_ShapeEnum.TopAbs_EDGE, outside=TopAbs_ShapeEnum.TopAbs_FACE)
     )
-    return (
-        [f"left out {n_faces} faces and {n_edges} edges that belong to no solid"]
-        if n_faces or n_edges
-        else []
-    )
+    notes = []
+    if n_faces or n_edges:
+        notes.append(f"left out {n_faces} faces and {n_edges} edges that belong to no solid")
+    if n_tessellated:
+        noun = "face that belongs" if n_tessellated == 1 else "faces that belong"
+        notes.append(f"left out {n_tessellated} tessellated {noun} to no solid")
+    return notes
 
 
 @contextmanager
