@@ -61,7 +61,7 @@ def test_materials_inside_an_obj_file_carry_no_geometry(tmp_path):
     embedded = read(tmp_path, "embedded.obj", MATERIAL + b"usemtl steel\n" + OBJ)
     assert embedded.faces == plain.faces
     assert embedded.volume == plain.volume
-    with pytest.raises(ReadError, match="must begin with a keyword. Got 'Kd'"):
+    with pytest.raises(ReadError, match=r"must begin with a keyword\. Got 'Kd'"):
         read(tmp_path, "loose.obj", OBJ + b"Kd 0.5 0.5 0.5\n")
 
 
