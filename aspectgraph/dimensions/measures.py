@@ -84,7 +84,7 @@ class Measurer:
             edge.id: ends for edge, ends in zip(attachments.edges, attachments.ends, strict=True)
         }
 
-    def size(self, kind: str, features: Sequence[Feature]) -> Measure:
+    def size(self, kind: str, features: Sequence[Feature], n_unread: int = 0) -> Measure:
         """Return how a diameter or radius is measured.
 
         Parameters
@@ -93,15 +93,20 @@ class Measurer:
             Which of them.
         features : sequence of Feature
             All it is attached to; several cylinders are a pattern.
+        n_unread : int
+            How many more items it is attached to, of which the geometry is not known. Each counts as one feature.
         """
         axes = [one for one in features if isinstance(one, Axis) and one.radius_mm is not None]
+        n_features = len(axes) + n_unread
         if not axes:
-            return Measure(kind, reason="it is attached to no cylinder and no circle")
+            reason = "it is attached to no cylinder and no circle"
+            return Measure(kind, reason=reason, n_features=max(n_features, 1))
         factor = 2.0 if kind == "diameter" else 1.0
         ways = tuple(tuple((arc.id,) for arc in self._sorted(axis.circles)) for axis in axes)
+        ways += ((),) * n_unread
         reason = "" if any(ways) else "no sharp circular edge bounds what it is attached to"
         values = tuple(factor * (axis.radius_mm or 0.0) for axis in axes)
-        return Measure(kind, values, ways, reason, n_features=len(axes))
+        return Measure(kind, values, ways, reason, n_features=n_features)
 
     def between(self, one: Feature, other: Feature) -> Measure:
         """Return how the distance of two features is measured.

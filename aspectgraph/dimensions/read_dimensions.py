@@ -150,7 +150,7 @@ class _Reader:
         measure = self._measure(row)
         value = _nearest(measure.values, stated)
         nominal = stated.nominal
-        note = _and(stated.note, measure.note)
+        note = _and(stated.note, measure.note, _unread_text(row))
         if nominal is None and value is not None:
             nominal = round(value, DIGITS)
             note = _and(note, "the file states no nominal value; this is the geometry's")
@@ -203,8 +203,9 @@ class _Reader:
     def _measure(self, row: dict[str, Any]) -> Measure:
         kind = _kind(row)
         first, second = (self.attachments.features(side) for side in row["sides"])
+        n_unread = sum(row["unread"])
         if kind in ("diameter", "radius"):
-            return self.measurer.size(kind, first + second)
+            return self.measurer.size(kind, first + second, n_unread)
         round_values = _round_values(kind, row["sides"])
         if kind not in ("distance", "angle") or round_values:
             what = "angle of a cone" if kind == "angle" else kind.replace("_", " ")
@@ -212,7 +213,7 @@ class _Reader:
                 kind,
                 round_values,
                 reason=f"no edges, rims and arcs measure the {what}",
-                n_features=self._n_round(row["sides"], first + second),
+                n_features=self._n_round(row["sides"], first + second) + n_unread,
             )
         ends = _two_ends(first, second, bool(row["sides"][1]))
         if isinstance(ends, str):
@@ -319,6 +320,17 @@ def _direction(measure: Measure) -> tuple[float, float, float] | None:
 
 def _in_words(sides: Sequence[Sequence[dict[str, Any]]]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(describe_shape(shape) for side in sides for shape in side))
+
+
+def _unread_text(row: dict[str, Any]) -> str:
+    """Say what a dimension is attached to and the kernel did not read; nothing if it read everything."""
+    if not row["compared"]:
+        return "the text of the file could not be compared: it may apply to more features"
+    n_unread = sum(row["unread"])
+    if not n_unread:
+        return ""
+    items = "1 item" if n_unread == 1 else f"{n_unread} items"
+    return f"{items} that it is attached to could not be read"
 
 
 def _and(*notes: str) -> str:

@@ -59,6 +59,7 @@ class StepPart:
         }
         self.solids = [i for i in solids if i not in self.facets]
         self.hidden = set()
+        self.measured = None
         self.shapes = self.bodies = [self.slots[i].shape for i in self.solids]
         diagonal = diagonal_mm(self.shapes, [part.vertices for part in self.facets.values()])
         self.flat_mm = diagonal * relative_planarity

@@ -192,6 +192,8 @@ def row(words, *sides, kernel_type="Size_None"):
         "type": kernel_type,
         "sides": [first, second],
         "solids": [0],
+        "unread": [0, 0],
+        "compared": True,
         "unresolved": "",
     }
 

@@ -6,10 +6,12 @@ Where a hole must be, the tests compute by matrices of their own.
 from __future__ import annotations
 
 import re
+from functools import cache
 
 import numpy as np
 import pytest
 from assemblies import CASES, HOLE, RADIUS_MM, mirrored, placement, step_assembly
+from one_kernel import one_kernel
 
 from aspectgraph import ReadError, SolidChoice, read_dimensions, read_solid
 
@@ -20,17 +22,24 @@ DIAGONAL = (0.0, 1.0, 1.0)
 TURNED = placement((10.0, -200.0, 30.0), z=(1, 0, 0), x=DIAGONAL)
 UPSIDE_DOWN = placement((0.0, 0.0, 100.0), z=(0, 0, -1))
 ASIDE = placement((300.0, 0.0, 0.0), z=DIAGONAL)
-TREES = {
-    "two levels, four instances": {
-        "root": [("inner", UNIT), ("inner", ASIDE)],
-        "inner": [("plate", UNIT), ("plate", UPSIDE_DOWN)],
-    },
-    "at several depths": {
-        "root": [("plate", placement((0.0, -300.0, 0.0))), ("inner", TURNED), ("outer", ASIDE)],
-        "outer": [("inner", UPSIDE_DOWN), ("plate", TURNED)],
-        "inner": [("plate", ASIDE)],
-    },
+TREE = {
+    "root": [("plate", placement((0.0, -300.0, 0.0))), ("inner", TURNED), ("outer", ASIDE)],
+    "outer": [("inner", UPSIDE_DOWN), ("inner", UNIT), ("plate", TURNED)],
+    "inner": [("plate", ASIDE), ("plate", UPSIDE_DOWN)],
 }
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _one_kernel():
+    with one_kernel():
+        yield
+
+
+@cache
+def read_case(name):
+    """A case and its dimensions."""
+    solid = read_solid(CASES / name)
+    return solid, read_dimensions(CASES / name, solid)
 
 
 def placements(tree, name="root", matrix=UNIT):
@@ -66,12 +75,13 @@ def added(text, statements):
     return text.replace("ENDSEC;\nEND-ISO", statements + "\nENDSEC;\nEND-ISO")
 
 
-@pytest.mark.parametrize("name", TREES)
-def test_a_dimension_is_where_the_placements_put_its_hole(name, tmp_path):
-    path = written(tmp_path, step_assembly(TREES[name]))
+def test_a_dimension_is_where_the_placements_put_its_hole(tmp_path):
+    """Eight instances: at several depths, several of one assembly, and one assembly in several others."""
+    path = written(tmp_path, step_assembly(TREE))
     solid = read_solid(path)
     dimensions = read_dimensions(path, solid)
-    expected = list(placements(TREES[name]))
+    expected = list(placements(TREE))
+    assert len(expected) == 8
     assert len(dimensions) == len(expected)
     for k, (dimension, matrix) in enumerate(zip(dimensions, expected, strict=True)):
         assert np.allclose(centres(solid, dimension), hole_at(matrix), atol=1e-6)
@@ -89,8 +99,7 @@ def test_a_dimension_is_where_the_placements_put_its_hole(name, tmp_path):
     ],
 )
 def test_free_cases(name, holes):
-    solid = read_solid(CASES / name)
-    dimensions = read_dimensions(CASES / name, solid)
+    solid, dimensions = read_case(name)
     assert len(dimensions) == len(holes)
     for dimension, lowest in zip(dimensions, holes, strict=True):
         assert dimension.reason is None

@@ -3,6 +3,9 @@
 import json
 from pathlib import Path
 
+import pytest
+from one_kernel import one_kernel
+
 from planner.cli.main import main
 from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 
@@ -18,6 +21,7 @@ OPTICS = [
     "--distances",
     "250,400",
 ]
+CASES = Path(__file__).parents[2] / "cases"
 SURE = ["--sigma-mm", "0.05", "--sigma-rad", "0.001"]
 
 
@@ -38,6 +42,25 @@ def test_records_of_optics(capsys):
         assert one["body"] == "basler-acA2440-20gm"
         assert one["camera"]["focus_distance_mm"] in (250.0, 400.0)
         assert [*one["probability"]] == one["able"]
+
+
+def test_optics_for_a_pattern_say_what_is_not_planned(tmp_path, capsys):
+    """The diameter applies to both holes of each of two instances of a plate."""
+    pytest.importorskip("OCP")
+    text = (CASES / "dim_two_instances.step").read_text()
+    usage = "#900 = GEOMETRIC_ITEM_SPECIFIC_USAGE('','',#551,#36,#508);\n"
+    part = tmp_path / "pattern.step"
+    part.write_text(text.replace("ENDSEC;\nEND-ISO", usage + "ENDSEC;\nEND-ISO"))
+    wanted = ["--dimensions", "all", "--body", "basler-acA2440-20gm", "--distances", "250"]
+    request = ["optics", str(part), *wanted, *SURE, "--rows", "1"]
+    with one_kernel():
+        main(request)
+        printed = capsys.readouterr().out
+        main([*request, "--json"])
+        (record,) = json.loads(capsys.readouterr().out)
+    sentence = "2 dimensions, 4 features: 2 not planned; optics are ranked by one feature of each"
+    assert sentence in printed
+    assert record["features"] == {"n": 4, "not_planned": 2}
 
 
 def test_nothing_can_do_it(capsys):

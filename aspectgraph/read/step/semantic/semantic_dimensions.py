@@ -29,6 +29,7 @@ from OCP.XCAFDoc import XCAFDoc_Dimension, XCAFDoc_DocumentTool, XCAFDoc_ShapeTo
 
 from aspectgraph.exceptions import ReadError
 from aspectgraph.read.step.listing import list_solids
+from aspectgraph.read.step.semantic.attached_shapes import AttachedShapes
 from aspectgraph.read.step.semantic.instances import AmbiguousInstanceError, Instances
 from aspectgraph.read.step.solids import in_file_order, number_solids, quiet
 from aspectgraph.read.step.text import Entity
@@ -59,6 +60,8 @@ def read_semantic_dimensions(
     list of dict
         ``type`` (of OCCT), ``words`` (of the file), ``name`` (of its drawing, or empty), ``values`` in mm or degrees or
         None, ``is_range``, ``has_bounds``, and ``sides``: two lists of shapes as in the part, see `describe`.
+        ``unread`` is the number of items of each side that no shape is made from. ``compared`` says that the text was
+        found, and with it all items.
         ``instances`` says where these are in the assembly: for each instance ``sides``, and ``solids``, their numbers.
         It is empty if this is not known; ``unresolved`` then says why.
 
@@ -84,22 +87,36 @@ def read_semantic_dimensions(
     tool.GetDimensionLabels(labels)
     if not labels.Length():
         return []
-    instances = _instances(reader.ChangeReader(), entities, name)
-    found = [_dimension(tool, labels.Value(k), instances) for k in range(1, labels.Length() + 1)]
-    return [row for row in found if row["type"] not in _ONLY_SHOWN]
+    kernel = reader.ChangeReader()
+    numbers = _numbers(kernel, entities, name)
+    instances = _instances(kernel, numbers, entities, name)
+    attached = AttachedShapes(kernel.WS().TransferReader(), numbers, entities, kernel.OneShape())
+    stated = [_stated(tool, labels.Value(k)) for k in range(1, labels.Length() + 1)]
+    return [
+        _dimension(row, sides, attached, instances)
+        for row, sides in stated
+        if row["type"] not in _ONLY_SHOWN
+    ]
 
 
-def _instances(reader: Any, entities: dict[int, Entity], name: str) -> Instances:
-    """Return the instances of parts, with the numbers that the solids have where the part is read."""
+def _numbers(reader: Any, entities: dict[int, Entity], name: str) -> dict[Any, int]:
+    """Return the number of each entity by its handle."""
     model = reader.Model()
     handles = [model.Value(i) for i in range(1, model.NbEntities() + 1)]
     if len(handles) != len(entities):
         raise ReadError(
             f"a STEP file must be whole. Got {name}: {len(handles)} of {len(entities)} entities read."
         )
+    return dict(zip(handles, entities, strict=True))
+
+
+def _instances(
+    reader: Any, numbers: dict[Any, int], entities: dict[int, Entity], name: str
+) -> Instances:
+    """Return the instances of parts, with the numbers that the solids have where the part is read."""
     listed = {solid.number: solid for solid in list_solids(entities)}
     shape = reader.OneShape()
-    found = number_solids(reader, shape, dict(zip(handles, entities, strict=True)))
+    found = number_solids(reader, shape, numbers)
     slots = in_file_order(found, listed, name)
     if len(slots) == len(found):
         return Instances(shape, range(len(found)))
@@ -108,7 +125,8 @@ def _instances(reader: Any, entities: dict[int, Entity], name: str) -> Instances
     return Instances(shape, [place[number] for _, number in found])
 
 
-def _dimension(tool: Any, label: Any, instances: Instances) -> dict[str, Any]:
+def _stated(tool: Any, label: Any) -> tuple[dict[str, Any], list[list[Any]]]:
+    """Return what the kernel knows of a dimension, and the shapes of its two sides as in the part."""
     # FindAttribute leaves a null handle here; Set_s returns the attribute there is
     stated = XCAFDoc_Dimension.Set_s(label).GetObject()
     values = stated.GetValues()
@@ -117,8 +135,7 @@ def _dimension(tool: Any, label: Any, instances: Instances) -> dict[str, Any]:
     first = Sequence_TDF_Label()
     second = Sequence_TDF_Label()
     tool.GetRefShapeLabel_s(label, first, second)
-    sides = [_shapes(side) for side in (first, second)]
-    return {
+    row = {
         "type": stated.GetType().name.split("DimensionType_")[-1],
         "words": words.ToCString() if words is not None else "",
         "name": title.ToCString() if title is not None else "",
@@ -127,8 +144,21 @@ def _dimension(tool: Any, label: Any, instances: Instances) -> dict[str, Any]:
         else [values.Value(k) for k in range(values.Lower(), values.Upper() + 1)],
         "is_range": stated.IsDimWithRange(),
         "has_bounds": stated.IsDimWithPlusMinusTolerance(),
-        "sides": [[describe(shape) for shape in side] for side in sides],
-        **_placed(sides, instances),
+    }
+    return row, [_shapes(first), _shapes(second)]
+
+
+def _dimension(
+    row: dict[str, Any], sides: list[list[Any]], attached: AttachedShapes, instances: Instances
+) -> dict[str, Any]:
+    """Return a dimension with all that it is attached to."""
+    completed = attached.complete(row["values"], sides)
+    return {
+        **row,
+        "unread": completed.unread,
+        "compared": completed.compared,
+        "sides": [[describe(shape) for shape in side] for side in completed.sides],
+        **_placed(completed.sides, instances),
     }
 
 

@@ -15,7 +15,7 @@ from aspectgraph.exceptions import ReadError
 from aspectgraph.read.step.listing import OCCURRENCES, unit_mm
 from aspectgraph.read.step.text import Entity, known_references
 
-_SIZES = frozenset(
+SIZES = frozenset(
     {
         "ANGULAR_SIZE",
         "DIMENSIONAL_SIZE",
@@ -23,7 +23,7 @@ _SIZES = frozenset(
         "DIMENSIONAL_SIZE_WITH_PATH",
     }
 )
-_LOCATIONS = frozenset(
+LOCATIONS = frozenset(
     {
         "ANGULAR_LOCATION",
         "DIMENSIONAL_LOCATION",
@@ -74,13 +74,13 @@ def list_dimensions(entities: dict[int, Entity]) -> list[StatedDimension]:
     bounds = _bounds(entities)
     return [
         StatedDimension(
-            bool(_LOCATIONS & entity.kinds),
+            bool(LOCATIONS & entity.kinds),
             values.get(number, ()),
             bounds.get(number),
             _is_of_occurrence(entities, entity),
         )
         for number, entity in entities.items()
-        if (_SIZES | _LOCATIONS) & entity.kinds
+        if (SIZES | LOCATIONS) & entity.kinds
     ]
 
 
