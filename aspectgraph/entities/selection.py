@@ -100,7 +100,7 @@ def select_entities(solid: Solid, rule: str) -> list[int | str]:
         tests.append(lambda one: one.kind == "edge")
     found = [one.id for one in _candidates(solid) if all(test(one) for test in tests)]
     if not found:
-        raise EntityError(f"select must hold for at least one edge. Got none for {rule!r}.")
+        raise EntityError.of_rule("select", "must hold for at least one edge", f"none for {rule!r}")
     return found
 
 
@@ -146,9 +146,11 @@ def _test(text: str, solid: Solid) -> _Test:
     if found := re.fullmatch(rf"near\s+({_POINT})\s*<\s*({_NUMBER})", lower):
         point, radius = np.array(_numbers(found[1])), float(found[2])
         return lambda one: _distance(one, point) < radius
-    raise EntityError(
-        "select must be conditions joined by 'and': length > 20, turn < 100, convex, reentrant, kind = rim, "
-        f"direction = z, face = top, near 10,20,30 < 5. Got {text!r}."
+    raise EntityError.of_rule(
+        "select",
+        "must be conditions joined by 'and': length > 20, turn < 100, convex, "
+        "reentrant, kind = rim, direction = z, face = top, near 10,20,30 < 5",
+        repr(text),
     )
 
 
@@ -158,7 +160,7 @@ def _numbers(text: str) -> list[float]:
 
 def _parallel(direction: NDArray[np.float64], text: str) -> _Test:
     if not direction.any():
-        raise EntityError(f"direction must have a length. Got {text!r}.")
+        raise EntityError.of_rule("direction", "must have a length", repr(text))
     unit, least = direction / np.linalg.norm(direction), np.cos(np.radians(PARALLEL_DEG))
     return lambda one: bool(abs(one.along @ unit) >= least * np.linalg.norm(one.along))
 

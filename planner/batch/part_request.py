@@ -84,7 +84,7 @@ class PartRequest:
             check_count(name, getattr(self, name), least)
         for name in self.limits:
             if name not in _LIMITS:
-                raise RequestError(f"limits must be of {', '.join(_LIMITS)}. Got {name!r}.")
+                raise RequestError.of_rule("limits", f"must be of {', '.join(_LIMITS)}", repr(name))
 
     @property
     def options(self) -> InspectionOptions:

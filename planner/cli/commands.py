@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aspectgraph import (
+    AspectGraphError,
     JointForecast,
     LightRegions,
     ReadError,
@@ -83,7 +84,7 @@ def info(options: argparse.Namespace) -> int:
         edges = tuple(edge for edge in edges if edge.id in chosen)
         curves = tuple(curve for curve in curves if curve.id in chosen)
     if options.picture:
-        write_edge_picture(
+        _write_picture(
             solid, options.picture, [edge.id for edge in edges], [curve.id for curve in curves]
         )
     if options.json:
@@ -98,6 +99,16 @@ def info(options: argparse.Namespace) -> int:
     if options.picture:
         print(visible(str(options.picture)))
     return DONE
+
+
+def _write_picture(solid: Solid, path: str, edge_ids: list[int], curve_ids: list[str]) -> None:
+    """Write the picture of `info`; an error names the option."""
+    try:
+        write_edge_picture(solid, path, edge_ids, curve_ids)
+    except AspectGraphError as error:
+        if error.parameter != "path":
+            raise
+        raise type(error).of_rule("picture", error.rule, error.got) from None
 
 
 def graph(options: argparse.Namespace) -> int:

@@ -108,8 +108,8 @@ class StepPart:
             arrays.update({f"{k}_{i}": array for i, array in enumerate(fields)})
         rows = []
         for k, (number, part) in enumerate(self.facets.items()):
-            arrays[f"facets_{k}_vertices"] = part.vertices
-            arrays[f"facets_{k}_triangles"] = part.triangles
+            arrays[f"facets_{k}_vertices"] = stated.vertices
+            arrays[f"facets_{k}_triangles"] = stated.triangles
             rows.append({"solid": number, "hidden": number in self.hidden})
         return {"n": len(shapes), "facets": rows}, arrays
 
