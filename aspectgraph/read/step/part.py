@@ -107,7 +107,7 @@ class StepPart:
             fields += (np.array([turn for _, turn in turns], dtype=np.float64),)
             arrays.update({f"{k}_{i}": array for i, array in enumerate(fields)})
         rows = []
-        for k, (number, part) in enumerate(self.facets.items()):
+        for k, (number, stated) in enumerate(self.facets.items()):
             arrays[f"facets_{k}_vertices"] = stated.vertices
             arrays[f"facets_{k}_triangles"] = stated.triangles
             rows.append({"solid": number, "hidden": number in self.hidden})
