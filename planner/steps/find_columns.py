@@ -11,6 +11,7 @@ from planner.columns.realise_column import without_corners
 from planner.executors import in_order
 from planner.ledger import Ledger
 from planner.progress import report
+from planner.setting.reason import Reason
 from planner.steps.incumbents import IMPROVING, Incumbents
 from planner.steps.prove_bound import WEIGHING, exclude
 from planner.steps.run import Run
@@ -59,13 +60,13 @@ def _sample(run: Run, done: int) -> None:
         report(run.progress, k, len(names), _SAMPLED)
 
 
-def _try_alone(run: Run, incumbents: Incumbents) -> dict[str, str]:
+def _try_alone(run: Run, incumbents: Incumbents) -> dict[str, Reason]:
     """Give entities that no pose inspects a run of their own; return the reasons of those that fail.
 
     What some of them add to the plan is offered before the others are tried, as each takes seconds.
     """
     missing = [name for i, name in enumerate(run.names) if not run.pool.membership[:, i].any()]
-    reasons = {}
+    reasons: dict[str, Reason] = {}
     for first in range(0, len(missing), _AT_A_TIME):
         some = missing[first : first + _AT_A_TIME]
         for name, outcome in zip(some, run.realise([(name,) for name in some]), strict=True):
