@@ -41,6 +41,10 @@ class AspectGraphError(Exception):
     place: str = ""
     stem: str = ""
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Keep the data when the error crosses a process boundary, with Dask's pickling, too."""
+        return type(self), self.args, dict(vars(self))
+
     @classmethod
     def of_rule(
         cls,
@@ -72,7 +76,6 @@ class AspectGraphError(Exception):
             "mentions": mentions,
         }
         error = cls(_sentence(data, str, hint))
-        # kept by pickle, too, as an error of a worker process is
         vars(error).update(data)
         return error
 

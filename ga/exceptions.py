@@ -29,6 +29,10 @@ class GAError(Exception):
     got: str = ""
     hint: str = ""
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Keep the data when the error crosses a process boundary, with Dask's pickling, too."""
+        return type(self), self.args, dict(vars(self))
+
     @classmethod
     def of_rule(cls, parameter: str, rule: str, got: str, *, hint: str = "") -> Self:
         """Return the error of a broken rule: "PARAMETER RULE. Got GOT; HINT.".
@@ -40,7 +44,6 @@ class GAError(Exception):
         """
         data = {"parameter": parameter, "rule": rule, "got": got, "hint": hint}
         error = cls(_sentence(parameter, data))
-        # kept by pickle, too, as an error of a worker process is
         vars(error).update(data)
         return error
 

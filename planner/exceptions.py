@@ -38,6 +38,10 @@ class PlannerError(Exception):
     mentions: tuple[str, ...] = ()
     place: str = ""
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Keep the data when the error crosses a process boundary, with Dask's pickling, too."""
+        return type(self), self.args, dict(vars(self))
+
     @classmethod
     def of_rule(
         cls,
@@ -69,7 +73,6 @@ class PlannerError(Exception):
             "mentions": mentions,
         }
         error = cls(_sentence(data, str, hint))
-        # kept by pickle, too, as an error of a worker process is
         vars(error).update(data)
         return error
 
@@ -168,10 +171,6 @@ class InfeasibleError(PlannerError, RuntimeError):
         self.constraint = constraint
         self.entity = entity
         self.margin = margin
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Keep the attributes when the error crosses a process boundary."""
-        return type(self), (str(self),), dict(vars(self))
 
 
 class CoverError(PlannerError, ValueError):

@@ -92,16 +92,35 @@ def select_entities(solid: Solid, rule: str) -> list[int | str]:
     >>> select_entities(block, "length >= 60 and face = bottom")
     [0, 5, 20, 22]
     """
-    tests = [
-        _test(text.strip(), solid)
-        for text in re.split(r"\s+and\s+", rule.strip(), flags=re.IGNORECASE)
-    ]
+    tests = [_test(text, solid) for text in _conditions(rule)]
     if not re.search(r"\bkind\b", rule, flags=re.IGNORECASE):
         tests.append(lambda one: one.kind == "edge")
     found = [one.id for one in _candidates(solid) if all(test(one) for test in tests)]
     if not found:
         raise EntityError.of_rule("select", "must hold for at least one edge", f"none for {rule!r}")
     return found
+
+
+def check_selection(rule: str) -> None:
+    """Refuse a rule that means nothing, before there is a part.
+
+    Parameters
+    ----------
+    rule : str
+        As `select_entities` takes it.
+
+    Raises
+    ------
+    EntityError
+        If a condition is none of those that there are.
+    """
+    for text in _conditions(rule):
+        _test(text, None)
+
+
+def _conditions(rule: str) -> list[str]:
+    parts = re.split(r"\s+and\s+", rule.strip(), flags=re.IGNORECASE)
+    return [text.strip() for text in parts]
 
 
 def _candidates(solid: Solid) -> list[_Candidate]:
@@ -125,8 +144,8 @@ def _candidates(solid: Solid) -> list[_Candidate]:
     return found
 
 
-def _test(text: str, solid: Solid) -> _Test:
-    """Return the test a condition stands for."""
+def _test(text: str, solid: Solid | None) -> _Test:
+    """Return the test a condition stands for; without a part, what must be known of one always holds."""
     lower = text.lower()
     if lower in ("convex", "reentrant", "re-entrant"):
         sign = 1 if lower == "convex" else -1
@@ -142,7 +161,7 @@ def _test(text: str, solid: Solid) -> _Test:
     if found := re.fullmatch(rf"direction\s*=\s*([xyz]|{_POINT})", lower):
         return _parallel(np.array(_AXES.get(found[1]) or _numbers(found[1])), text)
     if found := re.fullmatch(rf"face\s*=\s*({'|'.join(_SIDES)})", lower):
-        return _on_side(solid, *_SIDES[found[1]])
+        return _on_side(solid, *_SIDES[found[1]]) if solid is not None else lambda one: True
     if found := re.fullmatch(rf"near\s+({_POINT})\s*<\s*({_NUMBER})", lower):
         point, radius = np.array(_numbers(found[1])), float(found[2])
         return lambda one: _distance(one, point) < radius

@@ -178,10 +178,26 @@ def _parse(
     return vertices, polygons
 
 
-def _scale(units: str | None, suffix: str) -> float:
-    units = units or ("m" if suffix == ".glb" else "mm")
+def check_units(units: str) -> None:
+    """Refuse a unit that is not known.
+
+    Parameters
+    ----------
+    units : str
+        Must be a key of `UNITS_MM`.
+
+    Raises
+    ------
+    ReadError
+        If it is not.
+    """
     if units not in UNITS_MM:
         raise ReadError.of_rule("units", f"must be one of {', '.join(UNITS_MM)}", repr(units))
+
+
+def _scale(units: str | None, suffix: str) -> float:
+    units = units or ("m" if suffix == ".glb" else "mm")
+    check_units(units)
     return UNITS_MM[units]
 
 

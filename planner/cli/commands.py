@@ -39,6 +39,7 @@ from planner.cli.completion import completion_script
 from planner.cli.folder_owner import STATE_FILE, Leftovers, check_owner
 from planner.cli.job import (
     Job,
+    check_nothing_read,
     inspection_options,
     read_camera,
     read_job,
@@ -63,7 +64,7 @@ from planner.output.wording import cost_sentence
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import labelled, note, terminal_progress
 from planner.progress.terminal_text import visible
-from planner.request.defaults import check_fraction, default_workspace
+from planner.request.defaults import default_workspace
 from planner.request.effort import Effort
 from planner.verify.simulate_plan import simulate_plan
 
@@ -163,8 +164,6 @@ def dimensions(options: argparse.Namespace) -> int:
 
 def plan(options: argparse.Namespace) -> int:
     """Plan an inspection and write everything about it."""
-    check_fraction("accuracy", options.accuracy)
-    check_fraction("probability", options.probability)
     names = (*PLAN_FILES, STATE_FILE)
     with (
         output_folder(options.out, names, "--out") as folder,
@@ -322,6 +321,8 @@ def batch(options: argparse.Namespace) -> int:
 
 def simulate(options: argparse.Namespace) -> int:
     """Check a plan by simulation."""
+    if options.part is None:
+        check_nothing_read(options)
     found = read_plan(options.plan)
     solid = None if options.part is None else read_part(options)
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:

@@ -130,6 +130,8 @@ def _job_again(options: argparse.Namespace) -> Job:
                 f"Got {name}."
             )
     path = Path(options.again)
+    if not path.exists():
+        raise RequestError.of_rule("again", "must be an existing plan file", repr(options.again))
     plan = read_plan(path)
     if not plan.request:
         raise PlanFileError(
@@ -182,6 +184,19 @@ def reading_of(options: argparse.Namespace) -> dict[str, Any]:
         "occluders": options.occluders,
         "gap_mm": options.gap_mm,
     }
+
+
+def check_nothing_read(options: argparse.Namespace) -> None:
+    """Refuse options that say how a part is read where there is none.
+
+    Raises
+    ------
+    RequestError
+        Names the option.
+    """
+    for name, value in reading_of(options).items():
+        if value is not None:
+            raise RequestError.of_rule(name, "must be given with a part", "none")
 
 
 def read_part(options: argparse.Namespace) -> Solid:

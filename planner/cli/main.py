@@ -27,7 +27,7 @@ from planner.cli.arguments import (
     lengths,
     memory,
 )
-from planner.cli.naming import in_words_of_shell, option
+from planner.cli.naming import as_typed, in_words_of_shell
 from planner.cli.process.exit_codes import BAD_INPUT, INCOMPLETE, NOBODY_READS
 from planner.cli.process.shortages import shortage
 from planner.cli.process.signals import termination_as_interruption
@@ -197,7 +197,8 @@ def _known_as(name: str, options: argparse.Namespace) -> str:
     """Return the option that a path was given by."""
     for key, value in vars(options).items():
         if isinstance(value, str) and os.path.abspath(value) == os.path.abspath(name):
-            return f"the {key}" if key in ("part", "plan", "folder") else option(key)
+            typed = as_typed(key, vars(options))
+            return f"the {key}" if key in ("plan", "folder") else typed
     return "path"
 
 

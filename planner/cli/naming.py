@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Mapping
 from typing import Any
 
 # options that are not named like the parameters they give
@@ -37,20 +37,32 @@ def option(name: str) -> str:
     return _OPTIONS.get(name, f"--{name.replace('_', '-')}")
 
 
-def in_words_of_shell(error: BaseException, options: Container[str]) -> str:
+def as_typed(name: str, options: Mapping[str, Any]) -> str:
+    """Return what the user of a command knows a parameter as.
+
+    Parameters
+    ----------
+    name : str
+        The parameter's name.
+    options : mapping of str to value
+        The command's options; ``typed`` holds those that were typed. Other parameters keep their
+        names.
+    """
+    same = f"--{name.replace('_', '-')}"
+    if same in options.get("typed", ()):
+        return same
+    return option(name) if name in _OPTIONS or name in options else name
+
+
+def in_words_of_shell(error: BaseException, options: Mapping[str, Any]) -> str:
     """Return the message of an error with its parameters named as options.
 
     Parameters
     ----------
     error : Exception
         One of ours holds its parameters as data.
-    options : container of str
-        Names of the options of the command; other parameters keep theirs.
+    options : mapping of str to value
+        The command's options, see `as_typed`.
     """
-
-    def name_of(parameter: str) -> str:
-        known = parameter in _OPTIONS or parameter in options
-        return option(parameter) if known else parameter
-
     worded: Any = getattr(error, "for_shell", None)
-    return str(error) if worded is None else str(worded(name_of))
+    return str(error) if worded is None else str(worded(lambda name: as_typed(name, options)))
