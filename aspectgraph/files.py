@@ -128,8 +128,8 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
                     beside.unlink()
     except OSError as error:
         reason = error.strerror or error
-        raise OutputError(
-            f"path must be a file that can be written. Got {str(path)!r}: {reason}."
+        raise OutputError.of_rule(
+            "path", "must be a file that can be written", f"{str(path)!r}: {reason}"
         ) from error
 
 

@@ -36,11 +36,13 @@ def check_finite(value: ArrayLike, name: str) -> NDArray[np.float64]:
     try:
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InvalidParameterError(f"{name} must be numeric. Got {value!r}.") from error
+        raise InvalidParameterError.of_rule(name, "must be numeric", repr(value)) from error
     bad = ~np.isfinite(array)
     if bad.any():
         where = tuple(int(i) for i in np.argwhere(bad)[0])
-        raise InvalidParameterError(f"{name} must be finite. Got {array[where]} at index {where}.")
+        raise InvalidParameterError.of_rule(
+            name, "must be finite", f"{array[where]} at index {where}"
+        )
     return array
 
 
@@ -48,18 +50,18 @@ def check_positive(value: float, name: str) -> float:
     """Return `value` as a float greater than zero."""
     array = check_finite(value, name)
     if array.ndim != 0:
-        raise InvalidShapeError(
-            f"{name} must be a single number. Got an array of shape {array.shape}."
+        raise InvalidShapeError.of_rule(
+            name, "must be a single number", f"an array of shape {array.shape}"
         )
     if array <= 0.0:
-        raise InvalidParameterError(f"{name} must be > 0. Got {float(array)}.")
+        raise InvalidParameterError.of_rule(name, "must be > 0", str(float(array)))
     return float(array)
 
 
 def check_count(value: int, name: str) -> int:
     """Return `value` as an integer of at least one."""
     if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 1:
-        raise InvalidParameterError(f"{name} must be an integer >= 1. Got {value!r}.")
+        raise InvalidParameterError.of_rule(name, "must be an integer >= 1", repr(value))
     return int(value)
 
 
@@ -67,11 +69,11 @@ def check_probability(value: float, name: str) -> float:
     """Return `value` as a float in the open interval (0, 1)."""
     array = check_finite(value, name)
     if array.ndim != 0:
-        raise InvalidShapeError(
-            f"{name} must be a single number. Got an array of shape {array.shape}."
+        raise InvalidShapeError.of_rule(
+            name, "must be a single number", f"an array of shape {array.shape}"
         )
     if not 0.0 < array < 1.0:
-        raise InvalidParameterError(f"{name} must be in (0, 1). Got {float(array)}.")
+        raise InvalidParameterError.of_rule(name, "must be in (0, 1)", str(float(array)))
     return float(array)
 
 
@@ -79,9 +81,9 @@ def check_pixel_pitch(value: ArrayLike, name: str = "pixel_pitch_mm") -> NDArray
     """Return the pixel pitch (r_x, r_y) in millimetres, both greater than zero."""
     pitch = check_finite(value, name)
     if pitch.shape != (2,):
-        raise InvalidShapeError(f"{name} must have shape (2,). Got shape {pitch.shape}.")
+        raise InvalidShapeError.of_rule(name, "must have shape (2,)", f"shape {pitch.shape}")
     if (pitch <= 0.0).any():
-        raise InvalidParameterError(f"{name} must be > 0. Got {tuple(pitch.tolist())}.")
+        raise InvalidParameterError.of_rule(name, "must be > 0", str(tuple(pitch.tolist())))
     return pitch
 
 
@@ -91,7 +93,7 @@ def check_points(
     """Return camera-frame points (..., 3), all in front of the lens centre."""
     points = check_finite(value, name)
     if points.ndim < 1 or points.shape[-1] != 3:
-        raise InvalidShapeError(f"{name} must have shape (..., 3). Got shape {points.shape}.")
+        raise InvalidShapeError.of_rule(name, "must have shape (..., 3)", f"shape {points.shape}")
     _check_in_front(points, focal_length_mm, name)
     return points
 
@@ -102,7 +104,9 @@ def check_endpoints(
     """Return edge ends (..., 2, 3) that lie in front of the lens and whose image has a length."""
     endpoints = check_finite(value, name)
     if endpoints.ndim < 2 or endpoints.shape[-2:] != (2, 3):
-        raise InvalidShapeError(f"{name} must have shape (..., 2, 3). Got shape {endpoints.shape}.")
+        raise InvalidShapeError.of_rule(
+            name, "must have shape (..., 2, 3)", f"shape {endpoints.shape}"
+        )
     _check_in_front(endpoints, focal_length_mm, name)
     _check_image_length(endpoints, focal_length_mm, name)
     return endpoints
@@ -112,8 +116,8 @@ def check_covariance(value: ArrayLike, name: str = "pose_covariance") -> NDArray
     """Return covariances (..., 6, 6) that are symmetric and positive semi-definite."""
     covariance = check_finite(value, name)
     if covariance.ndim < 2 or covariance.shape[-2:] != (6, 6):
-        raise InvalidShapeError(
-            f"{name} must have shape (..., 6, 6). Got shape {covariance.shape}."
+        raise InvalidShapeError.of_rule(
+            name, "must have shape (..., 6, 6)", f"shape {covariance.shape}"
         )
     # Translations (mm2) and rotations (rad2) differ by orders of magnitude: judge the scale-free matrix.
     scale = np.sqrt(np.abs(np.diagonal(covariance, axis1=-2, axis2=-1)))
@@ -122,14 +126,14 @@ def check_covariance(value: ArrayLike, name: str = "pose_covariance") -> NDArray
     asymmetry = np.abs(normalised - np.swapaxes(normalised, -1, -2))
     if (asymmetry > _COVARIANCE_RTOL).any():
         largest = np.abs(covariance - np.swapaxes(covariance, -1, -2)).max()
-        raise CovarianceError(
-            f"{name} must be symmetric. Got a largest asymmetry of {largest:.6g}."
+        raise CovarianceError.of_rule(
+            name, "must be symmetric", f"a largest asymmetry of {largest:.6g}"
         )
     smallest = np.linalg.eigvalsh(normalised).min(initial=0.0)
     if smallest < -_COVARIANCE_RTOL:
         smallest = np.linalg.eigvalsh(covariance).min()
-        raise CovarianceError(
-            f"{name} must be positive semi-definite. Got smallest eigenvalue {smallest:.6g}."
+        raise CovarianceError.of_rule(
+            name, "must be positive semi-definite", f"smallest eigenvalue {smallest:.6g}"
         )
     return covariance
 
@@ -151,9 +155,10 @@ def _check_in_front(points: NDArray[np.float64], focal_length_mm: float, name: s
     behind = points[..., 2] >= focal_length_mm
     if behind.any():
         where = tuple(int(i) for i in np.argwhere(behind)[0])
-        raise BehindLensError(
-            f"{name} must lie in front of the lens centre (C3 < focal_length_mm = {focal_length_mm}). "
-            f"Got C3 = {float(points[where][2])} at index {where}."
+        raise BehindLensError.of_rule(
+            name,
+            f"must lie in front of the lens centre (C3 < focal_length_mm = {focal_length_mm})",
+            f"C3 = {float(points[where][2])} at index {where}",
         )
 
 
@@ -164,9 +169,10 @@ def _check_image_length(endpoints: NDArray[np.float64], focal_length_mm: float, 
         short = np.flatnonzero(length <= MIN_IMAGE_LENGTH_MM)
         if len(short):
             where = tuple(int(i) for i in np.unravel_index(start + short[0], endpoints.shape[:-2]))
-            raise DegenerateSegmentError(
-                f"{name} must project to a segment longer than zero. "
-                f"Got image length {float(length[short[0]])} mm at index {where}."
+            raise DegenerateSegmentError.of_rule(
+                name,
+                "must project to a segment longer than zero",
+                f"image length {float(length[short[0]])} mm at index {where}",
             )
 
 

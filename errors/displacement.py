@@ -84,8 +84,8 @@ def displace(points: ArrayLike, displacement: ArrayLike) -> NDArray[np.float64]:
     )
     for name, array, size in (("points", points, 3), ("displacement", displacement, 6)):
         if array.ndim < 1 or array.shape[-1] != size:
-            raise InvalidShapeError(
-                f"{name} must have shape (..., {size}). Got shape {array.shape}."
+            raise InvalidShapeError.of_rule(
+                name, f"must have shape (..., {size})", f"shape {array.shape}"
             )
     phi = displacement[..., 3:]
     angle = np.linalg.norm(phi, axis=-1, keepdims=True)

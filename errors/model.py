@@ -68,13 +68,13 @@ class SuccessModel:
         model: str = "joint",
     ) -> None:
         if model not in MODELS:
-            raise InvalidParameterError(f"model must be one of {MODELS}. Got {model!r}.")
+            raise InvalidParameterError.of_rule("model", f"must be one of {MODELS}", repr(model))
         self.focal_length_mm = check_positive(focal_length_mm, "focal_length_mm")
         self.pixel_pitch_mm = check_pixel_pitch(pixel_pitch_mm)
         self.covariance = check_covariance(pose_covariance)
         if self.covariance.shape != (6, 6):
-            raise InvalidShapeError(
-                f"pose_covariance must have shape (6, 6). Got shape {self.covariance.shape}."
+            raise InvalidShapeError.of_rule(
+                "pose_covariance", "must have shape (6, 6)", f"shape {self.covariance.shape}"
             )
         self.accuracy = check_probability(accuracy, "accuracy")
         self.model = model

@@ -104,7 +104,7 @@ def success_probability(
     [1.0, 0.77]
     """
     if model not in MODELS:
-        raise InvalidParameterError(f"model must be one of {MODELS}. Got {model!r}.")
+        raise InvalidParameterError.of_rule("model", f"must be one of {MODELS}", repr(model))
     f = check_positive(focal_length_mm, "focal_length_mm")
     endpoints = check_endpoints(endpoints, f)
     pitch = check_pixel_pitch(pixel_pitch_mm)

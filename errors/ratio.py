@@ -76,8 +76,8 @@ class NormalRatio:
             object.__setattr__(self, name, array)
         for name in ("var_n", "var_d"):
             if (getattr(self, name) < 0.0).any():
-                raise CovarianceError(
-                    f"{name} must be >= 0. Got {float(getattr(self, name).min())}."
+                raise CovarianceError.of_rule(
+                    name, "must be >= 0", str(float(getattr(self, name).min()))
                 )
         if (self.mean_d <= 0.0).any():
             raise InvalidParameterError(f"mean_d must be > 0. Got {float(self.mean_d.min())}.")

@@ -20,7 +20,7 @@ def check_integer(name: str, value: Any, low: int, high: int | None = None) -> i
         or number < low
         or (high is not None and number > high)
     ):
-        raise ParameterError(f"{name} must be {rule}. Got {value!r}.")
+        raise ParameterError.of_rule(name, f"must be {rule}", repr(value))
     return int(value)
 
 
@@ -28,7 +28,7 @@ def check_probability(name: str, value: Any) -> float:
     """Return `value` as a float in [0, 1]."""
     number: Any = value
     if not isinstance(value, Real) or isinstance(value, bool) or not 0.0 <= number <= 1.0:
-        raise ParameterError(f"{name} must be in [0, 1]. Got {value!r}.")
+        raise ParameterError.of_rule(name, "must be in [0, 1]", repr(value))
     return float(value)
 
 
@@ -40,14 +40,14 @@ def check_nonnegative(name: str, value: Any) -> float:
         or isinstance(value, bool)
         or not (math.isfinite(number) and number >= 0.0)
     ):
-        raise ParameterError(f"{name} must be finite and not negative. Got {value!r}.")
+        raise ParameterError.of_rule(name, "must be finite and not negative", repr(value))
     return float(value)
 
 
 def check_finite(name: str, value: Any) -> float:
     """Return `value` as a finite float."""
     if not isinstance(value, Real) or isinstance(value, bool) or not math.isfinite(value):
-        raise ParameterError(f"{name} must be a finite number. Got {value!r}.")
+        raise ParameterError.of_rule(name, "must be a finite number", repr(value))
     return float(value)
 
 
@@ -55,22 +55,22 @@ def check_choice(name: str, value: Any, choices: Collection[str]) -> str:
     """Return `value` if it is one of `choices`."""
     if not isinstance(value, str) or value not in choices:
         names = ", ".join(repr(choice) for choice in choices)
-        raise ParameterError(f"{name} must be one of {names}. Got {value!r}.")
+        raise ParameterError.of_rule(name, f"must be one of {names}", repr(value))
     return value
 
 
 def check_flag(name: str, value: Any) -> bool:
     """Return `value` as a bool."""
     if not isinstance(value, (bool, np.bool_)):
-        raise ParameterError(f"{name} must be True or False. Got {value!r}.")
+        raise ParameterError.of_rule(name, "must be True or False", repr(value))
     return bool(value)
 
 
 def check_callable(name: str, value: Any, *, optional: bool = False) -> None:
     """Raise unless `value` can be called (or is None where `optional`)."""
     if not callable(value) and not (optional and value is None):
-        raise ParameterError(
-            f"{name} must be callable{' or None' if optional else ''}. Got {value!r}."
+        raise ParameterError.of_rule(
+            name, f"must be callable{' or None' if optional else ''}", repr(value)
         )
 
 
@@ -88,8 +88,8 @@ def check_rng(rng: Any) -> tuple[np.random.Generator, int | None]:
     elif isinstance(rng, Integral) and not isinstance(rng, bool) and int(rng) >= 0:
         seed = int(rng)
     else:
-        raise ParameterError(
-            f"rng must be a non-negative integer, a numpy Generator or None. Got {rng!r}."
+        raise ParameterError.of_rule(
+            "rng", "must be a non-negative integer, a numpy Generator or None", repr(rng)
         )
     return np.random.default_rng(seed), seed
 
@@ -112,12 +112,12 @@ def check_range(low: object, high: object, n_genes: int) -> tuple[np.ndarray, np
             or array.shape not in ((), (n_genes,))
             or not np.isfinite(array).all()
         ):
-            raise ParameterError(
-                f"{name} must be one finite number, or one for each of {n_genes} genes. Got {value!r}."
+            raise ParameterError.of_rule(
+                name, f"must be one finite number, or one for each of {n_genes} genes", repr(value)
             )
         ends.append(array.astype(np.float64))
     if np.any(ends[0] > ends[1]):
-        raise ParameterError(f"low must not be above high. Got {low!r} and {high!r}.")
+        raise ParameterError.of_rule("low", "must not be above high", f"{low!r} and {high!r}")
     return ends[0], ends[1]
 
 
@@ -126,14 +126,14 @@ def check_bits(name: str, bits: object, n_bits: int | None = None) -> np.ndarray
     array = as_array(bits)
     if array.ndim == 0 or (n_bits is not None and array.shape[-1] != n_bits):
         length = "" if n_bits is None else f"{n_bits} "
-        raise ParameterError(
-            f"{name} must have {length}bits along its last axis. Got shape {array.shape}."
+        raise ParameterError.of_rule(
+            name, f"must have {length}bits along its last axis", f"shape {array.shape}"
         )
     if array.dtype.kind not in "biuf":
-        raise ParameterError(f"{name} must hold only 0 and 1. Got an array of {array.dtype}.")
+        raise ParameterError.of_rule(name, "must hold only 0 and 1", f"an array of {array.dtype}")
     wrong = (array != 0) & (array != 1)
     if wrong.any():
-        raise ParameterError(f"{name} must hold only 0 and 1. Got {array[wrong][0]}.")
+        raise ParameterError.of_rule(name, "must hold only 0 and 1", str(array[wrong][0]))
     return array.astype(bool)
 
 
@@ -141,7 +141,7 @@ def check_population(name: str, bits: object, n_bits: int) -> np.ndarray:
     """Return `bits` as a boolean array of shape (N, n_bits)."""
     array = check_bits(name, bits, n_bits)
     if array.ndim != 2:
-        raise ParameterError(f"{name} must have shape (N, {n_bits}). Got shape {array.shape}.")
+        raise ParameterError.of_rule(name, f"must have shape (N, {n_bits})", f"shape {array.shape}")
     return array
 
 

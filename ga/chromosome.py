@@ -277,6 +277,6 @@ class Chromosome:
 
     def _check_genes(self, name: str, array: np.ndarray) -> None:
         if array.ndim == 0 or array.shape[-1] != self.n_genes:
-            raise ParameterError(
-                f"{name} must have {self.n_genes} genes along its last axis. Got shape {array.shape}."
+            raise ParameterError.of_rule(
+                name, f"must have {self.n_genes} genes along its last axis", f"shape {array.shape}"
             )

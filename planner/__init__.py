@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from planner.request.reach import BoxRegion, MeshRegion, SphereRegion
     from planner.setting.plan_setting import plan_setting
     from planner.setting.pose_search import Search
+    from planner.setting.reason import Reason, ReasonKind
     from planner.setting.sensor_setting import SensorSetting
     from planner.showing.showing import Showing
     from planner.travel import travel_order
@@ -125,6 +126,7 @@ _NAMES = {
     "planner.setting.plan_setting": ("plan_setting",),
     "planner.showing.showing": ("Showing",),
     "planner.setting.pose_search": ("Search",),
+    "planner.setting.reason": ("Reason", "ReasonKind"),
     "planner.setting.sensor_setting": ("SensorSetting",),
     "planner.travel": ("travel_order",),
     "planner.verify.simulate_plan": (
@@ -167,6 +169,8 @@ __all__ = [
     "PlannerError",
     "PosePrediction",
     "PoseUncertainty",
+    "Reason",
+    "ReasonKind",
     "RequestError",
     "Requirements",
     "RingSpace",

@@ -45,8 +45,8 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
     try:
         handle, temporary = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
     except UnicodeEncodeError:
-        raise OutputError(
-            f"path must be the name of a file. Got {str(path)!r} with half a character."
+        raise OutputError.of_rule(
+            "path", "must be the name of a file", f"{str(path)!r} with half a character"
         ) from None
     except OSError as error:
         raise OutputError(
@@ -104,22 +104,24 @@ def check_file_place(path: str | os.PathLike[str], parameter: str = "path") -> N
     """
     path = Path(path)
     if path.is_dir():
-        raise OutputError(
-            f"{parameter} must be a file that can be written. Got '{path}', a folder."
+        raise OutputError.of_rule(
+            parameter, "must be a file that can be written", f"'{path}', a folder"
         )
     if _is_device(path):
         return
     try:
         _check_replaceable(path)
     except OSError as error:
-        raise OutputError(
-            f"{parameter} must be a file that can be written. Got '{path}': {error.strerror}."
+        raise OutputError.of_rule(
+            parameter, "must be a file that can be written", f"'{path}': {error.strerror}"
         ) from None
     try:
         _try_to_write(path.parent)
     except OSError as error:
-        raise OutputError(
-            f"{parameter} must be in a folder that exists and can be written. Got '{path}': {error.strerror}."
+        raise OutputError.of_rule(
+            parameter,
+            "must be in a folder that exists and can be written",
+            f"'{path}': {error.strerror}",
         ) from None
 
 
@@ -412,7 +414,7 @@ def _refused(path: Path, error: OSError, parameter: str) -> OutputError:
         folder = absolute(path)
         # which file it is that cannot be replaced
         reason = f"{reason} ({inside.relative_to(folder)})" if folder in inside.parents else reason
-    return OutputError(f"{parameter} must be {rule}. Got {path}: {reason}.")
+    return OutputError.of_rule(parameter, f"must be {rule}", f"{path}: {reason}")
 
 
 def _umask() -> int:

@@ -166,7 +166,7 @@ def plan_inspection(
     watch = Watch(how.time_limit_s, how.gap)
     lighting = how.lighting
     if not entities:
-        raise RequestError("entities must hold at least one entity. Got none.")
+        raise RequestError.of_rule("entities", "must hold at least one entity", "none")
     if lighting is not None:
         lighting.check_part(solid)
     resolved = resolve_request(solid, entities, camera, pose_uncertainty, promise, how)
@@ -212,7 +212,9 @@ def _request(solid: Solid, resolved: ResolvedRequest, how: InspectionOptions) ->
         return Request(space, space.entity_names, *rest)
     missing = [name for name in entities if name not in space.entities]
     if missing:
-        raise RequestError(f"space must hold all entities that are wanted. Got no {missing[0]!r}.")
+        raise RequestError.of_rule(
+            "space", "must hold all entities that are wanted", f"no {missing[0]!r}"
+        )
     needs = {target.name: target.entities for target in targets}
     ends = {target.name: target.ends for target in targets}
     joined = TargetSpace(space, needs, ends)

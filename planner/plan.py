@@ -20,6 +20,7 @@ from planner.records.json_file import encoded, read_json
 from planner.records.plan_check import check_plan
 from planner.records.schema import check_schema, field_name, shown
 from planner.rows.plan_tables import PlanTables
+from planner.setting.reason import Reason, kind_of, kinds_record, reasons_from
 from planner.setting.sensor_setting import SensorSetting
 from planner.wanted.features import features_text
 
@@ -58,8 +59,8 @@ class InspectionPlan(PlanTables):
         Proven: so many settings are needed at least to inspect what this plan inspects; 0 if that is nothing.
     bound_proof : str
         What the bound rests on, in one sentence.
-    uninspectable : mapping of str to str
-        Name of each entity that is not inspected, and why.
+    uninspectable : mapping of str to Reason
+        Name of each entity that is not inspected, and why. A `Reason` is text that also has a ``kind``.
     entities : mapping of str to array (2, 3)
         End points of every entity that was asked for, mm, in the part's frame.
     camera : Camera
@@ -116,7 +117,7 @@ class InspectionPlan(PlanTables):
         entities = {name: _read_only(points, (2, 3)) for name, points in self.entities.items()}
         object.__setattr__(self, "settings", tuple(self.settings))
         object.__setattr__(self, "entities", entities)
-        object.__setattr__(self, "uninspectable", dict(self.uninspectable))
+        object.__setattr__(self, "uninspectable", _reasons(self.uninspectable))
         object.__setattr__(self, "dimensions", dict(self.dimensions))
         object.__setattr__(self, "requirements", dict(self.requirements))
         object.__setattr__(self, "request", dict(self.request))
@@ -266,6 +267,7 @@ class InspectionPlan(PlanTables):
         from planner.verify.setting_record import setting_dict
 
         dimensions = {name: one.to_dict() for name, one in self.dimensions.items()}
+        kinds = kinds_record(self.uninspectable)
         return {
             "format": FORMAT,
             "version": WITH_DIMENSIONS if dimensions else VERSION,
@@ -285,7 +287,8 @@ class InspectionPlan(PlanTables):
             "entities": {name: points.tolist() for name, points in self.entities.items()},
             **({"dimensions": dimensions, "features": self._features()} if dimensions else {}),
             **({"unfinished": True} if self.unfinished else {}),
-            "uninspectable": dict(self.uninspectable),
+            "uninspectable": {name: str(reason) for name, reason in self.uninspectable.items()},
+            **({"uninspectable_kinds": kinds} if kinds else {}),
             "settings": [setting_dict(self, setting) for setting in self.settings],
             **({} if self.light is None else {"light": self.light.to_dict()}),
             "simulation": None if self.simulation is None else self.simulation.to_dict(),
@@ -339,7 +342,6 @@ class InspectionPlan(PlanTables):
 _PLAIN_FIELDS = (
     "lower_bound",
     "bound_proof",
-    "uninspectable",
     "entities",
     "accuracy",
     "probability",
@@ -388,6 +390,7 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
         settings=tuple(SensorSetting.from_dict(own_fields(s)) for s in data["settings"]),
         camera=camera,
         pose_uncertainty=pose_uncertainty,
+        uninspectable=reasons_from(data["uninspectable"], data.get("uninspectable_kinds", {})),
         simulation=_simulation_from(data.get("simulation")),
         dimensions=_dimensions_from(data.get("dimensions", {})),
         requirements=data.get("requirements", {}),
@@ -453,6 +456,11 @@ def _light_from(data: Any) -> LightPlan | None:
     from planner.light.light_plan import LightPlan
 
     return LightPlan.from_dict(data)
+
+
+def _reasons(texts: Mapping[str, str]) -> dict[str, Reason]:
+    """Return texts as reasons; plain ones state no kind."""
+    return {name: Reason(text, kind_of(text)) for name, text in texts.items()}
 
 
 def _read_only(values: Any, shape: tuple[int, ...]) -> np.ndarray:

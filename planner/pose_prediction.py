@@ -148,10 +148,10 @@ def predict(
 
     check_fraction("accuracy", accuracy)
     if not wanted:
-        raise RequestError("wanted must hold at least one item. Got none.")
+        raise RequestError.of_rule("wanted", "must hold at least one item", "none")
     pose = np.asarray(cam2world, dtype=np.float64)
     if pose.shape != (4, 4):
-        raise RequestError(f"cam2world must have the shape (4, 4). Got {pose.shape}.")
+        raise RequestError.of_rule("cam2world", "must have the shape (4, 4)", str(pose.shape))
     how = options or InspectionOptions()
     entities, targets = resolve_wanted(solid, wanted, accuracy, as_lengths=True)
     box = (

@@ -35,6 +35,7 @@ from planner.records.json_file import encoded, read_json
 from planner.records.packing import packed, unpacked
 from planner.records.plan_check import check_state
 from planner.records.schema import check_schema, shown
+from planner.setting.reason import Reason, ReasonKind, kind_of
 from planner.setting.sensor_setting import SensorSetting
 
 FORMAT = "aspectgraph planning state"
@@ -94,14 +95,17 @@ class PlanningState:
             return None
         if "setting" in outcome:
             return Outcome(SensorSetting.from_dict(outcome["setting"]))
-        return Outcome(reason=outcome["reason"])
+        kind = outcome.get("kind", ReasonKind.NOT_STATED.value)
+        return Outcome(reason=Reason(outcome["reason"], ReasonKind(kind)))
 
     def put(self, names: Iterable[str], outcome: Outcome) -> None:
         """Remember an outcome; save if it is time to."""
-        found = outcome.setting
-        self._outcomes[_key(names)] = (
-            {"reason": outcome.reason} if found is None else {"setting": found.to_dict()}
-        )
+        if outcome.setting is None:
+            kind = kind_of(outcome.reason).value
+            record: dict[str, Any] = {"reason": str(outcome.reason), "kind": kind}
+        else:
+            record = {"setting": outcome.setting.to_dict()}
+        self._outcomes[_key(names)] = record
         self._save_in_time()
 
     def last(self) -> dict[str, Any] | None:

@@ -32,11 +32,11 @@ class Watch:
 
     def __init__(self, time_limit_s: float | None = None, gap: float = 0.0):
         if time_limit_s is not None and not _is_number(time_limit_s, above=0.0):
-            raise RequestError(
-                f"time_limit_s must be a positive number of seconds. Got {time_limit_s!r}."
+            raise RequestError.of_rule(
+                "time_limit_s", "must be a positive number of seconds", repr(time_limit_s)
             )
         if not (_is_number(gap, above=-math.inf) and 0 <= gap < 1):
-            raise RequestError(f"gap must be in [0, 1). Got {gap!r}.")
+            raise RequestError.of_rule("gap", "must be in [0, 1)", repr(gap))
         self.gap = float(gap)
         self._end = math.inf if time_limit_s is None else time.monotonic() + time_limit_s
         self._armed = False

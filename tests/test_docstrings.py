@@ -35,7 +35,7 @@ RESULTS = {
     "VisibilityRegions", "AxisDisplacement", "DisplacementTerms", "MonteCarloEstimate",
     "SegmentDisplacement", "SegmentError", "GAResult", "Generation", "History", "Cover",
     "InspectionPlan", "LightPlan", "LitImage", "OpticsProposal", "PartResult", "PlannedDimension",
-    "PosePrediction", "SensorSetting", "SimulationResult", "SuccessRate",
+    "PosePrediction", "ReasonKind", "SensorSetting", "SimulationResult", "SuccessRate",
 }  # fmt: skip
 # not shown yet: they need a plan, a folder or a browser
 WITHOUT_EXAMPLE = {

@@ -77,9 +77,12 @@ def read_entities(
     words = [word for word in re.split(r"[\s,;]+", _ENDS.sub(" ", text)) if word]
     bad = [word for word in words if not _IDS.fullmatch(word)]
     if bad or not (words or points):
-        raise EntityError(
-            "entities must be 'all', ids such as 17,18 or r3,a0, ranges such as 17-21, end points such as "
-            f"(0,0,10)-(25,0,10), or the path of a .toml, .json or .csv file. Got {bad[0] if bad else text!r}."
+        raise EntityError.of_rule(
+            "entities",
+            "must be 'all', ids such as 17,18 or r3,a0, ranges such as 17-21, end "
+            "points such as (0,0,10)-(25,0,10), or the path of a .toml, .json or "
+            ".csv file",
+            repr(bad[0] if bad else text),
         )
     ids = list(dict.fromkeys(one for word in words for one in _ids(word)))
     named: dict[str, Any] = {one if isinstance(one, str) else f"e{one}": one for one in ids}
@@ -119,8 +122,8 @@ def _read_csv(path: Path) -> dict[str, Any]:
         text = io.StringIO(read_text(path, "utf-8-sig", newline=""), newline="")
         rows = [row for row in csv.reader(text) if any(row)]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise EntityError(
-            f"entities must name a CSV file that can be read. Got {str(path)!r}: {error}."
+        raise EntityError.of_rule(
+            "entities", "must name a CSV file that can be read", f"{str(path)!r}: {error}"
         ) from None
     found: dict[str, Any] = {}
     for number, row in enumerate(rows, start=1):
@@ -175,7 +178,7 @@ def parse_names(path: Path) -> Any:
 
 def _read_file(path: Path) -> Any:
     if not path.is_file():
-        raise EntityError(f"entities must name an existing file. Got {str(path)!r}.")
+        raise EntityError.of_rule("entities", "must name an existing file", repr(str(path)))
     try:
         content = parse_names(path)
     except ValueError as error:

@@ -92,16 +92,35 @@ def select_entities(solid: Solid, rule: str) -> list[int | str]:
     >>> select_entities(block, "length >= 60 and face = bottom")
     [0, 5, 20, 22]
     """
-    tests = [
-        _test(text.strip(), solid)
-        for text in re.split(r"\s+and\s+", rule.strip(), flags=re.IGNORECASE)
-    ]
+    tests = [_test(text, solid) for text in _conditions(rule)]
     if not re.search(r"\bkind\b", rule, flags=re.IGNORECASE):
         tests.append(lambda one: one.kind == "edge")
     found = [one.id for one in _candidates(solid) if all(test(one) for test in tests)]
     if not found:
-        raise EntityError(f"select must hold for at least one edge. Got none for {rule!r}.")
+        raise EntityError.of_rule("select", "must hold for at least one edge", f"none for {rule!r}")
     return found
+
+
+def check_selection(rule: str) -> None:
+    """Refuse a rule that means nothing, before there is a part.
+
+    Parameters
+    ----------
+    rule : str
+        As `select_entities` takes it.
+
+    Raises
+    ------
+    EntityError
+        If a condition is none of those that there are.
+    """
+    for text in _conditions(rule):
+        _test(text, None)
+
+
+def _conditions(rule: str) -> list[str]:
+    parts = re.split(r"\s+and\s+", rule.strip(), flags=re.IGNORECASE)
+    return [text.strip() for text in parts]
 
 
 def _candidates(solid: Solid) -> list[_Candidate]:
@@ -125,8 +144,8 @@ def _candidates(solid: Solid) -> list[_Candidate]:
     return found
 
 
-def _test(text: str, solid: Solid) -> _Test:
-    """Return the test a condition stands for."""
+def _test(text: str, solid: Solid | None) -> _Test:
+    """Return the test a condition stands for; without a part, what must be known of one always holds."""
     lower = text.lower()
     if lower in ("convex", "reentrant", "re-entrant"):
         sign = 1 if lower == "convex" else -1
@@ -142,13 +161,15 @@ def _test(text: str, solid: Solid) -> _Test:
     if found := re.fullmatch(rf"direction\s*=\s*([xyz]|{_POINT})", lower):
         return _parallel(np.array(_AXES.get(found[1]) or _numbers(found[1])), text)
     if found := re.fullmatch(rf"face\s*=\s*({'|'.join(_SIDES)})", lower):
-        return _on_side(solid, *_SIDES[found[1]])
+        return _on_side(solid, *_SIDES[found[1]]) if solid is not None else lambda one: True
     if found := re.fullmatch(rf"near\s+({_POINT})\s*<\s*({_NUMBER})", lower):
         point, radius = np.array(_numbers(found[1])), float(found[2])
         return lambda one: _distance(one, point) < radius
-    raise EntityError(
-        "select must be conditions joined by 'and': length > 20, turn < 100, convex, reentrant, kind = rim, "
-        f"direction = z, face = top, near 10,20,30 < 5. Got {text!r}."
+    raise EntityError.of_rule(
+        "select",
+        "must be conditions joined by 'and': length > 20, turn < 100, convex, "
+        "reentrant, kind = rim, direction = z, face = top, near 10,20,30 < 5",
+        repr(text),
     )
 
 
@@ -158,7 +179,7 @@ def _numbers(text: str) -> list[float]:
 
 def _parallel(direction: NDArray[np.float64], text: str) -> _Test:
     if not direction.any():
-        raise EntityError(f"direction must have a length. Got {text!r}.")
+        raise EntityError.of_rule("direction", "must have a length", repr(text))
     unit, least = direction / np.linalg.norm(direction), np.cos(np.radians(PARALLEL_DEG))
     return lambda one: bool(abs(one.along @ unit) >= least * np.linalg.norm(one.along))
 

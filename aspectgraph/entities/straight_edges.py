@@ -114,11 +114,11 @@ def resolve_entities(
     if not isinstance(mapping, Mapping):
         mapping = {_id_name(item): item for item in _distinct(mapping)}
     if not mapping:
-        raise EntityError("entities must name at least one edge. Got none.")
+        raise EntityError.of_rule("entities", "must name at least one edge", "none")
     if tolerance_mm is None:
         tolerance_mm = RELATIVE_TOLERANCE * float(np.linalg.norm(np.ptp(solid.bounds, axis=0)))
     if not tolerance_mm > 0:
-        raise EntityError(f"tolerance_mm must be positive. Got {tolerance_mm}.")
+        raise EntityError.of_rule("tolerance_mm", "must be positive", str(tolerance_mm))
     entities: dict[str, Entity] = {}
     named: dict[frozenset[int], str] = {}
     for name, target in mapping.items():

@@ -170,9 +170,10 @@ class Grid:
         reach = float(np.abs(corners).max())
         if reach > _LARGEST_COORDINATE_STEPS:
             limit = _LARGEST_COORDINATE_STEPS * self.step_mm
-            raise WorkspaceError(
-                f"workspace must reach at most {limit:g} mm from the part, 2**40 grid steps. "
-                f"Got {workspace[0].tolist()} to {workspace[1].tolist()} mm."
+            raise WorkspaceError.of_rule(
+                "workspace",
+                f"must reach at most {limit:g} mm from the part, 2**40 grid steps",
+                f"{workspace[0].tolist()} to {workspace[1].tolist()} mm",
             )
         bits = min(_BOX_BITS, _BOX_ROOM - int(np.ceil(np.log2(reach))))
         aligned = (self.frame == np.rint(self.frame)).all()
@@ -213,10 +214,11 @@ class Grid:
         heights = self.points @ planes[:, :3].T
         if (heights <= planes[:, 3])[:, ::2].any() or (heights >= planes[:, 3])[:, 1::2].any():
             part = self.to_mm(self.points)
-            raise WorkspaceError(
-                f"workspace must contain the part with room on all sides. Got {workspace[0].tolist()} to "
-                f"{workspace[1].tolist()} mm for a part from {part.min(axis=0).tolist()} to "
-                f"{part.max(axis=0).tolist()} mm."
+            raise WorkspaceError.of_rule(
+                "workspace",
+                "must contain the part with room on all sides",
+                f"{workspace[0].tolist()} to {workspace[1].tolist()} mm for a part from "
+                f"{part.min(axis=0).tolist()} to {part.max(axis=0).tolist()} mm",
             )
 
 

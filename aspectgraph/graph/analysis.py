@@ -125,7 +125,7 @@ def richest_domains(eag: EntityAspectGraph | nx.Graph, n: int | None = None) -> 
     ('top', 'side')
     """
     if n is not None and (isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1):
-        raise EntityError(f"n must be a positive whole number. Got {n!r}.")
+        raise EntityError.of_rule("n", "must be a positive whole number", repr(n))
     nodes = _graph(eag).nodes
 
     def key(node: int) -> tuple[Any, ...]:
@@ -174,8 +174,8 @@ def domain_path(eag: EntityAspectGraph | nx.Graph, start: int, goal: int) -> lis
     graph = _graph(eag)
     for name, node in (("start", start), ("goal", goal)):
         if node not in graph:
-            raise EntityError(
-                f"{name} must be a domain of the graph, 0 to {len(graph) - 1}. Got {node!r}."
+            raise EntityError.of_rule(
+                name, f"must be a domain of the graph, 0 to {len(graph) - 1}", repr(node)
             )
     place = {node: np.array(point) for node, point in graph.nodes(data="viewpoint")}
     # a crossing weighs more than every way together is long, so that crossings decide first

@@ -222,8 +222,8 @@ class EntityAspectGraph:
         """
         nodes = self.covering(names)
         if not nodes:
-            raise EntityError(
-                f"names must be observable together from somewhere. Got {', '.join(names)}."
+            raise EntityError.of_rule(
+                "names", "must be observable together from somewhere", ", ".join(names)
             )
         cells = np.concatenate([self._domains.domains[node].cells for node in nodes])
         return CellSet(self._cx, cells, self.regions.grid).sample(n, rng)

@@ -42,9 +42,10 @@ _FIRST, _FIRST_SHARE, _FIRST_ERROR = 10, 0.05, 2.0
 _GROUP = Path("/sys/fs/cgroup")
 
 _ADVICE = (
-    "Ask for fewer entities, or for the regions only: compute_regions answers the same questions, and a plan needs no "
-    "joint graph."
+    "Ask for fewer entities, or for the regions only: compute_regions answers the same questions, "
+    "and a plan needs no joint graph"
 )
+_SHELL_ADVICE = "Ask for fewer entities: a plan needs no joint graph"
 _GIB = 2**30
 
 
@@ -175,7 +176,7 @@ class JointForecast:
         about = _cost(self._cells * self._total / self._known).memory_bytes
         if about > _FIRST_ERROR * ERROR * self.limit:
             got = f"about {in_gib(about)}, estimated from the first {self._known} regions"
-            raise MemoryLimitError(_told(self._total, self.whose, self.limit, got))
+            raise _refusal(self._total, self.whose, self.limit, got)
 
 
 class JointMemory:
@@ -216,25 +217,28 @@ class JointMemory:
     def refused(self, error: MemoryError) -> MemoryLimitError:
         """Return the error to raise in place of one that came on the way."""
         if isinstance(error, MemoryLimitError):
+            if error.hint:
+                return error
             # the room of the cells has a limit, too, which is not the memory
-            own = "joint graph" in str(error)
-            return (
-                error
-                if own
-                else MemoryLimitError(
-                    f"the joint graph of {self.total} entities cannot be built: {error} {_ADVICE}"
-                )
-            )
+            what = f"the joint graph of {self.total} entities cannot be built: {error}"
+            return MemoryLimitError(what).with_hint(_ADVICE, _SHELL_ADVICE)
         return self._refused(
             f"a process that gets no more memory ({str(error).rstrip('.') or 'no reason given'})"
         )
 
     def _refused(self, got: str) -> MemoryLimitError:
-        return MemoryLimitError(_told(self.total, self.whose, self.limit, got))
+        return _refusal(self.total, self.whose, self.limit, got)
 
 
-def _told(total: int, whose: str, limit: float, got: str) -> str:
-    return f"the joint graph of {total} entities must fit {whose}, {in_gib(limit)}. Got {got}. {_ADVICE}"
+def _refusal(total: int, whose: str, limit: float, got: str) -> MemoryLimitError:
+    return MemoryLimitError.of_rule(
+        "",
+        f"the joint graph of {total} entities must fit {whose}, {in_gib(limit)}",
+        got,
+        hint=_ADVICE,
+        shell_hint=_SHELL_ADVICE,
+        mentions=("memory_limit_bytes",),
+    )
 
 
 def in_gib(memory_bytes: float) -> str:
@@ -247,10 +251,10 @@ def _limit(limit_bytes: float | None) -> tuple[float, str]:
     if limit_bytes is None:
         return free_bytes(), "the memory that is free"
     if not limit_bytes > 0:
-        raise MemoryLimitError(
-            f"memory_limit_bytes must be a positive number of bytes. Got {limit_bytes}."
+        raise MemoryLimitError.of_rule(
+            "memory_limit_bytes", "must be a positive number of bytes", str(limit_bytes)
         )
-    return float(limit_bytes), "memory_limit_bytes"
+    return float(limit_bytes), "{memory_limit_bytes}"
 
 
 def free_bytes() -> float:

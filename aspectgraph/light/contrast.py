@@ -141,7 +141,7 @@ def check_contrast(value: float) -> float:
         or not isinstance(value, int | float | np.number)
         or not 0.0 < value < 1.0
     ):
-        raise LightError(f"contrast must lie strictly between 0 and 1. Got {value!r}.")
+        raise LightError.of_rule("contrast", "must lie strictly between 0 and 1", repr(value))
     return float(value)
 
 
@@ -156,11 +156,13 @@ def check_lamps(solid: Solid, lamps: ArrayLike) -> np.ndarray:
     try:
         places = np.asarray(lamps, float)
     except (TypeError, ValueError) as error:
-        raise LightError(f"lamps must be places, shape (n, 3), in mm. Got {lamps!r}.") from error
+        raise LightError.of_rule(
+            "lamps", "must be places, shape (n, 3), in mm", repr(lamps)
+        ) from error
     places = places[None] if places.shape == (3,) else places
     if places.ndim != 2 or places.shape[1] != 3 or not np.isfinite(places).all():
-        raise LightError(
-            f"lamps must be finite places, shape (n, 3), in mm. Got {places.tolist()}."
+        raise LightError.of_rule(
+            "lamps", "must be finite places, shape (n, 3), in mm", str(places.tolist())
         )
     low, high = solid.bounds
     near = np.flatnonzero(((places > low) & (places < high)).all(axis=1))
@@ -171,7 +173,7 @@ def check_lamps(solid: Solid, lamps: ArrayLike) -> np.ndarray:
     )
     inside = near[depth > _ON_SURFACE * float(np.linalg.norm(high - low))]
     if len(inside):
-        raise LightError(
-            f"lamps must lie outside the part. Got {places[inside[0]].tolist()} mm inside it."
+        raise LightError.of_rule(
+            "lamps", "must lie outside the part", f"{places[inside[0]].tolist()} mm inside it"
         )
     return places

@@ -88,7 +88,7 @@ def write_edge_picture(
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in (".png", ".html"):
-        raise PictureError(f"path of a picture must end in .png or .html. Got {str(path)!r}.")
+        raise PictureError.of_rule("path", "must end in .png or .html", repr(str(path)))
     with replacing(path) as beside:
         if suffix == ".html":
             beside.write_text(picker_html(solid, edge_ids, curve_ids), encoding="utf-8")

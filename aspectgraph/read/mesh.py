@@ -168,17 +168,36 @@ def _parse(
         else sum(len(polygon) - 2 for polygon in polygons)
     )
     if n > most_triangles:
-        raise ReadError(
-            f"a mesh file must hold at most triangles={most_triangles} triangles. Got {n}; "
-            "allow more with limits=ReadLimits(triangles=...)."
+        raise ReadError.of_rule(
+            "",
+            f"a mesh file must hold at most triangles={most_triangles} triangles",
+            str(n),
+            hint="allow more with limits=ReadLimits(triangles=...)",
+            shell_hint="",
         )
     return vertices, polygons
 
 
+def check_units(units: str) -> None:
+    """Refuse a unit that is not known.
+
+    Parameters
+    ----------
+    units : str
+        Must be a key of `UNITS_MM`.
+
+    Raises
+    ------
+    ReadError
+        If it is not.
+    """
+    if units not in UNITS_MM:
+        raise ReadError.of_rule("units", f"must be one of {', '.join(UNITS_MM)}", repr(units))
+
+
 def _scale(units: str | None, suffix: str) -> float:
     units = units or ("m" if suffix == ".glb" else "mm")
-    if units not in UNITS_MM:
-        raise ReadError(f"units must be one of {', '.join(UNITS_MM)}. Got {units!r}.")
+    check_units(units)
     return UNITS_MM[units]
 
 

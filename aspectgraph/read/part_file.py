@@ -82,7 +82,9 @@ def read_solid(
     """
     path = Path(path)
     if not path.is_file():
-        raise PartFileNotFoundError(f"path must name an existing part file. Got {str(path)!r}.")
+        raise PartFileNotFoundError.of_rule(
+            "path", "must name an existing part file", repr(str(path))
+        )
     limits = limits or ReadLimits()
     packed = path.suffix.lower() == ".gz"
     plain_name = path.stem if packed else path.name
@@ -105,9 +107,7 @@ def read_solid(
     if suffix in MESH_SUFFIXES:
         for value, label in ((solids, "solids"), (gap_mm, "gap_mm")):
             if value is not None:
-                raise ReadError(
-                    f"{label} applies to STEP files. Got {label}={value} for {path.name}."
-                )
+                raise ReadError.of_rule(label, "applies to STEP files", f"{value} for {path.name}")
         content = _content(path, packed, limits)
         return read_mesh(
             content, suffix, units=units, planarity_mm=planarity_mm, name=name, limits=limits
@@ -131,15 +131,19 @@ def _check_tolerances(
     }
     for label, value in lengths.items():
         if value is not None and not 0 < value < float("inf"):
-            raise ReadError(f"{label} must be positive and finite. Got {value}.")
+            raise ReadError.of_rule(label, "must be positive and finite", str(value))
     if angular_tolerance_deg is not None and not 0 < angular_tolerance_deg <= 90:
-        raise ReadError(f"angular_tolerance_deg must be in (0, 90]. Got {angular_tolerance_deg}.")
+        raise ReadError.of_rule(
+            "angular_tolerance_deg", "must be in (0, 90]", str(angular_tolerance_deg)
+        )
 
 
 def _check_units(units: str | None, path: Path) -> None:
     if units is not None:
-        raise ReadError(
-            f"units applies to mesh files; a STEP file states its own. Got units={units!r} for {path.name}."
+        raise ReadError.of_rule(
+            "units",
+            "applies to mesh files; a STEP file states its own",
+            f"{units!r} for {path.name}",
         )
 
 
@@ -167,7 +171,9 @@ def plain_step_file(path: Path, limits: ReadLimits) -> Iterator[Path]:
         It cannot be read, is too large, or does not begin like a STEP file.
     """
     if not path.is_file():
-        raise PartFileNotFoundError(f"path must name an existing part file. Got {str(path)!r}.")
+        raise PartFileNotFoundError.of_rule(
+            "path", "must name an existing part file", repr(str(path))
+        )
     packed = path.suffix.lower() == ".gz"
     with _plain(path, _content(path, packed, limits), packed) as plain:
         yield plain
@@ -197,13 +203,16 @@ def _content(path: Path, packed: bool, limits: ReadLimits) -> bytes:
             f"a .gz file must be a whole gzip file. Got {path.name}: {error}."
         ) from error
     except OSError as error:
-        raise ReadError(
-            f"path must name a file that can be read. Got {path.name}: {error.strerror or error}."
+        raise ReadError.of_rule(
+            "path", "must name a file that can be read", f"{path.name}: {error.strerror or error}"
         ) from error
     if len(data) > most:
-        raise ReadError(
-            f"a part file must have at most file_mb={limits.file_mb:g} MB, unpacked. Got {path.name} with more; "
-            "allow more with limits=ReadLimits(file_mb=...)."
+        raise ReadError.of_rule(
+            "",
+            f"a part file must have at most file_mb={limits.file_mb:g} MB, unpacked",
+            f"{path.name} with more",
+            hint="allow more with limits=ReadLimits(file_mb=...)",
+            shell_hint="",
         )
     if not data.strip():
         raise ReadError(f"a part file must not be empty. Got {path.name} with {len(data)} bytes.")

@@ -36,12 +36,15 @@ class SolidChoice:
 
     def __post_init__(self) -> None:
         if isinstance(self.occluders, str) and self.occluders != "all":
-            raise ReadError(
-                f"occluders must be 'all' or numbers of solids. Got {self.occluders!r}."
+            raise ReadError.of_rule(
+                "occluders", "must be 'all' or numbers of solids", repr(self.occluders)
             )
         if self.occluders == "all" and self.measured is None:
-            raise ReadError(
-                "occluders must be numbers where solids does not say which are measured. Got 'all'."
+            raise ReadError.of_rule(
+                "occluders",
+                "must be numbers where {solids} does not say which are measured",
+                "'all'",
+                mentions=("solids",),
             )
         both = sorted(
             set(self.measured or ()) & set(() if self.occluders == "all" else self.occluders)

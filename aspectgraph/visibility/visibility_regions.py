@@ -144,7 +144,7 @@ class VisibilityRegions:
         """
         names = self.check_names(names)
         if not names:
-            raise EntityError("names must hold at least one entity. Got none.")
+            raise EntityError.of_rule("names", "must hold at least one entity", "none")
         key = tuple(sorted(set(names)))
         kept = self._covering.pop(key, None)
         if kept is None:
@@ -219,8 +219,8 @@ class VisibilityRegions:
         """
         for name in names:
             if name not in self.entities:
-                raise EntityError(
-                    f"names must be names of entities, {', '.join(self.entities)}. Got {name!r}."
+                raise EntityError.of_rule(
+                    "names", f"must be names of entities, {', '.join(self.entities)}", repr(name)
                 )
         return tuple(names)
 
@@ -230,9 +230,11 @@ class VisibilityRegions:
             axis=1
         )
         if outside.any():
-            raise WorkspaceError(
-                f"points must lie in the workspace {self.workspace[0].tolist()} to {self.workspace[1].tolist()} mm. "
-                f"Got {viewpoints[outside][0].tolist()} ({int(outside.sum())} outside)."
+            raise WorkspaceError.of_rule(
+                "points",
+                f"must lie in the workspace {self.workspace[0].tolist()} to "
+                f"{self.workspace[1].tolist()} mm",
+                f"{viewpoints[outside][0].tolist()} ({int(outside.sum())} outside)",
             )
         return self.grid.to_points(viewpoints)
 
@@ -251,11 +253,13 @@ def check_workspace(workspace: ArrayLike | None, solid: Solid) -> np.ndarray:
         return np.array([low - room, high + room])
     box = np.asarray(workspace, float)
     if box.shape != (2, 3):
-        raise WorkspaceError(
-            f"workspace must have shape (2, 3), its two corners. Got shape {box.shape}."
+        raise WorkspaceError.of_rule(
+            "workspace", "must have shape (2, 3), its two corners", f"shape {box.shape}"
         )
     if not (np.isfinite(box).all() and (box[0] < box[1]).all()):
-        raise WorkspaceError(f"workspace must be finite, lower corner first. Got {box.tolist()}.")
+        raise WorkspaceError.of_rule(
+            "workspace", "must be finite, lower corner first", str(box.tolist())
+        )
     return box
 
 

@@ -93,7 +93,9 @@ class Circle:
             raise InvalidParameterError(f"axis must have a length. Got {axis.tolist()}.")
         object.__setattr__(self, "axis", axis / size)
         if not (math.isfinite(self.radius_mm) and self.radius_mm > 0):
-            raise InvalidParameterError(f"radius_mm must be positive. Got {self.radius_mm!r}.")
+            raise InvalidParameterError.of_rule(
+                "radius_mm", "must be positive", repr(self.radius_mm)
+            )
         if not 0 < self.span_rad <= 2 * math.pi + _UNIT:
             raise InvalidParameterError(f"span_rad must be in (0, 2 pi]. Got {self.span_rad!r}.")
         if self.start is not None:
@@ -154,6 +156,6 @@ def from_dict(data: dict[str, Any]) -> Geometry:
 def _vector(name: str, value: object) -> NDArray[np.float64]:
     vector = np.array(value, dtype=np.float64)
     if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise InvalidParameterError(f"{name} must be three finite numbers. Got {value!r}.")
+        raise InvalidParameterError.of_rule(name, "must be three finite numbers", repr(value))
     vector.setflags(write=False)
     return vector

@@ -51,22 +51,22 @@ class Localisation:
 
     def __post_init__(self) -> None:
         if self.model not in _MODELS:
-            raise InvalidParameterError(
-                f"localisation must be one of {', '.join(_MODELS)}. Got {self.model!r}."
+            raise InvalidParameterError.of_rule(
+                "localisation", f"must be one of {', '.join(_MODELS)}", repr(self.model)
             )
         for name in ("sigma_px", "correlation_px", "floor_px"):
             value = getattr(self, name)
             if isinstance(value, bool) or not (
                 isinstance(value, int | float) and math.isfinite(value) and value >= 0
             ):
-                raise InvalidParameterError(
-                    f"{name} must be finite and not negative. Got {value!r}."
+                raise InvalidParameterError.of_rule(
+                    name, "must be finite and not negative", repr(value)
                 )
         if self.model == "fit" and self.correlation_px == 0:
             raise InvalidParameterError("correlation_px must be positive. Got 0.")
         if isinstance(self.points, bool) or not isinstance(self.points, int) or self.points < 3:
-            raise InvalidParameterError(
-                f"points must be an integer of at least 3. Got {self.points!r}."
+            raise InvalidParameterError.of_rule(
+                "points", "must be an integer of at least 3", repr(self.points)
             )
 
     @classmethod

@@ -102,8 +102,8 @@ class MeasurandModel:
         )
         self.covariance = check_covariance(pose_covariance)
         if self.covariance.shape != (6, 6):
-            raise InvalidShapeError(
-                f"pose_covariance must have shape (6, 6). Got shape {self.covariance.shape}."
+            raise InvalidShapeError.of_rule(
+                "pose_covariance", "must have shape (6, 6)", f"shape {self.covariance.shape}"
             )
         self.permitted_error = check_positive(permitted_error, "permitted_error")
         if self.permitted_error >= measurand.nominal:
@@ -168,8 +168,8 @@ class MeasurandModel:
     def _expansion(self, world_to_camera: ArrayLike) -> Expansion:
         poses = np.asarray(world_to_camera, dtype=np.float64)
         if poses.ndim != 3 or poses.shape[1:] != (4, 4):
-            raise InvalidShapeError(
-                f"world_to_camera must have shape (n, 4, 4). Got {poses.shape}."
+            raise InvalidShapeError.of_rule(
+                "world_to_camera", "must have shape (n, 4, 4)", str(poses.shape)
             )
         return self.measurand.expansion(poses, self.image, self.localisation)
 

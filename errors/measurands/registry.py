@@ -51,7 +51,7 @@ def measurand(name: str, geometry: Sequence[Geometry], direction: Any = None) ->
         If the kind is unknown, or its value is not defined for these entities.
     """
     if name not in _KINDS:
-        raise MeasurandError(f"kind must be one of {', '.join(_KINDS)}. Got {name!r}.")
+        raise MeasurandError.of_rule("kind", f"must be one of {', '.join(_KINDS)}", repr(name))
     cls = _KINDS[name]
     if len(geometry) != len(cls.takes):
         raise MeasurandError(

@@ -115,7 +115,9 @@ def simulate_measurement(
         ("pose_covariance", covariance, (6, 6)),
     ):
         if array.shape != shape:
-            raise InvalidShapeError(f"{name} must have shape {shape}. Got shape {array.shape}.")
+            raise InvalidShapeError.of_rule(
+                name, f"must have shape {shape}", f"shape {array.shape}"
+            )
     tolerance = 1.0 - check_probability(accuracy, "accuracy")
     samples, confidence = (
         check_count(samples, "samples"),

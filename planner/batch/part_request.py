@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
+from aspectgraph.entities.selection import check_selection
+from aspectgraph.read.mesh import check_units
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
@@ -63,6 +65,8 @@ class PartRequest:
     ------
     RequestError
         If one breaks its rule.
+    EntityError, ReadError
+        If the rule for the entities means nothing, or the unit is not known.
     """
 
     camera: Camera
@@ -82,9 +86,13 @@ class PartRequest:
         check_fraction("probability", self.probability)
         for name, least in (("seed", 0), ("simulate", 1), ("graph_limit", 0)):
             check_count(name, getattr(self, name), least)
+        if self.select is not None:
+            check_selection(self.select)
+        if self.units is not None:
+            check_units(self.units)
         for name in self.limits:
             if name not in _LIMITS:
-                raise RequestError(f"limits must be of {', '.join(_LIMITS)}. Got {name!r}.")
+                raise RequestError.of_rule("limits", f"must be of {', '.join(_LIMITS)}", repr(name))
 
     @property
     def options(self) -> InspectionOptions:

@@ -41,9 +41,10 @@ def dask_executor(address: str) -> Iterator[Executor]:
         client = connect(address, timeout=_ANSWERS_S, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise RequestError(
-            f"scheduler must be the address of a Dask scheduler that answers, like tcp://host:8786. Got {address!r}: "
-            f"{reason}."
+        raise RequestError.of_rule(
+            "scheduler",
+            "must be the address of a Dask scheduler that answers, like tcp://host:8786",
+            f"{address!r}: {reason}",
         ) from None
     try:
         # results are small, and a part planned again costs more than a look at its folder

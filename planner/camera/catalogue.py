@@ -83,8 +83,8 @@ def find_camera(name: str) -> tuple[str, dict[str, Any], dict[str, Any]]:
             or sorted(known)[:3]
         )
         offered = ", ".join(known[n] for n in near)
-        raise CameraError(
-            f"camera must be a name of the catalogue. Got {str(name)!r}; nearest: {offered}."
+        raise CameraError.of_rule(
+            "camera", "must be a name of the catalogue", repr(str(name)), hint=f"nearest: {offered}"
         )
     return key, *catalogued()[key]
 
@@ -97,10 +97,12 @@ def check_lens(lens: Mapping[str, Any], f_number: float, focus_distance_mm: floa
         lens["closest_object_mm"],
     )
     if not widest <= f_number <= narrowest:
-        raise CameraError(
-            f"f_number must be in {widest:g} to {narrowest:g}, the lens's range. Got {f_number:g}."
+        raise CameraError.of_rule(
+            "f_number", f"must be in {widest:g} to {narrowest:g}, the lens's range", f"{f_number:g}"
         )
     if focus_distance_mm < closest:
-        raise CameraError(
-            f"focus_distance_mm must be at least {closest:g}, the lens's closest object. Got {focus_distance_mm:g}."
+        raise CameraError.of_rule(
+            "focus_distance_mm",
+            f"must be at least {closest:g}, the lens's closest object",
+            f"{focus_distance_mm:g}",
         )

@@ -70,7 +70,7 @@ class PoseUncertainty:
         sigmas = np.repeat([translation_mm, rotation_rad], 3).astype(float)
         for name, value in (("translation_mm", translation_mm), ("rotation_rad", rotation_rad)):
             if not (np.isfinite(value) and value >= 0):
-                raise UncertaintyError(f"{name} must be finite and not negative. Got {value!r}.")
+                raise UncertaintyError.of_rule(name, "must be finite and not negative", repr(value))
         return cls(np.diag(sigmas**2))
 
     @classmethod
@@ -107,8 +107,8 @@ class PoseUncertainty:
         """
         cam2flange = np.asarray(cam2flange, dtype=float)
         if cam2flange.shape != (4, 4):
-            raise UncertaintyError(
-                f"cam2flange must have the shape (4, 4). Got {cam2flange.shape}."
+            raise UncertaintyError.of_rule(
+                "cam2flange", "must have the shape (4, 4)", str(cam2flange.shape)
             )
         robot = cls.isotropic(
             translation_mm=robot_translation_mm, rotation_rad=robot_rotation_rad
@@ -174,8 +174,8 @@ class PoseUncertainty:
             If the covariance is missing or breaks a rule.
         """
         if "covariance" not in data:
-            raise UncertaintyError(
-                f"covariance must be given. Got {', '.join(map(str, data)) or 'nothing'}."
+            raise UncertaintyError.of_rule(
+                "covariance", "must be given", ", ".join(map(str, data)) or "nothing"
             )
         return cls(data["covariance"])
 
@@ -192,17 +192,19 @@ def _check_covariance(covariance: np.ndarray) -> np.ndarray:
     try:
         cov = np.array(covariance, dtype=np.float64)
     except (TypeError, ValueError):
-        raise UncertaintyError(
-            f"covariance must be a (6, 6) array of numbers. Got {covariance!r}."
+        raise UncertaintyError.of_rule(
+            "covariance", "must be a (6, 6) array of numbers", repr(covariance)
         ) from None
     if cov.shape != (6, 6):
-        raise UncertaintyError(f"covariance must have the shape (6, 6). Got {cov.shape}.")
+        raise UncertaintyError.of_rule("covariance", "must have the shape (6, 6)", str(cov.shape))
     if not np.isfinite(cov).all():
-        raise UncertaintyError(f"covariance must be finite. Got {cov[~np.isfinite(cov)][0]}.")
+        raise UncertaintyError.of_rule(
+            "covariance", "must be finite", str(cov[~np.isfinite(cov)][0])
+        )
     scale = np.abs(cov).max()
     if not np.allclose(cov, cov.T, rtol=0, atol=1e-9 * scale):
-        raise UncertaintyError(
-            f"covariance must be symmetric. Got a difference of {np.abs(cov - cov.T).max():g}."
+        raise UncertaintyError.of_rule(
+            "covariance", "must be symmetric", f"a difference of {np.abs(cov - cov.T).max():g}"
         )
     cov = (cov + cov.T) / 2
     _check_semidefinite(cov)
@@ -214,9 +216,11 @@ def _check_covariance(covariance: np.ndarray) -> np.ndarray:
         strict=True,
     ):
         if sigma > limit:
-            raise UncertaintyError(
-                f"covariance must have standard deviations of at most {limit:g} {unit} for {name} "
-                f"(are its units mm and rad?). Got {sigma:g} {unit}."
+            raise UncertaintyError.of_rule(
+                "covariance",
+                f"must have standard deviations of at most {limit:g} {unit} for {name} "
+                "(are its units mm and rad?)",
+                f"{sigma:g} {unit}",
             )
     cov.setflags(write=False)
     return cov
@@ -226,12 +230,12 @@ def _check_semidefinite(cov: np.ndarray) -> None:
     """Test the correlation matrix, so that millimetres and radians weigh the same."""
     variances = np.diag(cov)
     if variances.min() < 0:
-        raise UncertaintyError(
-            f"covariance must have non-negative variances. Got {variances.min():g}."
+        raise UncertaintyError.of_rule(
+            "covariance", "must have non-negative variances", f"{variances.min():g}"
         )
     scale = np.where(variances > 0, np.sqrt(variances), 1.0)
     lowest = np.linalg.eigvalsh(cov / np.outer(scale, scale)).min()
     if lowest < -1e-9:
-        raise UncertaintyError(
-            f"covariance must be positive semi-definite. Got the (scaled) eigenvalue {lowest:g}."
+        raise UncertaintyError.of_rule(
+            "covariance", "must be positive semi-definite", f"the (scaled) eigenvalue {lowest:g}"
         )

@@ -46,22 +46,28 @@ def check_numbers(options: Any) -> None:
         if value is None:
             continue
         if value < least:
-            raise RequestError(f"{_option(name)} must be at least {least}. Got {value}.")
+            raise RequestError.of_rule(name, f"must be at least {least}", str(value))
         most = _MOST_SEED if name == "seed" else _MOST
         if value > most:
-            raise RequestError(
-                f"{_option(name)} must be at most {most:g}. Got a number of {len(str(value))} digits."
-            )
+            got = f"a number of {len(str(value))} digits"
+            raise RequestError.of_rule(name, f"must be at most {most:g}", got)
     for name in _NOT_NEGATIVE:
         value = given.get(name)
         if value is not None and not (math.isfinite(value) and value >= 0):
-            raise RequestError(f"{_option(name)} must be finite and not negative. Got {value:g}.")
+            raise RequestError.of_rule(name, "must be finite and not negative", f"{value:g}")
+    for name in ("accuracy", "probability"):
+        value = given.get(name)
+        if value is not None and not 0 < value < 1:
+            raise RequestError.of_rule(name, "must be in (0, 1)", repr(value))
+    contrast, share = given.get("contrast"), given.get("share")
+    if contrast is not None and not 0 < contrast < 1:
+        rule = "must lie strictly between 0 and 1"
+        raise RequestError.of_rule("contrast", rule, repr(contrast))
+    if share is not None and not 0 < share <= 1:
+        raise RequestError.of_rule("share", "must be in (0, 1]", repr(share))
     limit, gap = given.get("time_limit"), given.get("gap")
     if limit is not None and not 0 < limit < math.inf:
-        raise RequestError(f"--time-limit must be a positive number of seconds. Got {limit:g}.")
+        rule = "must be a positive number of seconds"
+        raise RequestError.of_rule("time_limit", rule, f"{limit:g}")
     if gap is not None and not 0 <= gap < 1:
-        raise RequestError(f"--gap must be in [0, 1). Got {gap:g}.")
-
-
-def _option(name: str) -> str:
-    return f"--{name.replace('_', '-')}"
+        raise RequestError.of_rule("gap", "must be in [0, 1)", f"{gap:g}")

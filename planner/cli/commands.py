@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aspectgraph import (
+    AspectGraphError,
     JointForecast,
     LightRegions,
     ReadError,
@@ -38,6 +39,7 @@ from planner.cli.completion import completion_script
 from planner.cli.folder_owner import STATE_FILE, Leftovers, check_owner
 from planner.cli.job import (
     Job,
+    check_nothing_read,
     inspection_options,
     read_camera,
     read_job,
@@ -62,7 +64,7 @@ from planner.plan import InspectionPlan, read_plan
 from planner.progress import labelled, note, terminal_progress
 from planner.progress.terminal_text import visible
 from planner.report.wording import cost_sentence
-from planner.request.defaults import check_fraction, default_workspace
+from planner.request.defaults import default_workspace
 from planner.request.effort import Effort
 from planner.verify.simulate_plan import simulate_plan
 
@@ -83,7 +85,7 @@ def info(options: argparse.Namespace) -> int:
         edges = tuple(edge for edge in edges if edge.id in chosen)
         curves = tuple(curve for curve in curves if curve.id in chosen)
     if options.picture:
-        write_edge_picture(
+        _write_picture(
             solid, options.picture, [edge.id for edge in edges], [curve.id for curve in curves]
         )
     if options.json:
@@ -98,6 +100,16 @@ def info(options: argparse.Namespace) -> int:
     if options.picture:
         print(visible(str(options.picture)))
     return DONE
+
+
+def _write_picture(solid: Solid, path: str, edge_ids: list[int], curve_ids: list[str]) -> None:
+    """Write the picture of `info`; an error names the option."""
+    try:
+        write_edge_picture(solid, path, edge_ids, curve_ids)
+    except AspectGraphError as error:
+        if error.parameter != "path":
+            raise
+        raise type(error).of_rule("picture", error.rule, error.got) from None
 
 
 def graph(options: argparse.Namespace) -> int:
@@ -152,8 +164,6 @@ def dimensions(options: argparse.Namespace) -> int:
 
 def plan(options: argparse.Namespace) -> int:
     """Plan an inspection and write everything about it."""
-    check_fraction("accuracy", options.accuracy)
-    check_fraction("probability", options.probability)
     names = (*PLAN_FILES, STATE_FILE)
     with (
         output_folder(options.out, names, "--out") as folder,
@@ -311,6 +321,8 @@ def batch(options: argparse.Namespace) -> int:
 
 def simulate(options: argparse.Namespace) -> int:
     """Check a plan by simulation."""
+    if options.part is None:
+        check_nothing_read(options)
     found = read_plan(options.plan)
     solid = None if options.part is None else read_part(options)
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:

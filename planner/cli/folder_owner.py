@@ -16,6 +16,7 @@ from typing import Any
 
 from aspectgraph import EntityError
 from aspectgraph.visibility.kept_regions import KeptRegions
+from planner.cli.naming import option
 from planner.exceptions import InfeasibleError, OutputError, PlanFileError, RequestError
 from planner.identity.difference import first_difference
 from planner.identity.inspection_request import InspectionRequest, with_defaults
@@ -28,22 +29,6 @@ REGIONS_FOLDER = "planning-regions"
 PLAN_FILE = "plan.json"
 _RULE = "--out must be a folder without another plan; --force replaces it."
 _UNFINISHED = "--out must be a folder without an unfinished plan."
-# options that are not named like the fields of a request
-_OPTIONS = {
-    "part": "the part",
-    "pose_uncertainty": "--sigma-mm or --sigma-rad",
-    "stand_off_mm": "--stand-off",
-    "lighting": "--light",
-    "lamps": "--light",
-    "ring": "--light",
-    "step": "--grey-step",
-    "focus_reserve": "--focus-margin-mm",
-}
-
-
-def option(name: str) -> str:
-    """Return the option that a user of the command line knows a field of a request as."""
-    return _OPTIONS.get(name, f"--{name.replace('_', '-')}")
 
 
 def check_owner(folder: Path, request: InspectionRequest, *, force: bool) -> None:

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aspectgraph import AspectGraphError, SolidChoice, read_solid
+from aspectgraph import AspectGraphError, PartFileNotFoundError, SolidChoice, read_solid
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.light import read_lighting
 from planner.cli.wanted import Wanted, read_request
-from planner.exceptions import PlanFileError, RequestError
+from planner.exceptions import CameraError, PlanFileError, RequestError
 from planner.identity.inspection_request import InspectionRequest, PartRecord
 from planner.identity.of_plan import SOURCE
 from planner.identity.resolve_request import Promise, resolve_request
@@ -130,6 +130,8 @@ def _job_again(options: argparse.Namespace) -> Job:
                 f"Got {name}."
             )
     path = Path(options.again)
+    if not path.exists():
+        raise RequestError.of_rule("again", "must be an existing plan file", repr(options.again))
     plan = read_plan(path)
     if not plan.request:
         raise PlanFileError(
@@ -184,6 +186,19 @@ def reading_of(options: argparse.Namespace) -> dict[str, Any]:
     }
 
 
+def check_nothing_read(options: argparse.Namespace) -> None:
+    """Refuse options that say how a part is read where there is none.
+
+    Raises
+    ------
+    RequestError
+        Names the option.
+    """
+    for name, value in reading_of(options).items():
+        if value is not None:
+            raise RequestError.of_rule(name, "must be given with a part", "none")
+
+
 def read_part(options: argparse.Namespace) -> Solid:
     """Read the part; an error names the file."""
     return _read(options.part, reading_of(options))
@@ -197,19 +212,27 @@ def _read(part: str, reading: dict[str, Any]) -> Solid:
     try:
         return read_solid(part, **given)
     except AspectGraphError as error:
+        if error.parameter == "path":
+            missing = isinstance(error, PartFileNotFoundError)
+            rule = "must be an existing file" if missing else error.rule
+            raise type(error).of_rule("part", rule, error.got) from None
         if str(part) in str(error):
             raise
-        raise type(error)(f"{part}: {error}") from None
+        raise error.within(part) from None
 
 
 def read_camera(text: str) -> Camera:
     """Return the camera of a TOML file, or the one with that name in the catalogue."""
     path = Path(text)
-    return (
-        Camera.from_toml(path)
-        if path.suffix.lower() == ".toml" or path.is_file()
-        else Camera.named(text)
-    )
+    if path.suffix.lower() == ".toml" or path.is_file():
+        return Camera.from_toml(path)
+    try:
+        return Camera.named(text)
+    except CameraError as error:
+        if error.parameter != "camera":
+            raise
+        rule = "must be a TOML file, or a name that 'aspectgraph cameras' lists"
+        raise CameraError.of_rule("camera", rule, error.got, hint=error.hint) from None
 
 
 def workspace_of(options: argparse.Namespace) -> np.ndarray | None:

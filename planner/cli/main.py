@@ -27,7 +27,7 @@ from planner.cli.arguments import (
     lengths,
     memory,
 )
-from planner.cli.messages import as_typed
+from planner.cli.naming import as_typed, in_words_of_shell
 from planner.cli.process.exit_codes import BAD_INPUT, INCOMPLETE, NOBODY_READS
 from planner.cli.process.shortages import shortage
 from planner.cli.process.signals import termination_as_interruption
@@ -176,7 +176,8 @@ def _ending(error: Exception, options: argparse.Namespace) -> tuple[str, int] | 
             traceback.print_exc()
         from planner.exceptions import InfeasibleError
 
-        return str(error), INCOMPLETE if isinstance(error, InfeasibleError) else BAD_INPUT
+        message = in_words_of_shell(error, vars(options))
+        return message, INCOMPLETE if isinstance(error, InfeasibleError) else BAD_INPUT
     if isinstance(error, BrokenPipeError):
         stop_writing()
         return "", NOBODY_READS
@@ -196,9 +197,8 @@ def _known_as(name: str, options: argparse.Namespace) -> str:
     """Return the option that a path was given by."""
     for key, value in vars(options).items():
         if isinstance(value, str) and os.path.abspath(value) == os.path.abspath(name):
-            return (
-                f"the {key}" if key in ("part", "plan", "folder") else "--" + key.replace("_", "-")
-            )
+            typed = as_typed(key, vars(options))
+            return f"the {key}" if key in ("plan", "folder") else typed
     return "path"
 
 
@@ -435,7 +435,7 @@ def _loaded_errors() -> tuple[type[Exception], ...]:
 
 def _fail(message: str, code: int) -> int:
     if message:
-        line = visible(as_typed(" ".join(message.split())))
+        line = visible(" ".join(message.split()))
         write_error(line if line.startswith("aspectgraph") else f"aspectgraph: {line}")
     return code
 

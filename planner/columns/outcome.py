@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from errors.telling import probability_text
+from planner.setting.reason import Reason, ReasonKind
 from planner.setting.sensor_setting import SensorSetting
+
+_NONE = Reason("")
 
 
 @dataclass(frozen=True)
@@ -16,14 +19,14 @@ class Outcome:
     ----------
     setting : SensorSetting or None
         The setting; it may miss the required probability for some of the entities.
-    reason : str
-        Why there is none; empty if there is one.
+    reason : Reason
+        Why there is none, with its kind; empty if there is one.
     """
 
     setting: SensorSetting | None = None
-    reason: str = ""
+    reason: Reason = _NONE
 
-    def reason_at(self, threshold: float) -> str:
+    def reason_at(self, threshold: float) -> Reason:
         """Say why an entity is not inspected, given that this is the outcome of its own run.
 
         Parameters
@@ -35,13 +38,14 @@ class Outcome:
             return self.reason
         best = max(self.setting.probability.values())
         if best >= threshold:
-            return (
-                f"no feasible view: the best pose found reaches P = {probability_text(best)}, but breaks a constraint "
-                "when judged anew."
+            return Reason.of(
+                ReasonKind.NO_FEASIBLE_VIEW,
+                f"the best pose found reaches P = {probability_text(best)}, "
+                "but breaks a constraint when judged anew.",
             )
         # so many digits that it is seen to be below
         digits = next((n for n in range(4, 16) if round(best, n) < threshold), 16)
-        return (
-            f"probability too low: the best pose found reaches P = {best:.{digits}f}, "
-            f"below the required {threshold:g}."
+        return Reason.of(
+            ReasonKind.PROBABILITY_TOO_LOW,
+            f"the best pose found reaches P = {best:.{digits}f}, below the required {threshold:g}.",
         )

@@ -19,6 +19,7 @@ from planner.setting.infeasible import missing_corners
 from planner.setting.plan_setting import best_setting
 from planner.setting.pose_search import Search
 from planner.setting.pose_setting import setting_at
+from planner.setting.reason import Reason, ReasonKind
 from planner.setting.sensor_setting import SensorSetting
 from planner.verify.simulate_setting import MODEL_TOLERANCE, simulate_setting
 from planner.verify.simulated import Posed
@@ -60,16 +61,16 @@ SUPPORT = Support()
 
 # what a failing constraint means to the person who reads the plan
 _MEANING = {
-    "visibility": "unobservable",
-    "resolution_mm": "too short for the resolution",
-    "focus_mm": "out of focus",
-    "field_of_view_px": "larger than the field of view",
-    "field_of_view_mm": "larger than the field of view",
-    "workspace_mm": "out of reach",
-    "reach": "out of reach",
-    "clearance_mm": "in view only too near the part",
-    "corner_deg": "without a corner to measure to",
-    "separation_px": "too near to another line in the image",
+    "visibility": ReasonKind.UNOBSERVABLE,
+    "resolution_mm": ReasonKind.TOO_SHORT,
+    "focus_mm": ReasonKind.OUT_OF_FOCUS,
+    "field_of_view_px": ReasonKind.TOO_LARGE,
+    "field_of_view_mm": ReasonKind.TOO_LARGE,
+    "workspace_mm": ReasonKind.OUT_OF_REACH,
+    "reach": ReasonKind.OUT_OF_REACH,
+    "clearance_mm": ReasonKind.TOO_NEAR,
+    "corner_deg": ReasonKind.NO_CORNER,
+    "separation_px": ReasonKind.LINE_NEARBY,
 }
 
 
@@ -102,7 +103,7 @@ def realise(
             search = Search(explain=len(names) == 1)
             setting = best_setting(request, seed, objective=objective, search=search, start=start)
         except InfeasibleError as error:
-            return Outcome(reason=f"{meaning(error)}: {error}")
+            return Outcome(reason=Reason.of(meaning(error), error))
         if found is None or min(setting.probability.values()) > min(found.probability.values()):
             found = setting
         if min(found.probability.values()) >= request.probability or len(names) == 1:
@@ -110,20 +111,20 @@ def realise(
     return Outcome(found)
 
 
-def without_corners(judge: Judge) -> dict[str, str]:
+def without_corners(judge: Judge) -> dict[str, Reason]:
     """Return the entities that no pose can inspect as they lack a corner that is asked for, and the reason."""
     return {
-        name: f"{meaning(error)}: {error}"
+        name: Reason.of(meaning(error), error)
         for name, error in missing_corners(judge.constraints).items()
     }
 
 
-def meaning(error: InfeasibleError) -> str:
-    """Say in a few words what keeps entities from being inspected."""
+def meaning(error: InfeasibleError) -> ReasonKind:
+    """Return what keeps entities from being inspected."""
     if error.together or not error.constraint:
-        return "no feasible view"
+        return ReasonKind.NO_FEASIBLE_VIEW
     if error.constraint == "visibility" and not error.proven:
-        return "in view from no pose tried"
+        return ReasonKind.IN_VIEW_FROM_NO_POSE_TRIED
     return _MEANING[error.constraint]
 
 

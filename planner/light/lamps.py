@@ -85,8 +85,8 @@ class LampBox:
     def __post_init__(self) -> None:
         box = _numbers("the corners of a box of lamps", (self.low, self.high), (2, 3))
         if not (box[0] < box[1]).all():
-            raise RequestError(
-                f"low must be below high in every coordinate. Got {self.low!r} and {self.high!r}."
+            raise RequestError.of_rule(
+                "low", "must be below high in every coordinate", f"{self.low!r} and {self.high!r}"
             )
         _check_clearance(self.clearance_mm)
         check_reach(self.reach)
@@ -226,10 +226,10 @@ class LampDome:
         _numbers("the centre of a dome of lamps", self.centre, (3,))
         _numbers("radius_mm and lowest_mm", (self.radius_mm, self.lowest_mm), (2,))
         if not self.radius_mm > 0:
-            raise RequestError(f"radius_mm must be positive. Got {self.radius_mm!r}.")
+            raise RequestError.of_rule("radius_mm", "must be positive", repr(self.radius_mm))
         if not self.lowest_mm < self.radius_mm:
-            raise RequestError(
-                f"lowest_mm must be below radius_mm, {self.radius_mm:g}. Got {self.lowest_mm!r}."
+            raise RequestError.of_rule(
+                "lowest_mm", f"must be below radius_mm, {self.radius_mm:g}", repr(self.lowest_mm)
             )
         _check_clearance(self.clearance_mm)
 
@@ -345,15 +345,17 @@ def check_lamps_given(lamps: Any) -> LampSpace | LampsTogether | Array | None:
     if isinstance(lamps, str):
         if lamps == RING:
             return None
-        raise RequestError(
-            f"lamps must be places, a LampBox, a LampDome, LampsTogether, or {RING!r}. Got {lamps!r}."
+        raise RequestError.of_rule(
+            "lamps",
+            f"must be places, a LampBox, a LampDome, LampsTogether, or {RING!r}",
+            repr(lamps),
         )
     return _numbers("lamps", lamps, (-1, 3))
 
 
 def _check_clearance(value: float) -> None:
     if not (isinstance(value, int | float) and 0 <= value < np.inf):
-        raise RequestError(f"clearance_mm must be finite and not negative. Got {value!r}.")
+        raise RequestError.of_rule("clearance_mm", "must be finite and not negative", repr(value))
 
 
 def _numbers(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
@@ -367,5 +369,7 @@ def _numbers(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
     )
     if not fits or not np.isfinite(array).all():
         told = str(shape).replace("-1", "n")
-        raise RequestError(f"{name} must be finite numbers in mm, shape {told}. Got {values!r}.")
+        raise RequestError.of_rule(
+            name, f"must be finite numbers in mm, shape {told}", repr(values)
+        )
     return array

@@ -66,10 +66,12 @@ class Lighting:
         check_contrast(self.contrast)
         object.__setattr__(self, "lamps", check_lamps_given(self.lamps))
         if self.ground not in GROUNDS:
-            raise RequestError(f"ground must be one of {', '.join(GROUNDS)}. Got {self.ground!r}.")
+            raise RequestError.of_rule(
+                "ground", f"must be one of {', '.join(GROUNDS)}", repr(self.ground)
+            )
         if not (isinstance(self.tolerance_mm, int | float) and 0 <= self.tolerance_mm < np.inf):
-            raise RequestError(
-                f"tolerance_mm must be finite and not negative. Got {self.tolerance_mm!r}."
+            raise RequestError.of_rule(
+                "tolerance_mm", "must be finite and not negative", repr(self.tolerance_mm)
             )
         check_step(self.step)
 
@@ -176,7 +178,7 @@ def eyes_of(plan: Planned) -> NDArray[np.float64]:
 def check_step(step: float) -> float:
     """Return the step of grey values; RequestError if it is not in [0, 1)."""
     if not (isinstance(step, int | float) and 0 <= step < 1):
-        raise RequestError(f"step must be in [0, 1). Got {step!r}.")
+        raise RequestError.of_rule("step", "must be in [0, 1)", repr(step))
     return step
 
 

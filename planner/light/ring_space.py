@@ -44,7 +44,7 @@ class RingSpace:
 
     def __init__(self, light: LightRegions, camera: Camera, step: float = DEFAULT_STEP) -> None:
         if not 0 <= step < 1:
-            raise RequestError(f"step must be in [0, 1). Got {step!r}.")
+            raise RequestError.of_rule("step", "must be in [0, 1)", repr(step))
         self.light, self.camera, self.step = light, camera, step
         self._rays: RayScene | None = None
 

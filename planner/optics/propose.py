@@ -127,7 +127,7 @@ def propose_optics(
     check_fraction("accuracy", accuracy)
     check_fraction("probability", probability)
     if not wanted:
-        raise RequestError("wanted must hold at least one item. Got none.")
+        raise RequestError.of_rule("wanted", "must hold at least one item", "none")
     distances = _checked(distances_mm)
     fitting = _fitting(bodies)
     how = options or InspectionOptions()
@@ -148,8 +148,8 @@ def propose_optics(
 def _checked(distances_mm: Sequence[float]) -> list[float]:
     distances = [float(distance) for distance in distances_mm]
     if not distances or not all(math.isfinite(one) and one > 0 for one in distances):
-        raise RequestError(
-            f"distances_mm must be finite and positive, at least one. Got {distances_mm!r}."
+        raise RequestError.of_rule(
+            "distances_mm", "must be finite and positive, at least one", repr(distances_mm)
         )
     return distances
 
@@ -160,8 +160,8 @@ def _fitting(bodies: Sequence[str] | None) -> list[tuple[str, str]]:
     chosen = list(parts["body"]) if bodies is None else list(bodies)
     for name in chosen:
         if name not in parts["body"]:
-            raise RequestError(
-                f"bodies must be of the catalogue: {', '.join(parts['body'])}. Got {name!r}."
+            raise RequestError.of_rule(
+                "bodies", f"must be of the catalogue: {', '.join(parts['body'])}", repr(name)
             )
     return [
         (body, lens)

@@ -156,7 +156,7 @@ def write_graph(graph: EntityAspectGraph, path: str, parameter: str) -> None:
         write_graphml(graph, path)
     except GraphOutputError as error:
         kept = _kept_elsewhere("graph", lambda place: write_graphml(graph, place), "graph.graphml")
-        raise OutputError(f"{parameter}{str(error).removeprefix('path')} {kept}") from None
+        raise OutputError(f"{parameter} {error.rule}. Got {error.got}. {kept}") from None
 
 
 def _kept_elsewhere(what: str, write: Callable[[Path], object], name: str) -> str:

@@ -166,6 +166,10 @@ def _check_everyone_once(data: Mapping[str, Any]) -> None:
     for name in data["uninspectable"]:
         if name not in data["entities"]:
             _refuse(field_name("uninspectable", name), "must be one of the plan's entities", name)
+    for name in data.get("uninspectable_kinds", {}):
+        if name not in data["uninspectable"]:
+            path = field_name("uninspectable_kinds", name)
+            _refuse(path, "must be a name that has a reason", name)
     for name in data["entities"]:
         if (name in inspected) == (name in data["uninspectable"]):
             found = "both" if name in inspected else "neither"

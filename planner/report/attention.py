@@ -7,6 +7,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from planner.report.tables import setting_link
+from planner.setting.reason import ReasonKind, kind_of
 
 if TYPE_CHECKING:
     from planner.rows.measured import Row
@@ -65,7 +66,7 @@ def not_inspected(reasons: Mapping[str, str], noun: str) -> str:
     Parameters
     ----------
     reasons : mapping of str to str
-        By name; before a colon stands the kind.
+        By name; a `Reason` has a kind.
     noun : str
         What an item is called.
     """
@@ -74,11 +75,11 @@ def not_inspected(reasons: Mapping[str, str], noun: str) -> str:
     head = '<h2 class="bad">Not inspected</h2>'
     if len(reasons) <= FEW:
         return head + '<p class="note">What is in no setting, and why.</p>' + _table(reasons, noun)
-    kinds: dict[str, list[str]] = {}
+    kinds: dict[ReasonKind, list[str]] = {}
     for name, why in reasons.items():
-        kinds.setdefault(why.partition(":")[0], []).append(name)
+        kinds.setdefault(kind_of(why), []).append(name)
     lines = "".join(
-        f"<li><b>{escape(kind)}</b> ({len(names)}): {escape(', '.join(names))}</li>"
+        f"<li><b>{escape(kind.words)}</b> ({len(names)}): {escape(', '.join(names))}</li>"
         for kind, names in kinds.items()
     )
     told = '<p class="note">What is in no setting. <a href="#reasons">Why, one by one</a></p>'

@@ -170,10 +170,10 @@ class Requirements:
             if not (
                 isinstance(value, int | float | np.number) and math.isfinite(value) and value >= 0
             ):
-                raise RequestError(f"{name} must be finite and not negative. Got {value!r}.")
+                raise RequestError.of_rule(name, "must be finite and not negative", repr(value))
         if self.field_of_view not in ("exact", "cone"):
-            raise RequestError(
-                f"field_of_view must be 'exact' or 'cone'. Got {self.field_of_view!r}."
+            raise RequestError.of_rule(
+                "field_of_view", "must be 'exact' or 'cone'", repr(self.field_of_view)
             )
         check_reach(self.reach)
 

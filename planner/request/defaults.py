@@ -116,11 +116,14 @@ def check_focus_margin(margin_mm: float, camera: Camera) -> float:
         or not isinstance(margin_mm, int | float | np.number)
         or not margin_mm >= 0
     ):
-        raise RequestError(f"focus_margin_mm must be finite and not negative. Got {margin_mm!r}.")
+        raise RequestError.of_rule(
+            "focus_margin_mm", "must be finite and not negative", repr(margin_mm)
+        )
     if not (math.isfinite(margin_mm) and 2 * margin_mm < farthest - nearest):
-        raise RequestError(
-            f"focus_margin_mm must be less than half the depth of field, {farthest - nearest:.4g} mm. "
-            f"Got {margin_mm:g}."
+        raise RequestError.of_rule(
+            "focus_margin_mm",
+            f"must be less than half the depth of field, {farthest - nearest:.4g} mm",
+            f"{margin_mm:g}",
         )
     return float(margin_mm)
 
@@ -132,14 +135,14 @@ def check_fraction(name: str, value: object) -> float:
         or not isinstance(value, int | float | np.number)
         or not 0 < value < 1
     ):
-        raise RequestError(f"{name} must be in (0, 1). Got {value!r}.")
+        raise RequestError.of_rule(name, "must be in (0, 1)", repr(value))
     return float(value)
 
 
 def check_count(name: str, value: object, least: int) -> None:
     """Raise `RequestError` unless a value is an integer of at least so much."""
     if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
-        raise RequestError(f"{name} must be an integer of at least {least}. Got {value!r}.")
+        raise RequestError.of_rule(name, f"must be an integer of at least {least}", repr(value))
 
 
 def check_seed(rng: object) -> int:
@@ -147,10 +150,12 @@ def check_seed(rng: object) -> int:
     if isinstance(rng, np.random.Generator):
         return int(rng.integers(2**31))
     if isinstance(rng, bool) or not isinstance(rng, Integral) or rng < 0:
-        raise RequestError(f"rng must be a non-negative integer or a numpy Generator. Got {rng!r}.")
+        raise RequestError.of_rule(
+            "rng", "must be a non-negative integer or a numpy Generator", repr(rng)
+        )
     seed = int(rng)
     if seed > MOST_SEED:
-        raise RequestError(f"rng must be at most {MOST_SEED:g}. Got a longer integer.")
+        raise RequestError.of_rule("rng", f"must be at most {MOST_SEED:g}", "a longer integer")
     return seed
 
 
@@ -197,12 +202,12 @@ def check_showing(showing: Showing, camera: Camera) -> Showing:
         If it is something else, or lines or surroundings are wider than the image.
     """
     if not isinstance(showing, Showing):
-        raise RequestError(f"showing must be a Showing. Got {showing!r}.")
+        raise RequestError.of_rule("showing", "must be a Showing", repr(showing))
     side = min(camera.resolution)
     for name in ("separation_px", "surround_px"):
         value = getattr(showing, name)
         if 2 * value >= side:
-            raise RequestError(
-                f"{name} must be less than half the image's smaller side, {side} px. Got {value:g}."
+            raise RequestError.of_rule(
+                name, f"must be less than half the image's smaller side, {side} px", f"{value:g}"
             )
     return showing

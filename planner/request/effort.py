@@ -71,7 +71,9 @@ class Effort:
             If there is none with this name.
         """
         if name not in _PRESETS:
-            raise RequestError(f"effort must be one of {', '.join(_PRESETS)}. Got {name!r}.")
+            raise RequestError.of_rule(
+                "effort", f"must be one of {', '.join(_PRESETS)}", repr(name)
+            )
         return cls(**_PRESETS[name])
 
     @classmethod

@@ -54,9 +54,9 @@ class Objective:
         model: str = "joint",
     ):
         if not 0 < accuracy < 1:
-            raise RequestError(f"accuracy must be in (0, 1). Got {accuracy!r}.")
+            raise RequestError.of_rule("accuracy", "must be in (0, 1)", repr(accuracy))
         if kind not in ("sum", "min"):
-            raise RequestError(f"objective must be 'sum' or 'min'. Got {kind!r}.")
+            raise RequestError.of_rule("objective", "must be 'sum' or 'min'", repr(kind))
         self.ends, self.camera, self.accuracy, self.kind, self.model = (
             ends,
             camera,

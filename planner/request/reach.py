@@ -78,8 +78,8 @@ class BoxRegion:
 
     def __post_init__(self) -> None:
         if not np.all(np.asarray(self.low, dtype=float) < np.asarray(self.high, dtype=float)):
-            raise RequestError(
-                f"low must be below high in every coordinate. Got {self.low!r} and {self.high!r}."
+            raise RequestError.of_rule(
+                "low", "must be below high in every coordinate", f"{self.low!r} and {self.high!r}"
             )
 
     def margin(self, positions: np.ndarray) -> np.ndarray:
@@ -130,7 +130,7 @@ class SphereRegion:
 
     def __post_init__(self) -> None:
         if not self.radius_mm > 0:
-            raise RequestError(f"radius_mm must be positive. Got {self.radius_mm!r}.")
+            raise RequestError.of_rule("radius_mm", "must be positive", repr(self.radius_mm))
 
     def margin(self, positions: np.ndarray) -> np.ndarray:
         """Return the distance to the sphere, positive inside.
@@ -199,7 +199,7 @@ def check_reach(reach: Reach | None) -> Reach | None:
     """Return the region, or raise `RequestError` if it is neither a region nor a callable."""
     if reach is None or hasattr(reach, "margin") or callable(reach):
         return reach
-    raise RequestError(f"reach must have a margin method or be callable. Got {reach!r}.")
+    raise RequestError.of_rule("reach", "must have a margin method or be callable", repr(reach))
 
 
 def reach_identity(reach: Reach | None) -> dict[str, Any] | None:
@@ -289,7 +289,9 @@ def reach_margin(reach: Reach, positions: np.ndarray) -> np.ndarray:
     else:
         margin = np.where(np.asarray(reach(positions), dtype=bool), 1.0, -1.0)
     if margin.shape != (len(positions),):
-        raise RequestError(
-            f"reach must return one value per position, shape ({len(positions)},). Got {margin.shape}."
+        raise RequestError.of_rule(
+            "reach",
+            f"must return one value per position, shape ({len(positions)},)",
+            str(margin.shape),
         )
     return margin

@@ -198,14 +198,14 @@ def check_names(space: Space, names: Sequence[str]) -> tuple[str, ...]:
     """Return the names as a tuple, or raise `RequestError` if there are none, one is unknown or one comes twice."""
     names = (names,) if isinstance(names, str) else tuple(str(name) for name in names)
     if not names:
-        raise RequestError("names must hold at least one entity. Got none.")
+        raise RequestError.of_rule("names", "must hold at least one entity", "none")
     for name in names:
         if name not in space.entities:
-            raise RequestError(
-                f"names must be entities ({', '.join(map(str, space.entity_names))}). Got {name!r}."
+            raise RequestError.of_rule(
+                "names", f"must be entities ({', '.join(map(str, space.entity_names))})", repr(name)
             )
         if names.count(name) > 1:
-            raise RequestError(f"names must be different. Got {name!r} twice.")
+            raise RequestError.of_rule("names", "must be different", f"{name!r} twice")
     return names
 
 
@@ -215,8 +215,8 @@ def _check_rng(rng: object) -> tuple[np.random.Generator, int | None]:
     if rng is None:
         rng = int(np.random.SeedSequence().generate_state(1)[0])
     if not isinstance(rng, Integral) or isinstance(rng, bool) or rng < 0:
-        raise RequestError(
-            f"rng must be a non-negative integer, a numpy Generator or None. Got {rng!r}."
+        raise RequestError.of_rule(
+            "rng", "must be a non-negative integer, a numpy Generator or None", repr(rng)
         )
     return np.random.default_rng(int(rng)), int(rng)
 

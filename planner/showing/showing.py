@@ -60,9 +60,11 @@ class Showing:
             value = getattr(self, one.name)
             right = isinstance(value, int | float | np.number) and not isinstance(value, bool)
             if not (right and math.isfinite(value) and value >= 0):
-                raise RequestError(f"{one.name} must be finite and not negative. Got {value!r}.")
+                raise RequestError.of_rule(one.name, "must be finite and not negative", repr(value))
         if self.min_corner_deg >= 90:
-            raise RequestError(f"min_corner_deg must be below 90. Got {self.min_corner_deg!r}.")
+            raise RequestError.of_rule(
+                "min_corner_deg", "must be below 90", repr(self.min_corner_deg)
+            )
 
     @property
     def asks_nothing(self) -> bool:

@@ -8,13 +8,14 @@ import numpy as np
 
 from planner.plan import InspectionPlan
 from planner.request.measured import planned_dimensions
+from planner.setting.reason import Reason, ReasonKind
 from planner.setting.sensor_setting import SensorSetting
 from planner.steps.lines_in_window import with_lines_in_windows
 from planner.steps.run import Run
 from planner.travel import order_by, pose_distances
 
 # of entities that have neither a pose nor a reason for that yet
-_NOT_YET = "no view was found yet: the planning had not come to its end."
+_NOT_YET = Reason.of(ReasonKind.NOT_FOUND_YET, "the planning had not come to its end.")
 
 
 def assembled(
@@ -66,7 +67,7 @@ def assembled(
     return with_lines_in_windows(found, request)
 
 
-def _reasons(run: Run, unfinished: bool, seen: set[str]) -> Mapping[str, str]:
+def _reasons(run: Run, unfinished: bool, seen: set[str]) -> Mapping[str, Reason]:
     """Return why entities are not inspected, in the order in which that was found out."""
     reasons = dict(run.uninspectable)
     if unfinished:

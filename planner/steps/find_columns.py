@@ -10,6 +10,7 @@ from planner.columns.candidates import Beginning, column_seed, judged_poses, pri
 from planner.executors import in_order
 from planner.ledger import Ledger
 from planner.progress import report
+from planner.setting.reason import Reason
 from planner.steps.incumbents import IMPROVING, Incumbents
 from planner.steps.run import Run
 
@@ -32,13 +33,13 @@ def sample_poses(run: Run) -> None:
         report(run.progress, k, len(names), "candidate poses")
 
 
-def realise_missing_alone(run: Run, incumbents: Incumbents) -> dict[str, str]:
+def realise_missing_alone(run: Run, incumbents: Incumbents) -> dict[str, Reason]:
     """Give entities that no pose inspects a run of their own; return the reasons of those that fail.
 
     What some of them add to the plan is offered before the others are tried, as each takes seconds.
     """
     missing = [name for i, name in enumerate(run.names) if not run.pool.membership[:, i].any()]
-    reasons = {}
+    reasons: dict[str, Reason] = {}
     for first in range(0, len(missing), _AT_A_TIME):
         some = missing[first : first + _AT_A_TIME]
         for name, outcome in zip(some, run.realise([(name,) for name in some]), strict=True):

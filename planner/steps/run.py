@@ -19,6 +19,7 @@ from planner.progress import Progress, report
 from planner.request.effort import Effort
 from planner.request.request import Request
 from planner.resume import PlanningState
+from planner.setting.reason import Reason, kinds_record, reasons_from
 from planner.setting.sensor_setting import SensorSetting
 from planner.watch import Watch
 
@@ -80,7 +81,7 @@ class Run:
         self.watch = watch or Watch()
         self.executor, self.progress = executor, self.watch.watched(progress)
         self.pools = Pools(ColumnPool(len(self.names)), ColumnPool(len(self.names)))
-        self.uninspectable: dict[str, str] = {}
+        self.uninspectable: dict[str, Reason] = {}
         # entities of which no setting inspects two, as known so far
         self.exclusive: tuple[str, ...] = ()
         self._begun = 0
@@ -109,6 +110,7 @@ class Run:
             {
                 "pools": self.pools.to_dict(),
                 "uninspectable": dict(self.uninspectable),
+                "uninspectable_kinds": kinds_record(self.uninspectable),
                 "exclusive": self.exclusive,
                 **values,
             },
@@ -116,7 +118,9 @@ class Run:
 
     def restore(self, last: dict[str, Any]) -> None:
         """Go on from a checkpoint."""
-        self.pools, self.uninspectable = Pools.from_dict(last["pools"]), last["uninspectable"]
+        self.pools = Pools.from_dict(last["pools"])
+        kinds = last.get("uninspectable_kinds", {})
+        self.uninspectable = reasons_from(last["uninspectable"], kinds)
         self.exclusive = tuple(last.get("exclusive", ()))
 
     def kept(self, step: str) -> dict[str, Any] | None:

@@ -172,9 +172,9 @@ def simulate_setting(
     how = chosen(SimulationOptions, simulate_setting, options)
     for name, value in (("accuracy", accuracy), ("confidence", how.confidence)):
         if not 0 < value < 1:
-            raise RequestError(f"{name} must be in (0, 1). Got {value!r}.")
+            raise RequestError.of_rule(name, "must be in (0, 1)", repr(value))
     if n < 1:
-        raise RequestError(f"n must be at least 1. Got {n!r}.")
+        raise RequestError.of_rule("n", "must be at least 1", repr(n))
     rng = np.random.default_rng(rng)
     dimensions = {
         name: entities[name]

@@ -79,17 +79,19 @@ class Dimension:
         if self.tolerance is not None:
             object.__setattr__(self, "tolerance", _checked_tolerance(self.tolerance))
         if self.max_error is not None and not (_is_number(self.max_error) and self.max_error > 0):
-            raise RequestError(f"max_error must be a positive number. Got {self.max_error!r}.")
+            raise RequestError.of_rule(
+                "max_error", "must be a positive number", repr(self.max_error)
+            )
         if self.accuracy is not None and not (_is_number(self.accuracy) and 0 < self.accuracy < 1):
-            raise RequestError(f"accuracy must be in (0, 1). Got {self.accuracy!r}.")
+            raise RequestError.of_rule("accuracy", "must be in (0, 1)", repr(self.accuracy))
         if not (_is_number(self.share) and 0 < self.share <= 1):
-            raise RequestError(f"share must be in (0, 1]. Got {self.share!r}.")
+            raise RequestError.of_rule("share", "must be in (0, 1]", repr(self.share))
         if self.direction is not None:
             object.__setattr__(self, "direction", _checked_direction(self.direction))
         whole = isinstance(self.n_features, int) and not isinstance(self.n_features, bool)
         if not (whole and self.n_features >= 1):
-            raise RequestError(
-                f"n_features must be a whole number, 1 or more. Got {self.n_features!r}."
+            raise RequestError.of_rule(
+                "n_features", "must be a whole number, 1 or more", repr(self.n_features)
             )
 
     @classmethod
@@ -307,14 +309,16 @@ def _checked_tolerance(given: Sequence[float]) -> tuple[float, float]:
     try:
         lower, upper = (float(value) for value in given)
     except (OverflowError, TypeError, ValueError) as error:
-        raise RequestError(
-            f"tolerance must be two numbers, lower and upper deviation. Got {given!r}."
+        raise RequestError.of_rule(
+            "tolerance", "must be two numbers, lower and upper deviation", repr(given)
         ) from error
     if not (math.isfinite(lower) and math.isfinite(upper)):
-        raise RequestError(f"tolerance must be finite. Got {given!r}.")
+        raise RequestError.of_rule("tolerance", "must be finite", repr(given))
     if lower >= upper:
-        raise RequestError(
-            f"tolerance must have its lower deviation below its upper one. Got [{lower:g}, {upper:g}]."
+        raise RequestError.of_rule(
+            "tolerance",
+            "must have its lower deviation below its upper one",
+            f"[{lower:g}, {upper:g}]",
         )
     return lower, upper
 
@@ -323,8 +327,10 @@ def _checked_direction(given: Sequence[float]) -> tuple[float, float, float]:
     try:
         values = tuple(float(value) for value in given)
     except (OverflowError, TypeError, ValueError) as error:
-        raise RequestError(f"direction must be three numbers. Got {given!r}.") from error
+        raise RequestError.of_rule("direction", "must be three numbers", repr(given)) from error
     size = math.hypot(*values)
     if len(values) != 3 or not (math.isfinite(size) and size > 0):
-        raise RequestError(f"direction must be three numbers, not all of them 0. Got {given!r}.")
+        raise RequestError.of_rule(
+            "direction", "must be three numbers, not all of them 0", repr(given)
+        )
     return values[0] / size, values[1] / size, values[2] / size

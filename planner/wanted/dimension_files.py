@@ -53,7 +53,9 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...]) -> dict[str, Any]:
 
 def _content(path: Path) -> dict[str, Any]:
     if not path.is_file():
-        raise RequestError(f"dimensions must be 'all' or name an existing file. Got {str(path)!r}.")
+        raise RequestError.of_rule(
+            "dimensions", "must be 'all' or name an existing file", repr(str(path))
+        )
     try:
         content = parse_names(path)
     except ValueError as error:
@@ -91,7 +93,7 @@ def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
     unit = value.get("unit", "deg" if kind == "angle" else "mm")
     known = [name for name in _UNITS if (name in _ANGLES) == (kind == "angle")]
     if unit not in known:
-        raise RequestError(f"unit must be one of {', '.join(known)}. Got {unit!r}.")
+        raise RequestError.of_rule("unit", f"must be one of {', '.join(known)}", repr(unit))
     options = {key: value[key] for key in _OPTIONS if key in value and key != "unit"}
     factor = _UNITS[unit]
     if isinstance(options.get("tolerance"), list):

@@ -82,9 +82,12 @@ def _gather(
             for points, corners in parts:
                 n_triangles += len(corners)
                 if n_triangles > most_triangles or n + len(points) > 3 * most_triangles:
-                    raise ReadError(
-                        f"a GLB file must place at most triangles={most_triangles} triangles. "
-                        "Got more; allow more with limits=ReadLimits(triangles=...)."
+                    raise ReadError.of_rule(
+                        "",
+                        f"a GLB file must place at most triangles={most_triangles} triangles",
+                        "more",
+                        hint="allow more with limits=ReadLimits(triangles=...)",
+                        shell_hint="",
                     )
                 vertices.append(points.astype(np.float64) @ placement[:3, :3].T + placement[:3, 3])
                 corners = corners.astype(np.int64)

@@ -132,9 +132,12 @@ class StepKernel:
         self.process.kill()
         code = self.process.wait()
         if timed_out or code == -getattr(signal, "SIGALRM", 0):
-            return ReadError(
-                f"a STEP file must be read within time_s={self.limits.time_s:g} seconds. Got {self.name}, which takes "
-                "longer; allow more with limits=ReadLimits(time_s=...)."
+            return ReadError.of_rule(
+                "",
+                f"a STEP file must be read within time_s={self.limits.time_s:g} seconds",
+                f"{self.name}, which takes longer",
+                hint="allow more with limits=ReadLimits(time_s=...)",
+                shell_hint="",
             )
         if code == OUT_OF_MEMORY:
             return self._complaint({"error": "MemoryError"})
@@ -146,9 +149,12 @@ class StepKernel:
 
     def _complaint(self, header: dict[str, Any]) -> ReadError:
         if header["error"] == "MemoryError":
-            return ReadError(
-                f"a STEP file must be read within memory_mb={self.limits.memory_mb:g} MB. Got {self.name}, which takes "
-                "more; allow more with limits=ReadLimits(memory_mb=...)."
+            return ReadError.of_rule(
+                "",
+                f"a STEP file must be read within memory_mb={self.limits.memory_mb:g} MB",
+                f"{self.name}, which takes more",
+                hint="allow more with limits=ReadLimits(memory_mb=...)",
+                shell_hint="",
             )
         if header["error"] == "MissingExtraError":
             if sys.version_info < (3, 11):

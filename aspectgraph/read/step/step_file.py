@@ -26,7 +26,6 @@ RELATIVE_VOLUME = 1e-9
 """Flat solids that become one body keep their volume up to this share of it: rounding."""
 
 _MAX_REFINEMENTS = 3
-_HOW_TO_CHOOSE = "solids={0} (on the command line --solids {1})"
 
 
 def read_step(
@@ -106,9 +105,8 @@ def read_step(
         except SolidError as error:
             if len(chosen) == 1:
                 raise
-            example = _HOW_TO_CHOOSE.format([chosen[0]], chosen[0])
-            hint = f"The file holds {len(chosen)} solids; read some of them with, for instance, {example}."
-            raise type(error)(f"{error} {hint}") from error
+            holds = f"The file holds {len(chosen)} solids; read some of them with, for instance,"
+            raise error.with_hint(*_choosing(holds, chosen[:1])) from error
     raise AssertionError("the last attempt returns or raises")
 
 
@@ -134,10 +132,13 @@ def _merge(
         for parts in (before, after)
     )
     if not abs(kept - volume) <= max(allowed, RELATIVE_VOLUME * volume):
-        raise ReadError(
-            f"solids in contact must keep their volume when they become one body. Got {kept:.9g} of {volume:.9g} mm³ "
-            f"for {_listed(chosen)} of {kernel.name}; read some of them with, for instance, "
-            f"{_HOW_TO_CHOOSE.format([chosen[0]], chosen[0])}."
+        hint, shell_hint = _choosing("read some of them with, for instance,", chosen[:1])
+        raise ReadError.of_rule(
+            "",
+            "solids in contact must keep their volume when they become one body",
+            f"{kept:.9g} of {volume:.9g} mm³ for {_listed(chosen)} of {kernel.name}",
+            hint=hint,
+            shell_hint=shell_hint,
         )
     bodies = [_listed(sorted(group)) for group in answer["merged"]]
     return notes + [
@@ -271,18 +272,28 @@ def _select(damage: list[str], wanted: SolidChoice, name: str) -> tuple[list[int
     chosen = measured + occluders
     bad = [i for i in chosen if not 0 <= i < n]
     if bad or not measured:
-        raise ReadError(
-            f"solids must name some of 0..{n - 1} of {name}. Got {chosen if bad else measured}."
+        raise ReadError.of_rule(
+            "solids", f"must name some of 0..{n - 1} of {name}", str(chosen if bad else measured)
         )
     if len(set(chosen)) < len(chosen):
-        raise ReadError(f"solids must name each solid once. Got {chosen}.")
+        raise ReadError.of_rule("solids", "must name each solid once", str(chosen))
     for i in chosen:
         if damage[i]:
             whole = [k for k in range(n) if not damage[k]]
-            ask = _HOW_TO_CHOOSE.format(whole, ",".join(map(str, whole)))
-            hint = f" Ask for the whole ones with {ask}." if whole else ""
+            hint, shell_hint = (
+                _choosing("Ask for the whole ones with", whole) if whole else ("", "")
+            )
             which = f" (solid {i} of 0..{n - 1})" if n > 1 else ""
-            raise ReadError(
-                f"the geometry of a STEP file must be whole. Got {name} with {damage[i]}{which}.{hint}"
+            raise ReadError.of_rule(
+                "",
+                "the geometry of a STEP file must be whole",
+                f"{name} with {damage[i]}{which}",
+                hint=hint,
+                shell_hint=shell_hint,
             )
     return chosen, measured
+
+
+def _choosing(words: str, solids: list[int]) -> tuple[str, str]:
+    """Return the hint to read some solids, in the words of a call and of a shell."""
+    return f"{words} solids={solids}", f"{words} --solids {','.join(map(str, solids))}"

@@ -5,7 +5,7 @@ import math
 
 import jsonschema
 import pytest
-from plan_examples import LIGHT, plan
+from plan_examples import LIGHT, plan, setting
 
 from planner.columns.outcome import Outcome
 from planner.exceptions import PlanFileError
@@ -140,6 +140,11 @@ WRONG = {
         "hidden",
         'must be one of the plan\'s entities. Got "x".',
     ),
+    "kind for nobody": (
+        ("uninspectable_kinds",),
+        {"x": "too short"},
+        None,
+    ),
     "workspace": (("workspace", 0, 0), 901.0, None),
     "covariance": (("pose_uncertainty", "covariance", 0, 1), 0.1, None),
     "focus": (
@@ -197,6 +202,7 @@ WRONG = {
 }
 # where the field that is named is not the one that was changed, or the value is told otherwise
 SENTENCES = {
+    "kind for nobody": 'uninspectable_kinds.x must be a name that has a reason. Got "x".',
     "lit twice": 'light.settings[1] must tell of each of the setting\'s entities once. Got ["top right", "top right"].',
     "unknown entity": "settings[0].probability.x must be given. Got none.",
     "no length": "entities.bottom must have two different ends. Got [[0.0, 0.0, 0.0], [0, 0, 0]].",
@@ -283,10 +289,23 @@ STATE = {
     "plan": None,
     "digest": "0" * 64,
 }
+SETTING = setting((40.0, -180.0, 620.0), ["top front", "top right"]).to_dict()
 WRONG_STATE = {
     "outcome": (
         {"outcomes": {'["a"]': {}}},
         'outcomes["[\\"a\\"]"] must hold either a setting or a reason.',
+    ),
+    "both": (
+        {"outcomes": {'["a"]': {"reason": "hidden", "setting": SETTING}}},
+        'outcomes["[\\"a\\"]"] must hold either a setting or a reason.',
+    ),
+    "kind of nothing": (
+        {"outcomes": {'["a"]': {"kind": "too short"}}},
+        'outcomes["[\\"a\\"]"] must hold either a setting or a reason.',
+    ),
+    "unknown kind": (
+        {"outcomes": {'["a"]': {"reason": "hidden", "kind": "dull"}}},
+        'outcomes["[\\"a\\"]"].kind must be a kind of reason. Got "dull".',
     ),
     "key": (
         {"outcomes": {'["b","a"]': {"reason": ""}}},

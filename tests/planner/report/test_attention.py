@@ -4,6 +4,7 @@ import re
 
 from planner.report.attention import FEW, attention, not_inspected, reasons_section
 from planner.rows.measured import BETTER, FINE, Row, Warned
+from planner.setting.reason import Reason, ReasonKind
 
 
 def row(number, name, *warnings):
@@ -62,9 +63,10 @@ def test_few_reasons_stand_at_the_head():
 
 
 def test_many_reasons_are_counted_at_the_head_and_listed_below():
-    reasons = {f"e{i}": f"probability too low: P = 0.{i}" for i in range(FEW)} | {
-        "x": "unobservable"
-    }
+    low = ReasonKind.PROBABILITY_TOO_LOW
+    reasons = {f"e{i}": Reason.of(low, f"P = 0.{i}") for i in range(FEW)}
+    # the kind is no part of the text
+    reasons["x"] = Reason("x: y", ReasonKind.UNOBSERVABLE)
     head, below = text(not_inspected(reasons, "edge")), reasons_section(reasons, "edge")
     assert f"probability too low ({FEW}): e0, e1, " in head
     assert "unobservable (1): x" in head

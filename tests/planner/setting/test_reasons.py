@@ -1,43 +1,90 @@
 """Reasons why an entity is not inspected: what they say is so, and no more than is known."""
 
+import copy
+import json
 import pickle
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from plan_examples import CAMERA, setting
+from plan_examples import CAMERA, plan, setting
 
 from planner.columns.outcome import Outcome
 from planner.columns.realise_column import meaning
 from planner.exceptions import InfeasibleError
+from planner.plan import InspectionPlan, read_plan
+from planner.records.schema import read_schema
+from planner.resume import PlanningState
 from planner.setting.infeasible import check_extent
+from planner.setting.reason import Reason, ReasonKind
 
 
 @pytest.mark.parametrize(
-    ("best", "reason"),
+    ("best", "reason", "kind"),
     [
         (
             0.5,
             "probability too low: the best pose found reaches P = 0.5000, below the required 0.9.",
+            ReasonKind.PROBABILITY_TOO_LOW,
         ),
         (
             0.89996,
             "probability too low: the best pose found reaches P = 0.89996, below the required 0.9.",
+            ReasonKind.PROBABILITY_TOO_LOW,
         ),
         (
             0.95,
             "no feasible view: the best pose found reaches P = 0.9500, but breaks a constraint when judged anew.",
+            ReasonKind.NO_FEASIBLE_VIEW,
         ),
     ],
 )
-def test_reason_does_not_contradict_itself(best, reason):
-    assert Outcome(setting((0.0, 0.0, 600.0), ["rim"], probability=best)).reason_at(0.9) == reason
+def test_reason_does_not_contradict_itself(best, reason, kind):
+    outcome = Outcome(setting((0.0, 0.0, 600.0), ["rim"], probability=best))
+    assert outcome.reason_at(0.9) == reason
+    assert outcome.reason_at(0.9).kind is kind
 
 
 def test_reason_of_a_run_without_a_setting_is_its_own():
-    assert (
-        Outcome(reason="unobservable: no viewpoint").reason_at(0.9) == "unobservable: no viewpoint"
-    )
+    reason = Reason.of(ReasonKind.UNOBSERVABLE, "no viewpoint")
+    assert Outcome(reason=reason).reason_at(0.9) is reason
+    assert reason == "unobservable: no viewpoint"
+
+
+def test_a_reason_is_text_whose_kind_crosses_files_and_processes(tmp_path):
+    reason = Reason.of(ReasonKind.TOO_SHORT, "1 px.")
+    for again in (pickle.loads(pickle.dumps(reason)), copy.deepcopy(reason)):
+        assert (again, again.kind) == (reason, ReasonKind.TOO_SHORT)
+    assert json.dumps({"e1": reason}) == '{"e1": "too short for the resolution: 1 px."}'
+    state = PlanningState({}, tmp_path / "state.json")
+    state.put(["a"], Outcome(reason=reason))
+    state.save()
+    again = PlanningState({}, tmp_path / "state.json").get(["a"]).reason
+    assert (again, again.kind) == (reason, ReasonKind.TOO_SHORT)
+    name = next(iter(plan().uninspectable))
+    written = plan(uninspectable={name: reason})
+    written.write(tmp_path / "plan.json")
+    read = read_plan(tmp_path / "plan.json")
+    assert read == written
+    assert read.uninspectable == {name: "too short for the resolution: 1 px."}
+    assert read.uninspectable[name].kind is ReasonKind.TOO_SHORT
+
+
+def test_the_plan_of_an_earlier_program_states_no_kinds(tmp_path):
+    reason = Reason.of(ReasonKind.TOO_SHORT, "1 px.")
+    name = next(iter(plan().uninspectable))
+    record = plan(uninspectable={name: reason}).to_dict()
+    assert record["uninspectable_kinds"] == {name: "too short"}
+    del record["uninspectable_kinds"]
+    read = InspectionPlan.from_dict(record)
+    assert read.uninspectable[name] == reason
+    assert read.uninspectable[name].kind is ReasonKind.NOT_STATED
+    assert "uninspectable_kinds" not in read.to_dict()
+
+
+def test_the_schema_knows_every_kind():
+    kinds = [kind.value for kind in ReasonKind]
+    assert read_schema()["$defs"]["reason_kind"]["enum"] == kinds
 
 
 @pytest.mark.parametrize(
@@ -72,7 +119,7 @@ def test_too_far_apart_names_one_entity_once(ends, who):
 )
 def test_words_before_a_reason_claim_no_more_than_is_known(facts, words):
     """They rest on what the error says as data; its sentence may be reworded."""
-    assert meaning(InfeasibleError("any sentence at all", **facts)) == words
+    assert meaning(InfeasibleError("any sentence at all", **facts)).words == words
 
 
 def test_what_is_known_crosses_a_process_boundary():

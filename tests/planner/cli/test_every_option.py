@@ -1,0 +1,127 @@
+"""Every option that takes a value names itself, as it was typed, when the value is bad."""
+
+from __future__ import annotations
+
+import argparse
+
+import pytest
+from plan_examples import plan
+
+from planner.cli.main import build_parser, main
+
+BOX = """OFF
+8 6 0
+0 0 0\n40 0 0\n40 30 0\n0 30 0\n0 0 20\n40 0 20\n40 30 20\n0 30 20
+4 0 3 2 1\n4 4 5 6 7\n4 0 1 5 4\n4 1 2 6 5\n4 2 3 7 6\n4 3 0 4 7
+"""
+CAMERA = ["--camera", "basler-acA2440-20gm-25mm"]
+# what a command cannot do without
+NEEDED = {
+    "info": ["box.off"],
+    "dimensions": ["box.off"],
+    "graph": ["box.off", "--all", "--graphml", "graph.graphml"],
+    "plan": ["box.off", "--all", *CAMERA, "--out", "out"],
+    "batch": ["parts", *CAMERA, "--out", "out"],
+    "simulate": ["plan.json"],
+    "optics": ["box.off", "--all"],
+}
+NO_NUMBER, NEGATIVE = ["many"], ["-1"]
+BAD = {
+    "--accuracy": ["2"],
+    "--again": ["nowhere.json"],
+    "--body": ["pinhole"],
+    "--camera": ["pinhole"],
+    "--contrast": ["2"],
+    "--dimensions": ["nowhere.toml"],
+    "--distances": ["near"],
+    "--effort": ["none"],
+    "--entities": ["?"],
+    "--field-margin-px": NEGATIVE,
+    "--focus-margin-mm": NEGATIVE,
+    "--gap": ["1"],
+    "--gap-mm": NEGATIVE,
+    "--graph-limit": NEGATIVE,
+    "--graphml": ["nowhere/graph.graphml"],
+    "--grey-step": ["1"],
+    "--ground": ["grey"],
+    "--jobs": ["0"],
+    "--light": ["torch"],
+    "--localisation": ["sharp"],
+    "--memory-limit": ["0"],
+    "--min-corner-deg": ["90"],
+    "--min-length": NEGATIVE,
+    "--min-length-px": NEGATIVE,
+    "--occluders": NO_NUMBER,
+    "--out": ["file"],
+    "--part": ["nowhere.step"],
+    "--picture": ["edges.txt"],
+    "--poses": ["0"],
+    "--probability": ["nan"],
+    "--rows": ["0"],
+    "--scheduler": ["nowhere"],
+    "--seed": NEGATIVE,
+    "--select": ["colour = red"],
+    "--separation-px": NEGATIVE,
+    "--share": ["2"],
+    "--sigma-mm": NEGATIVE,
+    "--sigma-rad": ["inf"],
+    "--simulate": ["0"],
+    "--solids": NO_NUMBER,
+    "--stand-off": NEGATIVE,
+    "--surround-px": NEGATIVE,
+    "--time-limit": ["0"],
+    "--units": ["ell"],
+    "--visibility-radius-mm": NEGATIVE,
+    "--workspace": ["1", "1", "1", "0", "0", "0"],
+}
+
+
+def _commands():
+    (commands,) = (
+        action
+        for action in build_parser()._actions
+        if isinstance(action, argparse._SubParsersAction)
+    )
+    return commands.choices
+
+
+OPTIONS = [
+    (command, action.option_strings[0])
+    for command, parser in _commands().items()
+    for action in parser._actions
+    if action.option_strings and action.nargs != 0
+]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "box.off").write_text(BOX)
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "box.off").write_text(BOX)
+    (tmp_path / "file").write_text("")
+    plan().write(tmp_path / "plan.json")
+    return tmp_path
+
+
+def _with(command, option):
+    """The shortest command line with a bad value of an option."""
+    if option == "--again":
+        return [command, option, *BAD[option], "--out", "out"]
+    needed = list(NEEDED[command])
+    if option in needed:
+        first = needed.index(option)
+        del needed[first : first + 2]
+    if option in ("--entities", "--select", "--dimensions") and "--all" in needed:
+        needed.remove("--all")
+    return [command, *needed, option, *BAD[option]]
+
+
+@pytest.mark.parametrize(("command", "option"), OPTIONS)
+def test_a_bad_value_is_refused_in_one_line_that_names_its_option(folder, capsys, command, option):
+    assert main([*_with(command, option), "--quiet"]) == 2
+    caught = capsys.readouterr()
+    (line,) = caught.err.splitlines()
+    assert f"{option} " in f"{line} ".replace(":", " ")
+    assert caught.out == ""
+    assert not (folder / "out" / "plan.json").exists()

@@ -1,0 +1,152 @@
+"""Errors name the options of the command line, never those of a call in Python."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from aspectgraph import PartFileNotFoundError, ReadError, SolidError, read_solid
+from errors.exceptions import CovarianceError
+from ga.exceptions import ParameterError
+from planner.cli.main import main
+from planner.cli.naming import in_words_of_shell
+from planner.exceptions import InfeasibleError, RequestError
+
+# parameter, rule, got, hint, hint at a shell, other parameters in the rule; text of a call, text at a shell
+SAID = [
+    (
+        ("accuracy", "must be in (0, 1)", "2.0", "", None, ()),
+        "accuracy must be in (0, 1). Got 2.0.",
+        "--accuracy must be in (0, 1). Got 2.0.",
+    ),
+    (
+        ("step", "must be in [0, 1)", "2", "", None, ()),
+        "step must be in [0, 1). Got 2.",
+        "--grey-step must be in [0, 1). Got 2.",
+    ),
+    (
+        ("chord_tolerance_mm", "must be positive", "0", "", None, ()),
+        "chord_tolerance_mm must be positive. Got 0.",
+        "chord_tolerance_mm must be positive. Got 0.",
+    ),
+    (
+        ("", "faces must meet within {gap_mm=}0.1 mm", "0.2 mm", "", None, ("gap_mm",)),
+        "faces must meet within gap_mm=0.1 mm. Got 0.2 mm.",
+        "faces must meet within --gap-mm 0.1 mm. Got 0.2 mm.",
+    ),
+    (
+        ("occluders", "must be numbers where {solids} does not", "{solids}", "", None, ("solids",)),
+        "occluders must be numbers where solids does not. Got {solids}.",
+        "--occluders must be numbers where --solids does not. Got {solids}.",
+    ),
+    (
+        ("", "a file must be small", "x", "allow more with limits=ReadLimits()", "", ()),
+        "a file must be small. Got x; allow more with limits=ReadLimits().",
+        "a file must be small. Got x.",
+    ),
+    (
+        ("", "a file must be whole", "x", "Ask with solids=[0, 2]", "Ask with --solids 0,2", ()),
+        "a file must be whole. Got x. Ask with solids=[0, 2].",
+        "a file must be whole. Got x. Ask with --solids 0,2.",
+    ),
+]
+KNOWN = dict.fromkeys(("accuracy", "gap_mm", "occluders", "solids"))
+
+
+def _error(cls, data):
+    parameter, rule, got, hint, shell_hint, mentions = data
+    more = {"hint": hint, "shell_hint": shell_hint, "mentions": mentions}
+    return cls.of_rule(parameter, rule, got, **more)
+
+
+@pytest.mark.parametrize("cls", [ReadError, PartFileNotFoundError, RequestError, InfeasibleError])
+@pytest.mark.parametrize(("data", "call", "shell"), SAID)
+def test_an_error_names_parameters_in_a_call_and_options_at_a_shell(cls, data, call, shell):
+    for error in (_error(cls, data), pickle.loads(pickle.dumps(_error(cls, data)))):
+        assert str(error) == call
+        assert in_words_of_shell(error, KNOWN) == shell
+        assert (error.parameter, error.rule, error.got) == data[:3]
+        inside = error.within("p.step").within("folder")
+        assert str(inside) == f"folder: p.step: {call}"
+        assert in_words_of_shell(inside, KNOWN) == f"folder: p.step: {shell}"
+        assert type(inside) is cls
+        assert inside.parameter == data[0]
+
+
+@pytest.mark.parametrize("cls", [CovarianceError, ParameterError])
+def test_errors_of_the_small_packages_hold_their_data(cls):
+    error = pickle.loads(pickle.dumps(cls.of_rule("seed", "must be >= 0", "-1", hint="add 1")))
+    assert str(error) == "seed must be >= 0. Got -1; add 1."
+    assert (error.parameter, error.rule, error.got, error.hint) == (
+        *("seed", "must be >= 0", "-1", "add 1"),
+    )
+    assert in_words_of_shell(error, {"seed": 0}) == "--seed must be >= 0. Got -1; add 1."
+    assert in_words_of_shell(cls("plain words"), {"seed": 0}) == "plain words"
+
+
+def test_a_hint_behind_an_error_of_no_rule_has_two_wordings():
+    error = SolidError("the surface is open.").with_hint("Try solids=[1]", "Try --solids 1")
+    error = pickle.loads(pickle.dumps(error))
+    assert str(error) == "the surface is open. Try solids=[1]."
+    assert in_words_of_shell(error, {}) == "the surface is open. Try --solids 1."
+    assert in_words_of_shell(error.within("x"), {}) == "x: the surface is open. Try --solids 1."
+
+
+def test_an_error_of_a_call_holds_its_data():
+    """Dask lets this package pickle exceptions, in its own way, wherever Dask is loaded."""
+    pytest.importorskip("tblib.pickling_support").install()
+    with pytest.raises(PartFileNotFoundError) as caught:
+        read_solid("no such part.stl")
+    error = pickle.loads(pickle.dumps(caught.value))
+    assert (error.parameter, error.rule) == ("path", "must name an existing part file")
+    assert error.got == "'no such part.stl'"
+
+
+def test_an_option_that_was_typed_is_named_as_it_was():
+    error = RequestError.of_rule("part", "must be an existing file", "'x'")
+    assert in_words_of_shell(error, {"part": "x"}).startswith("the part must")
+    assert in_words_of_shell(error, {"part": "x", "typed": {"--part"}}).startswith("--part must")
+
+
+def test_an_error_in_a_file_names_its_field(tmp_path, capsys):
+    path = tmp_path / "plan.json"
+    path.write_text('{"format": "aspectgraph-plan", "version": 1}')
+    assert main(["simulate", str(path)]) == 2
+    assert "--" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "told"),
+    [
+        ("part.stl", ["--solids", "0"], "--solids applies to STEP files"),
+        ("part.stl", ["--gap-mm", "0.1"], "--gap-mm applies to STEP files"),
+        ("part.stl", ["--units", "ell"], "--units must be one of"),
+        ("part.step", ["--units", "mm"], "--units applies to mesh files"),
+        ("part.step", ["--gap-mm", "-1"], "--gap-mm must be positive"),
+    ],
+)
+def test_errors_of_the_reader(tmp_path, capsys, name, options, told):
+    path = tmp_path / name
+    path.write_text("ISO-10303-21;\n" if name.endswith("step") else "solid x\nendsolid x\n")
+    assert main(["info", str(path), *options]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert told in line
+    assert not any(f"{one}=" in line for one in ("solids", "units", "gap_mm", "limits"))
+
+
+@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="no such device")
+@pytest.mark.parametrize("options", [["--json"], []])
+def test_standard_output_that_takes_no_more_is_one_line(options):
+    script = "import sys; from planner.cli.main import main; sys.exit(main())"
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-c", script, "cameras", *options]
+        run = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert run.returncode == 2
+    assert (
+        run.stderr
+        == "aspectgraph: standard output must be writable. Got: No space left on device.\n"
+    )
