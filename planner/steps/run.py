@@ -39,8 +39,6 @@ class CoverShares:
 
 
 SHARES = CoverShares()
-# what every checkpoint holds
-_STATE = frozenset({"step", "pools", "uninspectable", "exclusive"})
 
 
 class Run:
@@ -105,16 +103,16 @@ class Run:
 
     def keep(self, step: str, values: dict[str, Any]) -> None:
         """Take a checkpoint: all that the steps from here on depend on."""
-        self.memo.keep(
-            step,
-            {
-                "pools": self.pools.to_dict(),
-                "uninspectable": dict(self.uninspectable),
-                "uninspectable_kinds": kinds_record(self.uninspectable),
-                "exclusive": self.exclusive,
-                **values,
-            },
-        )
+        self.memo.keep(step, {**self._state(), **values})
+
+    def _state(self) -> dict[str, Any]:
+        """Return what every checkpoint holds."""
+        return {
+            "pools": self.pools.to_dict(),
+            "uninspectable": dict(self.uninspectable),
+            "uninspectable_kinds": kinds_record(self.uninspectable),
+            "exclusive": self.exclusive,
+        }
 
     def restore(self, last: dict[str, Any]) -> None:
         """Go on from a checkpoint."""
@@ -126,8 +124,9 @@ class Run:
     def kept(self, step: str) -> dict[str, Any] | None:
         """Return the checkpoint if it was taken within this step, and not at its beginning."""
         last = self.memo.last()
-        within = last is not None and last["step"] == step and set(last) - _STATE
-        return last if within else None
+        if last is None or last["step"] != step:
+            return None
+        return last if set(last) - {"step", *self._state()} else None
 
     def nodes(self, share: float = 1.0) -> int:
         """Return the nodes that a cover may take: a share of what the effort allows."""
