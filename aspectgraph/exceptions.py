@@ -66,6 +66,11 @@ class AspectGraphError(Exception):
             Default: as `hint`.
         mentions : tuple of str
             Other parameters in the rule.
+
+        Returns
+        -------
+        AspectGraphError
+            Of this class.
         """
         data = {
             "parameter": parameter,
@@ -86,6 +91,11 @@ class AspectGraphError(Exception):
         ----------
         name_of : callable
             Gives the option of a parameter.
+
+        Returns
+        -------
+        str
+            One or two sentences.
         """
         hint = self.hint if self.shell_hint is None else self.shell_hint
         if self.rule:
@@ -103,6 +113,11 @@ class AspectGraphError(Exception):
         ----------
         place : object
             Named in front of the text.
+
+        Returns
+        -------
+        AspectGraphError
+            Of this class.
         """
         error = type(self)(f"{place}: {self}")
         vars(error).update(vars(self))
@@ -116,6 +131,11 @@ class AspectGraphError(Exception):
         ----------
         hint, shell_hint : str
             See the attributes; here a sentence without its full stop.
+
+        Returns
+        -------
+        AspectGraphError
+            Of this class.
         """
         error = type(self)(f"{self} {hint}.")
         vars(error).update(vars(self), stem=str(self), hint=hint, shell_hint=shell_hint)

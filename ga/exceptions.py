@@ -41,6 +41,11 @@ class GAError(Exception):
         ----------
         parameter, rule, got, hint : str
             See the attributes.
+
+        Returns
+        -------
+        GAError
+            Of this class.
         """
         data = {"parameter": parameter, "rule": rule, "got": got, "hint": hint}
         error = cls(_sentence(parameter, data))
@@ -54,6 +59,11 @@ class GAError(Exception):
         ----------
         name_of : callable
             Gives the option of a parameter.
+
+        Returns
+        -------
+        str
+            One or two sentences.
         """
         return _sentence(name_of(self.parameter), vars(self)) if self.rule else str(self)
 

@@ -63,6 +63,11 @@ class PlannerError(Exception):
             Default: as `hint`.
         mentions : tuple of str
             Other parameters in the rule.
+
+        Returns
+        -------
+        PlannerError
+            Of this class.
         """
         data = {
             "parameter": parameter,
@@ -83,6 +88,11 @@ class PlannerError(Exception):
         ----------
         name_of : callable
             Gives the option of a parameter.
+
+        Returns
+        -------
+        str
+            One or two sentences.
         """
         if not self.rule:
             return str(self)
@@ -97,6 +107,11 @@ class PlannerError(Exception):
         ----------
         place : object
             Named in front of the text.
+
+        Returns
+        -------
+        PlannerError
+            Of this class.
         """
         error = type(self)(f"{place}: {self}")
         vars(error).update(vars(self))

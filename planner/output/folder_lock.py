@@ -91,8 +91,8 @@ def folder_lock(folder: Path, parameter: str = "out") -> Iterator[None]:
     except OSError as error:
         if isinstance(error, OutputError):
             raise
-        raise OutputError(
-            f"{parameter} must be a folder that can be written. Got {folder}: {error.strerror}."
+        raise OutputError.of_rule(
+            parameter, "must be a folder that can be written", f"{folder}: {error.strerror}"
         ) from None
     _held.add(handle)
     try:
@@ -137,10 +137,12 @@ def _take(handle: int, path: Path, parameter: str) -> None:
         owner = _owner_of(handle)
         if owner is None or owner.gone:
             return
-        hint = f" If that process has ended, delete {path}."
-    raise OutputError(
-        f"{parameter} must be a folder that no other process writes to. "
-        f"Got {path.parent}, in use by {owner or 'another process'}.{hint}"
+        hint = f"If that process has ended, delete {path}"
+    raise OutputError.of_rule(
+        parameter,
+        "must be a folder that no other process writes to",
+        f"{path.parent}, in use by {owner or 'another process'}",
+        hint=hint,
     )
 
 

@@ -78,6 +78,11 @@ class Reason(str):
             Its words begin the sentence.
         details : object
             The rest of it.
+
+        Returns
+        -------
+        Reason
+            The sentence with its kind.
         """
         return cls(f"{kind.words}: {details}", kind)
 
