@@ -110,7 +110,8 @@ def translated(content: str) -> str:
     """Return a page with MathML in place of its formulas."""
 
     def one(match: re.Match) -> str:
-        tag, latex = match[1], html.unescape(match[2])
+        tag = match[1]
+        latex = html.unescape(match[2])
         number = "".join(f'<span class="number">({name})</span>' for name in _TAG.findall(latex))
         formula = mathml(_TAG.sub("", latex), "block" if tag == "div" else "inline")
         # a full stop or comma stays with its formula

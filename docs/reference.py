@@ -78,7 +78,8 @@ def signature(name: str, value: Any) -> str:
         given = inspect.signature(value)
     except (TypeError, ValueError):
         return short
-    items, kind = [], None
+    items = []
+    kind = None
     for one in given.parameters.values():
         if one.name == "self":
             continue

@@ -78,10 +78,8 @@ def displace(points: ArrayLike, displacement: ArrayLike) -> NDArray[np.float64]:
     >>> displace([10.0, 0.0, -90.0], [1.0, 2.0, 3.0, 0, 0, math.pi / 2]).round(9).tolist()
     [1.0, 12.0, -87.0]
     """
-    points, displacement = (
-        check_finite(points, "points"),
-        check_finite(displacement, "displacement"),
-    )
+    points = check_finite(points, "points")
+    displacement = check_finite(displacement, "displacement")
     for name, array, size in (("points", points, 3), ("displacement", displacement, 6)):
         if array.ndim < 1 or array.shape[-1] != size:
             raise InvalidShapeError.of_rule(
@@ -90,7 +88,8 @@ def displace(points: ArrayLike, displacement: ArrayLike) -> NDArray[np.float64]:
     phi = displacement[..., 3:]
     angle = np.linalg.norm(phi, axis=-1, keepdims=True)
     # np.sinc(x) = sin(pi x) / (pi x), finite at 0: Rodrigues' formula without a special case.
-    first, second = np.sinc(angle / np.pi), 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
+    first = np.sinc(angle / np.pi)
+    second = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
     turned = np.cross(phi, points)
     return points + first * turned + second * np.cross(phi, turned) + displacement[..., :3]
 
@@ -123,7 +122,8 @@ def displacement_terms(points: ArrayLike, *, focal_length_mm: float) -> Displace
     """
     f = check_positive(focal_length_mm, "focal_length_mm")
     c1, c2, c3 = np.moveaxis(check_points(points, f), -1, 0)
-    depth, zero = f - c3, np.zeros_like(c1)
+    depth = f - c3
+    zero = np.zeros_like(c1)
     n_u = f * np.stack([depth, zero, c1, c1 * c2, depth * c3 - c1**2, -c2 * depth], axis=-1)
     n_v = f * np.stack([zero, depth, c2, c2**2 - depth * c3, -c1 * c2, c1 * depth], axis=-1)
     d = depth[..., None] * np.stack([zero, zero, -np.ones_like(c1), -c2, c1, zero], axis=-1)
@@ -172,7 +172,8 @@ def point_displacement(
     var_d = _bilinear(d / scale, covariance, d / scale)
     laws = []
     for n in (n_u / scale, n_v / scale):
-        var_n, cov = _bilinear(n, covariance, n), _bilinear(n, covariance, d / scale)
+        var_n = _bilinear(n, covariance, n)
+        cov = _bilinear(n, covariance, d / scale)
         laws.append(NormalRatio(var_n, var_d, cov, np.ones_like(var_n)))
     return laws[0], laws[1]
 

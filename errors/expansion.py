@@ -69,11 +69,9 @@ def length_expansion(
     endpoints = check_endpoints(endpoints, f)
     lead = endpoints.shape[:-2]
     flat = np.ascontiguousarray(endpoints).reshape(-1, 2, 3)
-    length, gradient, hessian = (
-        np.empty(len(flat)),
-        np.empty((len(flat), 6)),
-        np.empty((len(flat), 6, 6)),
-    )
+    length = np.empty(len(flat))
+    gradient = np.empty((len(flat), 6))
+    hessian = np.empty((len(flat), 6, 6))
     _expand_all(flat, f, length, gradient, hessian)
     return length.reshape(lead), gradient.reshape((*lead, 6)), hessian.reshape((*lead, 6, 6))
 
@@ -84,11 +82,13 @@ def expand(ends, f, g, h, work):
 
     `work` is scratch of shape (3, 6): the vectors A, Z and B of the module's notation.
     """
-    w1, w2 = 1.0 / (f - ends[0, 2]), 1.0 / (f - ends[1, 2])
+    w1 = 1.0 / (f - ends[0, 2])
+    w2 = 1.0 / (f - ends[1, 2])
     du = f * (ends[1, 0] * w2 - ends[0, 0] * w1)
     dv = f * (ends[1, 1] * w2 - ends[0, 1] * w1)
     length = math.sqrt(du * du + dv * dv)
-    e1, e2 = du / length, dv / length
+    e1 = du / length
+    e2 = dv / length
     g[:] = 0.0
     h[:] = 0.0
     work[2, :] = 0.0
@@ -110,7 +110,12 @@ def _add_end(c, w, f, e1, e2, sign, g, h, work):
         work[2, i] += sign * a[i]
     _point_gradient(c, w, f, e1, e2, a)
     z = work[1]
-    z[0], z[1], z[2], z[3], z[4], z[5] = 0.0, 0.0, 1.0, c[1], -c[0], 0.0
+    z[0] = 0.0
+    z[1] = 0.0
+    z[2] = 1.0
+    z[3] = c[1]
+    z[4] = -c[0]
+    z[5] = 0.0
     sw = sign * w
     for i in range(6):
         g[i] += sign * a[i]
@@ -126,9 +131,12 @@ def _add_end(c, w, f, e1, e2, sign, g, h, work):
 @njit(error_model="numpy")
 def _point_gradient(c, w, f, e1, e2, out):
     """Write A = (a, C x a): the derivative of e . (u, v) by the displacement."""
-    a1, a2 = f * w * e1, f * w * e2
+    a1 = f * w * e1
+    a2 = f * w * e2
     a3 = f * w * w * (e1 * c[0] + e2 * c[1])
-    out[0], out[1], out[2] = a1, a2, a3
+    out[0] = a1
+    out[1] = a2
+    out[2] = a3
     out[3] = c[1] * a3 - c[2] * a2
     out[4] = c[2] * a1 - c[0] * a3
     out[5] = c[0] * a2 - c[1] * a1

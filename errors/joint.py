@@ -90,8 +90,13 @@ def joint_probability(
 
 @njit(error_model="numpy")
 def _joint_loop(endpoints, f, rx, ry, root, log_low, log_high, out):
-    g, b, alpha, beta2 = np.empty(6), np.empty(6), np.empty(6), np.zeros(6)
-    h, m, work = np.empty((6, 6)), np.empty((6, 6)), np.empty((3, 6))
+    g = np.empty(6)
+    b = np.empty(6)
+    alpha = np.empty(6)
+    beta2 = np.zeros(6)
+    h = np.empty((6, 6))
+    m = np.empty((6, 6))
+    work = np.empty((3, 6))
     shared = len(root) == 1
     for i in range(len(endpoints)):
         if endpoints[i, 0, 2] >= f or endpoints[i, 1, 2] >= f:
@@ -107,7 +112,8 @@ def _joint_loop(endpoints, f, rx, ry, root, log_low, log_high, out):
                 h[j, k] -= g[j] * g[k] / length
         _whiten(g, h, s, b, m, work)
         b_norm2 = _tridiagonalise(b, m, alpha, beta2, work)
-        low, high = length * log_low, length * log_high
+        low = length * log_low
+        high = length * log_high
         out[i] = _interval_probability(
             alpha, beta2, b_norm2, (abs(e1) * rx, abs(e2) * ry, 0.0), low, high
         )
@@ -142,7 +148,8 @@ def _tridiagonalise(b, m, alpha, beta2, work):
     Householder reflections; the first one is built from b, the others from the columns of M. b and M are destroyed.
     beta2[k] couples axes k - 1 and k; beta2[0] is 0.
     """
-    v, p = work[0], work[1]
+    v = work[0]
+    p = work[1]
     b_norm2 = 0.0
     for start in range(6):
         norm2 = 0.0
@@ -184,13 +191,19 @@ def _reflect(m, v, p, scale, start):
 def _pivots(t, alpha, beta2):
     """Return det(I - itM) = p_0 and 1 / D_0 = p_1 / p_0, each as real and imaginary part."""
     t2 = t * t
-    re, im = 1.0, -t * alpha[5]
-    last_re, last_im = 1.0, 0.0
+    re = 1.0
+    im = -t * alpha[5]
+    last_re = 1.0
+    last_im = 0.0
     for k in range(4, -1, -1):
-        turn, coupling = t * alpha[k], t2 * beta2[k + 1]
+        turn = t * alpha[k]
+        coupling = t2 * beta2[k + 1]
         next_re = re + turn * im + coupling * last_re
         next_im = im - turn * re + coupling * last_im
-        last_re, last_im, re, im = re, im, next_re, next_im
+        last_re = re
+        last_im = im
+        re = next_re
+        im = next_im
     scale = 1.0 / (re * re + im * im)
     return re, im, (last_re * re + last_im * im) * scale, (last_im * re - last_re * im) * scale
 
@@ -213,7 +226,9 @@ def _square_root(re, im, near_re, near_im):
 @njit(error_model="numpy")
 def _tails(alpha, beta2, b_norm2, noise):
     """Return the mean of x and how far from it x may lie, but for a probability of about 1e-6."""
-    (width_x, width_y, normal), mean, quadratic = noise, 0.0, 0.0
+    (width_x, width_y, normal) = noise
+    mean = 0.0
+    quadratic = 0.0
     for k in range(6):
         mean += 0.5 * alpha[k]
         quadratic += 0.5 * alpha[k] * alpha[k] + beta2[k]
@@ -235,8 +250,11 @@ def _interval_probability(alpha, beta2, b_norm2, noise, low, high):
     if low - mean > reach or mean - high > reach:
         return 0.0
     step = 2.0 * math.pi / (max(mean - low, high - mean) + reach)
-    centre, half = 0.5 * (low + high), 0.5 * (high - low)
-    total, root_re, root_im = 0.0, 1.0, 0.0
+    centre = 0.5 * (low + high)
+    half = 0.5 * (high - low)
+    total = 0.0
+    root_re = 1.0
+    root_im = 0.0
     for k in range(_MAX_NODES):
         t = (k + 0.5) * step
         det_re, det_im, inv_re, inv_im = _pivots(t, alpha, beta2)
@@ -246,7 +264,8 @@ def _interval_probability(alpha, beta2, b_norm2, noise, low, high):
         size2 = root_re * root_re + root_im * root_im
         decay = 0.5 * t * t * b_norm2
         modulus = math.exp(-decay * inv_re - 0.5 * t * t * normal)
-        ax, ay = 0.5 * t * width_x, 0.5 * t * width_y
+        ax = 0.5 * t * width_x
+        ay = 0.5 * t * width_y
         if modulus < _TAIL * (k + 0.5) * math.sqrt(size2) * max(1.0, ax * ax) * max(1.0, ay * ay):
             break
         if ax > 1e-4:
@@ -291,8 +310,11 @@ def quadratic_probability(
 
 @njit(error_model="numpy")
 def _quadratic_loop(gradient, hessian, root, noise, limits, out):
-    b, alpha, beta2 = np.empty(6), np.empty(6), np.zeros(6)
-    m, work = np.empty((6, 6)), np.empty((3, 6))
+    b = np.empty(6)
+    alpha = np.empty(6)
+    beta2 = np.zeros(6)
+    m = np.empty((6, 6))
+    work = np.empty((3, 6))
     for i in range(len(gradient)):
         _whiten(gradient[i], hessian[i], root, b, m, work)
         b_norm2 = _tridiagonalise(b, m, alpha, beta2, work)

@@ -125,9 +125,11 @@ def success_probability(
     out = np.empty(lead)
     solve: Callable[..., FloatArray]
     if model == "joint":
-        solve, spread = joint_probability, covariance_root(covariance)
+        solve = joint_probability
+        spread = covariance_root(covariance)
     else:
-        solve, spread = independent_probability, covariance
+        solve = independent_probability
+        spread = covariance
     for ends, part_spread, part in _chunks(endpoints, spread, out, _CHUNK[model]):
         part[:] = solve(ends, f, pitch, part_spread, accuracy)
     return out[()]

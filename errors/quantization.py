@@ -224,7 +224,8 @@ class SegmentQuantization:
 
     def _broadcast(self, error: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         wx, wy = self.widths_mm
-        wide, narrow = np.maximum(wx, wy), np.minimum(wx, wy)
+        wide = np.maximum(wx, wy)
+        narrow = np.minimum(wx, wy)
         error, wide, narrow = np.broadcast_arrays(np.asarray(error, dtype=np.float64), wide, narrow)
         return error, wide, narrow
 

@@ -108,7 +108,8 @@ class NormalRatio:
             Densities f(w) of the module's notation, in the broadcast shape.
         """
         w = np.asarray(w, dtype=np.float64)
-        s, root = self._spread(w), self._root_det
+        s = self._spread(w)
+        root = self._root_det
         slope = self.mean_d * (self.var_n - w * self.cov)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             first = (

@@ -53,7 +53,8 @@ class _FourierLaw:
         array
             Densities per mm, in the broadcast shape; infinite at 0 where the law has no spread.
         """
-        error, std = np.asarray(error, dtype=np.float64), self.std
+        error = np.asarray(error, dtype=np.float64)
+        std = self.std
         step = _step(std)
         total = 0.0
         for k, value in self._values(step):
@@ -74,7 +75,8 @@ class _FourierLaw:
         array
             Probabilities in [0, 1], in the broadcast shape.
         """
-        error, std = np.asarray(error, dtype=np.float64), self.std
+        error = np.asarray(error, dtype=np.float64)
+        std = self.std
         step = _step(std)
         total = 0.0
         for k, value in self._values(step):
@@ -192,11 +194,10 @@ class SegmentDisplacement(_FourierLaw):
             "pose_covariance": pose_covariance,
         }
         angle = image_segment(endpoints, focal_length_mm=focal_length_mm)[1]
-        self._cosine, self._sine = np.cos(angle), np.sin(angle)
-        self._u, self._v = (
-            AxisDisplacement(endpoints, "u", **kwargs),
-            AxisDisplacement(endpoints, "v", **kwargs),
-        )
+        self._cosine = np.cos(angle)
+        self._sine = np.sin(angle)
+        self._u = AxisDisplacement(endpoints, "u", **kwargs)
+        self._v = AxisDisplacement(endpoints, "v", **kwargs)
 
     @property
     def std(self) -> NDArray[np.float64]:

@@ -66,7 +66,8 @@ def interval_text(low: float, high: float, between: str = " to ") -> str:
     str
         Such as ``"0.9471 to 0.9551"`` or ``"0.9994 or more"``.
     """
-    least, most = _rounded(low, _DIGITS, ROUND_FLOOR), _rounded(high, _DIGITS, ROUND_CEILING)
+    least = _rounded(low, _DIGITS, ROUND_FLOOR)
+    most = _rounded(high, _DIGITS, ROUND_CEILING)
     if most >= 1:
         return f"{min(least, 1 - Decimal(1).scaleb(-_DIGITS))} or more"
     return f"{least}{between}{most}"

@@ -52,7 +52,9 @@ class Operators:
 
     def stopping(self, size: int, elitism: int) -> Stopping:
         """Return when to stop a population of a size; a broken rule is a `ParameterError`."""
-        stall, target, most = self.max_stall, self.target, self.max_nfev
+        stall = self.max_stall
+        target = self.target
+        most = self.max_nfev
         return Stopping(
             epsilon=checks.check_nonnegative("epsilon", self.epsilon),
             patience=checks.check_integer("patience", self.patience, 1),

@@ -40,18 +40,17 @@ class Record:
 
     def add(self, brood: Brood, fitness: np.ndarray, nfev: int) -> None:
         """Write down a generation, its fitness (N,) and how many individuals were evaluated for it."""
-        self.population, self.fitness = frozen(brood.population), frozen(fitness)
+        self.population = frozen(brood.population)
+        self.fitness = frozen(fitness)
         self.nfev += nfev
         best = int(np.argmax(fitness))
         total = float(fitness.sum())
         counts = (self.nfev, brood.drawn, brood.eliminated, brood.kept)
         self._rows.append((float(fitness[best]), total / len(fitness), total, *counts))
         if fitness[best] > self.fun:
-            self.x, self.fun, self.improved = (
-                frozen(self.population[best].copy()),
-                float(fitness[best]),
-                self.nit,
-            )
+            self.x = frozen(self.population[best].copy())
+            self.fun = float(fitness[best])
+            self.improved = self.nit
 
     def generation(self) -> Generation:
         """Return the present state, as the callback sees it."""

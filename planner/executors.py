@@ -59,7 +59,8 @@ class Shared:
             while len(_received) >= _MOST_RECEIVED:
                 del _received[next(iter(_received))]
             _received[digest] = pickle.loads(packed)
-        self.value, self._packed = _received[digest], state
+        self.value = _received[digest]
+        self._packed = state
 
 
 def in_order(

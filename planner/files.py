@@ -235,7 +235,8 @@ class _Exchange:
     """
 
     def __init__(self, staging: Path, target: Path):
-        self.staging, self.target = staging, target
+        self.staging = staging
+        self.target = target
         self.moved: list[tuple[Path, Path]] = []
         self.made: list[Path] = []
 

@@ -136,7 +136,8 @@ class InspectionOptions:
         RequestError
             If a value breaks its rule.
         """
-        margin, radius = self.field_margin_px, self.visibility_radius_mm
+        margin = self.field_margin_px
+        radius = self.visibility_radius_mm
         if self.focus_margin_mm is None:
             reserve = FocusReserve.of(camera, pose_uncertainty)
             focus = reserve.on_axis_mm

@@ -32,7 +32,9 @@ class Ledger:
         keep: Callable[[dict[str, Any]], None] | None = None,
         raised: Callable[[int], None] | None = None,
     ):
-        self.improve, self._keep, self._raised = improve, keep, raised
+        self.improve = improve
+        self._keep = keep
+        self._raised = raised
         self._kept = kept or {}
         # what is not told anew still holds
         self._told = dict(self._kept)

@@ -42,7 +42,9 @@ FORMAT = "aspectgraph planning state"
 VERSION = 3
 
 # the file is not written anew before so many seconds, nor before so many times as long as it took, but after so many
-_SECONDS, _TIMES, _MOST_SECONDS = 5.0, 60.0, 15.0
+_SECONDS = 5.0
+_TIMES = 60.0
+_MOST_SECONDS = 15.0
 
 
 class PlanningState:
@@ -72,16 +74,16 @@ class PlanningState:
         self._outcomes: dict[str, dict[str, Any]] = {}
         self._checkpoint: dict[str, Any] | None = None
         self.plan: InspectionPlan | None = None
-        self._seconds, self._saved_at, self._failed = 0.0, 0.0, False
+        self._seconds = 0.0
+        self._saved_at = 0.0
+        self._failed = False
         if self.path is None:
             return
         if self.path.exists():
             data = self._read(self.path)
-            self._outcomes, self._checkpoint, self.plan = (
-                data["outcomes"],
-                data["checkpoint"],
-                data["plan"],
-            )
+            self._outcomes = data["outcomes"]
+            self._checkpoint = data["checkpoint"]
+            self.plan = data["plan"]
         # found out now whether that is possible, and not when there is something to lose
         self._write(self.path)
 
@@ -128,7 +130,9 @@ class PlanningState:
 
     def finish(self, plan: InspectionPlan) -> None:
         """Remember the plan; what led to it is no longer needed."""
-        self.plan, self._checkpoint, self._outcomes = plan, None, {}
+        self.plan = plan
+        self._checkpoint = None
+        self._outcomes = {}
 
     def save(self) -> None:
         """Write the file, if there is one, whole or not at all; remove it if there is nothing to keep.

@@ -105,7 +105,8 @@ def shortest_path(distances: np.ndarray) -> list[int]:
         better = found < length[grown, outside]
         length[grown[better], outside[better]] = found[better]
         before[grown[better], outside[better]] = best[better]
-    subset, last = (1 << n) - 1, int(length[-1].argmin())
+    subset = (1 << n) - 1
+    last = int(length[-1].argmin())
     order = [last]
     while before[subset, last] >= 0:
         subset, last = subset & ~(1 << last), int(before[subset, last])
@@ -124,7 +125,8 @@ def improved_path(distances: np.ndarray, starts: int = _STARTS) -> list[int]:
 
 
 def _nearest_neighbour(distances: np.ndarray, start: int) -> list[int]:
-    order, left = [start], set(range(len(distances))) - {start}
+    order = [start]
+    left = set(range(len(distances))) - {start}
     while left:
         order.append(min(left, key=lambda j: (distances[order[-1], j], j)))
         left.remove(order[-1])
@@ -139,7 +141,9 @@ def _improve(distances: np.ndarray, order: list[int]) -> list[int]:
         for candidate in _variations(order):
             candidate_length = path_length(distances, candidate)
             if candidate_length < length - 1e-9:
-                order, length, improved = candidate, candidate_length, True
+                order = candidate
+                length = candidate_length
+                improved = True
                 break
     return order
 
@@ -152,6 +156,7 @@ def _variations(order: list[int]) -> Iterator[list[int]]:
             yield order[:i] + order[i:j][::-1] + order[j:]
     for i in range(n):
         for size in (1, 2, 3):
-            piece, rest = order[i : i + size], order[:i] + order[i + size :]
+            piece = order[i : i + size]
+            rest = order[:i] + order[i + size :]
             for k in range(len(rest) + 1):
                 yield rest[:k] + piece + rest[k:]

@@ -19,7 +19,8 @@ def block(request):
 
 def with_boxes(solid, boxes, path):
     """The part and boxes (low, high) beside it, as one solid."""
-    vertices, faces = solid.vertices.tolist(), solid.triangles.tolist()
+    vertices = solid.vertices.tolist()
+    faces = solid.triangles.tolist()
     for low, high in boxes:
         first = len(vertices)
         vertices += [
@@ -57,7 +58,9 @@ def test_more_that_stands_in_the_way_never_enlarges_a_region(block, tmp_path):
 def test_a_less_certain_pose_never_makes_a_length_more_certain(seed):
     """Of a density that is symmetric and falls to both sides, widening takes from every interval about 0 (Anderson)."""
     rng = np.random.default_rng(seed)
-    depth, length, tilt = rng.uniform(250, 600), rng.uniform(20, 80), rng.uniform(-0.5, 0.5)
+    depth = rng.uniform(250, 600)
+    length = rng.uniform(20, 80)
+    tilt = rng.uniform(-0.5, 0.5)
     way = length / 2 * np.array([np.cos(tilt), np.sin(tilt), 0.0])
     edge = np.array([0.0, 0.0, 25.0 - depth]) + np.array([-way, way])
     covariance = PoseUncertainty.isotropic(translation_mm=0.1, rotation_rad=0.001).covariance

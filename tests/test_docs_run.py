@@ -175,7 +175,12 @@ def robot_programs(names):
     assert np.allclose(
         names["part2base"] @ names["plan"].settings[0].cam2world, pose @ names["cam2flange"]
     )
-    cos, sin = (lambda t: np.cos(np.radians(t))), (lambda t: np.sin(np.radians(t)))
+
+    def cos(t):
+        return np.cos(np.radians(t))
+
+    def sin(t):
+        return np.sin(np.radians(t))
 
     def about(axis, t):
         i, j = [(1, 2), (2, 0), (0, 1)][axis]
@@ -195,7 +200,10 @@ def robot_programs(names):
     assert np.allclose(pose[:3, :3] @ axis, axis)
     assert np.trace(pose[:3, :3]) == pytest.approx(1 + 2 * np.cos(np.linalg.norm(axis)))
     # the matrix of a quaternion w x y z: its first column
-    w, x, y, z = names["qw"], names["qx"], names["qy"], names["qz"]
+    w = names["qw"]
+    x = names["qx"]
+    y = names["qy"]
+    z = names["qz"]
     assert np.allclose(
         pose[:3, 0], [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)]
     )

@@ -49,7 +49,8 @@ def drawn_plan(solid, n, seed):
     edges = {f"e{edges[i].id}": edges[i] for i in rng.permutation(len(edges))[: 2 * n]}
     regions = compute_regions(solid, edges)
     camera = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 600.0)
-    settings, entities = [], {}
+    settings = []
+    entities = {}
     for name, edge in edges.items():
         ends = solid.edge_points(edge.id)
         ways = rng.normal(size=(40, 3))
@@ -70,7 +71,8 @@ def test_what_is_planned_to_show_does():
     What lies nearer to an edge than the pixels that are looked at may still be another edge: separation, not light.
     """
     solid = read_solid(EXAMPLES / PARTS[0])
-    plan, (low, high) = drawn_plan(solid, 24, 3), solid.bounds
+    plan = drawn_plan(solid, 24, 3)
+    (low, high) = solid.bounds
     light = plan_light(plan, solid, LampBox(tuple(low - 300), tuple(high + 300)))
     lamps = lamps_of(light)
     planned = steps_under(solid, plan, lambda k, name: lamps.get((k, name)))

@@ -70,7 +70,8 @@ def test_detectors_find_the_corner_of_a_bright_square():
     fine = np.zeros((450, 450))
     fine[:252, :208] = 200.0
     grey = fine.reshape(45, 10, 45, 10).mean(axis=(1, 3)).astype(np.uint8)
-    first, corner = np.array([100, 200]), np.array([100 + 20.3, 200 + 24.7])
+    first = np.array([100, 200])
+    corner = np.array([100 + 20.3, 200 + 24.7])
     assert corner_sub_pix(grey, first, corner + 0.4) == pytest.approx(corner, abs=0.2)
     # the right side ends below, and its trace goes around the corner
     end = traced_end(grey, first, corner, np.array([0.0, 1.0]))

@@ -11,8 +11,11 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("aspectgraph", "compiled", "errors", "ga", "planner", "benchmarks")
 # a compiled loop has no keywords and no objects, so it may take more
-MOST_PARAMETERS, MOST_COMPILED = 8, 10
-MOST_LINES, MOST_FILE_LINES, MOST_FILES = 60, 500, 15
+MOST_PARAMETERS = 8
+MOST_COMPILED = 10
+MOST_LINES = 60
+MOST_FILE_LINES = 500
+MOST_FILES = 15
 
 PARAMETERS: dict[str, int] = {}
 FOLDERS: dict[str, int] = {}
@@ -98,6 +101,60 @@ def test_no_function_has_too_many_parameters():
 
 def test_no_function_is_too_long():
     assert found(n_lines, lambda _: MOST_LINES) == {}
+
+
+def parallel_assignments(text):
+    """Assignments of several values at once, but for swaps and updates whose values depend on each other."""
+    found = []
+    for node in ast.walk(ast.parse(text)):
+        if not isinstance(node, ast.Assign) or len(node.targets) != 1:
+            continue
+        pair = node.targets[0], node.value
+        if not all(isinstance(side, ast.Tuple | ast.List) for side in pair):
+            continue
+        targets, values = (side.elts for side in pair)
+        starred = any(isinstance(one, ast.Starred) for one in (*targets, *values))
+        if starred or len(targets) != len(values):
+            continue
+        before = [ast.unparse(target) for target in targets]
+        used = [{ast.unparse(part) for part in ast.walk(value)} for value in values]
+        if not any(before[i] in used[j] for j in range(len(used)) for i in range(j)):
+            found.append(ast.unparse(node))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("text", "n"),
+    [
+        ("a, b = 1, 2", 1),
+        ("self.a, self.b = a, f(a)", 1),
+        ("a, b = b, a", 0),
+        ("a[0], a[1] = a[1], a[0]", 0),
+        ("p, q = q, p + q", 0),
+        ("a, b = f()", 0),
+        ("a, *b = 1, 2, 3", 0),
+        ("for a, b in ((1, 2),): pass", 0),
+    ],
+)
+def test_the_scan_knows_swaps(text, n):
+    assert len(parallel_assignments(text)) == n
+
+
+def test_one_statement_a_line():
+    paths = [*sources(), *sorted((ROOT / "tests").rglob("*.py"))]
+    found = {str(path.relative_to(ROOT)): parallel_assignments(path.read_text()) for path in paths}
+    assert {name: lines for name, lines in found.items() if lines} == {}
+
+
+def test_no_conditional_expression_holds_another():
+    found = [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for path in sources()
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.IfExp)
+        and any(isinstance(part, ast.IfExp) for part in ast.iter_child_nodes(node))
+    ]
+    assert found == []
 
 
 def test_no_file_is_too_long():

@@ -34,8 +34,10 @@ def slanted(angle):
 def prism(outline):
     """A prism without a bottom over an outline (n, 2) around the origin, its top at z = 0, 20 mm deep."""
     n = len(outline)
-    top, bottom = np.c_[outline, np.zeros(n)], np.c_[outline, np.full(n, -20.0)]
-    i, j = np.arange(n), (np.arange(n) + 1) % n
+    top = np.c_[outline, np.zeros(n)]
+    bottom = np.c_[outline, np.full(n, -20.0)]
+    i = np.arange(n)
+    j = (np.arange(n) + 1) % n
     sides = np.concatenate([np.c_[i, j, n + j], np.c_[i, n + j, n + i]])
     lid = np.c_[np.full(n, 2 * n), i, j]
     return np.concatenate([top, bottom, [[0.0, 0, 0]]]), np.concatenate([sides, lid])
@@ -50,7 +52,8 @@ LEFT, RIGHT = ((np.array([x, -15.0, 0]), np.array([x, 15.0, 0])) for x in (-20.0
 def measured(shape, one, pose):
     rng = np.random.default_rng(7)
     renderer = Renderer(*prism(shape), MATRIX)
-    back, steps = [], []
+    back = []
+    steps = []
     for (points, tangents), plane in zip(one.points(16), one.planes(), strict=True):
         pixels, step = found_points(
             renderer, pose, points, tangents, Lamp(np.array([120.0, 60, 160])), rng

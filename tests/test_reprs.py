@@ -69,7 +69,8 @@ def test_run_of_the_genetic_algorithm():
         epsilon=0,
         callback=lambda g: shown.append(repr(g)),
     )
-    best, nfev = result.fun, result.nfev
+    best = result.fun
+    nfev = result.nfev
     assert (
         repr(result)
         == f"<GAResult: best fitness {best:g} after 3 generations, {nfev} evaluations, max_generations>"
@@ -99,7 +100,8 @@ def test_estimate():
 def test_setting(eag):
     setting = plan_setting(eag, ["top", "side"], CAMERA, UNCERTAINTY, accuracy=0.95)
     x, y, z = setting.position
-    place, worst = f"({x:.1f}, {y:.1f}, {z:.1f}) mm", min(setting.probability.values())
+    place = f"({x:.1f}, {y:.1f}, {z:.1f}) mm"
+    worst = min(setting.probability.values())
     assert worst > 0.9999
     assert (
         repr(setting)

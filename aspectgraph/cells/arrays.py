@@ -15,20 +15,35 @@ from aspectgraph.exceptions import MemoryLimitError
 # columns of Complex.vertex: plane of the remembered sign, that sign, mark
 SIGN_PLANE, SIGN, VERTEX_MARK = range(3)
 # columns of Complex.edge: two vertices, two planes, two parts, mark
-ENDS, LINE, EDGE_CHILD, EDGE_MARK = 0, 2, 4, 6
+ENDS = 0
+LINE = 2
+EDGE_CHILD = 4
+EDGE_MARK = 6
 # columns of Complex.face: plane, cells on the positive and negative side, two parts, place in the list of edges
-FACE_PLANE, SIDES, FACE_CHILD, FACE_FIRST, FACE_SIZE = 0, 1, 3, 5, 6
+FACE_PLANE = 0
+SIDES = 1
+FACE_CHILD = 3
+FACE_FIRST = 5
+FACE_SIZE = 6
 # columns of Complex.cell: plane that split it, two parts, places in the lists of faces and corners
-CELL_PLANE, CELL_CHILD, CELL_FIRST, CELL_SIZE, CORNER_FIRST, CORNER_SIZE = 0, 1, 3, 4, 5, 6
+CELL_PLANE = 0
+CELL_CHILD = 1
+CELL_FIRST = 3
+CELL_SIZE = 4
+CORNER_FIRST = 5
+CORNER_SIZE = 6
 # rows of Complex.lists
 EDGE_LIST, FACE_LIST, CORNER_LIST = range(3)
 # entries of Complex.count; the lengths of the lists follow N_LIST
 N_VERTICES, N_EDGES, N_FACES, N_CELLS, MARK, N_LIST = range(6)
 
-POSITIVE, NEGATIVE, CROSSED = 1, 2, 3
+POSITIVE = 1
+NEGATIVE = 2
+CROSSED = 3
 
 # flags in the last word of a label
-INSIDE, UNKNOWN = np.uint64(1 << 63), np.uint64(1 << 62)
+INSIDE = np.uint64(1 << 63)
+UNKNOWN = np.uint64(1 << 62)
 
 
 class Complex(NamedTuple):
@@ -65,7 +80,9 @@ def allocate(planes: np.ndarray, n_cells: int, n_words: int = 1) -> Complex:
 
     The arrays are not touched, so the operating system commits memory only for the rows that come into use.
     """
-    n_vertices, n_edges, n_faces = 8 * n_cells + 64, 16 * n_cells + 128, 10 * n_cells + 64
+    n_vertices = 8 * n_cells + 64
+    n_edges = 16 * n_cells + 128
+    n_faces = 10 * n_cells + 64
     return Complex(
         planes=planes,
         vertices=np.empty((n_vertices, 4, LIMBS), np.int64),
@@ -214,8 +231,10 @@ def add_edge(cx, v, w, p, q):
     """Append the edge from vertex v to w on the line of planes p and q."""
     e = cx.count[N_EDGES]
     require(e, 1, len(cx.edge))
-    cx.edge[e, ENDS], cx.edge[e, ENDS + 1] = v, w
-    cx.edge[e, LINE], cx.edge[e, LINE + 1] = p, q
+    cx.edge[e, ENDS] = v
+    cx.edge[e, ENDS + 1] = w
+    cx.edge[e, LINE] = p
+    cx.edge[e, LINE + 1] = q
     cx.edge[e, EDGE_CHILD] = -1
     cx.edge[e, EDGE_MARK] = -1
     cx.count[N_EDGES] = e + 1
@@ -228,8 +247,10 @@ def add_face(cx, plane, positive, negative):
     f = cx.count[N_FACES]
     require(f, 1, len(cx.face))
     cx.face[f, FACE_PLANE] = plane
-    cx.face[f, SIDES], cx.face[f, SIDES + 1] = positive, negative
-    cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE] = cx.count[N_LIST + EDGE_LIST], 0
+    cx.face[f, SIDES] = positive
+    cx.face[f, SIDES + 1] = negative
+    cx.face[f, FACE_FIRST] = cx.count[N_LIST + EDGE_LIST]
+    cx.face[f, FACE_SIZE] = 0
     cx.face[f, FACE_CHILD] = -1
     cx.count[N_FACES] = f + 1
     return f
@@ -250,11 +271,14 @@ def add_cell(cx):
     """Append a cell without faces; `push_face` fills the newest cell."""
     c = cx.count[N_CELLS]
     require(c, 1, len(cx.cell))
-    cx.cell[c, CELL_FIRST], cx.cell[c, CELL_SIZE] = cx.count[N_LIST + FACE_LIST], 0
-    cx.cell[c, CORNER_FIRST], cx.cell[c, CORNER_SIZE] = cx.count[N_LIST + CORNER_LIST], 0
+    cx.cell[c, CELL_FIRST] = cx.count[N_LIST + FACE_LIST]
+    cx.cell[c, CELL_SIZE] = 0
+    cx.cell[c, CORNER_FIRST] = cx.count[N_LIST + CORNER_LIST]
+    cx.cell[c, CORNER_SIZE] = 0
     cx.cell[c, CELL_PLANE] = -1
     # both, as trees are copied out of these columns, kept in files and compared
-    cx.cell[c, CELL_CHILD], cx.cell[c, CELL_CHILD + 1] = -1, -1
+    cx.cell[c, CELL_CHILD] = -1
+    cx.cell[c, CELL_CHILD + 1] = -1
     cx.label[c] = 0
     cx.count[N_CELLS] = c + 1
     return c

@@ -77,7 +77,8 @@ class CellSet:
 
     def __getitem__(self, k: int) -> Cell:
         cell = int(self._cells[k])
-        grid, rows = self._grid, half_spaces(self._measured, cell)
+        grid = self._grid
+        rows = half_spaces(self._measured, cell)
         rows[:, 3] = rows[:, 3] * grid.step_mm - rows[:, :3] @ grid.origin_mm
         rows[:, :3] = turned(grid.frame.T, rows[:, :3])
         corners = cell_triangles(self._cx, cell).reshape(-1, 3)

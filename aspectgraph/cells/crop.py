@@ -51,10 +51,8 @@ def _crop(cx, first, flag):
             outer = c
             if place == CROSSED:
                 split_cell(cx, c, h)
-                outer, c = (
-                    np.int64(cx.cell[c, CELL_CHILD + 1 - inner]),
-                    np.int64(cx.cell[c, CELL_CHILD + inner]),
-                )
+                outer = np.int64(cx.cell[c, CELL_CHILD + 1 - inner])
+                c = np.int64(cx.cell[c, CELL_CHILD + inner])
             cx.label[outer] = 0
             cx.label[outer, cx.label.shape[1] - 1] = flag
             if outer == c:

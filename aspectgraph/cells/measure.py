@@ -27,7 +27,8 @@ from aspectgraph.exact.lean import compiled, holds_value, inner, put
 @compiled
 def cell_centre(cx, c):
     """Mean of the corners of cell c as its faces list them, in grid steps."""
-    total, n = np.zeros(3), 0
+    total = np.zeros(3)
+    n = 0
     for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + cx.cell[c, CELL_SIZE]):
         f = cx.lists[FACE_LIST, k]
         for m in range(cx.face[f, FACE_FIRST], cx.face[f, FACE_FIRST] + cx.face[f, FACE_SIZE]):
@@ -44,8 +45,11 @@ def cell_centre(cx, c):
 @inner
 def face_area(cx, f):
     """Area, perimeter and largest distance from the grid's zero of face f, in squared steps and steps."""
-    first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
-    centre, p, q = np.zeros(3), np.zeros(3), np.zeros(3)
+    first = cx.face[f, FACE_FIRST]
+    size = cx.face[f, FACE_SIZE]
+    centre = np.zeros(3)
+    p = np.zeros(3)
+    q = np.zeros(3)
     for k in range(first, first + size):
         e = cx.lists[EDGE_LIST, k]
         for end in range(2):
@@ -64,7 +68,8 @@ def face_area(cx, f):
             to_p += (p[axis] + centre[axis]) ** 2
             to_q += (q[axis] + centre[axis]) ** 2
         for axis in range(3):
-            i, j = (axis + 1) % 3, (axis + 2) % 3
+            i = (axis + 1) % 3
+            j = (axis + 2) % 3
             turn += (p[i] * q[j] - p[j] * q[i]) ** 2
         area += 0.5 * np.sqrt(turn)
         perimeter += np.sqrt(length)
@@ -83,7 +88,9 @@ def _cell_sizes(cx, cells):
             f = cx.lists[FACE_LIST, k]
             area, _, _ = face_area(cx, f)
             plane = cx.planes[cx.face[f, FACE_PLANE]]
-            a, b, d = np.float64(plane[0]), np.float64(plane[1]), np.float64(plane[2])
+            a = np.float64(plane[0])
+            b = np.float64(plane[1])
+            d = np.float64(plane[2])
             distance = abs(a * centre[0] + b * centre[1] + d * centre[2] - plane[3]) / np.sqrt(
                 a * a + b * b + d * d
             )
@@ -99,7 +106,8 @@ def cell_sizes(cx: Complex, cells: np.ndarray) -> np.ndarray:
 
 @compiled
 def _spans(cx, cells, directions):
-    low, high = np.full(len(directions), np.inf), np.full(len(directions), -np.inf)
+    low = np.full(len(directions), np.inf)
+    high = np.full(len(directions), -np.inf)
     for c in cells:
         for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + cx.cell[c, CELL_SIZE]):
             f = cx.lists[FACE_LIST, k]
@@ -110,7 +118,8 @@ def _spans(cx, cells, directions):
                         along = 0.0
                         for axis in range(3):
                             along += directions[row, axis] * corner[axis]
-                        low[row], high[row] = min(low[row], along), max(high[row], along)
+                        low[row] = min(low[row], along)
+                        high[row] = max(high[row], along)
     return low, high
 
 
@@ -126,7 +135,8 @@ def _interfaces(cx):
     sizes = np.empty((n, 3))
     m = 0
     for f in range(n):
-        positive, negative = cx.face[f, SIDES], cx.face[f, SIDES + 1]
+        positive = cx.face[f, SIDES]
+        negative = cx.face[f, SIDES + 1]
         if (
             cx.face[f, FACE_CHILD] >= 0
             or positive < 0
@@ -134,12 +144,10 @@ def _interfaces(cx):
             or not _has_face(cx, positive, f)
         ):
             continue
-        sides[m, 0], sides[m, 1], sides[m, 2], sides[m, 3] = (
-            positive,
-            negative,
-            cx.face[f, FACE_PLANE],
-            f,
-        )
+        sides[m, 0] = positive
+        sides[m, 1] = negative
+        sides[m, 2] = cx.face[f, FACE_PLANE]
+        sides[m, 3] = f
         area, perimeter, sizes[m, 2] = face_area(cx, f)
         sizes[m, 0] = area
         sizes[m, 1] = 2.0 * area / perimeter if perimeter > 0 else 0.0
@@ -173,14 +181,16 @@ def interfaces(cx: Complex) -> tuple[np.ndarray, np.ndarray]:
 @compiled
 def face_polygon(cx, f):
     """Corners of face f in order around it, in grid steps, shape (m, 3)."""
-    first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
+    first = cx.face[f, FACE_FIRST]
+    size = cx.face[f, FACE_SIZE]
     edges = cx.lists[EDGE_LIST, first : first + size].copy()
     corners = np.empty((size, 3))
     here = cx.edge[edges[0], ENDS]
     for k in range(size):
         put(corners[k], cx.coordinates[here])
         for m in range(k, size):
-            start, end = cx.edge[edges[m], ENDS], cx.edge[edges[m], ENDS + 1]
+            start = cx.edge[edges[m], ENDS]
+            end = cx.edge[edges[m], ENDS + 1]
             if here in (start, end):
                 edges[k], edges[m] = edges[m], edges[k]
                 here = end if here == start else start
@@ -194,11 +204,14 @@ def _inner_balls(cx, cells):
     for row in range(len(cells)):
         c = cells[row]
         centre = cell_centre(cx, c)
-        radius, farthest = np.inf, 0.0
+        radius = np.inf
+        farthest = 0.0
         for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + cx.cell[c, CELL_SIZE]):
             f = cx.lists[FACE_LIST, k]
             plane = cx.planes[cx.face[f, FACE_PLANE]]
-            a, b, d = np.float64(plane[0]), np.float64(plane[1]), np.float64(plane[2])
+            a = np.float64(plane[0])
+            b = np.float64(plane[1])
+            d = np.float64(plane[2])
             distance = abs(a * centre[0] + b * centre[1] + d * centre[2] - plane[3]) / np.sqrt(
                 a * a + b * b + d * d
             )
@@ -208,7 +221,8 @@ def _inner_balls(cx, cells):
                     away = cx.coordinates[cx.edge[cx.lists[EDGE_LIST, m], ENDS + end]] - centre
                     farthest = max(farthest, (away * away).sum())
         put(balls[row], centre)
-        balls[row, 3], balls[row, 4] = radius, np.sqrt(farthest)
+        balls[row, 3] = radius
+        balls[row, 4] = np.sqrt(farthest)
     return balls
 
 
@@ -221,7 +235,8 @@ def inner_balls(cx: Complex, cells: np.ndarray) -> np.ndarray:
 def _cell_planes(cx, c):
     """Planes of cell c, each once, with the side (1 or -1) the cell lies on."""
     size = cx.cell[c, CELL_SIZE]
-    planes, side = np.empty(size, np.int64), np.empty(size, np.int64)
+    planes = np.empty(size, np.int64)
+    side = np.empty(size, np.int64)
     n = 0
     for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + size):
         f = cx.lists[FACE_LIST, k]
@@ -238,7 +253,8 @@ def half_spaces(cx: Complex, c: int, without: int = -1) -> np.ndarray:
     The plane `without` is left out.
     """
     planes, side = _cell_planes(cx, c)
-    side, planes = side[planes != without], planes[planes != without]
+    side = side[planes != without]
+    planes = planes[planes != without]
     rows = cx.planes[planes].astype(float) * -side[:, None]
     rows[:, 3] *= -1
     return rows / np.linalg.norm(rows[:, :3], axis=1, keepdims=True)
@@ -254,7 +270,8 @@ def cell_triangles(cx, c):
     n = 0
     for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + cx.cell[c, CELL_SIZE]):
         f = cx.lists[FACE_LIST, k]
-        first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
+        first = cx.face[f, FACE_FIRST]
+        size = cx.face[f, FACE_SIZE]
         anchor = cx.coordinates[cx.edge[cx.lists[EDGE_LIST, first], ENDS]]
         for m in range(first, first + size):
             e = cx.lists[EDGE_LIST, m]

@@ -54,12 +54,10 @@ def _rows(tree, points):
         if tree.plane[node] >= 0:
             for column in range(4):
                 rows[node, column] = np.float64(tree.planes[tree.plane[node], column])
-            a, b, c, d = (
-                abs(rows[node, 0]),
-                abs(rows[node, 1]),
-                abs(rows[node, 2]),
-                abs(rows[node, 3]),
-            )
+            a = abs(rows[node, 0])
+            b = abs(rows[node, 1])
+            c = abs(rows[node, 2])
+            d = abs(rows[node, 3])
             rows[node, 4] = ((a + b + c) * reach + d) * _FILTER
     return rows
 
@@ -70,13 +68,19 @@ def holds(tree, flag, points):
 
     A point on a plane belongs to both sides of it.
     """
-    planes, plane, child, rows = tree.planes, tree.plane, tree.child, _rows(tree, points)
+    planes = tree.planes
+    plane = tree.plane
+    child = tree.child
+    rows = _rows(tree, points)
     result = np.zeros(len(points), np.bool_)
     waiting = np.empty(len(plane) + 1, np.int64)
     for k in range(len(points)):
-        x, y, z = points[k, 0] * _POINT_STEP, points[k, 1] * _POINT_STEP, points[k, 2] * _POINT_STEP
+        x = points[k, 0] * _POINT_STEP
+        y = points[k, 1] * _POINT_STEP
+        z = points[k, 2] * _POINT_STEP
         # unsigned, so that indexing need not look for negative numbers
-        node, n_waiting = np.uint64(0), 0
+        node = np.uint64(0)
+        n_waiting = 0
         while True:
             if plane[node] >= 0:
                 value = rows[node, 0] * x + rows[node, 1] * y + rows[node, 2] * z - rows[node, 3]
@@ -102,10 +106,15 @@ def holds(tree, flag, points):
 @compiled
 def locate(tree, points):
     """Leaf that holds each of (n, 3) int64 query points, as (n,) int64; on a plane, the leaf on its positive side."""
-    planes, plane, child, rows = tree.planes, tree.plane, tree.child, _rows(tree, points)
+    planes = tree.planes
+    plane = tree.plane
+    child = tree.child
+    rows = _rows(tree, points)
     result = np.empty(len(points), np.int64)
     for k in range(len(points)):
-        x, y, z = points[k, 0] * _POINT_STEP, points[k, 1] * _POINT_STEP, points[k, 2] * _POINT_STEP
+        x = points[k, 0] * _POINT_STEP
+        y = points[k, 1] * _POINT_STEP
+        z = points[k, 2] * _POINT_STEP
         node = np.uint64(0)
         while plane[node] >= 0:
             value = rows[node, 0] * x + rows[node, 1] * y + rows[node, 2] * z - rows[node, 3]

@@ -78,7 +78,8 @@ def _copy_facets(old, cx):
     new_vertex = np.full(old.count[N_VERTICES], -1, np.int64)
     new_edge = np.full(old.count[N_EDGES], -1, np.int64)
     for f in range(n):
-        positive, negative = old.face[f, SIDES], old.face[f, SIDES + 1]
+        positive = old.face[f, SIDES]
+        negative = old.face[f, SIDES + 1]
         if old.face[f, FACE_CHILD] >= 0 or positive < 0 or negative < 0:
             continue
         if _same(old.label[positive], old.label[negative]):
@@ -135,7 +136,8 @@ def _grown(pool, room):
 @inner
 def _choose(cx, facets):
     """The facet whose plane splits few others, carries many, and balances the rest."""
-    best, best_cost = 0, np.inf
+    best = 0
+    best_cost = np.inf
     stride = max(1, len(facets) // _CANDIDATES)
     seen = np.full(_CANDIDATES + 2, -1, np.int64)
     n_seen = 0
@@ -158,7 +160,8 @@ def _choose(cx, facets):
                 coplanar += 1
         cost = 4.0 * crossed + 0.25 * abs(ahead - behind) - 2.0 * coplanar
         if cost < best_cost:
-            best, best_cost = j, cost
+            best = j
+            best_cost = cost
     return facets[best]
 
 
@@ -199,7 +202,8 @@ def partition(cx, roots, first, facets, labels):
             continue
         split_cell(cx, cell, h)
         pool = _grown(pool, used + 2 * size)
-        ahead, behind = used, used + size
+        ahead = used
+        behind = used + size
         n_ahead = n_behind = 0
         for k in range(start, start + size):
             f = pool[k]

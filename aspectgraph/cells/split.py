@@ -92,14 +92,16 @@ def _push_edge_leaves(cx, f, e):
 @lean
 def refresh_face(cx, f):
     """Replace edges of face f that were split since by their parts."""
-    first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
+    first = cx.face[f, FACE_FIRST]
+    size = cx.face[f, FACE_SIZE]
     stale = False
     for k in range(first, first + size):
         if cx.edge[cx.lists[EDGE_LIST, k], EDGE_CHILD] >= 0:
             stale = True
             break
     if stale:
-        cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE] = cx.count[N_LIST + EDGE_LIST], 0
+        cx.face[f, FACE_FIRST] = cx.count[N_LIST + EDGE_LIST]
+        cx.face[f, FACE_SIZE] = 0
         for k in range(first, first + size):
             _push_edge_leaves(cx, f, cx.lists[EDGE_LIST, k])
 
@@ -125,14 +127,16 @@ def _push_face_leaves(cx, c, f):
 @lean
 def refresh_cell(cx, c):
     """Replace faces of cell c that were split since by their parts, and refresh those."""
-    first, size = cx.cell[c, CELL_FIRST], cx.cell[c, CELL_SIZE]
+    first = cx.cell[c, CELL_FIRST]
+    size = cx.cell[c, CELL_SIZE]
     stale = False
     for k in range(first, first + size):
         if cx.face[cx.lists[FACE_LIST, k], FACE_CHILD] >= 0:
             stale = True
             break
     if stale:
-        cx.cell[c, CELL_FIRST], cx.cell[c, CELL_SIZE] = cx.count[N_LIST + FACE_LIST], 0
+        cx.cell[c, CELL_FIRST] = cx.count[N_LIST + FACE_LIST]
+        cx.cell[c, CELL_SIZE] = 0
         for k in range(first, first + size):
             _push_face_leaves(cx, c, cx.lists[FACE_LIST, k])
     for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + cx.cell[c, CELL_SIZE]):
@@ -174,8 +178,10 @@ def cell_side(cx, c, h):
 @lean
 def _split_edge(cx, e, h):
     """Split edge e, whose ends lie on opposite sides of h, into its positive and negative part."""
-    v, w = cx.edge[e, ENDS], cx.edge[e, ENDS + 1]
-    p, q = cx.edge[e, LINE], cx.edge[e, LINE + 1]
+    v = cx.edge[e, ENDS]
+    w = cx.edge[e, ENDS + 1]
+    p = cx.edge[e, LINE]
+    q = cx.edge[e, LINE + 1]
     m = add_vertex(cx, p, q, h)
     cx.vertex[m, SIGN_PLANE] = h
     cx.vertex[m, SIGN] = 0
@@ -183,7 +189,8 @@ def _split_edge(cx, e, h):
         v, w = w, v
     positive = add_edge(cx, v, m, p, q)
     negative = add_edge(cx, m, w, p, q)
-    cx.edge[e, EDGE_CHILD], cx.edge[e, EDGE_CHILD + 1] = positive, negative
+    cx.edge[e, EDGE_CHILD] = positive
+    cx.edge[e, EDGE_CHILD + 1] = negative
 
 
 @lean
@@ -193,13 +200,15 @@ def split_face(cx, f, h):
     The two ends of the cut are the only vertices of the face on h, because the face is convex and crossed.
     """
     refresh_face(cx, f)
-    first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
+    first = cx.face[f, FACE_FIRST]
+    size = cx.face[f, FACE_SIZE]
     for k in range(first, first + size):
         e = cx.lists[EDGE_LIST, k]
         if vertex_sign(cx, h, cx.edge[e, ENDS]) * vertex_sign(cx, h, cx.edge[e, ENDS + 1]) < 0:
             _split_edge(cx, e, h)
     refresh_face(cx, f)
-    first, size = cx.face[f, FACE_FIRST], cx.face[f, FACE_SIZE]
+    first = cx.face[f, FACE_FIRST]
+    size = cx.face[f, FACE_SIZE]
     start = end = -1
     for k in range(first, first + size):
         for side in range(2):
@@ -264,13 +273,15 @@ def _push_corners(cx, c, part, cap, h, side):
 def split_cell(cx, c, h):
     """Split cell c, crossed by plane h, into its positive and its negative part."""
     refresh_cell(cx, c)
-    first, size = cx.cell[c, CELL_FIRST], cx.cell[c, CELL_SIZE]
+    first = cx.cell[c, CELL_FIRST]
+    size = cx.cell[c, CELL_SIZE]
     for k in range(first, first + size):
         f = cx.lists[FACE_LIST, k]
         if face_side(cx, f, h) == CROSSED:
             split_face(cx, f, h)
     refresh_cell(cx, c)
-    first, size = cx.cell[c, CELL_FIRST], cx.cell[c, CELL_SIZE]
+    first = cx.cell[c, CELL_FIRST]
+    size = cx.cell[c, CELL_SIZE]
     cx.count[MARK] += 1
     mark = cx.count[MARK]
     cap = add_face(cx, h, -1, -1)

@@ -79,7 +79,8 @@ class Measurer:
 
     def __init__(self, attachments: Attachments, sight: Sight):
         self.match_mm = attachments.match_mm
-        self.coaxial, self.sight = attachments.coaxial, sight
+        self.coaxial = attachments.coaxial
+        self.sight = sight
         self.ends = {
             edge.id: ends for edge, ends in zip(attachments.edges, attachments.ends, strict=True)
         }
@@ -147,9 +148,11 @@ class Measurer:
             Planes, or lines.
         """
         if isinstance(one, Plane) and isinstance(other, Plane):
-            first, second = one.normal, other.normal
+            first = one.normal
+            second = other.normal
         elif isinstance(one, Line) and isinstance(other, Line):
-            first, second = one.along, other.along
+            first = one.along
+            second = other.along
         else:
             return Measure(
                 "angle", reason="it is attached to other than two planes or two straight edges"

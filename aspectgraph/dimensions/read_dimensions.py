@@ -260,7 +260,8 @@ class _Reader:
 
 def _kind(row: dict[str, Any]) -> str:
     """Return the kind of a dimension by its words in the file, which are there where the kernel's type is not."""
-    words, kernel_type = row["words"].lower(), row["type"]
+    words = row["words"].lower()
+    kernel_type = row["type"]
     if "spherical" in words:
         return "spherical_diameter" if "diameter" in words else "spherical_radius"
     if "curve" in words or "arc" in words.split() or "Path" in kernel_type:

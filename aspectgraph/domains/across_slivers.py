@@ -63,11 +63,9 @@ def pieces_across(
     cells, lengths, paths, sizes, corners = _push_all(
         cx, sides, is_thin, first, rows_twice[order], starts, float(least_width)
     )
-    path_ends, corner_ends, points = (
-        np.cumsum(lengths),
-        np.cumsum(sizes),
-        np.array(corners).reshape(-1, 3),
-    )
+    path_ends = np.cumsum(lengths)
+    corner_ends = np.cumsum(sizes)
+    points = np.array(corners).reshape(-1, 3)
     return [
         Piece((int(u), int(v)), tuple(map(int, paths[p - length : p])), points[c - size : c])
         for (u, v), p, length, c, size in zip(
@@ -80,12 +78,14 @@ def pieces_across(
 def _frame(normal):
     """Two unit vectors that with a unit normal form a right-handed frame, as rows."""
     axis = np.argmin(np.abs(normal))
-    frame, first = np.empty((2, 3)), np.zeros(3)
+    frame = np.empty((2, 3))
+    first = np.zeros(3)
     first[axis] = 1.0
     first = first - normal[axis] * normal
     put(frame[0], first / np.sqrt((first * first).sum()))
     for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
+        i = (k + 1) % 3
+        j = (k + 2) % 3
         frame[1, k] = normal[i] * frame[0, j] - normal[j] * frame[0, i]
     return frame
 
@@ -104,7 +104,8 @@ def _flatten(corners, origin, frame):
 def _doubled_area(flat):
     total = 0.0
     for k in range(1, len(flat) - 1):
-        p, q = flat[k] - flat[0], flat[k + 1] - flat[0]
+        p = flat[k] - flat[0]
+        q = flat[k + 1] - flat[0]
         total += p[0] * q[1] - p[1] * q[0]
     return total
 
@@ -129,7 +130,8 @@ def _clip(flat, clipper):
         cut = np.empty((2 * len(flat), 2))
         n = 0
         for i in range(len(flat)):
-            p, q = flat[i - 1], flat[i]
+            p = flat[i - 1]
+            q = flat[i]
             s = along[0] * (p[1] - a[1]) - along[1] * (p[0] - a[0])
             t = along[0] * (q[1] - a[1]) - along[1] * (q[0] - a[0])
             if (s < 0.0 < t) or (t < 0.0 < s):
@@ -154,18 +156,26 @@ def _normal_out_of(cx, sides, row, cell):
 @compiled
 def _push_all(cx, sides, is_thin, first, rows, starts, least_width):
     """Push the faces `starts`; `rows[first[c]:first[c + 1]]` are the faces of sliver c."""
-    cells, lengths, paths = [(0, 0) for _ in range(0)], [0 for _ in range(0)], [0 for _ in range(0)]
-    sizes, corners = [0 for _ in range(0)], [0.0 for _ in range(0)]
+    cells = [(0, 0) for _ in range(0)]
+    lengths = [0 for _ in range(0)]
+    paths = [0 for _ in range(0)]
+    sizes = [0 for _ in range(0)]
+    corners = [0.0 for _ in range(0)]
     for start in starts:
-        wide, sliver = sides[start, 0], sides[start, 1]
+        wide = sides[start, 0]
+        sliver = sides[start, 1]
         if is_thin[wide]:
             wide, sliver = sliver, wide
         polygon = face_polygon(cx, sides[start, 3])
-        origin, direction = polygon[0].copy(), _normal_out_of(cx, sides, start, wide)
+        origin = polygon[0].copy()
+        direction = _normal_out_of(cx, sides, start, wide)
         frame = _frame(direction)
         flat = _flatten(polygon, origin, frame)
         # the state of each level of the descent: sliver, next of its faces, polygon that entered it, face it entered by
-        slivers, following, entered, path = [sliver], [first[sliver]], [flat], [start]
+        slivers = [sliver]
+        following = [first[sliver]]
+        entered = [flat]
+        path = [start]
         while len(slivers) > 0:
             here = slivers[-1]
             if following[-1] == first[here + 1] or _is_narrow(entered[-1], least_width):

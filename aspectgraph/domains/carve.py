@@ -85,7 +85,8 @@ def _perpendicular_planes(points, pieces, steps, resolution):
             continue
         sizes[k] = len(loop)
         for i in range(len(loop)):
-            p, q = points[loop[i]], points[loop[(i + 1) % len(loop)]]
+            p = points[loop[i]]
+            q = points[loop[(i + 1) % len(loop)]]
             put(planes[n], plane_through(p, q, p + steps[k]))
             n += 1
     return planes[:n].copy(), sizes
@@ -97,14 +98,13 @@ def _true_corners(points, loop, resolution):
     kept = [v for v in loop]  # noqa: C416 - numba makes no list of an array otherwise
     k = 0
     while k < len(kept) and len(kept) > 2:
-        before, here, after = (
-            points[kept[k - 1]],
-            points[kept[k]],
-            points[kept[(k + 1) % len(kept)]],
-        )
+        before = points[kept[k - 1]]
+        here = points[kept[k]]
+        after = points[kept[(k + 1) % len(kept)]]
         turn = length = 0.0
         for axis in range(3):
-            i, j = (axis + 1) % 3, (axis + 2) % 3
+            i = (axis + 1) % 3
+            j = (axis + 2) % 3
             u = np.float64(after[i] - before[i]), np.float64(after[j] - before[j])
             w = np.float64(here[i] - before[i]), np.float64(here[j] - before[j])
             turn += (u[0] * w[1] - u[1] * w[0]) ** 2
@@ -152,7 +152,8 @@ def _insert_facets(cx, first, plane, side, n_perpendicular):
     offset = len(cx.planes) - n_perpendicular
     faces = np.empty(len(first) - 1, np.int64)
     for k in range(len(first) - 1):
-        start, size = first[k], first[k + 1] - first[k]
+        start = first[k]
+        size = first[k + 1] - first[k]
         corner = np.empty(size, np.int64)
         for i in range(size):
             corner[i] = add_vertex(
@@ -184,11 +185,9 @@ def _hand_down(cx, facets):
 
     Returns the leaves, where the facets of each begin in the list of all, and that list.
     """
-    leaves, first, handed = (
-        [np.int64(0) for _ in range(0)],
-        [np.int64(0)],
-        [np.int64(0) for _ in range(0)],
-    )
+    leaves = [np.int64(0) for _ in range(0)]
+    first = [np.int64(0)]
+    handed = [np.int64(0) for _ in range(0)]
     stack = [(0, facets)]
     while len(stack) > 0:
         cell, own = stack.pop()
@@ -231,7 +230,8 @@ def is_inside(scene: Scene, position: np.ndarray) -> bool:
     A ray that passes too close to an edge for doubles to tell is replaced by one along another axis, then by one from a
     point a hair aside.
     """
-    first, loop = scene.pieces.first, scene.pieces.vertices
+    first = scene.pieces.first
+    loop = scene.pieces.vertices
     nudge = np.zeros(3)
     generator = np.random.default_rng(0)
     while True:
@@ -255,7 +255,8 @@ def is_inside(scene: Scene, position: np.ndarray) -> bool:
 @compiled
 def _parity(point, axis, points, first, loop, face, planes, plane_of_face):
     """Parity of the pieces that the ray from `point` in the direction of an axis crosses; -1 if in doubt."""
-    i, j = (axis + 1) % 3, (axis + 2) % 3
+    i = (axis + 1) % 3
+    j = (axis + 2) % 3
     crossings = 0
     scale = np.int64(1) << 20
     for piece in range(len(face)):

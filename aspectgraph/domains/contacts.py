@@ -26,7 +26,8 @@ class Touching:
         self, cx: Complex, sides: np.ndarray, sizes: np.ndarray, is_thin: np.ndarray, ruler: Ruler
     ) -> None:
         direct = ~is_thin[sides[:, :2]].any(axis=1)
-        self._cx, self._sides = cx, sides[direct]
+        self._cx = cx
+        self._sides = sides[direct]
         self._pieces = pieces_across(cx, sides, is_thin, ruler.min_width)
         ends = np.array([piece.cells for piece in self._pieces], np.int64).reshape(-1, 2)
         self.cells = np.concatenate([self._sides[:, :2], ends])

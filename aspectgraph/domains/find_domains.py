@@ -124,7 +124,8 @@ def find_domains(cx: Complex, ruler: Ruler) -> Domains:
     label[free] = label_of.ravel()
     sides, sizes = interfaces(cx)
     keep = (label[sides[:, :2]] >= 0).all(axis=1)
-    sides, sizes = sides[keep], sizes[keep]
+    sides = sides[keep]
+    sizes = sizes[keep]
     widths = CellWidths(cx, free, n)
     is_thin = widths.are_thin(ruler, sides, label)
     tails = find_tails(cx, sides, sizes[:, 0], label, is_thin, ruler)
@@ -211,7 +212,8 @@ def _absorb(
 
     Slivers that border on no domain, as between displaced faces of the solid, stay without, unless there is no domain.
     """
-    pairs, areas = borders.pairs, borders.areas
+    pairs = borders.pairs
+    areas = borders.areas
     alike = (label[pairs[:, 0]] == label[pairs[:, 1]]) & (
         borders.widths >= ruler.least_width(borders.farthest)
     )
@@ -221,7 +223,8 @@ def _absorb(
     n_slivers = len(np.unique(sliver[left]))
     if n_domains == 0:
         of_cell[left[sliver[left] == np.argmax(np.bincount(sliver[left], volume[left]))]] = 0
-        n_domains, n_slivers = 1, n_slivers - 1
+        n_domains = 1
+        n_slivers = n_slivers - 1
     _spread(of_cell, sliver, pairs, areas)
     return n_domains, n_slivers
 

@@ -45,7 +45,8 @@ def find_tails(
     alike = (label[sides[:, 0]] == label[sides[:, 1]]) & is_thin[sides[:, :2]].any(axis=1)
     order = np.flatnonzero(alike)[np.argsort(-areas[alike], kind="stable")]
     pairs = sides[order, :2]
-    is_counted, is_tried = ~is_thin, ~is_thin
+    is_counted = ~is_thin
+    is_tried = ~is_thin
     while True:
         rows = np.flatnonzero(is_counted[pairs].sum(axis=1) == 1)
         column = is_counted[pairs[rows, 0]].astype(int)
@@ -53,7 +54,8 @@ def find_tails(
         fresh = ~is_tried[cells]
         if not fresh.any():
             return carried_on
-        cells, first = cells[fresh], first[fresh]
+        cells = cells[fresh]
+        first = first[fresh]
         is_tried[cells] = True
         is_tail = _have_room(cx, cells, ruler._replace(min_width=_TAIL_SHARE * ruler.min_width))
         carried_on[cells[is_tail]] = pairs[rows[first], 1 - column[first]][is_tail]

@@ -123,10 +123,8 @@ def largest_ball(rows: np.ndarray, ruler: Ruler) -> tuple[np.ndarray, float]:
     attempts = [programme]
     if ruler.min_width > 0.0:
         is_wide = [[0.0, 0.0, 0.0, -1.0, programme.slope]]
-        coefficients, limits = (
-            np.concatenate([programme.coefficients, is_wide]),
-            np.append(programme.limits, 0.0),
-        )
+        coefficients = np.concatenate([programme.coefficients, is_wide])
+        limits = np.append(programme.limits, 0.0)
         attempts.insert(0, programme._replace(coefficients=coefficients, limits=limits))
     for attempt in attempts:
         result = attempt.maximise(1.0, 0.0)
@@ -155,7 +153,8 @@ def union_has_room(polygons: list[np.ndarray], ruler: Ruler) -> bool:
     """
     polygons = sorted(polygons, key=lambda corners: -shapely.Polygon(_flat(corners, corners)).area)
     while len(polygons) > 1:
-        first, normal = polygons[0], _unit_normal(polygons[0])
+        first = polygons[0]
+        normal = _unit_normal(polygons[0])
         near = [
             bool((abs((p - first[0]) @ normal) <= _least_width_at(p, ruler)).all())
             for p in polygons
@@ -214,8 +213,10 @@ class CellWidths:
     """
 
     def __init__(self, cx: Complex, cells: np.ndarray, n: int) -> None:
-        self._cx, self._cells = cx, cells
-        self.volume, surface = np.zeros(n), np.zeros(n)
+        self._cx = cx
+        self._cells = cells
+        self.volume = np.zeros(n)
+        surface = np.zeros(n)
         self.volume[cells], surface[cells] = cell_sizes(cx, cells).T
         self.thickness = 2.0 * self.volume / np.maximum(surface, 1e-300)
         # a convex body's volume is at least a third of its inscribed radius times its surface

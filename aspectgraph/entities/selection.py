@@ -133,10 +133,8 @@ def _candidates(solid: Solid) -> list[_Candidate]:
             _Candidate(edge.id, "edge", float(np.linalg.norm(along)), edge.turn_deg, ends, along)
         )
     for curve in (*solid.rims(), *solid.arcs()):
-        kind, turn = (
-            "rim" if isinstance(curve, Rim) else "arc",
-            solid.edges[curve.edge_ids[0]].turn_deg,
-        )
+        kind = "rim" if isinstance(curve, Rim) else "arc"
+        turn = solid.edges[curve.edge_ids[0]].turn_deg
         points = np.asarray(solid.vertices[list(curve.vertices)], dtype=np.float64)
         found.append(
             _Candidate(curve.id, kind, float(curve.radius_mm), turn, points, np.asarray(curve.axis))
@@ -151,7 +149,9 @@ def _test(text: str, solid: Solid | None) -> _Test:
         sign = 1 if lower == "convex" else -1
         return lambda one: sign * one.turn_deg > 0
     if found := re.fullmatch(rf"(length|radius|turn)\s*(<=|>=|<|>)\s*({_NUMBER})", lower):
-        what, compare, limit = found[1], _COMPARE[found[2]], float(found[3])
+        what = found[1]
+        compare = _COMPARE[found[2]]
+        limit = float(found[3])
         if what == "turn":
             return lambda one: compare(abs(one.turn_deg), limit)
         return lambda one: compare(one.size_mm, limit)
@@ -163,7 +163,8 @@ def _test(text: str, solid: Solid | None) -> _Test:
     if found := re.fullmatch(rf"face\s*=\s*({'|'.join(_SIDES)})", lower):
         return _on_side(solid, *_SIDES[found[1]]) if solid is not None else lambda one: True
     if found := re.fullmatch(rf"near\s+({_POINT})\s*<\s*({_NUMBER})", lower):
-        point, radius = np.array(_numbers(found[1])), float(found[2])
+        point = np.array(_numbers(found[1]))
+        radius = float(found[2])
         return lambda one: _distance(one, point) < radius
     raise EntityError.of_rule(
         "select",
@@ -180,13 +181,15 @@ def _numbers(text: str) -> list[float]:
 def _parallel(direction: NDArray[np.float64], text: str) -> _Test:
     if not direction.any():
         raise EntityError.of_rule("direction", "must have a length", repr(text))
-    unit, least = direction / np.linalg.norm(direction), np.cos(np.radians(PARALLEL_DEG))
+    unit = direction / np.linalg.norm(direction)
+    least = np.cos(np.radians(PARALLEL_DEG))
     return lambda one: bool(abs(one.along @ unit) >= least * np.linalg.norm(one.along))
 
 
 def _on_side(solid: Solid, which: int, axis: int) -> _Test:
     low_high = np.asarray(solid.bounds, dtype=np.float64)
-    near, place = ON_SIDE * float(np.linalg.norm(low_high[1] - low_high[0])), low_high[which, axis]
+    near = ON_SIDE * float(np.linalg.norm(low_high[1] - low_high[0]))
+    place = low_high[which, axis]
     return lambda one: bool((abs(one.points[:, axis] - place) <= near).all())
 
 

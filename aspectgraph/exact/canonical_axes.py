@@ -51,7 +51,8 @@ def own_frame(solid: Solid, marks: Sequence[Sequence[int]] = ()) -> np.ndarray:
     frames: list[np.ndarray] = []
     for first in directions[_ties(weights)]:
         across = np.abs(directions @ first) < _SAME_DIRECTION
-        seconds, their_weights = directions[across], weights[across]
+        seconds = directions[across]
+        their_weights = weights[across]
         if not len(seconds):
             lengths = np.linalg.norm(runs, axis=1)
             seconds, their_weights = _classes(
@@ -80,7 +81,8 @@ def _classes(vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Directions of vectors, up to sign, and the sum of lengths of each."""
     lengths = np.linalg.norm(vectors, axis=1)
     left = np.argsort(-lengths, kind="stable")
-    directions, weights = [], []
+    directions = []
+    weights = []
     while len(left):
         leader = vectors[left[0]] / lengths[left[0]]
         cosine = vectors[left] @ leader
@@ -111,7 +113,8 @@ def _signatures(candidates: np.ndarray, ends: np.ndarray, weights: np.ndarray) -
     sums = np.empty(len(candidates))
     for k, frame in enumerate(candidates):
         own = (ends @ frame.T) / size
-        forward, backward = own.reshape(-1, 6), own[:, ::-1].reshape(-1, 6)
+        forward = own.reshape(-1, 6)
+        backward = own[:, ::-1].reshape(-1, 6)
         sums[k] = weights @ (
             np.sin(forward @ _FORMS.T + 0.3) + np.sin(backward @ _FORMS.T + 0.3)
         ).sum(axis=1)

@@ -92,13 +92,15 @@ def nearest_features(solid: Solid, points: np.ndarray, within: float = LEAST_STE
     shape = _Shape(solid)
     points = np.asarray(points, float)
     vertices, edges, triangles = (_Boxes(points[corners], within) for corners in shape.corners)
-    vertex_by_edge, vertex_by_triangle = vertices.meeting(edges), vertices.meeting(triangles)
+    vertex_by_edge = vertices.meeting(edges)
+    vertex_by_triangle = vertices.meeting(triangles)
     pairs = {
         EDGE_EDGE: shape.edges_apart(*edges.meeting(edges)),
         VERTEX_EDGE: (shape.used[vertex_by_edge[0]], vertex_by_edge[1]),
         VERTEX_FACE: shape.off_the_face(shape.used[vertex_by_triangle[0]], vertex_by_triangle[1]),
     }
-    best, n = Nearest(np.inf), 0
+    best = Nearest(np.inf)
+    n = 0
     for kind, (i, j) in pairs.items():
         distance = shape.distance(kind, points, i, j)
         near = np.flatnonzero(distance < within)
@@ -113,7 +115,8 @@ class _Boxes:
     """Bounding boxes of features, grown by half the distance looked for."""
 
     def __init__(self, corners: np.ndarray, within: float) -> None:
-        self.low, self.high = corners.min(axis=1) - 0.5 * within, corners.max(axis=1) + 0.5 * within
+        self.low = corners.min(axis=1) - 0.5 * within
+        self.high = corners.max(axis=1) + 0.5 * within
         self.shapes = shapely.box(self.low[:, 0], self.low[:, 1], self.high[:, 0], self.high[:, 1])
 
     def meeting(self, other: _Boxes) -> tuple[np.ndarray, np.ndarray]:
@@ -155,7 +158,8 @@ class _Shape:
         if kind == EDGE_EDGE:
             return segment_distance(*(at[self.ends[edge, k]] for edge in (i, j) for k in (0, 1)))
         if kind == VERTEX_EDGE:
-            start, end = at[self.ends[j, 0]], at[self.ends[j, 1]]
+            start = at[self.ends[j, 0]]
+            end = at[self.ends[j, 1]]
             own = (self.ends[j] == i[:, None]).any(axis=1)
             return np.where(
                 own, np.linalg.norm(end - start, axis=1), segment_distance(at[i], at[i], start, end)
@@ -168,7 +172,9 @@ class _Shape:
 
     def describe(self, nearest: Nearest) -> tuple[str, str]:
         """Return the two features of a pair in words."""
-        at, i, j = self.solid.vertices, nearest.i, nearest.j
+        at = self.solid.vertices
+        i = nearest.i
+        j = nearest.j
         one = (
             describe_edge(at, *self.ends[i])
             if nearest.kind == EDGE_EDGE

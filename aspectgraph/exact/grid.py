@@ -37,7 +37,8 @@ _NOISE = 16 * 2.0**-53
 # Denominators so large that random coordinates would fit one of them this often are none.
 _BY_ACCIDENT = 1e-3
 # Planes of the workspace: largest coefficient, and room for their distance in 63 bits.
-_BOX_BITS, _BOX_ROOM = 40, 60
+_BOX_BITS = 40
+_BOX_ROOM = 60
 # least reach, in steps as a power of two, of the cube in which cells are cut before they are cropped
 _CUBE_BITS = 31
 
@@ -265,7 +266,8 @@ def _common_denominator(shares: np.ndarray, tolerance: float) -> int:
             multiple = share * candidates
             candidates = candidates[np.abs(multiple - np.rint(multiple)) <= tolerance * candidates]
         if len(candidates):
-            least, n = float(candidates[0]), len(distinct)
+            least = float(candidates[0])
+            n = len(distinct)
             expected = (2.0 * tolerance * least) ** n * least / (n + 1)
             return int(least) if n == 0 or expected < _BY_ACCIDENT else 0
         start = end

@@ -19,7 +19,8 @@ def plane_through(p, q, r):
     """Plane through three integer points, reduced and oriented by the turn p, q, r; all zero if they are collinear."""
     plane = np.zeros(4, np.int64)
     for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
+        i = (k + 1) % 3
+        j = (k + 2) % 3
         plane[k] = (q[i] - p[i]) * (r[j] - p[j]) - (q[j] - p[j]) * (r[i] - p[i])
     divisor = np.gcd(np.gcd(plane[0], plane[1]), plane[2])
     if divisor:
@@ -43,7 +44,9 @@ def side_of(plane, point, resolution):
         square = np.float64(plane[0]) ** 2 + np.float64(plane[1]) ** 2 + np.float64(plane[2]) ** 2
         if np.float64(h) ** 2 <= resolution * resolution * square:
             return 0
-    return 1 if h > 0 else (-1 if h < 0 else 0)
+    if h > 0:
+        return 1
+    return -1 if h < 0 else 0
 
 
 @compiled
@@ -65,12 +68,15 @@ def find_parallel(planes, points, trio, resolution, plane):
 
     Near enough is half the resolution: it must leave some to other vertices on the plane.
     """
-    best, least, level = -1, 0.5 * resolution, np.int64(0)
+    best = -1
+    least = 0.5 * resolution
+    level = np.int64(0)
     for k in range(len(planes)):
         low = high = height(planes[k], points[trio[0]])
         for i in range(1, 3):
             h = height(planes[k], points[trio[i]])
-            low, high = min(low, h), max(high, h)
+            low = min(low, h)
+            high = max(high, h)
         square = (
             np.float64(planes[k, 0]) ** 2
             + np.float64(planes[k, 1]) ** 2
@@ -78,7 +84,9 @@ def find_parallel(planes, points, trio, resolution, plane):
         )
         spread = np.float64(high - low) / np.sqrt(square)
         if spread <= least:
-            best, least, level = k, spread, low + (high - low) // 2
+            best = k
+            least = spread
+            level = low + (high - low) // 2
     if best < 0:
         return plane
     parallel = planes[best].copy()
@@ -91,25 +99,30 @@ def _widest_triangle(points, loop):
     """Three of the loop's points that span nearly the largest triangle, in the loop's cyclic order."""
     a = loop[0]
     for _ in range(2):
-        b, best = a, -1.0
+        b = a
+        best = -1.0
         for v in loop:
             length = 0.0
             for k in range(3):
                 length += np.float64(points[v, k] - points[a, k]) ** 2
             if length > best:
-                b, best = v, length
+                b = v
+                best = length
         a, b = b, a
-    c, best = a, -1.0
+    c = a
+    best = -1.0
     for v in loop:
         area = 0.0
         for k in range(3):
-            i, j = (k + 1) % 3, (k + 2) % 3
+            i = (k + 1) % 3
+            j = (k + 2) % 3
             area += (
                 np.float64(points[b, i] - points[a, i]) * np.float64(points[v, j] - points[a, j])
                 - np.float64(points[b, j] - points[a, j]) * np.float64(points[v, i] - points[a, i])
             ) ** 2
         if area > best:
-            c, best = v, area
+            c = v
+            best = area
     return a, b, c
 
 
@@ -172,7 +185,8 @@ def _made_parallel(
     """The plane parallel to one of `planes` nearest to all the points, or `plane` if none is near enough."""
     # half the resolution, to leave some to other vertices on the plane
     heights = points @ planes[:, :3].T
-    low, high = heights.min(axis=0), heights.max(axis=0)
+    low = heights.min(axis=0)
+    high = heights.max(axis=0)
     near = high - low <= resolution * np.linalg.norm(planes[:, :3].astype(float), axis=1)
     if resolution == 0.0 or not near.any():
         return plane

@@ -358,9 +358,11 @@ def graph_of(
 def _joined(
     chosen: VisibilityRegions, min_width_mm: float, memory: JointMemory
 ) -> EntityAspectGraph:
-    grid, scene = chosen.grid, chosen._scene
+    grid = chosen.grid
+    scene = chosen._scene
     own = [chosen._regions[name] for name in chosen.entity_names]
-    cube, limits = grid.cube_planes(chosen.workspace), grid.box_planes(chosen.workspace)
+    cube = grid.cube_planes(chosen.workspace)
+    limits = grid.box_planes(chosen.workspace)
     order = own_order(scene, chosen.solid, chosen.entities.values())
     shared = share_planes(own, scene, cube, order)
     facets = surface_facets(scene)
@@ -389,7 +391,8 @@ def _networkx(
     provenance: Provenance,
     at_boundary: np.ndarray,
 ) -> nx.Graph:
-    names, grid = regions.entity_names, regions.grid
+    names = regions.entity_names
+    grid = regions.grid
     graph = nx.Graph(
         part=regions.solid.name,
         entities=names,

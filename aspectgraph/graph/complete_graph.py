@@ -207,10 +207,8 @@ class Drawing:
             for e, row in enumerate(cuts)
             for pair in zip(row, [*row[1:], (1.0, -1)], strict=True)
         ]
-        edge, middle = (
-            np.array([p[0] for p in pieces]),
-            np.array([0.5 * (p[1][0] + p[2][0]) for p in pieces]),
-        )
+        edge = np.array([p[0] for p in pieces])
+        middle = np.array([0.5 * (p[1][0] + p[2][0]) for p in pieces])
         targets = self.starts[edge] + middle[:, None] * (self.ends - self.starts)[edge]
         parts: list[list[Part]] = [[] for _ in self.starts]
         open_end = False
@@ -226,13 +224,17 @@ class Drawing:
 
     def _crossings(self, v: np.ndarray) -> list[tuple[int, int, float]]:
         """Return (e, f, t) where a nearer edge f crosses edge e, at parameter t on e, for all pairs of edges."""
-        a, b = self.starts - v, self.ends - v
+        a = self.starts - v
+        b = self.ends - v
         normal = np.cross(a, b)
         # [e, f]: ends of e against the plane (v, f), and ends of f against the plane (v, e)
-        e_start, e_end = a @ normal.T, b @ normal.T
-        f_start, f_end = e_start.T, e_end.T
+        e_start = a @ normal.T
+        e_end = b @ normal.T
+        f_start = e_start.T
+        f_end = e_end.T
         with np.errstate(divide="ignore", invalid="ignore"):
-            t, s = e_start / (e_start - e_end), f_start / (f_start - f_end)
+            t = e_start / (e_start - e_end)
+            s = f_start / (f_start - f_end)
             on_e = a[:, None] + t[..., None] * (b - a)[:, None]
             on_f = a[None] + s[..., None] * (b - a)[None]
             nearness = (on_f * on_e).sum(axis=2) / (on_e * on_e).sum(axis=2)

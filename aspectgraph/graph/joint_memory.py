@@ -32,12 +32,16 @@ except ImportError:  # not on Windows
 # in the end; and the factor by which the estimate may err. With 10, 20 and 60 edges of nist_ctc_01 the memory was 1.56,
 # 1.37 and 0.88 of the estimate (the last by hand, the others by `benchmarks/engine/joint_memory.py`). No other part is
 # known.
-_BYTES, _SECONDS, _POWER = 5.0, 2.5e-7, 2.0
+_BYTES = 5.0
+_SECONDS = 2.5e-7
+_POWER = 2.0
 _OF_OVERLAY = 4.0
 ERROR = 3.0
 
 # regions from which the cells of all are guessed: at least so many, and such a share; the guess may err by this besides
-_FIRST, _FIRST_SHARE, _FIRST_ERROR = 10, 0.05, 2.0
+_FIRST = 10
+_FIRST_SHARE = 0.05
+_FIRST_ERROR = 2.0
 
 _GROUP = Path("/sys/fs/cgroup")
 
@@ -130,7 +134,9 @@ class JointForecast:
 
     def __init__(self, limit_bytes: float | None = None) -> None:
         self.limit, self.whose = _limit(limit_bytes)
-        self._total, self._known, self._cells = 0, 0, 0
+        self._total = 0
+        self._known = 0
+        self._cells = 0
 
     def begin(self, solid: Solid, box_mm: np.ndarray, entities: Mapping[str, Entity]) -> None:
         """Take in how many there will be.
@@ -144,7 +150,9 @@ class JointForecast:
         entities : mapping of str to Entity
             All of them.
         """
-        self._total, self._known, self._cells = len(entities), 0, 0
+        self._total = len(entities)
+        self._known = 0
+        self._cells = 0
 
     def get(self, name: str) -> None:
         """Say that nothing is kept.
@@ -170,7 +178,8 @@ class JointForecast:
         MemoryLimitError
             If the graph cannot fit.
         """
-        self._known, self._cells = self._known + 1, self._cells + region.n_leaves
+        self._known = self._known + 1
+        self._cells = self._cells + region.n_leaves
         if self._known < max(_FIRST, _FIRST_SHARE * self._total) or self._known == self._total:
             return
         about = _cost(self._cells * self._total / self._known).memory_bytes
@@ -200,7 +209,8 @@ class JointMemory:
     def __init__(
         self, regions: Sequence[Region], limit_bytes: float | None, progress: Progress | None = None
     ) -> None:
-        self.total, self.progress = len(regions), progress
+        self.total = len(regions)
+        self.progress = progress
         self.limit, self.whose = _limit(limit_bytes)
         about = estimate_joint_graph(regions)
         if about.memory_bytes > ERROR * self.limit:

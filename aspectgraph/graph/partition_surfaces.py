@@ -67,9 +67,12 @@ class Provenance:
         regions: Sequence[Region],
         shared: SharedPlanes,
     ) -> None:
-        self._solid, self._scene = solid, scene
+        self._solid = solid
+        self._scene = scene
         self._in_mm = grid.planes_to_mm(shared.planes)
-        self._entities, self._regions, self._shared = entities, regions, shared
+        self._entities = entities
+        self._regions = regions
+        self._shared = shared
         self._edge_of_pair = {frozenset(edge.vertices): edge.id for edge in solid.edges}
         self._rows = [
             {int(n): row for row, n in reversed(list(enumerate(number)))}
@@ -109,13 +112,17 @@ class Provenance:
                 edges = () if edge is None else (edge,)
                 vertices = vertices if edges else tuple(numbers)
             elif kind == VERTEX_AND_ENTITY:
-                vertices, edges = (numbers[0],), self._spanning(entity, numbers[1:])
+                vertices = (numbers[0],)
+                edges = self._spanning(entity, numbers[1:])
             elif kind == CONTRAST:
-                edges, faces = self._spanning(entity, numbers[:2]), (numbers[2],)
+                edges = self._spanning(entity, numbers[:2])
+                faces = (numbers[2],)
             else:
                 faces = (numbers[0],)
         in_mm = tuple(self._in_mm[plane].tolist())
-        kind_of = "A" if next_to else "L" if kind == CONTRAST else "B"
+        kind_of = "A" if next_to else "B"
+        if kind == CONTRAST and not next_to:
+            kind_of = "L"
         return PartitionSurface(kind_of, entity.name, vertices, edges, faces, in_mm)
 
     def _spanning(self, entity: Entity, ends: list[int]) -> tuple[int, ...]:

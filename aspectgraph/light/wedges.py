@@ -36,7 +36,8 @@ from aspectgraph.visibility.united_sets import Blockers, united
 
 _REACH_BITS = 20
 # least room that exact signs need, see `predicates`
-_COEFFICIENT_BITS, _OFFSET_BITS = 42, 62
+_COEFFICIENT_BITS = 42
+_OFFSET_BITS = 62
 
 
 def light_sets(

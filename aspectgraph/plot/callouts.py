@@ -86,7 +86,8 @@ def draw_labels(spots: Sequence[Spot], low: _Array, high: _Array, ax: Axes) -> i
     ax.set_ylim(layout.low[1], layout.high[1])
     box = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
     for n, (x, y) in layout.places.items():
-        text, colour = spots[n].text, spots[n].colour
+        text = spots[n].text
+        colour = spots[n].colour
         if n not in layout.carried:
             middle = spots[n].middle
             ax.plot([middle[0], x], [middle[1], y], color=colour, linewidth=0.5, zorder=2.5)
@@ -119,7 +120,8 @@ def _room(text: str) -> _Array:
 
 def _layout(spots: Sequence[Spot], low: _Array, high: _Array, size_pt: _Array) -> _Layout:
     """Take the largest font, and then the fewest rings of slots around the picture, that have room for all."""
-    layout, waiting = None, 0
+    layout = None
+    waiting = 0
     for font, rings in product(_FONTS_PT, range(_MOST_RINGS + 1)):
         widest = font * np.max([_room(spot.text) for spot in spots] or [np.ones(2)], axis=0)
         drawn_pt = size_pt - 2 * rings * widest - 2 * _AIR_PT
@@ -166,14 +168,17 @@ def _near(
     order = sorted(carriers, key=lambda n: -extents[n])
     order += sorted(set(range(len(spots))) - carriers, key=lambda n: extents[n])
     for n in order:
-        samples, room = spots[n].samples, font * _room(spots[n].text)
+        samples = spots[n].samples
+        room = font * _room(spots[n].text)
         if n in carriers:
             middle_first = np.argsort(
                 np.abs(np.arange(len(samples)) - len(samples) // 2), kind="stable"
             )
-            tries, kept = samples[middle_first[: max(1, 2 * len(samples) // 3)]], points[owner != n]
+            tries = samples[middle_first[: max(1, 2 * len(samples) // 3)]]
+            kept = points[owner != n]
         else:
-            tries, kept = spots[n].middle + font * _AROUND, points
+            tries = spots[n].middle + font * _AROUND
+            kept = points
         inside = ((tries - room / 2 >= corners[0]) & (tries + room / 2 <= corners[1])).all(axis=1)
         place = _first_free(tries[inside], room, taken, kept) if inside.any() else None
         if place is not None:
@@ -199,7 +204,8 @@ def _slots(low: _Array, high: _Array, room: _Array, rings: int) -> _Array:
     """Return the centres (n, 2) of boxes that line the picture from inside, in so many rings."""
     found = []
     for ring in range(rings):
-        a, b = low + (ring + 0.5) * room, high - (ring + 0.5) * room
+        a = low + (ring + 0.5) * room
+        b = high - (ring + 0.5) * room
         n_rows, n_columns = (int(max(0, (b[i] - a[i]) // room[i])) for i in (1, 0))
         rows = a[1] + (b[1] - a[1]) * np.arange(n_rows + 1) / max(n_rows, 1)
         # the corners belong to the rows

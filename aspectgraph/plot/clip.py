@@ -58,18 +58,16 @@ def clip_polygon(corners: np.ndarray, half_spaces: np.ndarray) -> np.ndarray:
         if (height <= 0).all():
             continue
         # by hand, as np.roll and np.stack take longer than all the rest of so few corners
-        after, height_after = (
-            np.concatenate([corners[1:], corners[:1]]),
-            np.concatenate([height[1:], height[:1]]),
-        )
+        after = np.concatenate([corners[1:], corners[:1]])
+        height_after = np.concatenate([height[1:], height[:1]])
         crossed = height * height_after < 0
         share = np.where(crossed, height / np.where(crossed, height - height_after, 1.0), 0.0)
-        both, kept = (
-            np.empty((2 * len(corners), corners.shape[1])),
-            np.empty(2 * len(corners), bool),
-        )
-        both[::2], both[1::2] = corners, corners + share[:, None] * (after - corners)
-        kept[::2], kept[1::2] = height <= 0, crossed
+        both = np.empty((2 * len(corners), corners.shape[1]))
+        kept = np.empty(2 * len(corners), bool)
+        both[::2] = corners
+        both[1::2] = corners + share[:, None] * (after - corners)
+        kept[::2] = height <= 0
+        kept[1::2] = crossed
         corners = both[kept]
     return corners
 
@@ -84,7 +82,8 @@ def box_half_spaces(box: np.ndarray) -> np.ndarray:
 def clipped_facets(half_spaces: np.ndarray, box: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return the facets of a convex cell cut down to a box, as (half-space it lies on, corners (n, 3)) pairs."""
     rows = np.vstack([half_spaces, box_half_spaces(box)])
-    centre, reach = box.mean(axis=0), 2.0 * float(np.linalg.norm(np.ptp(box, axis=0)))
+    centre = box.mean(axis=0)
+    reach = 2.0 * float(np.linalg.norm(np.ptp(box, axis=0)))
     facets = []
     for k, row in enumerate(rows):
         foot = centre - (row[:3] @ centre + row[3]) * row[:3]
@@ -128,7 +127,8 @@ def domain_facets(cells: Iterable[Cell], solid: Solid, box: np.ndarray) -> list[
     facets = []
     for key, (behind, before) in sides.items():
         grid = _SNAP * size
-        one, other = polygon_union(behind, grid), polygon_union(before, grid)
+        one = polygon_union(behind, grid)
+        other = polygon_union(before, grid)
         wall = shapely.MultiPolygon(polygon_parts(one.symmetric_difference(other, grid_size=grid)))
         wall = wall.difference(_solid_faces(solid, key, size), grid_size=grid)
         facets += [
@@ -200,7 +200,8 @@ def polygon_parts(geometry: shapely.Geometry) -> list[Any]:
 
 def _solid_faces(solid: Solid, key: tuple[float, ...], size: float) -> shapely.Geometry:
     """Return the union of the solid's faces in a plane, in the plane's axes."""
-    normal, offset = np.array(key[:3]), key[3]
+    normal = np.array(key[:3])
+    offset = key[3]
     first = solid.vertices[[face.outer[0] for face in solid.faces]]
     parallel = np.abs(np.abs(solid.normals @ normal) - 1.0) < _PARALLEL
     in_plane = np.flatnonzero(parallel & (np.abs(first @ normal + offset) < 10 * _SNAP * size))
@@ -217,7 +218,8 @@ def _solid_faces(solid: Solid, key: tuple[float, ...], size: float) -> shapely.G
 
 def _lifted(polygon: shapely.Polygon, key: tuple[float, ...]) -> Facet:
     normal = np.array(key[:3])
-    axes, foot = plane_axes(normal), -key[3] * normal / (normal @ normal)
+    axes = plane_axes(normal)
+    foot = -key[3] * normal / (normal @ normal)
 
     def lift(ring: Any) -> Any:
         return foot + np.asarray(ring.coords)[:, :2] @ axes

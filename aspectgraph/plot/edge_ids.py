@@ -246,7 +246,8 @@ def _draw_items(solid: Solid, items: list[NamedItem], direction: ArrayLike, ax: 
             spots.append(Spot(item.id, colour, samples[seen][:, :2]))
     ax.set_aspect("equal")
     ax.set_axis_off()
-    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    low = points[:, :2].min(axis=0)
+    high = points[:, :2].max(axis=0)
     return draw_labels(spots, low, high, ax)
 
 

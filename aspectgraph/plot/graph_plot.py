@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 _NODE_POINTS2 = (70.0, 900.0)
 _EDGE_POINTS = (0.8, 5.0)
 _EDGE_COLOR = "#9aa4b0"
-_DASHES, _DOTS = (0, (1.6, 1.0)), (0, (2.2, 1.4))
+_DASHES = (0, (1.6, 1.0))
+_DOTS = (0, (2.2, 1.4))
 _MANY = 30
 
 
@@ -139,7 +140,8 @@ def _prepare(ax: Axes, positions: Mapping[Hashable, Any]) -> None:
     points = np.array(list(positions.values()))
     ax.set_axis_off()
     ax.set_aspect("equal", adjustable="datalim")
-    low, high = points.min(axis=0), points.max(axis=0)
+    low = points.min(axis=0)
+    high = points.max(axis=0)
     room = 0.05 * max(float((high - low).max()), 1e-3)
     ax.update_datalim([low - room, high + room])
     ax.margins(0)

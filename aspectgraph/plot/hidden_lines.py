@@ -23,7 +23,8 @@ class ParallelView:
 
     def __init__(self, corners: np.ndarray) -> None:
         points = corners.reshape(-1, 3)
-        self._low, self._high = points.min(axis=0), points.max(axis=0)
+        self._low = points.min(axis=0)
+        self._high = points.max(axis=0)
         self._scene = RayScene(points, np.arange(len(points)).reshape(-1, 3))
 
     def render(self, shades: np.ndarray) -> tuple[np.ndarray, tuple[float, float, float, float]]:
@@ -41,9 +42,11 @@ class ParallelView:
         extent : tuple of float
             Left, right, bottom and top of the image in view coordinates.
         """
-        low, high = self._low[:2], self._high[:2]
+        low = self._low[:2]
+        high = self._high[:2]
         pixel = float((high - low).max()) / _PIXELS
-        low, high = low - 2 * pixel, high + 2 * pixel
+        low = low - 2 * pixel
+        high = high + 2 * pixel
         width, height = np.ceil((high - low) / pixel).astype(int)
         x, y = np.meshgrid(
             low[0] + (np.arange(width) + 0.5) * pixel, low[1] + (np.arange(height) + 0.5) * pixel

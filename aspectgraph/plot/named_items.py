@@ -103,7 +103,8 @@ def normal_text(solid: Solid, face: int) -> str:
 
 def _edge_item(solid: Solid, edge_id: int) -> NamedItem:
     line = np.asarray(solid.edge_points(edge_id), dtype=np.float64)
-    edge, length = solid.edges[edge_id], float(solid.edge_length_mm(edge_id))
+    edge = solid.edges[edge_id]
+    length = float(solid.edge_length_mm(edge_id))
     rows = (
         f"edge {edge_id}",
         f"length {length:.6g} mm",

@@ -11,11 +11,14 @@ import numpy as np
 from aspectgraph.plot.style import listed_on
 
 # up to so many nodes there is time for more starts, and for distances between all pairs
-_FEW, _MANY = 30, 250
+_FEW = 30
+_MANY = 250
 _RANDOM_STARTS = 6
 
 # in units of one line
-_STEPS, _STILL, _TOUCHING = 500, 1e-4, 1e-9
+_STEPS = 500
+_STILL = 1e-4
+_TOUCHING = 1e-9
 _NEAR = 0.15
 
 
@@ -103,10 +106,12 @@ def crossings(graph: nx.Graph, points: np.ndarray) -> int:
     """Count the pairs of lines that cross when the nodes lie at (n, 2) points."""
     place = {node: k for k, node in enumerate(graph)}
     pairs = np.array([(place[i], place[j]) for i, j in graph.edges], int).reshape(-1, 2)
-    start, end = points[pairs[:, 0]], points[pairs[:, 1]]
+    start = points[pairs[:, 0]]
+    end = points[pairs[:, 1]]
 
     def side(q: np.ndarray) -> np.ndarray:
-        d, r = (end - start)[:, None], q[None] - start[:, None]
+        d = (end - start)[:, None]
+        r = q[None] - start[:, None]
         return d[..., 0] * r[..., 1] - d[..., 1] * r[..., 0]
 
     apart = side(start) * side(end) < 0
@@ -118,7 +123,8 @@ def hits(graph: nx.Graph, points: np.ndarray) -> int:
     """Count the pairs of a line and a node, not one of its ends, that it runs over or close by."""
     place = {node: k for k, node in enumerate(graph)}
     pairs = np.array([(place[i], place[j]) for i, j in graph.edges], int).reshape(-1, 2)
-    start, along = points[pairs[:, :1]], points[pairs[:, 1:]] - points[pairs[:, :1]]
+    start = points[pairs[:, :1]]
+    along = points[pairs[:, 1:]] - points[pairs[:, :1]]
     length2 = np.maximum((along**2).sum(axis=2), _TOUCHING)
     share = np.clip(((points[None] - start) * along).sum(axis=2) / length2, 0.0, 1.0)
     distance = np.linalg.norm(points[None] - start - share[..., None] * along, axis=2)

@@ -209,7 +209,8 @@ def _shared_lines(
 ) -> list[np.ndarray]:
     """Return the stretches of a plane's trace that run between two cross-sections."""
     u, v = section_axes(axis)
-    normal, offset = np.array([plane[u], plane[v]]), plane[3] - plane[axis] * at
+    normal = np.array([plane[u], plane[v]])
+    offset = plane[3] - plane[axis] * at
     length = float(np.linalg.norm(normal))
     if length < 1e-9:
         return []

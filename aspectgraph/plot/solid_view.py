@@ -285,13 +285,15 @@ def _deepest(cells: Any, box: np.ndarray) -> np.ndarray:
     """Return the centre of the largest ball in one of the cells and the box."""
     from scipy.optimize import linprog
 
-    best, radius = box.mean(axis=0), -np.inf
+    best = box.mean(axis=0)
+    radius = -np.inf
     for cell in cells:
         rows = np.vstack([cell.half_spaces, box_half_spaces(box)])
         ball = linprog([0, 0, 0, -1], A_ub=np.column_stack([rows[:, :3], np.ones(len(rows))]), b_ub=-rows[:, 3],
                        bounds=[(None, None)] * 4)  # fmt: skip
         if ball.status == 0 and ball.x[3] > radius:
-            best, radius = ball.x[:3], ball.x[3]
+            best = ball.x[:3]
+            radius = ball.x[3]
     return best
 
 

@@ -16,7 +16,8 @@ def find_twins(triangles: np.ndarray) -> np.ndarray:
     start = triangles.astype(np.int64).ravel()
     end = np.roll(triangles, -1, axis=1).astype(np.int64).ravel()
     n = int(start.max()) + 1
-    forward, backward = start * n + end, end * n + start
+    forward = start * n + end
+    backward = end * n + start
     order = np.argsort(forward)
     return order[np.searchsorted(forward, backward, sorter=order)]
 
@@ -81,7 +82,8 @@ class _Grower:
         neighbour: np.ndarray,
         tolerance_mm: float,
     ) -> None:
-        self.corners, self.area_vectors = corners, area_vectors
+        self.corners = corners
+        self.area_vectors = area_vectors
         self.areas = np.linalg.norm(area_vectors, axis=1)
         self.neighbour = neighbour.tolist()
         self.tolerance_mm = tolerance_mm
@@ -99,8 +101,10 @@ class _Grower:
         self.n_groups += 1
 
     def _flood(self, seed: int, band_mm: float) -> list[int]:
-        members, seen = [seed], {seed}
-        total, fitted_area = self.area_vectors[seed].copy(), self.areas[seed]
+        members = [seed]
+        seen = {seed}
+        total = self.area_vectors[seed].copy()
+        fitted_area = self.areas[seed]
         normal, height = self._plane(total, members)
         front = [seed]
         while front:

@@ -89,13 +89,15 @@ def join_facets(
 
 def _joined(tessellation: Tessellation, tolerance_mm: float) -> Any:
     """Do what `join_facets` does; return also the new index of every vertex in use, and the turns at edges left."""
-    vertices, triangles = tessellation.vertices, tessellation.triangles
+    vertices = tessellation.vertices
+    triangles = tessellation.triangles
     corners = [Face(tuple(row)) for row in triangles.tolist()]
     pair_edges(vertices, corners)
     check_fans(vertices, corners)
     twin = find_twins(triangles)
     flat = ~tessellation.curved_patch[tessellation.patch]
-    here, there = np.repeat(np.arange(len(triangles)), 3), twin // 3
+    here = np.repeat(np.arange(len(triangles)), 3)
+    there = twin // 3
     joinable = (tessellation.patch[here] == tessellation.patch[there]) | (flat[here] & flat[there])
     group = group_coplanar(vertices, triangles, twin, joinable, tolerance_mm)
     curved_edges = tessellation.curved_edges | _inner_edges(tessellation, twin)

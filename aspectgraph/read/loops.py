@@ -18,10 +18,12 @@ def trace_loops(
     start = triangles.ravel().tolist()
     of_half_edge = np.repeat(group, 3)
     rim = of_half_edge != of_half_edge[twin]
-    pending, twins = rim.tolist(), twin.tolist()
+    pending = rim.tolist()
+    twins = twin.tolist()
     loops: list[list[list[int]]] = [[] for _ in range(int(group.max()) + 1)]
     for first in np.flatnonzero(rim).tolist():
-        cycle, h = [], first
+        cycle = []
+        h = first
         while pending[h]:
             pending[h] = False
             cycle.append(start[h])
@@ -69,7 +71,8 @@ def drop_idle_vertices(
         Without the removed vertices; a run keeps whether it is curved.
     """
     idle = _idle_vertices(vertices, loops, curved_edges, tolerance_mm)
-    kept_loops, kept_curved = [], set()
+    kept_loops = []
+    kept_curved = set()
     for cycles in loops:
         kept_cycles = []
         for cycle in cycles:
@@ -98,7 +101,8 @@ def turns_of_runs(
     for whole, short in zip(chain.from_iterable(traced), chain.from_iterable(kept), strict=True):
         following = dict(zip(whole, [*whole[1:], whole[0]], strict=True))
         for a, b in zip(short, [*short[1:], short[0]], strict=True):
-            at, found = a, []
+            at = a
+            found = []
             while at != b:
                 found.append(turns.get(_pair(at, following[at])))
                 at = following[at]

@@ -283,11 +283,14 @@ def _agree(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, int
     for seed in range(len(triangles)):
         if party[seed] >= 0:
             continue
-        party[seed], front, piece = 0, [seed], [seed]
+        party[seed] = 0
+        front = [seed]
+        piece = [seed]
         while front:
             t = front.pop()
             for k in range(3):
-                n, side = neighbours[t, k], party[t] ^ (not agrees[t, k])
+                n = neighbours[t, k]
+                side = party[t] ^ (not agrees[t, k])
                 if party[n] < 0:
                     party[n] = side
                     front.append(n)
@@ -304,9 +307,11 @@ def _agree(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, int
 
 def _neighbours(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return for every half-edge of a closed surface the triangle across, and whether it runs the other way there."""
-    start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    start = triangles.ravel()
+    end = np.roll(triangles, -1, axis=1).ravel()
     key = np.minimum(start, end) * (int(triangles.max()) + 1) + np.maximum(start, end)
     order = np.argsort(key, kind="stable").reshape(-1, 2)
     across = np.empty(len(key), dtype=np.int64)
-    across[order[:, 0]], across[order[:, 1]] = order[:, 1], order[:, 0]
+    across[order[:, 0]] = order[:, 1]
+    across[order[:, 1]] = order[:, 0]
     return (across // 3).reshape(-1, 3), (start == end[across]).reshape(-1, 3)

@@ -89,7 +89,9 @@ def _obj_index(word: str, n_vertices: int, number: int) -> int:
         raise ReadError(
             f"an OBJ face must list vertex numbers. Got {word!r} in line {number}."
         ) from error
-    return index - 1 if index > 0 else n_vertices + index if index < 0 else -1
+    if index > 0:
+        return index - 1
+    return n_vertices + index if index < 0 else -1
 
 
 def parse_off(data: bytes) -> tuple[np.ndarray, list[list[int]]]:
@@ -110,9 +112,11 @@ def parse_off(data: bytes) -> tuple[np.ndarray, list[list[int]]]:
     head = rows[0][1][1:]
     body = rows[1:]
     if not head and body:
-        head, body = body[0][1], body[1:]
+        head = body[0][1]
+        body = body[1:]
     try:
-        n_vertices, n_faces = parse_integer(head[0]), parse_integer(head[1])
+        n_vertices = parse_integer(head[0])
+        n_faces = parse_integer(head[1])
     except (ValueError, IndexError) as error:
         raise ReadError(
             f"an OFF file must count its vertices and faces. Got {' '.join(head)[:40]!r}."

@@ -40,7 +40,8 @@ def parse_ply(data: bytes) -> tuple[np.ndarray, list[list[int]]]:
     """
     order, elements, body = _parse_header(data)
     source = _TextSource(body) if not order else _BinarySource(body, order)
-    vertices, polygons = None, None
+    vertices = None
+    polygons = None
     for element in elements:
         rows = source.read(element)
         names = [prop[0] for prop in element.properties]
@@ -177,7 +178,9 @@ class _TextSource:
 
 class _BinarySource:
     def __init__(self, body: bytes, order: str) -> None:
-        self.body, self.order, self.at = body, order, 0
+        self.body = body
+        self.order = order
+        self.at = 0
 
     def read(self, element: _Element) -> list[list[Any]]:
         if not element.properties:

@@ -109,7 +109,8 @@ def _circular_runs(solid: Surface, path: list[int]) -> list[list[int]]:
         return [path] if len(path) - 1 >= MIN_CHORDS else []
     if closed:
         path = _from_a_corner(solid, path)
-    runs, start = [], 0
+    runs = []
+    start = 0
     while start + MIN_ARC_CHORDS < len(path):
         end = start + MIN_ARC_CHORDS
         if not _is_circular(solid, path[start : end + 1]):

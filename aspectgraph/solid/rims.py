@@ -174,11 +174,13 @@ def _joined(pieces: list[CircularEdge]) -> list[CircularEdge]:
     """Join pieces of one circle that follow each other, in the order of the first piece of each."""
     chains: list[CircularEdge] = []
     for piece in pieces:
-        grown, place = piece, len(chains)
+        grown = piece
+        place = len(chains)
         for i in range(len(chains) - 1, -1, -1):
             joint = _join(chains[i], grown)
             if joint is not None:
-                grown, place = joint, i
+                grown = joint
+                place = i
                 del chains[i]
         chains.insert(min(place, len(chains)), grown)
     return chains
@@ -186,7 +188,8 @@ def _joined(pieces: list[CircularEdge]) -> list[CircularEdge]:
 
 def _join(one: CircularEdge, other: CircularEdge) -> CircularEdge | None:
     """Return two chains end to end, or None if they do not meet, or not on one circle."""
-    a, b = one.vertices, other.vertices
+    a = one.vertices
+    b = other.vertices
     if (one.turn_deg < SHARP_DEG) != (other.turn_deg < SHARP_DEG):
         return None
     if (
@@ -223,7 +226,9 @@ def _arc(
         circle = circle.flipped()
     points = solid.vertices[list(vertices)]
     if _turns_clockwise(points, circle):
-        vertices, edges, points = vertices[::-1], edges[::-1], points[::-1]
+        vertices = vertices[::-1]
+        edges = edges[::-1]
+        points = points[::-1]
     start, span = _angles(points, circle)
     middles = 0.5 * (points[1:] + points[:-1])
     turn = min(chain.turn_deg, *(abs(solid.edges[e].dihedral_deg) for e in edges))

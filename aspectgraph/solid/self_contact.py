@@ -77,7 +77,8 @@ def check_contacts(solid: Surface) -> None:
 
 
 def _complain(solid: Surface, edge_id: int, triangle: int, pierces: bool, n_contacts: int) -> None:
-    edge, face = solid.edges[edge_id], int(solid.triangle_face[triangle])
+    edge = solid.edges[edge_id]
+    face = int(solid.triangle_face[triangle])
     same = solid.face_shell[face] == solid.face_shell[edge.faces[0]]
     place = (
         f"{describe_edge(solid.vertices, *edge.vertices)} and face {face} ({n_contacts} such pairs)"
@@ -97,9 +98,11 @@ def _near_pairs(
     solid: Surface, points: np.ndarray, ends: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return edges and triangles whose boxes meet and that are no neighbours."""
-    edge_low, edge_high = points[ends].min(axis=1) - tolerance, points[ends].max(axis=1) + tolerance
+    edge_low = points[ends].min(axis=1) - tolerance
+    edge_high = points[ends].max(axis=1) + tolerance
     corners = points[solid.triangles]
-    low, high = corners.min(axis=1), corners.max(axis=1)
+    low = corners.min(axis=1)
+    high = corners.max(axis=1)
     x, y, z = np.argsort(-np.ptp(points, axis=0), kind="stable")
     tree = shapely.STRtree(shapely.box(low[:, x], low[:, y], high[:, x], high[:, y]))
     boxes = shapely.box(edge_low[:, x], edge_low[:, y], edge_high[:, x], edge_high[:, y])
@@ -109,7 +112,8 @@ def _near_pairs(
     )
     edge_faces = np.array([edge.faces for edge in solid.edges])
     keep &= (edge_faces[edge_idx] != solid.triangle_face[triangle_idx][:, None]).all(axis=1)
-    edge_idx, triangle_idx = edge_idx[keep], triangle_idx[keep]
+    edge_idx = edge_idx[keep]
+    triangle_idx = triangle_idx[keep]
     shared = (ends[edge_idx][:, :, None] == solid.triangles[triangle_idx][:, None, :]).any(
         axis=(1, 2)
     )
@@ -144,14 +148,19 @@ def segment_triangle_gap(
     pierces : ndarray of bool, shape (n,)
         The segment passes through the triangle, by more than the tolerance beyond both ends and every rim.
     """
-    gap, pierces = np.full(len(segments), np.inf), np.zeros(len(segments), dtype=bool)
+    gap = np.full(len(segments), np.inf)
+    pierces = np.zeros(len(segments), dtype=bool)
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     heights = np.einsum("nij,nj->ni", segments - triangles[:, :1], normals)
     near = np.flatnonzero((heights.min(axis=1) <= tolerance) & (heights.max(axis=1) >= -tolerance))
-    segments, triangles, rim = segments[near], triangles[near], rim[near]
-    normals, heights = normals[near], heights[near]
-    (p, q), (hp, hq) = segments.swapaxes(0, 1), heights.T
+    segments = segments[near]
+    triangles = triangles[near]
+    rim = rim[near]
+    normals = normals[near]
+    heights = heights[near]
+    (p, q) = segments.swapaxes(0, 1)
+    (hp, hq) = heights.T
     best = np.full(len(near), np.inf)
     for point, height in ((p, hp), (q, hq)):
         inside = (side_distances(point, triangles, normals) >= 0).all(axis=1)
@@ -171,7 +180,8 @@ def side_distances(points: np.ndarray, triangles: np.ndarray, normals: np.ndarra
     """Return the distances of points, seen along the normal, from the sides, shape (n, 3): positive inside."""
     insets = []
     for k in range(3):
-        start, end = triangles[:, k], triangles[:, (k + 1) % 3]
+        start = triangles[:, k]
+        end = triangles[:, (k + 1) % 3]
         inward = np.cross(normals, end - start)
         inward /= np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-300)
         insets.append(np.einsum("ij,ij->i", points - start, inward))
@@ -180,10 +190,13 @@ def side_distances(points: np.ndarray, triangles: np.ndarray, normals: np.ndarra
 
 def segment_distance(p: np.ndarray, q: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the distances between segments pq and ab, all arrays of shape (n, 3); a segment may be a point."""
-    u, v, w = q - p, b - a, p - a
+    u = q - p
+    v = b - a
+    w = p - a
     uu, uv, vv = (np.einsum("ij,ij->i", x, y) for x, y in ((u, u), (u, v), (v, v)))
     uw, vw = (np.einsum("ij,ij->i", x, w) for x in (u, v))
-    uu, vv = np.maximum(uu, 1e-300), np.maximum(vv, 1e-300)
+    uu = np.maximum(uu, 1e-300)
+    vv = np.maximum(vv, 1e-300)
     spread = uu * vv - uv * uv
     slanted = spread > 1e-24 * uu * vv
     s = np.clip(

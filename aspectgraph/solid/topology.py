@@ -151,7 +151,8 @@ def _check_users(
     """Raise for the first edge that is not used once in each direction."""
     crowded = [edge for edge, uses in users.items() if len(uses) > 2]
     if crowded:
-        text, n = describe_edge(vertices, *crowded[0]), len(users[crowded[0]])
+        text = describe_edge(vertices, *crowded[0])
+        n = len(users[crowded[0]])
         raise NonManifoldError(
             f"every edge must have exactly two faces. Got {n} at the {text} ({len(crowded)} such edges); "
             "solids that touch along an edge or a face are not one solid."
@@ -192,9 +193,11 @@ def check_fans(vertices: np.ndarray, faces: Sequence[Face]) -> None:
             following[at, after] = before
             corners.setdefault(at, []).append(after)
     for at, ends in corners.items():
-        end, n = following[at, ends[0]], 1
+        end = following[at, ends[0]]
+        n = 1
         while end != ends[0] and n <= len(ends):
-            end, n = following[at, end], n + 1
+            end = following[at, end]
+            n = n + 1
         if n != len(ends):
             place = describe_point(vertices[at])
             raise NonManifoldError(
@@ -225,7 +228,8 @@ def _pair_around(
     normal = np.cross(ring, np.roll(ring, -1, axis=0)).sum(axis=0)
 
     def turn(after: int, before: int) -> float:
-        a, b = vertices[after] - vertices[at], vertices[before] - vertices[at]
+        a = vertices[after] - vertices[at]
+        b = vertices[before] - vertices[at]
         sine = np.cross(a, b) @ normal / np.linalg.norm(normal)
         return float(np.arctan2(sine, a @ b)) % (2.0 * np.pi)
 
@@ -257,7 +261,8 @@ def signed_dihedrals_deg(
     vertices: np.ndarray, normals: np.ndarray, edge_vertices: np.ndarray, edge_faces: np.ndarray
 ) -> np.ndarray:
     """Return the signed turn of the normal across each edge in degrees, shape (m,); see `Edge`."""
-    before, after = normals[edge_faces[:, 0]], normals[edge_faces[:, 1]]
+    before = normals[edge_faces[:, 0]]
+    after = normals[edge_faces[:, 1]]
     along = vertices[edge_vertices[:, 1]] - vertices[edge_vertices[:, 0]]
     length = np.linalg.norm(along, axis=1, keepdims=True)
     if not length.all():

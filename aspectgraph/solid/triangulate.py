@@ -87,7 +87,8 @@ def _projection_axes(normal: np.ndarray) -> list[int]:
 
 
 def _signed_areas(rings: np.ndarray) -> np.ndarray:
-    a, b = rings[:, 1] - rings[:, 0], rings[:, 2] - rings[:, 0]
+    a = rings[:, 1] - rings[:, 0]
+    b = rings[:, 2] - rings[:, 0]
     return 0.5 * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 

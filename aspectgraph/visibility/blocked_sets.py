@@ -110,12 +110,14 @@ def _wedge(scene: Scene, solid: Solid, entity: Entity) -> tuple[np.ndarray, np.n
 @compiled
 def _facing(scene, a, b, wedge_first, wedge_plane, wedge_side):
     """Pieces with an end of the entity in front of them that are not wholly inside one blocked set of the wedge."""
-    points, pieces = scene.points, scene.pieces
+    points = scene.points
+    pieces = scene.pieces
     result = np.empty(len(pieces.face), np.int64)
     n = 0
     for piece in range(len(pieces.face)):
         face = pieces.face[piece]
-        plane, side = scene.planes[scene.plane_of_face[face]], scene.side_of_face[face]
+        plane = scene.planes[scene.plane_of_face[face]]
+        side = scene.side_of_face[face]
         if (
             side * side_of(plane, points[a], scene.resolution) <= 0
             and side * side_of(plane, points[b], scene.resolution) <= 0
@@ -144,7 +146,10 @@ def _facing(scene, a, b, wedge_first, wedge_plane, wedge_side):
 def _apparent_size(points, pieces, chosen, a, b):
     """Rough solid angle of pieces seen from the middle of the entity; only orders the work."""
     size = np.zeros(len(chosen))
-    p, q, centre, normal = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
+    p = np.zeros(3)
+    q = np.zeros(3)
+    centre = np.zeros(3)
+    normal = np.zeros(3)
     for k in range(len(chosen)):
         loop = pieces.vertices[pieces.first[chosen[k]] : pieces.first[chosen[k] + 1]]
         for axis in range(3):
@@ -156,7 +161,8 @@ def _apparent_size(points, pieces, chosen, a, b):
                 q[axis] = points[loop[(i + 1) % len(loop)], axis] - eye
                 centre[axis] += p[axis] / len(loop)
             for axis in range(3):
-                j, m = (axis + 1) % 3, (axis + 2) % 3
+                j = (axis + 1) % 3
+                m = (axis + 2) % 3
                 normal[axis] += p[j] * q[m] - p[m] * q[j]
         square = along = 0.0
         for axis in range(3):
@@ -224,9 +230,12 @@ def _cast(points, pieces, order, placed, planes, n_planes, origin, ends, settle_
     for row in range(len(order)):
         piece = order[row]
         loop = pieces.vertices[pieces.first[piece] : pieces.first[piece + 1]]
-        own, outward = piece_plane[piece], piece_side[piece]
-        plane_list[n], side_list[n] = own, -outward
-        start, n = n, n + 1
+        own = piece_plane[piece]
+        outward = piece_side[piece]
+        plane_list[n] = own
+        side_list[n] = -outward
+        start = n
+        n = n + 1
         for i in range(len(loop)):
             following = loop[(i + 1) % len(loop)]
             for kind in range(3):

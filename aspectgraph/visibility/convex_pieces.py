@@ -108,7 +108,8 @@ def _join(triangles: list[list[int]], xy: list[list[int]]) -> list[list[int]]:
         )
     )
     for i, j in sides:
-        n, m = owner[i, j], owner[j, i]
+        n = owner[i, j]
+        m = owner[j, i]
         if n == m:
             continue
         merged = _merge(loops[n], loops[m], i, j)
@@ -125,13 +126,16 @@ def _merge(loop: list[int], other: list[int], i: int, j: int) -> list[int] | Non
     """Splice `other`, which runs j to i, into `loop`, which runs i to j; None if they meet elsewhere too."""
     if len(set(loop) & set(other)) != 2:
         return None
-    at, back = loop.index(j), other.index(i)
+    at = loop.index(j)
+    back = other.index(i)
     return loop[at:] + loop[:at] + (other[back:] + other[:back])[1:-1]
 
 
 def _convex_at(loop: Sequence[int], places: Iterable[int], xy: list[list[int]]) -> bool:
     for k in places:
-        (ax, ay), (bx, by), (cx, cy) = xy[loop[k - 1]], xy[loop[k]], xy[loop[(k + 1) % len(loop)]]
+        (ax, ay) = xy[loop[k - 1]]
+        (bx, by) = xy[loop[k]]
+        (cx, cy) = xy[loop[(k + 1) % len(loop)]]
         if (bx - ax) * (cy - by) - (by - ay) * (cx - bx) < 0:
             return False
     return True

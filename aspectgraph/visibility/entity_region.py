@@ -90,7 +90,8 @@ def _cut(planes: np.ndarray, shadows: Blockers, n_cells: int) -> Complex:
     cx = allocate(planes, n_cells)
     cx.label[add_box(cx, _BOX)] = 1
     n_sets = len(shadows.first) - 1
-    done, limit = 0, _SIMPLIFY_ABOVE
+    done = 0
+    limit = _SIMPLIFY_ABOVE
     while True:
         done = _insert(cx, shadows.first, shadows.plane, shadows.side, done, limit)
         cx = simplify(cx, _BOX, n_cells)
@@ -121,7 +122,8 @@ def _insert(cx, first, plane, side, start, limit):
     for k in range(start, len(first) - 1):
         if cx.count[N_CELLS] > limit:
             return k
-        own_plane, own_side = plane[first[k] : first[k + 1]], side[first[k] : first[k + 1]]
+        own_plane = plane[first[k] : first[k + 1]]
+        own_side = side[first[k] : first[k + 1]]
         still_open = [np.int64(0) for _ in range(0)]
         for c in open_cells:
             if _disjoint(cx, c, own_plane, own_side):

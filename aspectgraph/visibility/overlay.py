@@ -92,14 +92,13 @@ def share_planes(
                     planes[len(box) : n], n - len(box), scene.points, trio, scene.resolution
                 )
                 if match < len(box):
-                    match, plane = (
-                        -1,
-                        find_parallel(
-                            planes[len(box) : n], scene.points, trio, scene.resolution, plane
-                        ),
+                    match = -1
+                    plane = find_parallel(
+                        planes[len(box) : n], scene.points, trio, scene.resolution, plane
                     )
             if match < 0:
-                match, n = n, n + 1
+                match = n
+                n = n + 1
                 planes[match] = plane
                 known[_key(plane)] = match
             number[k] = match

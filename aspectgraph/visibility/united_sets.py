@@ -52,7 +52,8 @@ def united(parts: Sequence[Blockers]) -> Blockers:
     order = np.argsort(first, kind="stable")
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
-    number, kept = rank[number.ravel()], first[order]
+    number = rank[number.ravel()]
+    kept = first[order]
     flip = np.where((planes == planes[kept][number]).all(axis=1), 1, -1)
     offsets = np.cumsum([0] + [len(part.planes) for part in parts])
     sets: dict[tuple[tuple[int, int], ...], int] = {}

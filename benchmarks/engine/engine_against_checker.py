@@ -22,7 +22,9 @@ def main():
     )
     parser.add_argument("--entities", type=int, default=10)
     chosen = parser.parse_args()
-    start, pairs, wrong = time.perf_counter(), 0, []
+    start = time.perf_counter()
+    pairs = 0
+    wrong = []
     for seed in range(chosen.solids):
         comparison = compare(seed, chosen.points, chosen.entities)
         pairs += comparison.engine.size

@@ -59,7 +59,9 @@ def main():
     parser.add_argument("--parts", type=Path, nargs="*", default=[], help="part files")
     parser.add_argument("--entities", type=int, default=20, help="entities of part files")
     chosen = parser.parse_args()
-    start, wrong, copies = time.process_time(), 0, 0
+    start = time.process_time()
+    wrong = 0
+    copies = 0
     for seed in range(chosen.first, chosen.first + chosen.solids):
         wrong += differences(*generated(seed), chosen.turns, seed, chosen.room)
         copies += chosen.turns

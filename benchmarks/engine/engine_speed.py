@@ -65,7 +65,8 @@ def plates(quick):
     print("plate     entities  faces  engine s  domains  adjacencies  cells/domain  twin s   ratio")
     rows = []
     for n, k in [(n, 8) for n in range(2, 9)] + [(5, 20)]:
-        solid, entities = solids.plate(n), solids.plate_entities(n, k)
+        solid = solids.plate(n)
+        entities = solids.plate_entities(n, k)
         workspace = box_around(solid)
         own, eag = seconds(lambda s=solid, e=entities, w=workspace: build_aspect_graph(s, e, w), 5)
         sizes = (
@@ -89,7 +90,8 @@ def plates(quick):
 
 def queries(n_viewpoints=1_000_000, n_cast=5_000):
     """Print the time of exact visibility for many viewpoints, and of ray casting, which is timed for fewer."""
-    solid, entities = solids.plate(5), solids.plate_entities(5, 20)
+    solid = solids.plate(5)
+    entities = solids.plate_entities(5, 20)
     regions = compute_regions(solid, entities, box_around(solid))
     points = np.random.default_rng(0).uniform(*regions.workspace, (n_viewpoints, 3))
     regions.observable(points[:10])

@@ -62,7 +62,8 @@ def _row(regions: VisibilityRegions, n: int) -> str:
 
 
 def _join(send: Any, regions: VisibilityRegions, names: tuple[str, ...]) -> None:
-    before, begun = _resident(), time.perf_counter()
+    before = _resident()
+    begun = time.perf_counter()
     graph = graph_of(regions, names)
     used = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     send.send((len(graph.graph), used, time.perf_counter() - begun))

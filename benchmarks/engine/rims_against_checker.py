@@ -22,7 +22,10 @@ def main():
     )
     parser.add_argument("--rims", type=int, default=4)
     chosen = parser.parse_args()
-    start, pairs, seen, wrong = time.perf_counter(), 0, 0, []
+    start = time.perf_counter()
+    pairs = 0
+    seen = 0
+    wrong = []
     for seed in range(chosen.solids):
         comparison = compare_rims(seed, chosen.points, chosen.rims)
         pairs += comparison.engine.size

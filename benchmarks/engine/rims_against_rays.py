@@ -32,13 +32,15 @@ def main():
 
 def compare(path: str, n_rims: int, n_points: int) -> None:
     """Compare some rims of one part."""
-    solid, rng = read_solid(path), np.random.default_rng(0)
+    solid = read_solid(path)
+    rng = np.random.default_rng(0)
     rims = [solid.rims()[i] for i in sorted(rng.permutation(len(solid.rims()))[:n_rims])]
     compute_regions(solid, rims[:1])
     started = [time.perf_counter()]
     regions = compute_regions(solid, rims, progress=lambda *_: started.append(time.perf_counter()))
     print(f"{solid.name}: {len(solid.rims())} rims; snapped by {regions.grid.snapping_mm:.2g} mm")
-    scene, diagonal = _scene(solid), float(np.linalg.norm(np.ptp(solid.bounds, axis=0)))
+    scene = _scene(solid)
+    diagonal = float(np.linalg.norm(np.ptp(solid.bounds, axis=0)))
     print(
         "rim chords  s     cells pairs  seen   agree    only rays    only region  (settled as the region says)"
     )
@@ -48,7 +50,8 @@ def compare(path: str, n_rims: int, n_points: int) -> None:
         engine = regions.observable(points, [rim.id])[:, 0]
         chords = _chords(solid, rim)
         coarse = _arrive(scene, points, chords, (np.arange(3) + 0.5) / 3)
-        only_rays, only_region = np.flatnonzero(coarse & ~engine), np.flatnonzero(~coarse & engine)
+        only_rays = np.flatnonzero(coarse & ~engine)
+        only_region = np.flatnonzero(~coarse & engine)
         fine = (np.arange(FINE) + 0.5) / FINE
         hidden = ~_arrive(scene, points[only_rays], chords, fine)
         away = _drawn_in(solid, rim, 1e-5 * diagonal)

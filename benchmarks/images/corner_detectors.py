@@ -11,9 +11,12 @@ from rendered_images import PATCH, Lamp, Renderer
 # tiles of the picture around an end, to each side
 _TILES = 1
 # half a window for corners, px; the ends of Canny's thresholds, in grey levels of Sobel's gradient
-_WINDOW, _THRESHOLDS = 5, (20, 60)
+_WINDOW = 5
+_THRESHOLDS = (20, 60)
 # a trace is followed from so far inside to so far outside of where the end should be, and may be so far off, px
-_INSIDE, _OUTSIDE, _OFF = 14.0, 10.0, 1.0
+_INSIDE = 14.0
+_OUTSIDE = 10.0
+_OFF = 1.0
 
 
 def picture(
@@ -46,7 +49,8 @@ def traced_end(
     """
     edges = np.argwhere(cv2.Canny(grey, *_THRESHOLDS, L2gradient=True) > 0)[:, ::-1] + first
     from_end = edges - expected
-    along, off = from_end @ outward, np.abs(from_end @ [-outward[1], outward[0]])
+    along = from_end @ outward
+    off = np.abs(from_end @ [-outward[1], outward[0]])
     near = (off <= _OFF) & (along >= -_INSIDE) & (along <= _OUTSIDE)
     if not near.any():
         return np.full(2, np.nan)

@@ -46,7 +46,8 @@ MODELS = {
     "gaussian": Localisation.gaussian(0.1),
     "fit": Localisation.fit(),
 }
-TRANSLATION, ROTATION = 0.05, 0.0007
+TRANSLATION = 0.05
+ROTATION = 0.0007
 TARGETS = (0.6, 0.75, 0.85, 0.92, 0.97)
 CTC_01 = (
     "distance 1", "distance 2", "Angular Size.1", "Linear Size.1", "Linear Size.3", "Linear Size.7", "Linear Size.9",
@@ -100,7 +101,9 @@ def triangles_of(path: Path, chord_mm: float = 0.005, turn_rad: float = 0.02):
         reader.ReadFile(str(plain))
         reader.TransferRoots()
     solids = TopExp_Explorer(reader.OneShape(), TopAbs_ShapeEnum.TopAbs_SOLID)
-    vertices, triangles, count = [], [], 0
+    vertices = []
+    triangles = []
+    count = 0
     while solids.More():
         BRepMesh_IncrementalMesh(solids.Current(), chord_mm, False, turn_rad, False)
         faces = TopExp_Explorer(solids.Current(), TopAbs_ShapeEnum.TopAbs_FACE)
@@ -136,7 +139,8 @@ def view(
 ) -> np.ndarray | None:
     """Return a pose that sees all entities as wholes, some 20 degrees off the normal of their plane if there is one."""
     points = np.concatenate([own for own, _ in measured.points(POINTS)])
-    centre, normal = points.mean(axis=0), measured.planes()[0][1]
+    centre = points.mean(axis=0)
+    normal = measured.planes()[0][1]
     reach = np.linalg.norm(points - centre, axis=1).max()
     distance = max(
         150.0, 1.25 * reach * camera.image_distance_mm / (min(camera.sensor_size_mm) / 2)
@@ -154,7 +158,8 @@ def view(
 def best_lamp(renderer: Renderer, pose: np.ndarray, measured: Measured, rng) -> Lamp:
     """Return the lamp, of 17 around the camera, under which the tenth weakest of a hundred points is strongest."""
     points, tangents = (np.concatenate(own) for own in zip(*measured.points(POINTS), strict=True))
-    centre, best = points.mean(axis=0), (-1.0, None)
+    centre = points.mean(axis=0)
+    best = (-1.0, None)
     away = np.linalg.norm(pose[:3, 3] - centre)
     turns = [(0.0, 0.0)] + [(tilt, k * np.pi / 4) for tilt in (0.6, 1.1) for k in range(8)]
     for tilt, turn in turns:
@@ -167,7 +172,8 @@ def best_lamp(renderer: Renderer, pose: np.ndarray, measured: Measured, rng) -> 
 
 def permitted_for(planned: PlannedDimension, pose, camera, covariance, target: float) -> float:
     """Return the permitted error that is promised to be met with a probability, under gaussian errors."""
-    low, high = 0.0, 0.5 * planned.nominal
+    low = 0.0
+    high = 0.5 * planned.nominal
     for _ in range(40):
         middle = (low + high) / 2
         enough = promised(planned, pose, camera, covariance, MODELS["gaussian"], middle) >= target
@@ -194,12 +200,18 @@ def displaced(pose: np.ndarray, rng) -> np.ndarray:
 
 def measure(setting: Setting, renderer: Renderer, n: int, seed: int) -> Outcome:
     """Measure a dimension in n images."""
-    rng, outcome, one = np.random.default_rng(seed), Outcome(), setting.measured
-    entities, planes = one.points(POINTS), one.planes()
+    rng = np.random.default_rng(seed)
+    outcome = Outcome()
+    one = setting.measured
+    entities = one.points(POINTS)
+    planes = one.planes()
     sigmas = _sigmas(setting, renderer)
     for _ in range(n):
         real = displaced(setting.pose, rng)
-        found, exact, strong, off = [], [], [], []
+        found = []
+        exact = []
+        strong = []
+        off = []
         for points, tangents in entities:
             pixels, step = found_points(renderer, real, points, tangents, setting.lamp, rng)
             found.append(pixels)
@@ -282,7 +294,8 @@ def part(path: str, names: tuple[str, ...]):
 
 def row(path: str, names: tuple[str, ...], name: str, n: int, seed: int) -> list[dict]:
     """Return a line of the table for each model of one dimension."""
-    began, rng = time.time(), np.random.default_rng(seed)
+    began = time.time()
+    rng = np.random.default_rng(seed)
     camera = Camera.named("basler-acA2440-20gm-8mm")
     covariance = PoseUncertainty.isotropic(
         translation_mm=TRANSLATION, rotation_rad=ROTATION
@@ -304,7 +317,8 @@ def row(path: str, names: tuple[str, ...], name: str, n: int, seed: int) -> list
     off = np.array(outcome.off)
     rows = []
     for model, how in MODELS.items():
-        error, exact = np.array(outcome.image[model]), np.array(outcome.exact[model])
+        error = np.array(outcome.image[model])
+        exact = np.array(outcome.exact[model])
         met = int((np.abs(error) <= permitted).sum())
         interval = binomtest(met, n).proportion_ci(0.95)
         promise = promised(planned, pose, camera, covariance, how, permitted)

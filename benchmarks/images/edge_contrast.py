@@ -36,8 +36,11 @@ from planner import LampBox, look_at, plan_light, read_plan
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PARTS = ("nist_ctc_01_ap242.stp", "nist_ctc_03_ap242.stp.gz", "mfcad_4-5-5-6-9-23.step")
 LEVELS = 255
-NOISE, AMBIENT, BRIGHTEST = 0.01, 0.12, 0.9
-BESIDE_PX, POINTS = (3.0, 4.5), 7
+NOISE = 0.01
+AMBIENT = 0.12
+BRIGHTEST = 0.9
+BESIDE_PX = (3.0, 4.5)
+POINTS = 7
 # what is so far from the edge must be on the face as well: blur carries it over
 CLEAR_PX = 7.5
 FOCAL_PX = 4000.0
@@ -64,11 +67,10 @@ def triples(
     solid: Solid, n: int, seed: int = 0, n_edges: int = 40, wrong_lamp: bool = False
 ) -> list[Triple]:
     """Draw, render and measure n triples of some edges; with ``wrong_lamp`` the formula is told of another lamp."""
-    rng, found = np.random.default_rng(seed), []
-    scene, renderer = (
-        RayScene(solid.vertices, solid.triangles),
-        Renderer(solid.vertices, solid.triangles, MATRIX),
-    )
+    rng = np.random.default_rng(seed)
+    found = []
+    scene = RayScene(solid.vertices, solid.triangles)
+    renderer = Renderer(solid.vertices, solid.triangles, MATRIX)
     renderer.noise = NOISE
     edges = [edge for edge in solid.straight_edges() if solid.edge_length_mm(edge.id) > 3]
     edges = [edges[i] for i in np.sort(rng.permutation(len(edges))[:n_edges])]
@@ -103,7 +105,8 @@ def _formula(solid, edge, lamp):
 def _places(rng, solid, regions, edge):
     """Draw a camera that sees both faces well, and a lamp; None if they do not see the whole edge."""
     ends = solid.edge_points(edge.id)
-    middle, length = ends.mean(axis=0), np.linalg.norm(ends[1] - ends[0])
+    middle = ends.mean(axis=0)
+    length = np.linalg.norm(ends[1] - ends[0])
     size = float(np.linalg.norm(np.ptp(solid.bounds, axis=0)))
     ways = rng.normal(size=(2, 3))
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
@@ -119,7 +122,8 @@ def _places(rng, solid, regions, edge):
 
 def _measured(solid, scene, renderer, edge, places, rng) -> Triple | None:
     """Render an edge and measure the contrast beside it; None if something else is seen beside all its points."""
-    (eye, lamp), ends = places, solid.edge_points(edge.id)
+    (eye, lamp) = places
+    ends = solid.edge_points(edge.id)
     points = ends[0] + np.linspace(0.2, 0.8, POINTS)[:, None] * (ends[1] - ends[0])
     pose = look_at([eye], ends.mean(axis=0), roll=rng.uniform(-np.pi, np.pi))[0]
     image = renderer.projected(np.vstack([points, ends]), pose)
@@ -134,7 +138,8 @@ def _measured(solid, scene, renderer, edge, places, rng) -> Triple | None:
     sides = [
         (sign * off >= BESIDE_PX[0]) & (sign * off <= BESIDE_PX[1]) for sign in (first, -first)
     ]
-    seen, faces = _seen(scene, pose, grid), solid.normals[list(edge.faces)]
+    seen = _seen(scene, pose, grid)
+    faces = solid.normals[list(edge.faces)]
     good = np.ones(POINTS, bool)
     for side, normal in zip(sides, faces, strict=True):
         near = (off * np.sign(off[side][0]) > 0) & (np.abs(off) <= CLEAR_PX)
@@ -146,7 +151,9 @@ def _measured(solid, scene, renderer, edge, places, rng) -> Triple | None:
     if good.sum() < 3:
         return None
     patches = renderer.patches(pose, corners[good], Lamp(lamp, AMBIENT), rng)
-    greys, ideal, counts = [], [], []
+    greys = []
+    ideal = []
+    counts = []
     for side, normal in zip(sides, faces, strict=True):
         chosen = side[good]
         towards = lamp - seen[0][good][chosen]
@@ -259,7 +266,8 @@ def print_table(rows: list[Triple]) -> None:
             np.array([getattr(row, name) for row in own])
             for name in ("predicted", "beside", "measured", "error")
         )
-        diff, z = measured - predicted, (measured - beside) / error
+        diff = measured - predicted
+        z = (measured - beside) / error
         wrong = (np.sign(measured) != np.sign(predicted)) & (np.abs(beside) > 3 * error)
         print(
             f"{part:24} {len(own):7} {(np.abs(predicted) < 0.1).sum():9} {np.abs(diff).max():11.4f} "
@@ -314,7 +322,8 @@ def main() -> int:
     if options.plan:
         print_plan(read_solid(options.parts[0]), read_plan(options.plan))
         return 0
-    rows, begun = [], time.perf_counter()
+    rows = []
+    begun = time.perf_counter()
     for part in options.parts:
         rows += triples(read_solid(part), options.triples, options.seed)
     print_table(rows)

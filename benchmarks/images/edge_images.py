@@ -39,8 +39,12 @@ from aspectgraph import Solid, read_solid, resolve_entities
 from planner import InspectionPlan, read_plan
 from planner.request.objective import Objective
 
-ACCURACIES, AROUND_PX, WEAK = (0.98, 0.99, 0.995), 40.0, 5.0
-ALONG, ARM_PX, ARM_POINTS = 24, (4.0, 28.0), 12
+ACCURACIES = (0.98, 0.99, 0.995)
+AROUND_PX = 40.0
+WEAK = 5.0
+ALONG = 24
+ARM_PX = (4.0, 28.0)
+ARM_POINTS = 12
 # blur shows a line much stronger than another one so far beside itself
 BLURRED_PX = 1.5
 # a line with less for a fit is taken only where no other one leaves the corner
@@ -151,7 +155,8 @@ def arm_step(
 def arm_shares(renderer: Renderer, pose: np.ndarray, corner: np.ndarray, arm: Arm) -> np.ndarray:
     """Return between which shares of its length a line that leaves a corner is looked for."""
     length = np.linalg.norm(np.diff(renderer.projected(np.array([corner, arm.tip]), pose), axis=0))
-    first, back = _mixed_px(arm.fork_deg), _mixed_px(arm.tip_deg)
+    first = _mixed_px(arm.fork_deg)
+    back = _mixed_px(arm.tip_deg)
     stop = np.clip(length - back, 0.5 * length, 0.9 * length)
     return np.minimum((max(ARM_PX[0], first), ARM_PX[1]), (0.5 * length, stop)) / length
 
@@ -202,7 +207,8 @@ def pairs(plan: InspectionPlan, solid: Solid, n: int, seed: int, triangles=None)
             ends = np.asarray(plan.entities[name])
             own = set(resolve_entities(solid, {name: ends})[name].edge_ids)
             lamp = Lamp(lamp_place(plan, k, name))
-            chosen, kind = [], "clean"
+            chosen = []
+            kind = "clean"
             for i in range(2):
                 arms = lines.arms(pose, renderer, ends[i], ends[1 - i], own)
                 wide = [one for one in arms if CORNER_DEG <= one.seen_deg <= 180 - CORNER_DEG]
@@ -232,15 +238,12 @@ def pairs(plan: InspectionPlan, solid: Solid, n: int, seed: int, triangles=None)
             image = renderer.projected(ends, pose)
             room = min(image.min(), (np.array(plan.camera.resolution) - image).min())
             if kind == "clean":
-                kind = (
-                    "near line"
-                    if near < NEAR_PX
-                    else "weak"
-                    if step < WEAK
-                    else "border"
-                    if room < AROUND_PX
-                    else kind
-                )
+                if near < NEAR_PX:
+                    kind = "near line"
+                elif step < WEAK:
+                    kind = "weak"
+                elif room < AROUND_PX:
+                    kind = "border"
             if plan.light is not None and name in plan.light.unlit[k]:
                 kind = "not lit"
             yield _measured(
@@ -265,13 +268,16 @@ def _onward(lines: Lines, end: np.ndarray, inward: np.ndarray, own: set[int]) ->
 
 def _measured(plan, k, name, how, n, kind) -> Pair:
     renderer, pose, ends, arms, lamp, rng = how
-    camera, sigmas = plan.camera, np.asarray(plan.pose_uncertainty.covariance)
+    camera = plan.camera
+    sigmas = np.asarray(plan.pose_uncertainty.covariance)
     image = renderer.projected(ends, pose)
     nominal = np.linalg.norm((image[1] - image[0]) * camera.pixel_pitch_mm)
     errors = np.empty((n, 4))
     for i in range(n):
-        move, draw = np.eye(4), rng.multivariate_normal(np.zeros(6), sigmas)
-        move[:3, 3], move[:3, :3] = draw[:3], Rotation.from_rotvec(draw[3:]).as_matrix()
+        move = np.eye(4)
+        draw = rng.multivariate_normal(np.zeros(6), sigmas)
+        move[:3, 3] = draw[:3]
+        move[:3, :3] = Rotation.from_rotvec(draw[3:]).as_matrix()
         found = found_ends(renderer, pose @ move, ends, arms, lamp, rng)
         detected = detected_ends(renderer, pose @ move, ends, lamp, rng)
         for j, one in enumerate((found, np.rint(found), *detected)):
@@ -349,7 +355,8 @@ def main() -> int:
     parser.add_argument("--csv", type=Path, help="add a row per pair to this file")
     parser.add_argument("--name", default="", help="what the file calls the plan")
     options = parser.parse_args()
-    began, found = time.time(), []
+    began = time.time()
+    found = []
     fine = (
         triangles_of(options.part)
         if ".st" in options.part.name and ".stl" not in options.part.name

@@ -16,9 +16,11 @@ from scipy.ndimage import gaussian_filter
 from scipy.optimize import least_squares
 
 # pixels to either side of a point that are rendered, and that are searched for the steepest place
-PATCH, _SEARCH = 7, 4.0
+PATCH = 7
+_SEARCH = 4.0
 # profiles are sampled so finely, px, and averaged over so many pixels along the edge to either side
-_STEP, _ALONG = 0.1, 1.5
+_STEP = 0.1
+_ALONG = 1.5
 _DARK = 0.04
 # grey values are compared so many px to either side of a found point
 _BESIDE = 2.5
@@ -46,10 +48,8 @@ class Renderer:
 
     def __post_init__(self):
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-        vertices, triangles = (
-            np.asarray(self.vertices, np.float32),
-            np.asarray(self.triangles, np.uint32),
-        )
+        vertices = np.asarray(self.vertices, np.float32)
+        triangles = np.asarray(self.triangles, np.uint32)
         self._scene.add_triangles(o3d.core.Tensor(vertices), o3d.core.Tensor(triangles))
 
     def patches(self, cam2world: np.ndarray, corners: np.ndarray, lamp: Lamp, rng) -> np.ndarray:
@@ -57,7 +57,8 @@ class Renderer:
         margin = int(np.ceil(3 * self.blur_px))
         size = 2 * PATCH + 1 + 2 * margin
         fine = (np.arange(size * self.samples) + 0.5) / self.samples - 0.5 - margin
-        lattice, to_rays = np.stack(np.meshgrid(fine, fine), axis=-1), np.linalg.inv(self.matrix).T
+        lattice = np.stack(np.meshgrid(fine, fine), axis=-1)
+        to_rays = np.linalg.inv(self.matrix).T
         grey = np.empty((len(corners), *lattice.shape[:2]))
         # one after the other: arrays that fit the processor's cache take a fraction of the time
         for shade, corner in zip(grey, corners, strict=True):
@@ -81,10 +82,8 @@ class Renderer:
             [np.broadcast_to(cam2world[:3, 3], turned.shape), turned], axis=1
         ).astype(np.float32)
         hit = self._scene.cast_rays(o3d.core.Tensor(rays))
-        depth, normal = (
-            hit["t_hit"].numpy().astype(float),
-            hit["primitive_normals"].numpy().astype(float),
-        )
+        depth = hit["t_hit"].numpy().astype(float)
+        normal = hit["primitive_normals"].numpy().astype(float)
         seen = np.isfinite(depth)
         grey = np.full(len(rays), _DARK)
         points = cam2world[:3, 3] + depth[seen, None] * turned[seen]
@@ -148,9 +147,12 @@ def found_points(
 def _bilinear(patches: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Return grey values of patches (m, s, s) at places (m, ..., 2) in px from their first pixel."""
     size = patches.shape[1]
-    x, y = np.clip(places[..., 0], 0, size - 1.001), np.clip(places[..., 1], 0, size - 1.001)
-    i, j = x.astype(int), y.astype(int)
-    a, b = x - i, y - j
+    x = np.clip(places[..., 0], 0, size - 1.001)
+    y = np.clip(places[..., 1], 0, size - 1.001)
+    i = x.astype(int)
+    j = y.astype(int)
+    a = x - i
+    b = y - j
     k = np.arange(len(patches)).reshape(-1, *[1] * (places.ndim - 2))
     upper = (1 - a) * patches[k, j, i] + a * patches[k, j, i + 1]
     return (1 - b) * upper + b * ((1 - a) * patches[k, j + 1, i] + a * patches[k, j + 1, i + 1])
@@ -205,7 +207,8 @@ class Measured:
 
     def points(self, n: int) -> list[tuple[np.ndarray, np.ndarray]]:
         """Return points (n, 3) and tangents (n, 3) on each entity: circles first, at the middles of n equal parts."""
-        found, shares = [], (np.arange(n) + 0.5) / n
+        found = []
+        shares = (np.arange(n) + 0.5) / n
         for (centre, axis, radius), arc in zip(self.circles, self.arcs, strict=True):
             start, span = arc or (_across(axis), 2 * np.pi)
             angle = (shares * span)[:, None]
@@ -252,7 +255,8 @@ class Measured:
         if self.kind != "distance":
             raise ValueError(f"kind must be one that is measured here. Got {self.kind!r}.")
         p, q = self.lines[0]
-        along, half_way = (q - p) / np.linalg.norm(q - p), np.mean(self.lines, axis=(0, 1))
+        along = (q - p) / np.linalg.norm(q - p)
+        half_way = np.mean(self.lines, axis=(0, 1))
         at = [m + d * (((half_way - m) @ along) / (d @ along)) for m, d in lines]
         return float(abs((at[1] - at[0]) @ self._way()))
 

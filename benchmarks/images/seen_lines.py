@@ -10,10 +10,13 @@ from rendered_images import Renderer
 
 from aspectgraph import Solid
 
-NEAR_PX, CORNER_DEG = 5.0, 25.0
+NEAR_PX = 5.0
+CORNER_DEG = 25.0
 # turns below these are no lines of the part but seams and facets of curved surfaces: between flat faces, beside one
 # curved face, and between two (degrees)
-SHARP_DEG, CHORD_DEG, FACET_DEG = 5.0, 20.0, 40.0
+SHARP_DEG = 5.0
+CHORD_DEG = 20.0
+FACET_DEG = 40.0
 # near a corner, so many px of a line say nothing of it: as far as 5 px to its side are reached at 25 degrees
 LEAVES_PX = NEAR_PX / np.sin(np.radians(CORNER_DEG))
 
@@ -106,7 +109,8 @@ class Lines:
         """Return the lines that leave a corner visibly, at an angle with the edge on the part."""
         tips = self.leaving(pose, corner, own)
         image = renderer.projected(np.array([corner, inward, *tips.values()]), pose)
-        ways, found = image[1:] - image[0], []
+        ways = image[1:] - image[0]
+        found = []
         sharpest = min((angle_deg(way, ways[0]) for way in ways[1:]), default=90.0)
         for i, (e, tip) in enumerate(tips.items(), 1):
             wide = angle_deg(tip - corner, inward - corner)

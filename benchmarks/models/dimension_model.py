@@ -53,9 +53,11 @@ def differences(example, views, draws, rng, rotation):
     """Return the differences in P and the relative ones in u (views,) of a kind."""
     kind, plain, direction = example
     nominal = measurand(kind, geometry_of(plain), direction).nominal
-    localisation, result = Localisation.gaussian(0.05), []
+    localisation = Localisation.gaussian(0.05)
+    result = []
     while len(result) < views:
-        covariance, pose = correlated(rng, 0.1, rotation), random_view(rng)
+        covariance = correlated(rng, 0.1, rotation)
+        pose = random_view(rng)
         moves = displacements(covariance, draws, int(rng.integers(1 << 30)))
         sigma = tuple(localisation.sigma_px * pitch for pitch in PITCH)
         error = measure(kind, plain, pose, moves, f=F, sigma_mm=sigma, rng=rng, direction=direction)
@@ -99,7 +101,8 @@ def found_points(one, localisation, pose):
 def localisation_differences(example, localisation, views, draws, rng):
     """Return the differences in P (views,) where localisation counts as much as the pose."""
     kind, plain, direction = example
-    covariance, result = isotropic(0.005, 0.00005), []
+    covariance = isotropic(0.005, 0.00005)
+    result = []
     for _ in range(views):
         pose = random_view(rng)
         moves = displacements(covariance, draws, int(rng.integers(1 << 30)))
@@ -121,7 +124,9 @@ def main() -> None:
     )
     parser.add_argument("--views", type=int, default=40)
     parser.add_argument("--draws", type=int, default=1 << 17)
-    given, rng, missed = parser.parse_args(), np.random.default_rng(8), []
+    given = parser.parse_args()
+    rng = np.random.default_rng(8)
+    missed = []
     print(
         f"{'largest |dP| (|du|/u)':24s}"
         + "".join(f"{r:>10g} rad" + " " * 6 for r in ROTATIONS)

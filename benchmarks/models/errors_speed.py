@@ -64,7 +64,8 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=1_000_000)
     arguments = parser.parse_args()
     rng = np.random.default_rng(0)
-    many, few = random_edges(arguments.edges, rng), random_edges(40, rng)
+    many = random_edges(arguments.edges, rng)
+    few = random_edges(40, rng)
 
     start = time.process_time()
     success_probability(few, **CALL, pose_covariance=np.eye(6) * 1e-4)

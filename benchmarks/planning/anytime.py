@@ -114,7 +114,8 @@ class Point:
 def judge_of(case: Case, folder: Path) -> tuple[Judge, float]:
     """Return the judge of a case, and the seconds its regions took."""
     path = next(place / case.part for place in (EXAMPLES, folder) if (place / case.part).exists())
-    solid, camera = read_solid(path), case.camera()
+    solid = read_solid(path)
+    camera = case.camera()
     if case.entities:
         wanted = read_entities(EXAMPLES / case.entities, solid)
     else:
@@ -133,7 +134,10 @@ def judge_of(case: Case, folder: Path) -> tuple[Judge, float]:
 
 def curve(judge: Judge, limit_s: float | None) -> list[Point]:
     """Return the incumbents of plan_inspection."""
-    points, space, start, checking = [], judge.space, time.process_time(), [0.0]
+    points = []
+    space = judge.space
+    start = time.process_time()
+    checking = [0.0]
 
     def take(plan: InspectionPlan) -> None:
         seconds = time.process_time() - start - checking[0]
@@ -254,7 +258,8 @@ def measure(
 
 def _reached(ours: list[Point], n: int, other: Point) -> str:
     """Say when our plans inspect so many entities, and when in no more settings than another one, in its time."""
-    told, most = [], other.settings
+    told = []
+    most = other.settings
     for what, reached in (
         ("first", lambda p: True),
         (f"in {most} settings at most", lambda p: p.settings <= most),

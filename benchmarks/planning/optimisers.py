@@ -32,9 +32,11 @@ _CLOSE = 0.999
 
 def compare(seeds: int, writer) -> None:
     """Print the comparison at equal budgets, case by case and over all cases."""
-    shortfalls, rows = defaultdict(list), defaultdict(list)
+    shortfalls = defaultdict(list)
+    rows = defaultdict(list)
     for case in FEW:
-        problem, runs = Problem(*case), defaultdict(list)
+        problem = Problem(*case)
+        runs = defaultdict(list)
         for seed in range(seeds):
             plan = run(problem, OURS, seed)
             runs[_PLAN].append(plan)

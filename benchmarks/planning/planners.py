@@ -110,7 +110,8 @@ def _cover(judge: Judge, poses: np.ndarray, greedy: bool = False) -> tuple[np.nd
     """Return the poses of a cover of all that the poses inspect, and how many were tested."""
     low, high = judge.space.workspace
     inside = ((poses[:, :3, 3] >= low) & (poses[:, :3, 3] <= high)).all(axis=1)
-    judged, tested = judge(poses[inside]), len(poses)
+    judged = judge(poses[inside])
+    tested = len(poses)
     poses = poses[inside]
     membership = judged.inspects[:, judged.inspects.any(axis=0)]
     if not membership.size:
@@ -139,10 +140,14 @@ def greedy(judge: Judge, seed: int) -> tuple[np.ndarray, int]:
 
 def synthesis(judge: Judge, seed: int) -> tuple[np.ndarray, int]:
     """Poses of the constraint-weighted synthesis for sets that grow by the nearest entity left."""
-    rng, middles = np.random.default_rng(seed), judge.ends.mean(axis=1)
-    left, chosen, tested = list(range(len(judge.names))), [], 0
+    rng = np.random.default_rng(seed)
+    middles = judge.ends.mean(axis=1)
+    left = list(range(len(judge.names)))
+    chosen = []
+    tested = 0
     while left:
-        group, pose = [left[0]], None
+        group = [left[0]]
+        pose = None
         by_distance = sorted(left, key=lambda k: np.linalg.norm(middles[k] - middles[left[0]]))
         for k in by_distance:
             wanted = group if k == left[0] else [*group, k]
@@ -151,7 +156,8 @@ def synthesis(judge: Judge, seed: int) -> tuple[np.ndarray, int]:
             if found is None and k == left[0]:
                 break
             if found is not None:
-                group, pose = wanted, found
+                group = wanted
+                pose = found
         if pose is not None:
             chosen.append(pose)
         left = [k for k in left if k not in group]
@@ -173,7 +179,8 @@ def synthesise(judge: Judge, idx, rng) -> tuple[np.ndarray | None, int]:
     encoding = PoseEncoding(
         sampler.bounds, constraints.sphere_centre, judge.camera.half_diagonal_rad
     )
-    low, span = encoding.low, encoding.high - encoding.low
+    low = encoding.low
+    span = encoding.high - encoding.low
     around = np.vstack([np.zeros(6), _SYNTHESIS_STEP * np.eye(6), -_SYNTHESIS_STEP * np.eye(6)])
     tested = 0
 
@@ -225,7 +232,8 @@ def measure(judge: Judge, planner, seed: int) -> Outcome:
 
 def measure_ours(judge: Judge, setup: str, seed: int) -> Outcome:
     """Run plan_inspection and judge its poses like those of a rival."""
-    chosen, space = SETUPS[setup], judge.space
+    chosen = SETUPS[setup]
+    space = judge.space
     start = time.process_time()
     plan = plan_inspection(
         space.solid,
@@ -277,7 +285,8 @@ def main() -> None:
 
 def compare(setup: str, seeds: int):
     """Print a part's table and yield (planner, seed, `Outcome`) of every run."""
-    chosen, space = SETUPS[setup], regions(setup)
+    chosen = SETUPS[setup]
+    space = regions(setup)
     need = Requirements(
         field_margin_px=chosen.field_margin_px,
         visibility_radius_mm=position_margin_mm(chosen.pose_uncertainty),

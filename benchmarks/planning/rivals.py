@@ -64,7 +64,9 @@ class Problem:
     """
 
     def __init__(self, setup: str, names):
-        chosen, self.space, self.camera = SETUPS[setup], regions(setup), SETUPS[setup].camera()
+        chosen = SETUPS[setup]
+        self.space = regions(setup)
+        self.camera = SETUPS[setup].camera()
         need = Requirements(
             field_margin_px=chosen.field_margin_px,
             visibility_radius_mm=position_margin_mm(chosen.pose_uncertainty),
@@ -78,14 +80,19 @@ class Problem:
         self.encoding = PoseEncoding(
             self.sampler.bounds, self.constraints.sphere_centre, self.camera.half_diagonal_rad
         )
-        self._fitness, self._feasible = self.goal.fitness, self.constraints.feasible
+        self._fitness = self.goal.fitness
+        self._feasible = self.constraints.feasible
         # the planner's own search goes through the same two counters as its rivals
-        self.goal.fitness, self.constraints.feasible = self.fitness, self.feasible
+        self.goal.fitness = self.fitness
+        self.constraints.feasible = self.feasible
         self.begin()
 
     def begin(self, budget: float = np.inf) -> None:
         """Set the counters back; a rival may evaluate `budget` poses."""
-        self.budget, self.evaluated, self.tried, self.best = budget, 0, 0, -np.inf
+        self.budget = budget
+        self.evaluated = 0
+        self.tried = 0
+        self.best = -np.inf
 
     def fitness(self, poses: np.ndarray) -> np.ndarray:
         """Return and count the fitness of poses (n, 4, 4)."""
@@ -99,7 +106,8 @@ class Problem:
 
     def poses(self, x: np.ndarray) -> np.ndarray:
         """Return the poses of points (n, 6) of the unit cube."""
-        low, high = self.encoding.low, self.encoding.high
+        low = self.encoding.low
+        high = self.encoding.high
         return self.encoding.poses(low + np.clip(x, 0.0, 1.0) * (high - low))
 
     def draw(self, n: int, rng) -> np.ndarray:
@@ -131,11 +139,9 @@ class Problem:
         """Return −fitness + weight · violation of points (n, 6); (n,)."""
         self._stop_if_spent()
         poses = self.poses(x)
-        violation, inside, fitness = (
-            self.constraints.violation(poses),
-            self.feasible(poses),
-            np.zeros(len(poses)),
-        )
+        violation = self.constraints.violation(poses)
+        inside = self.feasible(poses)
+        fitness = np.zeros(len(poses))
         # seen from its end an entity has no image, and no probability of measuring it
         slacks = self.constraints.slacks(poses, ["resolution_mm"])["resolution_mm"]
         imaged = (slacks > -0.999 * self.constraints.min_length_mm).all(axis=(1, 2))

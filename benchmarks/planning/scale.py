@@ -98,7 +98,8 @@ def _toml(camera: Camera) -> str:
 
 def _run(arguments: list[str]) -> tuple[float, float, float]:
     """Run the command line; return wall time and processor time, s, and peak memory, GiB."""
-    begun, before = time.perf_counter(), os.times()
+    begun = time.perf_counter()
+    before = os.times()
     command = [
         sys.executable,
         "-c",

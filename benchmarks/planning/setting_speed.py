@@ -26,7 +26,8 @@ def main() -> None:
 
 def times(names, search: Search) -> list[float]:
     """Return the processor time, s, of a search for each seed; the first run, which may compile, is not counted."""
-    setup, space = SETUPS["block"], regions("block")
+    setup = SETUPS["block"]
+    space = regions("block")
     result = []
     for seed in (0, *range(_SEEDS)):
         begun = time.process_time()

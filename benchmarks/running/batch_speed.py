@@ -56,13 +56,17 @@ def main() -> None:
 
 def plate(k: int) -> str:
     """Return an OFF file of plate k: its size and its one to three square holes follow from k."""
-    x, y, z, holes = 60 + 4 * (k % 7), 40 + 3 * (k % 5), 10 + k % 4, 1 + k % 3
+    x = 60 + 4 * (k % 7)
+    y = 40 + 3 * (k % 5)
+    z = 10 + k % 4
+    holes = 1 + k % 3
     squares = [(8 + 18 * i, 10 + k % 6, 12 + k % 3) for i in range(holes)]
     # a plate with holes as a ring of cells: its columns and rows are cut at the sides of the holes
     columns = sorted({0, x, *(a for left, _, size in squares for a in (left, left + size))})
     rows = sorted({0, y, *(b for _, low, size in squares for b in (low, low + size))})
     hollow = {(left, low) for left, low, _ in squares}
-    n_i, n_j = len(columns) - 1, len(rows) - 1
+    n_i = len(columns) - 1
+    n_j = len(rows) - 1
     full = {(i, j) for i in range(n_i) for j in range(n_j) if (columns[i], rows[j]) not in hollow}
     number: dict[tuple[int, int, int], int] = {}
 
@@ -96,7 +100,8 @@ def _measured(folder: Path, out: Path, jobs: int, n_parts: int) -> dict[str, str
         "--json",
         "--quiet",
     ]
-    begun, most = time.perf_counter(), 0.0
+    begun = time.perf_counter()
+    most = 0.0
     process = subprocess.Popen(
         [sys.executable, "-c", _COMMAND, *command], stdout=subprocess.DEVNULL
     )

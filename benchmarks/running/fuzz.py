@@ -49,10 +49,8 @@ def main() -> int:
     signal.signal(signal.SIGALRM, too_long)
     counts: dict[str, collections.Counter] = {name: collections.Counter() for name in names}
     failures = 0
-    end, seed = (
-        time.monotonic() + options.seconds,
-        options.first if options.only is None else options.only,
-    )
+    end = time.monotonic() + options.seconds
+    seed = options.first if options.only is None else options.only
     with tempfile.TemporaryDirectory() as folder:
         while time.monotonic() < end:
             for name in names:

@@ -31,7 +31,8 @@ from pathlib import Path
 
 _COMMAND = "import sys; from planner.cli import start; sys.exit(start())"
 _EXAMPLES = Path(__file__).parents[2] / "examples"
-_STATE, _REGIONS = "planning-state.json", "planning-regions"
+_STATE = "planning-state.json"
+_REGIONS = "planning-regions"
 _MOST_LOST_S = 20.0
 # how often it is looked whether something was saved
 _LOOK_S = 0.1
@@ -69,7 +70,8 @@ def main() -> None:
     ]
     asked += ["--sigma-mm", "0.05", "--sigma-rad", "0.001", "--effort", options.effort, "--quiet"]
     with tempfile.TemporaryDirectory() as scratch:
-        whole, broken = Path(scratch) / "whole", Path(scratch) / "broken"
+        whole = Path(scratch) / "whole"
+        broken = Path(scratch) / "broken"
         _begin([*asked, "--out", str(whole)]).wait()
         spent = resource.getrusage(resource.RUSAGE_CHILDREN)
         length = spent.ru_utime + spent.ru_stime
@@ -77,7 +79,9 @@ def main() -> None:
             f"without interruption: {length:.1f} s\nkill     at s   lost s  orphans  left over  plan",
             flush=True,
         )
-        kills, wrong, most = 0, 0, 0.0
+        kills = 0
+        wrong = 0
+        most = 0.0
         while kills < options.kills:
             process = _begin([*asked, "--resume", "--out", str(broken)])
             after = chance.uniform(0.0, options.within or length)
@@ -109,7 +113,8 @@ def _lost_after(process: subprocess.Popen, folder: Path, after: float) -> float 
             return None
         used = max(used, _processor_s(process.pid))
         if (saved := _saved(folder)) != newest:
-            newest, at = saved, used
+            newest = saved
+            at = used
         time.sleep(_LOOK_S)
     return used - at
 

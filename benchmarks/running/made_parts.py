@@ -91,7 +91,8 @@ def _off(size: tuple[int, int, int], features: list[Feature]) -> str:
     xs = sorted({0, size[0], *(x for one in features for x in one.x)})
     ys = sorted({0, size[1], *(y for one in features for y in one.y)})
     levels = sorted({0, size[2], *(one.z for one in features)})
-    n_i, n_j = len(xs) - 1, len(ys) - 1
+    n_i = len(xs) - 1
+    n_j = len(ys) - 1
 
     def height(i: int, j: int) -> int:
         if not (0 <= i < n_i and 0 <= j < n_j):
@@ -111,7 +112,8 @@ def _off(size: tuple[int, int, int], features: list[Feature]) -> str:
     faces = []
     for i in range(n_i):
         for j in range(n_j):
-            top, ring = height(i, j), [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
+            top = height(i, j)
+            ring = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
             if not top:
                 continue
             faces.append([point(*p, top) for p in ring])

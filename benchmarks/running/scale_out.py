@@ -66,7 +66,8 @@ def main() -> None:
     )
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
-        folder, out = Path(scratch) / "parts", Path(scratch) / "plans"
+        folder = Path(scratch) / "parts"
+        out = Path(scratch) / "plans"
         write_parts(folder, options.parts, options.broken)
         print(_HEADER, flush=True)
         if options.compare:
@@ -133,7 +134,8 @@ def _cluster(workers: int) -> Iterator[tuple[str, int]]:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    address, module = f"tcp://127.0.0.1:{port}", [sys.executable, "-m"]
+    address = f"tcp://127.0.0.1:{port}"
+    module = [sys.executable, "-m"]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     begin = [
         "distributed.cli.dask_scheduler",

@@ -28,7 +28,8 @@ CHOSEN = {
     "comparisons": 3,
     "cluster": 0,
 }
-WIDEST_PX, COLOURS = 1000, 96
+WIDEST_PX = 1000
+COLOURS = 96
 SVG_PX = (900, 753)
 
 
@@ -55,7 +56,8 @@ def drawn(svg: str) -> Image.Image:
     program = shutil.which("chromium") or "google-chrome"
     width, height = SVG_PX
     with tempfile.TemporaryDirectory() as folder:
-        page, shot = Path(folder) / "page.html", Path(folder) / "shot.png"
+        page = Path(folder) / "page.html"
+        shot = Path(folder) / "shot.png"
         page.write_text(
             f"<style>*{{margin:0}}svg{{display:block;width:{width}px}}</style>{svg}",
             encoding="utf-8",

@@ -19,7 +19,11 @@ except ModuleNotFoundError:  # Python 3.10
 
 ROOT = Path(__file__).parents[2]
 
-COLUMN, FLOOR, BOX, MARGIN, HEAD = 162, 62, (148, 38), 24, 34
+COLUMN = 162
+FLOOR = 62
+BOX = (148, 38)
+MARGIN = 24
+HEAD = 34
 COLOURS = {"planner": "#dcebf7", "aspectgraph": "#e2f0dc", "errors": "#fbead2", "ga": "#eee6f4"}
 
 # of each room: its place from left to right, in columns, and what it does
@@ -116,7 +120,8 @@ def box(
 
 def arrow(start: tuple[float, float], end: tuple[float, float]) -> str:
     """Return an arrow from the lower side of one box to the upper side of another."""
-    (x0, y0), (x1, y1) = start, end
+    (x0, y0) = start
+    (x1, y1) = end
     half = BOX[1] / 2
     return (
         f'<line x1="{x0:g}" y1="{y0 + half:g}" x2="{x1:g}" y2="{y1 - half - 2:g}" class="arrow"/>'
@@ -131,7 +136,8 @@ def house(package: str, left: float, top: float, columns: float) -> tuple[list[s
         for k, level in enumerate(levels)
         for room in level
     }
-    width, height = columns * COLUMN, HEAD + len(levels) * FLOOR
+    width = columns * COLUMN
+    height = HEAD + len(levels) * FLOOR
     parts = [frame(package, left, top, width, height)]
     parts += [arrow(where[upper], where[lower]) for upper, lower in arrows(package)]
     for room, (x, y) in where.items():
@@ -154,9 +160,11 @@ def draw() -> str:
     upper, end = house("planner", MARGIN, MARGIN, 6)
     top = end + FLOOR
     lower, bottom = house("aspectgraph", MARGIN, top, 3.9)
-    parts, middles = [*upper, *lower], [MARGIN + 1.95 * COLUMN]
+    parts = [*upper, *lower]
+    middles = [MARGIN + 1.95 * COLUMN]
     for k, (name, what) in enumerate(LEAVES.items()):
-        left, wide = MARGIN + (4.02 + 1.02 * k) * COLUMN, 0.96 * COLUMN
+        left = MARGIN + (4.02 + 1.02 * k) * COLUMN
+        wide = 0.96 * COLUMN
         middles.append(left + wide / 2)
         parts.append(frame(name, left, top, wide, HEAD + FLOOR))
         parts.append(
@@ -174,7 +182,8 @@ def draw() -> str:
         f'<line x1="{x:g}" y1="{end:g}" x2="{x:g}" y2="{top - 4:g}" class="arrow strong"/>'
         for x in middles
     ]
-    width, height = 6 * COLUMN + 2 * MARGIN, bottom + MARGIN
+    width = 6 * COLUMN + 2 * MARGIN
+    height = bottom + MARGIN
     return "\n".join([HEADER.format(width=f"{width:g}", height=f"{height:g}"), *parts, "</svg>\n"])
 
 

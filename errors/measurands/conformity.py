@@ -56,5 +56,6 @@ def acceptance_limits(
     """
     if not expanded >= 0:
         raise InvalidParameterError(f"expanded must not be negative. Got {expanded!r}.")
-    lower, upper = tolerance[0] + expanded, tolerance[1] - expanded
+    lower = tolerance[0] + expanded
+    upper = tolerance[1] - expanded
     return (lower, upper) if lower <= upper else None

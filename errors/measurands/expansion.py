@@ -89,7 +89,8 @@ def plane_row(n, c, p, row):
 @njit(error_model="numpy")
 def noise(w, depth, scale_x, scale_y):
     """Return the variance of e.X by the image noise of one point; the scales are sigma / d."""
-    along_x, along_y = depth * scale_x * w[0], depth * scale_y * w[1]
+    along_x = depth * scale_x * w[0]
+    along_y = depth * scale_y * w[1]
     return along_x * along_x + along_y * along_y
 
 
@@ -107,7 +108,8 @@ def turned(frame, pose, out):
 @njit(error_model="numpy")
 def plane_of(at, n):
     """Write the normal of an entity's plane; return its distance c from the lens."""
-    x, y = at[1], at[2]
+    x = at[1]
+    y = at[2]
     n[0] = x[1] * y[2] - x[2] * y[1]
     n[1] = x[2] * y[0] - x[0] * y[2]
     n[2] = x[0] * y[1] - x[1] * y[0]
@@ -121,8 +123,12 @@ def expand_line(at, half, of_value, g, h, rows):
     ``at`` holds middle, x along and y across; ``of_value`` is the value's gradient by (offset, slope). Return False if
     the plane or an end cannot be carried back.
     """
-    n, w, p, s = np.empty(3), np.empty(3), np.empty(3), np.empty(6)
-    y_row, x_row = np.empty((2, 6)), np.empty((2, 6))
+    n = np.empty(3)
+    w = np.empty(3)
+    p = np.empty(3)
+    s = np.empty(6)
+    y_row = np.empty((2, 6))
+    x_row = np.empty((2, 6))
     c = plane_of(at, n)
     length = 2.0 * half
     for k in range(2):
@@ -134,7 +140,9 @@ def expand_line(at, half, of_value, g, h, rows):
         point_row(at[1], n, c, p, w, x_row[k])
         point_row(at[2], n, c, p, w, y_row[k])
         add_square(h, w, p, s, y_row[k], 0.5 * of_value[0] + (2 * k - 1) * of_value[1] / length)
-    rise, stretch, shift = y_row[1] - y_row[0], x_row[1] - x_row[0], x_row[0] + x_row[1]
+    rise = y_row[1] - y_row[0]
+    stretch = x_row[1] - x_row[0]
+    shift = x_row[0] + x_row[1]
     add_product(h, shift, rise, -0.5 * of_value[0] / length)
     add_product(h, rise, stretch, -of_value[1] / (length * length))
     for i in range(6):
@@ -151,12 +159,20 @@ def expand_circle(at, radius, angles, solve, of_value, g, h, rows):
     ``angles`` (m, 2) are cosines and sines; ``solve`` (6, m) is (A'A)^-1 A' and, below it, (A'A)^-1 times the tangents.
     """
     m = len(angles)
-    n, w, p, e, s = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(6)
-    a_row, b_row, q, r = np.empty((m, 6)), np.empty((m, 6)), np.empty(6), np.empty(6)
+    n = np.empty(3)
+    w = np.empty(3)
+    p = np.empty(3)
+    e = np.empty(3)
+    s = np.empty(6)
+    a_row = np.empty((m, 6))
+    b_row = np.empty((m, 6))
+    q = np.empty(6)
+    r = np.empty(6)
     c = plane_of(at, n)
     rows[:3] = 0.0
     for k in range(m):
-        co, si = angles[k, 0], angles[k, 1]
+        co = angles[k, 0]
+        si = angles[k, 1]
         for i in range(3):
             p[i] = at[0, i] + radius * (co * at[1, i] + si * at[2, i])
             e[i] = -si * at[1, i] + co * at[2, i]
@@ -173,7 +189,8 @@ def expand_circle(at, radius, angles, solve, of_value, g, h, rows):
             for i in range(6):
                 rows[j, i] += solve[j, k] * a_row[k, i]
     for k in range(m):
-        co, si = angles[k, 0], angles[k, 1]
+        co = angles[k, 0]
+        si = angles[k, 1]
         for i in range(6):
             q[i] = b_row[k, i] + si * rows[0, i] - co * rows[1, i]
             r[i] = a_row[k, i] - co * rows[0, i] - si * rows[1, i] - rows[2, i]
@@ -193,8 +210,12 @@ def line_noise(at, half, of_value, points, fit):
     ``points`` are as many as are fitted, at the middles of equal parts; ``fit`` holds sigma_x / d, sigma_y / d, and how
     many independent points there are per length of image over d (0: as many as points), and the floor as a factor.
     """
-    n, w, p, row = np.empty(3), np.empty(3), np.empty(3), np.empty(6)
-    c, spread = plane_of(at, n), half * half * (1.0 - 1.0 / (points * points)) / 3.0
+    n = np.empty(3)
+    w = np.empty(3)
+    p = np.empty(3)
+    row = np.empty(6)
+    c = plane_of(at, n)
+    spread = half * half * (1.0 - 1.0 / (points * points)) / 3.0
     total = 0.0
     for k in range(points):
         x = half * ((2 * k + 1.0) / points - 1.0)
@@ -203,7 +224,8 @@ def line_noise(at, half, of_value, points, fit):
         point_row(at[2], n, c, p, w, row)
         share = (of_value[0] + of_value[1] * x / spread) / points
         total += share * share * noise(w, p[2], fit[0], fit[1])
-    first, last = at[0] - half * at[1], at[0] + half * at[1]
+    first = at[0] - half * at[1]
+    last = at[0] + half * at[1]
     along = np.hypot(
         last[0] / last[2] - first[0] / first[2], last[1] / last[2] - first[1] / first[2]
     )
@@ -213,10 +235,19 @@ def line_noise(at, half, of_value, points, fit):
 @njit(error_model="numpy")
 def circle_noise(at, radius, angles, solve, of_value, fit, closed):
     """Return the variance of a value by a circle's localisation; arguments as of the others."""
-    n, w, p, e, row = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(6)
-    c, m = plane_of(at, n), len(angles)
-    total, along, u, v = 0.0, 0.0, 0.0, 0.0
-    u_first, v_first = 0.0, 0.0
+    n = np.empty(3)
+    w = np.empty(3)
+    p = np.empty(3)
+    e = np.empty(3)
+    row = np.empty(6)
+    c = plane_of(at, n)
+    m = len(angles)
+    total = 0.0
+    along = 0.0
+    u = 0.0
+    v = 0.0
+    u_first = 0.0
+    v_first = 0.0
     for k in range(m):
         for i in range(3):
             e[i] = angles[k, 0] * at[1, i] + angles[k, 1] * at[2, i]
@@ -224,12 +255,15 @@ def circle_noise(at, radius, angles, solve, of_value, fit, closed):
         point_row(e, n, c, p, w, row)
         weight = of_value[0] * solve[0, k] + of_value[1] * solve[1, k] + of_value[2] * solve[2, k]
         total += weight * weight * noise(w, p[2], fit[0], fit[1])
-        u_next, v_next = p[0] / p[2], p[1] / p[2]
+        u_next = p[0] / p[2]
+        v_next = p[1] / p[2]
         if k == 0:
-            u_first, v_first = u_next, v_next
+            u_first = u_next
+            v_first = v_next
         else:
             along += np.hypot(u_next - u, v_next - v)
-        u, v = u_next, v_next
+        u = u_next
+        v = v_next
     if closed:
         along += np.hypot(u_first - u, v_first - v)
     else:

@@ -13,7 +13,9 @@ from errors.measurands.expansion import circle_noise, expand_circle, expand_line
 from errors.measurands.geometry import Circle, Geometry, Line
 from errors.measurands.localisation import POINTS, Localisation
 
-_LINE, _CIRCLE, _ARC = 0, 1, 2
+_LINE = 0
+_CIRCLE = 1
+_ARC = 2
 # of the radius: an arc that is known no better than that is not measured, as its fit is not near to linear there
 _MOST_NOISE = 0.1
 
@@ -66,23 +68,25 @@ class FittedEntities:
     ) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return where the value can be measured (n,), gradient (n, 6), Hessian (n, 6, 6) and variance of the noise."""
         points = localisation.points
-        angles, solve = (
-            np.zeros((len(self.shapes), points, 2)),
-            np.zeros((len(self.shapes), 6, points)),
-        )
+        angles = np.zeros((len(self.shapes), points, 2))
+        solve = np.zeros((len(self.shapes), 6, points))
         for k, one in enumerate(self._geometry):
             if isinstance(one, Circle):
                 angles[k], solve[k] = circle_fit(one, points)
-        n, sigma = len(poses), localisation.sigma_px
-        per_length, floor = 0.0, 0.0
+        n = len(poses)
+        sigma = localisation.sigma_px
+        per_length = 0.0
+        floor = 0.0
         if localisation.model == "fit":
             per_length = image_distance_mm / (localisation.correlation_px * max(pitch_mm))
             floor = (localisation.floor_px / sigma) ** 2 if sigma > 0 else 0.0
         fit = np.array(
             [*(sigma * pitch / image_distance_mm for pitch in pitch_mm), per_length, floor]
         )
-        seen, gradient = np.zeros(n, dtype=np.bool_), np.zeros((n, 6))
-        hessian, variance = np.zeros((n, 6, 6)), np.zeros(n)
+        seen = np.zeros(n, dtype=np.bool_)
+        gradient = np.zeros((n, 6))
+        hessian = np.zeros((n, 6, 6))
+        variance = np.zeros(n)
         entities = self.shapes, self.frames, self.sizes, angles, solve
         _expand_all(
             np.ascontiguousarray(poses),
@@ -117,9 +121,13 @@ def _expand_all(poses, entities, of_value, bend, fit, out):
     shapes, frames, sizes, angles, solve = entities
     seen, gradient, hessian, variance = out
     count = len(of_value)
-    at, rows = np.empty((3, 3)), np.zeros((count, 6))
+    at = np.empty((3, 3))
+    rows = np.zeros((count, 6))
     for i in range(len(poses)):
-        g, h, start, whole = gradient[i], hessian[i], 0, True
+        g = gradient[i]
+        h = hessian[i]
+        start = 0
+        whole = True
         for e in range(len(shapes)):
             turned(frames[e], poses[i], at)
             n_fitted = 2 if shapes[e] == _LINE else 3

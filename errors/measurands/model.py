@@ -18,7 +18,8 @@ from errors.measurands.localisation import Localisation
 from errors.measurands.measurand import Expansion, Image, Measurand
 
 # what a normal variable is within one and two standard deviations of its mean with
-_ONE, _TWO = math.erf(1 / math.sqrt(2)), math.erf(2 / math.sqrt(2))
+_ONE = math.erf(1 / math.sqrt(2))
+_TWO = math.erf(2 / math.sqrt(2))
 _BISECTIONS = 60
 
 
@@ -94,7 +95,8 @@ class MeasurandModel:
         localisation: Localisation,
         permitted_error: float,
     ):
-        self.measurand, self.localisation = measurand, localisation
+        self.measurand = measurand
+        self.localisation = localisation
         pitch = check_pixel_pitch(pixel_pitch_mm)
         self.image = Image(
             check_positive(image_distance_mm, "image_distance_mm"),
@@ -160,7 +162,8 @@ class MeasurandModel:
         u = math.sqrt(math.fsum(budget.values()))
         expanded = COVERAGE * u
         if any(map(is_short, self.measurand.geometry)):
-            u, expanded = self._quantile(expansion, _ONE), self._quantile(expansion, _TWO)
+            u = self._quantile(expansion, _ONE)
+            expanded = self._quantile(expansion, _TWO)
         return Prediction(
             self.measurand.nominal, self.permitted_error, probability, u, expanded, bias, budget
         )
@@ -179,7 +182,8 @@ class MeasurandModel:
         result = np.zeros(len(seen))
         if not seen.any():
             return result
-        gradient, hessian = expansion.gradient[seen], expansion.hessian[seen]
+        gradient = expansion.gradient[seen]
+        hessian = expansion.hessian[seen]
         if expansion.logarithmic:
             bend = np.full(len(gradient), 1 / self.measurand.nominal)
         else:
@@ -196,7 +200,8 @@ class MeasurandModel:
     def _budget(self, expansion: Expansion) -> tuple[dict[str, float], float]:
         """Return variance by source, and the mean error, of the first pose."""
         scale = expansion.scale[0]
-        g, h = expansion.gradient[0] / scale, expansion.hessian[0] / scale
+        g = expansion.gradient[0] / scale
+        h = expansion.hessian[0] / scale
         if expansion.logarithmic:
             # error = nominal (exp(y / nominal) - 1) = y + y^2 / (2 nominal) + ...
             h = h + np.outer(g, g) / self.measurand.nominal
@@ -215,7 +220,8 @@ class MeasurandModel:
 
     def _quantile(self, expansion: Expansion, probability: float) -> float:
         """Return the error that is not exceeded with a probability."""
-        low, high = 0.0, self.measurand.nominal
+        low = 0.0
+        high = self.measurand.nominal
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
             enough = self._within(expansion, np.array([middle]))[0] >= probability

@@ -166,7 +166,8 @@ def simulate_success(
         raise InvalidParameterError(
             f"quantization must be one of {QUANTIZATIONS}. Got {quantization!r}."
         )
-    lead, root = check_leading_shapes(endpoints, covariance), covariance_root(covariance)
+    lead = check_leading_shapes(endpoints, covariance)
+    root = covariance_root(covariance)
     flat_ends = np.ascontiguousarray(np.broadcast_to(endpoints, (*lead, 2, 3))).reshape(-1, 2, 3)
     flat_root = (
         root[None] if root.ndim == 2 else np.broadcast_to(root, (*lead, 6, 6)).reshape(-1, 6, 6)
@@ -242,7 +243,9 @@ def _count(ends, f, pitch, root, tolerance, samples, rng, quantization):
 
 @njit(error_model="numpy")
 def _count_chunk(ends, f, pitch, root, tolerance, normal, uniform, grid, hits):
-    delta, before, after = np.empty(6), np.empty((2, 2)), np.empty((2, 2))
+    delta = np.empty(6)
+    before = np.empty((2, 2))
+    after = np.empty((2, 2))
     for i in range(len(ends)):
         s = root[0] if len(root) == 1 else root[i]
         delta[:] = 0.0
@@ -268,16 +271,22 @@ def _count_chunk(ends, f, pitch, root, tolerance, normal, uniform, grid, hits):
 @njit(error_model="numpy")
 def _image_length(ends, f, delta, image):
     """Write the image of both ends after the displacement; return their distance, or -1 when one is behind the lens."""
-    x, y, z = delta[3], delta[4], delta[5]
+    x = delta[3]
+    y = delta[4]
+    z = delta[5]
     angle2 = x * x + y * y + z * z
     if angle2 > 1e-12:
         angle = math.sqrt(angle2)
-        first, second = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle2
+        first = math.sin(angle) / angle
+        second = (1.0 - math.cos(angle)) / angle2
     else:
-        first, second = 1.0, 0.5
+        first = 1.0
+        second = 0.5
     for p in range(2):
         c1, c2, c3 = ends[p]
-        t1, t2, t3 = y * c3 - z * c2, z * c1 - x * c3, x * c2 - y * c1
+        t1 = y * c3 - z * c2
+        t2 = z * c1 - x * c3
+        t3 = x * c2 - y * c1
         depth = f - (c3 + first * t3 + second * (x * t2 - y * t1) + delta[2])
         if depth <= 0.0:
             return -1.0

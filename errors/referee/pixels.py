@@ -62,7 +62,8 @@ def measure_lengths(
     >>> round(float(measure_lengths(segment, pixel_pitch_mm=(0.005, 0.005))), 6)
     0.1
     """
-    segments, pitch = check_finite(segments, "segments"), check_pixel_pitch(pixel_pitch_mm)
+    segments = check_finite(segments, "segments")
+    pitch = check_pixel_pitch(pixel_pitch_mm)
     band = check_positive(band_px, "band_px") * pitch.max()
     if segments.ndim < 2 or segments.shape[-2:] != (2, 2):
         raise InvalidShapeError(
@@ -107,7 +108,8 @@ def coverage_image(
     InvalidParameterError
         If a value is not finite, or a pitch is not positive.
     """
-    segment, pitch = check_finite(segment, "segment"), check_pixel_pitch(pixel_pitch_mm)
+    segment = check_finite(segment, "segment")
+    pitch = check_pixel_pitch(pixel_pitch_mm)
     low = np.floor(segment.min(axis=0) / pitch).astype(int) - margin_px
     high = np.ceil(segment.max(axis=0) / pitch).astype(int) + margin_px
     image = np.empty((high[1] - low[1] + 1, high[0] - low[0] + 1))
@@ -117,7 +119,8 @@ def coverage_image(
 
 def _whole_pixels(ends: FloatArray) -> FloatArray:
     """Count, per axis, the pixels more than half of which lies between the two ends; ends (..., 2, 2) in pixels."""
-    low, high = ends.min(axis=-2), ends.max(axis=-2)
+    low = ends.min(axis=-2)
+    high = ends.max(axis=-2)
     # More than half covered means that the pixel's centre lies between the ends, unless both are within half a pixel.
     centres = np.ceil(high - 0.5) - np.floor(low - 0.5) - 1.0
     return np.where(high - low > 0.5, centres, 0.0)
@@ -125,7 +128,8 @@ def _whole_pixels(ends: FloatArray) -> FloatArray:
 
 @njit(error_model="numpy")
 def _render(segment, pitch, band, first_i, first_j, image):
-    corners, scratch = _band_corners(segment, band), np.empty((2, 12, 2))
+    corners = _band_corners(segment, band)
+    scratch = np.empty((2, 12, 2))
     for j in range(image.shape[0]):
         for i in range(image.shape[1]):
             image[j, i] = _coverage(
@@ -140,53 +144,67 @@ def _render(segment, pitch, band, first_i, first_j, image):
 @njit(error_model="numpy")
 def _band_corners(segment, band):
     """Return the four corners of the band, counter-clockwise."""
-    du, dv = segment[1, 0] - segment[0, 0], segment[1, 1] - segment[0, 1]
+    du = segment[1, 0] - segment[0, 0]
+    dv = segment[1, 1] - segment[0, 1]
     scale = 0.5 * band / math.hypot(du, dv)
-    nu, nv = -dv * scale, du * scale
+    nu = -dv * scale
+    nv = du * scale
     corners = np.empty((4, 2))
-    corners[0, 0], corners[0, 1] = segment[0, 0] - nu, segment[0, 1] - nv
-    corners[1, 0], corners[1, 1] = segment[1, 0] - nu, segment[1, 1] - nv
-    corners[2, 0], corners[2, 1] = segment[1, 0] + nu, segment[1, 1] + nv
-    corners[3, 0], corners[3, 1] = segment[0, 0] + nu, segment[0, 1] + nv
+    corners[0, 0] = segment[0, 0] - nu
+    corners[0, 1] = segment[0, 1] - nv
+    corners[1, 0] = segment[1, 0] - nu
+    corners[1, 1] = segment[1, 1] - nv
+    corners[2, 0] = segment[1, 0] + nu
+    corners[2, 1] = segment[1, 1] + nv
+    corners[3, 0] = segment[0, 0] + nu
+    corners[3, 1] = segment[0, 1] + nv
     return corners
 
 
 @njit(error_model="numpy")
 def _coverage(corners, u, v, pitch, scratch):
     """Return the fraction of the pixel centred at (u, v) inside a convex counter-clockwise quadrangle, by clipping."""
-    polygon, clipped = scratch[0], scratch[1]
+    polygon = scratch[0]
+    clipped = scratch[1]
     n = 4
     for k in range(4):
         polygon[k, 0] = u + pitch[0] * (0.5 if k in (1, 2) else -0.5)
         polygon[k, 1] = v + pitch[1] * (0.5 if k >= 2 else -0.5)
     for k in range(4):
-        a, b = corners[k], corners[(k + 1) % 4]
+        a = corners[k]
+        b = corners[(k + 1) % 4]
         m = 0
         for i in range(n):
-            p, q = polygon[i], polygon[(i + 1) % n]
+            p = polygon[i]
+            q = polygon[(i + 1) % n]
             sp = (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
             sq = (b[0] - a[0]) * (q[1] - a[1]) - (b[1] - a[1]) * (q[0] - a[0])
             if sp >= 0.0:
-                clipped[m, 0], clipped[m, 1] = p[0], p[1]
+                clipped[m, 0] = p[0]
+                clipped[m, 1] = p[1]
                 m += 1
             if (sp > 0.0 and sq < 0.0) or (sp < 0.0 and sq > 0.0):
                 w = sp / (sp - sq)
-                clipped[m, 0], clipped[m, 1] = p[0] + w * (q[0] - p[0]), p[1] + w * (q[1] - p[1])
+                clipped[m, 0] = p[0] + w * (q[0] - p[0])
+                clipped[m, 1] = p[1] + w * (q[1] - p[1])
                 m += 1
         polygon, clipped, n = clipped, polygon, m
     area = 0.0
     for i in range(n):
-        p, q = polygon[i], polygon[(i + 1) % n]
+        p = polygon[i]
+        q = polygon[(i + 1) % n]
         area += 0.5 * ((p[0] - u) * (q[1] - v) - (p[1] - v) * (q[0] - u))
     return area / (pitch[0] * pitch[1])
 
 
 @njit(error_model="numpy")
 def _measure_chains(segments, pitch, band, out):
-    last, scratch = np.empty((2, 2)), np.empty((2, 12, 2))
+    last = np.empty((2, 2))
+    scratch = np.empty((2, 12, 2))
     for n in range(len(segments)):
         segment = segments[n]
-        du, dv = segment[1, 0] - segment[0, 0], segment[1, 1] - segment[0, 1]
+        du = segment[1, 0] - segment[0, 0]
+        dv = segment[1, 1] - segment[0, 1]
         major = 0 if abs(du) * pitch[1] >= abs(dv) * pitch[0] else 1
         corners = _band_corners(segment, band)
         found = True
@@ -195,7 +213,8 @@ def _measure_chains(segments, pitch, band, out):
         if not found:
             out[n] = np.nan
             continue
-        cu, cv = last[1, 0] - last[0, 0], last[1, 1] - last[0, 1]
+        cu = last[1, 0] - last[0, 0]
+        cv = last[1, 1] - last[0, 1]
         # Half a column beyond each end pixel's centre, along the chain.
         extent = abs(cu) if major == 0 else abs(cv)
         length = math.hypot(cu, cv)
@@ -206,7 +225,8 @@ def _measure_chains(segments, pitch, band, out):
 def _last_pixel(segment, corners, pitch, major, end, scratch, centre):
     """Write the centre of the chain's last pixel at one end; False when no pixel near it belongs to the edge."""
     minor = 1 - major
-    here, other = segment[end], segment[1 - end]
+    here = segment[end]
+    other = segment[1 - end]
     outward = 1 if here[major] > other[major] else -1
     slope = (other[minor] - here[minor]) / (other[major] - here[major])
     start = math.floor(here[major] / pitch[major])

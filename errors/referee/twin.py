@@ -119,11 +119,10 @@ def simulate_measurement(
                 name, f"must have shape {shape}", f"shape {array.shape}"
             )
     tolerance = 1.0 - check_probability(accuracy, "accuracy")
-    samples, confidence = (
-        check_count(samples, "samples"),
-        check_probability(how.confidence, "confidence"),
-    )
-    length, rng = image_segment(endpoints, focal_length_mm=f)[0], np.random.default_rng(rng)
+    samples = check_count(samples, "samples")
+    confidence = check_probability(how.confidence, "confidence")
+    length = image_segment(endpoints, focal_length_mm=f)[0]
+    rng = np.random.default_rng(rng)
     hits = 0
     for start in range(0, samples, _CHUNK):
         normal = rng.standard_normal((min(_CHUNK, samples - start), 6))

@@ -14,8 +14,13 @@ from planner.exceptions import PlanFileError
 from planner.files import write_text
 from planner.records.json_file import read_json
 
-RECORD, PLAN, TABLES = "result.json", "plan.json", ("results.json", "results.csv")
-PLANNED, INCOMPLETE, REFUSED, FAILED = "planned", "incomplete", "refused", "failed"
+RECORD = "result.json"
+PLAN = "plan.json"
+TABLES = ("results.json", "results.csv")
+PLANNED = "planned"
+INCOMPLETE = "incomplete"
+REFUSED = "refused"
+FAILED = "failed"
 
 
 @dataclass(frozen=True)

@@ -71,13 +71,15 @@ def plan_folder(
         results: dict[str, PartResult] = {}
         waiting: list[Task] = []
         for path in part_files(source, target):
-            name, place = _as_text(path.relative_to(source)), target / path.relative_to(source)
+            name = _as_text(path.relative_to(source))
+            place = target / path.relative_to(source)
             known = found_again(name, place, digest_of(path), request.fingerprint)
             if known is None:
                 waiting.append(Task(request, name, path, place))
             else:
                 results[name] = known
-        total, told = len(results) + len(waiting), time.monotonic()
+        total = len(results) + len(waiting)
+        told = time.monotonic()
         report(progress, len(results), total, "parts")
         try:
             for result in _planned(waiting, jobs, executor):

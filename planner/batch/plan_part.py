@@ -38,7 +38,8 @@ from planner.plan import InspectionPlan
 from planner.request.defaults import default_workspace
 from planner.wanted.resolve import resolve_wanted
 
-STATE, REGIONS = "planning-state.json", "planning-regions"
+STATE = "planning-state.json"
+REGIONS = "planning-regions"
 _OWN = (AspectGraphError, MeasurementModelError, GAError, PlannerError)
 # of ours, too, but not the fault of part or request: a disk that is full, a package that is not there
 _OUTER = (OSError, MemoryError, ImportError)
@@ -61,7 +62,9 @@ def plan_part(request: PartRequest, part: str, path: Path, folder: Path) -> Part
     PartResult
         It is written, too, if that is possible.
     """
-    file_sha256, fingerprint, begun = digest_of(path), request.fingerprint, time.monotonic()
+    file_sha256 = digest_of(path)
+    fingerprint = request.fingerprint
+    begun = time.monotonic()
     known = found_again(part, folder, file_sha256, fingerprint)
     if known is not None:
         return known

@@ -25,10 +25,12 @@ def large_clique(conflict: NDArray[np.bool_]) -> NDArray[np.int_]:
     -------
     array of int, ascending
     """
-    conflict, rng = np.asarray(conflict, dtype=bool), np.random.default_rng(0)
+    conflict = np.asarray(conflict, dtype=bool)
+    rng = np.random.default_rng(0)
     best = np.zeros(0, dtype=int)
     for trial in range(_ROUNDS * len(conflict)):
-        clique, left = [trial % len(conflict)], np.flatnonzero(conflict[trial % len(conflict)])
+        clique = [trial % len(conflict)]
+        left = np.flatnonzero(conflict[trial % len(conflict)])
         while len(left) and len(clique) + len(left) > len(best):
             # the one that leaves most to choose from
             leaves = conflict[np.ix_(left, left)].sum(axis=1) + _CHANCE * rng.random(len(left)) * (

@@ -84,7 +84,8 @@ class Aiming:
     near_setting: float = 0.3
 
 
-SWEEPING, AIMING = Sweeping(), Aiming()
+SWEEPING = Sweeping()
+AIMING = Aiming()
 
 
 class _Parts:
@@ -96,7 +97,8 @@ class _Parts:
     def __init__(self, n: int, first: int):
         self.proven, self.waits = np.zeros((2, n), dtype=bool)
         # boxes to be looked at when a part is searched next
-        self.worth, self.first = np.full(n, first), first
+        self.worth = np.full(n, first)
+        self.first = first
 
     def next_ones(self, affordable: int) -> tuple[NDArray[np.int_], NDArray[np.int_]] | None:
         """Return the parts to be searched next and how many boxes of each; None if that is more than affordable."""
@@ -112,7 +114,8 @@ class _Parts:
 
         There, some set of entities weighs too much and nearly can be inspected.
         """
-        proven, spent = outcomes == PROVEN, outcomes == SPENT
+        proven = outcomes == PROVEN
+        spent = outcomes == SPENT
         self.proven[parts] = proven
         self.worth[parts[proven]] = np.maximum(SWEEPING.again * made[proven], self.first)
         self.worth[parts[spent]] = SWEEPING.more * made[spent]
@@ -142,7 +145,9 @@ class _Parts:
     def from_dict(cls, data: dict[str, Any]) -> _Parts:
         """Build from the result of `to_dict`."""
         parts = cls(len(data["worth"]), data["first"])
-        parts.proven, parts.waits, parts.worth = data["proven"], data["waits"], data["worth"]
+        parts.proven = data["proven"]
+        parts.waits = data["waits"]
+        parts.worth = data["worth"]
         return parts
 
 
@@ -213,7 +218,8 @@ class LinearBound:
         improve: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None,
         ledger: Ledger | None = None,
     ):
-        self.space, self.improve = space, improve
+        self.space = space
+        self.improve = improve
         self.ledger = ledger or Ledger()
         self.columns = np.asarray(columns, dtype=bool)
         self.found = self.columns[:0]
@@ -240,7 +246,8 @@ class LinearBound:
             if asked is None:
                 # what is proven for a smaller limit is proven for this one; what is to spare must not make it smaller
                 parts.ease()
-                at.target, at.undecided = at.target - 1, False
+                at.target = at.target - 1
+                at.undecided = False
                 at.allowed = self._share(max_nodes, at.target - at.bound)
                 at.limit = max(at.limit, limit_for(at.y, at.target))
                 continue
@@ -257,11 +264,10 @@ class LinearBound:
                 at.bound = max(at.bound, at.target)
                 self.ledger.proven(at.bound)
                 parts.renew()
-                at.target, at.allowed = (
-                    min(at.bound + 1, n_settings),
-                    AIMING.share_of_next * max_nodes,
-                )
-                at.limit, at.least = limit_for(at.y, at.target), AIMING.least_limit_of_next
+                at.target = min(at.bound + 1, n_settings)
+                at.allowed = AIMING.share_of_next * max_nodes
+                at.limit = limit_for(at.y, at.target)
+                at.least = AIMING.least_limit_of_next
             else:
                 # boxes too small to be halved: more of them would not decide
                 at.undecided = not (outcomes == SPENT).any() and not parts.waits.any()
@@ -282,7 +288,8 @@ class LinearBound:
 
     def _resume(self, kept: dict[str, Any]) -> _Course:
         """Go on from what was told of a sweep; return where that is."""
-        self.found, self.made = kept["found"], kept["made"]
+        self.found = kept["found"]
+        self.made = kept["made"]
         self._poses = [kept["poses"]] if len(kept["poses"]) else []
         self.space.regrow(kept["viewpoints"])
         self._swept = _unpacked(kept["swept"])
@@ -337,7 +344,8 @@ class LinearBound:
             report(progress, min(self.made, max_nodes), max_nodes, "lower bound")
 
         tell = self._teller(at)
-        done, self._swept = self._swept, []
+        done = self._swept
+        self._swept = []
         self.made += sum(found.made for found in done)
         left = slice(len(done), None)
         search = self.space.search(
@@ -387,7 +395,8 @@ def _packed(done: tuple[Found, ...]) -> dict[str, NDArray[Any]]:
 def _unpacked(packed: dict[str, NDArray[Any]]) -> list[Found]:
     """Return what `_packed` made few arrays of."""
     cuts = np.cumsum(packed["n_poses"])[:-1]
-    poses, sets = np.split(packed["poses"], cuts), np.split(packed["sets"], cuts)
+    poses = np.split(packed["poses"], cuts)
+    sets = np.split(packed["sets"], cuts)
     rows = zip(
         packed["outcome"].tolist(),
         packed["made"].tolist(),

@@ -76,7 +76,9 @@ def find_conflicts(
         Symmetric, false on the diagonal.
     """
     known = np.asarray(columns, dtype=bool)
-    segments, frustum, cells = segments_of(judge, entity_idx), frustum_of(judge), regions.arrays
+    segments = segments_of(judge, entity_idx)
+    frustum = frustum_of(judge)
+    cells = regions.arrays
     together = known.T.astype(int) @ known.astype(int) > 0
     tangents = sensor_tangents(judge.camera, judge.requirements.border_px)
     conflict = too_far_apart(judge.camera, segments.ends, tangents) & ~together
@@ -120,7 +122,9 @@ def _share_viewpoint(a, b, cells, pair, frustum):
 
     ``pair`` are the segments of the two.
     """
-    planes, plane_start, entity_start = cells.planes, cells.plane_start, cells.entity_start
+    planes = cells.planes
+    plane_start = cells.plane_start
+    entity_start = cells.entity_start
     stack = np.empty((_SUBDIVISION.waiting, 2, 3))
     for i in range(entity_start[a], entity_start[a + 1]):
         for j in range(entity_start[b], entity_start[b + 1]):
@@ -137,10 +141,12 @@ def _share_viewpoint(a, b, cells, pair, frustum):
 def _overlap(boxes, i, j, common):
     """Tell whether boxes i and j meet; write the centre and half size of what they share."""
     for k in range(3):
-        low, high = max(boxes[i, 0, k], boxes[j, 0, k]), min(boxes[i, 1, k], boxes[j, 1, k])
+        low = max(boxes[i, 0, k], boxes[j, 0, k])
+        high = min(boxes[i, 1, k], boxes[j, 1, k])
         if high - low < -TOUCH_MM:
             return False
-        common[_MIDDLE, k], common[_HALF, k] = (low + high) / 2, (high - low) / 2
+        common[_MIDDLE, k] = (low + high) / 2
+        common[_HALF, k] = (high - low) / 2
     return True
 
 
@@ -152,7 +158,8 @@ def _search(stack, i, j, planes, plane_start, pair, frustum):
         if size == 0:
             return False
         size -= 1
-        centre, half = stack[size, _MIDDLE].copy(), stack[size, _HALF].copy()
+        centre = stack[size, _MIDDLE].copy()
+        half = stack[size, _HALF].copy()
         if not _in_both(centre, half, i, j, planes, plane_start):
             continue
         if not _in_view(centre, math.sqrt(np.sum(half**2)), pair, frustum):
@@ -191,7 +198,8 @@ def _in_view(centre, radius, pair, frustum):
     for k in range(n):
         if out_of_focus(_distance(points[k], centre), radius, frustum):
             return False
-    away, deep = np.empty(n), frustum.far - frustum.near + TOUCH_MM
+    away = np.empty(n)
+    deep = frustum.far - frustum.near + TOUCH_MM
     for k in range(n):
         away[k] = _from_axis(_distance(points[k], centre), radius, frustum)
     for k in range(n):
@@ -253,14 +261,17 @@ def _one_behind_the_other(point, other, centre, deep, off):
 
 @lean
 def _distance(point, other):
-    x, y, z = point[0] - other[0], point[1] - other[1], point[2] - other[2]
+    x = point[0] - other[0]
+    y = point[1] - other[1]
+    z = point[2] - other[2]
     return math.sqrt(x * x + y * y + z * z)
 
 
 @lean
 def _apart(i, j, cells):
     """Tell whether a plane of cell i has all corners of cell j outside."""
-    planes, corners = cells.planes, cells.corners
+    planes = cells.planes
+    corners = cells.corners
     for p in range(cells.plane_start[i], cells.plane_start[i + 1]):
         separates = True
         for v in range(cells.corner_start[j], cells.corner_start[j + 1]):

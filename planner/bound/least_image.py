@@ -44,7 +44,8 @@ def least_images_mm(judge: Judge) -> NDArray[np.float64]:
         Lengths, mm; 0 asks for none. Of dimensions nothing is claimed: how short an image of two of their points may
         be, follows from no constraint.
     """
-    request, of_accuracy = judge.request, {}
+    request = judge.request
+    of_accuracy = {}
     quantile = quantization_quantile(
         judge.camera.finest_pitch_mm, judge.threshold - _PROBABILITY_ERROR
     )
@@ -66,9 +67,11 @@ def quantization_quantile(pixel_pitch_mm: tuple[float, float], probability: floa
     |q| (Anderson 1955), and h between the directions is smaller by no more than that.
     """
     law = SegmentQuantization(_DIRECTIONS, pixel_pitch_mm)
-    low, high = np.zeros(len(_DIRECTIONS)), np.full(len(_DIRECTIONS), float(np.sum(pixel_pitch_mm)))
+    low = np.zeros(len(_DIRECTIONS))
+    high = np.full(len(_DIRECTIONS), float(np.sum(pixel_pitch_mm)))
     for _ in range(_BISECTIONS):
         h = (low + high) / 2
         enough = 2.0 * law.cdf(h) - 1.0 >= probability
-        low, high = np.where(enough, low, h), np.where(enough, h, high)
+        low = np.where(enough, low, h)
+        high = np.where(enough, h, high)
     return float(low.min()) / (1.0 + _STEP)

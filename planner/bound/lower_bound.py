@@ -110,7 +110,8 @@ class Generation:
     kept: float = 0.5
 
 
-COVERING, GENERATION = Covering(), Generation()
+COVERING = Covering()
+GENERATION = Generation()
 
 
 def lower_bound(
@@ -262,7 +263,8 @@ def _by_covers(
         )
         if heavy is None:
             growing.ledger.proven(target)
-            target, rounds = target + 1, 0
+            target = target + 1
+            rounds = 0
             continue
         if not heavy.size:
             break
@@ -282,7 +284,8 @@ class _Growing:
     """
 
     def __init__(self, ledger: Ledger, conflict: NDArray[np.bool_]):
-        self.ledger, self._conflict = ledger, conflict
+        self.ledger = ledger
+        self._conflict = conflict
 
     def tell(self, tree: PoseTree, weights: _Weights, target: int, rounds: int) -> None:
         """Tell where a round begins."""
@@ -349,7 +352,8 @@ def _above(tree: PoseTree, y: NDArray[np.float64], target: int) -> NDArray[np.in
     limit = float(y.sum()) / (target - 1) - _SLACK
     nodes = np.flatnonzero(tree.sets @ y > limit)
     weight = tree.weights(nodes, y)
-    nodes, weight = nodes[weight > limit], weight[weight > limit]
+    nodes = nodes[weight > limit]
+    weight = weight[weight > limit]
     if not nodes.size:
         return None
     fine = tree.size[nodes] > COVERING.finest_rad

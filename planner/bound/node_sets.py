@@ -101,7 +101,8 @@ def clear_unsatisfied(nodes, segments, frustum, possible):
                     break
                 depths *= nearest
             if possible[n, e]:
-                centre, radius = nodes.centre[n], nodes.radius[n]
+                centre = nodes.centre[n]
+                radius = nodes.radius[n]
                 possible[n, e] = not too_short_at(
                     ends[e], lengths[e], length_ratio[e], centre, radius, depths
                 )
@@ -113,13 +114,11 @@ def _nearest_depth(ray, nodes, n, frustum):
 
     ``ray`` leads from the middle of its positions to the point.
     """
-    radius, axis, spread, frame, turned = (
-        nodes.radius[n],
-        nodes.axis[n],
-        nodes.spread[n],
-        nodes.frame[n],
-        nodes.turned[n],
-    )
+    radius = nodes.radius[n]
+    axis = nodes.axis[n]
+    spread = nodes.spread[n]
+    frame = nodes.frame[n]
+    turned = nodes.turned[n]
     near, far, tan_x, tan_y, cone = frustum
     distance = math.sqrt(ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2)
     if out_of_focus(distance, radius, frustum):
@@ -127,7 +126,8 @@ def _nearest_depth(ray, nodes, n, frustum):
     swing = math.asin(radius / distance) if distance > radius else math.pi
     length = max(distance, _EPS)
     # not the arc cosine, which near 0 is wrong by 1e-8
-    x, y = ray[1] * axis[2] - ray[2] * axis[1], ray[2] * axis[0] - ray[0] * axis[2]
+    x = ray[1] * axis[2] - ray[2] * axis[1]
+    y = ray[2] * axis[0] - ray[0] * axis[2]
     z = ray[0] * axis[1] - ray[1] * axis[0]
     along = ray[0] * axis[0] + ray[1] * axis[1] + ray[2] * axis[2]
     angle = math.atan2(math.sqrt(x * x + y * y + z * z), along)
@@ -177,13 +177,15 @@ def separate(places, pairs, first, second):
     for k in range(n):
         members = np.flatnonzero(first[k])
         excludes = _exclusions(members, places, k, pairs)
-        worst, most = 0, 0
+        worst = 0
+        most = 0
         for e in range(len(members)):
             count = 0
             for f in range(len(members)):
                 count += excludes[e, f]
             if count > most:
-                worst, most = e, count
+                worst = e
+                most = count
         if most > 0:
             changed[k] = True
             first[k, members[worst]] = False
@@ -223,12 +225,10 @@ def _exclusions(members, places, k, pairs):
     the frustum between the nearest and the farthest sharp plane is wide or deep.
     """
     ends, angle, room, conflict = pairs
-    centre, radius, axes, turns = (
-        places.centre[k],
-        places.radius[k],
-        places.axes[k],
-        places.turns[k],
-    )
+    centre = places.centre[k]
+    radius = places.radius[k]
+    axes = places.axes[k]
+    turns = places.turns[k]
     m = len(members)
     rays = np.empty((m, 2, 3))
     wide = np.empty((m, 2, 3))
@@ -239,11 +239,9 @@ def _exclusions(members, places, k, pairs):
             put(rays[e, i], ray / max(length, _EPS))
             swing = math.asin(radius / length) if length > radius else math.pi
             half = angle / 2 + swing + _EPS
-            wide[e, i, _ANGLE], wide[e, i, _COSINE], wide[e, i, _SINE] = (
-                half,
-                math.cos(half),
-                math.sin(half),
-            )
+            wide[e, i, _ANGLE] = half
+            wide[e, i, _COSINE] = math.cos(half)
+            wide[e, i, _SINE] = math.sin(half)
     excludes = np.zeros((m, m), dtype=np.bool_)
     for e in range(m):
         for f in range(e + 1, m):
@@ -264,11 +262,9 @@ def _too_far(first, second, axes, turns, room):
     """
     for i in range(2):
         for j in range(2):
-            x, y, z = (
-                first[i, 0] - second[j, 0],
-                first[i, 1] - second[j, 1],
-                first[i, 2] - second[j, 2],
-            )
+            x = first[i, 0] - second[j, 0]
+            y = first[i, 1] - second[j, 1]
+            z = first[i, 2] - second[j, 2]
             squared = x * x + y * y + z * z
             for axis in range(3):
                 if squared <= room[axis] ** 2:

@@ -95,7 +95,8 @@ class PoseSpace:
         regions: Cells,
         conflict: NDArray[np.bool_],
     ):
-        self.view, self.conflict = view_of(judge), np.ascontiguousarray(conflict)
+        self.view = view_of(judge)
+        self.conflict = np.ascontiguousarray(conflict)
         segments = segments_of(judge, entity_idx)
         self.entities = entities_of(segments, regions, judge.requirements.visibility_radius_mm)
         points = self.entities.ends.reshape(-1, 3)
@@ -104,7 +105,8 @@ class PoseSpace:
         )
         # the last tree of viewpoints, and the weights and the limit that it was grown for
         self._grown: tuple[Viewpoints, NDArray[np.float64], float] | None = None
-        low, high = points.min(axis=0) - self.view.radius, points.max(axis=0) + self.view.radius
+        low = points.min(axis=0) - self.view.radius
+        high = points.max(axis=0) + self.view.radius
         root = np.array([(low + high) / 2, (high - low) / 2, np.zeros(3), np.ones(3)])
         self.parts = [(chart, part) for chart in (0, 1) for part in _cut(root, DIVISION.parts // 2)]
 
@@ -205,11 +207,13 @@ class PoseSpace:
         stop: NDArray[np.bool_],
     ) -> Found:
         chart, part = self.parts[k]
-        y, made = y.copy(), 0
+        y = y.copy()
+        made = 0
         poses: list[NDArray[np.float64]] = []
         sets: list[NDArray[np.bool_]] = []
         while True:
-            pose, inspected = np.eye(4), np.zeros(len(y), dtype=bool)
+            pose = np.eye(4)
+            inspected = np.zeros(len(y), dtype=bool)
             order = np.argsort(-y, kind="stable")[: int((y > 0).sum())]
             task = Task(self.conflict, y, limit, max_nodes - made, stop)
             outcome, n = search(
@@ -229,7 +233,8 @@ class PoseSpace:
 
 def _cut(root: NDArray[np.float64], n: int) -> list[NDArray[np.float64]]:
     """Halve a box (4, 3) until there are so many, by turns along all six coordinates."""
-    parts, k = [root], 0
+    parts = [root]
+    k = 0
     while len(parts) < n:
         middle, size, axis = (LOOK, HALF, k % 3) if k % 6 < 3 else (TURN, SPAN, k % 3)
         halves = []
@@ -238,7 +243,8 @@ def _cut(root: NDArray[np.float64], n: int) -> list[NDArray[np.float64]]:
             half[size, axis] /= 2
             half[middle, axis] += side * half[size, axis]
             halves.append(half)
-        parts, k = halves, k + 1
+        parts = halves
+        k = k + 1
     return parts
 
 

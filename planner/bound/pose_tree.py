@@ -29,7 +29,10 @@ from planner.columns.judge import Judge
 # nodes evaluated at a time; bounds the memory
 _BATCH = 6000
 # along which a node is split
-_BY_POSITION, _BY_DIRECTION, _BY_ROLL, _BY_SET = 0, 1, 2, -1
+_BY_POSITION = 0
+_BY_DIRECTION = 1
+_BY_ROLL = 2
+_BY_SET = -1
 
 
 class PoseTree:
@@ -55,7 +58,8 @@ class PoseTree:
         conflict: NDArray[np.bool_],
     ):
         self.cells = regions.planes, regions.plane_start, regions.entity_start
-        self.segments, self.frustum = segments_of(judge, entity_idx), frustum_of(judge)
+        self.segments = segments_of(judge, entity_idx)
+        self.frustum = frustum_of(judge)
         near, far, tan_x, tan_y, cone = self.frustum
         self.reach = focus_reach(self.frustum)
         # two points in view: both are on the sensor, and both in focus
@@ -68,10 +72,8 @@ class PoseTree:
         """Start with one node per face of the cube of directions, all positions, all rolls."""
         low, high = np.asarray(workspace, dtype=float)
         points = self.segments.ends.reshape(-1, 3)
-        low, high = (
-            np.maximum(low, points.min(axis=0) - self.reach),
-            np.minimum(high, points.max(axis=0) + self.reach),
-        )
+        low = np.maximum(low, points.min(axis=0) - self.reach)
+        high = np.minimum(high, points.max(axis=0) + self.reach)
         n = 6
         self.centre = np.tile((low + high) / 2, (n, 1))
         self.half = np.tile((high - low) / 2, (n, 1))
@@ -96,7 +98,8 @@ class PoseTree:
         """Go on from leaves of the same request."""
         for name, _ in self._fields():
             setattr(self, name, leaves[name])
-        self._extents, self.made = leaves["extents"], leaves["made"]
+        self._extents = leaves["extents"]
+        self.made = leaves["made"]
 
     def split(self, nodes: NDArray[np.int_], sets_first: bool = True) -> None:
         """Replace nodes by their two halves along the coordinate that causes most slack; forget empty ones.
@@ -198,7 +201,8 @@ def _patch_frames(
     the face's u axis, turned by the roll. Between two directions of a patch the frame turns by at most sqrt(2) times
     the angle between them: its twist is |u.a| / sqrt(1 - (u.a)^2) <= 1 per radian.
     """
-    u, v = (patch[:, 0] + patch[:, 1]) / 2, (patch[:, 2] + patch[:, 3]) / 2
+    u = (patch[:, 0] + patch[:, 1]) / 2
+    v = (patch[:, 2] + patch[:, 3]) / 2
     axis = _directions(face, u, v)
     corners = [_directions(face, patch[:, i], patch[:, j]) for i in (0, 1) for j in (2, 3)]
     # from the chord, as the arc cosine of a number near 1 is inexact
@@ -208,7 +212,8 @@ def _patch_frames(
     x = along - np.einsum("ni,ni->n", along, axis)[:, None] * axis
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     y = np.cross(axis, x)
-    c, s = np.cos(roll)[:, None], np.sin(roll)[:, None]
+    c = np.cos(roll)[:, None]
+    s = np.sin(roll)[:, None]
     return (
         axis,
         2.0 * np.arcsin(chord / 2.0),

@@ -32,7 +32,8 @@ def frustum_of(judge: Judge) -> Frustum:
     The margin of focus that every setting keeps is taken from it, and not the reserve of ends off the axis.
     """
     near, far = judge.camera.depth_of_field_mm
-    near, far = near + judge.requirements.focus_margin_mm, far - judge.requirements.focus_margin_mm
+    near = near + judge.requirements.focus_margin_mm
+    far = far - judge.requirements.focus_margin_mm
     tan_x, tan_y = sensor_tangents(judge.camera, judge.requirements.border_px).tolist()
     return Frustum(float(near), float(far), tan_x, tan_y, math.atan(math.hypot(tan_x, tan_y)))
 

@@ -36,7 +36,8 @@ def opencv_fields(
         raise CameraError(
             f"matrix must be [[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]]. Got {shown(matrix)}."
         )
-    scale_x, scale_y = check_positive("f_x", k[0, 0]), check_positive("f_y", k[1, 1])
+    scale_x = check_positive("f_x", k[0, 0])
+    scale_y = check_positive("f_y", k[1, 1])
     for name in _NEEDED:
         if name not in lens:
             raise CameraError(

@@ -173,7 +173,8 @@ class Camera:
     @property
     def matrix(self) -> np.ndarray:
         """Intrinsic matrix (3, 3) in pixels, OpenCV convention: the centre of the first pixel is (0, 0)."""
-        (width, height), (pitch_x, pitch_y) = self.resolution, self.pixel_pitch_mm
+        (width, height) = self.resolution
+        (pitch_x, pitch_y) = self.pixel_pitch_mm
         across, down = self.principal_point_px or ((width - 1) / 2, (height - 1) / 2)
         d = self.image_distance_mm
         return np.array([[d / pitch_x, 0.0, across], [0.0, d / pitch_y, down], [0.0, 0.0, 1.0]])

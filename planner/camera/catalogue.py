@@ -67,7 +67,8 @@ def catalogued() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
     data = _data()
     cameras = {}
     for name, pair in data["pair"].items():
-        body, lens = {k: data["body"][pair["body"]][k] for k in _BODY}, data["lens"][pair["lens"]]
+        body = {k: data["body"][pair["body"]][k] for k in _BODY}
+        lens = data["lens"][pair["lens"]]
         settings = {key: value for key, value in pair.items() if key not in ("body", "lens")}
         cameras[name] = {"focal_length_mm": lens["focal_length_mm"], **body, **settings}, lens
     return cameras
@@ -91,11 +92,9 @@ def find_camera(name: str) -> tuple[str, dict[str, Any], dict[str, Any]]:
 
 def check_lens(lens: Mapping[str, Any], f_number: float, focus_distance_mm: float) -> None:
     """Raise `CameraError` unless a lens of the catalogue can be set so."""
-    widest, narrowest, closest = (
-        lens["widest_f_number"],
-        lens["narrowest_f_number"],
-        lens["closest_object_mm"],
-    )
+    widest = lens["widest_f_number"]
+    narrowest = lens["narrowest_f_number"]
+    closest = lens["closest_object_mm"]
     if not widest <= f_number <= narrowest:
         raise CameraError.of_rule(
             "f_number", f"must be in {widest:g} to {narrowest:g}, the lens's range", f"{f_number:g}"

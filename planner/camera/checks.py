@@ -16,7 +16,8 @@ except ModuleNotFoundError:  # Python 3.10
     import tomli as tomllib  # type: ignore[no-redef]
 
 # numbers outside are slips of the pen, and what is derived from them is not finite
-_SMALLEST, _LARGEST = 1e-9, 1e9
+_SMALLEST = 1e-9
+_LARGEST = 1e9
 
 
 def read_toml(path: Path) -> tuple[str, dict[str, Any]]:

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.exceptions import CameraError
 
-_STEPS, _RESIDUAL = 50, 1e-12
+_STEPS = 50
+_RESIDUAL = 1e-12
 
 
 @dataclass(frozen=True)

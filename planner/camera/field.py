@@ -23,9 +23,12 @@ from planner.camera.distortion import Distortion
 from planner.exceptions import CameraError
 
 # points of a side, pieces of a side and cells along a side of a rectangle
-_POINTS, _PIECES, _CELLS = 129, 1024, 96
+_POINTS = 129
+_PIECES = 1024
+_CELLS = 96
 # first slack of a rectangle as a share of its size, and how often it is doubled
-_SLACK, _DOUBLINGS = 1e-5, 12
+_SLACK = 1e-5
+_DOUBLINGS = 12
 _ROUNDING = 1e-12
 
 Rectangle = tuple[float, float, float, float]
@@ -76,7 +79,8 @@ def field_of(lens: Distortion, sides: Rectangle) -> Field:
     if not (left < right and top < bottom):
         return Field(sides, sides)
     along = np.linspace(0.0, 1.0, _POINTS)
-    x, y = left + (right - left) * along, top + (bottom - top) * along
+    x = left + (right - left) * along
+    y = top + (bottom - top) * along
     walls = [
         np.stack(np.broadcast_arrays(*wall), axis=-1)
         for wall in ((left, y), (x, top), (right, y), (x, bottom))
@@ -139,7 +143,8 @@ def _on_sensor(lens: Distortion, box: Rectangle, sides: Rectangle) -> bool:
 def _border_images(lens: Distortion, box: Rectangle) -> tuple[_Interval, _Interval]:
     """Return bounds of the images of a rectangle's border, piece by piece: the middle's, and J times half a piece."""
     left, top, right, bottom = box
-    xs, ys = np.linspace(left, right, _PIECES + 1), np.linspace(top, bottom, _PIECES + 1)
+    xs = np.linspace(left, right, _PIECES + 1)
+    ys = np.linspace(top, bottom, _PIECES + 1)
     pieces = [(_still(wall, _PIECES), (ys[:-1], ys[1:])) for wall in (left, right)]
     pieces += [((xs[:-1], xs[1:]), _still(wall, _PIECES)) for wall in (top, bottom)]
     x = (
@@ -151,7 +156,8 @@ def _border_images(lens: Distortion, box: Rectangle) -> tuple[_Interval, _Interv
         np.concatenate([piece[1][1] for piece in pieces]),
     )
     middle = lens.distort(np.stack([(x[0] + x[1]) / 2, (y[0] + y[1]) / 2], axis=-1))
-    half_x, half_y = (x[1] - x[0]) / 2, (y[1] - y[0]) / 2
+    half_x = (x[1] - x[0]) / 2
+    half_y = (y[1] - y[0]) / 2
     mean, half, mixed = _jacobian(lens, x, y)
     across = _largest(_plus(mean, half)) * half_x + _largest(mixed) * half_y
     down = _largest(mixed) * half_x + _largest(_plus(mean, _times(-1.0, half))) * half_y
@@ -163,7 +169,8 @@ def _border_images(lens: Distortion, box: Rectangle) -> tuple[_Interval, _Interv
 
 def _stretch(lens: Distortion, box: Rectangle) -> tuple[float, float]:
     """Return bounds of the eigenvalues of J in a rectangle: mean -+ sqrt(half² + mixed²), cell by cell."""
-    xs, ys = np.linspace(box[0], box[2], _CELLS + 1), np.linspace(box[1], box[3], _CELLS + 1)
+    xs = np.linspace(box[0], box[2], _CELLS + 1)
+    ys = np.linspace(box[1], box[3], _CELLS + 1)
     x = tuple(np.repeat(side, _CELLS) for side in (xs[:-1], xs[1:]))
     y = tuple(np.tile(side, _CELLS) for side in (ys[:-1], ys[1:]))
     mean, half, mixed = _jacobian(lens, (x[0], x[1]), (y[0], y[1]))
@@ -175,7 +182,8 @@ def _jacobian(
     lens: Distortion, x: _Interval, y: _Interval
 ) -> tuple[_Interval, _Interval, _Interval]:
     """Return bounds of (J_xx + J_yy)/2, (J_xx - J_yy)/2 and J_xy."""
-    xx, yy = _square(x), _square(y)
+    xx = _square(x)
+    yy = _square(y)
     r2 = _plus(xx, yy)
     radial = _polynomial((1.0, lens.k1, lens.k2, lens.k3), r2)
     slope = _polynomial((2.0 * lens.k1, 4.0 * lens.k2, 6.0 * lens.k3), r2)
@@ -209,15 +217,18 @@ def _product(a: _Interval, b: _Interval) -> _Interval:
 
 
 def _square(a: _Interval) -> _Interval:
-    low, high = np.square(a[0]), np.square(a[1])
+    low = np.square(a[0])
+    high = np.square(a[1])
     return np.where((a[0] <= 0) & (a[1] >= 0), 0.0, np.minimum(low, high)), np.maximum(low, high)
 
 
 def _polynomial(coefficients: tuple[float, ...], a: _Interval) -> _Interval:
     """Return bounds of a polynomial of a, which is not negative, by its rising and its falling terms."""
-    low, high = np.zeros_like(a[0]), np.zeros_like(a[0])
+    low = np.zeros_like(a[0])
+    high = np.zeros_like(a[0])
     for k, c in enumerate(coefficients):
-        low, high = low + c * a[0 if c >= 0 else 1] ** k, high + c * a[1 if c >= 0 else 0] ** k
+        low = low + c * a[0 if c >= 0 else 1] ** k
+        high = high + c * a[1 if c >= 0 else 0] ** k
     return low, high
 
 

@@ -30,7 +30,8 @@ def image_of(camera: Camera, directions: NDArray[np.float64]) -> NDArray[np.floa
     if camera.distortion is None:
         return np.asarray((directions @ matrix.T)[..., :2])
     left, top, right, bottom = camera.field(-_BEYOND_PX).outer
-    x, y = directions[..., 0], directions[..., 1]
+    x = directions[..., 0]
+    y = directions[..., 1]
     inside = ((x >= left) & (x <= right) & (y >= top) & (y <= bottom))[..., None]
     distorted = camera.distortion.distort(np.where(inside, directions[..., :2], 0.0))
     return np.where(inside, distorted * np.diag(matrix)[:2] + matrix[:2, 2], np.nan)
@@ -51,7 +52,8 @@ def tangents_of(camera: Camera, pixels: NDArray[np.float64]) -> NDArray[np.float
     array (..., 2)
         x/z and y/z; nan more than a pixel off the sensor where the lens distorts.
     """
-    scale, centre = np.diag(camera.matrix)[:2], camera.matrix[:2, 2]
+    scale = np.diag(camera.matrix)[:2]
+    centre = camera.matrix[:2, 2]
     if camera.distortion is None:
         return np.asarray((pixels - centre) / scale)
     limit = np.array(camera.resolution) - 0.5 + _BEYOND_PX

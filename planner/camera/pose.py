@@ -55,7 +55,8 @@ def world_to_cam(points: np.ndarray, cam2world: np.ndarray) -> np.ndarray:
     array (..., 3) or (n, ..., 3)
         The points in each camera's OpenCV frame, mm.
     """
-    points, cam2world = np.asarray(points, dtype=float), np.asarray(cam2world, dtype=float)
+    points = np.asarray(points, dtype=float)
+    cam2world = np.asarray(cam2world, dtype=float)
     poses = cam2world.reshape(-1, 4, 4)
     flat = points.reshape(-1, 3)
     local = (flat[None] - poses[:, None, :3, 3]) @ poses[:, :3, :3]
@@ -110,7 +111,9 @@ def look_at(
     # copied, so that the loop is compiled for one kind of array
     target = np.array(np.broadcast_to(target, (n, 3)), dtype=np.float64, order="C")
     turns = np.empty((3, n))
-    turns[0], turns[1], turns[2] = pan, tilt, roll
+    turns[0] = pan
+    turns[1] = tilt
+    turns[2] = roll
     cam2world = np.zeros((n, 4, 4))
     look_along(positions, target, turns, cam2world)
     return cam2world

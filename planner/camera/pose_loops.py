@@ -17,19 +17,27 @@ _VERTICAL = 1e-9
 @compiled(error_model="numpy")
 def look_along(positions, target, turns, out):
     """Write the poses (n, 4, 4) of `planner.camera.pose.look_at`; ``turns`` (3, n) are pan, tilt and roll."""
-    right, down, forward = np.empty(3), np.empty(3), np.empty(3)
+    right = np.empty(3)
+    down = np.empty(3)
+    forward = np.empty(3)
     turn = np.empty((3, 3))
     for i in range(len(positions)):
         for k in range(3):
             forward[k] = target[i, k] - positions[i, k]
         if not _normalise(forward):
-            forward[0], forward[1], forward[2] = 0.0, 0.0, 1.0
+            forward[0] = 0.0
+            forward[1] = 0.0
+            forward[2] = 1.0
         # forward × z vanishes in a vertical view; world x, only nearly perpendicular then, is set upright below
         size = math.hypot(forward[0], forward[1])
         if size > _VERTICAL:
-            right[0], right[1], right[2] = forward[1] / size, -forward[0] / size, 0.0
+            right[0] = forward[1] / size
+            right[1] = -forward[0] / size
+            right[2] = 0.0
         else:
-            right[0], right[1], right[2] = 1.0, 0.0, 0.0
+            right[0] = 1.0
+            right[1] = 0.0
+            right[2] = 0.0
         _cross(forward, right, down)
         _normalise(down)
         _cross(down, forward, right)
@@ -48,11 +56,21 @@ def look_along(positions, target, turns, out):
 @lean(error_model="numpy")
 def _pan_tilt_roll(pan, tilt, roll, out):
     """Write the product of the rotations by pan about y, by tilt about x and by roll about z."""
-    cp, sp, ct, st = math.cos(pan), math.sin(pan), math.cos(tilt), math.sin(tilt)
-    cr, sr = math.cos(roll), math.sin(roll)
-    out[0, 0], out[0, 1], out[0, 2] = cp * cr + sp * st * sr, sp * st * cr - cp * sr, sp * ct
-    out[1, 0], out[1, 1], out[1, 2] = ct * sr, ct * cr, -st
-    out[2, 0], out[2, 1], out[2, 2] = cp * st * sr - sp * cr, sp * sr + cp * st * cr, cp * ct
+    cp = math.cos(pan)
+    sp = math.sin(pan)
+    ct = math.cos(tilt)
+    st = math.sin(tilt)
+    cr = math.cos(roll)
+    sr = math.sin(roll)
+    out[0, 0] = cp * cr + sp * st * sr
+    out[0, 1] = sp * st * cr - cp * sr
+    out[0, 2] = sp * ct
+    out[1, 0] = ct * sr
+    out[1, 1] = ct * cr
+    out[1, 2] = -st
+    out[2, 0] = cp * st * sr - sp * cr
+    out[2, 1] = sp * sr + cp * st * cr
+    out[2, 2] = cp * ct
 
 
 @compiled(error_model="numpy")
@@ -82,30 +100,22 @@ def _rotation(x, y, z, out):
     along = math.sin(angle) / angle if angle > 0.0 else 1.0
     outer = 2.0 * half * half / squared if squared > 0.0 else 0.5
     cosine = 1.0 - 2.0 * half * half
-    out[0, 0], out[0, 1], out[0, 2] = (
-        cosine + outer * x * x,
-        outer * x * y - along * z,
-        outer * x * z + along * y,
-    )
-    out[1, 0], out[1, 1], out[1, 2] = (
-        outer * x * y + along * z,
-        cosine + outer * y * y,
-        outer * y * z - along * x,
-    )
-    out[2, 0], out[2, 1], out[2, 2] = (
-        outer * x * z - along * y,
-        outer * y * z + along * x,
-        cosine + outer * z * z,
-    )
+    out[0, 0] = cosine + outer * x * x
+    out[0, 1] = outer * x * y - along * z
+    out[0, 2] = outer * x * z + along * y
+    out[1, 0] = outer * x * y + along * z
+    out[1, 1] = cosine + outer * y * y
+    out[1, 2] = outer * y * z - along * x
+    out[2, 0] = outer * x * z - along * y
+    out[2, 1] = outer * y * z + along * x
+    out[2, 2] = cosine + outer * z * z
 
 
 @lean(error_model="numpy")
 def _cross(a, b, out):
-    out[0], out[1], out[2] = (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
 
 
 @lean(error_model="numpy")

@@ -116,7 +116,8 @@ class PoseUncertainty:
         hand_eye = cls.isotropic(
             translation_mm=hand_eye_translation_mm, rotation_rad=hand_eye_rotation_rad
         ).covariance
-        rotation, lever = cam2flange[:3, :3].T, cam2flange[:3, 3]
+        rotation = cam2flange[:3, :3].T
+        lever = cam2flange[:3, 3]
         jacobian = np.zeros((6, 6))
         jacobian[:3, :3] = jacobian[3:, 3:] = rotation
         jacobian[:3, 3:] = -rotation @ cross_matrix(lever)

@@ -28,11 +28,13 @@ class BestSoFar:
     def __init__(self, progress: Progress | None):
         self.plan: InspectionPlan | None = None
         self.interrupted = False
-        self._progress, self._start = progress, time.monotonic()
+        self._progress = progress
+        self._start = time.monotonic()
 
     def __call__(self, plan: InspectionPlan) -> None:
         """Take in one that is better."""
-        known, self.plan = self.plan, plan
+        known = self.plan
+        self.plan = plan
         # the last one may be the same with surer poses
         if known is None or _line(known) != _line(plan):
             note(self._progress, incumbent_line(plan, self.seconds))

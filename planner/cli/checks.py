@@ -59,13 +59,15 @@ def check_numbers(options: Any) -> None:
         value = given.get(name)
         if value is not None and not 0 < value < 1:
             raise RequestError.of_rule(name, "must be in (0, 1)", repr(value))
-    contrast, share = given.get("contrast"), given.get("share")
+    contrast = given.get("contrast")
+    share = given.get("share")
     if contrast is not None and not 0 < contrast < 1:
         rule = "must lie strictly between 0 and 1"
         raise RequestError.of_rule("contrast", rule, repr(contrast))
     if share is not None and not 0 < share <= 1:
         raise RequestError.of_rule("share", "must be in (0, 1]", repr(share))
-    limit, gap = given.get("time_limit"), given.get("gap")
+    limit = given.get("time_limit")
+    gap = given.get("gap")
     if limit is not None and not 0 < limit < math.inf:
         rule = "must be a positive number of seconds"
         raise RequestError.of_rule("time_limit", rule, f"{limit:g}")

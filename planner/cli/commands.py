@@ -116,7 +116,8 @@ def graph(options: argparse.Namespace) -> int:
     """Build the entity-based aspect graph and write it."""
     check_file_place(options.graphml, "--graphml")
     solid = read_part(options)
-    entities, box = chosen_entities(options, solid), workspace_of(options)
+    entities = chosen_entities(options, solid)
+    box = workspace_of(options)
     if box is None and options.camera is not None:
         box = default_workspace(solid, read_camera(options.camera))
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
@@ -209,7 +210,9 @@ def _planned(
     options: argparse.Namespace, job: Job, leftovers: Leftovers
 ) -> tuple[InspectionPlan, Written, bool]:
     """Plan and write; return plan, files, and whether it was interrupted. The state is deleted only after the end."""
-    request, solid, state = job.request, job.solid, leftovers.state
+    request = job.request
+    solid = job.solid
+    state = leftovers.state
     with (
         terminal_progress(quiet=options.quiet, lines=options.verbose) as progress,
         _executor(options.jobs) as executor,
@@ -252,7 +255,9 @@ def _regions(
 ) -> VisibilityRegions:
     """Return from where a camera observes entities; with a ring light on it, from where they show besides."""
     shown = labelled(progress, "visible regions")
-    entities, box, ring = job.wanted.entities, job.request.workspace, job.request.ring
+    entities = job.wanted.entities
+    box = job.request.workspace
+    ring = job.request.ring
     if ring is not None:
         return compute_light(job.solid, entities, ring.contrast, box, executor, shown)
     return compute_regions(

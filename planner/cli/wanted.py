@@ -55,7 +55,8 @@ def read_request(options: Any, solid: Solid) -> Wanted:
         # what cannot be measured is refused before the work
         resolve_wanted(solid, entities, options.accuracy)
         return Wanted(entities, entities, localisation)
-    localisation, left_out = read_localisation(options.localisation or "gaussian"), {}
+    localisation = read_localisation(options.localisation or "gaussian")
+    left_out = {}
     if options.dimensions.strip().lower() == "all":
         stated = _stated(options.part, solid)
         items: dict[str, Any] = {

@@ -139,10 +139,8 @@ def first_poses(judge: Judge, n_directions: int, seed: int) -> np.ndarray:
     """
     rng = np.random.default_rng(column_seed(seed, ["first"]))
     low, high = np.asarray(judge.space.solid.bounds, dtype=float)
-    radius, (nearest, farthest) = (
-        float(np.linalg.norm(high - low)) / 2,
-        judge.camera.depth_of_field_mm,
-    )
+    radius = float(np.linalg.norm(high - low)) / 2
+    (nearest, farthest) = judge.camera.depth_of_field_mm
     focus = judge.camera.focus_distance_mm
     # as close as all of the part is in focus, if it ever is
     whole = nearest + radius if nearest + 2 * radius <= farthest else focus
@@ -270,7 +268,9 @@ def price_poses(
     rng = np.random.default_rng(column_seed(seed, ["pricing"]))
     covered = pools.realised.inspected
     values: list[float] = []
-    first, prices, ledger = 0, np.zeros(len(covered)), ledger or Ledger()
+    first = 0
+    prices = np.zeros(len(covered))
+    ledger = ledger or Ledger()
     if (kept := ledger("pricing")) is not None:
         first, breed, values, prices, covered = (
             kept[k] for k in ("done", "breed", "values", "prices", "covered")
@@ -279,7 +279,8 @@ def price_poses(
     for done in range(first, rounds):
         if sought is not None and (now := pools.realised.inspected).sum() > covered.sum():
             # a cover of more is another one: its relaxation is not compared with those before
-            covered, values = now, []
+            covered = now
+            values = []
         missing = np.zeros(len(covered), dtype=bool) if sought is None else sought & ~covered
         membership = pools.realised.membership[:, covered]
         if not len(pools.near) or (
@@ -292,7 +293,8 @@ def price_poses(
                 break
         # the optimal prices are seldom unique: other ones every round keep the search from staring at one corner
         bias = 1.0 + 0.5 * rng.random(int(covered.sum()))
-        guess, prices = prices[covered] if done else None, np.zeros(len(covered))
+        guess = prices[covered] if done else None
+        prices = np.zeros(len(covered))
         prices[covered] = fractional_cover(membership, bias, guess)[1]
         prices[missing] = PRICING.sought
         breed = _improve(shared, pools, breed, prices, rng, executor)

@@ -100,13 +100,14 @@ class Judge:
 
     def __init__(self, request: Request):
         self.request = request
-        self.space, self.names, self.camera = request.space, request.names, request.camera
-        self.accuracy, self.threshold = request.accuracy, request.probability
-        self.requirements, self.constraints, self.ends = (
-            request.requirements,
-            request.constraints,
-            request.ends,
-        )
+        self.space = request.space
+        self.names = request.names
+        self.camera = request.camera
+        self.accuracy = request.accuracy
+        self.threshold = request.probability
+        self.requirements = request.requirements
+        self.constraints = request.constraints
+        self.ends = request.ends
         nearest, farthest = self.camera.depth_of_field_mm
         depth = min(farthest, 10 * nearest) - nearest
         self._tolerance = {
@@ -176,7 +177,8 @@ class Judge:
 
     def _short(self, name: str, margin: np.ndarray) -> np.ndarray:
         """Return how far margins miss, in units of the tolerance; infinite where there is none."""
-        short, tolerance = np.maximum(-margin, 0.0), self._tolerance.get(name)
+        short = np.maximum(-margin, 0.0)
+        tolerance = self._tolerance.get(name)
         return np.where(short > 0, np.inf, 0.0) if tolerance is None else short / tolerance
 
     def _hide(self, cam2world: np.ndarray, missed: np.ndarray) -> None:
@@ -192,7 +194,8 @@ class Judge:
         self, cam2world: np.ndarray, nearly: np.ndarray, probability: np.ndarray
     ) -> None:
         """Ask for visibility all around the positions, which costs most, only of what would otherwise be inspected."""
-        positions, radius = cam2world[:, :3, 3], self.requirements.visibility_radius_mm
+        positions = cam2world[:, :3, 3]
+        radius = self.requirements.visibility_radius_mm
         for k, name in enumerate(self.names if radius > 0 else ()):
             rows = np.flatnonzero(nearly[:, k])
             if rows.size:
@@ -222,7 +225,8 @@ class Judge:
                 )
                 shown &= margin >= 0.0
                 hopeless = wanted & (margin < -self._tolerance[name])
-                nearly[hopeless], probability[hopeless] = False, 0.0
+                nearly[hopeless] = False
+                probability[hopeless] = 0.0
         return shown
 
 

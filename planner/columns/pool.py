@@ -36,11 +36,9 @@ class ColumnPool:
     def from_dict(cls, data: dict[str, Any]) -> ColumnPool:
         """Build from the result of `to_dict`."""
         pool = cls(data["membership"].shape[1])
-        pool.membership, pool.poses, pool.quality = (
-            data["membership"],
-            data["poses"],
-            data["quality"],
-        )
+        pool.membership = data["membership"]
+        pool.poses = data["poses"]
+        pool.quality = data["quality"]
         return pool
 
     def add(self, membership: np.ndarray, poses: np.ndarray, probability: np.ndarray) -> None:
@@ -49,18 +47,20 @@ class ColumnPool:
         Of poses for the same set the one with the largest mean probability stays.
         """
         some = membership.any(axis=1)
-        membership, poses, probability = membership[some], poses[some], probability[some]
+        membership = membership[some]
+        poses = poses[some]
+        probability = probability[some]
         quality = np.where(membership, probability, 0.0).sum(axis=1) / np.maximum(
             membership.sum(axis=1), 1
         )
         membership = np.concatenate([self.membership, membership])
-        poses, quality = (
-            np.concatenate([self.poses, poses]),
-            np.concatenate([self.quality, quality]),
-        )
+        poses = np.concatenate([self.poses, poses])
+        quality = np.concatenate([self.quality, quality])
         best_first = np.argsort(-quality, kind="stable")
         kept = best_first[maximal_columns(membership[best_first])]
-        self.membership, self.poses, self.quality = membership[kept], poses[kept], quality[kept]
+        self.membership = membership[kept]
+        self.poses = poses[kept]
+        self.quality = quality[kept]
 
     def best_containing(self, column: np.ndarray) -> int | None:
         """Return the index of the best pose whose set contains a column (k,), or None."""

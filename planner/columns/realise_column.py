@@ -96,7 +96,8 @@ def realise(
         The setting (it may miss the threshold for some entities), or the reason why there is none.
     """
     judge: Judge = shared.value
-    request, found = judge.request.of(names), None
+    request = judge.request.of(names)
+    found = None
     for objective in ("sum", "min"):
         try:
             # only of a single entity it is told why it is not inspected
@@ -151,7 +152,8 @@ def best_supported(judge: Judge, options: Sequence[SensorSetting], seed: int) ->
     for pose in poses:
         too_much = max(_excess(judge, pose, rng).values())
         if too_much < least:
-            found, least = pose, too_much
+            found = pose
+            least = too_much
         if least <= SUPPORT.too_high:
             break
     if isinstance(found, SensorSetting):
@@ -172,7 +174,8 @@ def without_contradicted(
     seed : int
         Of the poses displaced.
     """
-    settings, rng = list(settings), np.random.default_rng([seed, SUPPORT.trial_poses])
+    settings = list(settings)
+    rng = np.random.default_rng([seed, SUPPORT.trial_poses])
     excess = [_excess(judge, setting, rng) for setting in settings]
     supported = [
         {name for name, too_much in rates.items() if too_much <= SUPPORT.too_high}
@@ -243,7 +246,8 @@ def _near(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> Ite
         judge.camera.focus_distance_mm,
         rng,
     )
-    own, tried = np.isin(judge.names, setting.entities), 0
+    own = np.isin(judge.names, setting.entities)
+    tried = 0
     # worth more than 1 is only what nearly inspects all of them: no more is looked at of the others
     prices = own / (own.sum() - 0.5)
     for first in range(0, len(poses), SUPPORT.batch):

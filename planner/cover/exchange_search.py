@@ -15,7 +15,8 @@ import numpy as np
 from planner.cover.set_cover import check_membership, distinct_rows, greedy_cover
 
 # steps for which a column that has left does not come back, and for which one that has come does not leave; below
-_LEFT, _CAME = 6, 3
+_LEFT = 6
+_CAME = 3
 
 
 class Exchange(NamedTuple):
@@ -62,7 +63,8 @@ def exchange_columns(
     # products of real numbers are much quicker than sums of Booleans
     contains = membership.astype(float)
     chosen = greedy_cover(membership)[:size]
-    weights, free_from = np.ones(membership.shape[1]), np.zeros(len(membership), dtype=int)
+    weights = np.ones(membership.shape[1])
+    free_from = np.zeros(len(membership), dtype=int)
     best = Exchange(chosen, membership.shape[1] + 1, membership[:0])
     wanted: list[np.ndarray] = []
     for step in range(steps + 1):
@@ -70,7 +72,8 @@ def exchange_columns(
         missing = np.flatnonzero(count == 0)
         own = membership[chosen] & (count == 1)
         if len(missing) < best.missing:
-            best, wanted = best._replace(chosen=chosen.copy(), missing=len(missing)), []
+            best = best._replace(chosen=chosen.copy(), missing=len(missing))
+            wanted = []
         if not missing.size or step == steps:
             break
         if len(missing) == best.missing:

@@ -115,7 +115,8 @@ def seen_beside(
     """
     rays = rays_beside(points - eye, *edge, pixel_rad)
     hit = scene.cast(eye, rays)
-    distance, normals = hit["t_hit"].astype(np.float64), hit["primitive_normals"].astype(np.float64)
+    distance = hit["t_hit"].astype(np.float64)
+    normals = hit["primitive_normals"].astype(np.float64)
     normals *= np.where((normals * rays).sum(axis=1) > 0, -1.0, 1.0)[:, None]
     met = np.isfinite(distance)
     return np.where(
@@ -159,7 +160,8 @@ def backdrop_contrasts(
     The two places differ, so that irradiances of a point lamp fall with the square of the distance, those of a large or
     far lamp less. The contrast is the smaller one with and without this, and 0 if they differ in sign.
     """
-    contrast, step = np.ones(len(lamps)), np.ones(len(lamps))
+    contrast = np.ones(len(lamps))
+    step = np.ones(len(lamps))
     for one in backdrop:
         (seen, near), (behind, far) = (incidence(*side, lamps) for side in one.sides)
         behind[shadowed(scene, one.behind, lamps)] = 0.0
@@ -170,8 +172,10 @@ def backdrop_contrasts(
 
 def sure_contrast(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
     """Return the smaller contrast of two places, each with cosine and distance, with the fall of light and without."""
-    (seen, near), (behind, far) = one, other
-    even, falling = _michelson(seen, behind), _michelson(seen / near**2, behind / far**2)
+    (seen, near) = one
+    (behind, far) = other
+    even = _michelson(seen, behind)
+    falling = _michelson(seen / near**2, behind / far**2)
     return np.where(even * falling > 0, np.minimum(np.abs(even), np.abs(falling)), 0.0)
 
 

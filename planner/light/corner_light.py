@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 # a line is looked at from so near to the corner, px, to no farther than this share of it
-_FROM_PX, _SHARE = 4.0, 0.9
+_FROM_PX = 4.0
+_SHARE = 0.9
 # every 3 px: shadows of a few pixels end beside a corner
 _POINTS = 9
 
@@ -140,8 +141,10 @@ def corners_of(
     Corners
         With the lines that a corner may be fitted with; an end that has none is left out.
     """
-    asked, camera = plan.requirements, plan.camera
-    separation, least = asked.get("separation_px", 0.0), asked.get("min_corner_deg", 0.0)
+    asked = plan.requirements
+    camera = plan.camera
+    separation = asked.get("separation_px", 0.0)
+    least = asked.get("min_corner_deg", 0.0)
     poses = np.array([np.asarray(one.cam2world) for one in plan.settings], np.float64).reshape(
         -1, 4, 4
     )
@@ -162,10 +165,12 @@ def corners_of(
     pairs = np.array([(names[k][0], i) for i, k in enumerate(numbers.tolist())], np.int64).reshape(
         -1, 2
     )
-    seen, arms = image.corner_lines(poses, pairs), image.arms
+    seen = image.corner_lines(poses, pairs)
+    arms = image.arms
     used, end = np.unique(seen.of, return_inverse=True)
     eyes = poses[pairs[seen.of // 2, 0], :3, 3]
-    sites, lines = [], []
+    sites = []
+    lines = []
     for a, eye in zip(seen.arm.tolist(), eyes, strict=True):
         points = _points_of_arm(arms.corner[a], arms.tip[a], eye, pixel)
         sites.append(
@@ -186,13 +191,12 @@ def _seen_edges(
     """Return a line for each pair, all of whose edges are in one line; without points where there is none."""
     found = []
     for (setting, _), edges in zip(names, edge_ids, strict=True):
-        points, along = np.empty((0, 3)), np.array([1.0, 0.0, 0.0])
+        points = np.empty((0, 3))
+        along = np.array([1.0, 0.0, 0.0])
         for edge in edges if asked else ():
             start, end = solid.vertices[list(solid.edges[edge].vertices)]
-            points, along = (
-                np.concatenate([points, start + SHARES[:, None] * (end - start)]),
-                end - start,
-            )
+            points = np.concatenate([points, start + SHARES[:, None] * (end - start)])
+            along = end - start
         found.append(SeenLine(poses[setting, :3, 3], points, along))
     return found
 
@@ -202,10 +206,8 @@ _Pair = tuple[tuple[Array, Array], tuple[Array, Array] | None]
 
 def _points_of_arm(corner: Array, tip: Array, eye: Array, pixel_rad: float) -> Array:
     """Return points (n, 3) of a line near a corner."""
-    length, pixel = (
-        float(np.linalg.norm(tip - corner)),
-        float(np.linalg.norm(corner - eye)) * pixel_rad,
-    )
+    length = float(np.linalg.norm(tip - corner))
+    pixel = float(np.linalg.norm(corner - eye)) * pixel_rad
     last = min(FITTED_PX * pixel, _SHARE * length)
     steps = np.linspace(min(_FROM_PX * pixel, last / 2), last, _POINTS)
     return np.asarray(corner + steps[:, None] * (tip - corner) / length)
@@ -232,7 +234,8 @@ def _compared(
 
 def _joined(arms: Sequence[Sequence[_Pair]]) -> Sites:
     places: list[Array] = []
-    compared, owner = [], []
+    compared = []
+    owner = []
     for k, arm in enumerate(arms):
         for one, other in arm:
             first = len(places)

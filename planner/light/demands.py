@@ -101,7 +101,8 @@ class Demands:
                 return known
         label = f"{name} {len(self.entities)}"
         # an entity of its own, as a region is found by it
-        self.entities[label], self.silhouettes[label] = replace(entity, name=label), silhouettes
+        self.entities[label] = replace(entity, name=label)
+        self.silhouettes[label] = silhouettes
         return label
 
 
@@ -138,7 +139,9 @@ def demands_of(plan: Planned, solid: Solid, scene: RayScene, ground: str) -> Dem
     for k, setting in enumerate(plan.settings):
         eye = np.asarray(setting.cam2world, dtype=np.float64)[:3, 3]
         for name in setting.entities:
-            regions, behind, some = [], [], False
+            regions = []
+            behind = []
+            some = False
             for entity in parts[name]:
                 for seen in seen_as(solid, entity, eye, radius):
                     own = backdrops(solid, scene, eye, entity, seen, pixel)

@@ -78,7 +78,8 @@ class Search:
         """
         n = self.n * n_lamps
         place = np.arange(n).reshape(self.n, n_lamps)
-        rows, most = [], []
+        rows = []
+        most = []
         for jobs in sorted(self.refuted, key=sorted):
             for lamp in range(n_lamps):
                 row = np.zeros(n)

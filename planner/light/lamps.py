@@ -158,10 +158,13 @@ class LampBox:
         place, depth = self._deepest(cell)
         if depth <= 0:
             return np.empty((0, 3))
-        (normals, offsets), rng, low = self._planes(cell), np.random.default_rng(0), self.bounds[0]
+        (normals, offsets) = self._planes(cell)
+        rng = np.random.default_rng(0)
+        low = self.bounds[0]
         found = [place - low]
         for way in rng.normal(size=(_DRAWN, 3)):
-            speed, room = normals @ way, offsets - normals @ found[-1]
+            speed = normals @ way
+            room = offsets - normals @ found[-1]
             last = (room[speed > 0] / speed[speed > 0]).min()
             first = (room[speed < 0] / speed[speed < 0]).max()
             found.append(found[-1] + way * rng.uniform(first, last))
@@ -179,7 +182,8 @@ class LampBox:
 
     def _deepest(self, cell: Cell) -> tuple[Array, float]:
         """Return the point farthest from all planes of box and cell, and how far it is inside; a linear programme."""
-        (normals, offsets), low = self._planes(cell), self.bounds[0]
+        (normals, offsets) = self._planes(cell)
+        low = self.bounds[0]
         found = linprog(
             [0, 0, 0, -1],
             np.column_stack([normals, np.ones(len(normals))]),

@@ -76,7 +76,8 @@ class LightPlan:
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        n, dark = len(self.lamps), sum(map(len, self.unlit))
+        n = len(self.lamps)
+        dark = sum(map(len, self.unlit))
         lamps = f"{n} {self.kind} lamp{'s' * (n != 1)} (at least {self.lower_bound} needed)"
         return f"<LightPlan: {lamps}, contrast {self.contrast:g}, {sum(map(len, self.images))} images, {dark} unlit>"
 

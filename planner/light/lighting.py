@@ -77,15 +77,12 @@ class Lighting:
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        given = self.given
-        told = (
-            "a ring light"
-            if given is None
-            else f"{len(given)} lamps"
-            if isinstance(given, np.ndarray)
-            else given
-        )
-        return f"<Lighting by {told}: contrast {self.contrast:g}, step {self.step:g}, {self.ground} ground>"
+        lamps = self.given
+        if lamps is None:
+            lamps = "a ring light"
+        elif isinstance(lamps, np.ndarray):
+            lamps = f"{len(lamps)} lamps"
+        return f"<Lighting by {lamps}: contrast {self.contrast:g}, step {self.step:g}, {self.ground} ground>"
 
     @property
     def together(self) -> bool:
@@ -151,13 +148,10 @@ class Lighting:
         given = self.given
         scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
         demands = demands_of(plan, solid, scene, self.ground)
-        room = (
-            given
-            if isinstance(given, np.ndarray)
-            else eyes_of(plan)
-            if given is None
-            else given.bounds
-        )
+        if given is None:
+            room = eyes_of(plan)
+        else:
+            room = given if isinstance(given, np.ndarray) else given.bounds
         # a displaced camera takes its ring along
         moved = plan.requirements.get("visibility_radius_mm", 0.0) if given is None else 0.0
         off = max(self.tolerance_mm, moved)
@@ -185,7 +179,8 @@ def check_step(step: float) -> float:
 def _workspace(solid: Solid, places: ArrayLike, tolerance_mm: float) -> NDArray[np.float64]:
     """Return a box around the part and all lamps."""
     points = np.concatenate([solid.bounds, np.reshape(places, (-1, 3))])
-    low, high = points.min(axis=0), points.max(axis=0)
+    low = points.min(axis=0)
+    high = points.max(axis=0)
     room = _ROOM * float(np.linalg.norm(high - low)) + 2 * tolerance_mm
     return np.array([low - room, high + room])
 

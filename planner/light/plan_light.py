@@ -102,7 +102,8 @@ def chosen_lamps(
     also: ArrayLike = (),
 ) -> LightPlan:
     """Choose lamps as `plan_light` does; ``also`` (n, 3) are places to try besides, mm, where lamps are placed."""
-    given, served = lighting.given, lighting.served(plan, solid, progress)
+    given = lighting.given
+    served = lighting.served(plan, solid, progress)
     work = _Work(served, len(plan.settings), lighting.ground)
     if given is None:
         return _ring(work, eyes_of(plan))
@@ -148,7 +149,8 @@ class _Work:
         self, kind: str, chosen: Sequence[int], images: Any, bound: int, proof: str, reasons: Any
     ) -> LightPlan:
         """Return the plan of lamps; ``images`` (setting, place, pairs), ``reasons`` by pair."""
-        served, number = self.served, {place: i for i, place in enumerate(chosen)}
+        served = self.served
+        number = {place: i for i, place in enumerate(chosen)}
         shots: list[list[LitImage]] = [[] for _ in range(self.n_settings)]
         for setting, place, pairs in images:
             shots[setting].append(self.image((number[place],), pairs, served.contrast[place]))
@@ -260,7 +262,8 @@ def _placed(work: _Work, space: LampSpace) -> LightPlan:
 
 def _all_on(work: _Work, given: LampSpace | NDArray[np.float64]) -> LightPlan:
     """The fewest lamps that show all when they are on together."""
-    served, every = work.served, range(len(work.served.pairs))
+    served = work.served
+    every = range(len(work.served.pairs))
     fixed = isinstance(given, np.ndarray)
     if isinstance(given, np.ndarray):
         served.keep(given)
@@ -286,13 +289,12 @@ def _all_on(work: _Work, given: LampSpace | NDArray[np.float64]) -> LightPlan:
         if i not in lit
     }
     n = len(found.chosen)
-    bound, proof = (
-        min(n, found.listed + 1),
-        f"All sets of fewer than {min(n, found.listed + 1)} {told} were tried.",
-    )
+    bound = min(n, found.listed + 1)
+    proof = f"All sets of fewer than {min(n, found.listed + 1)} {told} were tried."
     if not isinstance(given, np.ndarray):
         alone = n > 1 and served.search(given, lit)
-        bound, proof = min(n, 1 + alone), "One lamp at least is needed."
+        bound = min(n, 1 + alone)
+        proof = "One lamp at least is needed."
         if alone:
             proof = (
                 f"No single lamp in {given} lights all of it with the contrast: "
@@ -347,7 +349,8 @@ def _covered(served: Served, jobs: Sequence[tuple[int, ...]]) -> tuple[list[int]
 
 def _why_dark(served: Served, i: int) -> str:
     """Say why no given lamp shows a pair: how many light it too evenly, too weakly, or not all of it."""
-    pair, n = served.pairs[i], len(served.places)
+    pair = served.pairs[i]
+    n = len(served.places)
     if served.light is None or not pair.regions:
         return "what is behind it is as bright."
     entities = [served.light.entities[name] for name in pair.regions]

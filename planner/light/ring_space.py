@@ -45,7 +45,9 @@ class RingSpace:
     def __init__(self, light: LightRegions, camera: Camera, step: float = DEFAULT_STEP) -> None:
         if not 0 <= step < 1:
             raise RequestError.of_rule("step", "must be in [0, 1)", repr(step))
-        self.light, self.camera, self.step = light, camera, step
+        self.light = light
+        self.camera = camera
+        self.step = step
         self._rays: RayScene | None = None
 
     def __repr__(self) -> str:
@@ -173,7 +175,8 @@ class RingSpace:
         rays = rays_beside(sight, end - start, hidden[:, None], pixel)
         hit = self._rays.cast(eyes[:, None], rays)
         part = np.isfinite(hit["t_hit"])
-        near, length = np.linalg.norm(sight, axis=2), np.linalg.norm(rays, axis=2)
+        near = np.linalg.norm(sight, axis=2)
+        length = np.linalg.norm(rays, axis=2)
         one = np.maximum(-np.einsum("nsi,ni->ns", sight, seen), 0.0) / near
         other = np.abs(np.einsum("nsi,nsi->ns", rays, hit["primitive_normals"])) / length
         far = np.where(part, hit["t_hit"], 1.0) * length

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 # cells that are looked into for places, the largest first; and places that are enough
-_MOST_CELLS, _ENOUGH = 200, 48
+_MOST_CELLS = 200
+_ENOUGH = 48
 _AROUND = np.array([step for step in product((-1, 0, 1), repeat=3) if any(step)], dtype=np.float64)
 _AROUND /= np.linalg.norm(_AROUND, axis=1, keepdims=True)
 
@@ -84,10 +85,8 @@ class Served:
         """Add places, wherever they are; ``wanted`` (n, pairs) is what they are to show, all if None."""
         contrast, step = self.shown(places, wanted)
         self.places = np.concatenate([self.places, places])
-        self.contrast, self.step = (
-            np.concatenate([self.contrast, contrast]),
-            np.concatenate([self.step, step]),
-        )
+        self.contrast = np.concatenate([self.contrast, contrast])
+        self.step = np.concatenate([self.step, step])
 
     def keep_own(self, places: Array) -> None:
         """Add a place for each setting, which is to show what belongs to that setting."""
@@ -107,14 +106,13 @@ class Served:
         for off in self.offsets[1:]:
             good = np.flatnonzero((contrast > 0).any(axis=1))
             beside = self._at(places[good] + off, contrast[good] > 0)
-            contrast[good], step[good] = (
-                np.minimum(contrast[good], beside[0]),
-                np.minimum(step[good], beside[1]),
-            )
+            contrast[good] = np.minimum(contrast[good], beside[0])
+            step[good] = np.minimum(step[good], beside[1])
         return contrast, step
 
     def _at(self, places: Array, wanted: NDArray[np.bool_]) -> tuple[Array, Array]:
-        contrast, step = wanted.astype(float), wanted.astype(float)
+        contrast = wanted.astype(float)
+        step = wanted.astype(float)
         regions: dict[str, tuple[Array, Array]] = {}
         for k, pair in enumerate(self.pairs):
             for name in pair.regions:
@@ -130,7 +128,8 @@ class Served:
         shown = (contrast >= self.least) & (step >= self.least_step)
         rows = np.flatnonzero(shown.any(axis=1))
         if self.corners is not None and rows.size:
-            each, limits = np.arange(rows.size)[:, None], (self.least, self.least_step)
+            each = np.arange(rows.size)[:, None]
+            limits = (self.least, self.least_step)
             shown[rows] = self.corners.shown(self.scene, places[rows], each, limits, shown[rows])
         return np.where(shown, contrast, 0.0), np.where(shown, step, 0.0)
 
@@ -161,7 +160,8 @@ class Served:
     def steps(self, name: str, places: Array) -> Array:
         """Return the step (n,) of a region's entity, without shadows."""
         assert self.light is not None
-        entity, silhouettes = self.light.entities[name], self.light.silhouettes.get(name, {})
+        entity = self.light.entities[name]
+        silhouettes = self.light.silhouettes.get(name, {})
         return edge_steps(self.light.solid, entity, places, silhouettes)
 
     def search(self, space: LampSpace, pairs: Sequence[int]) -> bool:

@@ -82,15 +82,14 @@ class Beside:
             if rows.size and own.stop > own.start:
                 lit = self._lit(scene, lamps[rows], own)
                 starts = np.flatnonzero(np.diff(self.strip[own], prepend=-1))
-                least, most = (
-                    np.logical_and.reduceat(lit, starts, axis=1),
-                    np.logical_or.reduceat(lit, starts, axis=1),
-                )
+                least = np.logical_and.reduceat(lit, starts, axis=1)
+                most = np.logical_or.reduceat(lit, starts, axis=1)
                 found[rows, line] = (least == most).all(axis=1)
         return found
 
     def _lit(self, scene: RayScene, lamps: Array, own: slice) -> NDArray[np.bool_]:
-        places, normals = self.places[own], self.normals[own]
+        places = self.places[own]
+        normals = self.normals[own]
         lit = np.einsum("lpi,pi->lp", lamps[:, None] - places, normals) > 0
         lamp, place = np.nonzero(lit)
         lit[lamp, place] = ~shadowed_each(scene, places[place], lamps[lamp])
@@ -152,8 +151,10 @@ def _strips(
     places = line.eye + np.where(met, t_hit, 1.0)[..., None] * rays
     normals = hit["primitive_normals"].astype(np.float64)
     normals *= np.where((normals * rays).sum(axis=-1) > 0, -1.0, 1.0)[..., None]
-    first, way = normals[:, :, _FACE, None], places - places[:, :, _FACE, None]
-    height, distance = np.abs((way * first).sum(axis=-1)), np.linalg.norm(way, axis=-1)
+    first = normals[:, :, _FACE, None]
+    way = places - places[:, :, _FACE, None]
+    height = np.abs((way * first).sum(axis=-1))
+    distance = np.linalg.norm(way, axis=-1)
     turn = np.radians(_TURN_DEG)
     flat = (
         height <= np.sin(turn) * distance + _ROUNDING * np.linalg.norm(sight, axis=1)[:, None, None]

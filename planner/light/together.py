@@ -77,7 +77,8 @@ def sites_of(light: LightRegions | None, pairs: Sequence[Pair]) -> Sites:
     """
     numbers: dict[bytes, int] = {}
     places: list[Array] = []
-    compared, owner = [], []
+    compared = []
+    owner = []
 
     def number(point: Array, normal: Array) -> int:
         site = np.concatenate([point, normal])
@@ -110,7 +111,8 @@ _Side = tuple[Array, Array]
 
 
 def _sides(light: LightRegions, name: str) -> Iterator[tuple[_Side, _Side | None]]:
-    solid, silhouettes = light.solid, light.silhouettes.get(name, {})
+    solid = light.solid
+    silhouettes = light.silhouettes.get(name, {})
     for edge in (solid.edges[i] for i in light.entities[name].edge_ids):
         start, end = solid.vertices[list(edge.vertices)]
         for point in start + SHARES[:, None] * (end - start):
@@ -146,12 +148,16 @@ class LampSets:
         offsets: Array,
         besides: Besides | None = None,
     ) -> None:
-        self._sites, self.n, self._places, self._besides = sites, len(places), places, besides
+        self._sites = sites
+        self.n = len(places)
+        self._places = places
+        self._besides = besides
         # (with the fall of light and without, lamps, sites), at least and at most
         self._low = self._high = np.stack(_irradiances(scene, sites, places + offsets[0]))
         for off in offsets[1:]:
             now = np.stack(_irradiances(scene, sites, places + off))
-            self._low, self._high = np.minimum(self._low, now), np.maximum(self._high, now)
+            self._low = np.minimum(self._low, now)
+            self._high = np.maximum(self._high, now)
         self.n_pairs = sites.n_pairs
 
     def shown(self, sets: NDArray[np.int_]) -> tuple[Array, Array]:
@@ -207,9 +213,12 @@ def _compared(low: Array, high: Array, compared: NDArray[np.int_]) -> tuple[Arra
     """
     one, other = compared.T
     dark = other < 0
-    a, a_most = low[:, one], high[:, one]
-    b, b_most = np.where(dark, 0.0, low[:, other]), np.where(dark, 0.0, high[:, other])
-    brighter, darker = a > b_most, a_most < b
+    a = low[:, one]
+    a_most = high[:, one]
+    b = np.where(dark, 0.0, low[:, other])
+    b_most = np.where(dark, 0.0, high[:, other])
+    brighter = a > b_most
+    darker = a_most < b
     near = np.where(brighter, a - b_most, np.where(darker, a_most - b, 0.0))
     total = np.where(brighter, a + b_most, a_most + b)
     return near / np.where(total > 0, total, 1.0), np.abs(near)
@@ -253,11 +262,14 @@ def fewest_together(sets: LampSets, least: float, least_step: float) -> Fewest:
         The same for the same arguments.
     """
     n_pairs = sets.n_pairs
-    best, most, listed = Fewest((), np.zeros(n_pairs), 0), 0, 0
+    best = Fewest((), np.zeros(n_pairs), 0)
+    most = 0
+    listed = 0
     wide: list[tuple[int, ...]] = [()]
     for size in range(1, sets.n + 1):
         if listed == size - 1 and comb(sets.n, size) <= _MOST_SETS:
-            tried, listed = np.array(list(combinations(range(sets.n), size))), size
+            tried = np.array(list(combinations(range(sets.n), size)))
+            listed = size
         else:
             larger = sorted(
                 {tuple(sorted((*some, k))) for some in wide for k in range(sets.n) if k not in some}
@@ -265,7 +277,8 @@ def fewest_together(sets: LampSets, least: float, least_step: float) -> Fewest:
             tried = np.array(list(islice(larger, _MOST_SETS)))
         contrast, step = sets.shown(tried)
         shows = (contrast >= least) & (step >= least_step)
-        n_shown, margin = shows.sum(axis=1), np.where(shows, step, 1.0).min(axis=1, initial=1.0)
+        n_shown = shows.sum(axis=1)
+        margin = np.where(shows, step, 1.0).min(axis=1, initial=1.0)
         order = np.lexsort((-margin, -n_shown))
         top = int(order[0])
         if n_shown[top] > most:

@@ -179,14 +179,16 @@ def _diagonal_mm(body: Mapping[str, Any]) -> float:
 def _set(body: str, lens: str, distance: float) -> Camera | None:
     """Return a body and a lens focused at a distance, as far closed as diffraction allows; None if it is too close."""
     parts = camera_parts()
-    sensor, glass = parts["body"][body], parts["lens"][lens]
+    sensor = parts["body"][body]
+    glass = parts["lens"][lens]
     f = glass["focal_length_mm"]
     if distance < glass["closest_object_mm"]:
         return None
     blur = RULE.blur_px * min(sensor["pixel_pitch_mm"])
     # d / f = s / (s - f)
     limit = blur * (distance - f) / (2.44 * RULE.wavelength_mm * distance)
-    widest, narrowest = glass["widest_f_number"], glass["narrowest_f_number"]
+    widest = glass["widest_f_number"]
+    narrowest = glass["narrowest_f_number"]
     sharp = [stop for stop in RULE.stops if widest <= stop <= min(narrowest, limit)]
     return Camera(
         focal_length_mm=f,
@@ -265,7 +267,8 @@ def _around(centre: NDArray[np.float64], distance: float) -> NDArray[np.float64]
     """Return poses (n, 4, 4) that look at a point from a distance: the sensor level, and a quarter turned."""
     k = np.arange(RULE.directions) + 0.5
     # Fibonacci's lattice: equal steps of height, turned by the golden angle
-    z, turn = 1.0 - 2.0 * k / RULE.directions, math.pi * (3.0 - math.sqrt(5.0)) * k
+    z = 1.0 - 2.0 * k / RULE.directions
+    turn = math.pi * (3.0 - math.sqrt(5.0)) * k
     across = np.sqrt(1.0 - z**2)
     lattice = np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=-1)
     diagonals = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) / math.sqrt(3.0)
@@ -295,7 +298,9 @@ def _judged(
         need.focus_margin_mm,
         reserve,
     )
-    probability, share, poses = {}, {}, {}
+    probability = {}
+    share = {}
+    poses = {}
     for view in views:
         name = view.target.name
         best = _best(view, camera, lens, pose_uncertainty, how.localisation)

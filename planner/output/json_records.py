@@ -49,7 +49,8 @@ def part_record(
 
 def graph_record(result: EntityAspectGraph, path: str | Path) -> dict[str, Any]:
     """Return the viewing domains of a graph, which are adjacent, and where the GraphML is."""
-    nodes, listed = result.graph.nodes, result.regions.listed_as
+    nodes = result.graph.nodes
+    listed = result.regions.listed_as
     return {
         "entities": list(result.entity_names),
         "workspace": np.asarray(result.workspace, dtype=float).tolist(),

@@ -111,7 +111,8 @@ def opencv_json(plan: InspectionPlan) -> str:
 
 def colmap_cameras(plan: InspectionPlan) -> str:
     """Return COLMAP's cameras.txt: one camera, PINHOLE; with distortion OPENCV, or FULL_OPENCV where k3 is not 0."""
-    (width, height), matrix = plan.camera.resolution, np.asarray(plan.camera.matrix)
+    (width, height) = plan.camera.resolution
+    matrix = np.asarray(plan.camera.matrix)
     numbers = (matrix[0, 0], matrix[1, 1], matrix[0, 2] + 0.5, matrix[1, 2] + 0.5)
     parameters = " ".join(repr(float(x)) for x in numbers)
     if plan.camera.distortion is None:
@@ -119,13 +120,13 @@ def colmap_cameras(plan: InspectionPlan) -> str:
             f"# CAMERA_ID MODEL WIDTH HEIGHT FX FY CX CY\n1 PINHOLE {width} {height} {parameters}\n"
         )
     k1, k2, p1, p2, k3 = _coefficients(plan)
-    model, names, rest = "OPENCV", "K1 K2 P1 P2", [k1, k2, p1, p2]
+    model = "OPENCV"
+    names = "K1 K2 P1 P2"
+    rest = [k1, k2, p1, p2]
     if k3:
-        model, names, rest = (
-            "FULL_OPENCV",
-            "K1 K2 P1 P2 K3 K4 K5 K6",
-            [k1, k2, p1, p2, k3, 0.0, 0.0, 0.0],
-        )
+        model = "FULL_OPENCV"
+        names = "K1 K2 P1 P2 K3 K4 K5 K6"
+        rest = [k1, k2, p1, p2, k3, 0.0, 0.0, 0.0]
     parameters = " ".join([parameters, *map(repr, rest)])
     return f"# CAMERA_ID MODEL WIDTH HEIGHT FX FY CX CY {names}\n1 {model} {width} {height} {parameters}\n"
 
@@ -192,7 +193,8 @@ def ros_yaml(plan: InspectionPlan, frame_id: str = "part") -> str:
 
 def ros_camera_yaml(plan: InspectionPlan) -> str:
     """Return the camera as ROS's camera_calibration writes it, model plumb_bob: what CameraInfo is filled from."""
-    camera, matrix = plan.camera, np.asarray(plan.camera.matrix)
+    camera = plan.camera
+    matrix = np.asarray(plan.camera.matrix)
     tables = {
         "camera_matrix": matrix,
         "distortion_coefficients": np.array([_coefficients(plan)]),
@@ -214,7 +216,8 @@ def ros_camera_yaml(plan: InspectionPlan) -> str:
 
 def nerfstudio_json(plan: InspectionPlan) -> str:
     """Return a nerfstudio transforms.json: camera to world with OpenGL axes, in the part's millimetres."""
-    (width, height), matrix = plan.camera.resolution, np.asarray(plan.camera.matrix)
+    (width, height) = plan.camera.resolution
+    matrix = np.asarray(plan.camera.matrix)
     frames = [
         {
             "file_path": f"images/{image_name(k)}",

@@ -51,7 +51,8 @@ _STATUSES = ("planned", "incomplete", "refused", "failed")
 def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> None:
     """Print what a part consists of, its straight edges, its rims and its arcs."""
     console = _console()
-    size, n = np.ptp(solid.bounds, axis=0), len(solid.straight_edges())
+    size = np.ptp(solid.bounds, axis=0)
+    n = len(solid.straight_edges())
     chosen = "" if len(edges) == n else f"{len(edges)} of "
     console.print(
         f"{solid.name}: {count(solid.n_shells, 'shell')}, {count(len(solid.faces), 'face')}, "
@@ -127,7 +128,9 @@ def _print_curves(console: Console, kind: str, curves: Sequence[Any]) -> None:
 
 def print_graph(graph: EntityAspectGraph) -> None:
     """Print the size of an aspect graph and its domains, largest lists first."""
-    console, nodes, listed = _console(), graph.graph.nodes, graph.regions.listed_as
+    console = _console()
+    nodes = graph.graph.nodes
+    listed = graph.regions.listed_as
     lists = {frozenset(nodes[n][listed]) for n in nodes}
     console.print(
         f"{count(len(nodes), 'viewing domain' if listed == 'observable' else 'light domain')}, "

@@ -112,7 +112,8 @@ class Pace:
             self._begun.pop(label, None)
         self._last[label] = done
         begun, first = self._begun.setdefault(label, (now, done))
-        pieces, seconds = done - first, now - begun
+        pieces = done - first
+        seconds = now - begun
         few = pieces < max(_PIECES, _SHARE * total) or seconds < _SECONDS
         if done >= total or few or now < self._again.get(label, 0.0):
             return None
@@ -125,7 +126,10 @@ class Pace:
 
 
 # a pace is told from so many pieces, such a share of them and so many seconds on, if so much more is to come
-_PIECES, _SHARE, _SECONDS, _LONG_S = 3, 0.01, 3.0, 20.0
+_PIECES = 3
+_SHARE = 0.01
+_SECONDS = 3.0
+_LONG_S = 20.0
 # what is done between other work, of which nobody knows how much there is: no pace is told of it
 LOOPS = "compiling loops"
 # what usually ends before its total
@@ -191,7 +195,8 @@ class _Bars:
     """One live bar per label; lines that stay appear above them."""
 
     def __init__(self, bars: RichProgress) -> None:
-        self._bars, self._pace = bars, Pace()
+        self._bars = bars
+        self._pace = Pace()
         self._tasks: dict[str, TaskID] = {}
 
     def __call__(self, done: int, total: int, label: str) -> None:
@@ -210,7 +215,8 @@ class _Lines:
     """One line whenever all known work of a label is done, and about how long that takes: readable in a log."""
 
     def __init__(self, stream: TextIO | None) -> None:
-        self._stream, self._pace = stream, Pace()
+        self._stream = stream
+        self._pace = Pace()
         self._started: dict[str, float] = {}
         self._finished: set[tuple[str, int]] = set()
 

@@ -95,7 +95,8 @@ def _different_keys(pairs: list[tuple[str, object]]) -> dict[str, Any]:
 
 def _check_depth_and_text(data: Any) -> None:
     """Walk through all values without recursion, so that depth cannot hurt."""
-    level, depth = [data], 0
+    level = [data]
+    depth = 0
     while level:
         depth += 1
         if depth > _DEEPEST:

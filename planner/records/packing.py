@@ -53,7 +53,8 @@ def unpacked(value: object) -> Any:
 
 def _packed_array(array: np.ndarray) -> dict[str, Any]:
     if array.dtype == bool:
-        kind, content = "bits", np.packbits(array.ravel()).tobytes()
+        kind = "bits"
+        content = np.packbits(array.ravel()).tobytes()
     else:
         kind = "<i8" if np.issubdtype(array.dtype, np.integer) else "<f8"
         content = np.ascontiguousarray(array, dtype=kind).tobytes()
@@ -65,7 +66,8 @@ def _packed_array(array: np.ndarray) -> dict[str, Any]:
 
 
 def _unpacked_array(data: dict[str, Any]) -> np.ndarray:
-    kind, shape = data.get("array"), data.get("shape")
+    kind = data.get("array")
+    shape = data.get("shape")
     if kind not in _TYPES or not isinstance(shape, list):
         raise ValueError(
             f"array must be one of {', '.join(_TYPES)}, with a shape. Got {kind!r} and {shape!r}"

@@ -179,7 +179,8 @@ def _check_everyone_once(data: Mapping[str, Any]) -> None:
 
 
 def _check_bound(data: Mapping[str, Any]) -> None:
-    n, bound = len(data["settings"]), data["lower_bound"]
+    n = len(data["settings"])
+    bound = data["lower_bound"]
     if not min(n, 1) <= bound <= n:
         rule = (
             f"must be 1 to {n}, the number of settings"
@@ -212,7 +213,8 @@ def _check_simulation(simulation: Mapping[str, Any], settings: Sequence[Any]) ->
 
 def _check_images(images: Mapping[str, Any], settings: Sequence[Any]) -> None:
     """Check that the counts of images are those of each setting's names, and no more than there are."""
-    counts, n = images["counts"], images["n"]
+    counts = images["counts"]
+    n = images["n"]
     if len(counts) != len(settings):
         raise PlanFileError(
             f"simulation.shown.counts must hold one object per setting, {len(settings)}. Got {len(counts)}."
@@ -263,7 +265,8 @@ def _check_light(light: Mapping[str, Any], settings: Sequence[Any]) -> None:
 
 
 def _check_rate(rate: Mapping[str, Any], simulation: Mapping[str, Any], *where: object) -> None:
-    n, together = simulation["n"], simulation["confidence"]
+    n = simulation["n"]
+    together = simulation["confidence"]
     if rate["confidence"] < together:
         rule = f"must be at least simulation.confidence, {together:g}"
         _refuse(field_name(*where, "confidence"), rule, rate["confidence"])

@@ -77,7 +77,8 @@ def shown(value: object) -> str:
 
 def _message(error: Any) -> str:
     """Say what is wrong: the title of a definition is the rule."""
-    path, value = list(error.absolute_path), error.instance
+    path = list(error.absolute_path)
+    value = error.instance
     if error.validator == "required":
         missing = next(name for name in error.validator_value if name not in value)
         return f"{field_name(*path, missing)} must be given. Got none."

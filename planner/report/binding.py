@@ -65,7 +65,9 @@ def nearest_limits(plan: InspectionPlan, setting: SensorSetting) -> list[Nearnes
 
 def _rooms(plan: InspectionPlan, setting: SensorSetting) -> dict[str, float]:
     """Return what a constraint would leave at most, in its own unit, by the key of its margin."""
-    camera, need, margins = plan.camera, plan.requirements, setting.margins
+    camera = plan.camera
+    need = plan.requirements
+    margins = setting.margins
     near, far = camera.depth_of_field_mm
     rooms = {
         "focus_mm": (far - near) / 2 if np.isfinite(far) else camera.focus_distance_mm,
@@ -75,10 +77,8 @@ def _rooms(plan: InspectionPlan, setting: SensorSetting) -> dict[str, float]:
     if need:
         if "clearance_mm" in margins:
             rooms["clearance_mm"] = margins["clearance_mm"] + need["stand_off_mm"]
-        rooms["separation_px"], rooms["corner_deg"] = (
-            need.get("separation_px", 0.0),
-            need.get("min_corner_deg", 0.0),
-        )
+        rooms["separation_px"] = need.get("separation_px", 0.0)
+        rooms["corner_deg"] = need.get("min_corner_deg", 0.0)
         if "resolution_mm" in margins:
             rooms["resolution_mm"] = margins["resolution_mm"] + need["min_length_px"] * max(
                 camera.pixel_pitch_mm

@@ -36,7 +36,8 @@ COLORS = (
     "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#56b4e9",
     "#882255", "#44aa99", "#332288", "#999933", "#aa4499", "#117733",
 )  # fmt: skip
-_RED, _YELLOW = "#c0152f", "#f0c800"
+_RED = "#c0152f"
+_YELLOW = "#f0c800"
 
 
 def color_of(setting_idx: int) -> str:

@@ -32,7 +32,9 @@ MOST_CELLS = 3000
 """Cells of all domains whose surfaces are computed; each takes about 2 ms."""
 
 _NOTHING: dict[str, Any] = {key: [] for key in "xyzijk"}
-_WIDTH, _HEIGHT, _AIR = 420.0, 560.0, 26.0
+_WIDTH = 420.0
+_HEIGHT = 560.0
+_AIR = 26.0
 _RADII = (6.0, 15.0)
 _PLAIN = "#c3cbd4"
 # digits kept of the size of what is shown
@@ -286,7 +288,8 @@ def _places(drawn: nx.Graph) -> dict[int, NDArray[np.float64]]:
         return {}
     found = layout(drawn)
     points = np.array([found[node] for node in drawn]) * [1, -1]
-    low, size = points.min(axis=0), np.ptp(points, axis=0)
+    low = points.min(axis=0)
+    size = np.ptp(points, axis=0)
     share = np.where(size > 1e-9, (points - low) / np.where(size > 1e-9, size, 1.0), 0.5)
     return dict(zip(drawn, _AIR + share * (np.array([_WIDTH, _HEIGHT]) - 2 * _AIR), strict=True))
 
@@ -294,10 +297,8 @@ def _places(drawn: nx.Graph) -> dict[int, NDArray[np.float64]]:
 def _radii(drawn: nx.Graph) -> dict[int, float]:
     """Return radii that grow with the logarithm of the volume."""
     logs = {node: math.log(max(volume, 1e-300)) for node, volume in drawn.nodes(data="volume")}
-    low, span = (
-        min(logs.values(), default=0.0),
-        max(np.ptp(list(logs.values())), 1e-9) if logs else 1.0,
-    )
+    low = min(logs.values(), default=0.0)
+    span = max(np.ptp(list(logs.values())), 1e-9) if logs else 1.0
     return {
         node: _RADII[0] + (_RADII[1] - _RADII[0]) * (value - low) / span
         for node, value in logs.items()

@@ -46,7 +46,8 @@ if TYPE_CHECKING:
     from planner.request.space import Space
     from planner.verify.simulate_plan import SimulationResult
 
-_EDGE, _POSE = ("edge", "edges"), "camera pose"
+_EDGE = ("edge", "edges")
+_POSE = "camera pose"
 
 
 def report_html(
@@ -82,7 +83,8 @@ def report_html(
     figure = plan_figure(plan, space.solid, space)
     picture, domains = _graph(plan, graph)
     dimensions = dimension_section(plan)
-    views, rows = figure_views(plan, space.solid), measured_rows(plan)
+    views = figure_views(plan, space.solid)
+    rows = measured_rows(plan)
     template = Template(
         resources.files("planner.report").joinpath("report.html").read_text(encoding="utf-8")
     )
@@ -149,7 +151,9 @@ def _meaning(plan: InspectionPlan) -> str:
 
 def _lead(plan: InspectionPlan) -> str:
     """Say what the plan does, what is proven and what the simulation made of it."""
-    n, inspected, asked = len(plan.settings), len(plan.inspected), len(plan.entities)
+    n = len(plan.settings)
+    inspected = len(plan.inspected)
+    asked = len(plan.entities)
     features = features_sentence(plan)
     if not n:
         return (
@@ -201,7 +205,8 @@ def _figures(plan: InspectionPlan) -> str:
 
 
 def _request(plan: InspectionPlan) -> str:
-    camera, sigmas = plan.camera, plan.pose_uncertainty.sigmas
+    camera = plan.camera
+    sigmas = plan.pose_uncertainty.sigmas
     near, far = camera.depth_of_field_mm
     field = np.array(camera.sensor_size_mm) / camera.image_distance_mm * camera.focus_distance_mm
     left, top, right, bottom = camera.field().inner
@@ -273,7 +278,8 @@ def _method(plan: InspectionPlan) -> str:
 
 def _gap(plan: InspectionPlan) -> str:
     """Say what the bound leaves open."""
-    n, bound = len(plan.settings), plan.lower_bound
+    n = len(plan.settings)
+    bound = plan.lower_bound
     if not n:
         return "So there is nothing to prove."
     if plan.minimal:

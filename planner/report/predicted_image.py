@@ -34,7 +34,9 @@ _SHADED_WIDTH = 560
 # the same for shadows, whose rays end on the face they ask for
 _SHADOW_TOLERANCE = 1e-3
 # grey values under a lamp: what is no part, what no light reaches, and the most
-_GROUND, _AMBIENT, _BRIGHTEST = 12, 30, 235
+_GROUND = 12
+_AMBIENT = 30
+_BRIGHTEST = 235
 # pieces a highlighted segment is bent into by distortion, and where points are put that have no image
 _BENDS = 32
 _FAR_PX = 1e5
@@ -114,7 +116,8 @@ class PictureMaker:
     """
 
     def __init__(self, solid: Solid, camera: Camera) -> None:
-        self.solid, self.camera = solid, camera
+        self.solid = solid
+        self.camera = camera
         self._scene = RayScene(solid.vertices, solid.triangles)
         self._edge_vertices = np.array([edge.vertices for edge in solid.edges])
         self._edge_faces = np.array([edge.faces for edge in solid.edges])
@@ -154,10 +157,8 @@ class PictureMaker:
         pixels = np.concatenate(
             [uv.reshape(-1, 2) for uv, _ in self._project_entities(cam2world, entities)]
         )
-        low, high = (
-            np.clip(pixels.min(axis=0), 0, (width, height)),
-            np.clip(pixels.max(axis=0), 0, (width, height)),
-        )
+        low = np.clip(pixels.min(axis=0), 0, (width, height))
+        high = np.clip(pixels.max(axis=0), 0, (width, height))
         share = float(np.clip(1.3 * ((high - low) / (width, height)).max(), 40 / width, 1.0))
         size = np.round([share * width, share * height])
         corner = np.clip(np.round((low + high - size) / 2), 0, np.array([width, height]) - size)
@@ -281,7 +282,8 @@ class PictureMaker:
         if segment is None:
             return None
         matrix = self.camera.matrix
-        scale, centre = np.diag(matrix)[:2], matrix[:2, 2]
+        scale = np.diag(matrix)[:2]
+        centre = matrix[:2, 2]
         pixels = segment[:, :2] / segment[:, 2:] * scale + centre
         # what is clipped is the undistorted image, where the segment is straight
         lens = self.camera.distortion
@@ -314,18 +316,18 @@ class PictureMaker:
         self, cam2world: np.ndarray, lamp: np.ndarray | None = None, *, window: Window | None = None
     ) -> np.ndarray:
         """Return a small grey image (h, w) of uint8, by lamps (3,) or (n, 3), or from its left shoulder."""
-        matrix, (left, top, width, height) = (
-            self.camera.matrix,
-            window or (0, 0, *self.camera.resolution),
-        )
+        matrix = self.camera.matrix
+        (left, top, width, height) = window or (0, 0, *self.camera.resolution)
         scale = width / _SHADED_WIDTH
         u, v = np.meshgrid(
             (np.arange(_SHADED_WIDTH) + 0.5) * scale,
             (np.arange(round(height / scale)) + 0.5) * scale,
         )
-        u, v = u + left, v + top
+        u = u + left
+        v = v + top
         if self.camera.distortion is None:
-            x, y = (u - matrix[0, 2]) / matrix[0, 0], (v - matrix[1, 2]) / matrix[1, 1]
+            x = (u - matrix[0, 2]) / matrix[0, 0]
+            y = (v - matrix[1, 2]) / matrix[1, 1]
         else:
             x, y = np.moveaxis(tangents_of(self.camera, np.stack([u, v], axis=-1)), -1, 0)
         rays = np.stack([x, y, np.ones_like(u)], axis=-1) @ cam2world[:3, :3].T
@@ -430,7 +432,8 @@ def _clip_rectangle(
     pixels: np.ndarray, least: np.ndarray, most: np.ndarray
 ) -> tuple[float, float] | None:
     """Return the parameter interval of a line (2, 2) inside a rectangle (Liang and Barsky 1984), or None."""
-    low, high = 0.0, 1.0
+    low = 0.0
+    high = 1.0
     step = pixels[1] - pixels[0]
     for i in range(2):
         for sign, distance in ((-1.0, pixels[0, i] - least[i]), (1.0, most[i] - pixels[0, i])):

@@ -39,7 +39,8 @@ def settings_table(plan: InspectionPlan, named: tuple[str, str]) -> str:
     """
     if not plan.settings:
         return '<p class="note">The plan has no settings.</p>'
-    rows, several = [], named[1].capitalize()
+    rows = []
+    several = named[1].capitalize()
     for k, setting in enumerate(plan.settings):
         probabilities = setting.probability.values()
         position = " ".join(f"{x:.1f}" for x in setting.position)
@@ -109,11 +110,9 @@ def _setting(plan: InspectionPlan, k: int, table: str, maker: PictureMaker) -> s
 
 def _shots(plan: InspectionPlan, k: int, maker: PictureMaker) -> str:
     """Return predicted image and edge map; beside each, enlarged, what is measured, where that is worth it."""
-    pose, entities, color = (
-        plan.settings[k].cam2world,
-        drawn(plan, plan.settings[k].entities),
-        color_of(k),
-    )
+    pose = plan.settings[k].cam2world
+    entities = drawn(plan, plan.settings[k].entities)
+    color = color_of(k)
     images = plan.light.images[k] if plan.light is not None else ()
     lamp = plan.light.lamps[list(images[0].lamps)] if plan.light is not None and images else None
     shaded = "Predicted image, hidden lines removed" + (

@@ -110,7 +110,8 @@ def plan_views(
 
 def box_around(points: _Array, limits: _Array, air: float = 0.08) -> _Array:
     """Return the box (2, 3) around points with some air, which is cut off at the limits; points never are."""
-    low, high = points.min(axis=0), points.max(axis=0)
+    low = points.min(axis=0)
+    high = points.max(axis=0)
     more = air * float(np.linalg.norm(high - low))
     return np.array(
         [

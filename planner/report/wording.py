@@ -67,7 +67,9 @@ def bound_sentence(
     plan: InspectionPlan, what: Sequence[str] = ("entity", "entities"), place: str = "setting"
 ) -> str:
     """Say how many settings are proven to be needed, and for what; nothing of a plan without settings."""
-    n, bound, inspected = len(plan.settings), plan.lower_bound, len(plan.inspected)
+    n = len(plan.settings)
+    bound = plan.lower_bound
+    inspected = len(plan.inspected)
     if not n:
         return ""
     these = f"these {count(inspected, *what)}" if inspected > 1 else f"this {what[0]}"
@@ -85,7 +87,8 @@ def bound_sentence(
 
 def incumbent_line(plan: InspectionPlan, seconds: float) -> str:
     """Say in a line of a log how good a plan is, and when that was."""
-    settings, inspected = count(len(plan.settings), "setting"), len(plan.inspected)
+    settings = count(len(plan.settings), "setting")
+    inspected = len(plan.inspected)
     some = "" if plan.complete else f", {inspected} of {count(len(plan.entities), *nouns(plan))}"
     return f"{seconds:8.1f} s   {settings:>12}   at least {plan.lower_bound:<3}   gap {100 * plan.gap:.0f} %{some}"
 
@@ -120,9 +123,11 @@ def promise_sentence(plan: InspectionPlan) -> str:
     """Say what P is, and what it takes as given."""
     share = f"{100 * (1 - plan.accuracy):.3g} %"
     dimensions = sum(name in plan.dimensions for name in plan.entities)
-    error, found = f"{share} of the edge's image length", "the edge is found"
+    error = f"{share} of the edge's image length"
+    found = "the edge is found"
     if dimensions:
-        error, found = "the permitted one", "what is measured is found"
+        error = "the permitted one"
+        found = "what is measured is found"
         if dimensions < len(plan.entities):
             error += f" (of an edge {share} of its image length)"
     return f"P is the probability that the error is at most {error}, given a registered image in which {found}."
@@ -141,7 +146,8 @@ def window_texts(plan: InspectionPlan, k: int) -> list[str]:
     """Say within how many pixels what a setting measures is to be looked for, and where other lines lie there."""
     setting = plan.settings[k]
     windows = search_windows_px(plan, setting)
-    least, most = min(windows.values()), max(windows.values())
+    least = min(windows.values())
+    most = max(windows.values())
     told = f"{most:.3g}" if most - least < 0.1 else f"{least:.3g} to {most:.3g}"
     lines = [
         f"{name}: {line_warning(px, windows[name])}"
@@ -184,7 +190,8 @@ def shown_sentence(images: ShownImages | None) -> str:
     if images is None:
         return ""
     counts = [found for setting in images.counts for found in setting.values()]
-    always, n = sum(found == images.n for found in counts), len(counts)
+    always = sum(found == images.n for found in counts)
+    n = len(counts)
     told = f"From {count(images.n, 'displaced pose')} per setting, the conditions for an edge to be found in the image "
     if always == n:
         return told + (
@@ -243,7 +250,8 @@ def graph_sentence(n_entities: int, most: int | None) -> str:
 
 def regions_sentence(shares: Mapping[str, float], most: int) -> str:
     """Say from how much of the workspace entities are observable, and how many at most from one place."""
-    least, largest = min(shares, key=shares.__getitem__), max(shares, key=shares.__getitem__)
+    least = min(shares, key=shares.__getitem__)
+    largest = max(shares, key=shares.__getitem__)
     mean = sum(shares.values()) / len(shares)
     return (
         f"Regions: each is observable as a whole from {100 * shares[least]:.2g} % ({least}) to "
@@ -257,10 +265,8 @@ def light_sentence(plan: InspectionPlan) -> str:
     light = plan.light
     if light is None or not plan.settings:
         return ""
-    pairs, dark = (
-        sum(len(setting.entities) for setting in plan.settings),
-        sum(map(len, light.unlit)),
-    )
+    pairs = sum(len(setting.entities) for setting in plan.settings)
+    dark = sum(map(len, light.unlit))
     shown = f"{pairs - dark} of the {pairs} measurements" if dark else "all that is measured"
     of = f"in its setting with a contrast of at least {light.contrast:g}"
     if light.kind == "ring":
@@ -305,7 +311,8 @@ def lamp_texts(plan: InspectionPlan, k: int) -> list[str]:
 
 def verdict(plan: InspectionPlan) -> str:
     """Say in a few sentences how good a plan is."""
-    inspected, n = len(plan.inspected), len(plan.settings)
+    inspected = len(plan.inspected)
+    n = len(plan.settings)
     sentences = [
         f"{inspected} of {count(len(plan.entities), *nouns(plan))} inspected from {count(n, 'setting')}."
     ]
@@ -339,7 +346,8 @@ def calibration_rows(camera: Camera) -> dict[str, str]:
 
 def requirement_rows(plan: InspectionPlan) -> dict[str, str]:
     """Say what every setting satisfies, and how much that is beside the pose uncertainty; nothing if not known."""
-    need, uncertainty = plan.requirements, plan.pose_uncertainty
+    need = plan.requirements
+    uncertainty = plan.pose_uncertainty
     if not need:
         return {}
     asked = {}
@@ -369,7 +377,8 @@ def requirement_rows(plan: InspectionPlan) -> dict[str, str]:
 
 def _focus_reserve(need: Mapping[str, float], along: float) -> str:
     """Say how far from the limits of the depth of field all that is measured stays."""
-    margin, sigmas = need["focus_margin_mm"], need.get("focus_sigmas", 0.0)
+    margin = need["focus_margin_mm"]
+    sigmas = need.get("focus_sigmas", 0.0)
     if not sigmas or not along:
         return (
             f"{margin:.4g} mm at both ends of the depth of field"

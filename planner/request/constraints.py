@@ -114,11 +114,13 @@ def enclosing_sphere(points: np.ndarray) -> tuple[np.ndarray, float]:
     The radius is exact for that centre, so no point is ever outside.
     """
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
-    best, radius = centre, np.inf
+    best = centre
+    radius = np.inf
     for step in range(2, 300):
         distances = np.linalg.norm(points - centre, axis=-1)
         if distances.max() < radius:
-            best, radius = centre, float(distances.max())
+            best = centre
+            radius = float(distances.max())
         centre = centre + (points[np.argmax(distances)] - centre) / step
     return best, radius
 
@@ -233,12 +235,10 @@ class Constraints:
         requirements: Requirements,
         targets: Sequence[Target] | None = None,
     ):
-        self.space, self.names, self.camera, self.requirements = (
-            space,
-            tuple(names),
-            camera,
-            requirements,
-        )
+        self.space = space
+        self.names = tuple(names)
+        self.camera = camera
+        self.requirements = requirements
         if targets is None:
             targets = [edge_target(name, space.entities[name].endpoints) for name in self.names]
         self.ends = np.array([target.ends for target in targets], dtype=np.float64)
@@ -271,7 +271,8 @@ class Constraints:
 
     def _build_checks(self) -> dict[str, Any]:
         """Map each constraint that is no column of the image to its slacks as a function of cam2world."""
-        need, checks = self.requirements, {}
+        need = self.requirements
+        checks = {}
         if not self._exact_field:
             checks["field_of_view_mm"] = lambda pose: cone_slacks(
                 self.camera, world_to_cam(self.sphere_centre, pose), self.sphere_radius

@@ -74,10 +74,13 @@ def corner_margin_px(
     float
         Pixels; at most a quarter of the sensor's smaller side, so that something of it is left.
     """
-    z, widest = camera.depth_of_field_mm[0], 0.0
-    half, most = np.array(camera.sensor_size_mm) / 2 / camera.image_distance_mm, 1.0
+    z = camera.depth_of_field_mm[0]
+    widest = 0.0
+    half = np.array(camera.sensor_size_mm) / 2 / camera.image_distance_mm
+    most = 1.0
     if not camera.is_centred:
-        (left, top, right, bottom), most = camera.field().outer, camera.field().most
+        (left, top, right, bottom) = camera.field().outer
+        most = camera.field().most
         half = np.array([max(-left, right), max(-top, bottom)])
     for u, v in half * [[1, 1], [1, -1]]:
         across = [-1 / z, 0, u / z, u * v, -(1 + u * u), v]
@@ -164,7 +167,8 @@ def pose_margin_px(camera: Camera, pose_uncertainty: PoseUncertainty) -> float:
 
     The point is on the optical axis at the focus distance; the axis with the finer pitch or larger spread counts.
     """
-    d, s = camera.image_distance_mm, camera.focus_distance_mm
+    d = camera.image_distance_mm
+    s = camera.focus_distance_mm
     # a camera moved by dx and turned by phi_y about its nodal point moves the image of (0, 0, s) by −d·(dx/s + phi_y)
     rows = (
         np.array([[1 / s, 0, 0, 0, 1, 0], [0, 1 / s, 0, -1, 0, 0]])

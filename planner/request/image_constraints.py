@@ -24,7 +24,9 @@ from aspectgraph.exact.lean import compiled, inner
 from planner.camera.camera import Camera
 from planner.request.focus_reserve import NO_RESERVE, FocusReserve
 
-RESOLUTION, FOCUS, FIELD_OF_VIEW = slice(0, 1), slice(1, 5), slice(5, 13)
+RESOLUTION = slice(0, 1)
+FOCUS = slice(1, 5)
+FIELD_OF_VIEW = slice(5, 13)
 
 # behind the camera there is no image
 _NOT_IMAGED_PX = -1e6
@@ -62,12 +64,14 @@ class Lens(NamedTuple):
         reserve: FocusReserve = NO_RESERVE,
     ) -> Lens:
         """Return the numbers of a camera and of what is asked of its image."""
-        matrix, (width, height) = camera.matrix, camera.resolution
+        matrix = camera.matrix
+        (width, height) = camera.resolution
         # pixel centres are whole numbers, so the sensor's sides are at -0.5 and count - 0.5
         sides = -0.5, -0.5, width - 0.5, height - 0.5
         if camera.distortion is not None:
             # the margin is counted in pixels of the real image, the sides in those of the undistorted one
-            tangents, margin_px = np.array(camera.field(margin_px).inner).reshape(2, 2), 0.0
+            tangents = np.array(camera.field(margin_px).inner).reshape(2, 2)
+            margin_px = 0.0
             left, top, right, bottom = (
                 (tangents * np.diag(matrix)[:2] + matrix[:2, 2]).ravel().tolist()
             )
@@ -134,10 +138,13 @@ def _focus_margin(least, reserve, x, y):
 def _image_slacks(lens, ends_cam, out):
     for i in range(ends_cam.shape[0]):
         for j in range(ends_cam.shape[1]):
-            a, b, row = ends_cam[i, j, 0], ends_cam[i, j, 1], out[i, j]
+            a = ends_cam[i, j, 0]
+            b = ends_cam[i, j, 1]
+            row = out[i, j]
             length = 0.0
             if a[2] > 0.0 and b[2] > 0.0:
-                x, y = a[0] * b[2] - b[0] * a[2], a[1] * b[2] - b[1] * a[2]
+                x = a[0] * b[2] - b[0] * a[2]
+                y = a[1] * b[2] - b[1] * a[2]
                 length = lens.image_distance_mm * math.hypot(x, y) / (a[2] * b[2])
             row[0] = length - lens.min_length_mm
             for e in range(2):
@@ -150,14 +157,10 @@ def _image_slacks(lens, ends_cam, out):
                     continue
                 u = lens.scale_x_px * x / z + lens.centre_x_px
                 v = lens.scale_y_px * y / z + lens.centre_y_px
-                row[5 + e], row[7 + e] = (
-                    u - lens.left_px - lens.margin_px,
-                    lens.right_px - u - lens.margin_px,
-                )
-                row[9 + e], row[11 + e] = (
-                    v - lens.top_px - lens.margin_px,
-                    lens.bottom_px - v - lens.margin_px,
-                )
+                row[5 + e] = u - lens.left_px - lens.margin_px
+                row[7 + e] = lens.right_px - u - lens.margin_px
+                row[9 + e] = v - lens.top_px - lens.margin_px
+                row[11 + e] = lens.bottom_px - v - lens.margin_px
 
 
 def cone_slacks(camera: Camera, centre_cam: np.ndarray, radius_mm: float) -> np.ndarray:

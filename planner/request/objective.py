@@ -57,13 +57,11 @@ class Objective:
             raise RequestError.of_rule("accuracy", "must be in (0, 1)", repr(accuracy))
         if kind not in ("sum", "min"):
             raise RequestError.of_rule("objective", "must be 'sum' or 'min'", repr(kind))
-        self.ends, self.camera, self.accuracy, self.kind, self.model = (
-            ends,
-            camera,
-            accuracy,
-            kind,
-            model,
-        )
+        self.ends = ends
+        self.camera = camera
+        self.accuracy = accuracy
+        self.kind = kind
+        self.model = model
         self._image_distance = _IMAGE_SCALE * camera.image_distance_mm
         self._probability = errors.SuccessModel(
             focal_length_mm=self._image_distance,

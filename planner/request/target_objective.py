@@ -30,7 +30,8 @@ class TargetObjective(Objective):
     def __init__(self, edges: Objective, models: Mapping[int, MeasurandModel]):
         # what of it is not overridden, is that of the edges
         self.__dict__.update(edges.__dict__)
-        self._edges, self._models = edges, dict(models)
+        self._edges = edges
+        self._models = dict(models)
 
     def probability(self, cam2world: np.ndarray) -> np.ndarray:
         """Return P (n, k) of poses (n, 4, 4), as `Objective.probability`."""
@@ -39,7 +40,8 @@ class TargetObjective(Objective):
 
     def probability_where(self, cam2world: np.ndarray, wanted: np.ndarray) -> np.ndarray:
         """Return P of poses (n, 4, 4) for those items that are wanted (n, k), one after the other, row by row."""
-        result, own = np.zeros(wanted.shape), wanted.copy()
+        result = np.zeros(wanted.shape)
+        own = wanted.copy()
         own[:, list(self._models)] = False
         if own.any():
             result[own] = self._edges.probability_where(cam2world, own)

@@ -32,14 +32,12 @@ SOURCES = ("translation", "rotation", "localisation")
 """What the variance of a measured value comes from."""
 
 
-FINE, DIFFERS, BETTER, LINE, UNSHOWN, UNLIT = (
-    "tolerance under two pixels",
-    "simulation differs from what is stated",
-    "simulation is better than what is stated",
-    "another line within the search window",
-    "not to be found in some displaced images",
-    "shown by no lamp",
-)
+FINE = "tolerance under two pixels"
+DIFFERS = "simulation differs from what is stated"
+BETTER = "simulation is better than what is stated"
+LINE = "another line within the search window"
+UNSHOWN = "not to be found in some displaced images"
+UNLIT = "shown by no lamp"
 """Kinds of warnings."""
 
 
@@ -129,7 +127,8 @@ def measured_rows(plan: Any) -> list[list[Row]]:
 def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
     rates = plan.simulation.rates[k] if plan.simulation is not None else {}
     images = plan.simulation.shown if plan.simulation is not None else None
-    measured, windows = measurements(plan, setting), search_windows_px(plan, setting)
+    measured = measurements(plan, setting)
+    windows = search_windows_px(plan, setting)
     rows = []
     for name in setting.entities:
         value = (
@@ -137,7 +136,8 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
             if name in measured
             else _edge(plan, setting, name)
         )
-        rate, probability = rates.get(name), setting.probability[name]
+        rate = rates.get(name)
+        probability = setting.probability[name]
         coarse = value.permitted_error_px if _is_rounded(plan, name) else None
         warnings = _warnings(coarse, probability, rate)
         if name in setting.lines_in_window_px:
@@ -200,7 +200,8 @@ def fine_warning(permitted_px: float) -> str:
 def _dimension(one: Any, told: Any) -> _Value:
     # the quantiles of a short arc are no variance
     budget = {} if any(map(is_short, one.geometry)) else dict(told.budget)
-    u, px = told.standard_uncertainty, told.permitted_error_px
+    u = told.standard_uncertainty
+    px = told.permitted_error_px
     return _Value(one.kind, one.nominal, one.unit, one.permitted_error, px, u, budget)
 
 
@@ -237,7 +238,8 @@ def _warnings(px: float | None, probability: float, rate: SuccessRate | None) ->
     if px is not None and px < TRUSTED_PX:
         found.append(Warned(FINE, fine_warning(px)))
     if rate is not None:
-        off, drawn = rate.frequency - probability, frequency_text(rate.successes, rate.n)
+        off = rate.frequency - probability
+        drawn = frequency_text(rate.successes, rate.n)
         if rate.verdict in (CONTRADICTED, TOLERATED, UNSTATED):
             told = f"simulation gives {drawn} instead of {probability_text(probability)}: {rate.verdict}"
             found.append(Warned(DIFFERS, told))

@@ -114,7 +114,8 @@ class PlanTables:
                     )
                 )
             )
-        n, total = len(self.entities) - len(self.uninspectable), len(self.entities)
+        n = len(self.entities) - len(self.uninspectable)
+        total = len(self.entities)
         settings = "1 setting" if len(self.settings) == 1 else f"{len(self.settings)} settings"
         features = features_text([one.n_features for one in self.dimensions.values()])
         caption = (
@@ -133,10 +134,15 @@ class PlanTables:
         """Return what is to be measured, and how well."""
         if name in self.dimensions:
             one = self.dimensions[name]
-            kind, nominal, error, unit = one.kind, one.nominal, one.permitted_error, one.unit
+            kind = one.kind
+            nominal = one.nominal
+            error = one.permitted_error
+            unit = one.unit
         else:
             start, end = self.entities[name]
-            kind, nominal, unit = "length", float(np.linalg.norm(end - start)), "mm"
+            kind = "length"
+            nominal = float(np.linalg.norm(end - start))
+            unit = "mm"
             error = (1.0 - self.accuracy) * nominal
         return {
             "name": name,

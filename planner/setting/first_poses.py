@@ -78,7 +78,9 @@ def draw_start(
     """Return up to n feasible chromosomes: known poses (m, 4, 4) first, then draws, then the repair."""
     tried = [np.empty((0, 6)) if known is None else encoding.parameters_of(known)]
     bits, ok = snap(tried[0], encoding, constraints)
-    found, drawn, hits = [bits[ok]], 0, int(ok.sum())
+    found = [bits[ok]]
+    drawn = 0
+    hits = int(ok.sum())
     given = hits
     while hits < n and drawn < max_draws:
         positions = sampler.sample(REPAIR.batch, rng)
@@ -117,7 +119,8 @@ def repair(
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Move the least violating parameters towards feasibility; return up to n feasible bits, and the last pool."""
-    pool, found = tried[: REPAIR.pool], []
+    pool = tried[: REPAIR.pool]
+    found = []
     missed = _violation(pool, encoding, constraints)
     for step in np.geomspace(REPAIR.first_step, REPAIR.last_step, REPAIR.rounds):
         children = neighbours(pool, REPAIR.children, step, encoding, rng)
@@ -127,7 +130,8 @@ def repair(
             break
         both = np.concatenate([missed, _violation(children, encoding, constraints)])
         best = np.argsort(both, kind="stable")[: REPAIR.pool]
-        pool, missed = np.concatenate([pool, children])[best], both[best]
+        pool = np.concatenate([pool, children])[best]
+        missed = both[best]
     return np.concatenate(found)[:n], pool
 
 

@@ -99,7 +99,8 @@ def check_extent(constraints: Constraints) -> None:
 
     See `planner.request.necessary.widest_view_mm`.
     """
-    camera, limit = constraints.camera, widest_view_mm(constraints.camera)
+    camera = constraints.camera
+    limit = widest_view_mm(constraints.camera)
     ends = constraints.segments.reshape(-1, 3)
     apart = np.linalg.norm(ends[:, None] - ends, axis=-1)
     first, second = np.unravel_index(np.argmax(apart), apart.shape)
@@ -134,10 +135,8 @@ def missing_corners(constraints: Constraints) -> dict[str, InfeasibleError]:
     for k, name in enumerate(constraints.names if "corner_deg" in constraints.shows else ()):
         end = constraints.image.without_corner(k)
         if end is not None:
-            place, least = (
-                ", ".join(f"{x:.6g}" for x in end),
-                constraints.requirements.showing.min_corner_deg,
-            )
+            place = ", ".join(f"{x:.6g}" for x in end)
+            least = constraints.requirements.showing.min_corner_deg
             found[name] = InfeasibleError(
                 f"corner_deg cannot be met for entity {name!r}: at ({place}) mm the edge runs on smoothly, so its "
                 "length has no corner to be measured to; a distance or an angle can be measured of it, and so can its "
@@ -220,7 +219,8 @@ def _best_margin(
         pool = np.concatenate([pool, neighbours(pool, 96, step, encoding, rng)])
         margin = constraints.slacks(encoding.poses(pool), [name])[name].min(axis=-1)
         best = np.argsort(-margin.min(axis=1), kind="stable")[:32]
-        pool, margin = pool[best], margin[best]
+        pool = pool[best]
+        margin = margin[best]
     return _worst(margin[0], constraints)
 
 

@@ -151,7 +151,8 @@ class Ascent:
 
     def _follow(self, pose: np.ndarray) -> None:
         """Refine a pose in its cell, and then again and again without walls while it gains."""
-        fitness, walls = -np.inf, self.sampler.cell_of(pose[:3, 3])
+        fitness = -np.inf
+        walls = self.sampler.cell_of(pose[:3, 3])
         for _ in range(STARTS.onward_rounds):
             if self.fitness >= self.enough:
                 return
@@ -167,7 +168,8 @@ class Ascent:
 
     def _keep(self, pose: np.ndarray, fitness: float) -> None:
         if fitness > self.fitness:
-            self.cam2world, self.fitness = pose, fitness
+            self.cam2world = pose
+            self.fitness = fitness
 
 
 def best_apart(bits: np.ndarray, fitness: np.ndarray, encoding: PoseEncoding, n: int) -> np.ndarray:

@@ -169,7 +169,8 @@ def best_setting(
         If no setting can be found that satisfies the constraints.
     """
     generator, seed = _check_rng(rng)
-    constraints, goal = request.constraints, request.objective_of(objective, model)
+    constraints = request.constraints
+    goal = request.objective_of(objective, model)
     check_resolvable(constraints)
     check_extent(constraints)
     for error in missing_corners(constraints).values():

@@ -306,15 +306,11 @@ def _starts(
     rng: np.random.Generator,
 ) -> np.ndarray:
     """Return the poses (m, 4, 4) to refine from, given how the genetic algorithm ended and its first chromosomes."""
-    encoding, poses = (
-        ascent.encoding,
-        [turned_views(search.turned_starts, ascent.sampler, ascent.encoding, rng)],
-    )
+    encoding = ascent.encoding
+    poses = [turned_views(search.turned_starts, ascent.sampler, ascent.encoding, rng)]
     if result is not None:
-        bits, fitness = (
-            np.vstack([result.x, result.population]),
-            np.append(result.fun, result.fitness),
-        )
+        bits = np.vstack([result.x, result.population])
+        fitness = np.append(result.fun, result.fitness)
         best = best_apart(bits, fitness, encoding, search.refine_starts)
         first = encoding.decode(first)
         poses += [

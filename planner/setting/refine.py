@@ -73,13 +73,13 @@ class _Neighbourhood:
         objective: Objective,
         constraints: Constraints,
     ) -> None:
-        self.start, self.objective, self.constraints = cam2world, objective, constraints
+        self.start = cam2world
+        self.objective = objective
+        self.constraints = constraints
         self.distance = float(np.linalg.norm(cam2world[:3, 3] - constraints.sphere_centre)) or 1.0
         norms = np.linalg.norm(half_spaces[:, :3], axis=1)
-        self._normals, self._scales = (
-            half_spaces[:, :3],
-            np.where(norms > 0, norms * self.distance, 1.0),
-        )
+        self._normals = half_spaces[:, :3]
+        self._scales = np.where(norms > 0, norms * self.distance, 1.0)
         self._offsets = half_spaces[:, 3] + constraints.requirements.visibility_radius_mm * norms
         self.names = [name for name in _SMOOTH if name in constraints.constraint_names]
         self._units = {name: constraints.scale(name) for name in self.names}
@@ -101,7 +101,8 @@ class _Neighbourhood:
         if self._x is None or (x != self._x).any():
             moves = x + _AROUND
             poses = self.poses(moves)
-            fitness, slacks = self.objective.fitness(poses), self._slacks(moves, poses)
+            fitness = self.objective.fitness(poses)
+            slacks = self._slacks(moves, poses)
             self.nfev += len(poses)
             self._x = x.copy()
             self._values = (
@@ -217,7 +218,8 @@ def refine(
     nfev : int
         Poses evaluated.
     """
-    near, evaluated = _Neighbourhood(cam2world, half_spaces, objective, constraints), 0
+    near = _Neighbourhood(cam2world, half_spaces, objective, constraints)
+    evaluated = 0
     if _clearance(constraints, cam2world) > constraints.requirements.stand_off_mm:
         far = _Neighbourhood(cam2world, half_spaces, objective, constraints)
         far.without("clearance_mm")

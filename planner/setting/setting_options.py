@@ -42,7 +42,8 @@ class SettingOptions:
 
     def requirements(self, camera: Camera, pose_uncertainty: PoseUncertainty) -> Requirements:
         """Return the limits; where nothing is said, those that suit the pose uncertainty."""
-        margin, radius = self.field_margin_px, self.visibility_radius_mm
+        margin = self.field_margin_px
+        radius = self.visibility_radius_mm
         return Requirements(
             min_length_px=self.min_length_px,
             field_margin_px=pose_margin_px(camera, pose_uncertainty) if margin is None else margin,

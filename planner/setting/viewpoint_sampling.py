@@ -46,7 +46,8 @@ class ViewpointSampler:
     """
 
     def __init__(self, cells: CellSet, ends: np.ndarray, camera: Camera) -> None:
-        self.cells, self.points = cells, ends.reshape(-1, 3)
+        self.cells = cells
+        self.points = ends.reshape(-1, 3)
         self.near, self.far = focus_reach_mm(camera)
         # a mean of the ends: no viewpoint is farther from it than from the farthest end
         self._centre = self.points.mean(axis=0)
@@ -68,7 +69,8 @@ class ViewpointSampler:
         self._kept = np.flatnonzero(
             (low < high).all(axis=1) & boxes_reach(low, high, self.points, self.near, self.far)
         )
-        self._low, self._high = low[self._kept], high[self._kept]
+        self._low = low[self._kept]
+        self._high = high[self._kept]
         self.empty = not len(self._kept)
         self.bounds = (
             np.empty((2, 0))
@@ -87,7 +89,8 @@ class ViewpointSampler:
 
     def in_shell(self, positions: np.ndarray) -> np.ndarray:
         """Return which positions (n, 3) have every end at a distance that can be in focus; (n,) bool."""
-        local, (inner, outer) = positions - self._centre, self._radii
+        local = positions - self._centre
+        (inner, outer) = self._radii
         squared = (local**2).sum(axis=1)
         result = (squared >= inner**2) & (squared <= outer**2)
         rows = np.flatnonzero(result)
@@ -98,7 +101,9 @@ class ViewpointSampler:
 
     def sample(self, n: int, rng: np.random.Generator, max_proposals: int = 500_000) -> np.ndarray:
         """Draw up to n viewpoints (m, 3); fewer (perhaps none) if so many proposals do not yield more."""
-        found, total, proposed = [], 0, 0
+        found = []
+        total = 0
+        proposed = 0
         while not self.empty and total < n and proposed < max_proposals:
             batch = self._propose(_BATCH, rng)
             proposed += _BATCH
@@ -130,7 +135,8 @@ class ViewpointSampler:
         chosen = rng.choice(len(volumes), size=n, p=volumes / volumes.sum())
         positions = rng.uniform(self._low[chosen], self._high[chosen])
         keep = self.in_shell(positions)
-        positions, chosen = positions[keep], chosen[keep]
+        positions = positions[keep]
+        chosen = chosen[keep]
         planes = self._half_spaces[chosen]
         return positions[
             ((planes[..., :3] @ positions[:, :, None])[..., 0] + planes[..., 3] <= 0).all(axis=1)

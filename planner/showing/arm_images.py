@@ -33,10 +33,13 @@ def arm_images(poses: Any, pairs: Any, scale: Any, lines: Any, arms: Any, found:
     """
     first, contour, points = arms
     numbers, images = found
-    planes, faces, kinds = lines[2], lines[3], lines[4]
+    planes = lines[2]
+    faces = lines[3]
+    kinds = lines[4]
     count = 0
     for p in range(len(pairs)):
-        pose, k = poses[pairs[p, 0]], pairs[p, 1]
+        pose = poses[pairs[p, 0]]
+        k = pairs[p, 1]
         for a in range(first[k], first[k + 1]):
             e = contour[a]
             front = 0
@@ -53,7 +56,8 @@ def arm_images(poses: Any, pairs: Any, scale: Any, lines: Any, arms: Any, found:
             for i in range(3):
                 before &= _image(pose, scale, points[i, a], images[i, count])
             if before:
-                numbers[count, 0], numbers[count, 1] = p, a
+                numbers[count, 0] = p
+                numbers[count, 1] = a
                 count += 1
     return count
 
@@ -61,7 +65,9 @@ def arm_images(poses: Any, pairs: Any, scale: Any, lines: Any, arms: Any, found:
 @lean(error_model="numpy")
 def _image(pose: Any, scale: Any, point: Any, image: Any) -> bool:
     """Write the image of a point in px, and its depth in mm; return whether it is in front of the camera."""
-    x, y, z = point[0] - pose[0, 3], point[1] - pose[1, 3], point[2] - pose[2, 3]
+    x = point[0] - pose[0, 3]
+    y = point[1] - pose[1, 3]
+    z = point[2] - pose[2, 3]
     depth = pose[0, 2] * x + pose[1, 2] * y + pose[2, 2] * z
     safe = max(depth, _TINY)
     image[0] = (pose[0, 0] * x + pose[1, 0] * y + pose[2, 0] * z) / safe * scale[0] + scale[2]

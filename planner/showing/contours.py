@@ -18,9 +18,13 @@ if TYPE_CHECKING:
     from aspectgraph import Solid
 
 # what an edge of the part is to an entity
-OTHER, OWN, CONNECTED = 0, 1, 2
+OTHER = 0
+OWN = 1
+CONNECTED = 2
 # bits of `Contours.kinds`
-SHARP, CONVEX, CURVED = 1, 2, 4
+SHARP = 1
+CONVEX = 2
+CURVED = 4
 # whether an edge shows, by its kind and how many of its faces turn to the camera: smooth ones where one turns away,
 # sharp ones where none does, and convex ones in both cases
 SHOWS = np.array(
@@ -74,10 +78,8 @@ def contours_of(solid: Solid) -> Contours:
     edges = [solid.edges[i] for i in ids]
     ends = np.array([edge.vertices for edge in edges], np.int64).reshape(-1, 2)
     faces = np.array([edge.faces for edge in edges], np.int64).reshape(-1, 2)
-    vertices, normals = (
-        np.ascontiguousarray(solid.vertices, np.float64),
-        np.asarray(solid.normals, np.float64),
-    )
+    vertices = np.ascontiguousarray(solid.vertices, np.float64)
+    normals = np.asarray(solid.normals, np.float64)
     offsets = np.zeros(len(normals))
     offsets[faces] = np.einsum("efk,ek->ef", normals[faces], vertices[ends[:, 0]])
     curved = np.array([edge.curved for edge in edges], bool)
@@ -125,7 +127,8 @@ def relation_to(
     own = np.isin(contours.ids, list(edge_ids))
     for vertex in np.unique(contours.ends[own]).tolist():
         distance = np.linalg.norm(contours.vertices - contours.vertices[vertex], axis=1)
-        reached, waiting = {vertex}, [vertex]
+        reached = {vertex}
+        waiting = [vertex]
         while waiting:
             here = waiting.pop()
             for e in at[here]:

@@ -14,7 +14,8 @@ from planner.showing.contours import OWN, SHARP, SHOWS, Contours, Meeting
 Array = NDArray[np.float64]
 
 # an arm is looked at so far from the corner, px, and at most at this share of its length
-_ALONG_PX, _ALONG = 6.0, 0.5
+_ALONG_PX = 6.0
+_ALONG = 0.5
 # a line is fitted to an arm so far from the corner at most, px
 FITTED_PX = 28.0
 # blur shows a line much stronger than another one so far beside itself, px
@@ -89,12 +90,11 @@ def arms_of(
                 if sharp[e] and relations[k, e] != OWN:
                     rows.append((k, end, e, vertex, int(contours.ends[e].sum()) - vertex))
     entity, which, contour, start, stop = np.array(rows, np.int64).reshape(-1, 5).T
-    corner, tips, inward = (
-        contours.vertices[start],
-        contours.vertices[stop],
-        ends[entity, 1 - which],
-    )
-    along, edge = tips - corner, inward - corner
+    corner = contours.vertices[start]
+    tips = contours.vertices[stop]
+    inward = ends[entity, 1 - which]
+    along = tips - corner
+    edge = inward - corner
     length = np.linalg.norm(along, axis=1) * np.linalg.norm(edge, axis=1)
     wide = np.abs((along * edge).sum(axis=1)) <= np.cos(np.radians(CORNER_DEG)) * length
     others = [
@@ -213,18 +213,25 @@ def corner_arms(
     arms : Arms
         Of the entities.
     """
-    poses, pairs = np.array(cam2world, np.float64, order="C"), np.ascontiguousarray(pairs)
+    poses = np.array(cam2world, np.float64, order="C")
+    pairs = np.ascontiguousarray(pairs)
     most = int((arms.first[pairs[:, 1] + 1] - arms.first[pairs[:, 1]]).sum())
-    numbers, found = np.empty((most, 2), np.int64), np.empty((3, most, 3))
+    numbers = np.empty((most, 2), np.int64)
+    found = np.empty((3, most, 3))
     points = np.stack([arms.corner, arms.tip, arms.inward])
     n = arm_images(poses, pairs, scale, lines, (arms.first, arms.contour, points), (numbers, found))
-    pair, arm, (corner, tip, inward) = numbers[:n, 0], numbers[:n, 1], found[:, :n]
-    along, edge = tip[:, :2] - corner[:, :2], inward[:, :2] - corner[:, :2]
+    pair = numbers[:n, 0]
+    arm = numbers[:n, 1]
+    (corner, tip, inward) = found[:, :n]
+    along = tip[:, :2] - corner[:, :2]
+    edge = inward[:, :2] - corner[:, :2]
     length = np.linalg.norm(along, axis=1)
-    ends, depths = (arms.corner[arm], arms.tip[arm]), (corner[:, 2], tip[:, 2])
+    ends = (arms.corner[arm], arms.tip[arm])
+    depths = (corner[:, 2], tip[:, 2])
     near = _place(ends, depths, _near_share(length))
     last = _place(ends, depths, np.minimum(1.0, FITTED_PX / np.maximum(length, _TINY)))
-    direction, no_line = np.degrees(np.arctan2(along[:, 1], along[:, 0])), np.full(len(arm), 90.0)
+    direction = np.degrees(np.arctan2(along[:, 1], along[:, 0]))
+    no_line = np.full(len(arm), 90.0)
     angle = _angle_deg(along, edge)
     return SeenArms(
         angle, near, 2 * pair + arms.end[arm], arms.wide[arm], arm, length, last, direction, no_line
@@ -259,14 +266,17 @@ def tip_lines(
     of, column = np.nonzero(arms.beyond[arm] >= 0)
     contour = arms.beyond[arm[of], column]
     shown = _shown(contours, contour, poses[of, :3, 3])
-    of, contour = of[shown], contour[shown]
-    tips, ends = arms.tip[arm[of]], contours.vertices[contours.ends[contour]]
+    of = of[shown]
+    contour = contour[shown]
+    tips = arms.tip[arm[of]]
+    ends = contours.vertices[contours.ends[contour]]
     second = np.linalg.norm(ends[:, 0] - tips, axis=1) < np.linalg.norm(ends[:, 1] - tips, axis=1)
     far = np.where(second[:, None], ends[:, 1], ends[:, 0])
     corner, tip, other = (
         images(poses[of], scale, points) for points in (arms.corner[arm[of]], tips, far)
     )
-    back, line = corner[:, :2] - tip[:, :2], other[:, :2] - tip[:, :2]
+    back = corner[:, :2] - tip[:, :2]
+    line = other[:, :2] - tip[:, :2]
     angle = _angle_deg(back, line)
     place = _place((tips, far), (tip[:, 2], other[:, 2]), _near_share(np.linalg.norm(line, axis=1)))
     beside = (angle < 90.0) & (other[:, 2] > 0)

@@ -40,9 +40,11 @@ _SHORT = 1e-4
 MOST_PX = 20.0
 _NEVER = 1e6
 # points at first, and pairs at a time
-_ROOM, _BATCH = 100_000, 20_000
+_ROOM = 100_000
+_BATCH = 20_000
 # of so many poses, so many entities are asked first whether they show
-_MANY, _FIRST = 32, 2
+_MANY = 32
+_FIRST = 2
 # of a depth of field without end so many times its near limit counts
 _FAR = 10.0
 # if only some visible point of a pair is asked for, one of so many is looked at first
@@ -83,12 +85,15 @@ class ImageCheck:
         camera: Camera,
         showing: Showing,
     ) -> None:
-        self.showing, self._ends = showing, np.ascontiguousarray(ends, np.float64)
-        matrix, (near, far) = camera.matrix, camera.depth_of_field_mm
+        self.showing = showing
+        self._ends = np.ascontiguousarray(ends, np.float64)
+        matrix = camera.matrix
+        (near, far) = camera.depth_of_field_mm
         self._scale = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]])
         self._asked = np.array([one is not None for one in edge_ids])
         self._part = PartLines.of(solid)
-        self.contours, self.scene = self._part.contours, self._part.scene
+        self.contours = self._part.contours
+        self.scene = self._part.scene
         self._near_own_px = near_own_px(showing)
         radius = 2.0 * self._near_own_px * min(far, _FAR * near) / float(self._scale[:2].min())
         edges = [[] if one is None else list(one) for one in edge_ids]
@@ -156,7 +161,8 @@ class ImageCheck:
 
         Where there are many poses, the first entities are asked first: most poses fail for one of them.
         """
-        left, entities = np.arange(len(cam2world)), np.arange(len(self._ends))
+        left = np.arange(len(cam2world))
+        entities = np.arange(len(self._ends))
         first = entities < _FIRST if len(cam2world) >= _MANY else np.zeros(len(entities), bool)
         for asked in (first, ~first):
             if left.size and asked.any():
@@ -194,7 +200,8 @@ class ImageCheck:
     ) -> NDArray[np.bool_]:
         """Return to what (p,) other visible lines come nearer than `reach` px: fewer rays than for how near."""
         pair, distance, place = self._near(cam2world, pairs, entities, reach)
-        has, near = np.zeros(len(pairs), bool), distance < reach
+        has = np.zeros(len(pairs), bool)
+        near = distance < reach
         first = np.arange(len(pair)) % _EVERY == 0
         for some in (first, ~first):
             asked = np.flatnonzero(near & some & ~has[pair])
@@ -207,11 +214,9 @@ class ImageCheck:
     ) -> tuple[Pairs, Array, Array]:
         """Return points of other lines, visible or not, that are near in the image; see `near_contours`."""
         # one kind of arrays, so that the loop is compiled once: in order of rows, and not read-only
-        room, poses, pairs = (
-            _ROOM,
-            np.array(cam2world, np.float64, order="C"),
-            np.ascontiguousarray(pairs),
-        )
+        room = _ROOM
+        poses = np.array(cam2world, np.float64, order="C")
+        pairs = np.ascontiguousarray(pairs)
         while True:
             found = np.empty(room, np.int64), np.empty(room), np.empty((room, 3))
             limits = reach, self._near_own_px
@@ -263,7 +268,8 @@ class ImageCheck:
 
     def _long_enough(self, cam2world: Array, pairs: Pairs, sharpest: Array) -> NDArray[np.bool_]:
         """Return which edges leave two separations between what other lines at their ends are beside of."""
-        poses, ends = cam2world[pairs[:, 0]], self._ends[pairs[:, 1]]
+        poses = cam2world[pairs[:, 0]]
+        ends = self._ends[pairs[:, 1]]
         one, other = (images(poses, self._scale, ends[:, end])[:, :2] for end in range(2))
         beside = mixed_px(sharpest, self.showing.separation_px).reshape(-1, 2).sum(axis=1)
         return np.asarray(
@@ -282,7 +288,8 @@ class ImageCheck:
         np.minimum.at(sharpest, seen.of, seen.angle)
         fork = seen.fork_deg()
         enough = seen.wide & seen.long_enough(fork, separation)
-        seen, fork = seen.chosen(enough), fork[enough]
+        seen = seen.chosen(enough)
+        fork = fork[enough]
         if separation > 0:
             self._find_tips(cam2world, pairs, seen, self._hopeful(seen, sharpest))
             seen = seen.chosen(seen.long_enough(fork, separation))

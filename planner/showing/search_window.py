@@ -58,12 +58,16 @@ def search_window_px(
     moved = np.zeros((len(local), 3, 6))
     moved[:, :, :3] = -np.eye(3)
     # −φ × x = x × φ
-    moved[:, 0, 4], moved[:, 0, 5] = -z, y
-    moved[:, 1, 3], moved[:, 1, 5] = z, -x
-    moved[:, 2, 3], moved[:, 2, 4] = -y, x
+    moved[:, 0, 4] = -z
+    moved[:, 0, 5] = y
+    moved[:, 1, 3] = z
+    moved[:, 1, 5] = -x
+    moved[:, 2, 3] = -y
+    moved[:, 2, 4] = x
     projected = np.zeros((len(local), 2, 3))
     projected[:, 0, 0] = projected[:, 1, 1] = 1.0 / z
-    projected[:, 0, 2], projected[:, 1, 2] = -x / z**2, -y / z**2
+    projected[:, 0, 2] = -x / z**2
+    projected[:, 1, 2] = -y / z**2
     jacobian = _pixels_per_slope(camera, local / z[:, None]) @ projected @ moved
     covariance = jacobian @ pose_uncertainty.covariance @ np.swapaxes(jacobian, 1, 2)
     return sigmas * float(np.sqrt(max(np.linalg.eigvalsh(covariance).max(), 0.0)))

@@ -18,7 +18,9 @@ from planner.steps.run import Run
 _AT_A_TIME = 8
 # rounds of column generation before that: they come across views of many, and a round costs less than trying one
 _FIRST_ROUNDS = 10
-_SAMPLING, _FIRST, _GENERATION = "sampling", "first columns", "column generation"
+_SAMPLING = "sampling"
+_FIRST = "first columns"
+_GENERATION = "column generation"
 
 
 def sample_poses(run: Run) -> None:

@@ -67,7 +67,8 @@ class Incumbents:
 
     def __init__(self, tell: Callable[[InspectionPlan], object] | None, watch: Watch):
         self.best: InspectionPlan | None = None
-        self._tell, self._watch = tell, watch
+        self._tell = tell
+        self._watch = watch
         self._wanted = tell is not None or watch.limited
         # of which entities how many settings are proven, by what
         self._proofs: dict[str, tuple[int, NDArray[np.bool_]]] = {}
@@ -76,7 +77,8 @@ class Incumbents:
     def glance(self, run: Run) -> None:
         """Make a plan of very few poses, so that there is one at once; the run does not take these poses in."""
         for directions in IMPROVING.directions if self._wanted else ():
-            pool, poses = ColumnPool(len(run.names)), first_poses(run.judge, directions, run.seed)
+            pool = ColumnPool(len(run.names))
+            poses = first_poses(run.judge, directions, run.seed)
             judged = run.judge(poses)
             pool.add(judged.inspects, poses, judged.probability)
             self._offer(run, pool, covers=1)

@@ -89,7 +89,8 @@ def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan) -> Inspectio
     assert found.light is not None
     if found.light.complete or lighting.together:
         return found
-    dark, places = _dark(found), _places(lighting, found)
+    dark = _dark(found)
+    places = _places(lighting, found)
     others = _shown_from_elsewhere(run, lighting, found, (dark, places)) if dark else []
     settings = _chosen_among(run, found, others)
     if settings == list(found.settings):
@@ -178,7 +179,8 @@ def _with_all(run: Run) -> Any:
 
 def _poses_that_inspect(run: Run, plan: InspectionPlan, name: str) -> NDArray[np.float64]:
     """Return poses (n, 4, 4) that inspect an entity, `LOOKING.tried` at most: half inspect most, half are spread."""
-    own, seed = run.names.index(name), column_seed(run.seed, ["light", name])
+    own = run.names.index(name)
+    seed = column_seed(run.seed, ["light", name])
     known = run.pool.poses[run.pool.membership[:, own]]
     drawn = entity_poses(run.judge, name, LOOKING.viewpoints, seed)
     planned = np.array([one.cam2world for one in plan.settings if name in one.entities])
@@ -186,7 +188,8 @@ def _poses_that_inspect(run: Run, plan: InspectionPlan, name: str) -> NDArray[np
     near = perturbed(near, run.request.camera.focus_distance_mm, np.random.default_rng(seed))
     poses = np.concatenate([known, drawn, near])
     inspects = run.judge(poses).inspects
-    poses, more = poses[inspects[:, own]], inspects[inspects[:, own]].sum(axis=1)
+    poses = poses[inspects[:, own]]
+    more = inspects[inspects[:, own]].sum(axis=1)
     if len(poses) <= LOOKING.tried:
         return poses
     # of many that inspect as much, some from everywhere: neighbours in the list have the same viewpoint

@@ -17,7 +17,8 @@ from planner.ledger import Ledger
 from planner.steps.incumbents import Incumbents
 from planner.steps.run import SHARES, Run
 
-_STEP, WEIGHING = "lower bound", "weighing"
+_STEP = "lower bound"
+WEIGHING = "weighing"
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,8 @@ def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
         incumbents.raised(run, bound, inspected)
 
     ledger = Ledger(improve, entries, keep, raised)
-    proven, enough = ledger("proven"), run.watch.wanted_bound(values["known"])
+    proven = ledger("proven")
+    enough = run.watch.wanted_bound(values["known"])
     alone = len(run.exclusive) if inspected[np.isin(run.names, run.exclusive)].all() else 0
     if proven is None and alone >= enough > 0:
         proven = alone, exclusion_proof(run.judge, alone)
@@ -108,7 +110,8 @@ class _Weighing:
     """
 
     def __init__(self, run: Run, last: dict[str, Any] | None):
-        self._run, need = run, run.request.requirements
+        self._run = run
+        need = run.request.requirements
         showing = replace(need.showing, separation_px=0.0, min_corner_deg=0.0)
         self._own: Pools | None = None
         if showing == need.showing:
@@ -119,7 +122,8 @@ class _Weighing:
         if last is not None:
             self._own = Pools.from_dict(last["weighing"])
             return
-        begun, poses = run.kept(WEIGHING), None
+        begun = run.kept(WEIGHING)
+        poses = None
         if begun is None:
             self._own = Pools(*(ColumnPool(len(run.names)) for _ in Pools._fields))
             poses = np.concatenate([pool.poses for pool in run.pools])
@@ -168,7 +172,8 @@ class _Weighing:
 
 def _known(run: Run) -> dict[str, Any]:
     """Return what a proof needs to know: which entities are to be covered, and in how many settings they can be."""
-    inspected, known = run.pool.membership.any(axis=0), 0
+    inspected = run.pool.membership.any(axis=0)
+    known = 0
     if inspected.any():
         known = len(
             few_columns(

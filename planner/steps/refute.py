@@ -23,8 +23,11 @@ def refute(run: Run, inspected: np.ndarray, bound: int, incumbents: Incumbents) 
     incumbents : Incumbents
         Columns that make a better plan are offered.
     """
-    left, enough, rng = run.effort.refutations, None, run.rng("refutation")
-    nodes, impossible = run.nodes(SHARES.refuting), np.zeros((0, len(run.names)), dtype=bool)
+    left = run.effort.refutations
+    enough = None
+    rng = run.rng("refutation")
+    nodes = run.nodes(SHARES.refuting)
+    impossible = np.zeros((0, len(run.names)), dtype=bool)
     while left > 0 and inspected.any():
         realised = run.pool.membership[:, inspected]
         if enough is None:

@@ -73,11 +73,16 @@ class Run:
         progress: Callable[..., Any] | None = None,
         watch: Watch | None = None,
     ):
-        self.request, self.judge, self.names = request, Judge(request), request.names
+        self.request = request
+        self.judge = Judge(request)
+        self.names = request.names
         self.shared = Shared(self.judge)
-        self.seed, self.effort, self.memo = seed, effort, memo
+        self.seed = seed
+        self.effort = effort
+        self.memo = memo
         self.watch = watch or Watch()
-        self.executor, self.progress = executor, self.watch.watched(progress)
+        self.executor = executor
+        self.progress = self.watch.watched(progress)
         self.pools = Pools(ColumnPool(len(self.names)), ColumnPool(len(self.names)))
         self.uninspectable: dict[str, Reason] = {}
         # entities of which no setting inspects two, as known so far
@@ -146,10 +151,8 @@ class Run:
         Each promise is simulated once, and what comes out depends on nothing else that is stated of its pose, nor on
         what was simulated before.
         """
-        pose, stated = (
-            setting.cam2world.tobytes(),
-            {name: setting.probability[name] for name in setting.entities},
-        )
+        pose = setting.cam2world.tobytes()
+        stated = {name: setting.probability[name] for name in setting.entities}
         new = [name for name in stated if (pose, name, stated[name]) not in self._excess]
         # edges see the same displaced poses, whichever they are; a dimension is displaced by draws of its own
         own = [name for name in new if self.names.index(name) in self.request.dimensions]
@@ -177,7 +180,8 @@ class Run:
     def realise(self, sets: Sequence[tuple[str, ...]]) -> list[Outcome]:
         """Run the genetic algorithm for sets of entities not tried before; return all outcomes in order."""
         todo = [names for names in dict.fromkeys(sets) if self.memo.get(names) is None]
-        done, self._begun = self._begun, self._begun + len(todo)
+        done = self._begun
+        self._begun = self._begun + len(todo)
         arguments = [
             (self.shared, names, column_seed(self.seed, names), self._start(names))
             for names in todo

@@ -40,14 +40,16 @@ def settle(run: Run, inspected: np.ndarray) -> list[SensorSetting]:
     inspected : array of bool (k,)
         Entities that are to be covered.
     """
-    pool, request = run.pool, run.request
+    pool = run.pool
+    request = run.request
     chosen = few_columns(
         pool.membership[:, inspected], run.nodes(), run.rng("settings"), pool.quality
     )
     sets = [run.names_of(pool.membership[c]) for c in chosen]
     settings = []
     for c, names, outcome in zip(chosen, sets, run.realise(sets), strict=True):
-        seed, found = column_seed(run.seed, names), outcome.setting
+        seed = column_seed(run.seed, names)
+        found = outcome.setting
         options = [setting_at(request, pool.poses[c], names, "candidate pose", seed=seed)]
         if found is not None and _holds(run, found, names):
             options.insert(found.fitness < options[0].fitness - PREFERENCE.fitness_gain, found)

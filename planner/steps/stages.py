@@ -95,7 +95,8 @@ def _exclude(work: Work) -> None:
 
 
 def _generate_first_columns(work: Work) -> None:
-    run, incumbents = work.run, work.incumbents
+    run = work.run
+    incumbents = work.incumbents
     generate_first_columns(run, incumbents)
     incumbents.offer(run)
     # before the columns are improved further, so that others can join what is hard to inspect

@@ -84,7 +84,8 @@ class SupportedColumns:
             if not new:
                 break
             for c in new:
-                membership[c], done[c] = self._supported(run, pool, c), True
+                membership[c] = self._supported(run, pool, c)
+                done[c] = True
             self._give_up(run, membership, done)
             if k + 1 < covers:
                 chosen = _short_cover(membership, beaten, run.rng("incumbent"))
@@ -99,10 +100,12 @@ class SupportedColumns:
 
     def _corrected(self, run: Run, pool: ColumnPool) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return the columns of a pool (c, k) as far as they are known to be supported, and which (c,) were tried."""
-        membership, done = pool.membership.copy(), np.zeros(len(pool), dtype=bool)
+        membership = pool.membership.copy()
+        done = np.zeros(len(pool), dtype=bool)
         for c in range(len(pool) if self._tried else 0):
             if _key(run, pool, c) in self._tried:
-                membership[c], done[c] = self._supported(run, pool, c), True
+                membership[c] = self._supported(run, pool, c)
+                done[c] = True
         self._give_up(run, membership, done)
         return membership, done
 
@@ -162,7 +165,9 @@ def _short_cover(
     It is better if it has more entities, or as many in fewer columns. The greedy cover, and what exchanges make of it.
     """
     covered = membership.any(axis=0)
-    membership, (known, fewer_than) = membership[:, covered], (beaten[0], -beaten[1])
+    membership = membership[:, covered]
+    known = beaten[0]
+    fewer_than = -beaten[1]
     if not covered.any() or covered.sum() < known:
         return None
     chosen: NDArray[np.int_] | None = None
@@ -173,7 +178,8 @@ def _short_cover(
         found = exchange_columns(membership, fewer_than - 1, steps=TRYING.exchanges, rng=rng)
         if found.missing:
             break
-        chosen, fewer_than = found.chosen, len(found.chosen)
+        chosen = found.chosen
+        fewer_than = len(found.chosen)
     return None if chosen is None else np.sort(chosen)
 
 

@@ -54,7 +54,8 @@ def measured_errors(
     outside : array of bool (n,)
         Whether a point of the entities is outside the image.
     """
-    value, outside = dimension.measurand, np.zeros(len(poses), dtype=bool)
+    value = dimension.measurand
+    outside = np.zeros(len(poses), dtype=bool)
     fits = []
     for one, frame in zip(dimension.geometry, value.frames, strict=True):
         points = _points(one, dimension, planned, camera)

@@ -106,7 +106,8 @@ def count_shown(
     ends = np.array([plan.entities[name] for name in names], dtype=np.float64)
     showing = Showing(asked["separation_px"], 0.0, asked["min_corner_deg"])
     image = ImageCheck(solid, _edges_of(solid, names, ends), ends, plan.camera, showing)
-    counts, n = [], min(n, MOST_POSES)
+    counts = []
+    n = min(n, MOST_POSES)
     for k, (setting, own) in enumerate(zip(plan.settings, measured, strict=True)):
         rng = np.random.default_rng(None if seed is None else [seed, k, 1])
         poses = displaced_poses(np.asarray(setting.cam2world), plan.pose_uncertainty, n, rng)

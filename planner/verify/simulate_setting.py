@@ -41,8 +41,11 @@ _FEWER = 10_000
 MODEL_TOLERANCE = 0.005
 
 # what a simulation can say of a stated probability
-CONFIRMED, CONSERVATIVE, TOLERATED = "confirmed", "conservative", "within the model's tolerance"
-CONTRADICTED, UNSTATED = "contradicted", "not stated"
+CONFIRMED = "confirmed"
+CONSERVATIVE = "conservative"
+TOLERATED = "within the model's tolerance"
+CONTRADICTED = "contradicted"
+UNSTATED = "not stated"
 VERDICTS = (CONFIRMED, CONSERVATIVE, TOLERATED, CONTRADICTED, UNSTATED)
 
 

@@ -105,10 +105,8 @@ def _entity_of(
     if key not in known:
         # an item may have the name that an id would give
         label = next(text for text in _labels(label) if text not in entities)
-        known[key], entities[label] = (
-            label,
-            next(iter(resolve_entities(solid, {label: given}).values())),
-        )
+        known[key] = label
+        entities[label] = next(iter(resolve_entities(solid, {label: given}).values()))
     return entities[known[key]]
 
 
@@ -184,7 +182,8 @@ def _check_chords(
     arc = curves.get(entity.edge_ids)
     if arc is None or not arc.fitted or arc.chord_mm <= permitted:
         return
-    n, span = len(arc.edge_ids), arc.end_rad - arc.start_rad
+    n = len(arc.edge_ids)
+    span = arc.end_rad - arc.start_rad
     needed = math.ceil(span / (2 * math.acos(max(0.0, 1 - permitted / arc.radius_mm))))
     raise RequestError(
         f"dimension {name!r}: {entity.kind} {arc.id} must have {needed} chords at least, as a mesh does not tell the "

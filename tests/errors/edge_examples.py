@@ -14,7 +14,8 @@ def random_edges(n, rng):
     """Draw n edges of 20 to 80 mm, 200 to 600 mm away, none closer than 17 degrees to the line of sight."""
     edges = []
     while len(edges) < n:
-        depth, direction = rng.uniform(200.0, 600.0), rng.normal(size=3)
+        depth = rng.uniform(200.0, 600.0)
+        direction = rng.normal(size=3)
         direction /= np.linalg.norm(direction)
         if np.hypot(*direction[:2]) < 0.3:
             continue

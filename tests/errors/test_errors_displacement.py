@@ -54,7 +54,11 @@ def test_terms_against_finite_differences_of_the_exact_rotation():
 
 def test_numerator_u_is_the_papers():
     c1, c2, c3 = POINTS.T
-    phi_x, phi_y, phi_z, dx, dz = 0.01, -0.02, 0.03, 0.4, -0.5
+    phi_x = 0.01
+    phi_y = -0.02
+    phi_z = 0.03
+    dx = 0.4
+    dz = -0.5
     paper = F * (
         c1 * c2 * phi_x
         + ((F - c3) * c3 - c1**2) * phi_y

@@ -15,12 +15,14 @@ def length(edge, delta):
 
 def differences(function, delta_scale):
     """Gradient and Hessian at zero by central differences, each parameter with its own step."""
-    n, unit = len(delta_scale), np.diag(delta_scale)
+    n = len(delta_scale)
+    unit = np.diag(delta_scale)
     gradient = np.array([function(u) - function(-u) for u in unit]) / (2.0 * delta_scale)
     hessian = np.empty((n, n))
     for i in range(n):
         for j in range(n):
-            a, b = unit[i], unit[j]
+            a = unit[i]
+            b = unit[j]
             mixed = function(a + b) - function(a - b) - function(b - a) + function(-a - b)
             hessian[i, j] = mixed / (4.0 * delta_scale[i] * delta_scale[j])
     return gradient, hessian

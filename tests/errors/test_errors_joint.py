@@ -28,7 +28,8 @@ def probability_by_diagonalisation(edge, covariance, accuracy):
     b = vectors.T @ root.T @ gradient
     angle = image_segment(edge, focal_length_mm=F)[1]
     quantization = SegmentQuantization(angle, PITCH)
-    low, high = length * np.log(accuracy), length * np.log(2.0 - accuracy)
+    low = length * np.log(accuracy)
+    high = length * np.log(2.0 - accuracy)
 
     def integrand(t):
         value = np.prod(
@@ -81,7 +82,8 @@ def test_without_displacement_it_is_eq_3(accuracy, turn):
     direction = np.array([np.cos(turn), np.sin(turn), 0.0])
     edge = np.array([0.0, 0.0, -900.0]) + np.array([[-0.5], [0.5]]) * 30.0 * direction
     length, angle = image_segment(edge, focal_length_mm=F)
-    law, tolerance = SegmentQuantization(angle, PITCH), (1.0 - accuracy) * length
+    law = SegmentQuantization(angle, PITCH)
+    tolerance = (1.0 - accuracy) * length
     p = success_probability(edge, **CAMERA, pose_covariance=np.zeros((6, 6)), accuracy=accuracy)
     assert p == pytest.approx(float(law.cdf(tolerance) - law.cdf(-tolerance)), abs=2e-4)
 
@@ -89,7 +91,9 @@ def test_without_displacement_it_is_eq_3(accuracy, turn):
 @pytest.mark.uncompiled
 def test_pure_depth_error_by_hand():
     # A frontal edge moved by dz: L'/L = depth / (depth - dz); pixels so fine that they do not matter.
-    edge, sigma, depth = np.array([[-20.0, 0.0, -275.0], [20.0, 0.0, -275.0]]), 4.0, 300.0
+    edge = np.array([[-20.0, 0.0, -275.0], [20.0, 0.0, -275.0]])
+    sigma = 4.0
+    depth = 300.0
     covariance = np.diag([0.0, 0.0, sigma**2, 0.0, 0.0, 0.0])
     p = success_probability(
         edge,
@@ -109,7 +113,8 @@ def test_a_sum_of_squares_has_the_law_of_chi_square(degrees):
     a gradient in these axes, b.u + u.u / 2 = |u + b|^2 / 2 - |b|^2 / 2."""
     rng = np.random.default_rng(degrees)
     # columns are axes of the standard normals; the root turns and stretches, which H and g undo
-    turn, root = np.linalg.qr(rng.normal(size=(6, 6)))[0], rng.normal(size=(6, 6))
+    turn = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+    root = rng.normal(size=(6, 6))
     back = np.linalg.inv(root)
     hessian = back.T @ turn[:, :degrees] @ turn[:, :degrees].T @ back
     quiet = np.zeros((1, 3))
@@ -167,7 +172,8 @@ def test_views_need_not_be_contiguous():
 @pytest.mark.uncompiled
 def test_symmetries():
     rng = np.random.default_rng(6)
-    edges, covariance = random_edges(20, rng), random_covariance(rng, 0.02)
+    edges = random_edges(20, rng)
+    covariance = random_covariance(rng, 0.02)
     p = success_probability(edges, **CALL, pose_covariance=covariance)
     np.testing.assert_allclose(
         success_probability(edges[:, ::-1], **CALL, pose_covariance=covariance), p, atol=1e-6

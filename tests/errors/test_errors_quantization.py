@@ -47,7 +47,8 @@ def test_cdf_against_quadrature(angle):
 
 @pytest.mark.parametrize("angle", ANGLES)
 def test_pdf_is_the_derivative_of_the_cdf(angle):
-    law, step = SegmentQuantization(angle, PITCH), 1e-7
+    law = SegmentQuantization(angle, PITCH)
+    step = 1e-7
     # Points off the kinks at 0 and at sums of the widths.
     errors = np.linspace(-0.0173, 0.0171, 40)
     slope = (law.cdf(errors + step) - law.cdf(errors - step)) / (2.0 * step)
@@ -100,7 +101,8 @@ def test_axis_samples_fit():
 def test_along_an_axis_it_is_the_triangular_law(angle):
     errors = np.linspace(-0.015, 0.015, 31)
     pitch = PITCH[0] if angle == 0.0 else PITCH[1]
-    law, axis = SegmentQuantization(angle, PITCH), AxisQuantization(pitch)
+    law = SegmentQuantization(angle, PITCH)
+    axis = AxisQuantization(pitch)
     np.testing.assert_allclose(law.pdf(errors), axis.pdf(errors), atol=1e-9)
     np.testing.assert_allclose(law.cdf(errors), axis.cdf(errors), atol=1e-12)
 

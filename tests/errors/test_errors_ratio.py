@@ -20,7 +20,8 @@ CASES = [
 
 def paper_pdf(w, var_n, var_d, cov, mu):
     """The density as the design states it, symbol by symbol."""
-    sn, sd = np.sqrt(var_n), np.sqrt(var_d)
+    sn = np.sqrt(var_n)
+    sd = np.sqrt(var_d)
     rho = cov / (sn * sd)
     a = np.sqrt(w**2 / sn**2 - 2 * rho * w / (sn * sd) + 1 / sd**2)
     b = mu / sd**2 - rho * mu * w / (sn * sd)
@@ -61,7 +62,8 @@ def test_pdf_against_quadrature_over_the_denominator(case):
     "case", [*CASES, (1.0, 0.04, 0.2, 1.0), (1.0, 0.04, -0.2, 1.0), (1.0, 0.0, 0.0, 2.0)]
 )
 def test_cdf_is_the_integral_of_the_pdf(case):
-    law, step = NormalRatio(*case), 1e-6
+    law = NormalRatio(*case)
+    step = 1e-6
     slope = (law.cdf(W + step) - law.cdf(W - step)) / (2 * step)
     np.testing.assert_allclose(law.pdf(W), slope, atol=1e-8)
     np.testing.assert_allclose(law.cdf([-1e12, 1e12]), [0.0, 1.0], atol=1e-6)

@@ -43,7 +43,8 @@ def test_eqs_12_and_13_are_the_correlation_integral_of_eq_11(axis, index):
 def test_eq_14_is_the_convolution_of_the_axes():
     law = SegmentDisplacement(EDGE, **POSE)
     angle = float(image_segment(EDGE, focal_length_mm=F)[1])
-    u, v = AxisDisplacement(EDGE, "u", **POSE), AxisDisplacement(EDGE, "v", **POSE)
+    u = AxisDisplacement(EDGE, "u", **POSE)
+    v = AxisDisplacement(EDGE, "v", **POSE)
     x = np.linspace(-10.0, 10.0, 4001) * float(u.std)
     for error in (-1.0, 0.0, 2.0):
         # Average over the horizontal error of the density of what the vertical one must then contribute.
@@ -78,7 +79,8 @@ def test_a_million_samples_fit():
 
 def test_cdf_is_the_integral_of_the_pdf():
     law = SegmentError(EDGE, **CAMERA, pose_covariance=PAPER_COVARIANCE)
-    step, errors = 1e-4, np.linspace(-5, 5, 21)
+    step = 1e-4
+    errors = np.linspace(-5, 5, 21)
     np.testing.assert_allclose(
         (law.cdf(errors + step) - law.cdf(errors - step)) / (2 * step), law.pdf(errors), atol=1e-6
     )

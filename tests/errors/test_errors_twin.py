@@ -56,7 +56,8 @@ def test_coverage_against_counted_points():
     for row, column in ((4, 4), (4, 5), (3, 3), (6, 8), (5, 9)):
         u, v = np.meshgrid((i + column + sub) * PITCH[0], (j + row + sub) * PITCH[1])
         relative = np.stack([u, v], axis=-1) - segment[0]
-        s, across = relative @ along, relative @ [-along[1], along[0]]
+        s = relative @ along
+        across = relative @ [-along[1], along[0]]
         inside = (
             (s > 0) & (s < np.linalg.norm(segment[1] - segment[0])) & (np.abs(across) < 1.5 * 0.013)
         )
@@ -65,7 +66,8 @@ def test_coverage_against_counted_points():
 
 @pytest.mark.parametrize("angle_deg", [0.0, 15.0, 40.0, 75.0, 90.0])
 def test_whole_pixels_of_lines_anywhere_follow_eq_3(angle_deg):
-    angle, rng = np.radians(angle_deg), np.random.default_rng(1)
+    angle = np.radians(angle_deg)
+    rng = np.random.default_rng(1)
     lengths = rng.uniform(1.0, 2.0, 20_000)
     along = np.array([np.cos(angle), np.sin(angle)])
     segments = (

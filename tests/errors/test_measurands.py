@@ -24,7 +24,8 @@ from errors.measurands.registry import _KINDS
 
 pytestmark = pytest.mark.uncompiled
 
-DISTANCE, PITCH = 26.0, (0.00345, 0.00345)
+DISTANCE = 26.0
+PITCH = (0.00345, 0.00345)
 GEOMETRY = {
     "length": [Line([-20, -10, 0], [25, -10, 0])],
     "distance": [Line([-20, -10, 0], [25, -10, 0]), Line([20, 15, 0], [-10, 15, 0])],
@@ -82,7 +83,8 @@ def model(name, *, translation=0.0, rotation=0.0, localisation=None, error=None,
 
 def displaced(value, pose, moves, localisation, rng):
     """Errors of a value measured from exactly displaced poses: own projection, carrying back and fits."""
-    turn, shift = Rotation.from_rotvec(moves[:, 3:]).as_matrix(), moves[:, :3]
+    turn = Rotation.from_rotvec(moves[:, 3:]).as_matrix()
+    shift = moves[:, :3]
     fits = []
     for one, frame in zip(value.geometry, value.frames, strict=True):
         share = (np.arange(localisation.points) + 0.5) / localisation.points
@@ -100,11 +102,9 @@ def displaced(value, pose, moves, localisation, rng):
         if value.in_image:
             planned = np.linalg.norm(np.diff(DISTANCE * local[:, :2] / local[:, 2:], axis=0))
             return value.nominal * (np.linalg.norm(image[:, 1] - image[:, 0], axis=1) / planned - 1)
-        origin, x, y = (
-            pose[:3, :3] @ frame.origin + pose[:3, 3],
-            pose[:3, :3] @ frame.x,
-            pose[:3, :3] @ frame.y,
-        )
+        origin = pose[:3, :3] @ frame.origin + pose[:3, 3]
+        x = pose[:3, :3] @ frame.x
+        y = pose[:3, :3] @ frame.y
         rays = np.concatenate([image / DISTANCE, np.ones((*image.shape[:2], 1))], axis=2)
         normal = np.cross(x, y)
         back = rays * (normal @ origin) / (rays @ normal)[..., None] - origin
@@ -119,13 +119,12 @@ def fitted(one, a, b):
         return np.stack([b.mean(axis=1) - slope * a.mean(axis=1), slope], axis=1)
     found = np.stack([a.mean(axis=1), b.mean(axis=1), np.full(len(a), one.radius_mm)], axis=1)
     for _ in range(6):
-        dx, dy = a - found[:, :1], b - found[:, 1:2]
+        dx = a - found[:, :1]
+        dy = b - found[:, 1:2]
         r = np.hypot(dx, dy)
         slopes = np.stack([dx / r, dy / r, np.ones_like(r)], axis=2)
-        normal, right = (
-            np.einsum("nmi,nmj->nij", slopes, slopes),
-            np.einsum("nmi,nm->ni", slopes, r - found[:, 2:]),
-        )
+        normal = np.einsum("nmi,nmj->nij", slopes, slopes)
+        right = np.einsum("nmi,nm->ni", slopes, r - found[:, 2:])
         found += np.linalg.solve(normal, right[..., None])[..., 0]
     return found
 
@@ -190,17 +189,20 @@ def test_localisation_of_circles_and_lines_in_closed_form(points):
 @pytest.mark.parametrize("name", GEOMETRY)
 def test_derivatives_are_those_of_the_exact_measurement(name):
     rng = np.random.default_rng(5)
-    pose, exact = oblique(rng), Localisation.gaussian(0.0)
+    pose = oblique(rng)
+    exact = Localisation.gaussian(0.0)
     value = measurand(name, GEOMETRY[name])
     told = value.expansion(pose[None], model(name).image, exact)
-    gradient, hessian = told.gradient[0] / told.scale[0], told.hessian[0] / told.scale[0]
+    gradient = told.gradient[0] / told.scale[0]
+    hessian = told.hessian[0] / told.scale[0]
     if told.logarithmic:
         # x is nominal ln(1 + error / nominal)
         hessian = hessian + np.outer(gradient, gradient) / value.nominal
     steps = np.array([1e-2] * 3 + [3e-5] * 3)
     for i in range(6):
         for j in range(i + 1):
-            first, second = np.eye(6)[i] * steps[i], np.eye(6)[j] * steps[j]
+            first = np.eye(6)[i] * steps[i]
+            second = np.eye(6)[j] * steps[j]
             moves = np.array(
                 [first + second, first - second, second - first, -first - second, first, -first]
             )
@@ -216,7 +218,8 @@ def test_derivatives_are_those_of_the_exact_measurement(name):
 @pytest.mark.parametrize(("sigma", "tolerance"), [(0.01, 0.002), (0.03, 0.006), (0.055, 0.012)])
 @pytest.mark.parametrize("name", GEOMETRY)
 def test_probability_agrees_with_exact_displaced_measurements(name, sigma, tolerance):
-    rng, n = np.random.default_rng([17, len(name)]), 40_000
+    rng = np.random.default_rng([17, len(name)])
+    n = 40_000
     localisation = Localisation.gaussian(0.3)
     for _ in range(2):
         pose = oblique(rng)

@@ -48,7 +48,8 @@ def test_fractions_reach_both_ends():
 
 
 def test_decode_returns_the_ends_exactly():
-    low, high = np.array([-0.1, 0.3]), np.array([0.7, 1e9])
+    low = np.array([-0.1, 0.3])
+    high = np.array([0.7, 1e9])
     decoded = Chromosome(2, 5).decode(rows(["0000011111", "1111100000"]), low, high)
     assert decoded.tolist() == [[-0.1, 1e9], [0.7, 0.3]]
 

@@ -17,17 +17,16 @@ def rows(*strings):
 
 
 def test_exchange_tails():
-    first, second = (
-        rows("11111", "11111", "10101", "11111"),
-        rows("00000", "00000", "01010", "00000"),
-    )
+    first = rows("11111", "11111", "10101", "11111")
+    second = rows("00000", "00000", "01010", "00000")
     left, right = exchange_tails(first, second, np.array([1, 4, 2, 5]))
     assert np.array_equal(left, rows("10000", "11110", "10010", "11111"))
     assert np.array_equal(right, rows("01111", "00001", "01101", "00000"))
 
 
 def test_one_point_interleaves_the_children_of_each_couple():
-    first, second = rows("1111", "1100"), rows("0000", "0011")
+    first = rows("1111", "1100")
+    second = rows("0000", "0011")
     children = one_point(first, second, 0.0, np.random.default_rng(0))
     assert np.array_equal(children, rows("1111", "0000", "1100", "0011"))
 
@@ -98,7 +97,8 @@ def exact_offspring_distribution(population, fitness, crossover, mutation):
     ("crossover", "mutation"), [(0.9, 0.1), (0.5, 0.5), (0.3, 0.02), (1.0, 0.0)]
 )
 def test_offspring_have_the_exact_distribution(crossover, mutation):
-    population, fitness = rows("1110", "0110", "0001", "1000"), np.array([4.0, 2.0, 1.0, 1.0])
+    population = rows("1110", "0110", "0001", "1000")
+    fitness = np.array([4.0, 2.0, 1.0, 1.0])
     how = Breeding(crossover, mutation, proportional_weights, roulette, 0, True, 1, None)
     children, parents = breed(population, how.weigh(fitness), 40_000, how, np.random.default_rng(7))
     counts = np.bincount(children[0::2] @ [8, 4, 2, 1], minlength=16)

@@ -118,7 +118,9 @@ def test_a_fresh_seed_repeats_the_run():
     seed=st.integers(0, 2**32 - 1),
 )
 def test_guarantees(n_bits, population, offset, seed, **options):
-    generations, asked, evaluated = [], set(), []
+    generations = []
+    asked = set()
+    evaluated = []
 
     def feasible(bits):
         asked.update(row.tobytes() for row in bits)

@@ -9,7 +9,9 @@ from planner.compiling import compiling_told
 
 
 def run(function):
-    lines, steps, collecting = [], [], []
+    lines = []
+    steps = []
+    collecting = []
     with compiling_told(
         lines.append, lambda *told: steps.append(told) or collecting.append(gc.isenabled())
     ):

@@ -24,7 +24,8 @@ def test_results_come_in_the_order_of_the_arguments():
 
 
 def test_while_results_are_waited_for_the_work_can_be_ended():
-    release, begun = threading.Event(), []
+    release = threading.Event()
+    begun = []
 
     def task(k):
         begun.append(k)
@@ -44,7 +45,8 @@ def test_while_results_are_waited_for_the_work_can_be_ended():
 
 
 def test_without_an_executor_it_is_asked_before_every_task():
-    done, left = [], [None, None]
+    done = []
+    left = [None, None]
 
     def check():
         if not left:

@@ -53,7 +53,9 @@ def test_of_an_older_set_nothing_stays_and_all_else_does(out):
     "error", [OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt()]
 )
 def test_whatever_step_fails_the_older_set_stays_whole(out, monkeypatch, failing, error):
-    before, steps, fails = contents(out), [], [True]
+    before = contents(out)
+    steps = []
+    fails = [True]
 
     def breaking(function, after):
         def step(*arguments, **options):
@@ -104,7 +106,8 @@ def test_a_file_that_cannot_be_replaced_is_named(out, monkeypatch):
 
 
 def test_the_first_file_is_never_beside_others_of_another_set(out, monkeypatch):
-    seen, replace = [], os.replace
+    seen = []
+    replace = os.replace
 
     def watch(source, place):
         replace(source, place)
@@ -136,7 +139,8 @@ def test_another_file_system_in_a_folder_of_the_set_is_no_obstacle(out, monkeypa
 
 def test_a_folder_whose_parent_cannot_be_written_will_do(out, monkeypatch):
     """Nothing is made beside it: it may be a mount point, or all that the user may write to."""
-    mkdir, opened = os.mkdir, os.open
+    mkdir = os.mkdir
+    opened = os.open
 
     def inside(path):
         if not Path(path).is_relative_to(out):

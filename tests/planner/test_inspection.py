@@ -121,7 +121,8 @@ def test_interrupted_plan_resumes_to_the_same_plan(space, plan, tmp_path):
 
 
 def test_a_resumed_plan_takes_in_the_poses_that_the_proof_came_across(space, tmp_path, monkeypatch):
-    proofs, state = [], tmp_path / "state.json"
+    proofs = []
+    state = tmp_path / "state.json"
 
     def proof(judge, _, __, ___, *, ledger, **____):
         proofs.append(ledger.improve(random_poses(judge, 300, seed=9)))
@@ -144,7 +145,9 @@ def test_a_resumed_plan_takes_in_the_poses_that_the_proof_came_across(space, tmp
 
 def test_a_proof_that_goes_on_improves_the_columns_as_it_would_have(space, tmp_path, monkeypatch):
     """Each batch of poses has a seed of its own, by its number."""
-    state, after, stops = tmp_path / "state.json", [], [True]
+    state = tmp_path / "state.json"
+    after = []
+    stops = [True]
 
     def proof(judge, _, __, ___, *, ledger, **____):
         if ledger("first") is None:
@@ -327,7 +330,8 @@ def test_judge_agrees_with_constraints_one_entity_at_a_time(space, judge):
 def test_prices_skip_only_poses_that_are_worth_too_little(judge):
     poses = random_poses(judge, 300)
     prices = np.full(len(EDGES), 0.3)
-    everything, priced = judge(poses), judge(poses, prices)
+    everything = judge(poses)
+    priced = judge(poses, prices)
     skipped = ~priced.nearly.any(axis=1)
     assert skipped.any()
     assert np.array_equal(priced.inspects[~skipped], everything.inspects[~skipped])
@@ -426,7 +430,8 @@ def test_a_pose_that_simulation_contradicts_is_replaced_by_one_near_it(judge):
     turns[:, 4] = np.linspace(0.0, 0.8, 400)
     contradicted = 0
     for k in np.flatnonzero(inspects.any(axis=1))[:3]:
-        row, turned = inspects[k], moved(poses[k], turns, 1.0)
+        row = inspects[k]
+        turned = moved(poses[k], turns, 1.0)
         # as far as all of it is on the sensor; a displaced camera moves the image by 2 px or so
         pose = turned[judge(turned).inspects[:, row].all(axis=1)][-1]
         setting = setting_at(judge.request, pose, tuple(np.array(EDGES)[row]), "given", seed=0)

@@ -22,7 +22,8 @@ def clock():
 
 def told(clock, seconds, total, label="visible regions"):
     """What is told when piece after piece takes so many seconds, with the number of pieces done by then."""
-    pace, lines = Pace(clock), {}
+    pace = Pace(clock)
+    lines = {}
     for done, one in enumerate(seconds, 1):
         clock.now += one
         if (line := pace(done, total, label)) is not None:

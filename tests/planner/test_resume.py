@@ -101,7 +101,8 @@ def points_of_interruption(labels):
 def test_whatever_is_interrupted_the_plan_is_the_same_bit_for_bit(space, whole, tmp_path):
     plan, labels = whole
     assert labels.count("lower bound") > 60
-    points, steps = points_of_interruption(labels), set()
+    points = points_of_interruption(labels)
+    steps = set()
     assert len(points) > 14
     for k in points:
         path = tmp_path / f"{k}.json"
@@ -135,8 +136,10 @@ def test_pairs_that_exclude_each_other_and_the_tree_of_poses_are_kept(
     def stop(*arguments, **options):
         raise Stop
 
-    path, bound = tmp_path / "state.json", import_module("planner.bound.lower_bound")
-    asked, find = [], bound.find_conflicts
+    path = tmp_path / "state.json"
+    bound = import_module("planner.bound.lower_bound")
+    asked = []
+    find = bound.find_conflicts
     with monkeypatch.context() as patch:
         # those of the first columns are found long before the proof
         patch.setattr(
@@ -147,7 +150,8 @@ def test_pairs_that_exclude_each_other_and_the_tree_of_poses_are_kept(
         with pytest.raises(Stop):
             plan_box(space, path)
     assert json.loads(path.read_text())["checkpoint"]["step"] == "weighing"
-    splits, split = [], bound.PoseTree.split
+    splits = []
+    split = bound.PoseTree.split
     with monkeypatch.context() as patch:
         patch.setattr(
             bound.PoseTree,
@@ -169,7 +173,9 @@ def test_pairs_that_exclude_each_other_and_the_tree_of_poses_are_kept(
 
 def test_interrupted_again_and_again_it_still_gets_there(space, whole, tmp_path):
     plan, labels = whole
-    path, goes, again = tmp_path / "state.json", 0, None
+    path = tmp_path / "state.json"
+    goes = 0
+    again = None
     while again is None and goes < 20:
         goes += 1
         with suppress(Stop):
@@ -189,7 +195,8 @@ def test_interrupted_with_an_executor_and_resumed_without(space, whole, tmp_path
 def test_what_a_killed_process_leaves_is_as_good(space, whole, tmp_path, at_once):
     """No exception, no time to save: only what was saved before is there."""
     plan, labels = whole
-    copies, path = {}, tmp_path / "state.json"
+    copies = {}
+    path = tmp_path / "state.json"
 
     def copy(done, total, label):
         if path.exists():
@@ -301,7 +308,8 @@ def test_state_that_can_no_longer_be_written_ends_no_planning(space, whole, tmp_
 
 def test_saving_takes_a_small_share_of_the_time(tmp_path, monkeypatch):
     """One hundredth at most, however long it takes: with a clock that only saving moves, and the work between."""
-    clock, saved = [0.0], [0]
+    clock = [0.0]
+    saved = [0]
 
     def write(path, text):
         clock[0] += 0.3
@@ -319,7 +327,8 @@ def test_saving_takes_a_small_share_of_the_time(tmp_path, monkeypatch):
 
 def test_a_large_state_is_saved_often_enough(tmp_path, monkeypatch):
     """Saving takes a second: what is lost is still less than the twenty seconds that are promised."""
-    clock, saved = [0.0], []
+    clock = [0.0]
+    saved = []
 
     def write(path, text):
         clock[0] += 1.0
@@ -426,7 +435,8 @@ def test_a_mesh_is_known_by_its_content():
 
 
 def test_a_plan_with_a_mesh_to_reach_is_resumed_by_another_region_object(space, tmp_path):
-    low, high = (-900.0, 1100.0)
+    low = -900.0
+    high = 1100.0
     corners = np.array([[x, y, z] for x in (low, high) for y in (low, high) for z in (low, high)])
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     triangles = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]

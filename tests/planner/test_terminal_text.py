@@ -37,7 +37,8 @@ def test_all_else_stays():
 
 
 def test_tables_and_sentences(capsys):
-    start, end = [0, 0, 0], [80, 0, 0]
+    start = [0, 0, 0]
+    end = [80, 0, 0]
     found = plan(
         settings=[setting((40.0, -180.0, 620.0), [NASTY])],
         entities={NASTY: [start, end], "b\x1b": [start, end]},

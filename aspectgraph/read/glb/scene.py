@@ -71,7 +71,8 @@ def parse_glb(
 def _gather(
     document: dict[str, Any], binary: bytes, most_triangles: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    vertices, triangles = [], []
+    vertices = []
+    triangles = []
     n = n_triangles = 0
     accessors = Accessors(document, binary, 3 * most_triangles)
     for matrix, index in _placed_meshes(document):
@@ -126,7 +127,9 @@ def _placed_meshes(document: dict[str, Any]) -> list[tuple[np.ndarray, int]]:
         roots = scene.get("nodes", [])
     else:
         roots = _parentless(nodes)
-    placed, pending, seen = [], [(np.eye(4), root) for root in reversed(roots)], set()
+    placed = []
+    pending = [(np.eye(4), root) for root in reversed(roots)]
+    seen = set()
     while pending:
         parent, index = pending.pop()
         node = item_at(nodes, index)

@@ -71,7 +71,8 @@ class _Turner:
     """State of `turn_thin`: the triangles, their directed sides, and the thin ones in order."""
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray, width_mm: float) -> None:
-        self.vertices, self.width_mm = vertices, width_mm
+        self.vertices = vertices
+        self.width_mm = width_mm
         self.triangles: list[tuple[int, int, int]] = [tuple(row) for row in triangles.tolist()]
         self.side = {pair: t for t, row in enumerate(self.triangles) for pair in _sides(row)}
         self.queue: list[tuple[float, int, tuple[int, int, int]]] = []

@@ -37,7 +37,8 @@ def is_closed(triangles: np.ndarray) -> bool:
     """Return whether every edge, whichever way it runs, has exactly two triangles."""
     if not len(triangles):
         return False
-    start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    start = triangles.ravel()
+    end = np.roll(triangles, -1, axis=1).ravel()
     key = np.minimum(start, end) * (int(triangles.max()) + 1) + np.maximum(start, end)
     return bool((np.unique(key, return_counts=True)[1] == 2).all())
 

@@ -52,7 +52,8 @@ class StepKernel:
     """
 
     def __init__(self, name: str, limits: ReadLimits) -> None:
-        self.name, self.limits = name, limits
+        self.name = name
+        self.limits = limits
         self.seconds_left = limits.time_s
 
     def __enter__(self) -> StepKernel:
@@ -71,7 +72,8 @@ class StepKernel:
         )
         assert self.process.stdin is not None
         assert self.process.stdout is not None
-        self._requests, self._answers = self.process.stdin, self.process.stdout
+        self._requests = self.process.stdin
+        self._answers = self.process.stdout
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -44,7 +44,8 @@ class Gap:
         distances = np.where(np.isfinite(distances), distances, np.inf)
         k = int(np.argmax(distances))
         if distances[k] > self.gap_mm:
-            self.gap_mm, self.place = float(distances[k]), tuple(np.nan_to_num(others[k]).tolist())
+            self.gap_mm = float(distances[k])
+            self.place = tuple(np.nan_to_num(others[k]).tolist())
 
 
 def measure_gaps(solid: Any, flat_mm: float) -> dict[str, Gap]:
@@ -81,7 +82,8 @@ def _measure_edge(edge: Any, face: Any, at_vertex: Gap, at_face: Gap) -> None:
     if BRep_Tool.Degenerated_s(edge):
         at_face.widen(on_face, np.broadcast_to(ends[0], on_face.shape))
         return
-    curve, (first, last) = BRepAdaptor_Curve(edge), BRep_Tool.Range_s(edge)
+    curve = BRepAdaptor_Curve(edge)
+    (first, last) = BRep_Tool.Range_s(edge)
     points = np.array([xyz(curve.Value(t)) for t in np.linspace(first, last, _N_SAMPLES)])
     at_vertex.widen(points[[0, -1]], ends)
     at_face.widen(on_face, points)
@@ -90,7 +92,8 @@ def _measure_edge(edge: Any, face: Any, at_vertex: Gap, at_face: Gap) -> None:
 def _points_on_face(edge: Any, face: Any) -> np.ndarray:
     """Return points of an edge as its face sees it, shape (n, 3)."""
     first, last = BRep_Tool.Range_s(edge, face)
-    curve, surface = BRep_Tool.CurveOnSurface_s(edge, face, first, last), BRep_Tool.Surface_s(face)
+    curve = BRep_Tool.CurveOnSurface_s(edge, face, first, last)
+    surface = BRep_Tool.Surface_s(face)
     if curve is None:
         return np.full((_N_SAMPLES, 3), np.inf)
     places = [curve.Value(t) for t in np.linspace(first, last, _N_SAMPLES)]

@@ -130,7 +130,8 @@ def _check_apart(builder: Any, shapes: Sequence[Any], numbers: Sequence[int], na
     owner = ShapeMap()
     owners: list[int] = []
     for shape, number in zip(shapes, numbers, strict=True):
-        wanted, avoided = ShapeList(), ShapeList()
+        wanted = ShapeList()
+        avoided = ShapeList()
         wanted.Append(shape)
         builder.AddToResult(wanted, avoided, 0, False)
         for cell in explore(builder.Shape(), TopAbs_ShapeEnum.TopAbs_SOLID):

@@ -316,13 +316,15 @@ def _farthest(expected: np.ndarray, points: np.ndarray) -> tuple[float, np.ndarr
     """Return the expected point that is farthest from all others, and how far that is."""
     known = set(map(tuple, points.tolist()))
     rest = [p for p in expected.tolist() if tuple(p) not in known]
-    worst, place = 0.0, np.zeros(3)
+    worst = 0.0
+    place = np.zeros(3)
     for point in rest:
         distance = (
             float(np.sqrt(((points - point) ** 2).sum(axis=1).min())) if len(points) else math.inf
         )
         if not distance <= worst:
-            worst, place = distance, np.array(point)
+            worst = distance
+            place = np.array(point)
     return worst, place
 
 

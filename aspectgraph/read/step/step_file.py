@@ -147,7 +147,8 @@ def _merge(
 
 
 def _listed(numbers: list[int]) -> str:
-    head, tail = numbers[:-1], str(numbers[-1])
+    head = numbers[:-1]
+    tail = str(numbers[-1])
     return f"solids {', '.join(map(str, head))} and {tail}" if head else f"solid {tail}"
 
 

@@ -120,7 +120,8 @@ def known_references(entities: dict[int, Entity], entity: Entity) -> list[int]:
 
 def reachable(entities: dict[int, Entity], start: int) -> set[int]:
     """Return the numbers of the entities that one refers to, directly or through others, and its own."""
-    found, front = {start}, [start]
+    found = {start}
+    front = [start]
     while front:
         for number in entities[front.pop()].references:
             if number in entities and number not in found:

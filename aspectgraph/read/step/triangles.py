@@ -56,7 +56,8 @@ def explore(
     shape: Any, kind: TopAbs_ShapeEnum, outside: TopAbs_ShapeEnum = TopAbs_ShapeEnum.TopAbs_SHAPE
 ) -> list[Any]:
     """Return the sub-shapes of a kind that are in none of the kind `outside`, in file order, once for each use."""
-    found, explorer = [], TopExp_Explorer(shape, kind, outside)
+    found = []
+    explorer = TopExp_Explorer(shape, kind, outside)
     while explorer.More():
         found.append(explorer.Current())
         explorer.Next()
@@ -98,9 +99,11 @@ class _Collector:
     """Gathers the mesher's nodes and triangles under shared ids."""
 
     def __init__(self, solid: Any, flat_mm: float, measured: Any) -> None:
-        self.flat_mm, self.measured = flat_mm, measured
+        self.flat_mm = flat_mm
+        self.measured = measured
         self.faces = [TopoDS.Face(face) for face in explore(solid, TopAbs_ShapeEnum.TopAbs_FACE)]
-        self.edge_map, self.vertex_map = ShapeMap(), ShapeMap()
+        self.edge_map = ShapeMap()
+        self.vertex_map = ShapeMap()
         TopExp.MapShapes_s(solid, TopAbs_ShapeEnum.TopAbs_EDGE, self.edge_map)
         TopExp.MapShapes_s(solid, TopAbs_ShapeEnum.TopAbs_VERTEX, self.vertex_map)
         self.ids: dict[tuple[Any, ...], int] = {}
@@ -176,7 +179,8 @@ class _Collector:
             for end in (TopExp.FirstVertex_s, TopExp.LastVertex_s)
         ]
         keys: list[tuple[Any, ...]] = [("edge", edge_index, k) for k in range(len(nodes))]
-        keys[0], keys[-1] = ("vertex", ends[0]), ("vertex", ends[1])
+        keys[0] = ("vertex", ends[0])
+        keys[-1] = ("vertex", ends[1])
         if BRep_Tool.Degenerated_s(edge):
             keys = [keys[0]] * len(keys)
         for node, key in zip(nodes, keys, strict=True):
@@ -338,7 +342,9 @@ def _normals(use: _Use) -> list[np.ndarray]:
     normals = []
     for fraction in (0.2, 0.5, 0.8):
         uv = curve.Value(first + fraction * (last - first))
-        point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
+        point = gp_Pnt()
+        along_u = gp_Vec()
+        along_v = gp_Vec()
         surface.D1(uv.X(), uv.Y(), point, along_u, along_v)
         normal = np.cross(xyz(along_u), xyz(along_v))
         length = np.linalg.norm(normal)

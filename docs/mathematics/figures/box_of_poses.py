@@ -32,12 +32,16 @@ COLOURS = {"A": "#0072b2", "B": "#d55e00", "C": "#009e73", "D": "#777777"}
 def section(ends, turn: np.ndarray) -> np.ndarray:
     """Return the corners (4, 2), as (w_x, w_z), of the window of an edge in a box with turns up to so much."""
     s = np.array([[x, 0.0, z] for x, z in ends])
-    n, room, least, v = 1.0, np.empty(3), np.empty(6), np.zeros(3)
+    n = 1.0
+    room = np.empty(3)
+    least = np.empty(6)
+    v = np.zeros(3)
     t, nu = most_turn(v, turn, n)
     extent(np.eye(3), HALF, t, room)
     window(s, np.full(2, VIEW.far), Turn(v, turn, n, t, nu), VIEW, room, least, 1.0, np.zeros(9))
     z = np.array([least[5], -least[4]])
-    left, right = least[0] + VIEW.tan_x * z, -least[1] - VIEW.tan_x * z
+    left = least[0] + VIEW.tan_x * z
+    right = -least[1] - VIEW.tan_x * z
     return np.array([[left[0], z[0]], [right[0], z[0]], [right[1], z[1]], [left[1], z[1]]])
 
 
@@ -81,7 +85,8 @@ def draw_windows(ax) -> None:
         plt.Rectangle(-HALF[:2], *(2 * HALF[:2]), facecolor="#f7f7f7", edgecolor="black", ls="--")
     )
     for name, ends in EDGES.items():
-        exact, grown = section(ends, np.full(3, 1e-9)), section(ends, TURN)
+        exact = section(ends, np.full(3, 1e-9))
+        grown = section(ends, TURN)
         ax.add_patch(plt.Polygon(exact, facecolor=COLOURS[name], alpha=0.22, edgecolor="none"))
         ax.add_patch(plt.Polygon(exact, fill=False, edgecolor=COLOURS[name]))
         ax.add_patch(plt.Polygon(grown, fill=False, edgecolor=COLOURS[name], ls=":"))

@@ -27,7 +27,8 @@ class Angle(Measurand):
     def describe(self) -> tuple[float, tuple[Frame, ...], NDArray[np.float64], NDArray[np.float64]]:
         """Return nominal value, frames, and the derivatives by what is fitted, see `Measurand`."""
         first, second = lines_of(self.geometry)
-        one, other = first.direction, second.direction
+        one = first.direction
+        other = second.direction
         if are_parallel(one, other):
             raise MeasurandError(
                 "the edges of an angle must not be parallel. "

@@ -37,15 +37,19 @@ class CentreDistance(Measurand):
                     "direction must not run along the rims' axis. Got one that does."
                 )
             way = way / np.linalg.norm(way) * (-1.0 if way @ across < 0 else 1.0)
-            nominal, bend = float(across @ way), 0.0
+            nominal = float(across @ way)
+            bend = 0.0
         else:
             nominal = float(np.linalg.norm(across))
-            way, bend = across / max(nominal, 1e-300), 1.0
+            way = across / max(nominal, 1e-300)
+            bend = 1.0
         if not nominal > 1e-9 * (first.radius_mm + second.radius_mm):
             raise MeasurandError(
                 "the centres of a centre_distance must lie apart. Got two on one axis."
             )
-        self._way, self._side, self._nominal = way, np.cross(first.axis, way), nominal
+        self._way = way
+        self._side = np.cross(first.axis, way)
+        self._nominal = nominal
         self._bent = bend > 0
         return (
             nominal,
@@ -56,7 +60,8 @@ class CentreDistance(Measurand):
     def _derivatives(self, bend: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return derivatives by both centres: the distance grows along the way, and by the square of what is across."""
         frames = [circle_frame(circle) for circle in circles_of(self.geometry)]
-        along, side = np.zeros(6), np.zeros(6)
+        along = np.zeros(6)
+        side = np.zeros(6)
         for k, frame in enumerate(frames):
             sign = 2 * k - 1
             along[3 * k : 3 * k + 2] = sign * np.array([frame.x @ self._way, frame.y @ self._way])
@@ -69,5 +74,6 @@ class CentreDistance(Measurand):
         for k, circle in enumerate(circles_of(self.geometry)):
             frame = circle_frame(circle)
             apart += (2 * k - 1) * (fitted[k][:, :1] * frame.x + fitted[k][:, 1:2] * frame.y)
-        along, side = self._nominal + apart @ self._way, apart @ self._side
+        along = self._nominal + apart @ self._way
+        side = apart @ self._side
         return np.asarray((np.hypot(along, side) if self._bent else along) - self._nominal)

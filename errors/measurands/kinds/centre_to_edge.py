@@ -22,24 +22,29 @@ class CentreToEdge(Measurand):
 
     def describe(self) -> tuple[float, tuple[Frame, ...], NDArray[np.float64], NDArray[np.float64]]:
         """Return nominal value, frames, and the derivatives by what is fitted, see `Measurand`."""
-        (circle,), (line,) = circles_of(self.geometry), lines_of(self.geometry)
+        (circle,) = circles_of(self.geometry)
+        (line,) = lines_of(self.geometry)
         along = line.direction
         if not are_perpendicular(along, circle.axis):
             raise MeasurandError(
                 "the edge of a centre_to_edge must be parallel to the rim's plane. "
                 f"Got {90 - degrees_between(along, circle.axis):.4g} degrees between them."
             )
-        across, apart = np.cross(circle.axis, along), circle.centre - line.middle
+        across = np.cross(circle.axis, along)
+        apart = circle.centre - line.middle
         across = across / np.linalg.norm(across) * (-1.0 if across @ apart < 0 else 1.0)
-        nominal, self._at = float(apart @ across), float(apart @ along)
+        nominal = float(apart @ across)
+        self._at = float(apart @ along)
         if not nominal > 1e-9 * (circle.radius_mm + line.length):
             raise MeasurandError(
                 "the centre of a centre_to_edge must lie off the edge's line. Got 0 mm."
             )
-        frame, self._nominal = circle_frame(circle), nominal
+        frame = circle_frame(circle)
+        self._nominal = nominal
         self._across = np.array([frame.x @ across, frame.y @ across])
         self._along = np.array([frame.x @ along, frame.y @ along])
-        gradient, hessian = np.array([*self._across, 0.0, -1.0, -self._at]), np.zeros((5, 5))
+        gradient = np.array([*self._across, 0.0, -1.0, -self._at])
+        hessian = np.zeros((5, 5))
         hessian[:2, 4] = hessian[4, :2] = -self._along
         hessian[4, 4] = -nominal
         return nominal, (frame, Frame(line.middle, along, across)), gradient, hessian

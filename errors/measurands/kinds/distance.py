@@ -54,7 +54,8 @@ class Distance(Measurand):
             float((half_way - first.middle) @ along),
             float((half_way - second.middle) @ along),
         )
-        self._bent, self._nominal = self.direction is None, nominal
+        self._bent = self.direction is None
+        self._nominal = nominal
         frames = Frame(first.middle, along, way), Frame(second.middle, along, way)
         hessian = np.zeros((4, 4))
         if self._bent:

@@ -45,18 +45,24 @@ class Length(Measurand):
         self, poses: NDArray[np.float64], image: Image, localisation: Localisation
     ) -> Expansion:
         """Return the error of the length at poses (n, 4, 4)."""
-        (line,), n = lines_of(self.geometry), len(poses)
-        gradient, hessian, tangent = np.zeros((n, 6)), np.zeros((n, 6, 6)), np.zeros((n, 3))
+        (line,) = lines_of(self.geometry)
+        n = len(poses)
+        gradient = np.zeros((n, 6))
+        hessian = np.zeros((n, 6, 6))
+        tangent = np.zeros((n, 3))
         ends = (
             np.array([line.p, line.q]) @ np.swapaxes(poses[:, :3, :3], 1, 2) + poses[:, None, :3, 3]
         )
         _expand_lengths(np.ascontiguousarray(ends), image.distance_mm, gradient, hessian, tangent)
-        length, steps = tangent[:, 0], np.abs(tangent[:, 1:]) * image.pitch_mm
+        length = tangent[:, 0]
+        steps = np.abs(tangent[:, 1:]) * image.pitch_mm
         if localisation.model == "rounding":
-            variance, widths = np.zeros(n), steps
+            variance = np.zeros(n)
+            widths = steps
         else:
             sigma = max(localisation.sigma_px, localisation.floor_px)
-            variance, widths = 2 * sigma**2 * (steps**2).sum(axis=1), np.zeros((n, 2))
+            variance = 2 * sigma**2 * (steps**2).sum(axis=1)
+            widths = np.zeros((n, 2))
         seen = length > MIN_IMAGE_LENGTH_MM
         return Expansion(
             seen, gradient, hessian, variance, widths, length / self.nominal, logarithmic=True
@@ -65,10 +71,16 @@ class Length(Measurand):
 
 @njit(error_model="numpy")
 def _expand_lengths(ends, distance, gradient, hessian, tangent):
-    n, e, side, w, s = np.array([0.0, 0.0, 1.0]), np.zeros(3), np.zeros(3), np.empty(3), np.empty(6)
-    row, turn = np.empty(6), np.empty(6)
+    n = np.array([0.0, 0.0, 1.0])
+    e = np.zeros(3)
+    side = np.zeros(3)
+    w = np.empty(3)
+    s = np.empty(6)
+    row = np.empty(6)
+    turn = np.empty(6)
     for i in range(len(ends)):
-        first, last = ends[i, 0], ends[i, 1]
+        first = ends[i, 0]
+        last = ends[i, 1]
         if not (first[2] > 0.0 and last[2] > 0.0):
             continue
         du = distance * (last[0] / last[2] - first[0] / first[2])
@@ -77,9 +89,14 @@ def _expand_lengths(ends, distance, gradient, hessian, tangent):
         tangent[i, 0] = length
         if not length > MIN_IMAGE_LENGTH_MM:
             continue
-        tangent[i, 1], tangent[i, 2] = du / length, dv / length
-        e[0], e[1], side[0], side[1] = du / length, dv / length, -dv / length, du / length
-        g, h = gradient[i], hessian[i]
+        tangent[i, 1] = du / length
+        tangent[i, 2] = dv / length
+        e[0] = du / length
+        e[1] = dv / length
+        side[0] = -dv / length
+        side[1] = du / length
+        g = gradient[i]
+        h = hessian[i]
         turn[:] = 0.0
         for k in range(2):
             p = ends[i, k]

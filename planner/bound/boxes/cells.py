@@ -64,7 +64,8 @@ class Cells:
     @classmethod
     def joined(cls, parts: Iterable[Cells]) -> Cells:
         """Return the cells of several groups of entities, of one after the other."""
-        given, whole = list(parts), cls(())
+        given = list(parts)
+        whole = cls(())
         for name in ("planes", "corners", "boxes"):
             setattr(
                 whole,

@@ -31,11 +31,15 @@ _RELATIVE = 1e-12
 @inner
 def linear_sides(stack, i, entities, view, work, rest):
     """Write the sides of box i, given the remainder of the swings, to ``work``; return how many."""
-    q, v, u = stack.look[i], stack.turn[i], stack.span[i]
+    q = stack.look[i]
+    v = stack.turn[i]
+    u = stack.span[i]
     n = 1.0 + v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     t, nu = most_turn(v, u, n)
     turn = Turn(v, u, n, t, nu)
-    s, far, opened = np.empty((2, 3)), np.empty(2), np.empty(2)
+    s = np.empty((2, 3))
+    far = np.empty(2)
+    opened = np.empty(2)
     at = _of_nodal_points(stack, i, work, t, rest)
     for a in range(stack.n_members[i]):
         e = stack.members[i, a]
@@ -55,7 +59,9 @@ def linear_sides(stack, i, entities, view, work, rest):
 @lean
 def _of_nodal_points(stack, i, work, t, rest):
     """Write the sides of the points looked at and of the nodal points; return how many."""
-    h, u, eye = stack.half[i], stack.span[i], stack.eye[i]
+    h = stack.half[i]
+    u = stack.span[i]
+    eye = stack.eye[i]
     # R(t)w is w but for this
     more = min(2.0 * t, 2.0) * math.sqrt(h[0] ** 2 + h[1] ** 2 + h[2] ** 2) + _EPS
     at = 0
@@ -63,12 +69,11 @@ def _of_nodal_points(stack, i, work, t, rest):
         for sign in (-1.0, 1.0):
             for j in range(3):
                 work.rows[at, j] = work.rows[at + 1, j] = sign * work.matrix[k, j]
-                work.rows[at, 3 + j], work.rows[at + 1, 3 + j] = (
-                    0.0,
-                    -sign * work.swing[j, k] / u[j],
-                )
+                work.rows[at, 3 + j] = 0.0
+                work.rows[at + 1, 3 + j] = -sign * work.swing[j, k] / u[j]
             to_side = eye[1, k] - work.nodal[k] if sign > 0.0 else work.nodal[k] - eye[0, k]
-            work.rhs[at], work.rhs[at + 1] = h[k] + more, to_side + rest + more
+            work.rhs[at] = h[k] + more
+            work.rhs[at + 1] = to_side + rest + more
             at += 2
     work.owner[:at] = -1
     return at
@@ -77,7 +82,9 @@ def _of_nodal_points(stack, i, work, t, rest):
 @lean
 def _moved(n0, n1, n2, s, v, n):
     """Return n x s, and (2/N) W'(n x s): how n.R(t)'s changes with d."""
-    g0, g1, g2 = n1 * s[2] - n2 * s[1], n2 * s[0] - n0 * s[2], n0 * s[1] - n1 * s[0]
+    g0 = n1 * s[2] - n2 * s[1]
+    g1 = n2 * s[0] - n0 * s[2]
+    g2 = n0 * s[1] - n1 * s[0]
     across = math.sqrt(g0 * g0 + g1 * g1 + g2 * g2)
     f = 2.0 / n
     return (
@@ -116,8 +123,14 @@ def _of_view(s, far, turn, view, room, rows, rhs, side):
             if most <= right:
                 continue
             row = rows[kept]
-            row[0], row[1], row[2], row[3], row[4], row[5] = n0, n1, n2, -d0, -d1, -d2
-            rhs[kept], side[kept] = right, c
+            row[0] = n0
+            row[1] = n1
+            row[2] = n2
+            row[3] = -d0
+            row[4] = -d1
+            row[5] = -d2
+            rhs[kept] = right
+            side[kept] = c
             kept += 1
     return kept
 
@@ -132,11 +145,15 @@ def _of_length(segment, eye, turn, view, matrix, rows, rhs):
     if ratio <= 0.0:
         return 0
     v, _, n, t, nu = turn
-    e0, e1, e2 = ends[1, 0] - ends[0, 0], ends[1, 1] - ends[0, 1], ends[1, 2] - ends[0, 2]
+    e0 = ends[1, 0] - ends[0, 0]
+    e1 = ends[1, 1] - ends[0, 1]
+    e2 = ends[1, 2] - ends[0, 2]
     o0 = (eye[0, 0] + eye[1, 0]) / 2 - ends[0, 0]
     o1 = (eye[0, 1] + eye[1, 1]) / 2 - ends[0, 1]
     o2 = (eye[0, 2] + eye[1, 2]) / 2 - ends[0, 2]
-    x0, x1, x2 = o1 * e2 - o2 * e1, o2 * e0 - o0 * e2, o0 * e1 - o1 * e0
+    x0 = o1 * e2 - o2 * e1
+    x1 = o2 * e0 - o0 * e2
+    x2 = o0 * e1 - o1 * e0
     radius = (
         math.sqrt(
             (eye[1, 0] - eye[0, 0]) ** 2
@@ -154,7 +171,8 @@ def _of_length(segment, eye, turn, view, matrix, rows, rhs):
     )
     # both are wrong by less than this; where they are nearly equal, that tells in what is left of their squares
     wide = _EPS * length + _RELATIVE * most
-    most, axial = most + wide, max(axial - wide, 0.0)
+    most = most + wide
+    axial = max(axial - wide, 0.0)
     area = math.sqrt((most - axial) * (most + axial))
     deep = min(view.far - view.near, length)
     both = math.sqrt(4.0 * area / ratio * (1.0 + _EPS) + deep * deep)
@@ -162,10 +180,13 @@ def _of_length(segment, eye, turn, view, matrix, rows, rhs):
         return 0
     row = rows[0]
     row[:] = 0.0
-    row[2], right = -2.0, both - 2.0 * view.middle
+    row[2] = -2.0
+    right = both - 2.0 * view.middle
     for i in range(2):
         across, d0, d1, d2 = _moved(0.0, 0.0, 1.0, s[i], v, n)
-        row[3], row[4], row[5] = row[3] + d0, row[4] + d1, row[5] + d2
+        row[3] += d0
+        row[4] += d1
+        row[5] += d2
         whole = math.sqrt(s[i, 0] ** 2 + s[i, 1] ** 2 + s[i, 2] ** 2)
         right += _rest(-s[i, 2], whole, across, t, nu) - s[i, 2]
     row *= 0.5
@@ -187,7 +208,8 @@ def find_apart(work, n, u, apart):
     for c in range(0, 6, 2):
         for r in work.of_side[c, : count[c]]:
             for k in work.of_side[c + 1, : count[c + 1]]:
-                a, b = work.owner[r], work.owner[k]
+                a = work.owner[r]
+                b = work.owner[k]
                 if apart[a, b] or a == b:
                     continue
                 room = work.rhs[r] + work.rhs[k]

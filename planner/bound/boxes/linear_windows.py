@@ -88,12 +88,12 @@ def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
         Parts looked at.
     """
     group, y = members
-    m, n_rows = len(y), len(sides.rhs)
-    low, high = np.empty((_SHRINKING.levels, 6)), np.empty((_SHRINKING.levels, 6))
-    live, n_live = (
-        np.empty((_SHRINKING.levels, n_rows), np.int32),
-        np.zeros(_SHRINKING.levels, np.int64),
-    )
+    m = len(y)
+    n_rows = len(sides.rhs)
+    low = np.empty((_SHRINKING.levels, 6))
+    high = np.empty((_SHRINKING.levels, 6))
+    live = np.empty((_SHRINKING.levels, n_rows), np.int32)
+    n_live = np.zeros(_SHRINKING.levels, np.int64)
     alive = np.ones((_SHRINKING.levels, m), np.bool_)
     put(low[0], box[0])
     put(high[0], box[1])
@@ -101,23 +101,29 @@ def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
     n_live[0] = n_rows
     put(x, (box[0] + box[1]) / 2)
     meets[:] = False
-    tried, there, best = np.empty(6), np.zeros(m, np.bool_), -1.0
-    loss, scores, first = np.empty(m), np.empty(6), np.empty(m, np.int64)
-    size, made, answer = 1, 0, NO
+    tried = np.empty(6)
+    there = np.zeros(m, np.bool_)
+    best = -1.0
+    loss = np.empty(m)
+    scores = np.empty(6)
+    first = np.empty(m, np.int64)
+    size = 1
+    made = 0
+    answer = NO
     while size > 0:
         size -= 1
-        i, again = size, True
+        i = size
+        again = True
         while again:
             made += 1
             if made > max_parts:
                 return UNDECIDED, made
             n_live[i] = _keep(sides, live[i], n_live[i], alive[i], low[i], high[i], y, scores)
+            rows = live[i, : n_live[i]]
             total = _weight(alive[i], group, y, first, loss) if n_live[i] >= 0 else 0.0
             if total <= limit:
                 break
-            again = _shrink(
-                sides, live[i, : n_live[i]], alive[i], loss, total - limit, low[i], high[i]
-            )
+            again = _shrink(sides, rows, alive[i], loss, total - limit, low[i], high[i])
         if total <= limit:
             continue
         _try(sides, live[i, : n_live[i]], alive[i], low[i], high[i], seat, tried, there)
@@ -156,7 +162,8 @@ def _keep(sides, live, n_live, alive, low, high, y, scores):
         e = owner[r]
         if e >= 0 and not alive[e]:
             continue
-        value, spread = -rhs[r], 0.0
+        value = -rhs[r]
+        spread = 0.0
         for j in range(6):
             value += rows[r, j] * (low[j] + high[j]) / 2
             spread += abs(rows[r, j]) * (high[j] - low[j]) / 2
@@ -212,7 +219,8 @@ def _shrink(sides, live, alive, loss, spare, low, high):
         if room < 0.0:
             return True
         for j in range(6):
-            a, wide = rows[r, j], high[j] - low[j]
+            a = rows[r, j]
+            wide = high[j] - low[j]
             if abs(a) * wide <= room * (1.0 + _EPS):
                 continue
             if a > 0.0:

@@ -39,7 +39,8 @@ def ends_out_of_focus(ends, eye, view):
     """Tell whether one of two ends is too near or too far for a box (2, 3) of nodal points."""
     reach = focus_reach(view)
     for i in range(2):
-        least, most = 0.0, 0.0
+        least = 0.0
+        most = 0.0
         for k in range(3):
             least += max(eye[0, k] - ends[i, k], ends[i, k] - eye[1, k], 0.0) ** 2
             most += max(eye[1, k] - ends[i, k], ends[i, k] - eye[0, k]) ** 2
@@ -72,8 +73,12 @@ def too_short_at(ends, length, ratio, c, radius, depths):
     By eq 16 with ||w x v|| <= ||w||, the image over the image distance is at most twice the area of the triangle of
     nodal point and ends, over that product.
     """
-    w0, w1, w2 = ends[1, 0] - ends[0, 0], ends[1, 1] - ends[0, 1], ends[1, 2] - ends[0, 2]
-    o0, o1, o2 = c[0] - ends[0, 0], c[1] - ends[0, 1], c[2] - ends[0, 2]
+    w0 = ends[1, 0] - ends[0, 0]
+    w1 = ends[1, 1] - ends[0, 1]
+    w2 = ends[1, 2] - ends[0, 2]
+    o0 = c[0] - ends[0, 0]
+    o1 = c[1] - ends[0, 1]
+    o2 = c[2] - ends[0, 2]
     area = math.sqrt((o1 * w2 - o2 * w1) ** 2 + (o2 * w0 - o0 * w2) ** 2 + (o0 * w1 - o1 * w0) ** 2)
     return area + radius * length < ratio * depths * (1.0 - _EPS)
 
@@ -82,7 +87,9 @@ def too_short_at(ends, length, ratio, c, radius, depths):
 def outside(planes, first, last, middle, half):
     """Tell whether a box lies wholly outside of a cell, that of the planes from ``first`` to ``last``."""
     for p in range(first, last):
-        p0, p1, p2 = planes[p, 0], planes[p, 1], planes[p, 2]
+        p0 = planes[p, 0]
+        p1 = planes[p, 1]
+        p2 = planes[p, 2]
         value = planes[p, 3] + p0 * middle[0] + p1 * middle[1] + p2 * middle[2]
         if value - abs(p0) * half[0] - abs(p1) * half[1] - abs(p2) * half[2] > TOUCH_MM:
             return True

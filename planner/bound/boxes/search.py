@@ -107,7 +107,8 @@ class Asking(NamedTuple):
     parts_per_box: int = 25
 
 
-_HALVING, _ASKING = Halving(), Asking()
+_HALVING = Halving()
+_ASKING = Asking()
 
 
 @compiled(nogil=True)
@@ -144,15 +145,21 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
     conflict, y, limit, max_nodes, stop = task
     stack = planted(box, order, entities, tree.boxes[0])
     m = len(y)
-    work, look, x, meets = new_work(m), np.empty(3), np.zeros(6), np.ones(m, np.bool_)
+    work = new_work(m)
+    look = np.empty(3)
+    x = np.zeros(6)
+    meets = np.ones(m, np.bool_)
     trial = Trial(pose, inspected, np.zeros(3), look)
     thin = view.far - view.near < _ASKING.thin * 2.0 * view.tan_x * view.middle
-    size, made, outcome = 1, 0, PROVEN
+    size = 1
+    made = 0
+    outcome = PROVEN
     while size > 0:
         if made >= max_nodes or stop[0]:
             _write_members(stack, size - 1, inspected)
             return SPENT, made
-        size, made = size - 1, made + 1
+        size = size - 1
+        made = made + 1
         i = size
         total, rest, doubt, short = _tighten(stack, i, chart, entities, view, y, work)
         if total <= limit:
@@ -195,22 +202,36 @@ def _tighten(stack, i, chart, entities, view, y, work):
     Also returns the remainder of the swings, the weight of which visibility is in doubt, and of which the length is, as
     far as only the points looked at and only the turn are to blame.
     """
-    q, h, v, u, eye = stack.look[i], stack.half[i], stack.turn[i], stack.span[i], stack.eye[i]
+    q = stack.look[i]
+    h = stack.half[i]
+    v = stack.turn[i]
+    u = stack.span[i]
+    eye = stack.eye[i]
     n = rotation(chart, v, work.matrix)
     t, nu = most_turn(v, u, n)
     turn = Turn(v, u, n, t, nu)
     rest = swings(work.matrix, v, u, n, t, nu, view.middle, work.swing)
-    s, far, opened, short = np.empty((2, 3)), np.empty(2), np.empty(2), np.zeros(2)
+    s = np.empty((2, 3))
+    far = np.empty(2)
+    opened = np.empty(2)
+    short = np.zeros(2)
     if not agree(stack, i, work, rest, view.middle):
         return 0.0, rest, 0.0, short
     extent(work.matrix, h, t, work.room)
     work.scores[:] = 0.0
     deep = (view.far - view.near) / 2
-    kept, at, total, doubt = 0, 0, 0.0, 0.0
-    middle, radius = (eye[0] + eye[1]) / 2, math.sqrt(np.sum((eye[1] - eye[0]) ** 2)) / 2
+    kept = 0
+    at = 0
+    total = 0.0
+    doubt = 0.0
+    middle = (eye[0] + eye[1]) / 2
+    radius = math.sqrt(np.sum((eye[1] - eye[0]) ** 2)) / 2
     for a in range(stack.n_members[i]):
-        e, least = stack.members[i, a], work.least[kept]
-        ends, length, ratio = entities.ends[e], entities.lengths[e], entities.length_ratio[e]
+        e = stack.members[i, a]
+        least = work.least[kept]
+        ends = entities.ends[e]
+        length = entities.lengths[e]
+        ratio = entities.length_ratio[e]
         if out_of_range(ends, q, h, view.radius) or ends_out_of_focus(ends, eye, view):
             continue
         if too_short(ends, length, ratio, middle, radius, view):
@@ -221,27 +242,35 @@ def _tighten(stack, i, chart, entities, view, y, work):
         if is_empty(least, work.room, view):
             continue
         cells = stack.cells[i, stack.start[i, a] : stack.start[i, a + 1]]
-        n_cells = (
-            -1
-            if stack.sure[i, a]
-            else keep_cells(entities, cells, work.nodal, h, work.swing, rest, eye)
-        )
+        n_cells = -1
+        if not stack.sure[i, a]:
+            n_cells = keep_cells(entities, cells, work.nodal, h, work.swing, rest, eye)
         if n_cells == 0 or (n_cells > 0 and hidden_around(entities, cells[:n_cells], eye)):
             continue
-        stack.members[i, kept], stack.sure[i, kept], stack.start[i, kept] = e, n_cells < 0, at
-        # of one that is sure to be visible, one cell is kept: its pose is to be tried
-        for c in range(max(n_cells, 1)):
-            stack.cells[i, at] = cells[c]
-            at += 1
+        at = _put_member(stack, i, kept, at, e, cells, n_cells)
         work.y[kept] = y[e]
         doubt += y[e] if n_cells > 0 else 0.0
         short[0] += y[e] * min(opened[0] / deep, _HALVING.most_short)
         short[1] += y[e] * min(opened[1] / deep, _HALVING.most_short)
         total += y[e]
         kept += 1
-    stack.n_members[i], stack.start[i, kept] = kept, at
+    stack.n_members[i] = kept
+    stack.start[i, kept] = at
     doubt *= _HALVING.doubt_score / (view.tan_x * view.middle)
     return total, rest, doubt, short
+
+
+@inner
+def _put_member(stack, i, kept, at, e, cells, n_cells):
+    """Write a member of box i and its cells, from place ``at``; return the place after them."""
+    stack.members[i, kept] = e
+    stack.sure[i, kept] = n_cells < 0
+    stack.start[i, kept] = at
+    # of one that is sure to be visible, one cell is kept: its pose is to be tried
+    for c in range(max(n_cells, 1)):
+        stack.cells[i, at] = cells[c]
+        at += 1
+    return at
 
 
 @inner
@@ -272,10 +301,14 @@ def _write_members(stack, i, inspected):
 @inner
 def _may_see(stack, i, conflict, limit, view, work, x, meets):
     """Answer whether windows heavier than the limit may meet in box i; if so, write where, with the middle rotation."""
-    m, w = stack.n_members[i], x[:3]
-    x[3:], meets[:m] = 0.0, True
+    m = stack.n_members[i]
+    w = x[:3]
+    x[3:] = 0.0
+    meets[:m] = True
     exclusive_groups(stack.members[i, :m], conflict, work.group)
-    least, group, y = work.least[:m], work.group[:m], work.y[:m]
+    least = work.least[:m]
+    group = work.group[:m]
+    y = work.y[:m]
     if np.isfinite(stack.met[i, 0]):
         # where they met before, they often still do
         away = stack.met[i] - stack.look[i]
@@ -290,7 +323,9 @@ def _may_see(stack, i, conflict, limit, view, work, x, meets):
 @inner
 def _score(stack, i, work, rest, doubt, short, seen, around):
     """Add to the scores what each coordinate of box i leaves open of lengths and of visibility."""
-    h, u, eye = stack.half[i], stack.span[i], stack.eye[i]
+    h = stack.half[i]
+    u = stack.span[i]
+    eye = stack.eye[i]
     for k in range(3):
         work.scores[OF_LOOK + k] = h[k] * (
             _HALVING.length_score * work.scores[OF_LOOK + k] + short[0] / max(np.sum(h), _EPS)
@@ -313,7 +348,8 @@ def _score(stack, i, work, rest, doubt, short, seen, around):
 @lean
 def _axis_to_halve(stack, i, work, total, view):
     """Return along which coordinate box i is to be halved; -1 if it is too small for that."""
-    axis, widest = np.argmax(work.scores), np.argmax(stack.half[i])
+    axis = np.argmax(work.scores)
+    widest = np.argmax(stack.half[i])
     if stack.half[i, widest] > _HALVING.look_share * view.tan_x * view.middle:
         return OF_LOOK + widest
     if work.scores[axis] >= _HALVING.finest * total:

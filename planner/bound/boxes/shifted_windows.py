@@ -37,7 +37,8 @@ _MEETING = Meeting()
 def weight_at(least, group, y, w, view):
     """Return the weight of the windows (m, 6) that contain w, of each group only the first one's."""
     total = 0.0
-    x_z, y_z = view.tan_x * w[2], view.tan_y * w[2]
+    x_z = view.tan_x * w[2]
+    y_z = view.tan_y * w[2]
     seen = np.zeros(len(y), np.bool_)
     for a in range(len(y)):
         if (
@@ -59,19 +60,22 @@ def may_exceed(least, group, y, limit, room, view, w):
     meet at w, or nearly.
     """
     m = len(y)
-    low, high = np.empty((_MEETING.deepest + 2, 3)), np.empty((_MEETING.deepest + 2, 3))
-    live, n_live = (
-        np.empty((_MEETING.deepest + 2, m), np.int16),
-        np.empty(_MEETING.deepest + 2, np.int64),
-    )
+    low = np.empty((_MEETING.deepest + 2, 3))
+    high = np.empty((_MEETING.deepest + 2, 3))
+    live = np.empty((_MEETING.deepest + 2, m), np.int16)
+    n_live = np.empty(_MEETING.deepest + 2, np.int64)
     level = np.zeros(_MEETING.deepest + 2, np.int64)
-    stamp, cuts = np.zeros(m, np.int64), np.empty(3)
+    stamp = np.zeros(m, np.int64)
+    cuts = np.empty(3)
     n_live[0] = m
     for k in range(3):
-        low[0, k], high[0, k] = -room[k], room[k]
+        low[0, k] = -room[k]
+        high[0, k] = room[k]
     for a in range(m):
         live[0, a] = a
-    size, n_seen, n_doubtful = 1, 0, 0
+    size = 1
+    n_seen = 0
+    n_doubtful = 0
     middle = np.empty(3)
     while size > 0:
         size -= 1
@@ -119,13 +123,15 @@ def _meeting(windows, live, n_live, low, high, view, stamp, n_seen, cuts):
     ``cuts`` (3,) becomes how many sides of windows cut the part across each axis, times its width.
     """
     least, group, y = windows
-    kept, total = 0, 0.0
+    kept = 0
+    total = 0.0
     cuts[:] = 0.0
     for i in range(n_live):
         a = live[i]
         # the window is widest at its least z
         z = max(least[a, FAR], low[2])
-        x, y_ = view.tan_x * z, view.tan_y * z
+        x = view.tan_x * z
+        y_ = view.tan_y * z
         if (
             z > min(-least[a, NEAR], high[2])
             or max(least[a, RIGHT] + x, low[0]) > min(-least[a, LEFT] - x, high[0])
@@ -137,7 +143,8 @@ def _meeting(windows, live, n_live, low, high, view, stamp, n_seen, cuts):
         if stamp[group[a]] < n_seen:
             stamp[group[a]] = n_seen
             total += y[a]
-        x, y_ = view.tan_x * high[2], view.tan_y * high[2]
+        x = view.tan_x * high[2]
+        y_ = view.tan_y * high[2]
         cuts[0] += least[a, RIGHT] + x > low[0] or -least[a, LEFT] - x < high[0]
         cuts[1] += least[a, BOTTOM] + y_ > low[1] or -least[a, TOP] - y_ < high[1]
         cuts[2] += least[a, FAR] > low[2] or -least[a, NEAR] < high[2]

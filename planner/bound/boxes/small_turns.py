@@ -59,7 +59,9 @@ def is_small(stack, i):
 @inner
 def may_see(stack, i, entities, view, conflict, limit, work, rest, x, meets):
     """Answer whether windows heavier than the limit may meet in box i, and where; see `linear_windows.may_meet`."""
-    m, u, eye = stack.n_members[i], stack.span[i], stack.eye[i]
+    m = stack.n_members[i]
+    u = stack.span[i]
+    eye = stack.eye[i]
     n = linear_sides(stack, i, entities, view, work, rest)
     apart = work.apart[:m, :m]
     for a in range(m):
@@ -67,19 +69,22 @@ def may_see(stack, i, entities, view, conflict, limit, work, rest, x, meets):
             apart[a, b] = conflict[stack.members[i, a], stack.members[i, b]]
     find_apart(work, n, u, apart)
     exclusive_groups(np.arange(m), apart, work.group[:m])
-    sides, members = (
-        Sides(work.rows[:n], work.rhs[:n], work.owner[:n]),
-        Members(work.group[:m], work.y[:m]),
-    )
-    low, high, slope = np.empty(6), np.empty(6), np.zeros((3, 3))
+    sides = Sides(work.rows[:n], work.rhs[:n], work.owner[:n])
+    members = Members(work.group[:m], work.y[:m])
+    low = np.empty(6)
+    high = np.empty(6)
+    slope = np.zeros((3, 3))
     # with a turn, w is tried such that the nodal point stays in the middle
     for j in range(3):
-        high[j], high[3 + j] = work.room[j], u[j]
-        low[j], low[3 + j] = -work.room[j], -u[j]
+        high[j] = work.room[j]
+        high[3 + j] = u[j]
+        low[j] = -work.room[j]
+        low[3 + j] = -u[j]
         for k in range(3):
             for c in range(3):
                 slope[j, k] += work.matrix[c, j] * work.swing[k, c] / u[k]
-    point, away = np.empty(3), (eye[0] + eye[1]) / 2 - work.nodal
+    point = np.empty(3)
+    away = (eye[0] + eye[1]) / 2 - work.nodal
     point[0], point[1], point[2] = turned_back(work.matrix, away[0], away[1], away[2])
     seat = Seat(point, slope)
     return may_meet(sides, members, limit, (low, high), seat, _SMALL.parts, x, meets[:m])
@@ -92,7 +97,8 @@ def nodal_or_turn(stack, i, rest, answer, lost):
     The nodal points decide visibility and length, and tie the points looked at to the turn. What the turn makes
     uncertain of that should not be more than there is of them.
     """
-    u, half = stack.span[i], (stack.eye[i, 1] - stack.eye[i, 0]) / 2
+    u = stack.span[i]
+    half = (stack.eye[i, 1] - stack.eye[i, 0]) / 2
     if rest > _SMALL.turn_share * half.max() or (
         answer == YES and lost[VIEW] > max(lost[SIGHT], lost[LENGTH])
     ):

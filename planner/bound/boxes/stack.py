@@ -65,7 +65,8 @@ class Work(NamedTuple):
 @inner
 def planted(box, order, entities, eye):
     """Return a stack with one box in which every entity of the order may be inspected, from an eye in (2, 3)."""
-    m, n_cells = len(order), 0
+    m = len(order)
+    n_cells = 0
     for e in order:
         n_cells += entities.entity_start[e + 1] - entities.entity_start[e]
     point = np.empty((5, LEVELS, 3))
@@ -89,9 +90,11 @@ def planted(box, order, entities, eye):
     put(stack.span[0], box[SPAN])
     stack.met[0] = np.inf
     put_table(stack.eye[0], eye)
-    stack.n_members[0], at = m, 0
+    stack.n_members[0] = m
+    at = 0
     for a in range(m):
-        stack.members[0, a], stack.start[0, a] = order[a], at
+        stack.members[0, a] = order[a]
+        stack.start[0, a] = at
         for cell in range(entities.entity_start[order[a]], entities.entity_start[order[a] + 1]):
             stack.cells[0, at] = cell
             at += 1
@@ -102,9 +105,12 @@ def planted(box, order, entities, eye):
 @inner
 def new_work(m):
     """Return room for the work on boxes with up to m members."""
-    square, line = np.empty((2, 3, 3)), np.empty((2, 3))
-    least, scores = np.empty((m, 6)), np.empty(9)
-    y, group = np.empty(m), np.empty(m, np.int64)
+    square = np.empty((2, 3, 3))
+    line = np.empty((2, 3))
+    least = np.empty((m, 6))
+    scores = np.empty(9)
+    y = np.empty(m)
+    group = np.empty(m, np.int64)
     # of each member both ends on six sides of the view, and the length; and two for each side of two boxes of points
     n_rows = 13 * m + 12
     sides = np.empty((n_rows, 6)), np.empty(n_rows), np.empty(n_rows, np.int64)
@@ -118,13 +124,18 @@ def new_work(m):
 @inner
 def keep_members(stack, i, work, live):
     """Drop the members of box i whose bit is not set; return the weight of the others."""
-    kept, at, total = 0, 0, 0.0
+    kept = 0
+    at = 0
+    total = 0.0
     for a in range(stack.n_members[i]):
         e = stack.members[i, a]
         if not live[e >> 6] >> np.uint64(e & 63) & np.uint64(1):
             continue
-        first, last = stack.start[i, a], stack.start[i, a + 1]
-        stack.members[i, kept], stack.sure[i, kept], stack.start[i, kept] = e, stack.sure[i, a], at
+        first = stack.start[i, a]
+        last = stack.start[i, a + 1]
+        stack.members[i, kept] = e
+        stack.sure[i, kept] = stack.sure[i, a]
+        stack.start[i, kept] = at
         for c in range(first, last):
             stack.cells[i, at] = stack.cells[i, c]
             at += 1
@@ -132,7 +143,8 @@ def keep_members(stack, i, work, live):
         put(work.least[kept], work.least[a])
         total += work.y[a]
         kept += 1
-    stack.n_members[i], stack.start[i, kept] = kept, at
+    stack.n_members[i] = kept
+    stack.start[i, kept] = at
     return total
 
 
@@ -142,18 +154,20 @@ def agree(stack, i, work, rest, middle):
 
     c = q - z0 a, and a differs from the middle rotation's by the swings and the rest.
     """
-    q, h, eye = stack.look[i], stack.half[i], stack.eye[i]
+    q = stack.look[i]
+    h = stack.half[i]
+    eye = stack.eye[i]
     for k in range(3):
         arm = middle * work.matrix[k, 2]
         swing = abs(work.swing[0, k]) + abs(work.swing[1, k]) + abs(work.swing[2, k]) + rest + _EPS
-        low, high = (
-            max(q[k] - h[k], eye[0, k] + arm - swing),
-            min(q[k] + h[k], eye[1, k] + arm + swing),
-        )
-        eye[0, k], eye[1, k] = max(eye[0, k], low - arm - swing), min(eye[1, k], high - arm + swing)
+        low = max(q[k] - h[k], eye[0, k] + arm - swing)
+        high = min(q[k] + h[k], eye[1, k] + arm + swing)
+        eye[0, k] = max(eye[0, k], low - arm - swing)
+        eye[1, k] = min(eye[1, k], high - arm + swing)
         if low > high or eye[0, k] > eye[1, k]:
             return False
-        q[k], h[k] = (low + high) / 2, (high - low) / 2
+        q[k] = (low + high) / 2
+        h[k] = (high - low) / 2
         work.nodal[k] = q[k] - arm
     return True
 
@@ -188,6 +202,7 @@ def halve(stack, i, axis, met, turn, nodal):
     k = axis % 3
     half = size[i, k] / 2
     size[i, k] = size[i + 1, k] = half
-    on_top = 1.0 if (met[k] > stack.look[i, k] if axis < OF_TURN else turn[k] > 0.0) else -1.0
+    above = met[k] > stack.look[i, k] if axis < OF_TURN else turn[k] > 0.0
+    on_top = 1.0 if above else -1.0
     boxes[i, k] -= on_top * half
     boxes[i + 1, k] += on_top * half

@@ -53,13 +53,11 @@ def try_pose(stack, i, chart, x, meets, entities, view, work, trial):
         The weight of what it inspects.
     """
     pose, inspected, lost, look = trial
-    matrix, zero, s, far, opened = (
-        np.empty((3, 3)),
-        np.zeros(3),
-        np.empty((2, 3)),
-        np.empty(2),
-        np.empty(2),
-    )
+    matrix = np.empty((3, 3))
+    zero = np.zeros(3)
+    s = np.empty((2, 3))
+    far = np.empty(2)
+    opened = np.empty(2)
     rotation(chart, stack.turn[i] + x[3:], matrix)
     for k in range(3):
         look[k] = stack.look[i, k] + (
@@ -72,7 +70,9 @@ def try_pose(stack, i, chart, x, meets, entities, view, work, trial):
     put(look, at + view.middle * matrix[:, 2])
     put_table(pose, matrix)
     put(pose[:3, 3], at)
-    inspected[:], lost[:], total = False, 0.0, 0.0
+    inspected[:] = False
+    lost[:] = 0.0
+    total = 0.0
     for a in range(stack.n_members[i]):
         if not meets[a]:
             continue

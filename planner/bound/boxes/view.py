@@ -9,7 +9,9 @@ import numpy as np
 # rows of a box of poses (4, 3): the middle point looked at and the half sizes, the middle turn and its spans
 LOOK, HALF, TURN, SPAN = range(4)
 # the first coordinate along which a box of poses is halved: of the point looked at, of the turn, of the nodal point
-OF_LOOK, OF_TURN, OF_NODAL = 0, 3, 6
+OF_LOOK = 0
+OF_TURN = 3
+OF_NODAL = 6
 # sides of the view, in the order of windows and their linear sides
 RIGHT, LEFT, BOTTOM, TOP, NEAR, FAR = range(6)
 

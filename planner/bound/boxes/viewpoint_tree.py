@@ -125,22 +125,25 @@ def viewpoints_for(
 @compiled(nogil=True)
 def _grow(root, entities, view, y, limit, finest):
     """Return boxes, second halves and sets of a tree."""
-    m, n_cells = len(entities.ends), entities.entity_start[-1]
-    boxes, second, sets = (
-        np.empty((_GROWTH.most, 2, 3)),
-        np.zeros(_GROWTH.most, np.int32),
-        np.zeros((_GROWTH.most, m // 64 + 1), np.uint64),
-    )
-    place, parent = np.empty((_GROWTH.depth, 2, 3)), np.full(_GROWTH.depth, -1)
-    count, members = np.zeros(_GROWTH.depth, np.int64), np.empty((_GROWTH.depth, m), np.int64)
-    sure, start = np.zeros((_GROWTH.depth, m), np.bool_), np.zeros((_GROWTH.depth, m + 1), np.int64)
+    m = len(entities.ends)
+    n_cells = entities.entity_start[-1]
+    boxes = np.empty((_GROWTH.most, 2, 3))
+    second = np.zeros(_GROWTH.most, np.int32)
+    sets = np.zeros((_GROWTH.most, m // 64 + 1), np.uint64)
+    place = np.empty((_GROWTH.depth, 2, 3))
+    parent = np.full(_GROWTH.depth, -1)
+    count = np.zeros(_GROWTH.depth, np.int64)
+    members = np.empty((_GROWTH.depth, m), np.int64)
+    sure = np.zeros((_GROWTH.depth, m), np.bool_)
+    start = np.zeros((_GROWTH.depth, m + 1), np.int64)
     cells = np.empty((_GROWTH.depth, n_cells), np.int32)
     put_table(place[0], root)
     count[0] = m
     put(members[0], np.arange(m))
     put(start[0], entities.entity_start)
     put(cells[0], np.arange(n_cells))
-    size, made = 1, 0
+    size = 1
+    made = 0
     while size > 0:
         size -= 1
         i = size
@@ -163,7 +166,8 @@ def _grow(root, entities, view, y, limit, finest):
             and size + 2 <= _GROWTH.depth
             and made + size + 2 < _GROWTH.most
         ):
-            n, at = count[i], start[i, count[i]]
+            n = count[i]
+            at = start[i, count[i]]
             count[i + 1] = n
             put(members[i + 1], members[i, :n])
             put(sure[i + 1], sure[i, :n])
@@ -171,7 +175,8 @@ def _grow(root, entities, view, y, limit, finest):
             put(cells[i + 1], cells[i, :at])
             put_table(place[i + 1], place[i])
             place[i + 1, 1, axis] = place[i, 0, axis] = (place[i, 0, axis] + place[i, 1, axis]) / 2
-            parent[i], parent[i + 1] = made, -1
+            parent[i] = made
+            parent[i + 1] = -1
             size += 2
         made += 1
     return boxes[:made].copy(), second[:made].copy(), sets[:made].copy()
@@ -181,9 +186,12 @@ def _grow(root, entities, view, y, limit, finest):
 def _keep(box, members, sure, start, cells, entities, view):
     """Keep the members that may be inspected from a box; return how many, and whether any may also be hidden."""
     still = np.zeros((3, 3))
-    middle, half = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2
+    middle = (box[0] + box[1]) / 2
+    half = (box[1] - box[0]) / 2
     radius = math.sqrt(np.sum(half**2))
-    kept, at, doubt = 0, 0, False
+    kept = 0
+    at = 0
+    doubt = False
     for a in range(len(members)):
         e = members[a]
         ends = entities.ends[e]
@@ -195,7 +203,9 @@ def _keep(box, members, sure, start, cells, entities, view):
         n = -1 if sure[a] else keep_cells(entities, own, middle, half, still, 0.0, box)
         if n == 0 or (n > 0 and hidden_around(entities, own[:n], box)):
             continue
-        members[kept], sure[kept], start[kept] = e, n < 0, at
+        members[kept] = e
+        sure[kept] = n < 0
+        start[kept] = at
         for k in range(max(n, 1)):
             cells[at] = own[k]
             at += 1
@@ -224,18 +234,24 @@ def heavy_members(tree, box, eye, asked, live):
     float
         The share of that volume from where so much may be inspected.
     """
-    boxes, sets = tree.boxes, tree.sets
+    boxes = tree.boxes
+    sets = tree.sets
     nodes = np.empty(_GROWTH.effort + _GROWTH.depth, np.int64)
-    hull, volume = np.empty((2, 3)), 0.0
-    hull[0], hull[1] = np.inf, -np.inf
+    hull = np.empty((2, 3))
+    volume = 0.0
+    hull[0] = np.inf
+    hull[1] = -np.inf
     for i in range(_heavy_nodes(tree, box, eye, asked, nodes)):
-        node, part = nodes[i], 1.0
+        node = nodes[i]
+        part = 1.0
         for word in range(len(live)):
             live[word] |= sets[node, word]
         for k in range(3):
-            low, high = max(eye[0, k], boxes[node, 0, k]), min(eye[1, k], boxes[node, 1, k])
+            low = max(eye[0, k], boxes[node, 0, k])
+            high = min(eye[1, k], boxes[node, 1, k])
             part *= high - low
-            hull[0, k], hull[1, k] = min(hull[0, k], low), max(hull[1, k], high)
+            hull[0, k] = min(hull[0, k], low)
+            hull[1, k] = max(hull[1, k], high)
         volume += part
     if hull[0, 0] <= hull[1, 0]:
         put_table(eye, hull)
@@ -247,21 +263,30 @@ def _heavy_nodes(tree, box, eye, asked, nodes):
     """Write the nodes, not halved further, from where enough may be inspected in a box; return how many."""
     members, y, group, limit = asked
     # arrays by their own names, and no calls: else most of the time goes into counting references
-    boxes, sets, second = tree.boxes, tree.sets, tree.second
-    c, matrix, across, m = box.nodal, box.matrix, _extents(box), len(members)
+    boxes = tree.boxes
+    sets = tree.sets
+    second = tree.second
+    c = box.nodal
+    matrix = box.matrix
+    across = _extents(box)
+    m = len(members)
     # of a member and all after it
     after = np.zeros(m + 1)
     for a in range(m - 1, -1, -1):
         after[a] = after[a + 1] + y[a]
-    todo, seen = np.zeros(_GROWTH.depth, np.int64), np.zeros(m, np.int64)
-    size, looked, n = 1, 0, 0
+    todo = np.zeros(_GROWTH.depth, np.int64)
+    seen = np.zeros(m, np.int64)
+    size = 1
+    looked = 0
+    n = 0
     while size > 0:
         size -= 1
         node = todo[size]
         # whether its box meets the other one, and may meet the nodal points
         apart = False
         for i in range(3):
-            off, reach = 0.0, across[i]
+            off = 0.0
+            reach = across[i]
             for k in range(3):
                 off += matrix[k, i] * ((boxes[node, 0, k] + boxes[node, 1, k]) / 2 - c[k])
                 reach += abs(matrix[k, i]) * (boxes[node, 1, k] - boxes[node, 0, k]) / 2
@@ -281,7 +306,8 @@ def _heavy_nodes(tree, box, eye, asked, nodes):
         if total <= limit:
             continue
         if second[node] > 0 and looked < _GROWTH.effort:
-            todo[size], todo[size + 1] = second[node], node + 1
+            todo[size] = second[node]
+            todo[size + 1] = node + 1
             size += 2
             continue
         nodes[n] = node

@@ -18,15 +18,15 @@ def keep_cells(entities, cells, c, h, swing, rest, eye):
     in the box ``eye`` (2, 3).
     """
     # by their own names: else much of the time goes into counting references
-    around, planes, plane_start, boxes = (
-        entities.around,
-        entities.planes,
-        entities.plane_start,
-        entities.boxes,
-    )
-    kept, met = 0, False
+    around = entities.around
+    planes = entities.planes
+    plane_start = entities.plane_start
+    boxes = entities.boxes
+    kept = 0
+    met = False
     for cell in cells:
-        apart, holds = False, True
+        apart = False
+        holds = True
         for k in range(3):
             if boxes[cell, 0, k] > eye[1, k] + around or boxes[cell, 1, k] < eye[0, k] - around:
                 apart = True
@@ -34,25 +34,34 @@ def keep_cells(entities, cells, c, h, swing, rest, eye):
         for p in range(plane_start[cell], plane_start[cell + 1]):
             if apart:
                 break
-            p0, p1, p2 = planes[p, 0], planes[p, 1], planes[p, 2]
+            p0 = planes[p, 0]
+            p1 = planes[p, 1]
+            p2 = planes[p, 2]
             low = high = planes[p, 3]
             value = low + p0 * c[0] + p1 * c[1] + p2 * c[2]
             slack = abs(p0) * h[0] + abs(p1) * h[1] + abs(p2) * h[2] + rest
             for k in range(3):
                 slack += abs(p0 * swing[k, 0] + p1 * swing[k, 1] + p2 * swing[k, 2])
             if p0 > 0.0:
-                low, high = low + p0 * eye[0, 0], high + p0 * eye[1, 0]
+                low = low + p0 * eye[0, 0]
+                high = high + p0 * eye[1, 0]
             else:
-                low, high = low + p0 * eye[1, 0], high + p0 * eye[0, 0]
+                low = low + p0 * eye[1, 0]
+                high = high + p0 * eye[0, 0]
             if p1 > 0.0:
-                low, high = low + p1 * eye[0, 1], high + p1 * eye[1, 1]
+                low = low + p1 * eye[0, 1]
+                high = high + p1 * eye[1, 1]
             else:
-                low, high = low + p1 * eye[1, 1], high + p1 * eye[0, 1]
+                low = low + p1 * eye[1, 1]
+                high = high + p1 * eye[0, 1]
             if p2 > 0.0:
-                low, high = low + p2 * eye[0, 2], high + p2 * eye[1, 2]
+                low = low + p2 * eye[0, 2]
+                high = high + p2 * eye[1, 2]
             else:
-                low, high = low + p2 * eye[1, 2], high + p2 * eye[0, 2]
-            low, high = max(low, value - slack), min(high, value + slack)
+                low = low + p2 * eye[1, 2]
+                high = high + p2 * eye[0, 2]
+            low = max(low, value - slack)
+            high = min(high, value + slack)
             apart = low > around + TOUCH_MM
             holds = holds and low <= TOUCH_MM
             inside = inside and high + around <= 0.0
@@ -91,7 +100,8 @@ def hidden_around(entities, cells, eye):
         half = (eye[1, 0] - eye[0, 0]) / 2, (eye[1, 1] - eye[0, 1]) / 2, (eye[1, 2] - eye[0, 2]) / 2
         seen = False
         for cell in cells:
-            first, last = entities.plane_start[cell], entities.plane_start[cell + 1]
+            first = entities.plane_start[cell]
+            last = entities.plane_start[cell + 1]
             if not outside(entities.planes, first, last, (x, y, z), half):
                 seen = True
                 break

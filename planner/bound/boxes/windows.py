@@ -57,22 +57,18 @@ class Turn(NamedTuple):
 def rotation(chart, v, matrix):
     """Write the rotation R of a chart and a vector v; return N."""
     n = 1.0 + v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
-    x, y, z = v[0], v[1], v[2]
-    matrix[0, 0], matrix[0, 1], matrix[0, 2] = (
-        1 + x * x - y * y - z * z,
-        2 * (x * y - z),
-        2 * (x * z + y),
-    )
-    matrix[1, 0], matrix[1, 1], matrix[1, 2] = (
-        2 * (x * y + z),
-        1 - x * x + y * y - z * z,
-        2 * (y * z - x),
-    )
-    matrix[2, 0], matrix[2, 1], matrix[2, 2] = (
-        2 * (x * z - y),
-        2 * (y * z + x),
-        1 - x * x - y * y + z * z,
-    )
+    x = v[0]
+    y = v[1]
+    z = v[2]
+    matrix[0, 0] = 1 + x * x - y * y - z * z
+    matrix[0, 1] = 2 * (x * y - z)
+    matrix[0, 2] = 2 * (x * z + y)
+    matrix[1, 0] = 2 * (x * y + z)
+    matrix[1, 1] = 1 - x * x + y * y - z * z
+    matrix[1, 2] = 2 * (y * z - x)
+    matrix[2, 0] = 2 * (x * z - y)
+    matrix[2, 1] = 2 * (y * z + x)
+    matrix[2, 2] = 1 - x * x - y * y + z * z
     for i in range(3):
         sign = -1.0 if chart == 1 and i > 0 else 1.0
         for j in range(3):
@@ -137,18 +133,14 @@ def window(s, far, turn, view, room, least, weight, scores):
         size = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
         least[c] = -np.inf
         for i in range(2):
-            g0, g1, g2 = (
-                n1 * s[i, 2] - n2 * s[i, 1],
-                n2 * s[i, 0] - n0 * s[i, 2],
-                n0 * s[i, 1] - n1 * s[i, 0],
-            )
+            g0 = n1 * s[i, 2] - n2 * s[i, 1]
+            g1 = n2 * s[i, 0] - n0 * s[i, 2]
+            g2 = n0 * s[i, 1] - n1 * s[i, 0]
             first_0 = 2.0 / n * abs(g0 + v[1] * g2 - v[2] * g1) * u[0]
             first_1 = 2.0 / n * abs(g1 + v[2] * g0 - v[0] * g2) * u[1]
             first_2 = 2.0 / n * abs(g2 + v[0] * g1 - v[1] * g0) * u[2]
-            along, whole = (
-                n0 * s[i, 0] + n1 * s[i, 1] + n2 * s[i, 2],
-                size * (of_0 if i == 0 else of_1),
-            )
+            along = n0 * s[i, 0] + n1 * s[i, 1] + n2 * s[i, 2]
+            whole = size * (of_0 if i == 0 else of_1)
             across = math.sqrt(g0 * g0 + g1 * g1 + g2 * g2)
             rest = min(t * t * (whole - along) + 2.0 * t * (t * t + nu) * across, 2.0 * whole)
             k_end = far[i] - view.middle if c == FAR else k
@@ -156,7 +148,8 @@ def window(s, far, turn, view, room, least, weight, scores):
             value -= first_0 + first_1 + first_2 + rest + _EPS
             if value > least[c]:
                 least[c] = value
-                most_0, most_1 = first_0 + rest * u[0] / spans, first_1 + rest * u[1] / spans
+                most_0 = first_0 + rest * u[0] / spans
+                most_1 = first_1 + rest * u[1] / spans
                 most_2 = first_2 + rest * u[2] / spans
         if least[c] > outside:
             scores[3] += weight * min(most_0 / width, _MOST_SCORE)
@@ -199,7 +192,9 @@ def swings(matrix, v, u, n, t, nu, middle, swing):
     """Write how each coordinate of the turn moves the nodal point, (3, 3); return the remainder of second order."""
     w = np.empty(3)
     for k in range(3):
-        w[k], w[(k + 1) % 3], w[(k + 2) % 3] = 1.0, -v[(k + 2) % 3], v[(k + 1) % 3]
+        w[k] = 1.0
+        w[(k + 1) % 3] = -v[(k + 2) % 3]
+        w[(k + 2) % 3] = v[(k + 1) % 3]
         for i in range(3):
             swing[k, i] = 2.0 / n * middle * u[k] * (matrix[i, 0] * w[1] - matrix[i, 1] * w[0])
     return middle * min(2.0 * (t * t + t * nu), 2.0)
@@ -221,14 +216,17 @@ def farthest(s, length, ratio, t, room, view, far, opened):
         far[:] = view.far
         return
     for i in range(2):
-        a, b = s[i], s[1 - i]
+        a = s[i]
+        b = s[1 - i]
         moved = turn * math.sqrt(a[0] ** 2 + a[1] ** 2 + a[2] ** 2)
         middle = a[2] + view.middle
         depth = max(view.near, middle - room[2] - moved)
         deepest = max(depth, min(view.far, middle + room[2] + moved))
         left, right = _directions(a[0], room[0] + moved, depth, deepest, view.tan_x)
         low, high = _directions(a[1], room[1] + moved, depth, deepest, view.tan_y)
-        e_x, e_y, e_z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        e_x = b[0] - a[0]
+        e_y = b[1] - a[1]
+        e_z = b[2] - a[2]
         x = max(abs(e_x - left * e_z), abs(e_x - right * e_z))
         y = max(abs(e_y - low * e_z), abs(e_y - high * e_z))
         across = math.sqrt(x * x + y * y)
@@ -239,7 +237,8 @@ def farthest(s, length, ratio, t, room, view, far, opened):
         spread = max(min(turn * whole, whole - across), 0.0)
         far[1 - i] = min(view.far, (across + spread) / least)
         if far[1 - i] < view.far:
-            x, y = e_x - 0.5 * (left + right) * e_z, e_y - 0.5 * (low + high) * e_z
+            x = e_x - 0.5 * (left + right) * e_z
+            y = e_y - 0.5 * (low + high) * e_z
             opened[0] = max(opened[0], (across - math.sqrt(x * x + y * y)) / least)
             opened[1] = max(opened[1], spread / least)
 
@@ -247,7 +246,8 @@ def farthest(s, length, ratio, t, room, view, far, opened):
 @lean
 def _directions(x, slack, depth, deepest, tangent):
     """Return between which tangents a point at x, give or take the slack, is seen on the sensor from these depths."""
-    low, high = x - slack, x + slack
+    low = x - slack
+    high = x + slack
     left = low / (depth if low < 0.0 else deepest)
     right = high / (depth if high > 0.0 else deepest)
     return max(left, -tangent), min(right, tangent)

@@ -41,7 +41,8 @@ def termination_as_interruption() -> Iterator[None]:
 def _interrupt(number: int, frame: FrameType | None) -> None:
     """Raise `KeyboardInterrupt`; where that would not get through, a moment later."""
     while frame is not None:
-        file, name = frame.f_code.co_filename, frame.f_code.co_name
+        file = frame.f_code.co_filename
+        name = frame.f_code.co_name
         handed_over = file.endswith(_HANDED_OVER) and name.startswith("_raw_object_cache")
         if handed_over or (file.endswith(_LOADING) and name == "<module>"):
             threading.Timer(_LATER_S, _thread.interrupt_main, (number,)).start()

@@ -28,7 +28,8 @@ def box():
 def pins():
     """Two prisms of twelve sides from z = 0 to 5, about (0, 0) with radius 10 and about (30, 40) with radius 6."""
     turn = 2.0 * np.pi * np.arange(N) / N
-    corners, faces = [], []
+    corners = []
+    faces = []
     for x, y, radius in ((0.0, 0.0, 10.0), (30.0, 40.0, 6.0)):
         first = len(corners)
         for z in (0.0, 5.0):
@@ -52,11 +53,9 @@ def circle(x, y, z, radius, axis=(0.0, 0.0, 1.0)):
     return {"kind": "circle", "point": [x, y, z], "axis": list(axis), "radius": radius}
 
 
-X_FRONT, X_BACK, Y_LEFT = (
-    line([0, 0, 0], [40, 0, 0]),
-    line([40, 30, 20], [0, 30, 20]),
-    line([0, 0, 0], [0, 30, 0]),
-)
+X_FRONT = line([0, 0, 0], [40, 0, 0])
+X_BACK = line([40, 30, 20], [0, 30, 20])
+Y_LEFT = line([0, 0, 0], [0, 30, 0])
 
 
 def test_edges_in_one_line_are_one_feature(box):

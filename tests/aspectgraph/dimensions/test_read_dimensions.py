@@ -90,7 +90,8 @@ def test_entities_have_the_value_that_is_stated(name):
 def test_what_ctc_01_says():
     """Values as its drawing shows them: NIST MBE PMI, CTC-01."""
     _, dimensions = read("nist_ctc_01_ap242.stp")
-    angle, diameter = dimensions[2], dimensions[3]
+    angle = dimensions[2]
+    diameter = dimensions[3]
     assert (angle.name, angle.kind, angle.nominal, angle.unit, angle.tolerance) == (
         "Angular Size.1", "angle", 60.0, "deg", (-0.5, 0.5)
     )  # fmt: skip

@@ -12,12 +12,16 @@ from aspectgraph.domains.width import Ruler, largest_extent, union_has_room
 pytestmark = pytest.mark.uncompiled
 
 RULER = Ruler(min_width=5.0, reach=1e6)
-A, B, C, D = (1, 2, 4, 8)
+A = 1
+B = 2
+C = 4
+D = 8
 
 
 def plane(axis, level):
     row = np.zeros(4, np.int64)
-    row[axis], row[3] = 1, level
+    row[axis] = 1
+    row[3] = level
     return row
 
 
@@ -61,7 +65,8 @@ def test_what_a_stack_of_slivers_parts_touches():
 def test_sliver_that_sticks_out_of_a_wide_domain_parts_nothing():
     # The layer 0 < z < 2 has the label of what lies above it where x > 0, and reaches on between B and C; it is less
     # than a tenth of the least width.
-    planes, ruler = [plane(2, 0), plane(2, 2), plane(0, 0)], Ruler(min_width=30.0, reach=1e6)
+    planes = [plane(2, 0), plane(2, 2), plane(0, 0)]
+    ruler = Ruler(min_width=30.0, reach=1e6)
     lists, adjacent, found = domains_of(
         planes, lambda x, y, z: B if z < 0 else A if x > 0 or z < 2 else C, ruler
     )
@@ -170,7 +175,8 @@ def test_sliver_inside_the_solid_belongs_to_no_domain():
 
 def test_union_of_polygons_holds_what_no_part_holds():
     left = np.array([(0, 0, 0), (4, 0, 0), (4, 100, 0), (0, 100, 0)], float)
-    right, above = left + np.array([4, 0, 0]), left + np.array([4, 0, 50])
+    right = left + np.array([4, 0, 0])
+    above = left + np.array([4, 0, 50])
     ruler = Ruler(7.0, 1e6)
     assert union_has_room([left, right], ruler)
     assert not union_has_room([left, above], ruler)

@@ -30,7 +30,8 @@ def slotted():
 
 def test_ids_and_objects_are_the_same():
     solid = holed()
-    rim, edge = solid.rims()[1], solid.straight_edges()[0]
+    rim = solid.rims()[1]
+    edge = solid.straight_edges()[0]
     by_id = resolve_entities(solid, {"bore": "r1", "top": edge.id})
     assert resolve_entities(solid, {"bore": rim, "top": edge}) == by_id
     assert list(resolve_entities(solid, [rim, "r0", edge])) == ["r1", "r0", f"e{edge.id}"]

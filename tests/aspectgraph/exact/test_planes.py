@@ -53,7 +53,8 @@ def test_parallel_faces_have_exactly_parallel_planes_in_any_frame():
 
 def test_plane_that_snapping_turned_becomes_parallel_to_what_it_was_parallel_to():
     points = np.array([(0, 0, 700), (9000, 10, 701), (20, 8000, 702), (9000, 8000, 705)])
-    level, tilted = np.array([0, 0, 1, 0]), np.array([1, 0, 100, 0])
+    level = np.array([0, 0, 1, 0])
+    tilted = np.array([1, 0, 100, 0])
     turned = plane_through(*points[:3])
     found = find_parallel(np.array([tilted, level]), points, np.array([0, 1, 2]), 4.0, turned)
     assert found.tolist() == [0, 0, 1, 701]

@@ -39,7 +39,8 @@ def sign(x):
 @given(PLANES)
 def test_vertex_and_plane_agree_with_integers(planes):
     table = np.array(planes, np.int64)
-    vertices, coordinates = np.zeros((1, 4, LIMBS), np.int64), np.zeros((1, 3))
+    vertices = np.zeros((1, 4, LIMBS), np.int64)
+    coordinates = np.zeros((1, 3))
     point = common_point(planes[:3])
     assert meet(table, 0, 1, 2, vertices, coordinates, 0) == (point is not None)
     if point is not None:
@@ -66,7 +67,8 @@ def test_every_degenerate_case_of_a_pencil():
     """All planes through one line, and points on that line: rounding alone would decide at random."""
     pencil = [(k, 7 - k, 0, 0) for k in range(8)] + [(0, 0, 1, 12345)]
     table = np.array(pencil, np.int64)
-    vertices, coordinates = np.zeros((1, 4, LIMBS), np.int64), np.zeros((1, 3))
+    vertices = np.zeros((1, 4, LIMBS), np.int64)
+    coordinates = np.zeros((1, 3))
     assert meet(table, 0, 3, 8, vertices, coordinates, 0)
     assert [sign_at_vertex(table, h, vertices, coordinates, 0) for h in range(9)] == [0] * 9
 
@@ -85,7 +87,8 @@ def test_a_plane_that_passes_by_one_unit_is_on_the_right_side(normal, point, pas
     planes = np.array(
         [(1, 0, 0, point[0]), (0, 1, 0, point[1]), (0, 0, 1, point[2]), (*normal, level)], np.int64
     )
-    vertices, coordinates = np.zeros((1, 4, LIMBS), np.int64), np.zeros((1, 3))
+    vertices = np.zeros((1, 4, LIMBS), np.int64)
+    coordinates = np.zeros((1, 3))
     assert meet(planes, 0, 1, 2, vertices, coordinates, 0)
     assert sign_at_vertex(planes, 3, vertices, coordinates, 0) == -past
     assert sign_at_point(planes, 3, np.array(point, np.int64) << POINT_BITS) == -past
@@ -93,6 +96,7 @@ def test_a_plane_that_passes_by_one_unit_is_on_the_right_side(normal, point, pas
 
 def test_parallel_planes_have_no_common_point():
     planes = np.array([(1, 2, 3, 4), (1, 2, 3, 5), (0, 0, 1, 0), (-2, -4, -6, 8)], np.int64)
-    vertices, coordinates = np.zeros((1, 4, LIMBS), np.int64), np.zeros((1, 3))
+    vertices = np.zeros((1, 4, LIMBS), np.int64)
+    coordinates = np.zeros((1, 3))
     assert not meet(planes, 0, 1, 2, vertices, coordinates, 0)
     assert not meet(planes, 0, 2, 3, vertices, coordinates, 0)

@@ -100,12 +100,14 @@ def test_ways_are_shortest_and_tell_what_changes(eag):
     for start, goal in product(eag.graph, repeat=2):
         way = domain_path(eag, start, goal)
         assert len(way) == nx.shortest_path_length(eag.graph, start, goal)
-        seen, node = set(eag.graph.nodes[start]["observable"]), start
+        seen = set(eag.graph.nodes[start]["observable"])
+        node = start
         for step in way:
             assert eag.graph.has_edge(node, step.domain)
             assert seen.isdisjoint(step.appear)
             assert seen.issuperset(step.vanish)
-            seen, node = (seen | set(step.appear)) - set(step.vanish), step.domain
+            seen = (seen | set(step.appear)) - set(step.vanish)
+            node = step.domain
             assert seen == set(eag.graph.nodes[node]["observable"])
         assert node == goal
 

@@ -16,7 +16,9 @@ from aspectgraph.read.part_file import read_solid
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
-N_SOLIDS, N_POINTS, N_EDGES = 200, 150, 8
+N_SOLIDS = 200
+N_POINTS = 150
+N_EDGES = 8
 
 
 @pytest.mark.parametrize("first", range(0, N_SOLIDS, 20))
@@ -58,7 +60,8 @@ def test_engine_and_twin_find_the_same_graph(seed):
     part = generated_solid(seed)
     checker = ExactChecker(part.vertices, part.faces)
     edges = sharp_edges(part, checker)[::3]
-    solid, workspace = solid_of(part), workspace_of(part)
+    solid = solid_of(part)
+    workspace = workspace_of(part)
     entities = entities_of(solid, edges)
     low, high = workspace.astype(int).tolist()
     twin = twin_graph(checker, dict(zip(entities, edges, strict=True)), low, high)

@@ -49,7 +49,8 @@ def graph_of(vertices, faces, pairs, room=20.0):
     """Return the graph of vertex pairs in a cube reaching `room` diagonals from the part: wide, to outdo its turn."""
     solid = Solid(vertices, faces)
     low, high = solid.bounds
-    centre, reach = (low + high) / 2, room * np.linalg.norm(high - low)
+    centre = (low + high) / 2
+    reach = room * np.linalg.norm(high - low)
     return build_aspect_graph(
         solid, entities_of(solid, pairs), (centre - reach, centre + reach)
     ).graph
@@ -138,7 +139,8 @@ def test_copy_of_a_real_part_in_another_workspace(name, n_entities):
     part = moved_parts.from_file(EXAMPLES / name, n_entities)
     rng = np.random.default_rng(1)
     copy = moved_parts.shuffled(moved_parts.moved(part, rng), rng)
-    graph, other = moved_parts.graph_of(part, room=60.0), moved_parts.graph_of(copy, room=200.0)
+    graph = moved_parts.graph_of(part, room=60.0)
+    other = moved_parts.graph_of(copy, room=200.0)
     assert graph.graph["snapping_mm"] > 0
     assert moved_parts.same_graph(graph, other)
 
@@ -188,11 +190,9 @@ def test_snapping_a_rotated_part_moves_no_boundary_by_more_than_it_must(seed):
     rng = np.random.default_rng(seed)
     points = uniform_viewpoints(rng, workspace_of(part), 60)
     points = points[checker.generic(points)]
-    turn, scale, shift = (
-        Rotation.random(random_state=seed),
-        10 ** rng.uniform(-2, 2),
-        rng.uniform(-50, 50, 3),
-    )
+    turn = Rotation.random(random_state=seed)
+    scale = 10 ** rng.uniform(-2, 2)
+    shift = rng.uniform(-50, 50, 3)
     solid = Solid(turn.apply(np.array(part.vertices, dtype=float)) * scale + shift, part.faces)
     moved = turn.apply(points) * scale + shift
     box = (moved.min(axis=0) - 1000 * scale, moved.max(axis=0) + 1000 * scale)

@@ -48,7 +48,8 @@ def test_every_change_of_whole_edge_observability_is_at_a_plane_of_type_a_or_b(s
     checker = ExactChecker(part.vertices, part.faces, STEPS_PER_MM)
     rng = np.random.default_rng(seed)
     edges = [pair for pair in part.edges() if checker.convexity[pair]]
-    low, high = np.array(checker.vertices).min(axis=0), np.array(checker.vertices).max(axis=0)
+    low = np.array(checker.vertices).min(axis=0)
+    high = np.array(checker.vertices).max(axis=0)
     room = int(2 * (high - low).max())
     for a, b in [edges[i] for i in rng.permutation(len(edges))[:2]]:
 
@@ -68,7 +69,8 @@ def edge_behind_two_plates():
         (prism([(-50, -200), (50, 200), (-400, 200), (-400, -200)], 1), 10),
         (prism([(50, -200), (400, -200), (400, 200), (-50, 200)], 1), 20),
     ]
-    vertices, faces = [], []
+    vertices = []
+    faces = []
     for piece, z in pieces:
         first = len(vertices)
         vertices += [(x, y, height + z) for x, y, height in piece.vertices]
@@ -87,7 +89,8 @@ def test_whole_edge_between_three_skew_lines_appears_at_planes_only():
     def sees(v):
         return bool(checker.observable([np.array(v) / STEPS_PER_MM], [(a, b)])[0, 0])
 
-    wide_low, wide_high = LOW * np.array([20, 20, 1]), HIGH * np.array([20, 20, 4])
+    wide_low = LOW * np.array([20, 20, 1])
+    wide_high = HIGH * np.array([20, 20, 4])
     planes = partition_planes(checker, a, b)
     for p, q in changes(sees, wide_low, wide_high, np.random.default_rng(0), 10):
         assert some_plane_between(planes, p, q)

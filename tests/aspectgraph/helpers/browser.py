@@ -29,7 +29,8 @@ class Browser:
 
     def __init__(self, folder: Path) -> None:
         # above the numbers 3 and 4, which the browser wants
-        ours, theirs = [os.dup(fd) for fd in os.pipe()], [os.dup(fd) for fd in os.pipe()]
+        ours = [os.dup(fd) for fd in os.pipe()]
+        theirs = [os.dup(fd) for fd in os.pipe()]
         switches = [
             "--headless=new", "--no-sandbox", "--remote-debugging-pipe", f"--user-data-dir={folder}",
             "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage",
@@ -50,7 +51,10 @@ class Browser:
         )
         os.close(ours[0])
         os.close(theirs[1])
-        self._out, self._in, self._rest, self._number = ours[1], theirs[0], b"", 0
+        self._out = ours[1]
+        self._in = theirs[0]
+        self._rest = b""
+        self._number = 0
         self.events = []
 
     def call(self, method, session=None, timeout_s=60.0, **params):
@@ -98,7 +102,9 @@ class Page:
     """A file in the browser, with what it said and asked for."""
 
     def __init__(self, browser, path, width, height):
-        self._browser, self.width, self.height = browser, width, height
+        self._browser = browser
+        self.width = width
+        self.height = height
         target = browser.call("Target.createTarget", url="about:blank")["targetId"]
         self._session = browser.call("Target.attachToTarget", targetId=target, flatten=True)[
             "sessionId"

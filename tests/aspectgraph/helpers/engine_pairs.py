@@ -92,7 +92,8 @@ def entities_of(solid: Solid, edges) -> dict[str, Entity]:
 
 def workspace_of(part: Part) -> np.ndarray:
     """Return a box with one diagonal of room, so that most partition surfaces matter in it."""
-    low, high = np.min(part.vertices, axis=0), np.max(part.vertices, axis=0)
+    low = np.min(part.vertices, axis=0)
+    high = np.max(part.vertices, axis=0)
     room = int(np.ceil(np.linalg.norm(high - low)))
     return np.array([low - room, high + room], dtype=float)
 
@@ -111,17 +112,17 @@ def viewpoints_near_partition_planes(
     rng: np.random.Generator, part: Part, edges, workspace, n: int, steps_per_mm: int = STEPS_PER_MM
 ) -> np.ndarray:
     """Return points on the grid about a grid step from planes through entity and vertex, or entity's end and edge."""
-    vertices, all_edges = np.array(part.vertices, dtype=float), part.edges()
+    vertices = np.array(part.vertices, dtype=float)
+    all_edges = part.edges()
     points = []
     for _ in range(n):
         a, b = edges[rng.integers(len(edges))]
         if rng.random() < 0.5:
-            base, span = vertices[a], vertices[[b, rng.integers(len(vertices))]]
+            base = vertices[a]
+            span = vertices[[b, rng.integers(len(vertices))]]
         else:
-            base, span = (
-                vertices[rng.choice([a, b])],
-                vertices[list(all_edges[rng.integers(len(all_edges))])],
-            )
+            base = vertices[rng.choice([a, b])]
+            span = vertices[list(all_edges[rng.integers(len(all_edges))])]
         weights = rng.normal(size=2) * rng.choice([1, 4, 16])
         points.append(base + weights @ (span - base) + rng.integers(-1, 2, 3) / steps_per_mm)
     points = np.rint(np.array(points).reshape(-1, 3) * steps_per_mm) / steps_per_mm

@@ -174,7 +174,8 @@ class ExactChecker:
     def _segment_observable(self, points, s_v, a, b) -> np.ndarray:
         """Return whether (v, a, b) misses int S for each row v of `points`, all outside S."""
         vertices = np.array(self.vertices, dtype=points.dtype)
-        to_a, to_b = vertices[a] - points, vertices[b] - points
+        to_a = vertices[a] - points
+        to_b = vertices[b] - points
         normal = np.stack(
             [to_a[:, i - 2] * to_b[:, i - 1] - to_a[:, i - 1] * to_b[:, i - 2] for i in range(3)],
             axis=1,
@@ -199,7 +200,8 @@ class ExactChecker:
 
     def _faces_between(self, s_v, s_a, s_b, heights) -> np.ndarray:
         """Return which faces T can meet: T on both sides of the face's plane, the face on both sides of Π."""
-        ahead, behind = (s_a > 0) | (s_b > 0), (s_a < 0) | (s_b < 0)
+        ahead = (s_a > 0) | (s_b > 0)
+        behind = (s_a < 0) | (s_b < 0)
         faces = np.where(s_v > 0, behind.astype(bool), ahead.astype(bool))
         for f, loops in enumerate(self.loops):
             h = heights[:, list(loops[0])]
@@ -232,7 +234,8 @@ class ExactChecker:
         for i, j in combinations(range(3), 2):
             if s[i] * s[j] < 0:
                 cuts.add(Fraction(ends[i][axis] * s[j] - ends[j][axis] * s[i], s[j] - s[i]))
-        low, high = min(cuts), max(cuts)
+        low = min(cuts)
+        high = max(cuts)
         return any(max(low, t0) < min(high, t1) for t0, t1 in self._intervals(face, axis, h))
 
     def _intervals(self, face, axis, h):
@@ -243,9 +246,11 @@ class ExactChecker:
         """
         toggles: dict[Fraction, list[int]] = {}
         for i, j in self.face_edges[face]:
-            above, below = (h[i] > 0) != (h[j] > 0), (h[i] < 0) != (h[j] < 0)
+            above = (h[i] > 0) != (h[j] > 0)
+            below = (h[i] < 0) != (h[j] < 0)
             if above or below:
-                p, q = self.vertices[i][axis], self.vertices[j][axis]
+                p = self.vertices[i][axis]
+                q = self.vertices[j][axis]
                 toggle = toggles.setdefault(Fraction(p * h[j] - q * h[i], h[j] - h[i]), [0, 0])
                 toggle[0] ^= above
                 toggle[1] ^= below
@@ -262,7 +267,8 @@ class ExactChecker:
         if self.convexity[pair] > 0 and sign(signs[left]) != sign(signs[right]):
             return False
         p, q = (self.vertices[i] for i in pair)
-        low, high = Fraction(0), Fraction(1)
+        low = Fraction(0)
+        high = Fraction(1)
         for i in range(3):
             inward = cross(n, minus(ends[i - 1], ends[i - 2]))
             at_p, at_q = (dot(inward, minus(w, ends[i - 2])) for w in (p, q))
@@ -287,7 +293,8 @@ class ExactChecker:
     def _projection_covers(self, edges, v) -> bool:
         odd = False
         for i, j in edges:
-            p, q = self.vertices[i], self.vertices[j]
+            p = self.vertices[i]
+            q = self.vertices[j]
             if (p[1] > v[1]) != (q[1] > v[1]):
                 side = (q[0] - p[0]) * (v[1] - p[1]) - (v[0] - p[0]) * (q[1] - p[1])
                 odd ^= side != 0 and (side > 0) == (q[1] > p[1])
@@ -324,7 +331,8 @@ def _halves(polygon, s):
         if any(side * value > 0 for value in s):
             part = []
             for i, (p, value) in enumerate(zip(polygon, s, strict=True)):
-                before, other = polygon[i - 1], s[i - 1]
+                before = polygon[i - 1]
+                other = s[i - 1]
                 if value * other < 0:
                     t = other / (other - value)
                     part.append(tuple(x + t * (y - x) for x, y in zip(before, p, strict=True)))

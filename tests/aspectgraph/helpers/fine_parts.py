@@ -29,7 +29,8 @@ class _Sizes:
     """Random lengths: of the part, and of its detail."""
 
     def __init__(self, rng: np.random.Generator, share: float):
-        self.rng, self.share = rng, share
+        self.rng = rng
+        self.share = share
 
     def large(self) -> int:
         return int(SIZE * self.rng.uniform(0.3, 0.4))
@@ -39,7 +40,8 @@ class _Sizes:
 
 
 def _boxes(*corners) -> Part:
-    vertices, faces = [], []
+    vertices = []
+    faces = []
     for low, high in corners:
         box = cell_solid(np.ones((1, 1, 1), bool), list(zip(low, high, strict=True)))
         faces += [(tuple(i + len(vertices) for i in outer), ()) for outer, _ in box.faces]
@@ -48,12 +50,18 @@ def _boxes(*corners) -> Part:
 
 
 def _gap(sizes) -> Part:
-    x, y, z, gap = sizes.large(), sizes.large(), sizes.large(), sizes.small()
+    x = sizes.large()
+    y = sizes.large()
+    z = sizes.large()
+    gap = sizes.small()
     return _boxes(((0, 0, 0), (x, y, z)), ((x + gap, 0, 0), (x + gap + sizes.large(), y, z)))
 
 
 def _offset_gap(sizes) -> Part:
-    x, y, z, gap = sizes.large(), sizes.large(), sizes.large(), sizes.small()
+    x = sizes.large()
+    y = sizes.large()
+    z = sizes.large()
+    gap = sizes.small()
     return _boxes(
         ((0, 0, 0), (x, y, z)),
         ((x + gap, y // 5, z // 7), (x + gap + sizes.large(), y // 2, 2 * z)),
@@ -62,7 +70,10 @@ def _offset_gap(sizes) -> Part:
 
 def _stack(sizes) -> Part:
     """Two thin plates: the usual grid is far coarser across them than it has to be."""
-    x, y, gap, thick = sizes.large(), sizes.large(), sizes.small(), sizes.large() // 100
+    x = sizes.large()
+    y = sizes.large()
+    gap = sizes.small()
+    thick = sizes.large() // 100
     return _boxes(
         ((0, 0, 0), (x, y, thick)),
         ((x // 9, y // 8, thick + gap), (x // 2, y // 2, 2 * thick + gap)),
@@ -72,7 +83,8 @@ def _stack(sizes) -> Part:
 def _profile(solid_columns: tuple[bool, bool, bool], sizes, width: int, height: int) -> Part:
     full = np.ones((3, 1, 2), bool)
     full[:, 0, 1] = solid_columns
-    x, z = sizes.large(), sizes.large()
+    x = sizes.large()
+    z = sizes.large()
     ticks = [[0, x, x + width, x + width + sizes.large()], [0, sizes.large()], [0, z, z + height]]
     return cell_solid(full, ticks)
 
@@ -80,7 +92,8 @@ def _profile(solid_columns: tuple[bool, bool, bool], sizes, width: int, height: 
 def _step(sizes) -> Part:
     full = np.ones((2, 1, 2), bool)
     full[1, 0, 1] = False
-    x, z = sizes.large(), sizes.large()
+    x = sizes.large()
+    z = sizes.large()
     return cell_solid(
         full, [[0, x, x + sizes.large()], [0, sizes.large()], [0, z, z + sizes.small()]]
     )
@@ -91,7 +104,10 @@ def _plate(sizes) -> Part:
 
 
 def _wedge(sizes) -> Part:
-    x, thick, y, more = sizes.large(), sizes.small(), sizes.large(), 9
+    x = sizes.large()
+    thick = sizes.small()
+    y = sizes.large()
+    more = 9
     vertices = (
         (0, 0, 0),
         (x, 0, 0),
@@ -108,8 +124,12 @@ def _on_top(middle: bool, sizes) -> Part:
     full = np.ones((3, 3, 2), bool)
     full[:, :, 1] = not middle
     full[1, 1, 1] = middle
-    x, y, z = sizes.large(), sizes.large(), sizes.large()
-    u, v, w = sizes.small(), sizes.small(), sizes.small()
+    x = sizes.large()
+    y = sizes.large()
+    z = sizes.large()
+    u = sizes.small()
+    v = sizes.small()
+    w = sizes.small()
     ticks = [
         [0, x, x + u, x + u + sizes.large()],
         [0, y, y + v, y + v + sizes.large()],

@@ -140,7 +140,8 @@ def cell_solid(full: np.ndarray, ticks, name: str = "cells") -> Part | None:
     faces = []
     for axis, outward in product(range(3), (1, -1)):
         for level in range(full.shape[axis] - 1):
-            here, there = np.take(full, level, axis), np.take(full, level + 1, axis)
+            here = np.take(full, level, axis)
+            there = np.take(full, level + 1, axis)
             mask = (here & ~there) if outward > 0 else (there & ~here)
             for piece in _pieces(mask):
                 loops = [
@@ -259,13 +260,16 @@ def touching_union(rng: np.random.Generator, name: str) -> Part:
     """Return a union of two or three boxes, each touching the last along part of a plane."""
     while True:
         full = np.zeros((6, 6, 6), dtype=bool)
-        low, size = rng.integers(1, 4, 3), rng.integers(1, 3, 3)
+        low = rng.integers(1, 4, 3)
+        size = rng.integers(1, 3, 3)
         for _ in range(rng.integers(2, 4)):
             full[tuple(slice(a, a + s) for a, s in zip(low, size, strict=True))] = True
-            axis, new = rng.integers(3), rng.integers(1, 3, 3)
+            axis = rng.integers(3)
+            new = rng.integers(1, 3, 3)
             shift = rng.integers(-1, 2, 3)
             shift[axis] = size[axis] if rng.random() < 0.5 else -new[axis]
-            low, size = np.maximum(low + shift, 0), new
+            low = np.maximum(low + shift, 0)
+            size = new
         part = cell_solid(
             full, [np.cumsum([0, *rng.integers(1, 4, 6)]).tolist() for _ in range(3)], name
         )

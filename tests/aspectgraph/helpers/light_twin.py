@@ -52,7 +52,8 @@ def lamps_near_the_wedge(
     rng, checker: ExactChecker, edges, workspace, contrast: Fraction, n: int
 ) -> np.ndarray:
     """Return points within about a step of where the contrast of an edge is that asked for."""
-    k, points = float((1 + contrast) / (1 - contrast)), []
+    k = float((1 + contrast) / (1 - contrast))
+    points = []
     for _ in range(n):
         pair = tuple(sorted(edges[rng.integers(len(edges))]))
         a, b = (np.array(checker.vertices[v], float) / checker.steps_per_mm for v in pair)
@@ -84,7 +85,8 @@ def compare_light(part: Part, seed: int, n_points: int, n_edges: int, contrasts:
     checker = ExactChecker(part.vertices, part.faces, STEPS_PER_MM)
     edges = sharp_edges(part, checker)
     edges = [edges[i] for i in rng.permutation(len(edges))[:n_edges]]
-    workspace, asked = workspace_of(part), Fraction(contrasts[1])
+    workspace = workspace_of(part)
+    asked = Fraction(contrasts[1])
     third = n_points // 3
     points = np.concatenate(
         [
@@ -105,10 +107,8 @@ def compare_light(part: Part, seed: int, n_points: int, n_edges: int, contrasts:
     )
     rounded = are_rounded(regions.grid, points)
     near = np.abs(shares.astype(float)) < np.where(exact, 1e-9 * rounded[:, None], 1e-4)
-    engine, twin = (
-        regions.showing(points),
-        checker.observable(points, edges) & (shares >= 0).astype(bool),
-    )
+    engine = regions.showing(points)
+    twin = checker.observable(points, edges) & (shares >= 0).astype(bool)
     seen = Comparison(part, checker, points, edges, engine, twin, rounded)
     for i, k in np.argwhere((engine != twin) & rounded[:, None]):
         near[i, k] |= seen._is_on_partition_plane(i, k)

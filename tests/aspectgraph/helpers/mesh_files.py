@@ -111,6 +111,8 @@ def corners(solid: Solid) -> np.ndarray:
 def quartered(triangles: np.ndarray) -> np.ndarray:
     """Every triangle cut into four at the middles of its sides."""
     a, b, c = triangles.swapaxes(0, 1)
-    ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+    ab = (a + b) / 2
+    bc = (b + c) / 2
+    ca = (c + a) / 2
     parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
     return np.concatenate([np.stack(part, axis=1) for part in parts])

@@ -70,7 +70,8 @@ def graph_of(part: Listed, room: float = 200.0) -> nx.Graph:
     """Return the graph in a cube reaching `room` diagonals from the part: wide, because it does not turn with it."""
     solid = Solid(part.vertices, part.faces)
     low, high = solid.bounds
-    centre, reach = (low + high) / 2, room * np.linalg.norm(high - low)
+    centre = (low + high) / 2
+    reach = room * np.linalg.norm(high - low)
     ends = {name: solid.vertices[list(pair)] for name, pair in part.entities.items()}
     entities = resolve_entities(solid, ends, min_dihedral_deg=1e-3)
     return build_aspect_graph(solid, entities, (centre - reach, centre + reach)).graph

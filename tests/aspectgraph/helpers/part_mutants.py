@@ -149,7 +149,8 @@ def damaged_xml(data: bytes, rng: np.random.Generator) -> bytes:
     for _ in range(rng.integers(1, 3)):
         pieces = list(XML_PIECE.finditer(data))
         piece = pieces[rng.integers(len(pieces))]
-        old, word = piece[0], XML_WORDS[rng.integers(len(XML_WORDS))]
+        old = piece[0]
+        word = XML_WORDS[rng.integers(len(XML_WORDS))]
         kind = rng.integers(4)
         if kind == 0:
             new = b""

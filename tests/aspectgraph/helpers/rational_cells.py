@@ -40,7 +40,8 @@ def key(plane) -> tuple[int, ...]:
 
 def between(p, value_p, q, value_q) -> tuple[int, ...]:
     """Return the point of pq where a plane with values of opposite sign at p and q vanishes."""
-    a, b = abs(value_q), abs(value_p)
+    a = abs(value_q)
+    b = abs(value_p)
     numbers = [a * x + b * y for x, y in zip(p, q, strict=True)]
     return (
         tuple(x / numbers[3] for x in numbers) if isinstance(p[3], Fraction) else reduced(numbers)
@@ -110,7 +111,8 @@ def split(cell, plane) -> tuple[list | None, list | None]:
 
 def half(cell, plane) -> list:
     """Return the part of a cell in front of a plane that cuts it."""
-    part, follows = [], {}
+    part = []
+    follows = {}
     for outward, loop in cell:
         kept = clip(loop, plane)
         if kept is not None:
@@ -129,7 +131,8 @@ def cut_out(cell, obstacle) -> tuple[list | None, list]:
     corners = {p for _, loop in cell for p in loop}
     if any(max(at(plane, p) for p in corners) <= 0 for plane in obstacle):
         return None, [cell]
-    inside, outside = cell, []
+    inside = cell
+    outside = []
     for plane in obstacle:
         inside, rest = split(inside, plane)
         if inside is None:

@@ -70,7 +70,8 @@ def convex_pieces(solid: ExactChecker, face: int, box) -> list[list]:
     normal, offset = solid.planes[face]
     pieces = [half(box, (*normal, offset))[-1][1]]
     for i, j in solid.face_edges[face]:
-        p, q = solid.vertices[i], solid.vertices[j]
+        p = solid.vertices[i]
+        q = solid.vertices[j]
         inward = cross(normal, minus(q, p))
         line = (*inward, dot(inward, p))
         pieces = [part for piece in pieces for part in _cut_along(piece, line, p, q)]
@@ -98,7 +99,8 @@ def _is_on_face(solid: ExactChecker, face: int, piece) -> bool:
     u, w = (k for k in range(3) if k != drop)
     odd = False
     for i, j in solid.face_edges[face]:
-        p, q = solid.vertices[i], solid.vertices[j]
+        p = solid.vertices[i]
+        q = solid.vertices[j]
         if (p[w] > middle[w]) != (q[w] > middle[w]):
             side = (q[u] - p[u]) * (middle[w] - p[w]) - (middle[u] - p[u]) * (q[w] - p[w])
             odd ^= (side > 0) == (q[w] > p[w])
@@ -119,7 +121,8 @@ def wedge_obstacles(solid: ExactChecker, pair) -> list[list]:
 
 def blocked_set(piece, plane, a, b) -> list | None:
     """Return the obstacle behind a convex occluder for the segment ab, or None if no part of ab is in front of it."""
-    s_a, s_b = at(plane, a), at(plane, b)
+    s_a = at(plane, a)
+    s_b = at(plane, b)
     if s_a <= 0 and s_b <= 0:
         return None
     if s_a < 0 or s_b < 0:
@@ -185,7 +188,8 @@ def _runs_through(polygon, plane, cell) -> bool:
 
 def contacts(cells):
     """Yield the pairs of cells that share a piece of facet."""
-    front, back = {}, {}
+    front = {}
+    back = {}
     for i, cell in enumerate(cells):
         for plane, loop in cell:
             (front if plane == key(plane) else back).setdefault(key(plane), []).append(

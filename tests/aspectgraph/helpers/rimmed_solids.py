@@ -36,7 +36,8 @@ def lattice_circle(square: int) -> list[tuple[int, int]]:
     return sorted(points, key=lambda p: atan2(p[1], p[0]))
 
 
-INNER, OUTER = (5,), (25, 50, 65)
+INNER = (5,)
+OUTER = (25, 50, 65)
 """Squared radii of inner and outer features; the largest inner one fits into the smallest outer one."""
 
 
@@ -94,7 +95,8 @@ class PlateBuilder:
 
     def part(self, name: str) -> Part:
         """Return the part."""
-        (x, y), h = self.size, self.height
+        (x, y) = self.size
+        h = self.height
         low = [(0, 0, 0), (x, 0, 0), (x, y, 0), (0, y, 0)]
         high = [(*p[:2], h) for p in low]
         self._walls(low, high, outward=True)
@@ -106,7 +108,9 @@ class PlateBuilder:
 def rimmed_solid(seed: int) -> Rimmed:
     """Return plate number `seed` of an endless series: one to four features, half of the plates turned."""
     rng = np.random.default_rng([seed, 7])
-    n_x, n_y, height = int(rng.integers(1, 3)), int(rng.integers(1, 3)), int(rng.integers(3, 12))
+    n_x = int(rng.integers(1, 3))
+    n_y = int(rng.integers(1, 3))
+    height = int(rng.integers(3, 12))
     builder = PlateBuilder(n_x, n_y, height)
     for i in range(n_x):
         for j in range(n_y):
@@ -140,7 +144,8 @@ def compare_rims(seed: int, n_points: int, n_rims: int) -> RimComparison:
     """Ask both programs about one plate: viewpoints anywhere, near partition planes, and in front of the rims."""
     part, _ = rimmed_solid(seed)
     rng = np.random.default_rng([seed, 8])
-    solid, workspace = solid_of(part), workspace_of(part)
+    solid = solid_of(part)
+    workspace = workspace_of(part)
     rims = solid.rims()
     rims = [rims[i] for i in rng.permutation(len(rims))[:n_rims]]
     chords = {rim.id: [solid.edges[e].vertices for e in rim.edge_ids] for rim in rims}

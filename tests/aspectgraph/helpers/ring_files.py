@@ -214,7 +214,8 @@ class _Writer:
 
 def _around(r: float, angle_deg: float, z: float) -> np.ndarray:
     quarters, rest = divmod(angle_deg, 90.0)
-    cosine, sine = math.cos(math.radians(rest)), math.sin(math.radians(rest))
+    cosine = math.cos(math.radians(rest))
+    sine = math.sin(math.radians(rest))
     for _ in range(int(quarters) % 4):
         cosine, sine = -sine, cosine
     return np.array([r * cosine, r * sine, z])

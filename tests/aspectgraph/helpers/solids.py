@@ -82,11 +82,14 @@ def box_with_pockets(size, pockets=(), name="box") -> Solid:
     """
     builder = FaceBuilder()
     for axis in range(3):
-        u, v = (axis + 1) % 3, (axis + 2) % 3
+        u = (axis + 1) % 3
+        v = (axis + 2) % 3
 
         def point(a, b, c, axis=axis, u=u, v=v):
             p = [0.0, 0.0, 0.0]
-            p[axis], p[u], p[v] = a, b, c
+            p[axis] = a
+            p[u] = b
+            p[v] = c
             return tuple(p)
 
         def square(a, u0, u1, v0, v1, point=point):
@@ -99,7 +102,8 @@ def box_with_pockets(size, pockets=(), name="box") -> Solid:
             square(top, 0, size[u], 0, size[v]), [square(top, *pocket[:4])[::-1] for pocket in mine]
         )
         for *rim, depth in mine:
-            high, low = square(top, *rim), square(top - depth, *rim)
+            high = square(top, *rim)
+            low = square(top - depth, *rim)
             builder.add(low)
             for k in range(4):
                 m = (k + 1) % 4
@@ -145,7 +149,8 @@ def plate_entities(n: int, count: int) -> dict:
     """The first `count` entities of ``plate(n)``: two floor edges that meet, pocket by pocket."""
     entities = {}
     for k in range(n * n):
-        x, y = 1 + 3 * (k // n), 1 + 3 * (k % n)
+        x = 1 + 3 * (k // n)
+        y = 1 + 3 * (k % n)
         corner = (x, y, 1)
         entities[f"e{2 * k + 1}"] = (corner, (x + 2, y, 1))
         entities[f"e{2 * k + 2}"] = (corner, (x, y + 2, 1))

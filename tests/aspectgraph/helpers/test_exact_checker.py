@@ -24,7 +24,8 @@ def checker_of(part, steps_per_mm=1):
 
 def viewpoints(rng, part, checker, n, reach=12, steps_per_mm=2):
     """Return generic points around a part on a coarse grid, so that many lie on planes through edges and vertices."""
-    low, high = np.min(part.vertices, axis=0) - reach, np.max(part.vertices, axis=0) + reach
+    low = np.min(part.vertices, axis=0) - reach
+    high = np.max(part.vertices, axis=0) + reach
     points = rng.integers(low * steps_per_mm, high * steps_per_mm + 1, (n, 3)) / steps_per_mm
     return points[checker.generic(points)]
 
@@ -39,7 +40,8 @@ def test_generated_solids_are_closed_and_consistently_oriented(seed):
 @pytest.mark.parametrize("seed", range(5))
 def test_contains_agrees_with_the_boxes_a_solid_was_made_of(seed):
     rng = np.random.default_rng(seed)
-    part, found = None, 0
+    part = None
+    found = 0
     while part is None:
         full = rng.random((4, 3, 3)) < 0.6
         part = cell_solid(full, [range(0, 10, 2)[: n + 1] for n in full.shape])

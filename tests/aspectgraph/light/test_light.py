@@ -124,7 +124,8 @@ def rimmed():
 @pytest.mark.parametrize("made", [ctc, mfcad, rimmed])
 def test_a_lamp_lights_what_a_camera_observes_and_the_formula_says_the_rest(made):
     solid, entities = made()
-    light, seen = compute_light(solid, entities, 0.15), compute_regions(solid, entities)
+    light = compute_light(solid, entities, 0.15)
+    seen = compute_regions(solid, entities)
     low, high = solid.bounds
     lamps = np.random.default_rng(3).uniform(2 * low - high, 2 * high - low, (4000, 3))
     lamps = lamps[~((lamps > low) & (lamps < high)).all(axis=1)]

@@ -5,13 +5,16 @@ import pytest
 from generated_solids import generated_solid
 from light_twin import compare_light
 
-N_SOLIDS, N_POINTS, N_EDGES = 200, 150, 8
+N_SOLIDS = 200
+N_POINTS = 150
+N_EDGES = 8
 CONTRASTS = ("0.1", "0.2", "0.05", "0.37")
 
 
 @pytest.mark.parametrize("first", range(0, N_SOLIDS, 20))
 def test_engine_never_disagrees_with_the_twin(first):
-    shares, n = [], 0
+    shares = []
+    n = 0
     for seed in range(first, first + 20):
         contrast = CONTRASTS[seed % len(CONTRASTS)]
         engine, twin, may_differ = compare_light(

@@ -33,7 +33,9 @@ def bored_block():
 class Structure(HTMLParser):
     def __init__(self):
         super().__init__()
-        self.references, self.text, self.bold = [], "", 0
+        self.references = []
+        self.text = ""
+        self.bold = 0
 
     def handle_starttag(self, tag, attributes):
         self.bold += tag == "b"
@@ -43,7 +45,8 @@ class Structure(HTMLParser):
 
 
 def test_the_page_refers_to_nothing_and_no_name_smuggles_markup():
-    page, structure = picker_html(bored_block()), Structure()
+    page = picker_html(bored_block())
+    structure = Structure()
     structure.feed(page)
     assert structure.references == ["data:,"]
     assert structure.bold == 0
@@ -226,7 +229,8 @@ def test_a_box_takes_what_is_inside_or_what_it_touches(opened):
     page.run("document.querySelector('[data-view=\"0 90\"]').click()")
     page.wait(RESTS)
     corners = np.array(page.run("scene.project([[-1,-1,1],[1,-1,1],[1,1,1],[-1,1,1]])"))
-    (left, top), (right, bottom) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+    (left, top) = corners.min(axis=0).tolist()
+    (right, bottom) = corners.max(axis=0).tolist()
     upper = {str(e.id) for e in solid.edges if (solid.edge_points(e.id)[:, 2] == 2).all()}
     around = (left - 20, top - 20), (right + 20, bottom + 20)
     page.drag(*around, modifiers=8)

@@ -62,7 +62,8 @@ def n_crossed(p, q, triangles):
         return np.einsum("...i,...i", np.cross(v - u, w - u), x - u)
 
     a, b, c = triangles.swapaxes(0, 1)
-    p, q = p[:, None], q[:, None]
+    p = p[:, None]
+    q = q[:, None]
     turns = np.stack([volume(p, q, a, b), volume(p, q, b, c), volume(p, q, c, a)])
     inside = (turns > 0).all(axis=0) | (turns < 0).all(axis=0)
     return (inside & (volume(a, b, c, p) * volume(a, b, c, q) < 0)).sum(axis=1)
@@ -113,8 +114,10 @@ def test_the_surface_drawn_separates_a_domain_from_the_rest(solid, entities):
     box = box_around(solid, eag.workspace)
     p, q = np.random.default_rng(5).uniform(*box, (2, 400, 3))
     free = (n_crossed(p, q, solid.vertices[solid.triangles]) == 0) & (eag.domain_of(p) >= 0)
-    p, q = p[free], q[free]
-    start, end = eag.domain_of(p), eag.domain_of(q)
+    p = p[free]
+    q = q[free]
+    start = eag.domain_of(p)
+    end = eag.domain_of(q)
     for node in eag.graph:
         facets = domain_facets(eag.cells(node), solid, box)
         triangles = np.concatenate([facet.triangles for facet in facets] or [np.zeros((0, 3, 3))])
@@ -132,7 +135,8 @@ def test_no_wall_inside_a_domain_and_none_on_the_part():
         for triangle in np.concatenate(
             [facet.triangles for facet in domain_facets(eag.cells(node), solid, box)]
         ):
-            middle, aside = triangle.mean(axis=0), 1e-3 * np.cross(*(triangle[1:] - triangle[0]))
+            middle = triangle.mean(axis=0)
+            aside = 1e-3 * np.cross(*(triangle[1:] - triangle[0]))
             inside = [
                 p for p in (middle - aside, middle + aside) if ((p > box[0]) & (p < box[1])).all()
             ]
@@ -153,7 +157,8 @@ def test_everything_drawn_lies_in_the_box(slotted):
 
 def test_the_default_box_stays_close_to_the_part(slotted):
     points = np.vstack([points_of(trace) for trace in plot_domains(slotted).data])
-    extent, part = np.ptp(points, axis=0).max(), np.ptp(slotted.solid.bounds, axis=0).max()
+    extent = np.ptp(points, axis=0).max()
+    part = np.ptp(slotted.solid.bounds, axis=0).max()
     assert extent < 3 * part < np.ptp(slotted.workspace, axis=0).max()
 
 

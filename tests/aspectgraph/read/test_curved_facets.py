@@ -20,7 +20,8 @@ def candidates(solid: Solid) -> Solid:
 
 def rounded_square(side, radius, n_per_corner):
     """Square profile with arcs for corners, counter-clockwise."""
-    half, points = side / 2 - radius, []
+    half = side / 2 - radius
+    points = []
     for k, (sx, sy) in enumerate([(1, 1), (-1, 1), (-1, -1), (1, -1)]):
         angles = np.pi / 2 * (k + np.arange(n_per_corner + 1) / n_per_corner)
         points += [(sx * half + radius * np.cos(a), sy * half + radius * np.sin(a)) for a in angles]
@@ -78,7 +79,8 @@ def test_a_shallow_but_sharp_end_of_an_arc_stays():
 
 def test_strips_cut_into_two_triangles_that_are_not_quite_flat():
     # The top of a tapered tower is turned by one degree against its bottom, so no strip is flat.
-    n, turn = 24, np.radians(1.0)
+    n = 24
+    turn = np.radians(1.0)
     lower, upper = (
         np.array([(r * np.cos(a), r * np.sin(a)) for a in 2 * np.pi * np.arange(n) / n])
         for r in (5, 4)

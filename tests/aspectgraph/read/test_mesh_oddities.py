@@ -11,11 +11,9 @@ from aspectgraph import ReadError, read_solid
 
 CUBE = cube()
 LOOPS = [face.outer for face in CUBE.faces]
-OBJ, OFF, PLY = (
-    obj_text(CUBE.vertices, LOOPS),
-    off_text(CUBE.vertices, LOOPS),
-    ply_bytes(CUBE.vertices, LOOPS),
-)
+OBJ = obj_text(CUBE.vertices, LOOPS)
+OFF = off_text(CUBE.vertices, LOOPS)
+PLY = ply_bytes(CUBE.vertices, LOOPS)
 BINARY = ply_bytes(CUBE.vertices, LOOPS, "binary_little_endian")
 # three points of a straight line somewhere beside the cube: a facet without area, open on all sides
 NEEDLE = np.array([[[9.0, 9.0, 9.0], [10.0, 9.0, 9.0], [11.0, 9.0, 9.0]]])
@@ -53,7 +51,8 @@ def test_it_is_the_cube_all_the_same(tmp_path, name, data, note):
 
 def test_a_round_mesh_says_that_its_facets_are_taken_for_a_surface(tmp_path):
     """24 walls around an axis: no chord of a rim is offered as a straight edge."""
-    n, turn = 24, 2.0 * np.pi * np.arange(24) / 24
+    n = 24
+    turn = 2.0 * np.pi * np.arange(24) / 24
     ring = np.column_stack([10.0 * np.cos(turn), 10.0 * np.sin(turn)])
     points = [[x, y, z] for z in (0.0, 30.0) for x, y in ring]
     loops = [

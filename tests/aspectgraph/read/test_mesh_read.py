@@ -200,8 +200,11 @@ def test_useless_facets_are_dropped_and_noted(tmp_path):
 
 def test_a_facet_without_area_that_closes_the_surface_is_used(tmp_path):
     # The lower side of the front is cut at its middle, the bottom is not; a facet without area joins them.
-    a, b, m = (0, 0, 0), (2, 0, 0), (1, 0, 0)
-    c, d = (2, 0, 2), (0, 0, 2)
+    a = (0, 0, 0)
+    b = (2, 0, 0)
+    m = (1, 0, 0)
+    c = (2, 0, 2)
+    d = (0, 0, 2)
     rest = [t for t in corners(cube()) if not (t[:, 1] == 0).all()]
     front = [(a, m, d), (m, c, d), (m, b, c), (a, b, m)]
     found = read(

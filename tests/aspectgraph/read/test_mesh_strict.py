@@ -17,12 +17,11 @@ from aspectgraph import ReadError, ReadLimits, read_solid
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 CUBE = cube()
 LOOPS = [face.outer for face in CUBE.faces]
-OBJ, OFF, PLY = (
-    obj_text(CUBE.vertices, LOOPS),
-    off_text(CUBE.vertices, LOOPS),
-    ply_bytes(CUBE.vertices, LOOPS),
-)
-STL, GLB = stl_text(corners(CUBE)), glb_bytes(CUBE.vertices, CUBE.triangles)
+OBJ = obj_text(CUBE.vertices, LOOPS)
+OFF = off_text(CUBE.vertices, LOOPS)
+PLY = ply_bytes(CUBE.vertices, LOOPS)
+STL = stl_text(corners(CUBE))
+GLB = glb_bytes(CUBE.vertices, CUBE.triangles)
 
 
 def read(tmp_path, name, data, **options):

@@ -99,7 +99,8 @@ def with_facets(path, faces, which=0, link="$", extra=""):
     entities = dict(STATEMENT.findall(body))
     solid = [n for n, value in entities.items() if value.startswith("MANIFOLD_SOLID_BREP")][which]
     # what only this solid is made of
-    gone, front = set(), re.findall(r"#(\d+)", entities[solid])
+    gone = set()
+    front = re.findall(r"#(\d+)", entities[solid])
     while front:
         n = front.pop()
         if n not in gone:
@@ -164,7 +165,8 @@ def test_the_places_of_an_assembly_count(tmp_path):
     faces = [(slab.vertices * (3.0, 1.0, 0.5), face) for _, face in triangulated(slab)]
     solid = read_solid(with_facets(assembly_file(tmp_path / "part.step"), faces))
     assert solid.volume == pytest.approx(2 * 6 * 2 * 1)
-    low, high = slab.vertices.min(axis=0), slab.vertices.max(axis=0)
+    low = slab.vertices.min(axis=0)
+    high = slab.vertices.max(axis=0)
     size = (high - low) * (3.0, 1.0, 0.5)
     spans = sorted(
         tuple(np.ptp(solid.vertices[part], axis=0).round(9).tolist())

@@ -158,7 +158,8 @@ def test_sharpness_is_that_of_the_surfaces_not_of_their_facets(
 ):
     # A groove in the top of a box, part of a cylinder that meets the plane under a known angle: twelve edges of the
     # box, two of them in two pieces, and the two of the groove if they are sharp.
-    angle, radius = np.radians(angle_deg), 20.0
+    angle = np.radians(angle_deg)
+    radius = 20.0
     roller = BRepPrimAPI_MakeCylinder(
         gp_Ax2(gp_Pnt(10, -1, 10 + radius * np.cos(angle)), gp_Dir(0, 1, 0)), radius, 22.0
     )

@@ -36,7 +36,8 @@ def moved(shape, x):
 
 
 def together(*shapes):
-    builder, compound = BRep_Builder(), TopoDS_Compound()
+    builder = BRep_Builder()
+    compound = TopoDS_Compound()
     builder.MakeCompound(compound)
     for shape in shapes:
         builder.Add(compound, shape)

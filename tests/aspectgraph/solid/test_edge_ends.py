@@ -76,7 +76,8 @@ def test_an_edge_that_is_none(edge_id):
 def test_ends_of_a_step_part_are_tangent_where_the_edge_is_square_to_the_radius():
     """Of NIST's CTC-01, whose fillets are quarter circles; a corner may lie at the end of an arc as well."""
     solid = read_solid("examples/nist_ctc_01_ap242.stp")
-    straight, expected = solid.straight_edges(), set()
+    straight = solid.straight_edges()
+    expected = set()
     for arc in solid.arcs():
         for vertex in (arc.vertices[0], arc.vertices[-1]):
             radius = (solid.vertices[vertex] - arc.centre) / arc.radius_mm

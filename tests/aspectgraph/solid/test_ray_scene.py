@@ -12,7 +12,9 @@ def test_a_block_is_in_the_way_of_what_is_behind_it():
     low, high = block.bounds
     middle = (np.array(low) + high) / 2
     eye = np.array([middle[0], middle[1], high[2] + 100.0])
-    behind, before, beside = middle - [0, 0, 200], eye - [0, 0, 50], eye + np.array([500.0, 0, 0])
+    behind = middle - [0, 0, 200]
+    before = eye - [0, 0, 50]
+    beside = eye + np.array([500.0, 0, 0])
     towards = np.array([behind, before, beside]) - eye
     assert scene.blocked(eye, towards).tolist() == [True, False, False]
 

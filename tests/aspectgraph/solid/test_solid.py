@@ -116,7 +116,8 @@ def test_dihedral_of_a_shallow_roof():
 
 def test_curved_edges_are_no_candidates():
     vertices, faces = cube_parts()
-    a, b = faces[0][0], faces[0][1]
+    a = faces[0][0]
+    b = faces[0][1]
     solid = Solid(vertices, faces, curved_edges=[(b, a)])
     assert [edge.vertices for edge in solid.edges if edge.curved] == [(a, b)]
     assert len(solid.straight_edges()) == 11
@@ -126,7 +127,8 @@ def test_curved_edges_are_no_candidates():
 
 def test_turns_of_the_surfaces_decide_what_is_sharp():
     vertices, faces = cube_parts()
-    a, b = faces[0][0], faces[0][1]
+    a = faces[0][0]
+    b = faces[0][1]
     solid = Solid(vertices, faces, surface_turns={(b, a): 20.0})
     edge = next(edge for edge in solid.edges if set(edge.vertices) == {a, b})
     assert (edge.dihedral_deg, edge.turn_deg) == (pytest.approx(90.0), 20.0)
@@ -175,7 +177,8 @@ def test_a_hole_may_touch_the_outer_loop_in_a_vertex():
     builder.add([(0, 0, 0), (4, 0, 0), (4, 0, 3), (2, 0, 3), (0, 0, 3)])
     for (x0, y0), (x1, y1) in [((4, 0), (4, 4)), ((4, 4), (0, 4)), ((0, 4), (0, 0))]:
         builder.add([(x0, y0, 0), (x1, y1, 0), (x1, y1, 3), (x0, y0, 3)])
-    rim, tip = [(2, 0, 3), (1, 2, 3), (3, 2, 3)], (2, 1, 1.5)
+    rim = [(2, 0, 3), (1, 2, 3), (3, 2, 3)]
+    tip = (2, 1, 1.5)
     builder.add([(0, 0, 3), (2, 0, 3), (4, 0, 3), (4, 4, 3), (0, 4, 3)], [rim])
     for start, end in zip(rim, [*rim[1:], rim[0]], strict=True):
         builder.add([end, start, tip])
@@ -288,7 +291,8 @@ def test_a_face_without_area_is_refused():
     builder = prism_faces([(0, 0), (2, 0), (2, 2), (1, 1), (0, 0.0)][:3], 1.0)
     vertices = [*builder.index, (1.0, 0.0, 0.0)]
     (bottom, _), *rest = builder.faces
-    a, b = builder.index[0.0, 0.0, 0.0], builder.index[2.0, 0.0, 0.0]
+    a = builder.index[0.0, 0.0, 0.0]
+    b = builder.index[2.0, 0.0, 0.0]
     middle = len(vertices) - 1
     at = bottom.index(b)
     wide = (

@@ -273,7 +273,8 @@ def test_cells_of_one_entity_are_where_it_is_observable_on_a_displaced_part():
     solid = read_solid(Path(__file__).parents[3] / "examples" / "nist_ctc_01_ap242.stp")
     low, high = workspace = solid.bounds + np.array([[-1500.0], [1500.0]])
     space = compute_regions(solid, [1093], workspace)
-    names, rng = space.entity_names, np.random.default_rng(0)
+    names = space.entity_names
+    rng = np.random.default_rng(0)
     cells = space.covering_cells(names)
     # next to a wall that is parallel to another one only up to how vertices are displaced, then next to all walls
     viewpoints = [np.array([[50.09937933485045, 28.924702377390805, 4.303609978555029]])]

@@ -41,7 +41,8 @@ def random_view(rng, *, normal=(0.0, 0.0, 1.0), most_tilt=math.pi / 3):
     normal = np.asarray(normal, float)
     side = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
     side /= np.linalg.norm(side)
-    tilt, turn = rng.uniform(0, most_tilt), rng.uniform(0, 2 * math.pi)
+    tilt = rng.uniform(0, most_tilt)
+    turn = rng.uniform(0, 2 * math.pi)
     way = math.cos(turn) * side + math.sin(turn) * np.cross(normal, side)
     eye = rng.uniform(200, 450) * (math.cos(tilt) * normal + math.sin(tilt) * way)
     return look_at(eye, rng.uniform(-10, 10, 3), rng.uniform(0, 2 * math.pi))
@@ -80,7 +81,8 @@ def _way(geometry, direction):
     """Direction of the distance of two parallel lines, from the first to the second; unit."""
     (_, p, q), (_, r, s) = geometry
     p, q, r, s = (np.asarray(end, float) for end in (p, q, r, s))
-    along, apart = (q - p) / np.linalg.norm(q - p), (r + s - p - q) / 2
+    along = (q - p) / np.linalg.norm(q - p)
+    apart = (r + s - p - q) / 2
     way = apart if direction is None else np.asarray(direction, float)
     way = way - (way @ along) * along
     return way / np.linalg.norm(way) * (1.0 if way @ apart > 0 else -1.0)
@@ -176,30 +178,29 @@ def _rotation(x, y, z):
     """Return exp of a rotation vector, by the unit quaternion."""
     angle = math.sqrt(x * x + y * y + z * z)
     half = 0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle
-    w, i, j, k = math.cos(0.5 * angle), half * x, half * y, half * z
+    w = math.cos(0.5 * angle)
+    i = half * x
+    j = half * y
+    k = half * z
     turn = np.empty((3, 3))
-    turn[0, 0], turn[0, 1], turn[0, 2] = (
-        1 - 2 * (j * j + k * k),
-        2 * (i * j - k * w),
-        2 * (i * k + j * w),
-    )
-    turn[1, 0], turn[1, 1], turn[1, 2] = (
-        2 * (i * j + k * w),
-        1 - 2 * (i * i + k * k),
-        2 * (j * k - i * w),
-    )
-    turn[2, 0], turn[2, 1], turn[2, 2] = (
-        2 * (i * k - j * w),
-        2 * (j * k + i * w),
-        1 - 2 * (i * i + j * j),
-    )
+    turn[0, 0] = 1 - 2 * (j * j + k * k)
+    turn[0, 1] = 2 * (i * j - k * w)
+    turn[0, 2] = 2 * (i * k + j * w)
+    turn[1, 0] = 2 * (i * j + k * w)
+    turn[1, 1] = 1 - 2 * (i * i + k * k)
+    turn[1, 2] = 2 * (j * k - i * w)
+    turn[2, 0] = 2 * (i * k - j * w)
+    turn[2, 1] = 2 * (j * k + i * w)
+    turn[2, 2] = 1 - 2 * (i * i + j * j)
     return turn
 
 
 @njit(error_model="numpy")
 def _image(turn, move, p, f):
     """Return the image of a point from the displaced camera, and its depth."""
-    a, b, c = p[0] - move[0], p[1] - move[1], p[2] - move[2]
+    a = p[0] - move[0]
+    b = p[1] - move[1]
+    c = p[2] - move[2]
     x = turn[0, 0] * a + turn[1, 0] * b + turn[2, 0] * c
     y = turn[0, 1] * a + turn[1, 1] * b + turn[2, 1] * c
     z = turn[0, 2] * a + turn[1, 2] * b + turn[2, 2] * c
@@ -241,7 +242,9 @@ def _fit_all(points, plane, moves, noise, how, out):
             v += noise[i % len(noise), k, 1]
             depth = c / (n[0] * u + n[1] * v + n[2] * f)
             good = good and depth > 0
-            a, b, e = depth * u - plane[0, 0], depth * v - plane[0, 1], depth * f - plane[0, 2]
+            a = depth * u - plane[0, 0]
+            b = depth * v - plane[0, 1]
+            e = depth * f - plane[0, 2]
             flat[k, 0] = a * plane[1, 0] + b * plane[1, 1] + e * plane[1, 2]
             flat[k, 1] = a * plane[2, 0] + b * plane[2, 1] + e * plane[2, 2]
         if not good:
@@ -255,21 +258,32 @@ def _fit_all(points, plane, moves, noise, how, out):
 @njit(error_model="numpy")
 def _fit_line(flat, out):
     """Principal axis: angle in out[2], a point of the line in out[:2]."""
-    mx, my = flat[:, 0].mean(), flat[:, 1].mean()
-    xx, xy, yy = 0.0, 0.0, 0.0
+    mx = flat[:, 0].mean()
+    my = flat[:, 1].mean()
+    xx = 0.0
+    xy = 0.0
+    yy = 0.0
     for k in range(len(flat)):
-        a, b = flat[k, 0] - mx, flat[k, 1] - my
-        xx, xy, yy = xx + a * a, xy + a * b, yy + b * b
-    out[0], out[1], out[2] = mx, my, 0.5 * math.atan2(2 * xy, xx - yy)
+        a = flat[k, 0] - mx
+        b = flat[k, 1] - my
+        xx = xx + a * a
+        xy = xy + a * b
+        yy = yy + b * b
+    out[0] = mx
+    out[1] = my
+    out[2] = 0.5 * math.atan2(2 * xy, xx - yy)
 
 
 @njit(error_model="numpy")
 def _fit_circle(flat, radius, out):
     """Least squares of distances from a circle, by Gauss-Newton from the algebraic fit (which needs no start)."""
-    mx, my = flat[:, 0].mean(), flat[:, 1].mean()
-    normal, right = np.zeros((3, 3)), np.zeros(3)
+    mx = flat[:, 0].mean()
+    my = flat[:, 1].mean()
+    normal = np.zeros((3, 3))
+    right = np.zeros(3)
     for k in range(len(flat)):
-        a, b = flat[k, 0] - mx, flat[k, 1] - my
+        a = flat[k, 0] - mx
+        b = flat[k, 1] - my
         square = a * a + b * b
         normal[0, 0] += 4 * a * a
         normal[0, 1] += 4 * a * b
@@ -284,9 +298,12 @@ def _fit_circle(flat, radius, out):
         normal[:] = 0.0
         right[:] = 0.0
         for k in range(len(flat)):
-            a, b = flat[k, 0] - x, flat[k, 1] - y
+            a = flat[k, 0] - x
+            b = flat[k, 1] - y
             far = math.sqrt(a * a + b * b)
-            a, b, rest = a / far, b / far, far - r
+            a = a / far
+            b = b / far
+            rest = far - r
             normal[0, 0] += a * a
             normal[0, 1] += a * b
             normal[0, 2] += a
@@ -297,18 +314,31 @@ def _fit_circle(flat, radius, out):
             right[1] += b * rest
             right[2] += rest
         dx, dy, dr = _solve(normal, right)
-        x, y, r = x + dx, y + dy, r + dr
+        x = x + dx
+        y = y + dy
+        r = r + dr
         if abs(dx) + abs(dy) + abs(dr) < 1e-10 * radius:
             break
-    out[0], out[1], out[2] = x, y, r
+    out[0] = x
+    out[1] = y
+    out[2] = r
 
 
 @njit(error_model="numpy")
 def _solve(m, b):
     """Solve a symmetric system of three equations by its upper triangle (Cramer)."""
-    a00, a01, a02, a11, a12, a22 = m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2]
-    c00, c01, c02 = a11 * a22 - a12 * a12, a02 * a12 - a01 * a22, a01 * a12 - a02 * a11
-    c11, c12, c22 = a00 * a22 - a02 * a02, a01 * a02 - a00 * a12, a00 * a11 - a01 * a01
+    a00 = m[0, 0]
+    a01 = m[0, 1]
+    a02 = m[0, 2]
+    a11 = m[1, 1]
+    a12 = m[1, 2]
+    a22 = m[2, 2]
+    c00 = a11 * a22 - a12 * a12
+    c01 = a02 * a12 - a01 * a22
+    c02 = a01 * a12 - a02 * a11
+    c11 = a00 * a22 - a02 * a02
+    c12 = a01 * a02 - a00 * a12
+    c22 = a00 * a11 - a01 * a01
     det = a00 * c00 + a01 * c01 + a02 * c02
     return (
         (c00 * b[0] + c01 * b[1] + c02 * b[2]) / det,

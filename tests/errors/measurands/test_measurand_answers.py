@@ -111,7 +111,8 @@ def test_sure_without_any_error(kind):
 @pytest.mark.parametrize("points", [8, 16, 50])
 def test_localisation_of_a_whole_circle(points):
     # A'A of (cos, sin, 1) over a full circle is diag(N / 2, N / 2, N)
-    sigma_px, sigma = 0.2, 0.2 * SQUARE[0] * Z / F
+    sigma_px = 0.2
+    sigma = 0.2 * SQUARE[0] * Z / F
     how = Localisation.gaussian(sigma_px, points)
     radius = sigma / math.sqrt(points)
     assert predict("radius", (RIM,), STILL, how).standard_uncertainty == pytest.approx(
@@ -137,7 +138,8 @@ def test_localisation_of_lines(points):
 
 def test_localisation_of_an_angle():
     # slope of a line of N points, at the middles of equal parts of its length l: variance 12 s^2 / (N l^2 (1 - 1/N^2))
-    n, sigma = 20, 0.2 * SQUARE[0] * Z / F
+    n = 20
+    sigma = 0.2 * SQUARE[0] * Z / F
     variance = sum(12 * sigma**2 / (n * one.length**2 * (1 - 1 / n**2)) for one in KINDS["angle"])
     found = predict("angle", KINDS["angle"], STILL, Localisation.gaussian(0.2, n))
     assert found.standard_uncertainty == pytest.approx(math.degrees(math.sqrt(variance)), rel=1e-9)
@@ -196,7 +198,8 @@ def test_a_rim_turned_about_its_diameter(index):
 
 def test_distance_of_lines_at_two_heights():
     # along z only: the line at height h is Z - h away; its offset y is wrong by y t / (Z - h)
-    low, high = Line((-15, -10, 0), (15, -10, 0)), Line((-15, 10, 40), (15, 10, 40))
+    low = Line((-15, -10, 0), (15, -10, 0))
+    high = Line((-15, 10, 40), (15, 10, 40))
     found = predict("distance", (low, high), axis(2, 0.003), way=(0, 1, 0))
     assert found.nominal == pytest.approx(20.0)
     assert found.standard_uncertainty == pytest.approx(0.003 * (10 / Z + 10 / (Z - 40)), rel=1e-6)
@@ -204,12 +207,15 @@ def test_distance_of_lines_at_two_heights():
 
 def test_plane_of_a_default_distance_holds_both_lines():
     # without a direction the plane is inclined; height and offset together: distance is sqrt(20^2 + 40^2)
-    low, high = Line((-15, -10, 0), (15, -10, 0)), Line((-15, 10, 40), (15, 10, 40))
+    low = Line((-15, -10, 0), (15, -10, 0))
+    high = Line((-15, 10, 40), (15, 10, 40))
     found = predict("distance", (low, high), axis(2, 0.003))
     assert found.nominal == pytest.approx(math.hypot(20, 40))
     # a point (y, z) of the plane y = -10 + s, z = 2 s goes along its ray displaced by -t: with n = (2, -1) / sqrt 5,
     # X' = (C - t) c / (n.(C - t)), in camera coordinates C = (y, Z - z)
-    step, n, away = 1e-4, np.array([2.0, 1.0]) / math.sqrt(5), np.array([1.0, -2.0]) / math.sqrt(5)
+    step = 1e-4
+    n = np.array([2.0, 1.0]) / math.sqrt(5)
+    away = np.array([1.0, -2.0]) / math.sqrt(5)
 
     def place(y, z, t):
         real = np.array([y, Z - z - t])
@@ -229,7 +235,10 @@ def test_budget_sums_to_the_total_and_shares_what_is_common():
             whole.standard_uncertainty**2, rel=1e-12
         )
         apart = [covariance.copy(), covariance.copy()]
-        apart[0][3:], apart[0][:, 3:], apart[1][:3], apart[1][:, :3] = 0, 0, 0, 0
+        apart[0][3:] = 0
+        apart[0][:, 3:] = 0
+        apart[1][:3] = 0
+        apart[1][:, :3] = 0
         alone = [predict(kind, geometry, one).standard_uncertainty ** 2 for one in apart]
         common = (whole.standard_uncertainty**2 - whole.budget["localisation"] - sum(alone)) / 2
         assert whole.budget["translation"] == pytest.approx(alone[0] + common, rel=1e-6, abs=1e-12)

@@ -17,8 +17,10 @@ from errors.measurands import (
     measurand,
 )
 
-LOW, HIGH = Line((-15, -10, 0), (15, -10, 0)), Line((-15, 10, 0), (15, 10, 0))
-LEFT, RIGHT = Circle((-10, 0, 0), (0, 0, 1), 4.0), Circle((10, 0, 0), (0, 0, 1), 6.0)
+LOW = Line((-15, -10, 0), (15, -10, 0))
+HIGH = Line((-15, 10, 0), (15, 10, 0))
+LEFT = Circle((-10, 0, 0), (0, 0, 1), 4.0)
+RIGHT = Circle((10, 0, 0), (0, 0, 1), 6.0)
 
 
 @pytest.mark.parametrize(

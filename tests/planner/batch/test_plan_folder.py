@@ -69,7 +69,8 @@ def request_():
 
 
 def test_every_part_has_a_result_and_is_found_again(parts, request_, tmp_path, monkeypatch):
-    out, told = tmp_path / "out", []
+    out = tmp_path / "out"
+    told = []
     results = plan_folder(parts, out, request_, progress=lambda *values: told.append(values))
     assert [(one.part, one.status) for one in results] == [
         ("a.off", "planned"),
@@ -97,7 +98,8 @@ def test_every_part_has_a_result_and_is_found_again(parts, request_, tmp_path, m
 
 
 def test_what_changed_is_planned_again(parts, request_, tmp_path, monkeypatch):
-    out, again = tmp_path / "out", []
+    out = tmp_path / "out"
+    again = []
     with ThreadPoolExecutor(1) as executor:
         plan_folder(parts, out, request_, executor=executor)
         before = (out / "a.off" / "plan.json").read_bytes()
@@ -224,7 +226,8 @@ def test_dask_plans_the_same(parts, request_, tmp_path):
 
 def test_requests_that_differ_have_different_fingerprints(request_):
     """Whatever field it is; and a default that is given is the default."""
-    usual, none = Showing(), Showing(0.0, 0.0, 0.0)
+    usual = Showing()
+    none = Showing(0.0, 0.0, 0.0)
     given = {
         "stand_off_mm": 60.0,
         "min_length_px": 21.0,

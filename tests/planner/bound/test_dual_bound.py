@@ -24,11 +24,10 @@ class FewPoses:
     """A space of known columns (c, e) in parts, each of which takes some boxes to search."""
 
     def __init__(self, columns, n_parts, rng):
-        self.columns, self.parts = columns, list(range(n_parts))
-        self.part, self.cost = (
-            rng.integers(n_parts, size=len(columns)),
-            rng.integers(20, 2000, n_parts),
-        )
+        self.columns = columns
+        self.parts = list(range(n_parts))
+        self.part = rng.integers(n_parts, size=len(columns))
+        self.cost = rng.integers(20, 2000, n_parts)
         self.asked = []
         self.regrown = []
 
@@ -65,7 +64,8 @@ def test_what_is_proven_is_true_and_mostly_all_that_weights_can_prove():
     for seed in range(40):
         rng = np.random.default_rng(seed)
         columns = columns_of(rng)
-        relaxation, fewest = fractional_cover(columns)[0], len(min_cover(columns).chosen)
+        relaxation = fractional_cover(columns)[0]
+        fewest = len(min_cover(columns).chosen)
         told = []
 
         def improve(poses, told=told, columns=columns):
@@ -111,7 +111,8 @@ class Costly(FewPoses):
 
     def __init__(self, columns, boxes, easy_from=0.0):
         super().__init__(columns, 4, np.random.default_rng(0))
-        self.boxes, self.easy_from = boxes, easy_from
+        self.boxes = boxes
+        self.easy_from = easy_from
 
     def search(self, y, limit, max_nodes, tick=None, *, parts, most):
         self.cost = np.full(4, self.boxes if limit > self.easy_from else 10**9)
@@ -183,7 +184,8 @@ def test_parts_that_were_proven_wait_until_the_others_are():
 
 
 def test_a_part_is_too_hard_after_so_many_times_as_many_boxes():
-    parts, asked = _Parts(2, 100), np.arange(2)
+    parts = _Parts(2, 100)
+    asked = np.arange(2)
     boxes = np.array([SWEEPING.hard * 100, SWEEPING.hard * 100 - 1])
     assert parts.learn(asked, np.array([SPENT, SPENT]), boxes).tolist() == [True, False]
     # the weights will keep away from it, so it begins anew
@@ -207,7 +209,8 @@ def test_a_proof_goes_on_from_any_part_where_it_stopped(seed):
     told = []
 
     def raised(kept=None, keep=None):
-        space, improved = FewPoses(columns, 16, np.random.default_rng(7)), []
+        space = FewPoses(columns, 16, np.random.default_rng(7))
+        improved = []
 
         def improve(poses):
             improved.append(len(poses))

@@ -37,7 +37,8 @@ def pair(points):
 @pytest.mark.parametrize("far", [None, 180.0, 1e4])
 @pytest.mark.parametrize("at_limits", [False, True])
 def test_what_a_pose_sees_is_possible_for_every_ball_around_its_eye(far, at_limits):
-    view, rng = frustum(far=far), np.random.default_rng(5)
+    view = frustum(far=far)
+    rng = np.random.default_rng(5)
     for _ in range(3000):
         eye = rng.uniform(-200, 200, 3)
         pose = look_at(eye, eye + rng.normal(size=3), roll=rng.uniform(-np.pi, np.pi)).reshape(4, 4)
@@ -99,7 +100,8 @@ def test_of_two_points_on_one_line_of_sight_farther_apart_than_the_depth_of_fiel
     """Each alone can be sharp, the farther one in a corner of the image; together they are 2 mm apart in depth."""
     near, far = CAMERA.depth_of_field_mm
     assert far - near < 1.1
-    first, second = at(0, near + 0.5), at(0, near + 2.5)
+    first = at(0, near + 0.5)
+    second = at(0, near + 2.5)
     assert possible(first, first, first, first)
     assert possible(second, second, second, second)
     assert not possible(first, second, first, second)
@@ -154,7 +156,8 @@ def test_a_point_nearly_too_near_keeps_the_axis_close_to_it():
     distance = near + 0.2
     most = (far - near) * distance / near
     for between, together in ((0.995 * (far - near), True), (1.003 * most, False)):
-        first, second = at(0, distance), at(0, distance + between)
+        first = at(0, distance)
+        second = at(0, distance + between)
         middle = at(0, distance + between / 2)
         assert possible(first, second, middle, middle) == together
         assert possible(second, first, middle, middle) == together
@@ -167,8 +170,10 @@ def box(low, high):
 def test_a_viewpoint_is_shared_where_one_cell_of_each_meets_in_focus():
     """Two edges of 1 mm side by side, sharp from about 120 mm before them; regions are boxes."""
     both = pair([[[0, 0, 0], [1, 0, 0]], [[0, 1, 0], [1, 1, 0]]])
-    before, aside = box([-10, -10, -125], [10, 10, -115]), box([500, -10, -125], [510, 10, -115])
-    behind, around = box([-10, -10, -300], [10, 10, -200]), box([-30, -30, -320], [30, 30, -90])
+    before = box([-10, -10, -125], [10, 10, -115])
+    aside = box([500, -10, -125], [510, 10, -115])
+    behind = box([-10, -10, -300], [10, 10, -200])
+    around = box([-30, -30, -320], [30, 30, -90])
     for own, other, shared in (
         ([before], [around], True),
         # each alone decides, whichever is listed first
@@ -260,7 +265,8 @@ def test_cells_on_two_sides_of_a_slanted_plane_share_nothing_unless_they_touch(g
 def test_a_ball_about_a_point_itself_may_hold_an_eye_that_sees_it():
     """Where the middle is on a point, its line of sight has no direction, so nothing follows from it."""
     depth = sum(CAMERA.depth_of_field_mm) / 2
-    first, second = np.array([-2.0, 0.0, depth]), np.array([2.0, 0.0, depth])
+    first = np.array([-2.0, 0.0, depth])
+    second = np.array([2.0, 0.0, depth])
     assert possible(first, second, first, second)
     for middle in (first, second):
         assert _in_view(

@@ -32,7 +32,8 @@ def test_no_shorter_image_reaches_the_probability(accuracy):
     (needed,) = set(least_images_mm(judge).tolist())
     assert needed >= judge.constraints.min_length_mm
     rng = np.random.default_rng(1)
-    depth, turn = 300.0, rng.uniform(0, 2 * np.pi, 3000)
+    depth = 300.0
+    turn = rng.uniform(0, 2 * np.pi, 3000)
     length = (
         rng.uniform(0.3, 0.999, 3000) * 0.99 * quantization_quantile(CAMERA.pixel_pitch_mm, 0.9)
     )
@@ -56,11 +57,13 @@ def test_no_shorter_image_reaches_the_probability(accuracy):
 def least_quantile(pitch, probability):
     """From the exact law of eq 3, between the directions that the code looks at."""
     law = SegmentQuantization(np.radians(np.linspace(0.0, 90.0, 4501)), pitch)
-    low, high = np.zeros(4501), np.full(4501, sum(pitch))
+    low = np.zeros(4501)
+    high = np.full(4501, sum(pitch))
     for _ in range(45):
         h = (low + high) / 2
         enough = 2.0 * law.cdf(h) - 1.0 >= probability
-        low, high = np.where(enough, low, h), np.where(enough, h, high)
+        low = np.where(enough, low, h)
+        high = np.where(enough, h, high)
     return high.min()
 
 
@@ -68,7 +71,8 @@ def least_quantile(pitch, probability):
 def test_no_direction_has_a_smaller_quantile(ratio):
     pitch = (0.01, 0.01 * ratio)
     for probability in (1e-4, 0.01, 0.05, 0.3, 0.35, 0.5, 0.7, 0.9, 0.95, 0.99, 0.999, 1.0 - 1e-6):
-        exact, found = least_quantile(pitch, probability), quantization_quantile(pitch, probability)
+        exact = least_quantile(pitch, probability)
+        found = quantization_quantile(pitch, probability)
         assert exact * (1.0 - 0.0018) <= found <= exact / (1.0 + 0.0017)
 
 

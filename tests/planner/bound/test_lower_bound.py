@@ -114,11 +114,13 @@ def test_every_pose_lies_in_a_part():
                 ).any()
                 best = min(best, np.abs(found - (turned * half).as_matrix()).max())
         assert best < 1e-9
-    low, high = (boxes[:, 0] - boxes[:, 1]).min(axis=0), (boxes[:, 0] + boxes[:, 1]).max(axis=0)
+    low = (boxes[:, 0] - boxes[:, 1]).min(axis=0)
+    high = (boxes[:, 0] + boxes[:, 1]).max(axis=0)
     volume = np.prod(2 * boxes[:, 1], axis=1) * np.prod(boxes[:, 3], axis=1)
     assert volume.sum() == pytest.approx(2 * np.prod(high - low))
     # whatever has an edge in view looks at a point not farther from it than the corners of the view are
-    view, points = space.view, judge.ends.reshape(-1, 3)
+    view = space.view
+    points = judge.ends.reshape(-1, 3)
     corner = np.array(
         [
             [x * view.tan_x * z, y * view.tan_y * z, z - view.middle]
@@ -137,9 +139,13 @@ def test_every_pose_lies_in_a_part():
 def test_images_long_enough_are_not_deeper_than_said(small):
     """Projected poses of random boxes: no end is deeper, and of a single pose's the limit is where eq 16 has it."""
     judge, regions = request_for(SIZES[1])
-    view, ratio = space_for(judge, regions).view, 0.12
+    view = space_for(judge, regions).view
+    ratio = 0.12
     rng = np.random.default_rng(7)
-    s, far, opened, room = np.empty((2, 3)), np.empty(2), np.empty(2), np.empty(3)
+    s = np.empty((2, 3))
+    far = np.empty(2)
+    opened = np.empty(2)
+    room = np.empty(3)
     n_long = n_short = 0
     for _ in range(300):
         (chart, box), poses = box_around(rng, view, SIZES[1], small)
@@ -151,7 +157,8 @@ def test_images_long_enough_are_not_deeper_than_said(small):
         seen_from(ends, box[0], matrix, s)
         farthest(s, float(np.linalg.norm(ends[1] - ends[0])), ratio, t, room, view, far, opened)
         at = world_to_cam(ends, poses)
-        image, depth = at[..., :2] / at[..., 2:], at[..., 2]
+        image = at[..., :2] / at[..., 2:]
+        depth = at[..., 2]
         seen = (np.abs(image) <= [view.tan_x, view.tan_y]).all(axis=(1, 2))
         seen &= ((depth >= view.near) & (depth <= view.far)).all(axis=1)
         long = seen & (np.linalg.norm(image[:, 1] - image[:, 0], axis=1) >= ratio)
@@ -187,8 +194,10 @@ def test_for_a_fixed_rotation_the_limit_is_the_heaviest_pose(seed):
     regions = Cells([[BoxCell(np.full(3, -1e4), np.full(3, 1e4))]] * len(EDGES))
     rng = np.random.default_rng(seed)
     y = rng.uniform(0.1, 1.0, len(EDGES))
-    space, turn = space_for(judge, regions), rng.uniform(-1, 1, 3)
-    view, look = space.view, np.array(size) / 2
+    space = space_for(judge, regions)
+    turn = rng.uniform(-1, 1, 3)
+    view = space.view
+    look = np.array(size) / 2
     pose = pose_of(view, seed % 2, look, turn)
     s = (space.entities.ends - look) @ pose[:3, :3]
     best = 0.0
@@ -225,12 +234,14 @@ def test_windows_meet_where_a_fine_grid_says():
     n_yes = 0
     for _ in range(60):
         m = int(rng.integers(2, 12))
-        middle, half = rng.uniform(-1, 1, (m, 3)) * room, rng.uniform(0.2, 0.8, (m, 3)) * room
+        middle = rng.uniform(-1, 1, (m, 3)) * room
+        half = rng.uniform(0.2, 0.8, (m, 3)) * room
         least = np.stack([middle - half, -middle - half], axis=-1).reshape(m, 6)
         # the upper side of z comes before the lower one
         least[:, 4:] = least[:, 5:3:-1]
         y = np.sort(rng.uniform(0.1, 1.0, m))[::-1]
-        own, w = np.arange(m), np.empty(3)
+        own = np.arange(m)
+        w = np.empty(3)
         best = max(weight_at(least, own, y, point, view) for point in grid[::7])
         assert may_exceed(least, own, y, best - 1e-9, room, view, w)
         if may_exceed(least, own, y, best + 0.05, room, view, w):
@@ -386,6 +397,7 @@ def test_a_tree_of_viewpoints_grown_again_is_the_same_and_so_are_later_ones():
     assert first.grown_for()["finest"] == again.grown_for()["finest"]
     # for the same weights the tree is not grown anew, for others it is
     for y, limit in ((even, 1.1), (odd, 0.9), (odd, 0.3)):
-        one, other = first._viewpoints(y, limit), again._viewpoints(y, limit)
+        one = first._viewpoints(y, limit)
+        other = again._viewpoints(y, limit)
         assert all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
     assert space_for(judge, regions).grown_for() is None

@@ -20,7 +20,8 @@ CERTAIN = PoseUncertainty.isotropic(translation_mm=1e-6, rotation_rad=1e-8)
 class Slab(BoxSpace):
     """Two edges, one visible from z = 460 upwards, the other up to half a micrometre above that."""
 
-    low, high = 460.0, 460.0005
+    low = 460.0
+    high = 460.0005
 
     def _in_front(self, points, name):
         return points[:, 2] >= self.low if name == PAIR[0] else points[:, 2] <= self.high

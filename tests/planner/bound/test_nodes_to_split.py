@@ -10,7 +10,8 @@ import pytest
 from planner.bound.lower_bound import COVERING, _above, _proof, _proof_of_clique, _to_split
 from planner.cover.relaxation import columns_of_covers, core_columns, fractional_cover
 
-COARSE, FINE = 1.0, COVERING.finest_rad / 2
+COARSE = 1.0
+FINE = COVERING.finest_rad / 2
 
 
 def tree_of(sets, size=None):
@@ -33,7 +34,8 @@ def test_nodes_that_weigh_more_than_their_share_are_split_the_heaviest_first():
 
 def test_without_a_cover_by_the_sets_there_is_nothing_to_split():
     """Three entities, no two together: two settings do not cover them; with a pair they may."""
-    single, y = np.eye(3, dtype=bool), np.full(3, 1.0)
+    single = np.eye(3, dtype=bool)
+    y = np.full(3, 1.0)
     assert _to_split(tree_of(single), y, 3) is None
     pairs = [[1, 1, 0], [0, 0, 1], [0, 1, 0]]
     assert sorted(_to_split(tree_of(pairs), np.full(3, 0.5), 3).tolist()) == [0, 1]

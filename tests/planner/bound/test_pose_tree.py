@@ -14,8 +14,11 @@ pytestmark = pytest.mark.uncompiled
 
 
 def test_the_least_depth_of_a_node_is_not_overstated():
-    aside, ahead, spread = 2e-6, 400.0, 0.5
-    ray, axis = np.array([aside, 0.0, ahead]), np.array([[0.0, 0.0, 1.0]])
+    aside = 2e-6
+    ahead = 400.0
+    spread = 0.5
+    ray = np.array([aside, 0.0, ahead])
+    axis = np.array([[0.0, 0.0, 1.0]])
     node = Nodes(
         np.zeros((1, 3)), np.zeros(1), axis, np.array([spread]), np.eye(3)[None], np.zeros(1)
     )
@@ -34,19 +37,16 @@ def test_the_angle_to_a_corner_of_a_small_patch_is_exact_to_the_last_digits():
 
 def test_no_pose_of_a_node_sees_a_point_nearer_than_its_least_depth_nor_one_that_it_cannot_see():
     """Poses drawn in balls of positions, cones of directions and ranges of rolls, and the point projected."""
-    view, rng = (
-        Frustum(300.0, 500.0, 0.5, 0.4, math.atan(math.hypot(0.5, 0.4))),
-        np.random.default_rng(3),
-    )
+    view = Frustum(300.0, 500.0, 0.5, 0.4, math.atan(math.hypot(0.5, 0.4)))
+    rng = np.random.default_rng(3)
     n_seen = n_never = 0
     for _ in range(600):
-        radius, spread, roll = (
-            rng.choice([0.0, 5.0, 50.0]),
-            rng.choice([0.01, 0.1, 0.5]),
-            rng.choice([0.0, 0.1, 0.5]),
-        )
+        radius = rng.choice([0.0, 5.0, 50.0])
+        spread = rng.choice([0.01, 0.1, 0.5])
+        roll = rng.choice([0.0, 0.1, 0.5])
         frame = Rotation.random(random_state=rng).as_matrix()
-        share, depth = rng.uniform(-1.4, 1.4, 2), rng.uniform(200.0, 600.0)
+        share = rng.uniform(-1.4, 1.4, 2)
+        depth = rng.uniform(200.0, 600.0)
         ray = frame @ [share[0] * 0.5 * depth, share[1] * 0.4 * depth, depth]
         turned = roll * math.sin(view.cone)
         node = Nodes(

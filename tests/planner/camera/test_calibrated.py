@@ -16,8 +16,10 @@ from planner.request.image_constraints import cone_slacks, field_of_view_slacks
 K = np.array([[2320.0, 0.0, 1251.5], [0.0, 2326.0, 1009.0], [0.0, 0.0, 1.0]])
 LENS = {"pixel_pitch_mm": 0.00345, "f_number": 8.0, "focus_distance_mm": 300.0}
 SIZE = (2448, 2048)
-BARREL, CUSHION = (-0.21, 0.08, 1e-3, -6e-4, -0.01), (0.09, 0.03, -8e-4, 5e-4, 0.0)
-TANGENTIAL, MOUSTACHE = (0.0, 0.0, 2e-3, 3e-3, 0.0), (-0.12, 0.35, 0.0, 0.0, -0.1)
+BARREL = (-0.21, 0.08, 1e-3, -6e-4, -0.01)
+CUSHION = (0.09, 0.03, -8e-4, 5e-4, 0.0)
+TANGENTIAL = (0.0, 0.0, 2e-3, 3e-3, 0.0)
+MOUSTACHE = (-0.12, 0.35, 0.0, 0.0, -0.1)
 
 
 def camera(distortion):
@@ -76,7 +78,8 @@ def test_rectangles_lie_inside_and_around_the_field(coefficients, margin):
     corners = np.array([[left, top], [right, top], [left, bottom], [right, bottom]])
     points = np.c_[np.r_[np.c_[x, y], corners], np.ones(20_004)]
     seen, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), K, np.array(coefficients))
-    low, high = margin - 0.5, np.array(SIZE) - 0.5 - margin
+    low = margin - 0.5
+    high = np.array(SIZE) - 0.5 - margin
     assert (seen[:, 0] >= low).all()
     assert (seen[:, 0] <= high).all()
     sides = np.linspace(low, high, 400)
@@ -101,7 +104,8 @@ def test_stretch_bounds_singular_values(coefficients):
     field = one.field()
     left, top, right, bottom = field.inner
     points = np.random.default_rng(5).uniform([left, top], [right, bottom], (300, 2))
-    lens, step = Distortion(*coefficients), 1e-6
+    lens = Distortion(*coefficients)
+    step = 1e-6
     columns = [
         (lens.distort(points + step * e) - lens.distort(points - step * e)) / (2 * step)
         for e in np.eye(2)
@@ -154,7 +158,8 @@ def test_cone_of_an_off_centre_camera_keeps_to_the_nearest_side():
 
 def test_margin_of_poses_is_counted_in_real_pixels():
     sigma = PoseUncertainty.isotropic(translation_mm=0.2, rotation_rad=0.002)
-    plain, cushion = camera(None), camera(CUSHION)
+    plain = camera(None)
+    cushion = camera(CUSHION)
     # a cushion stretches the image near the corner, so a displacement is more pixels there
     assert corner_margin_px(cushion, sigma) > 1.05 * corner_margin_px(plain, sigma)
 

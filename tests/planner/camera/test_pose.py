@@ -50,7 +50,8 @@ def test_pan_turns_the_view_right_tilt_up_and_roll_clockwise():
 
 
 def test_world_to_cam_matches_opencv_for_many_poses():
-    cv2, rng = pytest.importorskip("cv2"), np.random.default_rng(3)
+    cv2 = pytest.importorskip("cv2")
+    rng = np.random.default_rng(3)
     points = rng.normal(size=(5, 2, 3)) * 50
     poses = look_at(rng.normal(size=(4, 3)) * 400, [0, 0, 0], *rng.uniform(-0.3, 0.3, (3, 4)))
     local = world_to_cam(points, poses)
@@ -65,7 +66,8 @@ def test_world_to_cam_matches_opencv_for_many_poses():
 
 def test_paper_frame_projects_like_the_camera():
     # eqs 4–5: u = f·C1/(f − C3), v = f·C2/(f − C3), with C2 upwards
-    f, point = 26.0, np.array([30.0, -12.0, 580.0])
+    f = 26.0
+    point = np.array([30.0, -12.0, 580.0])
     c1, c2, c3 = cam_to_paper(point, f)
     assert c3 < 0
     assert f * c1 / (f - c3) == pytest.approx(f * point[0] / point[2])
@@ -80,7 +82,8 @@ def test_jacobian_into_the_papers_displacement_against_displaced_cameras(directi
     size = 1e-6
     move = np.zeros(6)
     move[direction] = size
-    rotation, translation = Rotation.from_rotvec(move[3:]).as_matrix(), move[:3]
+    rotation = Rotation.from_rotvec(move[3:]).as_matrix()
+    translation = move[:3]
     displaced = cam_to_paper((points - translation) @ rotation, f)
     d, phi = np.split(paper_displacement_jacobian(f) @ move, 2)
     c = cam_to_paper(points, f)
@@ -92,7 +95,8 @@ def test_paper_covariance_against_sampled_displacements():
     rng = np.random.default_rng(1)
     mixing = rng.normal(size=(6, 6)) * np.repeat([0.03, 1e-4], 3)[:, None]
     uncertainty = PoseUncertainty(mixing @ mixing.T)
-    f, points = 26.0, rng.uniform([-60, -60, 500], [60, 60, 700], (3, 3))
+    f = 26.0
+    points = rng.uniform([-60, -60, 500], [60, 60, 700], (3, 3))
     moves = rng.multivariate_normal(np.zeros(6), uncertainty.covariance, 200_000, method="eigh")
     shift = -np.cross(moves[:, None, 3:], points) - moves[:, None, :3]
     expected = np.cov((shift * [1, -1, -1]).reshape(len(moves), -1).T)

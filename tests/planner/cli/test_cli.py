@@ -441,7 +441,8 @@ def test_boxes_too_near_each_other_are_refused_before_planning(folder, capsys):
     """Two copies of the block a nanometre apart would be one to the grid."""
     counts, *rows = [line for line in BLOCK.splitlines() if line and line != "OFF"]
     n_vertices, n_faces = map(int, counts.split()[:2])
-    vertices, faces = rows[:n_vertices], rows[n_vertices : n_vertices + n_faces]
+    vertices = rows[:n_vertices]
+    faces = rows[n_vertices : n_vertices + n_faces]
     corners = [list(map(float, row.split())) for row in vertices]
     shift = max(x for x, _, _ in corners) - min(x for x, _, _ in corners) + 1e-6
     moved = [f"{x + shift!r} {y!r} {z!r}" for x, y, z in corners]

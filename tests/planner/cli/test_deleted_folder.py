@@ -49,7 +49,8 @@ print("gone", main(["batch", str(block.parent), "--camera", "x.toml", "--out", "
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it cannot be deleted")
 def test_a_plan_outlives_the_folder_its_process_is_in(tmp_path):
-    here, out = tmp_path / "here", tmp_path / "out"
+    here = tmp_path / "here"
+    out = tmp_path / "out"
     done = subprocess.run(
         [sys.executable, "-c", _SCRIPT, str(here), str(out), str(BLOCK)],
         capture_output=True,

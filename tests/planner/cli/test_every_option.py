@@ -25,7 +25,8 @@ NEEDED = {
     "simulate": ["plan.json"],
     "optics": ["box.off", "--all"],
 }
-NO_NUMBER, NEGATIVE = ["many"], ["-1"]
+NO_NUMBER = ["many"]
+NEGATIVE = ["-1"]
 BAD = {
     "--accuracy": ["2"],
     "--again": ["nowhere.json"],

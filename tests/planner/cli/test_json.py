@@ -89,7 +89,8 @@ def test_a_simulation(record, tmp_path):
 
 
 def test_graph_and_plan_have_one_workspace_if_the_camera_is_told(record, tmp_path, capsys):
-    name, path = "basler-acA2440-20gm-8mm", str(tmp_path / "g.graphml")
+    name = "basler-acA2440-20gm-8mm"
+    path = str(tmp_path / "g.graphml")
     _, found = record("graph", BLOCK, "--entities", "0", "--graphml", path, "--camera", name)
     # as far as the lens focuses in the image's corners: the depth of field's far limit, along the corner's ray
     camera = Camera.named(name)

@@ -17,7 +17,8 @@ UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
 
 @pytest.fixture(scope="module")
 def judge():
-    solid, wanted = two_pocket_block(), entities()
+    solid = two_pocket_block()
+    wanted = entities()
     space = compute_regions(solid, wanted, workspace=default_workspace(solid, CAMERA))
     need = Requirements(showing=Showing(separation_px=8.0, min_corner_deg=25.0))
     return Judge(Request(space, space.entity_names, CAMERA, UNCERTAINTY, 0.97, 0.9, need))
@@ -31,10 +32,8 @@ def poses(judge):
 def test_the_conditions_are_told_apart(judge, poses):
     """Or else what follows would say little: some edges have no corner, and of the others some are near to a line."""
     seen = judge._missed(poses) == 0.0
-    corners, apart = (
-        judge.constraints.image.corners(poses, seen),
-        judge.constraints.image.separations(poses, seen),
-    )
+    corners = judge.constraints.image.corners(poses, seen)
+    apart = judge.constraints.image.separations(poses, seen)
     assert (corners[seen] < 0).any()
     assert (apart[seen & (corners >= 0)] < 0).any()
     assert judge(poses).inspects.any()
@@ -44,7 +43,8 @@ def test_the_conditions_are_told_apart(judge, poses):
 def test_what_is_worth_more_than_one_is_judged_as_without_prices(judge, poses, seed):
     rng = np.random.default_rng(seed)
     prices = rng.uniform(0.0, 0.9, len(judge.names)) * (rng.random(len(judge.names)) < 0.8)
-    whole, priced = judge(poses), judge(poses, prices)
+    whole = judge(poses)
+    priced = judge(poses, prices)
     worthy = whole.nearly @ prices > 1.0 + 1e-6
     assert worthy.any()
     assert not worthy.all()

@@ -28,7 +28,8 @@ def pools_of(judge, names, nearly=True):
     """Pools of poses drawn for some entities, without the others; nearly inspected is what is so by these."""
     pools = Pools(ColumnPool(len(NAMES)), ColumnPool(len(NAMES)))
     poses = np.concatenate([entity_poses(judge, name, 25, seed=1) for name in names])
-    judged, some = judge(poses), np.isin(NAMES, names)
+    judged = judge(poses)
+    some = np.isin(NAMES, names)
     pools.realised.add(judged.inspects & some, poses, judged.probability)
     if nearly:
         pools.near.add(judged.nearly & some, poses, judged.probability)
@@ -37,7 +38,8 @@ def pools_of(judge, names, nearly=True):
 
 def prices_asked(judge, monkeypatch, pools, begin, rounds):
     """Return the prices of each round; the pools are changed."""
-    asked, improve = [], candidates._improve
+    asked = []
+    improve = candidates._improve
 
     def watched(shared, pools, breed, prices, rng, executor):
         asked.append(prices.copy())

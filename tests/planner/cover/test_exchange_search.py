@@ -27,7 +27,8 @@ def small(seed):
 def windows(seed):
     """Which of random points are in windows at random, as entities are in what a camera sees sharply; or alone."""
     random = np.random.default_rng(seed)
-    points, corners = random.random((150, 3)), random.random((3000, 3)) * 1.4 - 0.4
+    points = random.random((150, 3))
+    corners = random.random((3000, 3)) * 1.4 - 0.4
     inside = (points >= corners[:, None]) & (points <= corners[:, None] + 0.4)
     membership = np.vstack([inside.all(axis=2), np.eye(150, dtype=bool)])
     return membership[maximal_columns(membership)]
@@ -101,20 +102,23 @@ def test_of_equally_few_columns_the_better_ones_are_chosen():
 
 
 def test_set_that_would_save_a_column_is_realised_if_it_nearly_is():
-    realised, none = sets([[0, 1], [2], [3]], 4), sets([], 4)
+    realised = sets([[0, 1], [2], [3]], 4)
+    none = sets([], 4)
     (wanted,) = sets_to_realise(realised, sets([[1, 2, 3]], 4), none, 3, 100, rng())
     assert np.flatnonzero(wanted).tolist() == [2, 3]
     assert sets_to_realise(realised, sets([[1, 2]], 4), none, 3, 100, rng()) == []
 
 
 def test_what_contains_a_refuted_set_is_not_realised():
-    realised, near = sets([[0, 1], [2], [3]], 4), sets([[1, 2, 3]], 4)
+    realised = sets([[0, 1], [2], [3]], 4)
+    near = sets([[1, 2, 3]], 4)
     assert sets_to_realise(realised, near, sets([[2, 3]], 4), 3, 100, rng()) == []
 
 
 def test_several_sets_are_realised_where_one_would_not_do():
     """Two columns instead of four: both must be optimistic ones."""
-    realised, near = sets([[0], [1], [2], [3]], 4), sets([[0, 1], [2, 3]], 4)
+    realised = sets([[0], [1], [2], [3]], 4)
+    near = sets([[0, 1], [2, 3]], 4)
     wanted = sets_to_realise(realised, near, sets([], 4), 3, 100, rng())
     assert {tuple(np.flatnonzero(one)) for one in wanted} <= {(0, 1), (2, 3)}
     assert len(wanted) == 2

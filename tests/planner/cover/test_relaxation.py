@@ -37,7 +37,8 @@ def test_columns_of_no_cover_are_left_out():
 def test_core_columns_cover_with_as_few_as_all_columns(seed):
     """On windows of random points in the plane, as views of a flat part are."""
     rng = np.random.default_rng(seed)
-    points, corners = rng.random((60, 2)), rng.random((1500, 2)) * 1.2 - 0.2
+    points = rng.random((60, 2))
+    corners = rng.random((1500, 2)) * 1.2 - 0.2
     inside = (points >= corners[:, None]) & (points <= corners[:, None] + 0.3)
     membership = inside.all(axis=2)
     membership = np.vstack([membership, np.eye(60, dtype=bool)])
@@ -80,7 +81,8 @@ def dual_of_all(columns, factor):
 def test_a_guess_does_not_change_the_dual(seed):
     """Random factors leave one optimum; a good guess, a wrong one, and none at all must find it."""
     rng = np.random.default_rng(seed)
-    columns, factor = rng.random((2500, 20)) < 0.3, 1.0 + 0.5 * rng.random(20)
+    columns = rng.random((2500, 20)) < 0.3
+    factor = 1.0 + 0.5 * rng.random(20)
     expected = dual_of_all(columns, factor)
     for guess in (None, expected, 1.0 - expected, np.zeros(20)):
         value, y = fractional_cover(columns, factor, guess)

@@ -44,7 +44,8 @@ def space_for(judge, regions, conflict=None):
 
 def found_in(space, part, y, limit, max_nodes=100_000):
     """Search one part of the space: outcome, boxes looked at, pose, what it inspects."""
-    pose, inspected = np.empty((4, 4)), np.zeros(len(y), dtype=bool)
+    pose = np.empty((4, 4))
+    inspected = np.zeros(len(y), dtype=bool)
     chart, box = part
     order = np.argsort(-y, kind="stable")
     if space not in TREES:
@@ -68,7 +69,8 @@ def pose_of(view, chart, look, turn):
 def box_around(rng, view, size, small):
     """A random box (4, 3) of poses near a part with a corner in the origin, and poses in it."""
     chart = int(rng.integers(2))
-    look, turn = rng.uniform(-0.2, 1.2, 3) * size, rng.uniform(-1, 1, 3)
+    look = rng.uniform(-0.2, 1.2, 3) * size
+    turn = rng.uniform(-1, 1, 3)
     box = np.array([look, np.full(3, 60.0 * small), turn, np.full(3, 0.2 * small)])
     at = rng.uniform(-1, 1, (400, 2, 3))
     inside = [pose_of(view, chart, look + box[1] * d[0], turn + box[3] * d[1]) for d in at]
@@ -84,7 +86,8 @@ def sets_of(tree):
 
 def assert_tree_has(tree, poses, inspects, least):
     """All boxes that hold a pose have what it inspects; more poses than that inspect something."""
-    sets, some = sets_of(tree), np.flatnonzero(inspects.any(axis=1))
+    sets = sets_of(tree)
+    some = np.flatnonzero(inspects.any(axis=1))
     assert len(some) > least
     for k in some:
         eye = poses[k, :3, 3]

@@ -63,7 +63,8 @@ def _place(data, rng):
 
 
 def _change(holder, key, rng):
-    value, kind = holder[key], rng.randrange(6)
+    value = holder[key]
+    kind = rng.randrange(6)
     if kind == 0:
         del holder[key]
     elif kind == 1 and isinstance(value, int | float) and math.isfinite(value):

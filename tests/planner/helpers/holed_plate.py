@@ -7,13 +7,16 @@ import numpy as np
 from aspectgraph import Solid
 from planner import Camera, Effort, PoseUncertainty
 
-SIZE, HEIGHT, N = (80.0, 50.0), 10.0, 24
+SIZE = (80.0, 50.0)
+HEIGHT = 10.0
+N = 24
 HOLES = {"left": ((20.0, 25.0), 8.0), "right": ((60.0, 25.0), 6.0)}
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
 QUICK = Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=2000)
 # edges of the top, by their ends
-FRONT, BACK = [[0, 0, 10], [80, 0, 10]], [[0, 50, 10], [80, 50, 10]]
+FRONT = [[0, 0, 10], [80, 0, 10]]
+BACK = [[0, 50, 10], [80, 50, 10]]
 LEFT = [[0, 0, 10], [0, 50, 10]]
 
 
@@ -24,7 +27,9 @@ def holed_plate():
     for (cx, cy), r in HOLES.values():
         angles = -2 * math.pi * np.arange(N) / N
         loops.append([(cx + r * math.cos(a), cy + r * math.sin(a)) for a in angles])
-    vertices, bottom, top = [], [], []
+    vertices = []
+    bottom = []
+    top = []
     for loop in loops:
         start = len(vertices)
         vertices += [(*p, z) for z in (0.0, HEIGHT) for p in loop]

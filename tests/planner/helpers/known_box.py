@@ -60,12 +60,14 @@ class BoxSpace:
         self.solid = SimpleNamespace(
             vertices=corner, triangles=triangles, bounds=np.array([0 * self.size, self.size])
         )
-        self.entities, self._faces = {}, {}
+        self.entities = {}
+        self._faces = {}
         for axis in range(3):
             i, j = [a for a in range(3) if a != axis]
             for at_i, at_j in product((0, 1), repeat=2):
                 start = np.zeros(3)
-                start[i], start[j] = at_i * self.size[i], at_j * self.size[j]
+                start[i] = at_i * self.size[i]
+                start[j] = at_j * self.size[j]
                 end = start.copy()
                 end[axis] = self.size[axis]
                 name = f"{'xyz'[axis]}{at_i}{at_j}"

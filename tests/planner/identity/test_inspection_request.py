@@ -84,7 +84,8 @@ def test_every_option_of_a_plan_is_of_the_request_or_a_tool():
 @pytest.mark.parametrize("name", CHANGES)
 def test_every_option_tells_requests_apart_and_is_named(block, name):
     options, words = CHANGES[name]
-    first, second = request_of(block), request_of(block, **options)
+    first = request_of(block)
+    second = request_of(block, **options)
     assert words in second.difference(first)
     assert first.difference(second) is not None
     assert first.fingerprint() != second.fingerprint()
@@ -93,8 +94,10 @@ def test_every_option_tells_requests_apart_and_is_named(block, name):
 
 
 def test_what_else_is_asked_tells_requests_apart(block):
-    first, some = request_of(block), ids(block)
-    top, side = some[0], some[3]
+    first = request_of(block)
+    some = ids(block)
+    top = some[0]
+    side = some[3]
     cases = {
         "rng was 0 and is now 1": request_of(block, promise=(0.98, 0.9, 1)),
         "accuracy was 0.98 and is now 0.97": request_of(block, promise=(0.97, 0.9, 0)),
@@ -170,7 +173,8 @@ def test_a_field_that_is_added_cannot_be_forgotten(block):
         "Wider", [("made_up", float, 1.0)], bases=(InspectionRequest,), frozen=True, eq=False
     )
     known = {one.name: getattr(request_of(block), one.name) for one in fields(InspectionRequest)}
-    first, second = wider(**known), wider(**known, made_up=2.0)
+    first = wider(**known)
+    second = wider(**known, made_up=2.0)
     assert second.difference(first) == "made_up was 1 and is now 2"
     assert first.fingerprint() != second.fingerprint()
     # and one that cannot be told apart by plain values is refused

@@ -40,7 +40,8 @@ def made_up(monkeypatch):
         added = [("made_up", str, field(default="none"))]
         return make_dataclass(kind.__name__, added, bases=(kind,), frozen=True, **how)
 
-    request, options = wider(InspectionRequest, eq=False), wider(InspectionOptions)
+    request = wider(InspectionRequest, eq=False)
+    options = wider(InspectionOptions)
     for name in _REQUEST:
         monkeypatch.setattr(f"planner.identity.{name}.InspectionRequest", request)
     monkeypatch.setattr("planner.batch.part_request.InspectionRequest", request)

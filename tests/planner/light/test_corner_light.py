@@ -48,10 +48,8 @@ def test_who_does_not_ask_for_corners_gets_none():
 
 def test_one_line_per_end_is_enough_and_no_end_may_lack_one():
     """A lamp before the block, below its top: the uprights show, the edges of the top do not."""
-    corners, scene = (
-        found(asked(min_corner_deg=25.0)),
-        RayScene(block().vertices, block().triangles),
-    )
+    corners = found(asked(min_corner_deg=25.0))
+    scene = RayScene(block().vertices, block().triangles)
     lamps = np.array([(40.0, -400.0, 30.0), (40.0, 400.0, 30.0)])
     sets = np.array([[0], [1]])
     assert corners.shown(scene, lamps, sets, LIMITS, np.ones((2, 1), bool))[:, 0].tolist() == [
@@ -64,7 +62,8 @@ def test_one_line_per_end_is_enough_and_no_end_may_lack_one():
 
 def test_an_end_whose_only_line_is_dark():
     """The first pair has a lit line at one end only, the second one at both."""
-    front, top = np.array([0.0, -1, 0]), np.array([0.0, 0, 1])
+    front = np.array([0.0, -1, 0])
+    top = np.array([0.0, 0, 1])
     points = np.array([[10.0, 0, 60], [70, 0, 60], [10, 0, 60], [70, 0, 60]])
     normals = np.array([front, top, front, front])
     sites = Sites(points, normals, np.array([[0, -1], [1, -1], [2, -1], [3, -1]]), np.arange(4), 4)

@@ -82,7 +82,9 @@ def test_fixed_lamps_by_the_formula():
         settings=(setting((40.0, -180.0, 620.0), ["top front"]),),
         uninspectable={"top right": "", "bottom": ""},
     )
-    even, good, behind = (40.0, -300.0, 360.0), (40.0, -100.0, 360.0), (40.0, 100.0, -10.0)
+    even = (40.0, -300.0, 360.0)
+    good = (40.0, -100.0, 360.0)
+    behind = (40.0, 100.0, -10.0)
     assert plan_light(one, block(), [even, behind]).unlit[0] == {
         "top front": "none of 2 lamps shows it: 2 with a contrast under 0.1, 0 with a step under 0.1, "
         "0 not lighting all of it."
@@ -111,10 +113,8 @@ def test_what_hardly_any_light_falls_on_does_not_show():
 
 
 def test_a_lamp_of_each_setting_is_asked_about_that_setting_only():
-    one, places = (
-        side_plan(),
-        np.array([[-600.0, 25.0, 30.0], [680.0, 25.0, 30.0], [40.0, 25.0, 900.0]]),
-    )
+    one = side_plan()
+    places = np.array([[-600.0, 25.0, 30.0], [680.0, 25.0, 30.0], [40.0, 25.0, 900.0]])
     every, own = (Lighting("ring").served(one, block()) for _ in range(2))
     every.keep(places[1::-1])
     own.keep_own(places[1::-1])
@@ -152,7 +152,8 @@ def test_ring_light():
 
 def test_a_silhouette_needs_contrast_with_what_is_behind():
     """Lit from high above, both floors of a step are as bright: 1 / (h²) differs by 2 % for 10 mm in 1000."""
-    above, beside = (20.0, 20.0, 1000.0), (-40.0, 20.0, 20.0)
+    above = (20.0, 20.0, 1000.0)
+    beside = (-40.0, 20.0, 20.0)
     found = plan_light(ABOVE, step(), [above])
     assert found.unlit[0]["rim"].endswith(
         "1 not lighting all of it, or no contrast with what is behind."
@@ -242,12 +243,14 @@ def test_lamps_that_are_on_together_add_up():
         settings=(setting((40.0, -180.0, 620.0), ["top front"]),),
         uninspectable={"top right": "", "bottom": ""},
     )
-    front, top = (40.0, -1000.0, 60.0), (40.0, 0.0, 1060.0)
+    front = (40.0, -1000.0, 60.0)
+    top = (40.0, 0.0, 1060.0)
     for lamp in (front, top):
         found = plan_light(one, block(), LampsTogether([lamp]))
         assert found.images[0][0].contrast["top front"] == pytest.approx(1.0)
         assert found.together
-    scene, light = RayScene(block().vertices, block().triangles), _light(one)
+    scene = RayScene(block().vertices, block().triangles)
+    light = _light(one)
     sets = LampSets(
         scene, sites_of(light.light, light.pairs), np.array([front, top]), np.zeros((1, 3))
     )
@@ -269,7 +272,8 @@ def test_together_by_the_formula():
         for x in np.linspace(0.06, 0.94, 9) * 80.0:
             way = lamps - (x, 0.0, 60.0)
             share = 1.0 / np.linalg.norm(way, axis=1) ** power
-            front, top = (-way[:, 1] * share).sum(), (way[:, 2] * share).sum()
+            front = (-way[:, 1] * share).sum()
+            top = (way[:, 2] * share).sum()
             values.append(abs(front - top) / (front + top))
     light = _light(one)
     scene = RayScene(block().vertices, block().triangles)
@@ -317,7 +321,8 @@ def test_the_mean_contrast_is_never_the_largest():
     )
     rng = np.random.default_rng(4)
     lamps = np.array([40.0, -300.0, 400.0]) + rng.uniform(-300, 300, (12, 3)) * (1, 0.9, 0.9)
-    light, scene = _light(one), RayScene(block().vertices, block().triangles)
+    light = _light(one)
+    scene = RayScene(block().vertices, block().triangles)
     sets = LampSets(scene, sites_of(light.light, light.pairs), lamps, np.zeros((1, 3)))
     alone = sets.shown(np.arange(12)[:, None])[0][:, 0]
     trios = np.array(list(combinations(range(12), 3)))

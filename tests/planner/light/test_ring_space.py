@@ -20,7 +20,8 @@ def space_of(solid, entities, contrast=0.1, least_step=0.1):
 def test_both_floors_of_a_step_are_as_bright_from_above():
     """The rim of the upper floor is a silhouette for x < 30: 10 mm in 390 make no contrast."""
     space = space_of(step(), RIM)
-    above, in_front = np.array([[10.0, 20, 400]]), np.array([[200.0, 20, 400]])
+    above = np.array([[10.0, 20, 400]])
+    in_front = np.array([[200.0, 20, 400]])
     assert space.light.observable(above).all()
     assert not space.observable(above).any()
     # from x = 200 both faces are seen, at heights of 170 and 390 mm over them
@@ -39,8 +40,10 @@ def test_the_space_agrees_with_lamps_planned_for_single_poses(part):
     middle = solid.bounds.mean(axis=0)
     ways = np.random.default_rng(4).normal(size=(12, 3))
     eyes = middle + 300.0 * ways / np.linalg.norm(ways, axis=1, keepdims=True)
-    shown, exact = space.observable(eyes), space.light.observable(eyes)
-    settings, names = [], []
+    shown = space.observable(eyes)
+    exact = space.light.observable(eyes)
+    settings = []
+    names = []
     for k, eye in enumerate(eyes):
         seen = [name for i, name in enumerate(edges) if exact[k, i]]
         settings.append(setting(tuple(eye), seen, tuple(middle), probability=1.0))

@@ -76,7 +76,8 @@ def test_a_border_beside_one_point_of_a_line_is_enough():
     """The places beside all points but the last are moved to where the whole floor is in the shadow."""
     points = np.column_stack([np.full(9, 60.0), np.linspace(4.0, 36.0, 9), np.zeros(9)])
     beside = beside_lines(SCENE, [SeenLine(EYE, points, np.array([0.0, 1, 0]))], 5.0, PIXEL_RAD)
-    lamps, asked = np.array([lamp_for(58.3)]), np.ones((1, 1), bool)
+    lamps = np.array([lamp_for(58.3)])
+    asked = np.ones((1, 1), bool)
     one = beside.strip // 2 == 8
     moved = np.where(one[:, None], beside.places, beside.places - [20.0, 0, 0])
     assert beside.clear(SCENE, lamps, asked).tolist() == [[False]]

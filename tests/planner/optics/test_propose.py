@@ -13,7 +13,8 @@ from planner.optics.propose import DISTANCES_MM
 
 BLOCK = read_solid("examples/two_pocket_block.off")
 SIGMA = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-RIM, OTHER = [[60, 20, 10], [60, 40, 10]], [[20, 60, 10], [40, 60, 10]]
+RIM = [[60, 20, 10], [60, 40, 10]]
+OTHER = [[20, 60, 10], [40, 60, 10]]
 WANTED = {
     "rim": RIM,
     "height": Dimension.distance([[60, 20, 30], [60, 40, 30]], RIM, max_error_mm=0.05),
@@ -50,7 +51,8 @@ def test_the_best_comes_first(proposals):
 
 
 def test_apertures_are_closed_until_diffraction_blurs_two_pixels(proposals):
-    lenses, stops = camera_parts()["lens"], [1.4, 2, 2.8, 4, 5.6, 8, 11, 16]
+    lenses = camera_parts()["lens"]
+    stops = [1.4, 2, 2.8, 4, 5.6, 8, 11, 16]
     for one in proposals:
         camera = one.camera
         airy = 2.44 * 550e-6 * camera.image_distance_mm / camera.aperture_mm

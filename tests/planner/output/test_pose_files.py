@@ -112,7 +112,8 @@ def test_nerfstudio(folder, k, expected):
     # OpenGL camera: looks along -z with y up, pixel corners at whole numbers
     x, y, z, _ = np.linalg.inv(frame["transform_matrix"]) @ [*POINT, 1.0]
     assert z < 0
-    u, v = data["fl_x"] * x / -z + data["cx"], data["fl_y"] * -y / -z + data["cy"]
+    u = data["fl_x"] * x / -z + data["cx"]
+    v = data["fl_y"] * -y / -z + data["cy"]
     assert [u - 0.5, v - 0.5] == expected
     assert frame["file_path"].endswith(image_name(k))
 
@@ -154,8 +155,10 @@ def distorted(k, k3):
 
 
 def brown_conrady(local, scales, coefficients):
-    (fx, fy, cx, cy), (k1, k2, p1, p2, k3) = scales, coefficients
-    x, y = local[0] / local[2], local[1] / local[2]
+    (fx, fy, cx, cy) = scales
+    (k1, k2, p1, p2, k3) = coefficients
+    x = local[0] / local[2]
+    y = local[1] / local[2]
     r2 = x**2 + y**2
     radial = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
     u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x**2)

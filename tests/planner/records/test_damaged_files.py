@@ -36,7 +36,9 @@ def assert_one_line(error, path):
 
 def test_damaged_plan_is_refused_or_makes_sense(tmp_path):
     good = encoded(plan(light=LIGHT).simulated(100).to_dict())
-    rng, path, refused = random.Random(1), tmp_path / "plan.json", 0
+    rng = random.Random(1)
+    path = tmp_path / "plan.json"
+    refused = 0
     for _ in range(MUTANTS):
         path.write_bytes(damaged_json(good, rng))
         try:
@@ -74,7 +76,8 @@ def assert_sensible(found):
 def test_damaged_state_is_refused_and_left_alone_or_makes_sense(tmp_path):
     path = tmp_path / "state.json"
     good = json.loads(written_state(path).read_text())
-    rng, refused = random.Random(2), 0
+    rng = random.Random(2)
+    refused = 0
     for _ in range(MUTANTS):
         content = damaged_json(good, rng)
         path.write_bytes(content)
@@ -113,7 +116,9 @@ def written_state(path):
 
 
 def test_damaged_camera_is_refused_or_exists(tmp_path):
-    rng, path, refused = random.Random(3), tmp_path / "camera.toml", 0
+    rng = random.Random(3)
+    path = tmp_path / "camera.toml"
+    refused = 0
     for _ in range(MUTANTS):
         path.write_bytes(damaged_toml(CAMERA, rng))
         try:

@@ -28,7 +28,8 @@ KEPT = {
 
 @pytest.mark.parametrize("name", [name for name in READERS if name != "part.step"])
 def test_damaged_files_are_read_or_refused(tmp_path, name):
-    path, good = tmp_path / name, READERS[name].good()
+    path = tmp_path / name
+    good = READERS[name].good()
     path.write_bytes(good)
     assert outcome(name, path) == "read"
     found = []
@@ -40,7 +41,8 @@ def test_damaged_files_are_read_or_refused(tmp_path, name):
 
 @pytest.mark.parametrize("name", [name for name in READERS if READERS[name].read is not read_solid])
 def test_every_reader_has_a_limit_of_size(tmp_path, monkeypatch, name):
-    path, good = tmp_path / name, READERS[name].good()
+    path = tmp_path / name
+    good = READERS[name].good()
     path.write_bytes(good)
     if name == "part.step":
         with pytest.raises(ReadError, match=r"must have at most file_mb=0\.001 MB"):
@@ -54,7 +56,8 @@ def test_every_reader_has_a_limit_of_size(tmp_path, monkeypatch, name):
 
 @pytest.mark.parametrize("name", [name for name in READERS if READERS[name].read is read_solid])
 def test_every_mesh_has_a_limit_of_size(tmp_path, name):
-    path, good = tmp_path / name, READERS[name].good()
+    path = tmp_path / name
+    good = READERS[name].good()
     path.write_bytes(good)
     with pytest.raises(ReadError, match=r"must have at most file_mb=0\.0001 MB"):
         read_solid(path, limits=ReadLimits(file_mb=0.0001))
@@ -84,7 +87,8 @@ def test_mutants_are_the_same_everywhere():
 
 def test_a_damaged_step_file_is_read_or_refused(tmp_path):
     pytest.importorskip("OCP")
-    path, good = tmp_path / "part.step", READERS["part.step"].good()
+    path = tmp_path / "part.step"
+    good = READERS["part.step"].good()
     for seed in range(2):
         path.write_bytes(mutant("part.step", seed, good))
         assert outcome("part.step", path) in ("read", "refused")

@@ -67,7 +67,8 @@ def test_many_reasons_are_counted_at_the_head_and_listed_below():
     reasons = {f"e{i}": Reason.of(low, f"P = 0.{i}") for i in range(FEW)}
     # the kind is no part of the text
     reasons["x"] = Reason("x: y", ReasonKind.UNOBSERVABLE)
-    head, below = text(not_inspected(reasons, "edge")), reasons_section(reasons, "edge")
+    head = text(not_inspected(reasons, "edge"))
+    below = reasons_section(reasons, "edge")
     assert f"probability too low ({FEW}): e0, e1, " in head
     assert "unobservable (1): x" in head
     assert "P = 0.3" not in head

@@ -60,10 +60,8 @@ def test_all_domains_of_a_small_graph_and_their_neighbours_are_drawn(graph):
 
 def test_circles_lie_inside_the_picture_and_do_not_hide_one_another(graph):
     circles, _ = drawn(graph_picture(box_plan(), graph, BOX, COLORS).svg)
-    places, radii = (
-        np.array([one[:2] for one in circles.values()]),
-        np.array([one[2] for one in circles.values()]),
-    )
+    places = np.array([one[:2] for one in circles.values()])
+    radii = np.array([one[2] for one in circles.values()])
     assert (places - radii[:, None] > 0).all()
     assert (places + radii[:, None] < [420, 560]).all()
     apart = np.linalg.norm(places[:, None] - places[None], axis=2) + 1e9 * np.eye(len(places))
@@ -71,8 +69,10 @@ def test_circles_lie_inside_the_picture_and_do_not_hide_one_another(graph):
 
 
 def test_cameras_are_told_where_they_stand(graph):
-    picture, found = graph_picture(box_plan(), graph, BOX, COLORS), box_plan()
-    circles, told = drawn(picture.svg)[0], json.loads(picture.domains)
+    picture = graph_picture(box_plan(), graph, BOX, COLORS)
+    found = box_plan()
+    circles = drawn(picture.svg)[0]
+    told = json.loads(picture.domains)
     # camera 1 is above and before the box, camera 2 above: both see the top's edges
     nodes = graph.domain_of([one.position for one in found.settings])
     for k, node in enumerate(nodes):

@@ -41,8 +41,10 @@ def test_without_entities_nothing_is_highlighted():
 def test_under_a_lamp_grey_values_are_those_of_matt_faces():
     """Beside the edge x = 0, z = 40 the greys above the shadows' are as the lamp's heights over the two faces."""
     solid = read_solid("examples/two_pocket_block.off")
-    middle, lamp = np.array([0.0, 30, 40]), np.array([-200.0, 30, 440])
-    maker, pose = PictureMaker(solid, CAMERA), look_at([[-300.0, 30, 340]], middle)[0]
+    middle = np.array([0.0, 30, 40])
+    lamp = np.array([-200.0, 30, 440])
+    maker = PictureMaker(solid, CAMERA)
+    pose = look_at([[-300.0, 30, 340]], middle)[0]
     image = maker.shaded(pose, lamp).astype(float) - _AMBIENT
     # four pixels beside the middle, where the edge passes, on either side
     u, v = (
@@ -50,7 +52,8 @@ def test_under_a_lamp_grey_values_are_those_of_matt_faces():
         - CAMERA.matrix[:2, 2]
     )
     across = np.rint(4 * np.array([u, -v]) / np.hypot(u, v)).astype(int)
-    (i, j), rows = np.array(image.shape) // 2, np.array([1, -1])
+    (i, j) = np.array(image.shape) // 2
+    rows = np.array([1, -1])
     bright = image[i + rows * across[0], j + rows * across[1]]
     assert np.ptp(bright) / bright.sum() == pytest.approx((400 - 200) / (400 + 200), abs=0.02)
 
@@ -59,7 +62,8 @@ def test_cast_shadows_and_the_ground():
     """A lamp low over the face x = 60 leaves its pocket dark: 20 x 20 of 60 x 40 mm; one before it leaves nothing."""
     solid = read_solid("examples/two_pocket_block.off")
     middle = np.array([60.0, 30, 20])
-    maker, pose = PictureMaker(solid, CAMERA), look_at([[530.0, 30, 20]], middle)[0]
+    maker = PictureMaker(solid, CAMERA)
+    pose = look_at([[530.0, 30, 20]], middle)[0]
     low, high = (
         maker.shaded(pose, np.array(place)) for place in ([70.0, -300, 20], [530.0, 30, 20])
     )
@@ -72,10 +76,8 @@ def test_cast_shadows_and_the_ground():
 
 
 def test_a_distorted_edge_is_drawn_as_the_curve_opencv_sees():
-    k, lens = (
-        np.array([[2320.0, 0, 1240.0], [0, 2320.0, 1010.0], [0, 0, 1]]),
-        np.array([-0.2, 0.05, 1e-3, 2e-3, 0]),
-    )
+    k = np.array([[2320.0, 0, 1240.0], [0, 2320.0, 1010.0], [0, 0, 1]])
+    lens = np.array([-0.2, 0.05, 1e-3, 2e-3, 0])
     made = {"pixel_pitch_mm": 0.00345, "f_number": 8.0, "focus_distance_mm": 300.0}
     camera = Camera.from_opencv(k, lens, (2448, 2048), **made)
     pose = look_at([[-20.0, 130.0, 310.0]], [-20.0, 130.0, 10.0])[0]
@@ -108,10 +110,8 @@ def test_it_is_a_picture_by_itself():
 
 
 def test_a_window_holds_what_is_measured_and_has_the_sensors_shape():
-    maker, pose = (
-        PictureMaker(read_solid("examples/two_pocket_block.off"), CAMERA),
-        look_at([[260, 30, 610]], RIM[0])[0],
-    )
+    maker = PictureMaker(read_solid("examples/two_pocket_block.off"), CAMERA)
+    pose = look_at([[260, 30, 610]], RIM[0])[0]
     x, y, width, height = maker.window(pose, {"rim": np.array(RIM)})
     pixels, _ = cv2.projectPoints(np.array(RIM), *_opencv(pose), CAMERA.matrix, np.zeros(5))
     assert (
@@ -134,15 +134,14 @@ def _opencv(pose):
 
 @pytest.mark.parametrize("lamp", [None, np.array([-200.0, 30, 440])])
 def test_shades_of_a_window_are_those_of_the_whole_image(lamp):
-    maker, pose = (
-        PictureMaker(read_solid("examples/two_pocket_block.off"), CAMERA),
-        look_at([[260, 30, 610]], RIM[0])[0],
-    )
+    maker = PictureMaker(read_solid("examples/two_pocket_block.off"), CAMERA)
+    pose = look_at([[260, 30, 610]], RIM[0])[0]
     whole = maker.shaded(pose, lamp).astype(int)
     # a half of the sensor each way, so that four of its pixels lie in one of the whole picture
     window = (612, 512, 1224, 1024)
     near = maker.shaded(pose, lamp, window=window).astype(int)
-    rows, columns = np.arange(0, near.shape[0] - 1, 2), np.arange(0, near.shape[1] - 1, 2)
+    rows = np.arange(0, near.shape[0] - 1, 2)
+    columns = np.arange(0, near.shape[1] - 1, 2)
     coarse = near[np.ix_(rows, columns)]
     place = np.ix_(rows // 2 + whole.shape[0] // 4, columns // 2 + whole.shape[1] // 4)
     # under a lamp the brightest of each picture is the same grey
@@ -159,10 +158,8 @@ def test_shades_of_a_window_are_those_of_the_whole_image(lamp):
 
 
 def test_of_what_is_enlarged_the_whole_image_shows_the_frame_and_no_names():
-    maker, pose = (
-        PictureMaker(read_solid("examples/two_pocket_block.off"), CAMERA),
-        look_at([[260, 30, 610]], RIM[0])[0],
-    )
+    maker = PictureMaker(read_solid("examples/two_pocket_block.off"), CAMERA)
+    pose = look_at([[260, 30, 610]], RIM[0])[0]
     window = maker.window(pose, {"rim": np.array(RIM)})
     whole = maker.image_svg(pose, {"rim": np.array(RIM)}, "#123456", outlined=window)
     near = maker.image_svg(pose, {"rim": np.array(RIM)}, "#123456", window=window)
@@ -184,7 +181,9 @@ def test_names_do_not_lie_on_each_other():
     assert len(texts) == 6
     boxes = []
     for x, y, size, anchor, name in texts:
-        u, v, height = float(x), float(y), float(size)
+        u = float(x)
+        v = float(y)
+        height = float(size)
         width = 0.6 * height * len(name)
         boxes.append((u - width * (anchor == "end"), v - height, width, height))
     for i, (u, v, width, height) in enumerate(boxes):

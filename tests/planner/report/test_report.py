@@ -40,7 +40,9 @@ class Structure(HTMLParser):
 
     def __init__(self):
         super().__init__()
-        self.open, self.references, self.counts = [], [], {}
+        self.open = []
+        self.references = []
+        self.counts = {}
 
     def handle_starttag(self, tag, attributes):
         self.counts[tag] = self.counts.get(tag, 0) + 1

@@ -121,7 +121,8 @@ def test_a_click_on_a_domain_shows_it_and_the_next_hides_it(page):
     found = page.run(
         "(({x, y, z}) => [x, y, z].map((c) => Array.from(c)))(plan3d.data.find((one) => one.name === 'chosen domain'))"
     )
-    low, high = np.min(found, axis=1), np.max(found, axis=1)
+    low = np.min(found, axis=1)
+    high = np.max(found, axis=1)
     assert (high > low).all()
     assert page.run("document.getElementById('domain').textContent").startswith(
         f"Domain {node} sees"
@@ -186,7 +187,8 @@ def test_a_phone_shows_it_without_scrolling_aside(browser, file):
     )
     assert phone.run(label).startswith('"P')
     # the eye steps back, as the picture is higher than wide
-    eye, centre = np.array(phone.run(EYE)), figure_views(box_plan(), SPACE.solid)["everything"]
+    eye = np.array(phone.run(EYE))
+    centre = figure_views(box_plan(), SPACE.solid)["everything"]
     middle, near = (np.array([centre[key][i] for i in "xyz"]) for key in ("center", "eye"))
     assert np.linalg.norm(eye - middle) > np.linalg.norm(near - middle)
     assert phone.requests == []

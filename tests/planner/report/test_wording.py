@@ -158,7 +158,9 @@ def plans():
 
 def test_verdict_is_true_of_every_plan():
     for made in plans():
-        text, n, inspected = verdict(made), len(made.settings), len(made.inspected)
+        text = verdict(made)
+        n = len(made.settings)
+        inspected = len(made.inspected)
         assert text.startswith(f"{inspected} of {len(made.entities)} entit")
         assert ("Proven minimal" in text) == (n > 0 and made.lower_bound == n)
         assert ("Proven lower bound" in text) == (made.lower_bound < n)
@@ -270,7 +272,8 @@ def test_a_lens_that_focuses_up_to_infinity_is_told_without_a_number():
 def test_a_graph_of_one_domain_and_one_entity_is_told_in_the_singular(capsys):
     graph = nx.Graph()
     graph.add_node(0, observable=("rim",), volume=1.0)
-    regions, box = SimpleNamespace(listed_as="observable"), np.array([[0, 0, 0], [1, 1, 1]])
+    regions = SimpleNamespace(listed_as="observable")
+    box = np.array([[0, 0, 0], [1, 1, 1]])
     print_graph(SimpleNamespace(graph=graph, entity_names=("rim",), workspace=box, regions=regions))
     assert "1 viewing domain, 0 adjacencies, 1 distinct list of 1 entity" in capsys.readouterr().out
 

@@ -85,7 +85,8 @@ def test_resolution_is_equation_16_in_world_vectors(poses, ends):
     slacks = resolution_slacks(CAMERA, world_to_cam(ends, poses), min_length_mm=0.0)[..., 0]
     d = CAMERA.image_distance_mm
     for pose, own in zip(poses, slacks, strict=True):
-        r_v, v = pose[:3, 3], pose[:3, 2]
+        r_v = pose[:3, 3]
+        v = pose[:3, 2]
         for (r_1, r_2), value in zip(ends, own, strict=True):
             if min((r_1 - r_v) @ v, (r_2 - r_v) @ v) <= 0:
                 continue
@@ -152,11 +153,13 @@ def test_the_cone_holds_exactly_the_spheres_whose_tangents_stay_within_half_the_
 
 
 def test_the_cone_is_equations_19_and_20_in_world_vectors(poses):
-    r_s, radius = np.array([5.0, -8.0, 3.0]), 30.0
+    r_s = np.array([5.0, -8.0, 3.0])
+    radius = 30.0
     own = cone_slacks(CAMERA, world_to_cam(r_s, poses), radius)[:, 0, 0]
     alpha = 2 * math.atan(min(CAMERA.sensor_size_mm) / (2 * CAMERA.image_distance_mm))
     for pose, value in zip(poses, own, strict=True):
-        r_v, v = pose[:3, 3], pose[:3, 2]
+        r_v = pose[:3, 3]
+        v = pose[:3, 2]
         r_k = r_s - radius / math.sin(alpha / 2) * v
         assert value == pytest.approx(
             (r_k - r_v) @ v - np.linalg.norm(r_k - r_v) * math.cos(alpha / 2)
@@ -296,14 +299,16 @@ def test_feasible_is_every_margin_at_least_zero(shape):
 
 def test_visibility_must_hold_around_the_pose():
     """Half a millimetre in front of the plane y = 0 the edge x00 is observable, but not from 1 mm around there."""
-    space, beside = BoxSpace(), np.array([[30.0, -0.5, 100.0]])
+    space = BoxSpace()
+    beside = np.array([[30.0, -0.5, 100.0]])
     for radius_mm, expected in ((0.0, 1.0), (0.4, 1.0), (1.0, -1.0)):
         assert visibility_slacks(space, beside, ["x00"], radius_mm)[0, 0, 0] == expected
 
 
 def test_a_displaced_camera_still_sees_everything():
     """Of poses displaced by the uncertainty that was planned for, all but a few see all entities."""
-    space, sigma = BoxSpace(), 2.0
+    space = BoxSpace()
+    sigma = 2.0
     uncertainty = PoseUncertainty.isotropic(translation_mm=sigma, rotation_rad=0.01)
     setting = plan_setting(space, ["x00", "z00"], CAMERA, uncertainty)
     displaced = setting.position + np.random.default_rng(0).normal(scale=sigma, size=(20_000, 3))

@@ -67,7 +67,8 @@ def test_an_end_at_the_limit_of_the_constraint_stays_in_focus(camera):
     lens = Lens.of(camera, 0.0, 0.0, need.focus_margin_mm, need.focus_reserve)
     half = np.array(camera.sensor_size_mm) / 2 / camera.image_distance_mm
     for column, limit, inwards in ((0, near, 1.0), (2, far, -1.0)):
-        low, high = 0.0, (far - near) / 2
+        low = 0.0
+        high = (far - near) / 2
         for _ in range(50):
             middle = (low + high) / 2
             z = limit + inwards * middle

@@ -43,17 +43,22 @@ def test_moves_are_along_and_about_the_axes_of_the_camera():
     rng = np.random.default_rng(1)
     pose = look_at([[100.0, -200.0, 300.0]], [0, 0, 0], 0.1, -0.2, 0.7)[0]
     moves = rng.normal(size=(50, 6))
-    moves[0], moves[1], moves[2, 3:], moves[3, 3:] = 0.0, 1e-9 * moves[1], 0.0, [np.pi, 0, 0]
+    moves[0] = 0.0
+    moves[1] *= 1e-9
+    moves[2, 3:] = 0.0
+    moves[3, 3:] = [np.pi, 0, 0]
     reached = moved(pose, moves, 250.0)
     for move, own in zip(moves, reached, strict=True):
         step = np.eye(4)
-        step[:3, :3], step[:3, 3] = Rotation.from_rotvec(move[3:]).as_matrix(), 250.0 * move[:3]
+        step[:3, :3] = Rotation.from_rotvec(move[3:]).as_matrix()
+        step[:3, 3] = 250.0 * move[:3]
         np.testing.assert_allclose(own, pose @ step, atol=1e-11)
 
 
 def test_visibility_of_few_poses_is_that_of_many():
     """Few are asked for together with the points around them, many only if seen themselves."""
-    space, names = BoxSpace(), ["x00", "z00"]
+    space = BoxSpace()
+    names = ["x00", "z00"]
     positions = np.random.default_rng(2).uniform(-150, 150, (400, 3))
     positions[::3] += [0, 0, 2000]
     for radius_mm in (0.0, 5.0):

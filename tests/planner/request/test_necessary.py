@@ -42,7 +42,9 @@ def test_no_short_segment_has_a_longer_image_than_is_said():
 
 def test_boxes_reach_by_hand():
     """From the origin the unit box at x = 3 is 3 to sqrt(18) away."""
-    low, high, origin = np.array([[3.0, 0.0, 0.0]]), np.array([[4.0, 1.0, 1.0]]), np.zeros((1, 3))
+    low = np.array([[3.0, 0.0, 0.0]])
+    high = np.array([[4.0, 1.0, 1.0]])
+    origin = np.zeros((1, 3))
     assert boxes_reach(low, high, origin, 1.0, 3.0).tolist() == [True]
     assert boxes_reach(low, high, origin, 1.0, 2.9).tolist() == [False]
     assert boxes_reach(low, high, origin, np.sqrt(18.0), 9.0).tolist() == [True]

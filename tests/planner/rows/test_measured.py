@@ -13,7 +13,8 @@ from planner.verify.simulate_plan import SimulationResult
 from planner.verify.simulate_setting import SuccessRate
 from planner.wanted.planned import PlannedDimension
 
-LENGTH_MM, DEPTH_MM = 80.0, 560.0
+LENGTH_MM = 80.0
+DEPTH_MM = 560.0
 
 
 def square_on(**changes):

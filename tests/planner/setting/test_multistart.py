@@ -59,7 +59,9 @@ def test_neighbours_of_a_better_chromosome_are_passed_over():
     encoding = PoseEncoding([[0, 0, 0], [100, 100, 100]], [0, 0, 0], 0.5)
     middle = [50.0, 50, 50, 0, 0, 0]
     parameters = np.array([middle] * 4)
-    parameters[1, 0], parameters[2, 0], parameters[3, 3] = 58.0, 65.0, 0.2
+    parameters[1, 0] = 58.0
+    parameters[2, 0] = 65.0
+    parameters[3, 3] = 0.2
     bits = encoding.encode(parameters)
     chosen = best_apart(bits, np.array([0.9, 0.8, 0.7, 0.6]), encoding, 3)
     assert encoding.parameters(chosen)[:, 0] == pytest.approx([50, 65, 50], abs=0.01)
@@ -117,7 +119,8 @@ def test_where_nothing_is_feasible_refinement_says_so():
 class Nearness:
     """A stand-in objective: the nearer to the part's middle, the better."""
 
-    highest, ends = 1.0, None
+    highest = 1.0
+    ends = None
 
     def fitness(self, poses):
         return 1.0 - np.linalg.norm(poses[:, :3, 3] - [30.0, 20.0, 15.0], axis=1) / 1000
@@ -126,10 +129,8 @@ class Nearness:
 def test_a_clearance_left_out_at_first_is_kept_all_the_same():
     """With a deep lens, and from far away, the stand-off only matters at the end of the way."""
     deep = Camera(6.0, (0.01, 0.013), (2000, 1600), 16.0, 100.0, largest_blur_mm=0.03)
-    (free, *_), (held, *_) = (
-        request(camera=deep, stand_off_mm=0.0),
-        request(camera=deep, stand_off_mm=73.0),
-    )
+    (free, *_) = request(camera=deep, stand_off_mm=0.0)
+    (held, *_) = request(camera=deep, stand_off_mm=73.0)
     away = np.array([[-1.0, -1.0, -1.0], [-1.0, -0.5, -1.0]])
     poses = look_at(
         free.sphere_centre + 190.0 * away / np.linalg.norm(away, axis=1)[:, None],
@@ -165,7 +166,8 @@ def test_known_poses_are_considered_and_the_best_is_kept():
 class Valley:
     """A stand-in objective with an optimum on either side of the straight view, the one with positive tilt better."""
 
-    highest, ends = 1.0, None
+    highest = 1.0
+    ends = None
 
     def __init__(self, encoding):
         self.encoding = encoding

@@ -62,7 +62,8 @@ class Rival:
         return cost
 
     def best(self, evaluations, seed):
-        best, rng = 0.0, np.random.default_rng(seed)
+        best = 0.0
+        rng = np.random.default_rng(seed)
         while self.evaluated < evaluations:
             found = differential_evolution(
                 self.cost,
@@ -93,7 +94,8 @@ def test_differential_evolution_with_20_times_the_evaluations_is_not_better(bloc
 def test_no_random_pose_of_many_is_better(block):
     names = ["e1", "e2", "e4", "e5"]
     setting = plan_setting(block, names, CAMERA, PAPER, field_margin_px=0)
-    rival, rng = Rival(block, names), np.random.default_rng(0)
+    rival = Rival(block, names)
+    rng = np.random.default_rng(0)
     low, high = np.array(rival.bounds).T[:, :, None]
     costs = np.concatenate([rival.cost(rng.uniform(low, high, (6, 10_000))) for _ in range(6)])
     assert rival.evaluated > 200

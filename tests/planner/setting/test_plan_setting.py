@@ -388,7 +388,8 @@ def test_restricted_sampling_finds_feasible_poses_more_often(box):
     """The benefit over draws from the whole workspace: feasible fraction of the first population's draws."""
     names = ["x00", "z00"]
     constraints = Constraints(box, names, PAPER_CAMERA, Requirements())
-    cells, turn = box.covering_cells(names), PAPER_CAMERA.half_diagonal_rad
+    cells = box.covering_cells(names)
+    turn = PAPER_CAMERA.half_diagonal_rad
     fractions = []
     for sampler in (
         ViewpointSampler(cells, constraints.ends, PAPER_CAMERA),

@@ -80,7 +80,8 @@ def test_an_edge_must_be_two_separations_long_beyond_what_is_mixed():
 
 def test_a_line_beside_the_line_at_an_end():
     """A slit 4 px beside the plate's left side, up to 12 px below the edge: that is apart from it, the side is not."""
-    gap, top = 4.0 / SCALE, 40.0
+    gap = 4.0 / SCALE
+    top = 40.0
     below = top - 12.0 / SCALE
     slit = [
         (0, 0),

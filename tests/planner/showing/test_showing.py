@@ -45,7 +45,8 @@ def test_two_edges_of_a_plate_seen_from_the_side():
 @pytest.mark.parametrize("seed", range(6))
 def test_separation_on_a_block_by_shapely(seed):
     """Of a convex part exactly the edges of faces that face the camera are visible."""
-    solid, rng = block(), np.random.default_rng(seed)
+    solid = block()
+    rng = np.random.default_rng(seed)
     showing = Showing(separation_px=40.0, min_corner_deg=25.0)
     check, ends = check_of(solid, {"e": [[0, 0, 60], [80, 0, 60]]}, showing)
     eye = np.array([40.0, 25, 30]) + 500 * rng.normal(size=3) / 1.5
@@ -107,8 +108,10 @@ def dense_separation(solid, scene, entity, pose, camera, near_px, chords):
     Near the edge's own ends, points of lines that meet it are left out; with ``chords`` those of all curves, too.
     """
     reach = 8.0
-    eye, own = pose[:3, 3], LineString(image(entity.endpoints, pose, camera))
-    ends, best = [Point(c) for c in own.coords], reach
+    eye = pose[:3, 3]
+    own = LineString(image(entity.endpoints, pose, camera))
+    ends = [Point(c) for c in own.coords]
+    best = reach
     shows = edges_that_show(solid)
     for edge in solid.edges:
         a, b = solid.vertices[list(edge.vertices)]
@@ -141,7 +144,8 @@ def test_separation_on_a_real_part_by_dense_points(ctc01):
     scene.add_triangles(
         np.asarray(ctc01.vertices, dtype=np.float32), np.asarray(ctc01.triangles, dtype=np.uint32)
     )
-    rng, near = np.random.default_rng(7), 8.0 / np.sin(np.radians(25.0))
+    rng = np.random.default_rng(7)
+    near = 8.0 / np.sin(np.radians(25.0))
     compared = 0
     for k, entity in enumerate(found.values()):
         for _ in range(5):
@@ -165,11 +169,9 @@ def test_separation_on_a_real_part_by_dense_points(ctc01):
 
 def test_yes_and_no_agree_with_how_much(ctc01):
     """Whether anything is near is told by fewer rays than how near it is, and whether corners are wide enough, too."""
-    camera, showing, rng = (
-        Camera.from_toml("examples/camera.toml"),
-        Showing(separation_px=8.0),
-        np.random.default_rng(3),
-    )
+    camera = Camera.from_toml("examples/camera.toml")
+    showing = Showing(separation_px=8.0)
+    rng = np.random.default_rng(3)
     check, ends = check_of(ctc01, NAMED, showing, camera)
     ways = rng.normal(size=(200, 3)) * (1, 1, 0.4) + (0, 0, 1)
     targets = ends.mean(axis=1)[np.arange(200) % len(ends)]
@@ -177,7 +179,8 @@ def test_yes_and_no_agree_with_how_much(ctc01):
         targets + 420 * ways / np.linalg.norm(ways, axis=1, keepdims=True), targets, roll=0.3
     )
     every = np.ones((200, len(ends)), dtype=bool)
-    corners, apart = check.corners(poses, every) >= 0, check.separations(poses, every, 0.0) >= 0
+    corners = check.corners(poses, every) >= 0
+    apart = check.separations(poses, every, 0.0) >= 0
     # both answers of both conditions, else nothing is compared
     assert 0 < (corners & ~apart).sum() < corners.sum() < corners.size
     assert np.array_equal(check.shown(poses, every), corners & apart)

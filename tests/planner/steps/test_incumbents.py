@@ -86,7 +86,8 @@ def test_incumbents_keep_what_they_promise(whole):
 def test_when_the_time_is_up_the_best_plan_so_far_is_returned_and_the_state_goes_on(
     space, whole, tmp_path
 ):
-    told, state = [], tmp_path / "state.json"
+    told = []
+    state = tmp_path / "state.json"
     plan = plan_box(space, time_limit_s=1e-9, on_incumbent=told.append, state=state)
     assert plan.unfinished
     assert plan.complete
@@ -174,7 +175,8 @@ def test_a_gap_is_a_share(space, gap):
 
 def test_efforts_have_names():
     assert Effort.named("standard") == Effort()
-    quick, thorough = Effort.named("quick"), Effort.named("thorough")
+    quick = Effort.named("quick")
+    thorough = Effort.named("thorough")
     assert quick.bound_nodes < Effort().bound_nodes < thorough.bound_nodes
     with pytest.raises(
         RequestError, match=r"effort must be one of quick, standard, thorough\. Got 'slow'"

@@ -15,7 +15,8 @@ from planner.steps.lines_in_window import with_lines_in_windows
 
 NAME = "top front"
 SPACE = compute_regions(block(), {NAME: ENTITIES[NAME]}, workspace=[[-900.0] * 3, [900.0] * 3])
-DEPTH_MM, HEIGHT_MM = 600.0, 60.0
+DEPTH_MM = 600.0
+HEIGHT_MM = 60.0
 # the front face's other long edge is its height away; its short ones leave the edge's ends
 APART_PX = CAMERA.matrix[1, 1] * HEIGHT_MM / DEPTH_MM
 

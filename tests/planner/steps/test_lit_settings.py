@@ -80,7 +80,8 @@ def test_a_ring_light_needs_no_space_of_its_own():
 def _contrast_of_a_ring(plan):
     """Between the top and the face x = 0, by the heights of the camera over them; 1 if it sees one face only."""
     x, _, z = plan.settings[0].position
-    top, left = max(z - 60, 0), max(-x, 0)
+    top = max(z - 60, 0)
+    left = max(-x, 0)
     return abs(top - left) / (top + left)
 
 

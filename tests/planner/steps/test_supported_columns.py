@@ -18,7 +18,8 @@ class World:
     """Columns as judged, and what of them simulation supports; a stand-in for a run that counts what is tried."""
 
     def __init__(self, promised, supported, monkeypatch):
-        self.promised, self.truth = np.array(promised, dtype=bool), np.array(supported, dtype=bool)
+        self.promised = np.array(promised, dtype=bool)
+        self.truth = np.array(supported, dtype=bool)
         self.names = [f"e{i}" for i in range(self.promised.shape[1])]
         self.tries = Counter()
         self.pool = ColumnPool(len(self.names))
@@ -80,9 +81,11 @@ def test_the_cover_is_as_small_as_any_of_what_is_supported(seed, monkeypatch):
 
 @pytest.mark.parametrize("seed", range(10))
 def test_what_was_tried_once_is_known(seed, monkeypatch):
-    world, columns = random_world(seed, monkeypatch), SupportedColumns()
+    world = random_world(seed, monkeypatch)
+    columns = SupportedColumns()
     first = columns.cover(world, world.pool, (0, 0))
-    tries, worth = dict(world.tries), (len(reached(first)), -len(first))
+    tries = dict(world.tries)
+    worth = (len(reached(first)), -len(first))
     # no better one is there, and that is known
     assert columns.cover(world, world.pool, worth) is None
     assert world.tries == tries

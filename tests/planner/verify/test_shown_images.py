@@ -55,7 +55,8 @@ def test_all_or_none_far_from_the_limit():
 
 def test_at_the_limit_by_shapely():
     """The same poses, projected by the matrix alone: the distance of both segments in the image."""
-    one, px = frontal(image_px()), image_px()
+    one = frontal(image_px())
+    px = image_px()
     rng = np.random.default_rng([0, 0, 1])
     edges = np.array([[[0.0, 0, 60], [80, 0, 60]], [[0, 0, 0], [80, 0, 0]]])
     found = 0

@@ -21,7 +21,9 @@ def setting_at(distance, names, probability=None):
 
 def test_without_uncertainty_only_rounding_is_left():
     """A vertical edge whose image ends are chosen on and off the pixel grid: success or failure by hand."""
-    d, (pitch_x, _), depth = CAMERA.image_distance_mm, CAMERA.pixel_pitch_mm, 400.0
+    d = CAMERA.image_distance_mm
+    (pitch_x, _) = CAMERA.pixel_pitch_mm
+    depth = 400.0
     per_pixel = pitch_x * depth / d
     # the principal point is at column 319.5: 10.5 px to either side are whole pixels; 10.2 px round to 10.5
     entities = {
@@ -44,7 +46,8 @@ def test_without_uncertainty_only_rounding_is_left():
 
 def test_a_pure_change_of_distance_by_hand():
     """Only dz is uncertain: the image length is d·L/(s − dz), so success is an interval of dz."""
-    sigma, depth = 4.0, 400.0
+    sigma = 4.0
+    depth = 400.0
     covariance = np.zeros((6, 6))
     covariance[2, 2] = sigma**2
     camera = Camera(25.0, (1e-5, 1e-5), (10**6, 10**6), 8.0, depth)
@@ -52,7 +55,8 @@ def test_a_pure_change_of_distance_by_hand():
     rate = simulate_setting(
         setting_at(depth, ("edge",)), entities, camera, PoseUncertainty(covariance), n=50_000
     )["edge"]
-    low, high = depth * (1 - 1 / 0.98), depth * (1 - 1 / 1.02)
+    low = depth * (1 - 1 / 0.98)
+    high = depth * (1 - 1 / 1.02)
     expected = norm.cdf(high / sigma) - norm.cdf(low / sigma)
     assert 0.9 < expected < 0.99
     assert rate.low <= expected <= rate.high

@@ -242,8 +242,11 @@ def _surface(face: Any) -> dict[str, Any]:
         return _about("cone", surface.Cone())
     if kind == GeomAbs_SurfaceType.GeomAbs_Sphere:
         return _about("sphere", surface.Sphere())
-    recognised, plane, cylinder = ShapeAnalysis_CanonicalRecognition(face), gp_Pln(), gp_Cylinder()
-    cone, sphere = gp_Cone(), gp_Sphere()
+    recognised = ShapeAnalysis_CanonicalRecognition(face)
+    plane = gp_Pln()
+    cylinder = gp_Cylinder()
+    cone = gp_Cone()
+    sphere = gp_Sphere()
     if recognised.IsPlane(CANONICAL_MM, plane):
         return _about("plane", plane)
     if recognised.IsCylinder(CANONICAL_MM, cylinder):
@@ -259,7 +262,9 @@ def _surface(face: Any) -> dict[str, Any]:
 
 def _edge(edge: Any) -> dict[str, Any]:
     curve = BRepAdaptor_Curve(edge)
-    recognised, line, circle = ShapeAnalysis_CanonicalRecognition(edge), gp_Lin(), gp_Circ()
+    recognised = ShapeAnalysis_CanonicalRecognition(edge)
+    line = gp_Lin()
+    circle = gp_Circ()
     if curve.GetType() == GeomAbs_CurveType.GeomAbs_Line or recognised.IsLine(CANONICAL_MM, line):
         ends = [curve.Value(curve.FirstParameter()), curve.Value(curve.LastParameter())]
         return {"kind": "line", "ends": [list(xyz(end)) for end in ends]}

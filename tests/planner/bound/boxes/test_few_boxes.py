@@ -80,7 +80,8 @@ def test_of_few_boxes_too_no_pose_exceeds_what_is_proven(radius, size, small):
     rng = np.random.default_rng(8)
     y = rng.uniform(0.1, 1.0, len(EDGES))
     TREES[space] = coarse_tree(space, y, 0.5)
-    outcomes, tight = [], 0
+    outcomes = []
+    tight = 0
     for _ in range(8):
         part, poses = box_around(rng, space.view, size, small)
         best = float((judge(poses).inspects @ y).max())
@@ -103,11 +104,13 @@ def thin(space):
 
 def test_nor_does_a_pose_of_a_thin_view():
     judge, regions = request_for(SIZES[0])
-    space, rng = space_for(judge, regions), np.random.default_rng(4)
+    space = space_for(judge, regions)
+    rng = np.random.default_rng(4)
     view = thin(space)
     y = rng.uniform(0.1, 1.0, len(EDGES))
     TREES[space] = coarse_tree(space, y, 0.5)
-    outcomes, tight = [], 0
+    outcomes = []
+    tight = 0
     for _ in range(16):
         part, poses = box_around(rng, view, SIZES[0], 0.2)
         inspects = judge(poses).inspects & in_view(view, space.entities.ends, poses)
@@ -127,10 +130,13 @@ def test_a_pose_found_has_in_view_what_is_said(is_thin):
     judge, _ = request_for(SIZES[0])
     space = space_for(judge, Cells([[BoxCell(np.full(3, -1e4), np.full(3, 1e4))]] * len(EDGES)))
     space.entities = space.entities._replace(length_ratio=np.zeros(len(EDGES)))
-    view, rng = thin(space) if is_thin else space.view, np.random.default_rng(2)
-    y, n_found = np.ones(len(EDGES)), 0
+    view = thin(space) if is_thin else space.view
+    rng = np.random.default_rng(2)
+    y = np.ones(len(EDGES))
+    n_found = 0
     for k in range(20):
-        look, turn = rng.uniform(0.0, 1.0, 3) * SIZES[0], rng.uniform(-1, 1, 3)
+        look = rng.uniform(0.0, 1.0, 3) * SIZES[0]
+        turn = rng.uniform(-1, 1, 3)
         weight = in_view(view, space.entities.ends, pose_of(view, k % 2, look, turn)[None])[0].sum()
         if weight == 0:
             continue
@@ -147,11 +153,11 @@ def test_a_pose_found_has_in_view_what_is_said(is_thin):
 def test_boxes_too_small_to_be_halved_are_told(is_thin):
     """Two edges of the top, one visible where x < 60 and one where x > 60; both from nowhere, by 0.01 mm."""
     judge, _ = request_for(SIZES[0])
-    low, high, pair = np.full(3, -1e4), np.full(3, 1e4), EDGES[:2]
-    below, above = (
-        BoxCell(low, np.array([59.995, *high[1:]])),
-        BoxCell(np.array([60.005, *low[1:]]), high),
-    )
+    low = np.full(3, -1e4)
+    high = np.full(3, 1e4)
+    pair = EDGES[:2]
+    below = BoxCell(low, np.array([59.995, *high[1:]]))
+    above = BoxCell(np.array([60.005, *low[1:]]), high)
     space = PoseSpace(
         judge, np.arange(len(pair)), Cells([[below], [above]]), np.zeros((2, 2), dtype=bool)
     )

@@ -25,7 +25,8 @@ from planner.camera.pose import world_to_cam
 def sides_of(space, chart, box):
     """The sides of a box of poses, and where its coordinates are counted from."""
     stack = planted(box, np.arange(len(EDGES)), space.entities, np.array([[-1e4] * 3, [1e4] * 3]))
-    work, view = new_work(len(EDGES)), space.view
+    work = new_work(len(EDGES))
+    view = space.view
     n = rotation(chart, box[2], work.matrix)
     t, nu = most_turn(box[2], box[3], n)
     rest = swings(work.matrix, box[2], box[3], n, t, nu, view.middle, work.swing)
@@ -53,7 +54,9 @@ def test_no_pose_breaks_a_side_of_what_it_inspects(small, ratio):
     space = space_for(judge, regions)
     if ratio:
         space.entities = space.entities._replace(length_ratio=np.full(len(EDGES), ratio))
-    view, least, rng = space.view, space.entities.length_ratio, np.random.default_rng(11)
+    view = space.view
+    least = space.entities.length_ratio
+    rng = np.random.default_rng(11)
     n_inspected = n_broken = n_out = 0
     for _ in range(60):
         (chart, box), poses = box_around(rng, view, SIZES[1], small)
@@ -62,7 +65,8 @@ def test_no_pose_breaks_a_side_of_what_it_inspects(small, ratio):
         holds = x @ sides[0].T <= sides[1] + 1e-6
         assert holds[:, sides[2] < 0].all()
         at = world_to_cam(space.entities.ends, poses)
-        image, depth = at[..., :2] / at[..., 2:], at[..., 2]
+        image = at[..., :2] / at[..., 2:]
+        depth = at[..., 2]
         seen = (np.abs(image) <= [view.tan_x, view.tan_y]).all(axis=(2, 3))
         seen &= ((depth >= view.near) & (depth <= view.far)).all(axis=2)
         seen &= np.linalg.norm(image[:, :, 1] - image[:, :, 0], axis=2) >= least
@@ -80,7 +84,8 @@ def test_no_pose_breaks_a_side_of_what_it_inspects(small, ratio):
 @pytest.mark.parametrize("small", [0.1, 0.01])
 def test_members_that_exclude_each_other_in_a_box_are_inspected_together_by_no_pose_of_it(small):
     judge, regions = request_for(SIZES[0])
-    space, rng = space_for(judge, regions), np.random.default_rng(5)
+    space = space_for(judge, regions)
+    rng = np.random.default_rng(5)
     view = space.view
     n_apart = n_together = 0
     for _ in range(100):
@@ -103,7 +108,8 @@ def test_members_that_exclude_each_other_in_a_box_are_inspected_together_by_no_p
 
 def test_no_thin_view_exceeds_what_the_search_proves_of_its_box():
     judge, regions = request_for(SIZES[1])
-    space, rng = space_for(judge, regions), np.random.default_rng(4)
+    space = space_for(judge, regions)
+    rng = np.random.default_rng(4)
     view = space.view = space.view._replace(
         near=space.view.middle - 20.0, far=space.view.middle + 20.0
     )
@@ -133,7 +139,8 @@ def test_the_answer_is_that_of_linear_programs(grouped, n_problems, m):
     answers = []
     for _ in range(n_problems):
         owner = np.repeat(np.arange(-1, m), 3)
-        rows, point = rng.normal(size=(len(owner), 6)), rng.uniform(-0.5, 0.5, 6)
+        rows = rng.normal(size=(len(owner), 6))
+        point = rng.uniform(-0.5, 0.5, 6)
         # of six coordinates that all count, too many parts would be asked
         rows *= rng.random((len(owner), 6)) < 0.4
         rhs = rows @ point + rng.uniform(-0.6, 0.5, len(owner))
@@ -148,8 +155,10 @@ def test_the_answer_is_that_of_linear_programs(grouped, n_problems, m):
             if weight > limit and not possible:
                 own = np.concatenate([[True], held])[owner + 1]
                 possible = linprog(np.zeros(6), rows[own], rhs[own], bounds=(-1, 1)).status == 0
-        box, seat = (np.full(6, -1.0), np.full(6, 1.0)), Seat(np.zeros(3), np.zeros((3, 3)))
-        x, meets = np.empty(6), np.empty(m, dtype=bool)
+        box = (np.full(6, -1.0), np.full(6, 1.0))
+        seat = Seat(np.zeros(3), np.zeros((3, 3)))
+        x = np.empty(6)
+        meets = np.empty(m, dtype=bool)
         most = 50_000 if m == 6 else 400
         answer, made = may_meet(
             Sides(rows, rhs, owner), Members(group, y), limit, box, seat, most, x, meets
@@ -168,14 +177,15 @@ def test_the_answer_is_that_of_linear_programs(grouped, n_problems, m):
 def test_edges_nearly_in_a_plane_across_the_axis_are_not_said_to_have_shorter_images():
     """There |X| and X.a are nearly equal; the area they leave is compared with that of exact fractions."""
     view = View(near=300.0, far=300.001, middle=300.0005, tan_x=0.5, tan_y=0.4, radius=1.0)
-    rng, ratio, still = (
-        np.random.default_rng(0),
-        1e-5,
-        Turn(np.zeros(3), np.zeros(3), 1.0, 0.0, 0.0),
-    )
-    rows, rhs, n_kept = np.zeros((1, 6)), np.zeros(1), 0
+    rng = np.random.default_rng(0)
+    ratio = 1e-5
+    still = Turn(np.zeros(3), np.zeros(3), 1.0, 0.0, 0.0)
+    rows = np.zeros((1, 6))
+    rhs = np.zeros(1)
+    n_kept = 0
     for _ in range(500):
-        ends, eye = rng.uniform(-300.0, 300.0, (2, 3)), rng.uniform(-300.0, 300.0, 3)
+        ends = rng.uniform(-300.0, 300.0, (2, 3))
+        eye = rng.uniform(-300.0, 300.0, 3)
         ends[1, 2], eye[2] = ends[0, 2] + 1e-6 * rng.normal(size=2)
         kept = _of_length(
             (ends, ratio, np.zeros((2, 3))), np.array([eye, eye]), still, view, np.eye(3), rows, rhs

@@ -100,25 +100,25 @@ def test_where_members_may_be_inspected_together_shrinks_to_what_weighs_enough()
     rng = np.random.default_rng(9)
     y = rng.uniform(0.1, 1.0, len(EDGES))
     tree = viewpoints_for(space.nodal_points, space.entities, space.view, y, 0.5)
-    members, lost, kept, shrunk = np.arange(len(EDGES)), 0, 0, 0
+    members = np.arange(len(EDGES))
+    lost = 0
+    kept = 0
+    shrunk = 0
     for _ in range(150):
         (chart, box), poses = box_around(rng, space.view, SIZES[1], 0.3)
-        matrix, swing = np.empty((3, 3)), np.empty((3, 3))
+        matrix = np.empty((3, 3))
+        swing = np.empty((3, 3))
         n = rotation(chart, box[2], matrix)
         t, nu = most_turn(box[2], box[3], n)
         rest = swings(matrix, box[2], box[3], n, t, nu, space.view.middle, swing)
         nodal = box[0] - space.view.middle * matrix[:, 2]
         reach = box[1] + np.abs(swing).sum(axis=0) + rest
-        eye, live = (
-            np.array([nodal - reach, nodal + reach]),
-            np.zeros(tree.sets.shape[1], np.uint64),
-        )
+        eye = np.array([nodal - reach, nodal + reach])
+        live = np.zeros(tree.sets.shape[1], np.uint64)
         before = np.prod(eye[1] - eye[0])
         limit = rng.uniform(0.3, 3.0)
-        asked, around_it = (
-            Asked(members, y, members, limit),
-            PosesBox(nodal, matrix, box[1], swing, rest),
-        )
+        asked = Asked(members, y, members, limit)
+        around_it = PosesBox(nodal, matrix, box[1], swing, rest)
         share = heavy_members(tree, around_it, eye, asked, live)
         inspects = judge(poses).inspects
         heavy = inspects @ y > limit

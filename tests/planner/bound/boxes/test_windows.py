@@ -41,7 +41,9 @@ def box_of(chart, v, u):
 
 
 def windows_of(ends, q, matrix, turn, far=(VIEW.far, VIEW.far)):
-    s, least, scores = np.empty((2, 3)), np.empty(6), np.zeros(6)
+    s = np.empty((2, 3))
+    least = np.empty(6)
+    scores = np.zeros(6)
     seen_from(ends, q, matrix, s)
     window(s, np.array(far), turn, VIEW, ANYWHERE, least, 1.0, scores)
     return least, s
@@ -71,14 +73,13 @@ def draws(seed, n, small):
     """Boxes of poses and poses of them: chart, v0, u, q0, h, and those of the pose."""
     rng = np.random.default_rng(seed)
     for k in range(n):
-        v, u, h = (
-            rng.uniform(-0.7, 0.7, 3),
-            rng.uniform(0.2, 1.0, 3) * small,
-            rng.uniform(0.0, 20.0, 3),
-        )
+        v = rng.uniform(-0.7, 0.7, 3)
+        u = rng.uniform(0.2, 1.0, 3) * small
+        h = rng.uniform(0.0, 20.0, 3)
         at, of = rng.uniform(-1, 1, (2, 3))
         if k % 3 == 0:
-            at, of = np.sign(at), np.sign(of)
+            at = np.sign(at)
+            of = np.sign(of)
         q = rng.uniform(-30, 30, 3)
         yield rng, k % 2, v, u, q, h, q + at * h, v + of * u
 
@@ -105,7 +106,8 @@ def test_a_turn_of_a_box_is_no_larger_than_told_and_may_nearly_be_so(small):
 
 
 def test_a_turn_of_a_box_of_nearly_all_rotations_is_not_bounded():
-    v, u = np.full(3, 0.9), np.full(3, 1.3)
+    v = np.full(3, 0.9)
+    u = np.full(3, 1.3)
     assert most_turn(v, u, 1 + v @ v)[0] == 1e3
     # nu is 0.97 here: 3 * 0.9 * 1.232 / 3.43
     t, nu = most_turn(v, np.full(3, 1.232), 1 + v @ v)
@@ -144,7 +146,9 @@ def test_a_pose_that_has_both_ends_in_view_is_within_the_window(small):
         least, _ = windows_of(ends, q, matrix, turn)
         kept = (forms_of(camera.T @ (looked_at - q)) >= least).all()
         assert kept or not shown
-        inside, outside, refused = inside + shown, outside + (not shown), refused + (not kept)
+        inside = inside + shown
+        outside = outside + (not shown)
+        refused = refused + (not kept)
     assert inside > 100
     assert refused > {0.3: 0.0, 0.05: 0.4, 0.005: 0.9}[small] * outside
 
@@ -198,13 +202,17 @@ def test_a_window_outside_the_room_is_empty():
 
 @pytest.mark.parametrize("small", [0.3, 0.02])
 def test_an_image_long_enough_has_no_end_deeper_than_told(small):
-    nearest, limited = np.inf, 0
+    nearest = np.inf
+    limited = 0
     for rng, chart, v, u, q, h, looked_at, turned in draws(4, 600, small):
         matrix, turn = box_of(chart, v, u)
-        camera, room = matrix_of(chart, turned), np.empty(3)
+        camera = matrix_of(chart, turned)
+        room = np.empty(3)
         extent(matrix, h, turn.t, room)
         ends, depth, image = ends_in_view(rng, camera, looked_at)
-        s, far, opened = np.empty((2, 3)), np.empty(2), np.empty(2)
+        s = np.empty((2, 3))
+        far = np.empty(2)
+        opened = np.empty(2)
         seen_from(ends, q, matrix, s)
         # the image is just long enough
         farthest(s, np.linalg.norm(ends[1] - ends[0]), image, turn.t, room, VIEW, far, opened)
@@ -224,7 +232,9 @@ def test_of_one_pose_nothing_is_open_of_how_deep_an_end_may_be():
     for rng, chart, v, _, q, _, _, _ in draws(5, 100, 0.1):
         matrix, turn = box_of(chart, v, np.full(3, 1e-13))
         ends, depth, image = ends_in_view(rng, matrix, q)
-        s, far, opened = np.empty((2, 3)), np.empty(2), np.empty(2)
+        s = np.empty((2, 3))
+        far = np.empty(2)
+        opened = np.empty(2)
         seen_from(ends, q, matrix, s)
         farthest(
             s, np.linalg.norm(ends[1] - ends[0]), image, turn.t, np.zeros(3), VIEW, far, opened
@@ -238,7 +248,9 @@ def test_only_a_coordinate_of_the_turn_that_is_not_known_scores(one):
     """The ends are beside the axis, so that any turn moves them; the room is large, so that all sides cut it."""
     for _, chart, v, _, q, _, _, _ in draws(6, 10, 0.1):
         matrix, turn = box_of(chart, v, 0.05 * np.eye(3)[one])
-        s, least, scores = np.empty((2, 3)), np.empty(6), np.zeros(6)
+        s = np.empty((2, 3))
+        least = np.empty(6)
+        scores = np.zeros(6)
         seen_from(q + np.array([[9.0, 5.0, 4.0], [-8.0, 7.0, -3.0]]), q, matrix, s)
         window(s, np.full(2, VIEW.far), turn, VIEW, ANYWHERE, least, 1.0, scores)
         assert scores[3 + one] > 0.0
