@@ -77,7 +77,7 @@ class Lighting:
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        lamps = self.given
+        lamps: object = self.given
         if lamps is None:
             lamps = "a ring light"
         elif isinstance(lamps, np.ndarray):
