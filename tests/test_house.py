@@ -46,7 +46,16 @@ def n_parameters(node):
 
 
 def is_compiled(node):
-    compilers = {"njit", "jit", "vectorize", "guvectorize", "cfunc", "compiled", "inner", "lean"}
+    compilers = {
+        "njit",
+        "jit",
+        "vectorize",
+        "guvectorize",
+        "cfunc",
+        "entry_kernel",
+        "kernel",
+        "kernel_without_refcounts",
+    }
     used = {
         part.attr if isinstance(part, ast.Attribute) else getattr(part, "id", "")
         for decorator in getattr(node, "decorator_list", [])

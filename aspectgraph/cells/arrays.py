@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aspectgraph.exact.lean import compiled, lean
 from aspectgraph.exact.predicates import LIMBS, meet
 from aspectgraph.exceptions import MemoryLimitError
+from compiled.decorators import entry_kernel, kernel_without_refcounts
 
 # columns of Complex.vertex: plane of the remembered sign, that sign, mark
 SIGN_PLANE, SIGN, VERTEX_MARK = range(3)
@@ -207,14 +207,14 @@ def cut_further(cx: Complex, cut: Callable[[Complex], None], n_cells: int = 1024
     return with_room(build, max(n_cells, int(cx.count[N_CELLS])))
 
 
-@lean
+@kernel_without_refcounts
 def require(used, extra, room):
     """Raise `RoomFullError` where the room is full; see `with_room`."""
     if used + extra > room:
         raise RoomFullError
 
 
-@lean
+@kernel_without_refcounts
 def add_vertex(cx, p, q, r):
     """Append the common point of planes p, q and r."""
     v = cx.count[N_VERTICES]
@@ -226,7 +226,7 @@ def add_vertex(cx, p, q, r):
     return v
 
 
-@lean
+@kernel_without_refcounts
 def add_edge(cx, v, w, p, q):
     """Append the edge from vertex v to w on the line of planes p and q."""
     e = cx.count[N_EDGES]
@@ -241,7 +241,7 @@ def add_edge(cx, v, w, p, q):
     return e
 
 
-@lean
+@kernel_without_refcounts
 def add_face(cx, plane, positive, negative):
     """Append a face without edges; `push_edge` fills the newest face."""
     f = cx.count[N_FACES]
@@ -256,7 +256,7 @@ def add_face(cx, plane, positive, negative):
     return f
 
 
-@lean
+@kernel_without_refcounts
 def push_edge(cx, f, e):
     """Append edge e to the face whose list was opened last."""
     k = cx.count[N_LIST + EDGE_LIST]
@@ -266,7 +266,7 @@ def push_edge(cx, f, e):
     cx.count[N_LIST + EDGE_LIST] = k + 1
 
 
-@lean
+@kernel_without_refcounts
 def add_cell(cx):
     """Append a cell without faces; `push_face` fills the newest cell."""
     c = cx.count[N_CELLS]
@@ -284,7 +284,7 @@ def add_cell(cx):
     return c
 
 
-@lean
+@kernel_without_refcounts
 def push_face(cx, c, f):
     """Append face f to the cell whose list was opened last."""
     k = cx.count[N_LIST + FACE_LIST]
@@ -294,7 +294,7 @@ def push_face(cx, c, f):
     cx.count[N_LIST + FACE_LIST] = k + 1
 
 
-@lean
+@kernel_without_refcounts
 def push_corner(cx, c, v):
     """Append vertex v to the corners of the newest cell."""
     k = cx.count[N_LIST + CORNER_LIST]
@@ -304,7 +304,7 @@ def push_corner(cx, c, v):
     cx.count[N_LIST + CORNER_LIST] = k + 1
 
 
-@compiled
+@entry_kernel
 def add_box(cx, box):
     """Start the complex with one cell; `box` holds the planes x_min, x_max, y_min, y_max, z_min, z_max."""
     c = add_cell(cx)

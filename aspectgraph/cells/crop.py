@@ -22,7 +22,7 @@ from aspectgraph.cells.arrays import (
     Complex,
 )
 from aspectgraph.cells.split import cell_side, leaves, split_cell
-from aspectgraph.exact.lean import compiled
+from compiled.decorators import entry_kernel
 
 N_LIMITS = 6
 
@@ -39,7 +39,7 @@ def crop(cx: Complex, first: int) -> None:
     _crop(cx, first, INSIDE)
 
 
-@compiled
+@entry_kernel
 def _crop(cx, first, flag):
     for leaf in leaves(cx):
         c = leaf

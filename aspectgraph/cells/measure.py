@@ -21,10 +21,10 @@ from aspectgraph.cells.arrays import (
     Complex,
 )
 from aspectgraph.exact.grid import Grid
-from aspectgraph.exact.lean import compiled, holds_value, inner, put
+from compiled.decorators import entry_kernel, holds_value, kernel, put
 
 
-@compiled
+@entry_kernel
 def cell_centre(cx, c):
     """Mean of the corners of cell c as its faces list them, in grid steps."""
     total = np.zeros(3)
@@ -42,7 +42,7 @@ def cell_centre(cx, c):
     return total
 
 
-@inner
+@kernel
 def face_area(cx, f):
     """Area, perimeter and largest distance from the grid's zero of face f, in squared steps and steps."""
     first = cx.face[f, FACE_FIRST]
@@ -77,7 +77,7 @@ def face_area(cx, f):
     return area, perimeter, farthest
 
 
-@compiled
+@entry_kernel
 def _cell_sizes(cx, cells):
     """Volume and surface of cells, in cubic and square steps, as (n, 2)."""
     sizes = np.zeros((len(cells), 2))
@@ -104,7 +104,7 @@ def cell_sizes(cx: Complex, cells: np.ndarray) -> np.ndarray:
     return _cell_sizes(cx, np.asarray(cells, np.int64))
 
 
-@compiled
+@entry_kernel
 def _spans(cx, cells, directions):
     low = np.full(len(directions), np.inf)
     high = np.full(len(directions), -np.inf)
@@ -128,7 +128,7 @@ def spans(cx: Complex, cells: np.ndarray, directions: np.ndarray) -> np.ndarray:
     return np.array(_spans(cx, np.asarray(cells, np.int64), np.ascontiguousarray(directions)))
 
 
-@compiled
+@entry_kernel
 def _interfaces(cx):
     n = cx.count[N_FACES]
     sides = np.empty((n, 4), np.int64)
@@ -155,7 +155,7 @@ def _interfaces(cx):
     return sides[:m], sizes[:m]
 
 
-@inner
+@kernel
 def _has_face(cx, c, f):
     """Whether f bounds cell c; free facets carry label rows, not cells, on their sides."""
     if cx.cell[c, CELL_CHILD] >= 0:
@@ -178,7 +178,7 @@ def interfaces(cx: Complex) -> tuple[np.ndarray, np.ndarray]:
     return _interfaces(cx)
 
 
-@compiled
+@entry_kernel
 def face_polygon(cx, f):
     """Corners of face f in order around it, in grid steps, shape (m, 3)."""
     first = cx.face[f, FACE_FIRST]
@@ -198,7 +198,7 @@ def face_polygon(cx, f):
     return corners
 
 
-@compiled
+@entry_kernel
 def _inner_balls(cx, cells):
     balls = np.empty((len(cells), 5))
     for row in range(len(cells)):
@@ -231,7 +231,7 @@ def inner_balls(cx: Complex, cells: np.ndarray) -> np.ndarray:
     return _inner_balls(cx, np.asarray(cells, np.int64))
 
 
-@compiled
+@entry_kernel
 def _cell_planes(cx, c):
     """Planes of cell c, each once, with the side (1 or -1) the cell lies on."""
     size = cx.cell[c, CELL_SIZE]
@@ -260,7 +260,7 @@ def half_spaces(cx: Complex, c: int, without: int = -1) -> np.ndarray:
     return rows / np.linalg.norm(rows[:, :3], axis=1, keepdims=True)
 
 
-@compiled
+@entry_kernel
 def cell_triangles(cx, c):
     """Triangles that tile the surface of cell c, as (t, 3, 3) corners in grid steps."""
     n = 0

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from aspectgraph.cells.arrays import CELL_CHILD, CELL_PLANE, N_CELLS, Complex
-from aspectgraph.exact.lean import compiled, inner
 from aspectgraph.exact.predicates import POINT_BITS, sign_at_point
+from compiled.decorators import entry_kernel, kernel
 
 _POINT_STEP = 2.0**-POINT_BITS
 # see predicates: rounding of four coefficients, three coordinates, three products and three sums
@@ -41,7 +41,7 @@ def tree_of(cx: Complex) -> Tree:
     )
 
 
-@inner
+@kernel
 def _rows(tree, points):
     """For every node its plane in doubles, and the value it must exceed at any of the points for a certain sign."""
     reach = 0.0
@@ -62,7 +62,7 @@ def _rows(tree, points):
     return rows
 
 
-@compiled
+@entry_kernel
 def holds(tree, flag, points):
     """Whether the closure of a flagged leaf holds each of (n, 3) int64 query points (`Grid.to_points`), as (n,) bool.
 
@@ -103,7 +103,7 @@ def holds(tree, flag, points):
     return result
 
 
-@compiled
+@entry_kernel
 def locate(tree, points):
     """Leaf that holds each of (n, 3) int64 query points, as (n,) int64; on a plane, the leaf on its positive side."""
     planes = tree.planes

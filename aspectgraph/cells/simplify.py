@@ -44,7 +44,7 @@ from aspectgraph.cells.split import (
     split_cell,
     split_face,
 )
-from aspectgraph.exact.lean import compiled, holds_value, inner, lean, put
+from compiled.decorators import entry_kernel, holds_value, kernel, kernel_without_refcounts, put
 
 _CANDIDATES = 10
 
@@ -69,7 +69,7 @@ def simplify(old: Complex, box: np.ndarray, n_cells: int) -> Complex:
     return cx
 
 
-@compiled
+@entry_kernel
 def _copy_facets(old, cx):
     """Copy the faces of `old` between differently labelled cells to `cx`; their sides name cells of `old`."""
     n = old.count[N_FACES]
@@ -107,7 +107,7 @@ def _copy_facets(old, cx):
     return facets[:m]
 
 
-@inner
+@kernel
 def _same(label, other):
     same = True
     for word in range(len(label)):
@@ -115,7 +115,7 @@ def _same(label, other):
     return same
 
 
-@inner
+@kernel
 def _copy_vertex(old, cx, v):
     w = add_vertex(cx, 0, 2, 4)
     for row in range(4):
@@ -124,7 +124,7 @@ def _copy_vertex(old, cx, v):
     return w
 
 
-@inner
+@kernel
 def _grown(pool, room):
     if room <= len(pool):
         return pool
@@ -133,7 +133,7 @@ def _grown(pool, room):
     return larger
 
 
-@inner
+@kernel
 def _choose(cx, facets):
     """The facet whose plane splits few others, carries many, and balances the rest."""
     best = 0
@@ -165,13 +165,13 @@ def _choose(cx, facets):
     return facets[best]
 
 
-@lean
+@kernel_without_refcounts
 def _retire(cx, f):
     """Take a free facet that did its work out of everybody's sight: its sides are not cells of this complex."""
     cx.face[f, SIDES : SIDES + 2] = -1
 
 
-@compiled
+@entry_kernel
 def partition(cx, roots, first, facets, labels):
     """Cut each cell `roots[k]` along the free facets number `first[k]` to `first[k + 1]` and label the parts.
 

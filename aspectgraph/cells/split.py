@@ -54,11 +54,11 @@ from aspectgraph.cells.arrays import (
     push_face,
     require,
 )
-from aspectgraph.exact.lean import compiled, lean
 from aspectgraph.exact.predicates import sign_at_vertex
+from compiled.decorators import entry_kernel, kernel_without_refcounts
 
 
-@lean
+@kernel_without_refcounts
 def vertex_sign(cx, h, v):
     """Sign of plane h at vertex v, remembered until another plane asks."""
     if cx.vertex[v, SIGN_PLANE] != h:
@@ -67,7 +67,7 @@ def vertex_sign(cx, h, v):
     return cx.vertex[v, SIGN]
 
 
-@lean
+@kernel_without_refcounts
 def _push_edge_leaves(cx, f, e):
     """Append the parts of edge e that are not split, the positive part of each before the negative one.
 
@@ -89,7 +89,7 @@ def _push_edge_leaves(cx, f, e):
         first_waiting += 1
 
 
-@lean
+@kernel_without_refcounts
 def refresh_face(cx, f):
     """Replace edges of face f that were split since by their parts."""
     first = cx.face[f, FACE_FIRST]
@@ -106,7 +106,7 @@ def refresh_face(cx, f):
             _push_edge_leaves(cx, f, cx.lists[EDGE_LIST, k])
 
 
-@lean
+@kernel_without_refcounts
 def _push_face_leaves(cx, c, f):
     """Append the parts of face f that are not split; see `_push_edge_leaves`."""
     end = cx.lists.shape[1]
@@ -124,7 +124,7 @@ def _push_face_leaves(cx, c, f):
         first_waiting += 1
 
 
-@lean
+@kernel_without_refcounts
 def refresh_cell(cx, c):
     """Replace faces of cell c that were split since by their parts, and refresh those."""
     first = cx.cell[c, CELL_FIRST]
@@ -143,7 +143,7 @@ def refresh_cell(cx, c):
         refresh_face(cx, cx.lists[FACE_LIST, k])
 
 
-@lean
+@kernel_without_refcounts
 def face_side(cx, f, h):
     """POSITIVE, NEGATIVE, CROSSED, or 0 where face f lies in plane h."""
     side = 0
@@ -160,7 +160,7 @@ def face_side(cx, f, h):
     return side
 
 
-@lean
+@kernel_without_refcounts
 def cell_side(cx, c, h):
     """POSITIVE, NEGATIVE or CROSSED: where the open cell c lies from plane h."""
     side = 0
@@ -175,7 +175,7 @@ def cell_side(cx, c, h):
     return side
 
 
-@lean
+@kernel_without_refcounts
 def _split_edge(cx, e, h):
     """Split edge e, whose ends lie on opposite sides of h, into its positive and negative part."""
     v = cx.edge[e, ENDS]
@@ -193,7 +193,7 @@ def _split_edge(cx, e, h):
     cx.edge[e, EDGE_CHILD + 1] = negative
 
 
-@lean
+@kernel_without_refcounts
 def split_face(cx, f, h):
     """Split face f, crossed by plane h, into its positive and negative part; return their common edge.
 
@@ -231,7 +231,7 @@ def split_face(cx, f, h):
     return cut
 
 
-@lean
+@kernel_without_refcounts
 def _push_cut_edges(cx, cap, f, h, mark):
     """Append the edges of face f that lie in plane h to the face `cap`, each once."""
     for k in range(cx.face[f, FACE_FIRST], cx.face[f, FACE_FIRST] + cx.face[f, FACE_SIZE]):
@@ -245,14 +245,14 @@ def _push_cut_edges(cx, cap, f, h, mark):
             push_edge(cx, cap, e)
 
 
-@lean
+@kernel_without_refcounts
 def _own(cx, f, old, new):
     for side in range(2):
         if cx.face[f, SIDES + side] == old:
             cx.face[f, SIDES + side] = new
 
 
-@lean
+@kernel_without_refcounts
 def _push_corners(cx, c, part, cap, h, side):
     """Corners of the part of cell c on one side of h: those of c on that side, and those of the cap."""
     cx.count[MARK] += 1
@@ -269,7 +269,7 @@ def _push_corners(cx, c, part, cap, h, side):
                 push_corner(cx, part, v)
 
 
-@lean
+@kernel_without_refcounts
 def split_cell(cx, c, h):
     """Split cell c, crossed by plane h, into its positive and its negative part."""
     refresh_cell(cx, c)
@@ -304,7 +304,7 @@ def split_cell(cx, c, h):
     cx.cell[c, CELL_PLANE] = h
 
 
-@compiled
+@entry_kernel
 def leaves(cx):
     """Numbers of the present cells, refreshed, in ascending order."""
     n = cx.count[N_CELLS]

@@ -13,7 +13,7 @@ import numpy as np
 
 from aspectgraph.cells.arrays import Complex
 from aspectgraph.cells.measure import face_polygon
-from aspectgraph.exact.lean import compiled, inner, put
+from compiled.decorators import entry_kernel, kernel, put
 
 # a face counts as opposite where its outward normal leans less than this from the direction of the push, as a cosine
 _OPPOSITE = 1e-3
@@ -74,7 +74,7 @@ def pieces_across(
     ]
 
 
-@inner
+@kernel
 def _frame(normal):
     """Two unit vectors that with a unit normal form a right-handed frame, as rows."""
     axis = np.argmin(np.abs(normal))
@@ -90,7 +90,7 @@ def _frame(normal):
     return frame
 
 
-@inner
+@kernel
 def _flatten(corners, origin, frame):
     """Polygon in the frame's coordinates, counter-clockwise."""
     flat = np.empty((len(corners), 2))
@@ -100,7 +100,7 @@ def _flatten(corners, origin, frame):
     return flat if _doubled_area(flat) >= 0.0 else flat[::-1].copy()
 
 
-@inner
+@kernel
 def _doubled_area(flat):
     total = 0.0
     for k in range(1, len(flat) - 1):
@@ -110,7 +110,7 @@ def _doubled_area(flat):
     return total
 
 
-@inner
+@kernel
 def _perimeter(flat):
     total = 0.0
     for k in range(len(flat)):
@@ -119,7 +119,7 @@ def _perimeter(flat):
     return total
 
 
-@inner
+@kernel
 def _clip(flat, clipper):
     """Common part of two convex counter-clockwise polygons (Sutherland and Hodgman 1974)."""
     for k in range(len(clipper)):
@@ -144,7 +144,7 @@ def _clip(flat, clipper):
     return flat
 
 
-@inner
+@kernel
 def _normal_out_of(cx, sides, row, cell):
     """Unit normal of a face that points out of one of its two cells."""
     plane = cx.planes[sides[row, 2]]
@@ -153,7 +153,7 @@ def _normal_out_of(cx, sides, row, cell):
     return -normal if sides[row, 0] == cell else normal
 
 
-@compiled
+@entry_kernel
 def _push_all(cx, sides, is_thin, first, rows, starts, least_width):
     """Push the faces `starts`; `rows[first[c]:first[c + 1]]` are the faces of sliver c."""
     cells = [(0, 0) for _ in range(0)]
@@ -216,7 +216,7 @@ def _push_all(cx, sides, is_thin, first, rows, starts, least_width):
     return cells, lengths, paths, sizes, corners
 
 
-@inner
+@kernel
 def _is_narrow(flat, least_width):
     """Whether no disc of the least width fits for certain: its radius is at most twice the area over the perimeter."""
     return len(flat) < 3 or 2.0 * _doubled_area(flat) < least_width * _perimeter(flat)

@@ -32,10 +32,10 @@ from aspectgraph.cells.measure import cell_centre
 from aspectgraph.cells.simplify import partition
 from aspectgraph.cells.split import face_side, refresh_cell, refresh_face, split_face
 from aspectgraph.exact.grid import as_queries
-from aspectgraph.exact.lean import compiled, inner, put
 from aspectgraph.exact.planes import plane_through
 from aspectgraph.exact.predicates import sign_at_point
 from aspectgraph.visibility.scene import Scene
+from compiled.decorators import entry_kernel, kernel, put
 
 # reach of the perpendicular planes, in steps: enough to be perpendicular to 1e-5, little enough for 63 bits
 _NORMAL_STEPS = 1 << 16
@@ -71,7 +71,7 @@ def surface_facets(scene: Scene) -> Facets:
     return Facets(planes, first, faces[kept])
 
 
-@compiled
+@entry_kernel
 def _perpendicular_planes(points, pieces, steps, resolution):
     """Planes through the sides of every piece and its normal, and how many each has; none for a piece without area."""
     planes = np.empty((len(pieces.vertices), 4), np.int64)
@@ -92,7 +92,7 @@ def _perpendicular_planes(points, pieces, steps, resolution):
     return planes[:n].copy(), sizes
 
 
-@inner
+@kernel
 def _true_corners(points, loop, resolution):
     """Drop vertices within the resolution of the line through their neighbours."""
     kept = [v for v in loop]  # noqa: C416 - numba makes no list of an array otherwise
@@ -146,7 +146,7 @@ def carve(cx: Complex, scene: Scene, facets: Facets, n_box: int) -> None:
         cx.label[c, -1] = INSIDE if inside else np.uint64(0)
 
 
-@compiled
+@entry_kernel
 def _insert_facets(cx, first, plane, side, n_perpendicular):
     """Add the polygons as free faces; their sides name the label rows outside (0) and inside (1)."""
     offset = len(cx.planes) - n_perpendicular
@@ -171,7 +171,7 @@ def _insert_facets(cx, first, plane, side, n_perpendicular):
     return faces
 
 
-@inner
+@kernel
 def _is_empty(label):
     anything = np.uint64(0)
     for word in label:
@@ -179,7 +179,7 @@ def _is_empty(label):
     return anything == 0
 
 
-@compiled
+@entry_kernel
 def _hand_down(cx, facets):
     """Hand the facets down the tree to the leaves with an empty list and mark those.
 
@@ -252,7 +252,7 @@ def is_inside(scene: Scene, position: np.ndarray) -> bool:
         nudge = generator.uniform(-1e-3, 1e-3, 3)
 
 
-@compiled
+@entry_kernel
 def _parity(point, axis, points, first, loop, face, planes, plane_of_face):
     """Parity of the pieces that the ray from `point` in the direction of an axis crosses; -1 if in doubt."""
     i = (axis + 1) % 3

@@ -10,11 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from aspectgraph.exact.grid import Grid
-from aspectgraph.exact.lean import compiled, lean
 from aspectgraph.exceptions import SolidError
+from compiled.decorators import entry_kernel, kernel_without_refcounts
 
 
-@compiled
+@entry_kernel
 def plane_through(p, q, r):
     """Plane through three integer points, reduced and oriented by the turn p, q, r; all zero if they are collinear."""
     plane = np.zeros(4, np.int64)
@@ -30,13 +30,13 @@ def plane_through(p, q, r):
     return plane
 
 
-@lean
+@kernel_without_refcounts
 def height(plane, point):
     """a·x + b·y + c·z - d at an integer point of the part, exact in int64."""
     return plane[0] * point[0] + plane[1] * point[1] + plane[2] * point[2] - plane[3]
 
 
-@lean
+@kernel_without_refcounts
 def side_of(plane, point, resolution):
     """Sign of a plane at an integer point of the part; 0 within `resolution` steps of it."""
     h = height(plane, point)
@@ -49,7 +49,7 @@ def side_of(plane, point, resolution):
     return -1 if h < 0 else 0
 
 
-@compiled
+@entry_kernel
 def find_plane(planes, n, points, trio, resolution):
     """Number of the first of the first n planes through all three points, or -1."""
     for k in range(n):
@@ -62,7 +62,7 @@ def find_plane(planes, n, points, trio, resolution):
     return -1
 
 
-@compiled
+@entry_kernel
 def find_parallel(planes, points, trio, resolution, plane):
     """The plane through the three points exactly parallel to that of `planes` nearest to parallel, or `plane`.
 
@@ -94,7 +94,7 @@ def find_parallel(planes, points, trio, resolution, plane):
     return parallel
 
 
-@compiled
+@entry_kernel
 def _widest_triangle(points, loop):
     """Three of the loop's points that span nearly the largest triangle, in the loop's cyclic order."""
     a = loop[0]
@@ -194,7 +194,7 @@ def _made_parallel(
     return np.array([*planes[k, :3], low[k] + (high[k] - low[k]) // 2])
 
 
-@compiled
+@entry_kernel
 def _same_plane(planes, points, resolution):
     for k in range(len(planes)):
         contains = True

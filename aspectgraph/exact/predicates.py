@@ -19,7 +19,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from aspectgraph.exact.lean import lean
+from compiled.decorators import kernel_without_refcounts
 
 POINT_BITS = 20
 LIMBS = 4
@@ -135,7 +135,7 @@ def _sign_at_point_exact(typingctx, planes, h, x, y, z):
     return signature, codegen
 
 
-@lean
+@kernel_without_refcounts
 def _magnitude(limbs):
     """Double nearest to a 256-bit integer, to a relative error below 4 ulp."""
     negative = limbs[LIMBS - 1] < 0
@@ -154,7 +154,7 @@ def _magnitude(limbs):
     return -total if negative else total
 
 
-@lean
+@kernel_without_refcounts
 def meet(planes, p, q, r, vertices, coordinates, v):
     """Write the common point of three planes as vertex v, exactly and in doubles; False where they have none."""
     if _meet(planes, p, q, r, vertices, v) == 0:
@@ -165,7 +165,7 @@ def meet(planes, p, q, r, vertices, coordinates, v):
     return True
 
 
-@lean
+@kernel_without_refcounts
 def sign_at_vertex(planes, h, vertices, coordinates, v):
     """Sign (-1, 0, 1) of plane h at vertex v."""
     x = planes[h, 0] * coordinates[v, 0]
@@ -181,7 +181,7 @@ def sign_at_vertex(planes, h, vertices, coordinates, v):
     return _sign_at_vertex_exact(planes, h, vertices, v)
 
 
-@lean
+@kernel_without_refcounts
 def sign_at_point(planes, h, point):
     """Sign (-1, 0, 1) of plane h at an int64 point of denominator 2**POINT_BITS."""
     scale = 1.0 / (1 << POINT_BITS)

@@ -25,11 +25,11 @@ from aspectgraph.cells.split import cell_side, leaves, split_cell
 from aspectgraph.domains.carve import is_inside
 from aspectgraph.domains.find_domains import find_domains
 from aspectgraph.domains.width import Ruler, largest_extent
-from aspectgraph.exact.lean import compiled
 from aspectgraph.exact.planes import find_plane, plane_through
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.scene import Scene, make_scene
 from aspectgraph.visibility.visibility_regions import Progress, check_workspace
+from compiled.decorators import entry_kernel
 
 _BOX = np.arange(6)
 # least width of a domain, in shares of the part's diameter
@@ -164,7 +164,7 @@ def _arrangement(planes: np.ndarray, n_cells: int) -> Complex:
     return cx
 
 
-@compiled
+@entry_kernel
 def _cut_everywhere(cx):
     for h in range(6, len(cx.planes)):
         for c in leaves(cx):

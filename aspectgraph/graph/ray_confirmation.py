@@ -15,12 +15,12 @@ import networkx as nx
 import numpy as np
 
 from aspectgraph.entities.straight_edges import Entity
-from aspectgraph.exact.lean import compiled
 from aspectgraph.exact.predicates import sign_at_point
 from aspectgraph.exceptions import ContradictionError
 from aspectgraph.solid.ray_scene import RayScene
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.visibility_regions import VisibilityRegions
+from compiled.decorators import entry_kernel
 
 RAYS_PER_ENTITY = 32
 
@@ -84,7 +84,7 @@ def _spread(entity: Entity, along: np.ndarray) -> np.ndarray:
     return np.column_stack([np.interp(along * run[-1], run, line[:, axis]) for axis in range(3)])
 
 
-@compiled
+@entry_kernel
 def is_blocked(sets, query):
     """Whether one of the blocked sets holds an int64 query point (`Grid.to_points`) in its interior, exactly."""
     for k in range(len(sets.first) - 1):

@@ -26,11 +26,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aspectgraph.exact.lean import compiled, lean, put
 from aspectgraph.exact.planes import find_plane, height, plane_through, side_of
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.scene import Scene, chords, entity_ends
 from aspectgraph.visibility.united_sets import Blockers, united
+from compiled.decorators import entry_kernel, kernel_without_refcounts, put
 
 if TYPE_CHECKING:
     from aspectgraph.entities.straight_edges import Entity
@@ -107,7 +107,7 @@ def _wedge(scene: Scene, solid: Solid, entity: Entity) -> tuple[np.ndarray, np.n
     return first, flat[:, 0], flat[:, 1]
 
 
-@compiled
+@entry_kernel
 def _facing(scene, a, b, wedge_first, wedge_plane, wedge_side):
     """Pieces with an end of the entity in front of them that are not wholly inside one blocked set of the wedge."""
     points = scene.points
@@ -142,7 +142,7 @@ def _facing(scene, a, b, wedge_first, wedge_plane, wedge_side):
     return result[:n]
 
 
-@compiled
+@entry_kernel
 def _apparent_size(points, pieces, chosen, a, b):
     """Rough solid angle of pieces seen from the middle of the entity; only orders the work."""
     size = np.zeros(len(chosen))
@@ -172,7 +172,7 @@ def _apparent_size(points, pieces, chosen, a, b):
     return size
 
 
-@lean
+@kernel_without_refcounts
 def _separates(plane, points, loop, others, settle_thin, resolution):
     """Side of the plane on which the loop lies with `others` on the opposite side or on the plane; 0 if none."""
     positive = negative = False
@@ -194,7 +194,7 @@ def _separates(plane, points, loop, others, settle_thin, resolution):
     return side
 
 
-@lean
+@kernel_without_refcounts
 def _side_of_loop(plane, points, loop):
     """Side of the plane on which the loop's farthest vertex lies."""
     farthest = np.int64(0)
@@ -205,7 +205,7 @@ def _side_of_loop(plane, points, loop):
     return 1 if farthest > 0 else -1
 
 
-@lean
+@kernel_without_refcounts
 def _side_of_set(plane, points, loop, others, settle_thin, resolution):
     """Side of the plane on which the set lies: that of O, or where O lies in the plane, away from the other end."""
     if settle_thin and resolution > 0.0 and len(others) == 1:
@@ -217,7 +217,7 @@ def _side_of_set(plane, points, loop, others, settle_thin, resolution):
     return _side_of_loop(plane, points, loop)
 
 
-@compiled
+@entry_kernel
 def _cast(points, pieces, order, placed, planes, n_planes, origin, ends, settle_thin, resolution):
     """Blocked sets of the pieces in the given order; appends their planes to `planes` and `origin`."""
     n_face_planes = n_planes

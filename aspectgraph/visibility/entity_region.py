@@ -22,11 +22,11 @@ from aspectgraph.cells.arrays import (
 from aspectgraph.cells.point_location import Tree, tree_of
 from aspectgraph.cells.simplify import n_leaves, simplify
 from aspectgraph.cells.split import cell_side, split_cell
-from aspectgraph.exact.lean import compiled, lean
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.blocked_sets import blockers
 from aspectgraph.visibility.scene import Scene
 from aspectgraph.visibility.united_sets import Blockers
+from compiled.decorators import entry_kernel, kernel_without_refcounts
 
 if TYPE_CHECKING:
     from aspectgraph.entities.straight_edges import Entity
@@ -100,7 +100,7 @@ def _cut(planes: np.ndarray, shadows: Blockers, n_cells: int) -> Complex:
         limit = max(_SIMPLIFY_ABOVE, 16 * n_leaves(cx))
 
 
-@lean
+@kernel_without_refcounts
 def _disjoint(cx, c, plane, side):
     """Whether one of the set's own planes separates it from cell c."""
     for j in range(len(plane)):
@@ -109,7 +109,7 @@ def _disjoint(cx, c, plane, side):
     return False
 
 
-@compiled
+@entry_kernel
 def _insert(cx, first, plane, side, start, limit):
     """Block sets `start`, `start` + 1, … until all are done or the complex has `limit` cells; return the next one.
 

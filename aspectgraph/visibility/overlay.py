@@ -25,11 +25,11 @@ from aspectgraph.cells.arrays import (
 )
 from aspectgraph.cells.simplify import n_leaves, simplify
 from aspectgraph.cells.split import cell_side, split_cell
-from aspectgraph.exact.lean import compiled, inner
 from aspectgraph.exact.planes import find_parallel, find_plane
 from aspectgraph.visibility.blocked_sets import CONTRAST, FACE
 from aspectgraph.visibility.entity_region import Region
 from aspectgraph.visibility.scene import Scene
+from compiled.decorators import entry_kernel, kernel
 
 _BOX = np.arange(6)
 # cells from which simplifying pays, and cells to reserve room for at first
@@ -186,7 +186,7 @@ def _overlay(
     return simplify(cx, _BOX, n_cells)
 
 
-@inner
+@kernel
 def _covers(label, k):
     """Whether the bits of entities 0 to k - 1 are all set."""
     for bit in range(k):
@@ -195,7 +195,7 @@ def _covers(label, k):
     return True
 
 
-@compiled
+@entry_kernel
 def _forget_uncovered(cx, k):
     """Clear labels that lack one of the first k bits, so that simplifying joins their cells."""
     for c in range(cx.count[N_CELLS]):
@@ -203,7 +203,7 @@ def _forget_uncovered(cx, k):
             cx.label[c] = 0
 
 
-@compiled
+@entry_kernel
 def _add_region(cx, plane, child, observable, k, covering_only):
     """Set bit k where region k holds the cell, cutting cells its tree cuts."""
     bit = np.uint64(1) << np.uint64(k % 64)

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from aspectgraph.exact.lean import compiled, inner, lean, put
+from compiled.decorators import entry_kernel, kernel, kernel_without_refcounts, put
 from planner.bound.boxes.cells import Cells
 from planner.bound.boxes.necessary import TOUCH_MM, out_of_focus, outside, too_short
 from planner.bound.boxes.view import Segments
@@ -116,7 +116,7 @@ def too_far_apart(
 
 
 # threads run it side by side
-@compiled(nogil=True)
+@entry_kernel(nogil=True)
 def _share_viewpoint(a, b, cells, pair, frustum):
     """Tell whether some cell of entity a may meet some cell of entity b where the lens can take both at once.
 
@@ -137,7 +137,7 @@ def _share_viewpoint(a, b, cells, pair, frustum):
     return False
 
 
-@lean
+@kernel_without_refcounts
 def _overlap(boxes, i, j, common):
     """Tell whether boxes i and j meet; write the centre and half size of what they share."""
     for k in range(3):
@@ -150,7 +150,7 @@ def _overlap(boxes, i, j, common):
     return True
 
 
-@inner
+@kernel
 def _search(stack, i, j, planes, plane_start, pair, frustum):
     """Subdivide the box on the stack; true when a viewpoint is found or the effort is spent."""
     size = 1
@@ -181,7 +181,7 @@ def _search(stack, i, j, planes, plane_start, pair, frustum):
     return True
 
 
-@lean
+@kernel_without_refcounts
 def _in_both(centre, half, i, j, planes, plane_start):
     """Tell whether a box may meet both cells."""
     return not (
@@ -190,7 +190,7 @@ def _in_both(centre, half, i, j, planes, plane_start):
     )
 
 
-@inner
+@kernel
 def _in_view(centre, radius, pair, frustum):
     """Tell whether some viewpoint of a ball may have all ends in focus, within the sensor, and long enough images."""
     points = pair.ends.reshape(-1, 3)
@@ -216,7 +216,7 @@ def _in_view(centre, radius, pair, frustum):
     return True
 
 
-@lean
+@kernel_without_refcounts
 def _from_axis(distance, radius, frustum):
     """Return how far off the axis, rad, a point may be seen, given its distance from the middle of a ball of eyes.
 
@@ -229,7 +229,7 @@ def _from_axis(distance, radius, frustum):
     return min(frustum.cone, off) + math.asin(radius / distance)
 
 
-@lean
+@kernel_without_refcounts
 def _apart_in_view(point, other, centre, most):
     """Tell whether two points are seen farther apart than an angle, rad."""
     cosine = 0.0
@@ -239,7 +239,7 @@ def _apart_in_view(point, other, centre, most):
     return math.acos(min(1.0, max(-1.0, cosine))) > most + _EPS_RAD
 
 
-@lean
+@kernel_without_refcounts
 def _one_behind_the_other(point, other, centre, deep, off):
     """Tell whether no axis that is at most ``off`` the first point, rad, has both within a depth of ``deep``, mm.
 
@@ -259,7 +259,7 @@ def _one_behind_the_other(point, other, centre, deep, off):
     return turned > slant + off + _EPS_RAD
 
 
-@lean
+@kernel_without_refcounts
 def _distance(point, other):
     x = point[0] - other[0]
     y = point[1] - other[1]
@@ -267,7 +267,7 @@ def _distance(point, other):
     return math.sqrt(x * x + y * y + z * z)
 
 
-@lean
+@kernel_without_refcounts
 def _apart(i, j, cells):
     """Tell whether a plane of cell i has all corners of cell j outside."""
     planes = cells.planes

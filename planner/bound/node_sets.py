@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.exact.lean import compiled, inner, lean, put
+from compiled.decorators import entry_kernel, kernel, kernel_without_refcounts, put
 from planner.bound.boxes.exclusive_groups import exclusive_groups
 from planner.bound.boxes.necessary import out_of_focus, outside, too_short_at
 
@@ -85,7 +85,7 @@ class Pairs(NamedTuple):
     conflict: NDArray[np.bool_]
 
 
-@compiled
+@entry_kernel
 def clear_unsatisfied(nodes, segments, frustum, possible):
     """Clear ``possible[n, e]`` where no pose of node n has entity e in focus, on the sensor, and long enough there."""
     ends, lengths, length_ratio = segments
@@ -108,7 +108,7 @@ def clear_unsatisfied(nodes, segments, frustum, possible):
                 )
 
 
-@lean
+@kernel_without_refcounts
 def _nearest_depth(ray, nodes, n, frustum):
     """Return the least depth at which node n may have a point in focus and on the sensor; -1 if it cannot.
 
@@ -151,7 +151,7 @@ def _nearest_depth(ray, nodes, n, frustum):
     return max(nearest - _EPS, near)
 
 
-@compiled
+@entry_kernel
 def clear_unmet(centre, half, planes, cell_start, entity_start, possible):
     """Clear ``possible[n, e]`` where box n lies wholly outside some half-space of every cell of entity e."""
     for n in range(centre.shape[0]):
@@ -166,7 +166,7 @@ def clear_unmet(centre, half, planes, cell_start, entity_start, possible):
             possible[n, e] = met
 
 
-@compiled
+@entry_kernel
 def separate(places, pairs, first, second):
     """Split sets instead of poses: a pose inspects the most contested entity of a set, or none that it excludes.
 
@@ -195,7 +195,7 @@ def separate(places, pairs, first, second):
     return changed
 
 
-@compiled
+@entry_kernel
 def consistent_weights(places, pairs, sets, y, order):
     """Return for each node a bound on the weight of what one pose of it inspects, with weights y.
 
@@ -216,7 +216,7 @@ def consistent_weights(places, pairs, sets, y, order):
     return result
 
 
-@inner
+@kernel
 def _exclusions(members, places, k, pairs):
     """Return which of the entities exclude each other in node k, (m, m) bool.
 
@@ -254,7 +254,7 @@ def _exclusions(members, places, k, pairs):
     return excludes
 
 
-@lean
+@kernel_without_refcounts
 def _too_far(first, second, axes, turns, room):
     """Tell whether an end of one entity is always farther than there is room, along some axis, from one of the other.
 
@@ -281,7 +281,7 @@ def _too_far(first, second, axes, turns, room):
     return False
 
 
-@lean
+@kernel_without_refcounts
 def _too_wide(first, second, first_wide, second_wide):
     """Tell whether an end of one entity is always farther than an angle from an end of the other."""
     for i in range(2):

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from aspectgraph.exact.lean import compiled, lean
+from compiled.decorators import entry_kernel, kernel_without_refcounts
 
 # squares of smaller numbers lose digits
 _TINY = 1e-150
@@ -14,7 +14,7 @@ _TINY = 1e-150
 _VERTICAL = 1e-9
 
 
-@compiled(error_model="numpy")
+@entry_kernel(error_model="numpy")
 def look_along(positions, target, turns, out):
     """Write the poses (n, 4, 4) of `planner.camera.pose.look_at`; ``turns`` (3, n) are pan, tilt and roll."""
     right = np.empty(3)
@@ -53,7 +53,7 @@ def look_along(positions, target, turns, out):
         out[i, 3, 3] = 1.0
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def _pan_tilt_roll(pan, tilt, roll, out):
     """Write the product of the rotations by pan about y, by tilt about x and by roll about z."""
     cp = math.cos(pan)
@@ -73,7 +73,7 @@ def _pan_tilt_roll(pan, tilt, roll, out):
     out[2, 2] = cp * ct
 
 
-@compiled(error_model="numpy")
+@entry_kernel(error_model="numpy")
 def move(cam2world, moves, unit, out):
     """Write the poses (n, 4, 4) of `planner.camera.pose.moved`."""
     turn = np.empty((3, 3))
@@ -91,7 +91,7 @@ def move(cam2world, moves, unit, out):
         out[i, 3, 3] = 1.0
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def _rotation(x, y, z, out):
     """Write the rotation by a vector (Rodrigues): cos a·I + sin a/a·[v]× + (1 − cos a)/a²·v v'."""
     squared = x * x + y * y + z * z
@@ -111,14 +111,14 @@ def _rotation(x, y, z, out):
     out[2, 2] = cosine + outer * z * z
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def _cross(a, b, out):
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def _normalise(vector):
     """Scale a vector to length 1; False if it has none."""
     largest = max(abs(vector[0]), abs(vector[1]), abs(vector[2]))

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import LinearConstraint, milp
 from scipy.sparse import csr_matrix
 
-from aspectgraph.exact.lean import compiled
+from compiled.decorators import entry_kernel
 from planner.exceptions import CoverError
 
 # the preferences of all chosen columns together stay below this, so they can never outweigh one column
@@ -214,7 +214,7 @@ def maximal_columns(membership: np.ndarray) -> np.ndarray:
     return np.sort(order[_not_contained(_packed(membership[order]))])
 
 
-@compiled
+@entry_kernel
 def _not_contained(words):
     """Return which sets, given as rows of bits from large to small, are not empty and not in an earlier such one."""
     n, n_words = words.shape

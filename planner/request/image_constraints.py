@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aspectgraph.exact.lean import compiled, inner
+from compiled.decorators import entry_kernel, kernel
 from planner.camera.camera import Camera
 from planner.request.focus_reserve import NO_RESERVE, FocusReserve
 
@@ -117,7 +117,7 @@ def field_of_view_slacks(camera: Camera, ends_cam: np.ndarray, margin_px: float)
     return image_slacks(Lens.of(camera, margin_px=margin_px), ends_cam)[..., FIELD_OF_VIEW]
 
 
-@inner(error_model="numpy")
+@kernel(error_model="numpy")
 def _focus_margin(least, reserve, x, y):
     """Return the reserve of focus of an end at (x, y) of the camera's frame, mm, as `FocusReserve.margin_mm`."""
     if reserve.sigmas <= 0.0:
@@ -134,7 +134,7 @@ def _focus_margin(least, reserve, x, y):
     return max(least, min(reserve.sigmas * sigma, most))
 
 
-@compiled(error_model="numpy")
+@entry_kernel(error_model="numpy")
 def _image_slacks(lens, ends_cam, out):
     for i in range(ends_cam.shape[0]):
         for j in range(ends_cam.shape[1]):

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from aspectgraph.exact.lean import compiled, lean
+from compiled.decorators import entry_kernel, kernel_without_refcounts
 from planner.showing.contours import SHOWS
 
 # for dividing by a depth
 _TINY = 1e-9
 
 
-@compiled(error_model="numpy")
+@entry_kernel(error_model="numpy")
 def arm_images(poses: Any, pairs: Any, scale: Any, lines: Any, arms: Any, found: Any) -> int:
     """Write which arms show in images, in the order of pairs and arms; return how many there are.
 
@@ -62,7 +62,7 @@ def arm_images(poses: Any, pairs: Any, scale: Any, lines: Any, arms: Any, found:
     return count
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def _image(pose: Any, scale: Any, point: Any, image: Any) -> bool:
     """Write the image of a point in px, and its depth in mm; return whether it is in front of the camera."""
     x = point[0] - pose[0, 3]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from aspectgraph.exact.lean import compiled, lean
+from compiled.decorators import entry_kernel, kernel_without_refcounts
 from planner.showing.contours import CONNECTED, OWN, SHOWS
 
 # points looked at on the piece of a contour that is near
@@ -20,7 +20,7 @@ _STEPS = 17
 _NEAREST_MM = 1e-3
 
 
-@compiled(error_model="numpy")
+@entry_kernel(error_model="numpy")
 def near_contours(
     poses: Any, pairs: Any, scale: Any, contours: Any, entities: Any, limits: Any, found: Any
 ) -> int:
@@ -102,7 +102,7 @@ def near_contours(
     return count
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def _corner_images(own_vertices: Any, begin: int, end: int, image: Any, corners: Any) -> int:
     """Write the images of an entity's own vertices; return how many there are."""
     for w in range(end - begin):
@@ -112,7 +112,7 @@ def _corner_images(own_vertices: Any, begin: int, end: int, image: Any, corners:
     return end - begin
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def _write_samples(p: int, piece: Any, near: Any, place: Any, found: Any, count: int) -> int:
     """Write points of a piece of a contour that comes near to an edge; return how many there are in all."""
     line, (best, low, high), (a, b), relation = piece
@@ -135,13 +135,13 @@ def _write_samples(p: int, piece: Any, near: Any, place: Any, found: Any, count:
     return count
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def _share_in_space(share: float, start_depth: float, end_depth: float) -> float:
     """Return the share of a line in space from its share in the image, where inverse depths are linear."""
     return share * start_depth / ((1.0 - share) * end_depth + share * start_depth)
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def _seen(pose: Any, scale: Any, point: Any) -> tuple[float, float, float]:
     """Return the image of a point in px, and its depth."""
     x = point[0] - pose[0, 3]
@@ -154,7 +154,7 @@ def _seen(pose: Any, scale: Any, point: Any) -> tuple[float, float, float]:
     return scale[0] * u / safe + scale[2], scale[1] * v / safe + scale[3], w
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def _project(pose: Any, scale: Any, contours: Any, found: Any) -> int:
     """Write which edges may be contours, images and depths of the vertices, boxes around the edges, and front faces.
 
@@ -183,7 +183,7 @@ def _project(pose: Any, scale: Any, contours: Any, found: Any) -> int:
     return n
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def _images(pose: Any, scale: Any, points: Any, image: Any) -> None:
     """Write `_seen` of points (3, v); a loop without calls, so that several are computed at once."""
     px = pose[0, 3]
@@ -215,7 +215,7 @@ def _images(pose: Any, scale: Any, points: Any, image: Any) -> None:
         i2[k] = depth
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def _front_faces(eye: Any, planes: Any, front: Any) -> None:
     """Write of which planes (4, f) the eye is in front; computed as `_images` is."""
     x, y, z = eye
@@ -227,7 +227,7 @@ def _front_faces(eye: Any, planes: Any, front: Any) -> None:
         front[f] = nx[f] * x + ny[f] * y + nz[f] * z > offset[f]
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def _overlap(
     boxes: Any, low_x: float, low_y: float, high_x: float, high_y: float, within: Any
 ) -> None:
@@ -240,7 +240,7 @@ def _overlap(
         within[i] = (x1[i] >= low_x) & (x0[i] <= high_x) & (y1[i] >= low_y) & (y0[i] <= high_y)
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def _beyond(line: Any, corners: Any, near: float) -> tuple[float, float]:
     """Return what is left of a line when its ends are cut off as far as they are near to corners."""
     low = 0.0
@@ -267,7 +267,7 @@ def _beyond(line: Any, corners: Any, near: float) -> tuple[float, float]:
     return low, high
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def _beside(line: Any, t: float, corners: Any, near: float) -> bool:
     """Tell whether a point of a line is near to one of the corners."""
     x = line[0] + t * (line[2] - line[0])
@@ -278,7 +278,7 @@ def _beside(line: Any, t: float, corners: Any, near: float) -> bool:
     return within
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def _apart(line: Any, t: float, a: Any, b: Any) -> float:
     """Return the distance of a point of a line from the segment ab."""
     x = line[0] + t * (line[2] - line[0]) - a[0]
@@ -292,7 +292,7 @@ def _apart(line: Any, t: float, a: Any, b: Any) -> float:
     return math.sqrt(x * x + y * y)
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def _nearest(line: Any, start: float, stop: float, a: Any, b: Any) -> float:
     """Return where a piece of a line is nearest to ab: at an end, beside an end of ab, or where they meet."""
     ux = line[2] - line[0]
@@ -322,7 +322,7 @@ def _nearest(line: Any, start: float, stop: float, a: Any, b: Any) -> float:
     return best
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def _edge_of(line: Any, inside: float, limit: float, a: Any, b: Any, reach: float) -> float:
     """Return how far from a near point towards an end of the line it stays near, by halving."""
     if _apart(line, limit, a, b) < reach:

@@ -51,14 +51,14 @@ NAMES = (
 )
 LOOPS = """
 import numpy as np
-from aspectgraph.exact.lean import compiled, inner, lean
+from compiled.decorators import entry_kernel, kernel, kernel_without_refcounts
 from compiled.cache import njit
 
-@lean
+@kernel_without_refcounts
 def square(x):
     return x * x
 
-@inner
+@kernel
 def squares(values):
     if len(values) > 3:
         raise ValueError("at most three")
@@ -67,7 +67,7 @@ def squares(values):
         result[i] = square(values[i])
     return result
 
-@compiled
+@entry_kernel
 def total(values):
     return squares(values).sum()
 

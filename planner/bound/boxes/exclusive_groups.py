@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from aspectgraph.exact.lean import inner
+from compiled.decorators import kernel
 
 
-@inner
+@kernel
 def exclusive_groups(members, conflict, group):
     """Write a group for each member such that those of one group all exclude each other; numbered from 0."""
     m = len(members)

@@ -19,7 +19,7 @@ import math
 
 import numpy as np
 
-from aspectgraph.exact.lean import inner, lean, put
+from compiled.decorators import kernel, kernel_without_refcounts, put
 from planner.bound.boxes.view import FAR
 from planner.bound.boxes.windows import Turn, farthest, form, most_turn, seen_from
 
@@ -28,7 +28,7 @@ _EPS = 1e-9
 _RELATIVE = 1e-12
 
 
-@inner
+@kernel
 def linear_sides(stack, i, entities, view, work, rest):
     """Write the sides of box i, given the remainder of the swings, to ``work``; return how many."""
     q = stack.look[i]
@@ -56,7 +56,7 @@ def linear_sides(stack, i, entities, view, work, rest):
     return at
 
 
-@lean
+@kernel_without_refcounts
 def _of_nodal_points(stack, i, work, t, rest):
     """Write the sides of the points looked at and of the nodal points; return how many."""
     h = stack.half[i]
@@ -79,7 +79,7 @@ def _of_nodal_points(stack, i, work, t, rest):
     return at
 
 
-@lean
+@kernel_without_refcounts
 def _moved(n0, n1, n2, s, v, n):
     """Return n x s, and (2/N) W'(n x s): how n.R(t)'s changes with d."""
     g0 = n1 * s[2] - n2 * s[1]
@@ -95,13 +95,13 @@ def _moved(n0, n1, n2, s, v, n):
     )
 
 
-@lean
+@kernel_without_refcounts
 def _rest(along, whole, across, t, nu):
     """Return by how much n.R(t)'s may exceed what is linear in d."""
     return min(t * t * (whole - along) + 2.0 * t * (t * t + nu) * across, 2.0 * whole) + _EPS
 
 
-@lean
+@kernel_without_refcounts
 def _of_view(s, far, turn, view, room, rows, rhs, side):
     """Write the sides of the view that some point of the box breaks; return how many."""
     v, u, n, t, nu = turn
@@ -135,7 +135,7 @@ def _of_view(s, far, turn, view, room, rows, rhs, side):
     return kept
 
 
-@lean
+@kernel_without_refcounts
 def _of_length(segment, eye, turn, view, matrix, rows, rhs):
     """Write the side that keeps the image long enough, for nodal points in a box (2, 3); return how many: 0 or 1.
 
@@ -194,7 +194,7 @@ def _of_length(segment, eye, turn, view, matrix, rows, rhs):
     return 1
 
 
-@inner
+@kernel
 def find_apart(work, n, u, apart):
     """Add to ``apart`` (m, m) the members of which opposite sides, of n sides, leave no pose of a box for both."""
     count = np.zeros(6, np.int64)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aspectgraph.exact.lean import inner, lean, put
+from compiled.decorators import kernel, kernel_without_refcounts, put
 
 NO, YES, UNDECIDED = range(3)
 
@@ -61,7 +61,7 @@ class Seat(NamedTuple):
     slope: np.ndarray
 
 
-@inner
+@kernel
 def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
     """Tell whether members heavier than a limit may have all their sides satisfied at one point of a box.
 
@@ -148,7 +148,7 @@ def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
     return answer, made
 
 
-@lean
+@kernel_without_refcounts
 def _keep(sides, live, n_live, alive, low, high, y, scores):
     """Drop the members that a part excludes and the sides that all of it satisfies; return how many sides are left.
 
@@ -181,7 +181,7 @@ def _keep(sides, live, n_live, alive, low, high, y, scores):
     return kept
 
 
-@lean
+@kernel_without_refcounts
 def _weight(alive, group, y, first, loss):
     """Return the weight alive, of each group the first; write what would be lost with each member."""
     total = 0.0
@@ -201,7 +201,7 @@ def _weight(alive, group, y, first, loss):
     return total
 
 
-@lean
+@kernel_without_refcounts
 def _shrink(sides, live, alive, loss, spare, low, high):
     """Shrink a part to where the sides of needed members can be satisfied; tell whether by much.
 
@@ -231,7 +231,7 @@ def _shrink(sides, live, alive, loss, spare, low, high):
     return much
 
 
-@inner
+@kernel
 def _try(sides, live, alive, low, high, seat, tried, there):
     """Choose a point of a part and write which members have all sides satisfied there; none, if it is no pose."""
     rows, rhs, owner = sides

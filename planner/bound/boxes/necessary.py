@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from aspectgraph.exact.lean import compiled, lean
+from compiled.decorators import entry_kernel, kernel_without_refcounts
 
 # more than the rounding of planes, corners and viewpoints: cells that only touch count as meeting
 TOUCH_MM = 1e-6
@@ -16,25 +16,25 @@ TOUCH_MM = 1e-6
 _EPS = 1e-9
 
 
-@lean
+@kernel_without_refcounts
 def slant(view):
     """Return how much farther away than deep a corner of the view is: 1 / cos(cone)."""
     return math.sqrt(1.0 + view.tan_x**2 + view.tan_y**2)
 
 
-@compiled
+@entry_kernel
 def focus_reach(view):
     """Return how far from the nodal point a point in view and in focus can be, mm."""
     return view.far * slant(view)
 
 
-@lean
+@kernel_without_refcounts
 def out_of_focus(distance, radius, view):
     """Tell whether a point is too near or too far for a ball of nodal points, given its distance from the middle."""
     return distance - radius > focus_reach(view) or distance + radius < view.near
 
 
-@lean
+@kernel_without_refcounts
 def ends_out_of_focus(ends, eye, view):
     """Tell whether one of two ends is too near or too far for a box (2, 3) of nodal points."""
     reach = focus_reach(view)
@@ -49,7 +49,7 @@ def ends_out_of_focus(ends, eye, view):
     return False
 
 
-@lean
+@kernel_without_refcounts
 def too_short(ends, length, ratio, c, radius, view):
     """Tell whether an image is too short from every nodal point of a ball: a depth is at least distance cos(cone).
 
@@ -66,7 +66,7 @@ def too_short(ends, length, ratio, c, radius, view):
     return too_short_at(ends, length, ratio, c, radius, depths)
 
 
-@lean
+@kernel_without_refcounts
 def too_short_at(ends, length, ratio, c, radius, depths):
     """Tell whether an image is too short from a ball, given the product of the least depths of its ends.
 
@@ -83,7 +83,7 @@ def too_short_at(ends, length, ratio, c, radius, depths):
     return area + radius * length < ratio * depths * (1.0 - _EPS)
 
 
-@lean
+@kernel_without_refcounts
 def outside(planes, first, last, middle, half):
     """Tell whether a box lies wholly outside of a cell, that of the planes from ``first`` to ``last``."""
     for p in range(first, last):

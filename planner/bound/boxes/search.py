@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aspectgraph.exact.lean import compiled, inner, lean
+from compiled.decorators import entry_kernel, kernel, kernel_without_refcounts
 from planner.bound.boxes.exclusive_groups import exclusive_groups
 from planner.bound.boxes.linear_windows import NO, YES
 from planner.bound.boxes.necessary import ends_out_of_focus, too_short
@@ -111,7 +111,7 @@ _HALVING = Halving()
 _ASKING = Asking()
 
 
-@compiled(nogil=True)
+@entry_kernel(nogil=True)
 def search(box, chart, order, entities, view, tree, task, pose, inspected):
     """Search a box of poses.
 
@@ -195,7 +195,7 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
     return outcome, made
 
 
-@inner
+@kernel
 def _tighten(stack, i, chart, entities, view, y, work):
     """Drop the members that no pose of box i inspects; return the weight of the others. Fills ``work``.
 
@@ -260,7 +260,7 @@ def _tighten(stack, i, chart, entities, view, y, work):
     return total, rest, doubt, short
 
 
-@inner
+@kernel
 def _put_member(stack, i, kept, at, e, cells, n_cells):
     """Write a member of box i and its cells, from place ``at``; return the place after them."""
     stack.members[i, kept] = e
@@ -273,7 +273,7 @@ def _put_member(stack, i, kept, at, e, cells, n_cells):
     return at
 
 
-@inner
+@kernel
 def _drop_unseen(stack, i, conflict, limit, tree, work, rest):
     """Drop members that are nowhere visible with more than the limit; return the weight left and the share seen."""
     m = stack.n_members[i]
@@ -290,7 +290,7 @@ def _drop_unseen(stack, i, conflict, limit, tree, work, rest):
     return keep_members(stack, i, work, live), seen
 
 
-@lean
+@kernel_without_refcounts
 def _write_members(stack, i, inspected):
     """Write all that may be inspected from box i."""
     inspected[:] = False
@@ -298,7 +298,7 @@ def _write_members(stack, i, inspected):
         inspected[e] = True
 
 
-@inner
+@kernel
 def _may_see(stack, i, conflict, limit, view, work, x, meets):
     """Answer whether windows heavier than the limit may meet in box i; if so, write where, with the middle rotation."""
     m = stack.n_members[i]
@@ -320,7 +320,7 @@ def _may_see(stack, i, conflict, limit, view, work, x, meets):
     return YES if may_exceed(least, group, y, limit, work.room, view, w) else NO
 
 
-@inner
+@kernel
 def _score(stack, i, work, rest, doubt, short, seen, around):
     """Add to the scores what each coordinate of box i leaves open of lengths and of visibility."""
     h = stack.half[i]
@@ -345,7 +345,7 @@ def _score(stack, i, work, rest, doubt, short, seen, around):
             work.scores[OF_TURN + k] += part * abs(work.swing[k, axis])
 
 
-@lean
+@kernel_without_refcounts
 def _axis_to_halve(stack, i, work, total, view):
     """Return along which coordinate box i is to be halved; -1 if it is too small for that."""
     axis = np.argmax(work.scores)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aspectgraph.exact.lean import inner, lean, put
+from compiled.decorators import kernel, kernel_without_refcounts, put
 from planner.bound.boxes.view import BOTTOM, FAR, LEFT, NEAR, RIGHT, TOP
 
 
@@ -33,7 +33,7 @@ class Meeting(NamedTuple):
 _MEETING = Meeting()
 
 
-@inner
+@kernel
 def weight_at(least, group, y, w, view):
     """Return the weight of the windows (m, 6) that contain w, of each group only the first one's."""
     total = 0.0
@@ -52,7 +52,7 @@ def weight_at(least, group, y, w, view):
     return total
 
 
-@inner
+@kernel
 def may_exceed(least, group, y, limit, room, view, w):
     """Tell whether windows (m, 6) heavier than a limit may meet in the room; if so, write where into ``w`` (3,).
 
@@ -116,7 +116,7 @@ def may_exceed(least, group, y, limit, room, view, w):
     return n_doubtful > 0
 
 
-@lean
+@kernel_without_refcounts
 def _meeting(windows, live, n_live, low, high, view, stamp, n_seen, cuts):
     """Keep the live windows that meet a part of the room; return how many, and their weight.
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aspectgraph.exact.lean import inner
+from compiled.decorators import kernel
 from planner.bound.boxes.exclusive_groups import exclusive_groups
 from planner.bound.boxes.linear_sides import find_apart, linear_sides
 from planner.bound.boxes.linear_windows import YES, Members, Seat, Sides, may_meet
@@ -49,14 +49,14 @@ class SmallTurns(NamedTuple):
 _SMALL = SmallTurns()
 
 
-@inner
+@kernel
 def is_small(stack, i):
     """Tell whether the turns of box i are small enough for linear windows."""
     v = stack.turn[i]
     return most_turn(v, stack.span[i], 1.0 + np.sum(v * v))[0] <= _SMALL.turn
 
 
-@inner
+@kernel
 def may_see(stack, i, entities, view, conflict, limit, work, rest, x, meets):
     """Answer whether windows heavier than the limit may meet in box i, and where; see `linear_windows.may_meet`."""
     m = stack.n_members[i]
@@ -90,7 +90,7 @@ def may_see(stack, i, entities, view, conflict, limit, work, rest, x, meets):
     return may_meet(sides, members, limit, (low, high), seat, _SMALL.parts, x, meets[:m])
 
 
-@inner
+@kernel
 def nodal_or_turn(stack, i, rest, answer, lost):
     """Return along which coordinate box i is to be halved; -1 if it is too small for that.
 

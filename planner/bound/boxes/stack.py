@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aspectgraph.exact.lean import inner, lean, put, put_table
+from compiled.decorators import kernel, kernel_without_refcounts, put, put_table
 from planner.bound.boxes.view import HALF, LOOK, OF_NODAL, OF_TURN, SPAN, TURN
 
 # boxes that wait at most: a box has at most two halves waiting for each halving of its coordinates
@@ -62,7 +62,7 @@ class Work(NamedTuple):
     apart: np.ndarray
 
 
-@inner
+@kernel
 def planted(box, order, entities, eye):
     """Return a stack with one box in which every entity of the order may be inspected, from an eye in (2, 3)."""
     m = len(order)
@@ -102,7 +102,7 @@ def planted(box, order, entities, eye):
     return stack
 
 
-@inner
+@kernel
 def new_work(m):
     """Return room for the work on boxes with up to m members."""
     square = np.empty((2, 3, 3))
@@ -121,7 +121,7 @@ def new_work(m):
     )
 
 
-@inner
+@kernel
 def keep_members(stack, i, work, live):
     """Drop the members of box i whose bit is not set; return the weight of the others."""
     kept = 0
@@ -148,7 +148,7 @@ def keep_members(stack, i, work, live):
     return total
 
 
-@lean
+@kernel_without_refcounts
 def agree(stack, i, work, rest, middle):
     """Shrink the points looked at and the nodal points of box i to where the ones go with the others; false if none do.
 
@@ -172,7 +172,7 @@ def agree(stack, i, work, rest, middle):
     return True
 
 
-@inner
+@kernel
 def halve(stack, i, axis, met, turn, nodal):
     """Replace box i by its halves in places i and i + 1; the one of a pose that was tried comes on top.
 

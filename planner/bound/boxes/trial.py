@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aspectgraph.exact.lean import inner, lean, put, put_table
+from compiled.decorators import kernel, kernel_without_refcounts, put, put_table
 from planner.bound.boxes.visibility import hidden_around, holds_point
 from planner.bound.boxes.windows import farthest, rotation, seen_from, turned_back
 
@@ -36,7 +36,7 @@ class Trial(NamedTuple):
     look: np.ndarray
 
 
-@inner
+@kernel
 def try_pose(stack, i, chart, x, meets, entities, view, work, trial):
     """Try the pose of box i at x = (w, d), see `planner.bound.boxes.linear_sides`.
 
@@ -97,7 +97,7 @@ def try_pose(stack, i, chart, x, meets, entities, view, work, trial):
     return total
 
 
-@lean
+@kernel_without_refcounts
 def _sees(entities, cells, eye, sure):
     """Tell whether a nodal point lies in one of the cells, and all points around it do."""
     if sure:
@@ -108,7 +108,7 @@ def _sees(entities, cells, eye, sure):
     return False
 
 
-@inner
+@kernel
 def _in_view(ends, look, matrix, view):
     """Tell whether both ends are in focus and on the sensor."""
     for i in range(2):

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aspectgraph.exact.lean import compiled, inner, put, put_table
+from compiled.decorators import entry_kernel, kernel, put, put_table
 from planner.bound.boxes.necessary import ends_out_of_focus, too_short
 from planner.bound.boxes.view import Entities, View
 from planner.bound.boxes.visibility import hidden_around, keep_cells
@@ -122,7 +122,7 @@ def viewpoints_for(
 
 
 # threads run it side by side
-@compiled(nogil=True)
+@entry_kernel(nogil=True)
 def _grow(root, entities, view, y, limit, finest):
     """Return boxes, second halves and sets of a tree."""
     m = len(entities.ends)
@@ -182,7 +182,7 @@ def _grow(root, entities, view, y, limit, finest):
     return boxes[:made].copy(), second[:made].copy(), sets[:made].copy()
 
 
-@inner
+@kernel
 def _keep(box, members, sure, start, cells, entities, view):
     """Keep the members that may be inspected from a box; return how many, and whether any may also be hidden."""
     still = np.zeros((3, 3))
@@ -215,7 +215,7 @@ def _keep(box, members, sure, start, cells, entities, view):
     return kept, doubt
 
 
-@inner
+@kernel
 def heavy_members(tree, box, eye, asked, live):
     """Find from where members heavier than a limit may be inspected.
 
@@ -258,7 +258,7 @@ def heavy_members(tree, box, eye, asked, live):
     return volume / max(np.prod(eye[1] - eye[0]), _EPS)
 
 
-@inner
+@kernel
 def _heavy_nodes(tree, box, eye, asked, nodes):
     """Write the nodes, not halved further, from where enough may be inspected in a box; return how many."""
     members, y, group, limit = asked
@@ -315,7 +315,7 @@ def _heavy_nodes(tree, box, eye, asked, nodes):
     return n
 
 
-@inner
+@kernel
 def _extents(box):
     """Return how far along the camera's axes the nodal points of a box of poses are from the middle one; (3,)."""
     _, matrix, h, swing, rest = box

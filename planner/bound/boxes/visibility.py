@@ -5,11 +5,11 @@ The notation is that of `windows`.
 
 from __future__ import annotations
 
-from aspectgraph.exact.lean import lean
+from compiled.decorators import kernel_without_refcounts
 from planner.bound.boxes.necessary import TOUCH_MM, outside
 
 
-@lean
+@kernel_without_refcounts
 def keep_cells(entities, cells, c, h, swing, rest, eye):
     """Move to the front the cells that some nodal point of a box, or a point around it, may lie in; return how many.
 
@@ -75,7 +75,7 @@ def keep_cells(entities, cells, c, h, swing, rest, eye):
     return kept if met else 0
 
 
-@lean
+@kernel_without_refcounts
 def holds_point(entities, cell, c):
     """Tell whether a cell contains a nodal point."""
     for p in range(entities.plane_start[cell], entities.plane_start[cell + 1]):
@@ -85,7 +85,7 @@ def holds_point(entities, cell, c):
     return True
 
 
-@lean
+@kernel_without_refcounts
 def hidden_around(entities, cells, eye):
     """Tell whether for every nodal point of a small box (2, 3) the same point around it is in none of the cells."""
     if (
@@ -110,7 +110,7 @@ def hidden_around(entities, cells, eye):
     return False
 
 
-@lean
+@kernel_without_refcounts
 def out_of_range(ends, q, h, radius):
     """Tell whether an end is farther from the whole box of q than any point in view is from the point looked at."""
     for i in range(2):

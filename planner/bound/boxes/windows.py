@@ -31,7 +31,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aspectgraph.exact.lean import inner, lean
+from compiled.decorators import kernel, kernel_without_refcounts
 from planner.bound.boxes.view import BOTTOM, FAR, LEFT, NEAR, RIGHT, TOP
 
 _EPS = 1e-9
@@ -53,7 +53,7 @@ class Turn(NamedTuple):
     nu: float
 
 
-@lean
+@kernel_without_refcounts
 def rotation(chart, v, matrix):
     """Write the rotation R of a chart and a vector v; return N."""
     n = 1.0 + v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
@@ -76,7 +76,7 @@ def rotation(chart, v, matrix):
     return n
 
 
-@lean
+@kernel_without_refcounts
 def turned_back(matrix, x, y, z):
     """Return R' (x, y, z), in an order of sums that does not depend on the machine."""
     return (
@@ -86,7 +86,7 @@ def turned_back(matrix, x, y, z):
     )
 
 
-@lean
+@kernel_without_refcounts
 def most_turn(v, u, n):
     """Return the largest |t| and the largest |v0.d| / N of a box."""
     nu = (abs(v[0]) * u[0] + abs(v[1]) * u[1] + abs(v[2]) * u[2]) / n
@@ -95,7 +95,7 @@ def most_turn(v, u, n):
     return math.sqrt((u[0] ** 2 + u[1] ** 2 + u[2] ** 2) / n) / (1.0 - nu), nu
 
 
-@lean
+@kernel_without_refcounts
 def extent(matrix, h, t, room):
     """Write how far each coordinate of w may be from 0."""
     more = min(2.0 * t, 2.0) * math.sqrt(h[0] ** 2 + h[1] ** 2 + h[2] ** 2)
@@ -105,7 +105,7 @@ def extent(matrix, h, t, room):
         )
 
 
-@lean
+@kernel_without_refcounts
 def seen_from(ends, q, matrix, s):
     """Write s (2, 3) for the ends of an entity."""
     for i in range(2):
@@ -115,7 +115,7 @@ def seen_from(ends, q, matrix, s):
                 s[i, j] += matrix[k, j] * (ends[i, k] - q[k])
 
 
-@lean
+@kernel_without_refcounts
 def window(s, far, turn, view, room, least, weight, scores):
     """Write the least values (6,) of the forms -n.w that both ends of an entity, as deep as ``far`` (2,), allow.
 
@@ -160,7 +160,7 @@ def window(s, far, turn, view, room, least, weight, scores):
                 scores[j] += weight * 2.0 * t * size / width if t < _MUCH_TURN else 0.0
 
 
-@lean
+@kernel_without_refcounts
 def form(c, view, room):
     """Return the form n.(R(t)'s - w) + k of a side of the view: n, k; half the width; the least -n.w there is."""
     sign = -1.0 if c % 2 == 0 else 1.0
@@ -174,7 +174,7 @@ def form(c, view, room):
     return 0.0, 0.0, -sign, k, (view.far - view.near) / 2, -room[2]
 
 
-@lean
+@kernel_without_refcounts
 def is_empty(least, room, view):
     """Tell whether a window lies outside the box; it is widest at the least depth of the point looked at."""
     z = max(least[FAR], -room[2])
@@ -187,7 +187,7 @@ def is_empty(least, room, view):
     )
 
 
-@inner
+@kernel
 def swings(matrix, v, u, n, t, nu, middle, swing):
     """Write how each coordinate of the turn moves the nodal point, (3, 3); return the remainder of second order."""
     w = np.empty(3)
@@ -200,7 +200,7 @@ def swings(matrix, v, u, n, t, nu, middle, swing):
     return middle * min(2.0 * (t * t + t * nu), 2.0)
 
 
-@lean
+@kernel_without_refcounts
 def farthest(s, length, ratio, t, room, view, far, opened):
     """Write how deep each end (2,) may be from any pose of a box for the image of the entity to be long enough.
 
@@ -243,7 +243,7 @@ def farthest(s, length, ratio, t, room, view, far, opened):
             opened[1] = max(opened[1], spread / least)
 
 
-@lean
+@kernel_without_refcounts
 def _directions(x, slack, depth, deepest, tangent):
     """Return between which tangents a point at x, give or take the slack, is seen on the sensor from these depths."""
     low = x - slack

@@ -20,7 +20,7 @@ from numba import types
 from compiled.cache import keep
 
 try:
-    from aspectgraph.exact.linked import EntryCompiler, LinkedCompiler, has_all_names
+    from compiled.linked import EntryCompiler, LinkedCompiler, has_all_names
 except (ImportError, AttributeError):
     _LINKING = False
 else:
@@ -93,39 +93,41 @@ def _not_inserted(*_: object, **__: object) -> None:
     """Keep a version from Python's sight."""
 
 
-def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Callable[..., Any]:
+def entry_kernel(function: Callable[..., Any] | None = None, **options: Any) -> Callable[..., Any]:
     """Compile a function that Python calls, for one kind of integers; options are numba's."""
     if function is None:
-        return partial(compiled, **options)
+        return partial(entry_kernel, **options)
     if _LINKING:
         options = {**_NO_POINTER, "pipeline_class": EntryCompiler, **options}
     dispatcher: Callable[..., Any] = keep(_one_signature(nb.njit(**options)(function)))
     return dispatcher
 
 
-def inner(function: Callable[..., Any] | None = None, **options: Any) -> Callable[..., Any]:
+def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Callable[..., Any]:
     """Compile a function that compiled loops call, for one kind of integers; options are numba's.
 
     There is no entry for Python, which takes longer to compile than many a loop: it unpacks all arrays of a complex. A
     call from Python, as in a test, compiles one.
     """
     if function is None:
-        return partial(inner, **options)
+        return partial(kernel, **options)
     return _for_loops_only(function, options, {})
 
 
-def lean(function: Callable[..., Any] | None = None, **options: Any) -> Callable[..., Any]:
-    """Compile an `inner` function that allocates nothing, without counting references.
+def kernel_without_refcounts(
+    function: Callable[..., Any] | None = None, **options: Any
+) -> Callable[..., Any]:
+    """Compile an `kernel` function that allocates nothing, without counting references.
 
     Counting those of a complex's arrays at every call takes longer than the work. Assigning a row of an array
     allocates.
     """
     if function is None:
-        return partial(lean, **options)
+        return partial(kernel_without_refcounts, **options)
     return _for_loops_only(function, options, _NO_COUNTS)
 
 
-@inner
+@kernel
 def put(target: Any, values: Any) -> None:
     """Write values (n,) to the first places of a target, one by one.
 
@@ -135,7 +137,7 @@ def put(target: Any, values: Any) -> None:
         target[i] = values[i]
 
 
-@inner
+@kernel
 def put_table(target: Any, values: Any) -> None:
     """Write values (n, m) to the first rows of a target, one by one; see `put`."""
     for i in range(values.shape[0]):
@@ -143,7 +145,7 @@ def put_table(target: Any, values: Any) -> None:
             target[i, j] = values[i, j]
 
 
-@inner
+@kernel
 def holds_value(values: Any, wanted: Any) -> bool:
     """Whether one of the values (n,) is the wanted one; an expression of arrays takes longer to compile."""
     found = False

@@ -7,17 +7,17 @@ import sys
 import numpy as np
 import pytest
 
-from aspectgraph.exact.lean import compiled, inner, lean
+from compiled.decorators import entry_kernel, kernel, kernel_without_refcounts
 
 INNER = """
 import numpy as np
-from aspectgraph.exact.lean import compiled, inner, lean
+from compiled.decorators import entry_kernel, kernel, kernel_without_refcounts
 
-@lean
+@kernel_without_refcounts
 def square(x):
     return x * x
 
-@inner
+@kernel
 def squares(values):
     if len(values) > 3:
         raise ValueError("at most three")
@@ -26,15 +26,15 @@ def squares(values):
         result[i] = square(values[i])
     return result
 
-@compiled
+@entry_kernel
 def total(values):
     return squares(values).sum()
 """
 OTHER = """
-from aspectgraph.exact.lean import compiled
+from compiled.decorators import entry_kernel
 from own_loops import squares
 
-@compiled
+@entry_kernel
 def largest(values):
     return squares(values).max()
 """
@@ -65,22 +65,22 @@ print(*Compiled.names)
 
 BOTH = """
 import numpy as np
-from aspectgraph.exact.lean import compiled, inner
+from compiled.decorators import entry_kernel, kernel
 from numba.core import event
 
-@inner
+@kernel
 def inner_mean(values):
     return np.median(values) / values[0]
 
-@compiled(nogil=True)
+@entry_kernel(nogil=True)
 def alone(values):
     return np.median(values)
 
-@compiled(error_model="numpy")
+@entry_kernel(error_model="numpy")
 def as_numpy(values):
     return np.median(values) / values[0]
 
-@compiled
+@entry_kernel
 def both(values):
     return np.median(values) + inner_mean(values)
 
@@ -168,22 +168,22 @@ def test_what_numba_has_is_compiled_once_for_callers_of_all_kinds_but_not_for_an
     ]
 
 
-@inner
+@kernel
 def doubled(values):
     return 2 * values
 
 
-@lean
+@kernel_without_refcounts
 def half(value):
     return value / 2
 
 
-@compiled(error_model="numpy")
+@entry_kernel(error_model="numpy")
 def of_both(values):
     return half(doubled(values)[0])
 
 
-@lean(error_model="numpy")
+@kernel_without_refcounts(error_model="numpy")
 def inverse(value):
     return 1 / value
 
