@@ -100,8 +100,9 @@ def test_a_damaged_solid_is_left_out_only_if_the_others_are_asked_for(
         ReadError, match=rf"{what} \(solid 1 of 0\.\.1\)\. Ask for the whole ones with solids=\[0\]"
     ):
         read(tmp_path, text)
-    with pytest.raises(ReadError, match="--solids 0"):
+    with pytest.raises(ReadError, match=r"solids=\[0\]") as caught:
         read(tmp_path, text, solids=[0, 1])
+    assert "--solids 0" in caught.value.for_shell(lambda name: f"--{name}")
     assert read(tmp_path, text, solids=[0]).volume == pytest.approx(24)
 
 
