@@ -9,6 +9,7 @@ from aspectgraph.cells.arrays import (
     FACE_CHILD,
     FACE_LIST,
     N_LIST,
+    RoomFullError,
     allocate,
 )
 from aspectgraph.cells.split import _push_edge_leaves, _push_face_leaves
@@ -56,5 +57,5 @@ def test_parts_are_listed_as_their_tree_has_them_and_fill_the_room_exactly(kind,
         assert cx.lists[row, : n_splits + 1].tolist() == leaves_of(table, column, 0)
     cx = whole._replace(lists=np.full((3, n_splits), -1, np.int32))
     cx.count[:] = 0
-    with pytest.raises(MemoryError):
+    with pytest.raises(RoomFullError):
         push(cx, 0, 0)

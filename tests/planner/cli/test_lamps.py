@@ -110,10 +110,13 @@ BAD = {
     "no numbers": (["--light", "dome:a,b,c,d"], "Got 'dome:a,b,c,d'."),
     "box upside down": (["--light", "box:0,0,0,1,1,-1"], "low must be below high"),
     "dome without size": (["--light", "dome:0,0,0,0"], "radius_mm must be positive. Got 0.0."),
-    "two coordinates": (["--light", "at:1,2"], "lamps must be finite numbers in mm, shape (n, 3)."),
+    "two coordinates": (
+        ["--light", "at:1,2"],
+        "--light must be finite numbers in mm, shape (n, 3).",
+    ),
     "lamp inside": (
         ["--light", "at:5,5,5"],
-        "lamps must lie outside the part. Got [5.0, 5.0, 5.0] mm inside it.",
+        "--light must lie outside the part. Got [5.0, 5.0, 5.0] mm inside it.",
     ),
     "no file": (
         ["--light", "none.toml"],

@@ -71,7 +71,7 @@ def test_nothing_can_do_it(capsys):
 
 def test_unknown_bodies_and_distances_are_refused(capsys):
     assert main([*OPTICS, "--body", "box"]) == BAD_INPUT
-    assert "bodies must be of the catalogue" in capsys.readouterr().err
+    assert "--body must be of the catalogue" in capsys.readouterr().err
     assert main([*OPTICS, "--distances", "near"]) == BAD_INPUT
     assert "must be numbers like 250,400. Got 'near'" in capsys.readouterr().err
     assert main([*OPTICS, "--rows", "0"]) == BAD_INPUT
