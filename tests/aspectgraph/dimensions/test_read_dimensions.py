@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from one_kernel import one_kernel
 from real_parts import EXAMPLES, real_part
 
 from aspectgraph import PartFileNotFoundError, ReadError, read_dimensions, read_solid
@@ -27,6 +28,12 @@ COUNTS = {
 REFUSED_IN_D2MI = [
     f"Perpendicular Dimension ({n})" for n in (179, 217, 224, 225, 231, 243, 262, 263)
 ]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _one_kernel():
+    with one_kernel():
+        yield
 
 
 @cache

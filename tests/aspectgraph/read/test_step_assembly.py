@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from one_kernel import one_kernel
 
 from aspectgraph import (
     EntityError,
@@ -20,6 +21,12 @@ from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder
 from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _one_kernel():
+    with one_kernel():
+        yield
 
 
 def box(size, at):

@@ -158,3 +158,12 @@ def test_where_the_kernel_cannot_be_had_nobody_is_told_to_install_it(
     with pytest.raises(MissingExtraError, match=r"cadquery-ocp-novtk, 8 or newer") as caught:
         read_solid(PART)
     assert advice in str(caught.value)
+
+
+def test_without_the_extra(monkeypatch, tmp_path):
+    (tmp_path / "OCP.py").write_text("raise ImportError(\"No module named 'OCP'\")")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(MissingExtraError, match=r"pip install aspectgraph\[step\]") as caught:
+        read_solid(PART)
+    assert isinstance(caught.value, ImportError)
+    assert "No module named 'OCP'" in str(caught.value)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from one_kernel import one_kernel
 from part_mutants import damaged_numbers
 
 from aspectgraph import AspectGraphError, ReadError, read_solid
@@ -23,6 +24,12 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Compound
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _one_kernel():
+    with one_kernel():
+        yield
 
 
 def box(x, size):
