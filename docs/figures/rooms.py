@@ -24,19 +24,25 @@ FLOOR = 62
 BOX = (148, 38)
 MARGIN = 24
 HEAD = 34
-COLOURS = {"planner": "#dcebf7", "aspectgraph": "#e2f0dc", "errors": "#fbead2", "ga": "#eee6f4"}
+COLOURS = {
+    "planner": "#dcebf7",
+    "aspectgraph": "#e2f0dc",
+    "errors": "#fbead2",
+    "ga": "#eee6f4",
+    "compiled": "#ececec",
+}
 
 # of each room: its place from left to right, in columns, and what it does
 PLACES = {
     "planner": {
-        "cli": (2.75, "options, commands, exit codes"),
+        "cli": (2.75, "options and commands"),
         "batch": (2.75, "all parts of a folder"),
-        "inspection": (1.5, "the whole plan, step by step"),
+        "inspection": (1.5, "the whole plan"),
         "pose_prediction": (0.2, "how sure from one pose"),
         "optics": (1.5, "which lens can do it"),
-        "output": (4, "report, pose files, words"),
+        "output": (4, "folder, pose files, tables"),
         "steps": (1.5, "columns, bound, cover"),
-        "report": (4, "rows, warnings, views"),
+        "report": (4, "page, pictures, words"),
         "resume": (4, "go on where it stopped"),
         "plan": (4, "the plan and its file"),
         "travel": (2.75, "order of the poses"),
@@ -50,22 +56,22 @@ PLACES = {
         "setting": (2, "one pose for one set"),
         "verify": (3.8, "promises, simulated"),
         "request": (2.7, "constraints and probability"),
-        "wanted": (1.4, "edges and dimensions asked for"),
+        "wanted": (1.4, "edges and dimensions"),
         "showing": (2.9, "what an image needs"),
         "camera": (3.25, "camera, pose, uncertainty"),
         "watch": (4.4, "when to end"),
         "executors": (0, "work in processes"),
         "ledger": (1, "what is already computed"),
         "records": (2.6, "strict files"),
-        "compiling": (2, "compiled once, and told"),
+        "compiling": (1, "says what is compiled"),
         "options": (3, "keywords in dataclasses"),
         "progress": (4, "how far it is"),
         "files": (5, "files written whole"),
-        "exceptions": (2.5, "what is refused; for every room"),
+        "exceptions": (3, "for every room"),
     },
     "aspectgraph": {
         "plot": (2.6, "pictures"),
-        "light": (1.4, "where lamps make edges show"),
+        "light": (1.4, "where lamps show edges"),
         "graph": (2, "the aspect graph, its files"),
         "domains": (1.5, "cells merged to domains"),
         "visibility": (1.5, "from where edges are seen"),
@@ -77,11 +83,12 @@ PLACES = {
         "solid": (1, "a surface that is checked"),
         "files": (2.92, "files written whole"),
         "code_digest": (0, "which code it was"),
-        "exceptions": (1.45, "what is refused; for every room"),
+        "exceptions": (1.45, "for every room"),
         "processes": (2.92, "workers that end in time"),
     },
 }
 LEAVES = {"errors": "error of a measured length", "ga": "a genetic algorithm"}
+BELOW = {"compiled": "keeps compiled loops; used by all but ga"}
 
 
 def floors(package: str) -> list[list[str]]:
@@ -142,8 +149,7 @@ def house(package: str, left: float, top: float, columns: float) -> tuple[list[s
     parts += [arrow(where[upper], where[lower]) for upper, lower in arrows(package)]
     for room, (x, y) in where.items():
         folder = (ROOT / package / room).is_dir()
-        wide = width - 2 * MARGIN if room == "exceptions" else BOX[0]
-        parts.append(box(x, y, room, PLACES[package][room][1], COLOURS[package], folder, wide))
+        parts.append(box(x, y, room, PLACES[package][room][1], COLOURS[package], folder))
     return parts, top + height
 
 
@@ -153,6 +159,11 @@ def frame(package: str, left: float, top: float, width: float, height: float) ->
         f'<rect x="{left:g}" y="{top:g}" width="{width:g}" height="{height:g}" rx="6" fill="#fcfcfc" stroke="#999"/>\n'
         f'<text x="{left + 12:g}" y="{top + 22:g}" class="package">{package}</text>'
     )
+
+
+def strong_arrow(x: float, start: float, end: float) -> str:
+    """Return an arrow straight down from one package to another."""
+    return f'<line x1="{x:g}" y1="{start:g}" x2="{x:g}" y2="{end - 4:g}" class="arrow strong"/>'
 
 
 def draw() -> str:
@@ -178,10 +189,15 @@ def draw() -> str:
                 wide - 16,
             )
         )
-    parts += [
-        f'<line x1="{x:g}" y1="{end:g}" x2="{x:g}" y2="{top - 4:g}" class="arrow strong"/>'
-        for x in middles
-    ]
+    parts += [strong_arrow(x, end, top) for x in middles]
+    left = MARGIN + 4.02 * COLUMN
+    low = top + HEAD + 2 * FLOOR
+    wide = 1.98 * COLUMN
+    for name, what in BELOW.items():
+        parts.append(frame(name, left, low, wide, HEAD + FLOOR))
+        middle = (left + wide / 2, low + HEAD + FLOOR / 2)
+        parts.append(box(*middle, "one room", what, COLOURS[name], True, wide - 16))
+        parts.append(strong_arrow(middles[1], top + HEAD + FLOOR, low))
     width = 6 * COLUMN + 2 * MARGIN
     height = bottom + MARGIN
     return "\n".join([HEADER.format(width=f"{width:g}", height=f"{height:g}"), *parts, "</svg>\n"])
