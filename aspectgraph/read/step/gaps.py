@@ -18,7 +18,8 @@ from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS
 
-from aspectgraph.read.step.triangles import explore, is_planar, xyz
+from aspectgraph.read.step.shapes import explore, xyz
+from aspectgraph.read.step.triangles import is_planar
 
 _N_SAMPLES = 7
 

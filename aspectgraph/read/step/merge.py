@@ -21,7 +21,7 @@ from OCP.collections import List_TopoDS_Shape as ShapeList
 from OCP.TopAbs import TopAbs_ShapeEnum
 
 from aspectgraph.exceptions import SelfIntersectionError
-from aspectgraph.read.step.triangles import explore
+from aspectgraph.read.step.shapes import explore
 
 
 @dataclass

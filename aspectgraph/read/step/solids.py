@@ -31,8 +31,8 @@ from OCP.TopoDS import TopoDS
 from aspectgraph.exceptions import ReadError
 from aspectgraph.read.step.facets.stated import TESSELLATED_SOLIDS, StatedFacets, list_loose
 from aspectgraph.read.step.listing import ListedSolid, linked_facets, list_solids
+from aspectgraph.read.step.shapes import explore, unplaced, xyz
 from aspectgraph.read.step.text import Entity, parse_entities
-from aspectgraph.read.step.triangles import explore, xyz
 from aspectgraph.solid.places import describe_point
 
 RELATIVE_DISPLACEMENT = 1e-3
@@ -234,10 +234,7 @@ def number_solids(reader: Any, shape: Any, numbers: dict[Any, int]) -> list[tupl
     """
     transfer = reader.WS().TransferReader()
     return [
-        (
-            solid,
-            numbers.get(transfer.EntityFromShapeResult(solid.Located(TopLoc_Location()), 1)),
-        )
+        (solid, numbers.get(transfer.EntityFromShapeResult(unplaced(solid), 1)))
         for solid in explore(shape, TopAbs_ShapeEnum.TopAbs_SOLID)
     ]
 
@@ -294,13 +291,9 @@ def _compare(shape: Any, listed: ListedSolid) -> str:
     n_faces = len(explore(shape, TopAbs_ShapeEnum.TopAbs_FACE))
     if n_faces < listed.n_faces:
         return f"{n_faces} of the {listed.n_faces} faces that #{listed.number} lists"
-    bare = shape.Located(TopLoc_Location())
-    points = np.array(
-        [
-            xyz(BRep_Tool.Pnt_s(TopoDS.Vertex(v)))
-            for v in explore(bare, TopAbs_ShapeEnum.TopAbs_VERTEX)
-        ]
-    ).reshape(-1, 3)
+    vertices = explore(unplaced(shape), TopAbs_ShapeEnum.TopAbs_VERTEX)
+    points = np.array([xyz(BRep_Tool.Pnt_s(TopoDS.Vertex(vertex))) for vertex in vertices])
+    points = points.reshape(-1, 3)
     distance_mm, place = _farthest(listed.points_mm, points)
     allowed = (
         RELATIVE_DISPLACEMENT * float(np.linalg.norm(np.ptp(points, axis=0)))

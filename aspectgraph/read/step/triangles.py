@@ -19,12 +19,12 @@ from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as S
 from OCP.GeomAbs import GeomAbs_CurveType, GeomAbs_SurfaceType
 from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
-from OCP.TopExp import TopExp, TopExp_Explorer
-from OCP.TopLoc import TopLoc_Location
+from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS
 
 from aspectgraph.exceptions import NonManifoldError, OpenSolidError, ReadError
 from aspectgraph.read.step.facets.mesher import mesh_solid
+from aspectgraph.read.step.shapes import explore, face_mesh, xyz
 from aspectgraph.read.tessellation import Tessellation
 from aspectgraph.solid.circles import Circle, CircularEdge, fit_circle
 from aspectgraph.solid.places import describe_point
@@ -50,18 +50,6 @@ class _Use:
     face: Any
     face_index: int
     nodes: tuple[int, ...]
-
-
-def explore(
-    shape: Any, kind: TopAbs_ShapeEnum, outside: TopAbs_ShapeEnum = TopAbs_ShapeEnum.TopAbs_SHAPE
-) -> list[Any]:
-    """Return the sub-shapes of a kind that are in none of the kind `outside`, in file order, once for each use."""
-    found = []
-    explorer = TopExp_Explorer(shape, kind, outside)
-    while explorer.More():
-        found.append(explorer.Current())
-        explorer.Next()
-    return found
 
 
 def tessellate(
@@ -143,20 +131,15 @@ class _Collector:
 
     def _add_face(self, face_index: int, face: Any) -> np.ndarray:
         """Number the nodes of a face; return its triangles in these numbers, outward."""
-        location = TopLoc_Location()
-        mesh = BRep_Tool.Triangulation_s(face, location)
-        move = location.Transformation()
-        points = np.array(
-            [xyz(mesh.Node(k).Transformed(move)) for k in range(1, mesh.NbNodes() + 1)]
-        )
+        mesh, location, points, corners = face_mesh(face)
         number = np.full(len(points), -1, dtype=np.int64)
         for shape in explore(face, TopAbs_ShapeEnum.TopAbs_EDGE):
             self._add_edge(TopoDS.Edge(shape), face, face_index, mesh, location, points, number)
         for k in np.flatnonzero(number < 0).tolist():
             number[k] = self._id(("inside", face_index, k), points[k])
-        corners = [_corners(mesh.Triangle(k)) for k in range(1, mesh.NbTriangles() + 1)]
-        triangles = number[np.array(corners) - 1]
-        turned = (face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED) != move.IsNegative()
+        triangles = number[corners]
+        is_mirrored = location.Transformation().IsNegative()
+        turned = (face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED) != is_mirrored
         return triangles[:, ::-1] if turned else triangles
 
     def _add_edge(
@@ -253,15 +236,6 @@ def _check_uses(uses: list[_Use], points: list[np.ndarray]) -> None:
         raise ReadError(
             f"faces must cut a common edge alike. Got different pieces at the edge from {ends}."
         )
-
-
-def xyz(point: Any) -> tuple[float, float, float]:
-    """Return the coordinates of an OCCT point or vector."""
-    return point.X(), point.Y(), point.Z()
-
-
-def _corners(triangle: Any) -> tuple[int, int, int]:
-    return triangle.Value(1), triangle.Value(2), triangle.Value(3)
 
 
 def is_planar(face: Any, flat_mm: float) -> bool:

@@ -34,7 +34,7 @@ from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopoDS import TopoDS
 
-from aspectgraph.read.step.triangles import explore
+from aspectgraph.read.step.shapes import explore
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 

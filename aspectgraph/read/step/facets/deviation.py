@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from OCP.BRep import BRep_Tool
 from OCP.GeomAbs import GeomAbs_SurfaceType
 from OCP.gp import gp_Pnt, gp_Vec
-from OCP.TopLoc import TopLoc_Location
+
+from aspectgraph.read.step.shapes import face_mesh, xyz
 
 _SAMPLES = np.array(
     [
@@ -41,7 +41,7 @@ def deviation_mm(face: Any, surface: Any, enough_mm: float) -> float:
     surface : BRepAdaptor_Surface
         Where its facets should be, with the parameters of the face's own surface.
     enough_mm : float
-        A distance that is no more than this may be told too large: the exact one costs time.
+        A distance of at most this may come out too large: the exact one costs time.
 
     Returns
     -------
@@ -51,13 +51,7 @@ def deviation_mm(face: Any, surface: Any, enough_mm: float) -> float:
     kind = surface.GetType()
     if kind == GeomAbs_SurfaceType.GeomAbs_Plane:
         return 0.0
-    place = TopLoc_Location()
-    mesh = BRep_Tool.Triangulation_s(face, place)
-    move = place.Transformation()
-    nodes = [mesh.Node(k).Transformed(move) for k in range(1, mesh.NbNodes() + 1)]
-    points = np.array([(node.X(), node.Y(), node.Z()) for node in nodes])
-    rows = [mesh.Triangle(k) for k in range(1, mesh.NbTriangles() + 1)]
-    corners = np.array([(row.Value(1), row.Value(2), row.Value(3)) for row in rows]) - 1
+    mesh, _, points, corners = face_mesh(face)
     tested = _sampled(points, corners)
     if kind in _DISTANCES:
         return float(_DISTANCES[kind](surface, tested).max())
@@ -78,8 +72,8 @@ def _about(axis: Any, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return how far points are along an axis and from it."""
     direction = axis.Direction()
     foot = axis.Location()
-    along = np.array([direction.X(), direction.Y(), direction.Z()])
-    offsets = points - (foot.X(), foot.Y(), foot.Z())
+    along = np.array(xyz(direction))
+    offsets = points - xyz(foot)
     heights = offsets @ along
     return heights, np.linalg.norm(offsets - np.outer(heights, along), axis=1)
 
@@ -102,7 +96,7 @@ def _to_cone(surface: Any, points: np.ndarray) -> np.ndarray:
 def _to_sphere(surface: Any, points: np.ndarray) -> np.ndarray:
     sphere = surface.Sphere()
     centre = sphere.Location()
-    offsets = points - (centre.X(), centre.Y(), centre.Z())
+    offsets = points - xyz(centre)
     return np.abs(np.linalg.norm(offsets, axis=1) - sphere.Radius())
 
 
@@ -129,7 +123,7 @@ _DISTANCES = {
 def _to_any(surface: Any, points: np.ndarray, parameters: np.ndarray, enough_mm: float) -> float:
     """Return the largest distance of points from a surface; `parameters` are near those of the nearest ones."""
     values = [surface.Value(u, v) for u, v in parameters.tolist()]
-    near = np.array([(value.X(), value.Y(), value.Z()) for value in values])
+    near = np.array([xyz(value) for value in values])
     distances = np.linalg.norm(points - near, axis=1)
     for k in np.flatnonzero(distances > enough_mm).tolist():
         distances[k] = _to_foot(surface, points[k], parameters[k], enough_mm)
@@ -145,10 +139,10 @@ def _to_foot(surface: Any, point: np.ndarray, start: np.ndarray, enough_mm: floa
     nearest = np.inf
     for _ in range(_MAX_STEPS):
         surface.D1(float(parameters[0]), float(parameters[1]), value, along_u, along_v)
-        gap = point - (value.X(), value.Y(), value.Z())
+        gap = point - xyz(value)
         nearest = min(nearest, float(np.linalg.norm(gap)))
         if nearest <= enough_mm:
             break
-        slopes = np.array([(w.X(), w.Y(), w.Z()) for w in (along_u, along_v)]).T
+        slopes = np.array([xyz(along_u), xyz(along_v)]).T
         parameters += np.linalg.lstsq(slopes, gap, rcond=None)[0]
     return nearest

@@ -12,7 +12,6 @@ Imports OCP; import this module only in the kernel's process.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -23,12 +22,12 @@ from OCP.BRepTools import BRepTools, BRepTools_ReShape
 from OCP.Geom import Geom_ConicalSurface, Geom_Line, Geom_SurfaceOfRevolution
 from OCP.gp import gp_Dir, gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
-from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Iterator
 
 from aspectgraph.exceptions import ReadError
 from aspectgraph.read.step.facets.deviation import deviation_mm
+from aspectgraph.read.step.shapes import explore, xyz
 from aspectgraph.solid.places import describe_point
 
 _SHARES = (1.0, 0.9, 0.8, 0.65, 0.5, 0.35, 0.25)
@@ -148,15 +147,8 @@ def _cut(shape: Any, chord_mm: float, angle_rad: float) -> None:
     BRepMesh_IncrementalMesh(shape, chord_mm, False, 2.0 * angle_rad, False)
 
 
-def _explore(shape: Any, kind: TopAbs_ShapeEnum) -> Iterator[Any]:
-    explorer = TopExp_Explorer(shape, kind)
-    while explorer.More():
-        yield explorer.Current()
-        explorer.Next()
-
-
 def _faces(solid: Any) -> list[Any]:
-    return [TopoDS.Face(face) for face in _explore(solid, TopAbs_ShapeEnum.TopAbs_FACE)]
+    return [TopoDS.Face(face) for face in explore(solid, TopAbs_ShapeEnum.TopAbs_FACE)]
 
 
 def _bare_faces(solid: Any) -> list[int]:
@@ -183,7 +175,7 @@ def _with_revolved(solid: Any, face: Any, cone: Any) -> Any:
     while wires.More():
         builder.Add(twin, wires.Value())
         wires.Next()
-    for shape in _explore(face, TopAbs_ShapeEnum.TopAbs_EDGE):
+    for shape in explore(face, TopAbs_ShapeEnum.TopAbs_EDGE):
         _add_parameter_curves(TopoDS.Edge(shape), face, twin)
     exchange = BRepTools_ReShape()
     exchange.Replace(face, twin)
@@ -214,5 +206,4 @@ def _describe(surface: Any) -> str:
     u = 0.5 * (surface.FirstUParameter() + surface.LastUParameter())
     v = 0.5 * (surface.FirstVParameter() + surface.LastVParameter())
     point = surface.Value(u, v)
-    place = np.array([point.X(), point.Y(), point.Z()])
-    return f"a surface of the kind {kind} at {describe_point(place)}"
+    return f"a surface of the kind {kind} at {describe_point(np.array(xyz(point)))}"

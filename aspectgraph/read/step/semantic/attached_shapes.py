@@ -11,12 +11,11 @@ from typing import Any
 
 from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
 from OCP.TopAbs import TopAbs_ShapeEnum
-from OCP.TopLoc import TopLoc_Location
 
 from aspectgraph.read.step.semantic.attached_items import list_attached_items
 from aspectgraph.read.step.semantic.stated_dimensions import list_dimensions
+from aspectgraph.read.step.shapes import explore, unplaced
 from aspectgraph.read.step.text import Entity, reachable
-from aspectgraph.read.step.triangles import explore
 
 _SHAPES = {
     "ADVANCED_FACE": TopAbs_ShapeEnum.TopAbs_FACE,
@@ -134,8 +133,7 @@ class AttachedShapes:
 
     def _number(self, shape: Any) -> int | None:
         """Return the number of the entity that a shape was made from."""
-        bare = shape.Located(TopLoc_Location())
-        return self._numbers.get(self._transfer.EntityFromShapeResult(bare, 1))
+        return self._numbers.get(self._transfer.EntityFromShapeResult(unplaced(shape), 1))
 
     def _made_from(self, item: int) -> list[Any]:
         """Return the faces, edges or vertices that were made from an entity; none if it is something else."""
@@ -148,14 +146,14 @@ class AttachedShapes:
 
     def _by_number(self, kind: TopAbs_ShapeEnum) -> dict[int, list[Any]]:
         parts = explore(self._assembly, TopAbs_ShapeEnum.TopAbs_SOLID)
-        shapes = [shape for part in parts for shape in explore(_bare(part), kind)]
+        shapes = [shape for part in parts for shape in explore(unplaced(part), kind)]
         if kind != TopAbs_ShapeEnum.TopAbs_VERTEX:
             shapes += explore(self._assembly, kind, outside=TopAbs_ShapeEnum.TopAbs_SOLID)
         met = ShapeMap()
         found: dict[int, list[Any]] = {}
         for shape in shapes:
             n_before = met.Extent()
-            met.Add(_bare(shape))
+            met.Add(unplaced(shape))
             number = self._number(shape) if met.Extent() > n_before else None
             if number is not None:
                 found.setdefault(number, []).append(shape)
@@ -164,7 +162,3 @@ class AttachedShapes:
 
 def _same(one: float, other: float) -> bool:
     return abs(abs(one) - abs(other)) <= _SAME * max(abs(one), 1.0)
-
-
-def _bare(shape: Any) -> Any:
-    return shape.Located(TopLoc_Location())

@@ -16,10 +16,9 @@ from typing import Any
 from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
 from OCP.gp import gp_TrsfForm
 from OCP.TopAbs import TopAbs_ShapeEnum
-from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Iterator
 
-from aspectgraph.read.step.triangles import explore
+from aspectgraph.read.step.shapes import explore, unplaced
 
 _KINDS = (
     TopAbs_ShapeEnum.TopAbs_FACE,
@@ -73,7 +72,7 @@ class Instances:
         self._known: list[Any] = []
         self._any_is_placed = any(not _is_in_place(solid) for _, _, solid in self._solids)
         for _, _, solid in self._solids:
-            self._index(_bare(solid))
+            self._index(unplaced(solid))
 
     def of(self, shapes: Sequence[Any]) -> list[list[Occurrence]]:
         """Return where some shapes are: for each instance one occurrence of every shape, in their order.
@@ -111,16 +110,16 @@ class Instances:
         content: dict[int, list[Any]] = {}
         for kind in _KINDS:
             for shape in explore(part, kind):
-                places = content.setdefault(known.Add(_bare(shape)), [])
+                places = content.setdefault(known.Add(unplaced(shape)), [])
                 if not any(shape.IsSame(other) for other in places):
                     places.append(shape)
         self._known.append(known)
         self._contents.append(content)
 
     def _occurrences(self, shape: Any) -> Iterator[Occurrence]:
-        bare = _bare(shape)
+        bare = unplaced(shape)
         for path, number, solid in self._solids:
-            part = self._parts.FindIndex(_bare(solid)) - 1
+            part = self._parts.FindIndex(unplaced(solid)) - 1
             place = self._known[part].FindIndex(bare)
             for inside in self._contents[part].get(place, ()):
                 yield Occurrence(path, number, inside.Moved(solid.Location()))
@@ -132,10 +131,6 @@ def _is_in_place(shape: Any) -> bool:
     return bool(
         location.IsIdentity() or location.Transformation().Form() == gp_TrsfForm.gp_Identity
     )
-
-
-def _bare(shape: Any) -> Any:
-    return shape.Located(TopLoc_Location())
 
 
 def _placed_solids(shape: Any, path: tuple[int, ...] = ()) -> Iterator[tuple[tuple[int, ...], Any]]:

@@ -31,9 +31,9 @@ from aspectgraph.exceptions import ReadError
 from aspectgraph.read.step.listing import list_solids
 from aspectgraph.read.step.semantic.attached_shapes import AttachedShapes
 from aspectgraph.read.step.semantic.instances import AmbiguousInstanceError, Instances
+from aspectgraph.read.step.shapes import explore, xyz
 from aspectgraph.read.step.solids import in_file_order, number_solids, quiet
 from aspectgraph.read.step.text import Entity
-from aspectgraph.read.step.triangles import explore, xyz
 
 CANONICAL_MM = 1e-3
 """A free-form face or edge that leaves a plane, cylinder, line or circle by less is one: some writers know no other."""
