@@ -115,16 +115,10 @@ def load_solids(path: Path, name: str) -> Inventory:
             )
         model = reader.Model()
         _check_references(model, name)
-        # kept while the file is read: two handles of an entity are recognised as one by the object that wraps them
-        handles = [model.Value(i) for i in range(1, model.NbEntities() + 1)]
-        if len(handles) != len(entities):
-            raise ReadError(
-                f"a STEP file must be whole. Got {name}: {len(handles)} of {len(entities)} entities read."
-            )
-        numbers = dict(zip(handles, entities, strict=True))
+        numbers = number_entities(model, entities, name)
         damage = _damage(model, numbers, listed, name)
         reader.TransferRoots()
-    _check_assembly(reader, handles, name)
+    _check_assembly(reader, numbers, name)
     shape = reader.OneShape()
     if shape is None or shape.IsNull():
         raise ReadError(
@@ -201,7 +195,7 @@ def _damage(
     return {number: f"errors in {', '.join(sorted(kinds))}" for number, kinds in damaged.items()}
 
 
-def _check_assembly(reader: Any, handles: list[Any], name: str) -> None:
+def _check_assembly(reader: Any, handles: Iterable[Any], name: str) -> None:
     """Check that every part of an assembly was placed."""
     process = reader.WS().TransferReader().TransientProcess()
     placed = {
@@ -218,6 +212,33 @@ def _check_assembly(reader: Any, handles: list[Any], name: str) -> None:
         raise ReadError(
             f"every part of an assembly must be placed. Got {len(lost)} lost parts in {name}."
         )
+
+
+def number_entities(model: Any, entities: dict[int, Entity], name: str) -> dict[Any, int]:
+    """Return the number of each entity by its handle.
+
+    Keep it while the file is read: two handles of an entity are recognised as one by the object that wraps them.
+
+    Parameters
+    ----------
+    model : Interface_InterfaceModel
+        What the kernel read.
+    entities : dict
+        See `text.parse_entities`.
+    name : str
+        What to call the file in messages.
+
+    Raises
+    ------
+    ReadError
+        The kernel read more or fewer entities.
+    """
+    handles = [model.Value(i) for i in range(1, model.NbEntities() + 1)]
+    if len(handles) != len(entities):
+        raise ReadError(
+            f"a STEP file must be whole. Got {name}: {len(handles)} of {len(entities)} entities read."
+        )
+    return dict(zip(handles, entities, strict=True))
 
 
 def number_solids(reader: Any, shape: Any, numbers: dict[Any, int]) -> list[tuple[Any, int | None]]:

@@ -32,7 +32,7 @@ from aspectgraph.read.step.listing import list_solids
 from aspectgraph.read.step.semantic.attached_shapes import AttachedShapes
 from aspectgraph.read.step.semantic.instances import AmbiguousInstanceError, Instances
 from aspectgraph.read.step.shapes import explore, xyz
-from aspectgraph.read.step.solids import in_file_order, number_solids, quiet
+from aspectgraph.read.step.solids import in_file_order, number_entities, number_solids, quiet
 from aspectgraph.read.step.text import Entity
 
 CANONICAL_MM = 1e-3
@@ -88,7 +88,7 @@ def read_semantic_dimensions(
     if not labels.Length():
         return []
     kernel = reader.ChangeReader()
-    numbers = _numbers(kernel, entities, name)
+    numbers = number_entities(kernel.Model(), entities, name)
     instances = _instances(kernel, numbers, entities, name)
     attached = AttachedShapes(kernel.WS().TransferReader(), numbers, entities, kernel.OneShape())
     stated = [_stated(tool, labels.Value(k)) for k in range(1, labels.Length() + 1)]
@@ -97,17 +97,6 @@ def read_semantic_dimensions(
         for row, sides in stated
         if row["type"] not in _ONLY_SHOWN
     ]
-
-
-def _numbers(reader: Any, entities: dict[int, Entity], name: str) -> dict[Any, int]:
-    """Return the number of each entity by its handle."""
-    model = reader.Model()
-    handles = [model.Value(i) for i in range(1, model.NbEntities() + 1)]
-    if len(handles) != len(entities):
-        raise ReadError(
-            f"a STEP file must be whole. Got {name}: {len(handles)} of {len(entities)} entities read."
-        )
-    return dict(zip(handles, entities, strict=True))
 
 
 def _instances(
