@@ -51,7 +51,8 @@ def assemble(
     tolerance = (
         default_planarity_mm(tessellation.vertices) if planarity_mm is None else planarity_mm
     )
-    vertices, faces, curved_edges, new, turns = _joined(tessellation, tolerance)
+    notes = list(notes)
+    vertices, faces, curved_edges, new, turns = _joined(tessellation, tolerance, notes)
     circular = tessellation.circular_edges
     return Solid(
         vertices,
@@ -67,28 +68,8 @@ def assemble(
     )
 
 
-def join_facets(
-    tessellation: Tessellation, tolerance_mm: float
-) -> tuple[np.ndarray, list[Face], set[tuple[int, int]]]:
-    """Join coplanar triangles into faces; see `assemble`.
-
-    Returns
-    -------
-    vertices : ndarray, shape (m, 3)
-        Those still in use.
-    faces : list of Face
-    curved_edges : set of (int, int)
-
-    Raises
-    ------
-    SolidError
-        The triangles do not bound a closed, oriented, manifold surface.
-    """
-    return _joined(tessellation, tolerance_mm)[:3]
-
-
-def _joined(tessellation: Tessellation, tolerance_mm: float) -> Any:
-    """Do what `join_facets` does; return also the new index of every vertex in use, and the turns at edges left."""
+def _joined(tessellation: Tessellation, tolerance_mm: float, notes: list[str]) -> Any:
+    """Return vertices, faces and curved edges, the new index of every vertex in use, and the turns at edges left."""
     vertices = tessellation.vertices
     triangles = tessellation.triangles
     corners = [Face(tuple(row)) for row in triangles.tolist()]
@@ -104,15 +85,13 @@ def _joined(tessellation: Tessellation, tolerance_mm: float) -> Any:
     traced = trace_loops(triangles, twin, group)
     loops, curved_edges = drop_idle_vertices(vertices, traced, curved_edges, tolerance_mm)
     turns = turns_of_runs(traced, loops, tessellation.surface_turns)
-    curved = tessellation.curved_patch[tessellation.patch[_first_member(group)]]
+    patches = tessellation.patch[np.unique(group, return_index=True)[1]]
+    curved = tessellation.curved_patch[patches]
     faces = [
         _as_face(vertices, cycles, bool(flag)) for cycles, flag in zip(loops, curved, strict=True)
     ]
-    first_patch = tessellation.patch[_first_member(group)]
-    faces, chords = _recognise(vertices, faces, tessellation.faceted[first_patch])
-    hidden = tessellation.hidden[first_patch]
-    for k in np.flatnonzero(hidden).tolist():
-        chords |= _sides(faces[k])
+    facets = [k for k, p in enumerate(patches.tolist()) if p in tessellation.faceted_patches]
+    faces, chords = _recognise(vertices, faces, facets, notes)
     used, faces, curved_edges = _renumber(faces, curved_edges | chords)
     new = {old: i for i, old in enumerate(used)}
     return (
@@ -125,36 +104,27 @@ def _joined(tessellation: Tessellation, tolerance_mm: float) -> Any:
 
 
 def _recognise(
-    vertices: np.ndarray, faces: list[Face], faceted: np.ndarray
+    vertices: np.ndarray, faces: list[Face], facets: list[int], notes: list[str]
 ) -> tuple[list[Face], set[tuple[int, int]]]:
-    """Mark the facets of curved surfaces among the faces without a surface of their own; return their chords too."""
-    chosen = np.flatnonzero(faceted).tolist()
-    if not chosen:
+    """Mark the facets of curved surfaces, of those faces that are facets; return also their chords."""
+    if not facets:
         return faces, set()
-    used, own, _ = _renumber([faces[k] for k in chosen], set())
+    used, own, _ = _renumber([faces[k] for k in facets], set())
     marked, chords = find_curved(vertices[used], own)
+    if chords:
+        n = sum(face.curved for face in marked)
+        notes.append(
+            f"{n} faces taken for facets of curved surfaces; their chords are no candidates"
+        )
     faces = list(faces)
-    for k, face in zip(chosen, marked, strict=True):
+    for k, face in zip(facets, marked, strict=True):
         faces[k] = replace(faces[k], curved=face.curved)
     return faces, {(used[a], used[b]) for a, b in chords}
-
-
-def _sides(face: Face) -> set[tuple[int, int]]:
-    """Return the edges of a face, lower vertex first."""
-    return {
-        (min(a, b), max(a, b))
-        for loop in face.loops
-        for a, b in zip(loop, [*loop[1:], loop[0]], strict=True)
-    }
 
 
 def _with_vertices(edge: CircularEdge, new: dict[int, int]) -> CircularEdge:
     """Return a circular edge in new vertex indices, without the vertices that are not used any more."""
     return edge._replace(vertices=tuple(new[v] for v in edge.vertices if v in new))
-
-
-def _first_member(group: np.ndarray) -> np.ndarray:
-    return np.unique(group, return_index=True)[1]
 
 
 def _inner_edges(tessellation: Tessellation, twin: np.ndarray) -> set[tuple[int, int]]:

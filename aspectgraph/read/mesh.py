@@ -19,9 +19,8 @@ import numpy as np
 
 from aspectgraph.exceptions import OrientationError, ReadError
 from aspectgraph.read.coplanar import find_twins
-from aspectgraph.read.curved_facets import find_curved
 from aspectgraph.read.glb import parse_glb
-from aspectgraph.read.join_faces import join_facets
+from aspectgraph.read.join_faces import assemble
 from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.obj_off import parse_obj, parse_off
 from aspectgraph.read.ply import parse_ply
@@ -87,29 +86,13 @@ def read_mesh(
         )
     with np.errstate(over="ignore"):
         vertices = check_vertices(vertices * scale)
-    vertices, triangles, tolerance = repair_facets(vertices, polygons, planarity_mm, notes)
-    patch = np.zeros(len(triangles), dtype=np.int64)
-    mesh = Tessellation(vertices, triangles, patch, np.zeros(1, dtype=bool))
-    vertices, faces, _ = join_facets(mesh, tolerance)
-    faces, curved_edges = find_curved(vertices, faces)
-    if curved_edges:
-        n = sum(face.curved for face in faces)
-        notes.append(
-            f"{n} faces taken for facets of curved surfaces; their chords are no candidates"
-        )
-    return Solid(
-        vertices,
-        faces,
-        curved_edges=curved_edges,
-        name=name,
-        planarity_mm=2 * tolerance,
-        notes=notes,
-    )
+    mesh, tolerance = repair_facets(vertices, polygons, planarity_mm, notes)
+    return assemble(mesh, name=name, planarity_mm=tolerance, notes=notes)
 
 
 def repair_facets(
     vertices: np.ndarray, polygons: Any, planarity_mm: float | None, notes: list[str]
-) -> tuple[np.ndarray, np.ndarray, float]:
+) -> tuple[Tessellation, float]:
     """Do steps 1 to 5 of the module's description.
 
     Parameters
@@ -125,9 +108,8 @@ def repair_facets(
 
     Returns
     -------
-    vertices : ndarray, shape (m, 3)
-    triangles : ndarray of int, shape (u, 3)
-        Closed, oriented outwards.
+    facets : Tessellation
+        One patch of facets, closed, oriented outwards.
     tolerance_mm : float
         The planarity tolerance, or its default.
 
@@ -146,7 +128,9 @@ def repair_facets(
     triangles = turn_thin(
         vertices, _orient(vertices, triangles, notes), tolerance * _RELATIVE_WIDTH, notes
     )
-    return vertices, triangles, tolerance
+    patch = np.zeros(len(triangles), dtype=np.int64)
+    flat = np.zeros(1, dtype=bool)
+    return Tessellation(vertices, triangles, patch, flat, faceted_patches={0}), tolerance
 
 
 def _parse(

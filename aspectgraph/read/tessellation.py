@@ -30,11 +30,9 @@ class Tessellation:
     surface_turns : dict of (int, int) to float
         Vertex pairs, lower index first, of the chords of sharp straight edges beside curved patches, and the turn of
         the surfaces' normal there in degrees.
-    faceted_patch : ndarray of bool, shape (p,), optional
-        Which patches are facets of which the file states no surface; those of curved ones are recognised (see
-        `curved_facets`). Default: none.
-    hidden_patch : ndarray of bool, shape (p,), optional
-        Which patches only stand in the way: their edges are no entities. Default: none.
+    faceted_patches : set of int
+        Patches that are facets without a surface behind them; facets of curved surfaces are recognised among them (see
+        `curved_facets`).
     """
 
     vertices: np.ndarray
@@ -44,19 +42,4 @@ class Tessellation:
     curved_edges: set[tuple[int, int]] = field(default_factory=set)
     circular_edges: list[CircularEdge] | None = None
     surface_turns: dict[tuple[int, int], float] = field(default_factory=dict)
-    faceted_patch: np.ndarray | None = None
-    hidden_patch: np.ndarray | None = None
-
-    @property
-    def faceted(self) -> np.ndarray:
-        """`faceted_patch`, or its default."""
-        return _none_of(self.curved_patch) if self.faceted_patch is None else self.faceted_patch
-
-    @property
-    def hidden(self) -> np.ndarray:
-        """`hidden_patch`, or its default."""
-        return _none_of(self.curved_patch) if self.hidden_patch is None else self.hidden_patch
-
-
-def _none_of(patches: np.ndarray) -> np.ndarray:
-    return np.zeros(len(patches), dtype=bool)
+    faceted_patches: set[int] = field(default_factory=set)

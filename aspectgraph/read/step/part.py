@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from aspectgraph.read.step.circles import pack_circles
-from aspectgraph.read.step.facets.stated import StatedFacets
 from aspectgraph.read.step.gaps import measure_gaps
 from aspectgraph.read.step.merge import edge_map, merge_touching
 from aspectgraph.read.step.semantic.stated_dimensions import list_dimensions
@@ -30,9 +29,7 @@ class StepPart:
         self.shapes: list[Any] = []
         self.bodies: list[Any] = []
         self.measured: Any = None
-        self.facets: dict[int, StatedFacets] = {}
         self.solids: list[int] = []
-        self.hidden: set[int] = set()
         self.flat_mm = 0.0
 
     def answer(self, do: str, **options: Any) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -44,7 +41,7 @@ class StepPart:
         return requests[do](**options)
 
     def load(self, path: str, name: str) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Load the file; tell what is wrong with which solid."""
+        """Load the file; return what is wrong with which solid."""
         inventory = load_solids(Path(path), name)
         self.slots = inventory.slots
         return {"damage": [slot.damage for slot in inventory.slots], "notes": inventory.notes}, {}
@@ -52,23 +49,22 @@ class StepPart:
     def select(
         self, solids: list[int], relative_planarity: float
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Choose the solids to work on; tell their size and how closely each fits together."""
+        """Choose the solids to work on; return their size, how closely each fits together, and the stated facets."""
         chosen = [self.slots[i] for i in solids]
-        self.facets = {
-            i: slot.facets for i, slot in zip(solids, chosen, strict=True) if slot.facets
-        }
-        self.solids = [i for i in solids if i not in self.facets]
-        self.hidden = set()
+        facets = {i: slot.facets for i, slot in zip(solids, chosen, strict=True) if slot.facets}
+        self.solids = [i for i in solids if i not in facets]
         self.measured = None
         self.shapes = self.bodies = [self.slots[i].shape for i in self.solids]
-        diagonal = diagonal_mm(self.shapes, [part.vertices for part in self.facets.values()])
+        diagonal = diagonal_mm(self.shapes, [part.vertices for part in facets.values()])
         self.flat_mm = diagonal * relative_planarity
         rows = []
         for slot in chosen:
             gaps = {} if slot.facets else measure_gaps(slot.shape, self.flat_mm)
             widest = {kind: [gap.gap_mm, list(gap.place)] for kind, gap in gaps.items()}
             rows.append({"uncertainty_mm": slot.uncertainty_mm, "gaps": widest})
-        return {"diagonal_mm": diagonal, "fits": rows, "faceted": list(self.facets)}, {}
+        arrays = {f"{i}_vertices": part.vertices for i, part in facets.items()}
+        arrays |= {f"{i}_triangles": part.triangles for i, part in facets.items()}
+        return {"diagonal_mm": diagonal, "fits": rows, "faceted": list(facets)}, arrays
 
     def merge(
         self, solids: list[int], measured: list[int], name: str
@@ -77,7 +73,6 @@ class StepPart:
         found = merge_touching(self.shapes, self.solids, name)
         self.bodies = found.shapes
         if len(measured) < len(solids):
-            self.hidden = set(solids) - set(measured)
             self.measured = edge_map(
                 e
                 for k, number in enumerate(self.solids)
@@ -107,12 +102,7 @@ class StepPart:
             fields += (np.array([pair for pair, _ in turns], dtype=np.int64).reshape(-1, 2),)
             fields += (np.array([turn for _, turn in turns], dtype=np.float64),)
             arrays.update({f"{k}_{i}": array for i, array in enumerate(fields)})
-        rows = []
-        for k, (number, stated) in enumerate(self.facets.items()):
-            arrays[f"facets_{k}_vertices"] = stated.vertices
-            arrays[f"facets_{k}_triangles"] = stated.triangles
-            rows.append({"solid": number, "hidden": number in self.hidden})
-        return {"n": len(shapes), "facets": rows}, arrays
+        return {"n": len(shapes)}, arrays
 
     def dimensions(self, path: str, name: str) -> tuple[dict[str, Any], dict[str, Any]]:
         """Read the semantic dimensions, as the kernel finds them and as the text states them."""

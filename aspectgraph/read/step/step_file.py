@@ -76,7 +76,7 @@ def read_step(
     with StepKernel(Path(path).name, limits or ReadLimits()) as kernel:
         loaded, _ = kernel.ask("load", path=str(Path(path).absolute()), name=Path(path).name)
         chosen, measured = _select(loaded["damage"], as_choice(solids), Path(path).name)
-        size, _ = kernel.ask("select", solids=chosen, relative_planarity=RELATIVE_PLANARITY)
+        size, arrays = kernel.ask("select", solids=chosen, relative_planarity=RELATIVE_PLANARITY)
         diagonal = size["diagonal_mm"]
         notes = loaded["notes"] + _about_facets(size["faceted"])
         notes += check_fit(size["fits"], chosen, diagonal, gap_mm, Path(path).name)
@@ -84,12 +84,15 @@ def read_step(
             diagonal * RELATIVE_CHORD if chord_tolerance_mm is None else float(chord_tolerance_mm)
         )
         try:
+            faceted = [
+                _facets(i, arrays, planarity_mm, hidden=i not in measured) for i in size["faceted"]
+            ]
             if len(chosen) > 1:
                 notes += _merge(kernel, chosen, measured, chord, angle_deg)
             for attempt in range(_MAX_REFINEMENTS + 1):
                 parts = _tessellate(kernel, chord / 4.0**attempt, angle_deg)
                 solid = _build(
-                    parts,
+                    parts + faceted,
                     chord_mm=chord / 4.0**attempt,
                     angle_deg=angle_deg,
                     planarity_mm=planarity_mm,
@@ -177,27 +180,22 @@ def _tessellate(
                 vertices, triangles, patch, curved_patch, curved_edges, circular, surface_turns
             )
         )
-    for k, row in enumerate(answer["facets"]):
-        parts.append(
-            _facets(arrays[f"facets_{k}_vertices"], arrays[f"facets_{k}_triangles"], row["hidden"])
-        )
     return parts
 
 
-def _facets(vertices: np.ndarray, triangles: np.ndarray, hidden: bool) -> Tessellation:
+def _facets(
+    solid: int, arrays: dict[str, np.ndarray], planarity_mm: float | None, hidden: bool
+) -> Tessellation:
     """Return the facets that the file states of a solid, repaired as those of a mesh are."""
     # a face repeats the vertices on its edges and may run either way round; that is no damage, and no news
-    vertices, triangles, _ = repair_facets(vertices, triangles, None, [])
-    flat = np.zeros(1, dtype=bool)
-    return Tessellation(
-        vertices,
-        triangles,
-        np.zeros(len(triangles), dtype=np.int64),
-        flat,
-        circular_edges=[],
-        faceted_patch=~flat,
-        hidden_patch=flat | hidden,
+    facets, _ = repair_facets(
+        arrays[f"{solid}_vertices"], arrays[f"{solid}_triangles"], planarity_mm, []
     )
+    if hidden:
+        # what only stands in the way has no edges to measure
+        pairs = np.sort(facets.triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
+        facets.curved_edges = set(map(tuple, pairs.tolist()))
+    return facets
 
 
 def _about_facets(solids: list[int]) -> list[str]:
@@ -259,10 +257,9 @@ def _concatenate(parts: list[Tessellation]) -> Tessellation:
         np.concatenate([part.patch + p for part, p in zip(parts, first_patch, strict=False)]),
         np.concatenate([part.curved_patch for part in parts]),
         curved,
-        None if all(part.faceted.all() for part in parts) else circular,
+        None if all(part.circular_edges is None for part in parts) else circular,
         turns,
-        np.concatenate([part.faceted for part in parts]),
-        np.concatenate([part.hidden for part in parts]),
+        {k + p for part, p in zip(parts, first_patch, strict=False) for k in part.faceted_patches},
     )
 
 
