@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -15,35 +14,22 @@ class AspectGraphError(Exception):
     Attributes
     ----------
     parameter : str
-        The parameter that breaks its rule, as a call has it; empty if the error is of none.
+        The parameter that breaks its rule; empty if the error is of none.
     rule : str
-        The rule, beginning with its verb. Other parameters in it stand as ``{name}`` or ``{name=}``.
+        The rule, beginning with its verb; a whole sentence without a parameter.
     got : str
         The value that breaks it.
     hint : str
-        What helps, in the words of a call.
-    shell_hint : str or None
-        What helps, in the words of a shell; None: the same.
+        What helps, without a full stop.
     mentions : tuple of str
-        The other parameters in `rule`.
-    place : str
-        File or item in which that is, if the text begins with it.
-    stem : str
-        The text in front of a hint, where it is no rule.
+        Other parameters in `rule` and `hint`, as they stand there: ``gap_mm`` or ``gap_mm=0.1``.
     """
 
     parameter: str = ""
     rule: str = ""
     got: str = ""
     hint: str = ""
-    shell_hint: str | None = None
     mentions: tuple[str, ...] = ()
-    place: str = ""
-    stem: str = ""
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Keep the data when the error crosses a process boundary, with Dask's pickling, too."""
-        return type(self), self.args, dict(vars(self))
 
     @classmethod
     def of_rule(
@@ -53,110 +39,36 @@ class AspectGraphError(Exception):
         got: str,
         *,
         hint: str = "",
-        shell_hint: str | None = None,
         mentions: tuple[str, ...] = (),
     ) -> Self:
         """Return the error of a broken rule: "PARAMETER RULE. Got GOT; HINT.".
 
         Parameters
         ----------
-        parameter, rule, got, hint : str
-            See the attributes; without a parameter, the rule is the whole sentence.
-        shell_hint : str, optional
-            Default: as `hint`.
-        mentions : tuple of str
-            Other parameters in the rule.
+        parameter, rule, got, hint, mentions
+            See the attributes.
 
         Returns
         -------
         AspectGraphError
             Of this class.
         """
-        data = {
-            "parameter": parameter,
-            "rule": rule,
-            "got": got,
-            "hint": hint,
-            "shell_hint": shell_hint,
-            "mentions": mentions,
-        }
-        error = cls(_sentence(data, str, hint))
-        vars(error).update(data)
+        error = cls(f"{parameter} {rule}. Got {got}.".lstrip())
+        vars(error).update(parameter=parameter, rule=rule, got=got, hint=hint, mentions=mentions)
         return error
 
-    def for_shell(self, name_of: Callable[[str], str]) -> str:
-        """Return the text for somebody at a shell.
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Keep data and class where Dask pickles an error that is two builtins at once."""
+        return type(self), self.args, dict(vars(self))
 
-        Parameters
-        ----------
-        name_of : callable
-            Gives the option of a parameter.
-
-        Returns
-        -------
-        str
-            One or two sentences.
-        """
-        hint = self.hint if self.shell_hint is None else self.shell_hint
-        if self.rule:
-            text = _sentence(vars(self), name_of, hint)
-        elif self.stem:
-            text = f"{self.stem} {hint}."
-        else:
-            return str(self)
-        return f"{self.place}: {text}" if self.place else text
-
-    def within(self, place: object) -> Self:
-        """Return the error with the file or item that it is in; it keeps its data.
-
-        Parameters
-        ----------
-        place : object
-            Named in front of the text.
-
-        Returns
-        -------
-        AspectGraphError
-            Of this class.
-        """
-        error = type(self)(f"{place}: {self}")
-        vars(error).update(vars(self))
-        error.place = f"{place}: {self.place}" if self.place else str(place)
-        return error
-
-    def with_hint(self, hint: str, shell_hint: str) -> Self:
-        """Return an error that is of no rule, with a hint behind its text.
-
-        Parameters
-        ----------
-        hint, shell_hint : str
-            See the attributes; here a sentence without its full stop.
-
-        Returns
-        -------
-        AspectGraphError
-            Of this class.
-        """
-        error = type(self)(f"{self} {hint}.")
-        vars(error).update(vars(self), stem=str(self), hint=hint, shell_hint=shell_hint)
-        return error
-
-
-def _sentence(data: Mapping[str, Any], name_of: Callable[[str], str], hint: str) -> str:
-    """Return the text of a broken rule, its parameters named as somebody knows them."""
-    rule = data["rule"]
-    for name in data["mentions"]:
-        shown = name_of(name)
-        rule = rule.replace(f"{{{name}}}", shown)
-        # a value follows: `gap_mm=1` of a call is `--gap-mm 1` at a shell
-        rule = rule.replace(f"{{{name}=}}", f"{shown}=" if shown == name else f"{shown} ")
-    parameter = data["parameter"]
-    subject = f"{name_of(parameter)} " if parameter else ""
-    if not hint:
-        return f"{subject}{rule}. Got {data['got']}."
-    # a hint is a sentence of its own if it begins like one
-    mark = "." if hint[0].isupper() else ";"
-    return f"{subject}{rule}. Got {data['got']}{mark} {hint}."
+    def __str__(self) -> str:
+        """Return the text, with the hint behind it: a sentence of its own if it begins like one."""
+        text = super().__str__()
+        if not self.hint:
+            return text
+        if self.hint[0].isupper():
+            return f"{text} {self.hint}."
+        return f"{text.removesuffix('.')}; {self.hint}."
 
 
 class SolidError(AspectGraphError, ValueError):

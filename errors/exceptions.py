@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -15,31 +14,24 @@ class MeasurementModelError(Exception):
     Attributes
     ----------
     parameter : str
-        The parameter that breaks its rule, as a call has it; empty if the error is of none.
+        The parameter that breaks its rule; empty if the error is of none.
     rule : str
         The rule, beginning with its verb.
     got : str
         The value that breaks it.
-    hint : str
-        What helps.
     """
 
     parameter: str = ""
     rule: str = ""
     got: str = ""
-    hint: str = ""
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Keep the data when the error crosses a process boundary, with Dask's pickling, too."""
-        return type(self), self.args, dict(vars(self))
 
     @classmethod
-    def of_rule(cls, parameter: str, rule: str, got: str, *, hint: str = "") -> Self:
-        """Return the error of a broken rule: "PARAMETER RULE. Got GOT; HINT.".
+    def of_rule(cls, parameter: str, rule: str, got: str) -> Self:
+        """Return the error of a broken rule: "PARAMETER RULE. Got GOT.".
 
         Parameters
         ----------
-        parameter, rule, got, hint : str
+        parameter, rule, got : str
             See the attributes.
 
         Returns
@@ -47,30 +39,9 @@ class MeasurementModelError(Exception):
         MeasurementModelError
             Of this class.
         """
-        data = {"parameter": parameter, "rule": rule, "got": got, "hint": hint}
-        error = cls(_sentence(parameter, data))
-        vars(error).update(data)
+        error = cls(f"{parameter} {rule}. Got {got}.")
+        vars(error).update(parameter=parameter, rule=rule, got=got)
         return error
-
-    def for_shell(self, name_of: Callable[[str], str]) -> str:
-        """Return the text for somebody at a shell.
-
-        Parameters
-        ----------
-        name_of : callable
-            Gives the option of a parameter.
-
-        Returns
-        -------
-        str
-            One or two sentences.
-        """
-        return _sentence(name_of(self.parameter), vars(self)) if self.rule else str(self)
-
-
-def _sentence(subject: str, data: Mapping[str, Any]) -> str:
-    hint = f"; {data['hint']}" if data["hint"] else ""
-    return f"{subject} {data['rule']}. Got {data['got']}{hint}."
 
 
 class InvalidParameterError(MeasurementModelError, ValueError):

@@ -49,7 +49,6 @@ _ADVICE = (
     "Ask for fewer entities, or for the regions only: compute_regions answers the same questions, "
     "and a plan needs no joint graph"
 )
-_SHELL_ADVICE = "Ask for fewer entities: a plan needs no joint graph"
 _GIB = 2**30
 
 
@@ -231,7 +230,9 @@ class JointMemory:
                 return error
             # the room of the cells has a limit, too, which is not the memory
             what = f"the joint graph of {self.total} entities cannot be built: {error}"
-            return MemoryLimitError(what).with_hint(_ADVICE, _SHELL_ADVICE)
+            refusal = MemoryLimitError(what)
+            refusal.hint = _ADVICE
+            return refusal
         return self._refused(
             f"a process that gets no more memory ({str(error).rstrip('.') or 'no reason given'})"
         )
@@ -246,7 +247,6 @@ def _refusal(total: int, whose: str, limit: float, got: str) -> MemoryLimitError
         f"the joint graph of {total} entities must fit {whose}, {in_gib(limit)}",
         got,
         hint=_ADVICE,
-        shell_hint=_SHELL_ADVICE,
         mentions=("memory_limit_bytes",),
     )
 
@@ -264,7 +264,7 @@ def _limit(limit_bytes: float | None) -> tuple[float, str]:
         raise MemoryLimitError.of_rule(
             "memory_limit_bytes", "must be a positive number of bytes", str(limit_bytes)
         )
-    return float(limit_bytes), "{memory_limit_bytes}"
+    return float(limit_bytes), "memory_limit_bytes"
 
 
 def free_bytes() -> float:

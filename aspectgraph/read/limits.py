@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from aspectgraph.exceptions import ReadError
 
@@ -50,3 +51,9 @@ class ReadLimits:
             value = getattr(self, name)
             if not 0 < value < math.inf:
                 raise ReadError(f"{name} of the limits must be positive and finite. Got {value}.")
+
+
+def more_of(limit: str) -> dict[str, Any]:
+    """Return the hint of an error to raise a limit, with the argument it mentions."""
+    argument = f"limits=ReadLimits({limit}=...)"
+    return {"hint": f"allow more with {argument}", "mentions": (argument,)}

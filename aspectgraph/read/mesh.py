@@ -21,7 +21,7 @@ from aspectgraph.exceptions import OrientationError, ReadError
 from aspectgraph.read.coplanar import find_twins
 from aspectgraph.read.glb import parse_glb
 from aspectgraph.read.join_faces import assemble
-from aspectgraph.read.limits import ReadLimits
+from aspectgraph.read.limits import ReadLimits, more_of
 from aspectgraph.read.obj_off import parse_obj, parse_off
 from aspectgraph.read.ply import parse_ply
 from aspectgraph.read.repair import drop_repetitions, drop_thin, is_closed, turn_thin, weld
@@ -156,8 +156,7 @@ def _parse(
             "",
             f"a mesh file must hold at most triangles={most_triangles} triangles",
             str(n),
-            hint="allow more with limits=ReadLimits(triangles=...)",
-            shell_hint="",
+            **more_of("triangles"),
         )
     return vertices, polygons
 

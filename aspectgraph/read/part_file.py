@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from aspectgraph.exceptions import PartFileNotFoundError, ReadError
-from aspectgraph.read.limits import ReadLimits
+from aspectgraph.read.limits import ReadLimits, more_of
 from aspectgraph.read.mesh import read_mesh
 from aspectgraph.read.solid_choice import SolidChoice
 from aspectgraph.read.step.step_file import read_step
@@ -211,8 +211,7 @@ def _content(path: Path, packed: bool, limits: ReadLimits) -> bytes:
             "",
             f"a part file must have at most file_mb={limits.file_mb:g} MB, unpacked",
             f"{path.name} with more",
-            hint="allow more with limits=ReadLimits(file_mb=...)",
-            shell_hint="",
+            **more_of("file_mb"),
         )
     if not data.strip():
         raise ReadError(f"a part file must not be empty. Got {path.name} with {len(data)} bytes.")

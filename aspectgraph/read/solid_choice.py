@@ -42,7 +42,7 @@ class SolidChoice:
         if self.occluders == "all" and self.measured is None:
             raise ReadError.of_rule(
                 "occluders",
-                "must be numbers where {solids} does not say which are measured",
+                "must be numbers where solids does not say which are measured",
                 "'all'",
                 mentions=("solids",),
             )

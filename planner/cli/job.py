@@ -14,6 +14,7 @@ from aspectgraph import AspectGraphError, PartFileNotFoundError, SolidChoice, re
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.light import read_lighting
+from planner.cli.naming import in_words_of_shell
 from planner.cli.wanted import Wanted, read_request
 from planner.exceptions import CameraError, PlanFileError, RequestError
 from planner.identity.inspection_request import InspectionRequest, PartRecord
@@ -142,7 +143,7 @@ def _job_again(options: argparse.Namespace) -> Job:
         part, reading = _part_again(options, path, plan.request)
     except PlanFileError as error:
         raise PlanFileError(f"{path}: {error}") from None
-    solid = _read(part, reading)
+    solid = _read(part, reading, options)
     if asked.part is None or asked.part.digest != PartRecord.of(solid).digest:
         raise RequestError(
             f"the part must be the one that was planned. Got {part}, which has another shape: "
@@ -201,10 +202,10 @@ def check_nothing_read(options: argparse.Namespace) -> None:
 
 def read_part(options: argparse.Namespace) -> Solid:
     """Read the part; an error names the file."""
-    return _read(options.part, reading_of(options))
+    return _read(options.part, reading_of(options), options)
 
 
-def _read(part: str, reading: dict[str, Any]) -> Solid:
+def _read(part: str, reading: dict[str, Any], options: argparse.Namespace) -> Solid:
     given = dict(reading)
     occluders = given.pop("occluders", None)
     if occluders:
@@ -218,7 +219,8 @@ def _read(part: str, reading: dict[str, Any]) -> Solid:
             raise type(error).of_rule("part", rule, error.got) from None
         if str(part) in str(error):
             raise
-        raise error.within(part) from None
+        words = in_words_of_shell(error, vars(options))
+        raise type(error)(f"{part}: {words}") from None
 
 
 def read_camera(text: str) -> Camera:

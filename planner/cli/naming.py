@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 # options that are not named like the parameters they give
@@ -24,6 +24,9 @@ _OPTIONS = {
     "bodies": "--body",
     "distances_mm": "--distances",
 }
+
+# what helps at a shell, where that is not what helps in a call, of the error with this name
+_HINTS = {"MemoryLimitError": "Ask for fewer entities: a plan needs no joint graph"}
 
 
 def option(name: str) -> str:
@@ -54,15 +57,38 @@ def as_typed(name: str, options: Mapping[str, Any]) -> str:
     return option(name) if name in _OPTIONS or name in options else name
 
 
-def in_words_of_shell(error: BaseException, options: Mapping[str, Any]) -> str:
-    """Return the message of an error with its parameters named as options.
+def in_words_of_shell(error: Exception, options: Mapping[str, Any]) -> str:
+    """Return the text of an error of ours with its parameters named as options.
 
     Parameters
     ----------
     error : Exception
-        One of ours holds its parameters as data.
+        Holds as data what it names.
     options : mapping of str to value
         The command's options, see `as_typed`.
     """
-    worded: Any = getattr(error, "for_shell", None)
-    return str(error) if worded is None else str(worded(lambda name: as_typed(name, options)))
+    # the exceptions of the packages have no base in common
+    data: Any = error
+    mentions = getattr(data, "mentions", ())
+    if data.rule:
+        parameter = data.parameter and as_typed(data.parameter, options)
+        rule = _worded(data.rule, mentions, options)
+        worded = type(data).of_rule(parameter, rule, data.got)
+    else:
+        worded = type(data)(*data.args)
+    if hint := getattr(data, "hint", ""):
+        hint = _worded(_HINTS.get(type(data).__name__, hint), mentions, options)
+        # an argument that no option gives helps nobody at a shell
+        worded.hint = "" if any(mention in hint for mention in mentions) else hint
+    return str(worded)
+
+
+def _worded(text: str, mentions: Sequence[str], options: Mapping[str, Any]) -> str:
+    """Return a text with the arguments that it mentions as options, where the command has them."""
+    for mention in mentions:
+        name, _, value = mention.partition("=")
+        known = as_typed(name, options)
+        if known != name:
+            value = "" if value == "..." else value.strip("[]").replace(", ", ",")
+            text = text.replace(mention, f"{known} {value}".rstrip())
+    return text

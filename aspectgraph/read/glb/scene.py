@@ -17,6 +17,7 @@ from aspectgraph.exceptions import ReadError
 from aspectgraph.read.glb.accessors import Accessors, item_at
 from aspectgraph.read.glb.extensions import check_extensions, unread_extensions
 from aspectgraph.read.glb.placement import instance_matrices, local_matrix
+from aspectgraph.read.limits import more_of
 
 _TRIANGLES = 4
 
@@ -87,8 +88,7 @@ def _gather(
                         "",
                         f"a GLB file must place at most triangles={most_triangles} triangles",
                         "more",
-                        hint="allow more with limits=ReadLimits(triangles=...)",
-                        shell_hint="",
+                        **more_of("triangles"),
                     )
                 vertices.append(points.astype(np.float64) @ placement[:3, :3].T + placement[:3, 3])
                 corners = corners.astype(np.int64)

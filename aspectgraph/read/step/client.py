@@ -17,7 +17,7 @@ import numpy as np
 
 from aspectgraph import exceptions
 from aspectgraph.exceptions import MissingExtraError, ReadError
-from aspectgraph.read.limits import ReadLimits
+from aspectgraph.read.limits import ReadLimits, more_of
 from aspectgraph.read.step.server import LENGTHS, OUT_OF_MEMORY
 
 # The process needs a few modules of these rooms, not all that their faces import; so it starts in half a second.
@@ -138,8 +138,7 @@ class StepKernel:
                 "",
                 f"a STEP file must be read within time_s={self.limits.time_s:g} seconds",
                 f"{self.name}, which takes longer",
-                hint="allow more with limits=ReadLimits(time_s=...)",
-                shell_hint="",
+                **more_of("time_s"),
             )
         if code == OUT_OF_MEMORY:
             return self._complaint({"error": "MemoryError"})
@@ -155,8 +154,7 @@ class StepKernel:
                 "",
                 f"a STEP file must be read within memory_mb={self.limits.memory_mb:g} MB",
                 f"{self.name}, which takes more",
-                hint="allow more with limits=ReadLimits(memory_mb=...)",
-                shell_hint="",
+                **more_of("memory_mb"),
             )
         if header["error"] == "MissingExtraError":
             if sys.version_info < (3, 11):

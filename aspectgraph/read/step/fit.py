@@ -82,14 +82,13 @@ def check_fit(
             )
             where = f"{_WHERE[kind]} at {describe_point(place)} of solid {solid}"
             if not gap <= permitted:
+                argument = f"gap_mm={permitted:.3g}"
                 raise ReadError.of_rule(
                     "",
-                    "the vertices, edges and faces of a STEP file must meet within "
-                    f"{{gap_mm=}}{permitted:.3g} mm",
+                    f"the vertices, edges and faces of a STEP file must meet within {argument} mm",
                     f"a gap of {gap:.3g} mm {where} of {name}",
                     hint="allow more with gap_mm=..., and look at the result",
-                    shell_hint="allow more with --gap-mm, and look at the result",
-                    mentions=("gap_mm",),
+                    mentions=(argument, "gap_mm=..."),
                 )
             if gap > max(stated, RELATIVE_PLANARITY * diagonal_mm, widest[0]):
                 widest = gap, f"a gap of {gap:.3g} mm {where}; the file states {stated:.3g} mm"

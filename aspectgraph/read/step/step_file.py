@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -109,7 +110,8 @@ def read_step(
             if len(chosen) == 1:
                 raise
             holds = f"The file holds {len(chosen)} solids; read some of them with, for instance,"
-            raise error.with_hint(*_choosing(holds, chosen[:1])) from error
+            vars(error).update(_choosing(holds, chosen[:1]))
+            raise
     raise AssertionError("the last attempt returns or raises")
 
 
@@ -135,13 +137,11 @@ def _merge(
         for parts in (before, after)
     )
     if not abs(kept - volume) <= max(allowed, RELATIVE_VOLUME * volume):
-        hint, shell_hint = _choosing("read some of them with, for instance,", chosen[:1])
         raise ReadError.of_rule(
             "",
             "solids in contact must keep their volume when they become one body",
             f"{kept:.9g} of {volume:.9g} mm³ for {_listed(chosen)} of {kernel.name}",
-            hint=hint,
-            shell_hint=shell_hint,
+            **_choosing("read some of them with, for instance,", chosen[:1]),
         )
     bodies = [_listed(sorted(group)) for group in answer["merged"]]
     return notes + [
@@ -278,20 +278,17 @@ def _select(damage: list[str], wanted: SolidChoice, name: str) -> tuple[list[int
     for i in chosen:
         if damage[i]:
             whole = [k for k in range(n) if not damage[k]]
-            hint, shell_hint = (
-                _choosing("Ask for the whole ones with", whole) if whole else ("", "")
-            )
             which = f" (solid {i} of 0..{n - 1})" if n > 1 else ""
             raise ReadError.of_rule(
                 "",
                 "the geometry of a STEP file must be whole",
                 f"{name} with {damage[i]}{which}",
-                hint=hint,
-                shell_hint=shell_hint,
+                **(_choosing("Ask for the whole ones with", whole) if whole else {}),
             )
     return chosen, measured
 
 
-def _choosing(words: str, solids: list[int]) -> tuple[str, str]:
-    """Return the hint to read some solids, in the words of a call and of a shell."""
-    return f"{words} solids={solids}", f"{words} --solids {','.join(map(str, solids))}"
+def _choosing(words: str, solids: list[int]) -> dict[str, Any]:
+    """Return the hint of an error to read these solids, with the argument it mentions."""
+    argument = f"solids={solids}"
+    return {"hint": f"{words} {argument}", "mentions": (argument,)}
