@@ -111,7 +111,7 @@ def plan_inspection(
     reach : Region or callable, optional
         As in `plan_setting`. With ``state`` it must have a name that lasts: a lambda, a function inside another one, or
         what cannot be pickled needs an attribute ``state_name`` that says what it permits.
-    lamps : array_like, shape (n, 3), or LampBox, LampDome, LampsTogether, "ring" or Lighting, optional
+    lamps : array_like, shape (n, 3), or LampBox, LampDome, "ring" or Lighting, optional
         Lamps that are to show what is measured, as in `plan_light`; the plan then has its ``light``. What no lamp shows
         in any of the settings found is looked for from other poses. With "ring", the search keeps to where edges show.
     space : VisibilityRegions or EntityAspectGraph, optional

@@ -57,7 +57,7 @@ class InspectionOptions:
         What the image needs so that edges can be found in it.
     reach : Region or callable, optional
         Where the front nodal point may be. Default: anywhere.
-    lamps : array_like, shape (n, 3), or LampBox, LampDome, LampsTogether, "ring" or Lighting, optional
+    lamps : array_like, shape (n, 3), or LampBox, LampDome, "ring" or Lighting, optional
         Lamps that are to show what is measured. Default: no lamps.
     space : VisibilityRegions or EntityAspectGraph, optional
         Visibility computed before. Default: it is computed.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from aspectgraph.entities.entity_files import parse_names
 from aspectgraph.light.contrast import check_contrast
 from planner.exceptions import RequestError
-from planner.light.lamps import RING, LampBox, LampDome, LampsTogether, check_lamps_given
+from planner.light.lamps import RING, LampBox, LampDome, check_lamps_given
 from planner.light.lighting import Lighting, check_step
 from planner.light.plan_light import chosen_lamps
 
@@ -41,10 +41,7 @@ def read_lighting(options: Any) -> Lighting | None:
     if lamps is None:
         return None
     return Lighting(
-        LampsTogether(lamps) if options.together else lamps,
-        options.contrast,
-        options.grey_step,
-        options.ground,
+        lamps, options.contrast, options.grey_step, options.ground, together=options.together
     )
 
 

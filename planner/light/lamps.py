@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -312,47 +313,39 @@ class LampDome:
 
 @dataclass(frozen=True, eq=False)
 class LampsTogether:
-    """Lamps of one strength that are all on in every image: those of a cell without switches, or to be placed so.
+    """Lamps that are all on in every image. Deprecated: use ``Lighting(lamps, together=True)``.
 
     Parameters
     ----------
     lamps : array_like, shape (n, 3), or LampBox or LampDome
-        Places of lamps, mm, of which some may be left out; or where they may be placed.
-
-    Raises
-    ------
-    RequestError
-        If it is neither of these.
+        As `Lighting` takes them.
     """
 
     lamps: Any
 
     def __post_init__(self) -> None:
-        given = check_lamps_given(self.lamps)
-        if given is None or isinstance(given, LampsTogether):
-            raise RequestError(
-                f"lamps together must be places, a LampBox or a LampDome. Got {self.lamps!r}."
-            )
-        object.__setattr__(self, "lamps", given)
+        warnings.warn(
+            "LampsTogether(lamps) is deprecated: use Lighting(lamps, together=True).",
+            DeprecationWarning,
+            stacklevel=3,
+        )
 
 
-def check_lamps_given(lamps: Any) -> LampSpace | LampsTogether | Array | None:
-    """Return a space of lamps, the places (n, 3) of fixed ones, lamps that are on together, or None for a ring light.
+def check_lamps_given(lamps: Any) -> LampSpace | Array | str:
+    """Return a space of lamps, the places (n, 3) of fixed ones, or "ring" for the lamp on the camera.
 
     Raises
     ------
     RequestError
         If it is none of these.
     """
-    if isinstance(lamps, LampBox | LampDome | LampsTogether):
+    if isinstance(lamps, LampBox | LampDome):
         return lamps
     if isinstance(lamps, str):
         if lamps == RING:
-            return None
+            return lamps
         raise RequestError.of_rule(
-            "lamps",
-            f"must be places, a LampBox, a LampDome, LampsTogether, or {RING!r}",
-            repr(lamps),
+            "lamps", f"must be places, a LampBox, a LampDome or {RING!r}", repr(lamps)
         )
     return _numbers("lamps", lamps, (-1, 3))
 

@@ -33,7 +33,7 @@ class Lighting:
 
     Parameters
     ----------
-    lamps : array_like, shape (n, 3), or LampBox, LampDome, LampsTogether or "ring"
+    lamps : array_like, shape (n, 3), or LampBox, LampDome or "ring"
         Where lamps are or may be, mm.
     contrast, step : float
         Least contrast, and least step of grey values.
@@ -41,6 +41,9 @@ class Lighting:
         "dark" or "bright".
     tolerance_mm : float
         How far lamps may be from their places.
+    together : bool
+        Whether all lamps are on in every image, as in a cell without switches; they have one strength. Otherwise one is
+        on at a time.
 
     Raises
     ------
@@ -61,10 +64,17 @@ class Lighting:
     step: float = DEFAULT_STEP
     ground: str = "dark"
     tolerance_mm: float = 0.0
+    together: bool = False
 
     def __post_init__(self) -> None:
         check_contrast(self.contrast)
+        if isinstance(self.lamps, LampsTogether):
+            object.__setattr__(self, "together", True)
+            object.__setattr__(self, "lamps", self.lamps.lamps)
         object.__setattr__(self, "lamps", check_lamps_given(self.lamps))
+        if self.together and self.is_ring:
+            rule = "must be False for a ring light, which is one lamp"
+            raise RequestError.of_rule("together", rule, "True")
         if self.ground not in GROUNDS:
             raise RequestError.of_rule(
                 "ground", f"must be one of {', '.join(GROUNDS)}", repr(self.ground)
@@ -85,24 +95,19 @@ class Lighting:
         return f"<Lighting by {lamps}: contrast {self.contrast:g}, step {self.step:g}, {self.ground} ground>"
 
     @property
-    def together(self) -> bool:
-        """Whether all lamps are on at once."""
-        return isinstance(self.lamps, LampsTogether)
-
-    @property
     def given(self) -> LampSpace | NDArray[np.float64] | None:
         """Places (n, 3) of fixed lamps, mm, or where lamps may be placed, or None for a ring light."""
-        return self.lamps.lamps if isinstance(self.lamps, LampsTogether) else self.lamps
+        return None if self.is_ring else self.lamps
 
     @property
     def is_ring(self) -> bool:
         """Whether the lamp is on the camera."""
-        return self.given is None
+        return isinstance(self.lamps, str)
 
     @property
     def is_fixed(self) -> bool:
         """Whether the lamps are those of a cell."""
-        return isinstance(self.given, np.ndarray)
+        return isinstance(self.lamps, np.ndarray)
 
     def check_part(self, solid: Solid) -> None:
         """Refuse fixed lamps inside the part.

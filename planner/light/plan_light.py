@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from aspectgraph.light.light_regions import DEFAULT_CONTRAST, LightRegions
 from planner.cover.set_cover import min_cover
+from planner.exceptions import RequestError
 from planner.light.background import DEFAULT_STEP
 from planner.light.demands import Planned
 from planner.light.fewest import Jobs, Search
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 _FIRST_PLACES = 3000
 # of lamps that are on together, as all their pairs are tried
 _TOGETHER_PLACES = 300
+# of what a `Lighting` holds
+_DEFAULTS = (DEFAULT_CONTRAST, DEFAULT_STEP, "dark", 0.0)
 # what else keeps an edge from being shown
 _SHADOW = ", or a shadow beside it"
 
@@ -50,8 +53,8 @@ def plan_light(
     what is seen beside it; this is checked by rays at nine points of the edge. Where the plan asks for corners, another
     line must show at each end; where it asks for separation, no shadow may end so near to the edge or that line.
 
-    Of lamps that are on together (`LampsTogether`), light adds up. Then this is decided at nine points of every edge,
-    for lamps of one strength; see `planner.light.together`.
+    The light of lamps that are on together (`Lighting.together`) adds up. Then this is decided at nine points of every
+    edge, for lamps of one strength; see `planner.light.together`.
 
     **Guarantee.** Every setting has an image for each name it measures, or the name is in ``unlit`` with the reason.
     No choice of lamps shows as much with fewer than ``lower_bound`` lamps, one lamp for all of a setting where one is
@@ -63,9 +66,9 @@ def plan_light(
         The plan.
     solid : Solid
         Its part.
-    lamps : array_like, shape (n, 3), or LampBox, LampDome, LampsTogether or "ring"
-        Places of the lamps of a cell, mm; or where lamps may be placed; or such that are on together; or a ring light
-        on the camera.
+    lamps : array_like, shape (n, 3), or LampBox, LampDome, "ring" or Lighting
+        Places of the lamps of a cell, mm; or where lamps may be placed; or a ring light on the camera. A `Lighting`
+        holds the other options, too; then they are not given here.
     contrast : float
         Least contrast, strictly between 0 and 1; see `aspectgraph.contrast`.
     step : float
@@ -90,7 +93,14 @@ def plan_light(
     LightError
         If the contrast is out of range, or a fixed lamp is inside the part.
     """
-    lighting = Lighting(lamps, contrast, step, ground, tolerance_mm)
+    options = (contrast, step, ground, tolerance_mm)
+    if not isinstance(lamps, Lighting):
+        lighting = Lighting(lamps, *options)
+    elif options == _DEFAULTS:
+        lighting = lamps
+    else:
+        rule = "must hold contrast, step, ground and tolerance_mm where it is a Lighting"
+        raise RequestError.of_rule("lamps", rule, f"{lamps!r} and {options}")
     return chosen_lamps(lighting, plan, solid, progress)
 
 

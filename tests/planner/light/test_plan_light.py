@@ -246,7 +246,7 @@ def test_lamps_that_are_on_together_add_up():
     front = (40.0, -1000.0, 60.0)
     top = (40.0, 0.0, 1060.0)
     for lamp in (front, top):
-        found = plan_light(one, block(), LampsTogether([lamp]))
+        found = plan_light(one, block(), Lighting([lamp], together=True))
         assert found.images[0][0].contrast["top front"] == pytest.approx(1.0)
         assert found.together
     scene = RayScene(block().vertices, block().triangles)
@@ -256,7 +256,7 @@ def test_lamps_that_are_on_together_add_up():
     )
     assert sets.shown(np.array([[0, 1]]))[0] == pytest.approx(0.0, abs=1e-12)
     # one of them may be left out, so the plan takes one
-    found = plan_light(one, block(), LampsTogether([front, top]))
+    found = plan_light(one, block(), Lighting([front, top], together=True))
     assert (len(found.lamps), found.lower_bound, found.complete) == (1, 1, True)
 
 
@@ -291,7 +291,7 @@ def test_together_by_the_formula():
 
 def test_opposite_faces_need_two_lamps_together_too():
     """One image each, both lamps on; that a single one does it is refuted by the exact regions."""
-    found = plan_light(side_plan(), block(), LampsTogether(AROUND))
+    found = plan_light(side_plan(), block(), Lighting(AROUND, together=True))
     assert (len(found.lamps), found.lower_bound, found.complete, found.together) == (
         2,
         2,
@@ -300,17 +300,25 @@ def test_opposite_faces_need_two_lamps_together_too():
     )
     assert [[image.lamps for image in images] for images in found.images] == [[(0, 1)], [(0, 1)]]
     assert sorted(found.lamps[:, 0] < 0) == sorted(found.lamps[:, 0] <= 80) == [False, True]
-    fixed = plan_light(
-        side_plan(), block(), LampsTogether([[-300, 25, 90], [40, -300, 90], [380, 25, 90]])
-    )
+    places = [[-300, 25, 90], [40, -300, 90], [380, 25, 90]]
+    fixed = plan_light(side_plan(), block(), Lighting(places, together=True))
     assert fixed.lamps[:, 0].tolist() == [-300, 380]
     assert fixed.minimal
     assert fixed.bound_proof == "All sets of fewer than 2 of the given lamps were tried."
     assert LightPlan.from_dict(fixed.to_dict()) == fixed
-    dark = plan_light(side_plan(), block(), LampsTogether([[-300, 25, 90], [40, -300, 90]]))
+    dark = plan_light(side_plan(), block(), Lighting(places[:2], together=True))
     assert dark.unlit[1] == {
         "right": "no set that was tried of the given lamps shows it together with the most others."
     }
+
+
+def test_the_earlier_name_of_lamps_that_are_on_together_still_works():
+    with pytest.warns(DeprecationWarning, match=r"use Lighting\(lamps, together=True\)"):
+        lamps = LampsTogether(AROUND)
+    lighting = Lighting(lamps, 0.2)
+    assert lighting.together
+    np.testing.assert_array_equal(lighting.lamps, AROUND)
+    assert lighting.contrast == 0.2
 
 
 def test_the_mean_contrast_is_never_the_largest():
@@ -342,7 +350,7 @@ def _light(one):
         (
             "torch",
             {},
-            "lamps must be places, a LampBox, a LampDome, LampsTogether, or 'ring'. Got 'torch'.",
+            "lamps must be places, a LampBox, a LampDome or 'ring'. Got 'torch'.",
         ),
         ([], {}, "lamps must be finite numbers in mm, shape (n, 3). Got []."),
         ([[1, 2]], {}, "lamps must be finite numbers in mm, shape (n, 3). Got [[1, 2]]."),
@@ -374,11 +382,14 @@ def test_bad_requests(lamps, options, text):
         (lambda: LampDome((0, 0, 0), 0.0), "radius_mm must be positive. Got 0.0."),
         (lambda: LampDome((0, 0, 0), 5.0, 5.0), "lowest_mm must be below radius_mm, 5. Got 5.0."),
         (
-            lambda: LampsTogether("ring"),
-            "lamps together must be places, a LampBox or a LampDome. Got 'ring'.",
+            lambda: Lighting("ring", together=True),
+            "together must be False for a ring light, which is one lamp. Got True.",
         ),
-        (lambda: LampsTogether(LampsTogether([[0, 0, 0]])), "lamps together must be places"),
-        (lambda: LampsTogether([[0, 0]]), "lamps must be finite numbers in mm, shape (n, 3)"),
+        (lambda: Lighting([[0, 0]]), "lamps must be finite numbers in mm, shape (n, 3)"),
+        (
+            lambda: plan_light(plan(), block(), Lighting("ring"), contrast=0.2),
+            "lamps must hold contrast, step, ground and tolerance_mm where it is a Lighting. Got",
+        ),
         (lambda: LampDome((0, 0, np.inf), 5.0), "the centre of a dome of lamps must be finite"),
     ],
 )
