@@ -27,8 +27,7 @@ from typing import Any
 from planner.columns.outcome import Outcome
 from planner.exceptions import OutputError, PlanFileError
 from planner.files import make_folder, write_text
-from planner.identity.difference import first_difference, keyword
-from planner.identity.inspection_request import with_defaults
+from planner.identity.inspection_request import request_difference
 from planner.identity.program import program_digest
 from planner.plan import InspectionPlan
 from planner.records.json_file import encoded, read_json
@@ -240,7 +239,7 @@ def holds_plan(path: str | os.PathLike[str]) -> bool:
 def state_difference(
     data: Mapping[str, Any],
     identity: Mapping[str, Any],
-    words: Callable[[str], str] = keyword,
+    words: Callable[[str], str] = str,
 ) -> str | None:
     """Return in what the request or the program of a state differs from those of now.
 
@@ -251,16 +250,14 @@ def state_difference(
     identity : mapping
         The identity of the request now.
     words : callable
-        Returns what the caller knows a field as.
+        Returns what the caller calls a keyword of `plan_inspection`. Default: its name.
 
     Returns
     -------
     str or None
         The first difference; None if the state can be resumed.
     """
-    # as plain values come back from a file
-    now = json.loads(json.dumps(encoded(identity)))
-    change = first_difference(with_defaults(now), with_defaults(data["request"]), words)
+    change = request_difference(identity, data["request"], words)
     if change is None and data["program"] != program_digest():
         return "the version of the program changed"
     return change

@@ -18,15 +18,15 @@ from aspectgraph import EntityError
 from aspectgraph.visibility.kept_regions import KeptRegions
 from planner.cli.naming import option
 from planner.exceptions import InfeasibleError, OutputError, PlanFileError, RequestError
-from planner.identity.difference import first_difference
-from planner.identity.inspection_request import InspectionRequest, with_defaults
-from planner.identity.of_plan import plan_difference
+from planner.identity.inspection_request import InspectionRequest, request_difference
 from planner.plan import read_plan
 from planner.resume import read_state, state_difference
 
 STATE_FILE = "planning-state.json"
 REGIONS_FOLDER = "planning-regions"
 PLAN_FILE = "plan.json"
+# numbers computed on another machine may differ in their last digits
+_SAME = 1e-9
 _RULE = "--out must be a folder without another plan; --force replaces it."
 _UNFINISHED = "--out must be a folder without an unfinished plan."
 
@@ -52,9 +52,12 @@ def check_owner(folder: Path, request: InspectionRequest, *, force: bool) -> Non
     if force or not path.exists():
         return
     try:
-        change = plan_difference(request, read_plan(path), option)
+        stored = read_plan(path).request
     except PlanFileError as error:
         raise OutputError(f"{_RULE} Got {error}") from None
+    if not stored:
+        raise OutputError(f"{_RULE} Got {path} of an earlier program, without its request.")
+    change = request.difference(stored, option, _SAME)
     if change is not None:
         raise OutputError(f"{_RULE} Got {path} of another request: {change}.")
 
@@ -145,7 +148,7 @@ class Leftovers:
         owner = self.regions.owner()
         if owner is None:
             return None
-        return first_difference(identity, with_defaults(owner), option)
+        return request_difference(identity, owner, option)
 
     def _discard(self) -> None:
         self.regions.remove()

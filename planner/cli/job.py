@@ -17,8 +17,7 @@ from planner.cli.light import read_lighting
 from planner.cli.naming import in_words_of_shell
 from planner.cli.wanted import Wanted, read_request
 from planner.exceptions import CameraError, PlanFileError, RequestError
-from planner.identity.inspection_request import InspectionRequest, PartRecord
-from planner.identity.of_plan import SOURCE
+from planner.identity.inspection_request import SOURCE, InspectionRequest, PartRecord
 from planner.identity.resolve_request import Promise, resolve_request
 from planner.identity.restore import restored_options, restored_request
 from planner.inspection_options import InspectionOptions

@@ -3,144 +3,131 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-# what a call in Python knows the fields of a request as, where it is not their own name
-KEYWORDS = {
-    "targets": "entities",
-    "part": "solid",
+# fields of a request that a call in Python knows under another name
+_KEYWORDS = {
     "seed": "rng",
     "lighting": "lamps",
     "ring": "space",
     # the default of the margin is a reserve for each point
     "focus_reserve": "focus_margin_mm",
 }
-
-
-def keyword(name: str) -> str:
-    """Return what a call of `plan_inspection` knows a field as."""
-    return KEYWORDS.get(name, name)
-
-
 # fields whose own fields are the words of the caller
 _GROUPS = ("requirements", "showing", "lighting")
-_UNSURE = "unnamed"
+_UNNAMED = "unnamed"
+# what a user calls the entities of a target
+_IN_WORDS = "entities in words"
 
 
-class Change(NamedTuple):
-    """The first thing in which two requests differ.
-
-    Attributes
-    ----------
-    path : tuple of str
-        Where: names of fields.
-    before, now
-        The two values.
-    """
-
-    path: tuple[str, ...]
-    before: Any
-    now: Any
+def keyword(field: str) -> str:
+    """Return the name under which `plan_inspection` takes a field of a request."""
+    return _KEYWORDS.get(field, field)
 
 
 def first_difference(
     now: Mapping[str, Any],
     before: Mapping[str, Any],
-    words: Callable[[str], str] = keyword,
-    *,
+    words: Callable[[str], str] = str,
     tolerance: float = 0.0,
-    partial: bool = False,
 ) -> str | None:
-    """Return in what two identities differ, or None if they are of the same request.
+    """Return the first difference of two identities, or None if they are of the same request.
 
     Parameters
     ----------
     now, before : mapping
         Identities of two requests.
     words : callable
-        Returns what the caller knows a field as.
+        Returns what the caller calls a keyword of `plan_inspection`. Default: its name.
     tolerance : float
-        Share by which numbers may differ, which were computed on another machine.
-    partial : bool
-        Whether ``before`` tells only of some fields, as plans of earlier programs do: of the others nothing is known.
+        Relative difference up to which two numbers are the same.
 
     Returns
     -------
     str or None
         Such as ``seed was 5 and is now 6``.
     """
-    for name in dict.fromkeys([*now, *before]):
-        if name in now and name in before:
-            compare = _Comparison(tolerance, partial)
-            if name == "targets":
-                found = _targets(now[name], before[name], compare)
-            else:
-                change = compare.first_change((name,), now[name], before[name])
-                found = None if change is None else _described(change, words)
-            if found is not None:
-                return found
-        elif not partial:
-            return _described(Change((name,), before.get(name), now.get(name)), words)
-    return None
+    change = _first_change((), _by_name(now), _by_name(before), tolerance)
+    if change is not None:
+        return _described(change, words)
+    orders = [[target["name"] for target in one.get("targets") or ()] for one in (now, before)]
+    return None if orders[0] == orders[1] else "the order of the targets changed"
 
 
-class _Comparison(NamedTuple):
-    tolerance: float
-    partial: bool
+class _Change(NamedTuple):
+    """The names of the fields that lead to a difference, and both values."""
 
-    def first_change(self, path: tuple[str, ...], now: Any, before: Any) -> Change | None:
-        """Return the first thing that differs in two plain values."""
-        if isinstance(now, Mapping) and isinstance(before, Mapping):
-            if _UNSURE in now or _UNSURE in before:
-                # nobody can know whether these are the same
-                return Change(path, None, None)
-            for key in dict.fromkeys([*now, *before]):
-                if self.partial and key not in before:
-                    continue
-                change = self.first_change((*path, key), now.get(key), before.get(key))
-                if change is not None:
-                    return change
-            return None
-        if isinstance(now, list | tuple) and isinstance(before, list | tuple):
-            same = len(now) == len(before) and all(
-                self.first_change(path, *pair) is None for pair in zip(now, before, strict=True)
-            )
-            return None if same else Change(path, before, now)
-        return None if self._same(now, before) else Change(path, before, now)
-
-    def _same(self, first: Any, second: Any) -> bool:
-        if first is second or first == second:
-            return True
-        if isinstance(first, int | float) and isinstance(second, int | float):
-            return math.isclose(first, second, rel_tol=self.tolerance, abs_tol=0.0)
-        return False
+    path: tuple[str, ...]
+    now: Any
+    before: Any
 
 
-def _described(change: Change, words: Callable[[str], str]) -> str:
-    """Say what changed: a field of the caller's, or something inside one."""
+def _by_name(identity: Mapping[str, Any]) -> dict[str, Any]:
+    """Return an identity with its targets by name, each with its entities in words."""
+    targets = identity.get("targets")
+    if targets is None:
+        return dict(identity)
+    named = {target["name"]: {_IN_WORDS: _entities_of(target), **target} for target in targets}
+    return {**identity, "targets": named}
+
+
+def _first_change(path: tuple[str, ...], now: Any, before: Any, tolerance: float) -> _Change | None:
+    """Return the first thing that differs in two plain values; what is not there is None."""
+    if isinstance(now, Mapping) and isinstance(before, Mapping):
+        if _UNNAMED in now or _UNNAMED in before:
+            # nobody can know whether these are the same
+            return _Change(path, None, None)
+        changes = (
+            _first_change((*path, key), now.get(key), before.get(key), tolerance)
+            for key in dict.fromkeys([*before, *now])
+        )
+        return next((change for change in changes if change is not None), None)
+    return None if _is_same(now, before, tolerance) else _Change(path, now, before)
+
+
+def _is_same(now: Any, before: Any, tolerance: float) -> bool:
+    if isinstance(now, list | tuple) and isinstance(before, list | tuple):
+        return len(now) == len(before) and all(
+            _first_change((), *pair, tolerance) is None for pair in zip(now, before, strict=True)
+        )
+    if isinstance(now, int | float) and isinstance(before, int | float):
+        return now == before or math.isclose(now, before, rel_tol=tolerance, abs_tol=0.0)
+    return bool(now == before)
+
+
+def _described(change: _Change, words: Callable[[str], str]) -> str:
+    """Say what changed: a keyword of the caller's, a target, or something inside one."""
     if change.path == ("part", "digest"):
         return "the shape of the part changed"
-    if change.path == ("part", "name"):
-        return f"the part {_values(change)}"
-    names = [name for name in change.path if name not in _GROUPS]
-    if not names:
-        return f"{words(change.path[-1])} changed"
+    field, *inside = [name for name in change.path if name not in _GROUPS] or change.path[-1:]
     values = _values(change)
-    if len(names) == 1:
-        return f"{words(names[0])} {values or 'changed'}"
-    inside = " of ".join(reversed([name.replace("_", " ") for name in names[1:]]))
-    return f"{words(names[0])} changed" + (f": {inside} {values}" if values else "")
+    if field == "part":
+        return f"the part {values or 'changed'}"
+    if field == "targets" and inside:
+        subject = f"target {inside.pop(0)!r}"
+        if not inside:
+            return f"{subject} is {'new' if change.before is None else 'no longer wanted'}"
+        if inside == [_IN_WORDS]:
+            return f"{subject} was {change.before} and is now {change.now}"
+    else:
+        subject = "the targets" if field == "targets" else words(keyword(field))
+    if inside and values:
+        what = " of ".join(reversed(inside)).replace("_", " ")
+        return f"{subject} changed: {what} {values}"
+    return f"{subject} {values or 'changed'}" if not inside else f"{subject} changed"
 
 
-def _values(change: Change) -> str:
+def _values(change: _Change) -> str:
     """Return a sentence with both values, if they are short."""
-    if change.before == change.now or not all(map(_is_short, (change.before, change.now))):
+    if change.before == change.now or not (_is_short(change.before) and _is_short(change.now)):
         return ""
     return f"was {_text(change.before)} and is now {_text(change.now)}"
 
 
 def _is_short(value: object) -> bool:
+    if isinstance(value, list | tuple):
+        return len(value) <= 3 and all(isinstance(item, int | float) for item in value)
     return value is None or isinstance(value, str | int | float)
 
 
@@ -149,41 +136,9 @@ def _text(value: object) -> str:
         return "not given"
     if isinstance(value, bool):
         return "on" if value else "off"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_text, value))}]"
     return f"{value:.9g}" if isinstance(value, float) else repr(value)
-
-
-def _targets(now: Any, before: Any, compare: _Comparison) -> str | None:
-    """Say which target differs, and in what."""
-    if now is None or before is None:
-        return None if now is before else "the targets changed"
-    first = {target["name"]: target for target in before}
-    second = {target["name"]: target for target in now}
-    for name in first:
-        if name not in second:
-            return f"target {name!r} is no longer wanted"
-    for name, target in second.items():
-        if name not in first:
-            return f"target {name!r} is new"
-        change = compare.first_change((), target, first[name])
-        if change is not None:
-            return f"target {name!r} {_change_of(change, target, first[name])}"
-    if list(first) != list(second):
-        return "the order of the targets changed"
-    return None
-
-
-def _change_of(change: Change, now: Mapping[str, Any], before: Mapping[str, Any]) -> str:
-    """Say in what a target differs."""
-    if change.path[:1] in (("ends",), ("entities",)):
-        were = _entities_of(before)
-        are = _entities_of(now)
-        if were and are and were != are:
-            return f"was {were} and is now {are}"
-        return "is another one"
-    what = " of ".join(reversed([name.replace("_", " ") for name in change.path]))
-    if isinstance(change.before, Sequence) and isinstance(change.now, Sequence):
-        return f"changed: {what} was {list(change.before)} and is now {list(change.now)}"
-    return f"changed: {what} {_values(change)}"
 
 
 def _entities_of(target: Mapping[str, Any]) -> str:

@@ -1,7 +1,7 @@
-"""What is asked of a plan, in one frozen value: resume, ``--out``, batch, kept regions and plan files compare it.
+"""The request of a plan as one frozen value, which resume, ``--out``, batch, kept regions and plan files compare.
 
-**Guarantee.** Every field tells requests apart: `InspectionRequest.identity` goes through all fields there are, so that
-an option that is added to the request cannot be forgotten.
+**Guarantee.** Every field distinguishes requests: `InspectionRequest.identity` goes through all fields there are, so an
+option that is added to the request cannot be forgotten.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -18,13 +18,16 @@ from errors.measurands.localisation import Localisation
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
-from planner.identity.difference import first_difference, keyword
+from planner.identity.difference import first_difference
 from planner.identity.plain import plain_fields
 from planner.identity.program import program_digest
 from planner.identity.target_record import TargetRecord
 from planner.light.lighting import Lighting
 from planner.request.constraints import Requirements
 from planner.request.effort import Effort
+
+# beside the request in a plan file: how the part's file was read
+SOURCE = "source"
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ class RingRecord:
     contrast : float
         Least contrast of an edge.
     step : float or None
-        Least step of grey values, if it is asked for.
+        Least step of grey values.
     """
 
     contrast: float
@@ -71,10 +74,10 @@ class RingRecord:
 
 @dataclass(frozen=True, eq=False)
 class InspectionRequest:
-    """All that a plan depends on, but for the program.
+    """All that a plan depends on, except the program.
 
-    A field that is added tells requests apart with nothing else to be done. Where a call in Python knows a field under
-    another name, `planner.identity.difference.KEYWORDS` says so, and for the command line its table of options.
+    A new field needs nothing else to distinguish requests. If `plan_inspection` takes it under another name,
+    `planner.identity.difference` holds that name, and `planner.cli.naming` the option of the command line.
 
     Attributes
     ----------
@@ -137,21 +140,17 @@ class InspectionRequest:
 
     def difference(
         self,
-        other: InspectionRequest | Mapping[str, Any],
-        words: Callable[[str], str] = keyword,
-        *,
+        before: InspectionRequest | Mapping[str, Any],
+        words: Callable[[str], str] = str,
         tolerance: float = 0.0,
-        partial: bool = False,
     ) -> str | None:
         """Return in what an earlier request differs from this one.
 
         Parameters
         ----------
-        other : InspectionRequest or mapping
+        before : InspectionRequest or mapping
             The earlier request, or its identity.
-        words : callable
-            Returns what the caller knows a field as. Default: keywords of `plan_inspection`.
-        tolerance, partial
+        words, tolerance
             See `planner.identity.difference.first_difference`.
 
         Returns
@@ -159,14 +158,8 @@ class InspectionRequest:
         str or None
             The first difference, such as ``seed was 5 and is now 6``; None if it is the same request.
         """
-        before = other.identity() if isinstance(other, InspectionRequest) else other
-        return first_difference(
-            self.identity(),
-            before if partial else with_defaults(before),
-            words,
-            tolerance=tolerance,
-            partial=partial,
-        )
+        known = before.identity() if isinstance(before, InspectionRequest) else before
+        return request_difference(self.identity(), known, words, tolerance)
 
     def check_lasting(self) -> None:
         """Refuse a request that another process could not recognise.
@@ -174,7 +167,7 @@ class InspectionRequest:
         Raises
         ------
         RequestError
-            If a reach has no lasting name; says how it gets one.
+            If a reach has no lasting name; says how to give it one.
         """
         for owner, reach in _unnamed(self.identity(), ""):
             raise RequestError(
@@ -183,14 +176,36 @@ class InspectionRequest:
             )
 
 
-def with_defaults(identity: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an identity with the default of every field that a program before did not know."""
-    known = dict(identity)
-    for field in fields(InspectionRequest):
-        plain = field.default is None or isinstance(field.default, str | int | float)
-        if field.name not in known and plain:
-            known[field.name] = field.default
-    return known
+def request_difference(
+    now: Mapping[str, Any],
+    before: Mapping[str, Any],
+    words: Callable[[str], str] = str,
+    tolerance: float = 0.0,
+) -> str | None:
+    """Return the first difference of two identities; a field that is missing has its default.
+
+    Parameters
+    ----------
+    now, before, words, tolerance
+        See `planner.identity.difference.first_difference`.
+
+    Returns
+    -------
+    str or None
+        None if they are of the same request.
+    """
+    return first_difference(_completed(now), _completed(before), words, tolerance)
+
+
+def _completed(identity: Mapping[str, Any]) -> dict[str, Any]:
+    """Return an identity with the fields that an earlier program did not know, and without the source."""
+    defaults = {
+        field.name: field.default
+        for field in fields(InspectionRequest)
+        if field.default is not MISSING
+    }
+    known = {name: value for name, value in identity.items() if name != SOURCE}
+    return {**defaults, **known}
 
 
 def digest_of(*values: Any) -> str:

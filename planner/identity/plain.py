@@ -1,19 +1,22 @@
-"""Values of a request as plain values: texts, numbers, lists and mappings, the same in every process."""
+"""Values of a request as plain values: texts, numbers, lists and mappings, the same in every process; and back."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from pathlib import Path
-from typing import Any
+from types import NoneType, UnionType
+from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from planner.request.reach import reach_identity
+from planner.exceptions import PlanFileError
+from planner.light.lamps import LampBox, LampDome
+from planner.request.reach import BoxRegion, SphereRegion, reach_identity
 
 # fields that hold values of several kinds: the kind belongs to the value
 _OF_SEVERAL_KINDS = ("lamps",)
+_KINDS = {kind.__name__: kind for kind in (BoxRegion, SphereRegion, LampBox, LampDome)}
 
 
 def plain_value(value: Any, name: str = "") -> Any:
@@ -42,8 +45,6 @@ def plain_value(value: Any, name: str = "") -> Any:
         return value
     if hasattr(value, "_asdict"):
         return plain_value(value._asdict())
-    if isinstance(value, Path):
-        return str(value)
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, Mapping):
@@ -69,3 +70,46 @@ def plain_fields(record: Any) -> dict[str, Any]:
         whole = isinstance(value, int) and not isinstance(value, bool)
         values[field.name] = float(value) if whole and "float" in str(field.type) else value
     return values
+
+
+def restored_value(kind: Any, value: Any) -> Any:
+    """Return the value that `plain_value` made plain.
+
+    Parameters
+    ----------
+    kind : type
+        What the field that holds it is declared as.
+    value
+        Plain values.
+
+    Raises
+    ------
+    PlanFileError
+        If it is of a reach that no file can hold.
+    KeyError, TypeError, ValueError, AttributeError
+        If it is not as `plain_value` writes it.
+    """
+    if get_origin(kind) in (Union, UnionType):
+        if value is None:
+            return None
+        others = [other for other in get_args(kind) if other is not NoneType]
+        kind = others[0] if len(others) == 1 else Any
+    if kind is Any:
+        if not isinstance(value, Mapping):
+            return value
+        value = dict(value)
+        name = value.pop("kind", None)
+        if name not in _KINDS:
+            got = name or next(iter(value.values()), "nothing")
+            raise PlanFileError(f"reach must be a box or a ball to be in a file. Got {got}.")
+        kind = _KINDS[name]
+    if hasattr(kind, "from_dict"):
+        return kind.from_dict(value)
+    if hasattr(kind, "_asdict") or is_dataclass(kind):
+        kinds = get_type_hints(kind)
+        return kind(**{name: restored_value(kinds[name], own) for name, own in value.items()})
+    if get_origin(kind) is tuple:
+        return tuple(restored_value(get_args(kind)[0], item) for item in value)
+    if kind is np.ndarray:
+        return np.array(value, dtype=np.float64)
+    return float(value) if kind is float and isinstance(value, str) else value

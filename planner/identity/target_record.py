@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -113,19 +113,6 @@ class TargetRecord:
             None if dimension.tolerance is None else dimension.share,
             dimension.direction,
         )
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> TargetRecord:
-        """Build from plain values."""
-        values: dict[str, Any] = {field.name: data.get(field.name) for field in fields(cls)}
-        values["ends"] = np.array(data["ends"], dtype=np.float64)
-        values["entities"] = tuple(
-            EntityRecord(entity["name"], entity["kind"], tuple(entity["edges"]))
-            for entity in data["entities"]
-        )
-        for name in ("tolerance", "direction"):
-            values[name] = None if values[name] is None else tuple(values[name])
-        return cls(**values)
 
     def item_of(self, solid: Solid) -> Any:
         """Return the target as `plan_inspection` takes it."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from planner.files import absolute
-from planner.identity.of_plan import SOURCE
+from planner.identity.inspection_request import SOURCE
 from planner.plan import InspectionPlan
 
 
