@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,10 @@ import yaml
 from planner.camera.checks import shown
 from planner.exceptions import CameraError
 
-# calibrations have some kilobytes; the parser, which is Python, reads some 100 kB a second
+# calibrations have some kilobytes, or some hundred with the points of all images
 _MOST_CHARACTERS = 1_000_000
+# libyaml, where PyYAML has it, takes a tenth of the time
+_PARSER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _NUMBER = re.compile(r"[-+]?(?:(?:0|[1-9]\d*)(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
 _NOT_FINITE = {".nan": "nan", ".inf": "inf", "+.inf": "inf", "-.inf": "-inf"}
 _WORDS = {"true": True, "false": False, "null": None, "~": None, "": None}
@@ -26,7 +29,7 @@ _YES_OR_NO = {"yes": True, "no": False, "on": True, "off": False}
 _DIRECTIVE = re.compile(r"\A%YAML[: ][^\n]*")
 _MATRIX = "opencv-matrix"
 _TAG = "tag:yaml.org,2002:"
-# what PyYAML finds out by itself; `merge` and `binary` are not among them
+# what says no more than the value does; `merge` and `binary` are not among them
 _KNOWN_TAGS = {
     _TAG + name
     for name in ("map", "seq", "str", "int", "float", "bool", "null", "timestamp", "value", _MATRIX)
@@ -70,7 +73,7 @@ def tree_of(path: Path, text: str) -> Any:
 
 def _yaml_tree(path: Path, text: str) -> Any:
     try:
-        roots = list(yaml.compose_all(_DIRECTIVE.sub("", text), Loader=yaml.SafeLoader))
+        documents = _YamlReader(path, _DIRECTIVE.sub("", text)).documents()
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f":{mark.line + 1}" if mark is not None else ""
@@ -80,54 +83,69 @@ def _yaml_tree(path: Path, text: str) -> Any:
             f"Got: {shown(reason, str)}."
         ) from None
     # what follows a last `---` is a document without anything in it
-    full = [root for root in roots if root.tag != _TAG + "null"]
+    full = [document for document in documents if document is not None]
     if len(full) > 1:
         raise CameraError(
             f"{path}: file must hold one camera. Got {len(full)} YAML documents or messages."
         )
-    return _YamlValues(path).of(full[0]) if full else None
+    return full[0] if full else None
 
 
-class _YamlValues:
-    """Makes values of YAML's nodes; an alias is made once, so that no file is larger than its text."""
+class _YamlReader:
+    """Makes values of YAML's events; an alias is made once, so that no file is larger than its text.
 
-    def __init__(self, path: Path) -> None:
+    PyYAML's own composer crashes on deep nesting when libyaml parses.
+    """
+
+    def __init__(self, path: Path, text: str) -> None:
         self._path = path
-        self._made: dict[int, Any] = {}
+        self._events = yaml.parse(text, Loader=_PARSER)
+        self._by_anchor: dict[str, Any] = {}
 
-    def of(self, node: yaml.Node) -> Any:
-        if id(node) in self._made:
-            value = self._made[id(node)]
+    def documents(self) -> list[Any]:
+        """Return the values of all documents."""
+        values = (yaml.NodeEvent, yaml.CollectionStartEvent)
+        return [self._value(event) for event in self._events if isinstance(event, values)]
+
+    def _value(self, event: Any) -> Any:
+        if isinstance(event, yaml.AliasEvent):
+            value = self._by_anchor.get(event.anchor, self)
             if value is self:
-                raise self._error(node, "an alias must not stand for what it is in", "a cycle")
+                raise self._error(event, "an alias must follow what it stands for", event.anchor)
             return value
-        self._made[id(node)] = self
-        value = self._make(node)
-        self._made[id(node)] = value
+        self._by_anchor.pop(event.anchor, None)
+        value = self._made(event)
+        if event.anchor is not None:
+            self._by_anchor[event.anchor] = value
         return value
 
-    def _make(self, node: yaml.Node) -> Any:
-        if node.tag not in _KNOWN_TAGS:
-            tag = node.tag.replace(_TAG, "!!")
-            raise self._error(node, "a tag must be !!opencv-matrix", shown(tag, str))
-        if isinstance(node, yaml.MappingNode):
-            return self._mapping(node)
-        if isinstance(node, yaml.SequenceNode):
-            return [self.of(item) for item in node.value]
-        return plain_value(node.value) if node.style is None else node.value
+    def _made(self, event: Any) -> Any:
+        if event.tag is not None and event.tag not in _KNOWN_TAGS:
+            tag = event.tag.replace(_TAG, "!!")
+            raise self._error(event, "a tag must be !!opencv-matrix", shown(tag, str))
+        if isinstance(event, yaml.MappingStartEvent):
+            return self._mapping()
+        if isinstance(event, yaml.SequenceStartEvent):
+            return [self._value(item) for item in self._until(yaml.SequenceEndEvent)]
+        return event.value if event.style else plain_value(event.value)
 
-    def _mapping(self, node: yaml.MappingNode) -> dict[str, Any]:
+    def _mapping(self) -> dict[str, Any]:
         found: dict[str, Any] = {}
-        for key_node, value_node in node.value:
-            if not isinstance(key_node, yaml.ScalarNode) or key_node.tag == _TAG + "merge":
-                raise self._error(key_node, "a key must be a word", "a merge or a structure")
-            if key_node.value in found:
-                raise self._error(key_node, "a key must stand once", shown(key_node.value, str))
-            found[key_node.value] = self.of(value_node)
+        for event in self._until(yaml.MappingEndEvent):
+            if not isinstance(event, yaml.ScalarEvent) or event.value == "<<":
+                raise self._error(event, "a key must be a word", "a merge or a structure")
+            if event.value in found:
+                raise self._error(event, "a key must stand once", shown(event.value, str))
+            found[event.value] = self._value(next(self._events))
         return found
 
-    def _error(self, node: yaml.Node, rule: str, value: str) -> CameraError:
-        return CameraError(f"{self._path}:{node.start_mark.line + 1}: {rule}. Got {value}.")
+    def _until(self, end: type) -> Iterator[Any]:
+        """Yield the events that begin an item, up to the end of a collection."""
+        while not isinstance(event := next(self._events), end):
+            yield event
+
+    def _error(self, event: Any, rule: str, value: str) -> CameraError:
+        return CameraError(f"{self._path}:{event.start_mark.line + 1}: {rule}. Got {value}.")
 
 
 def plain_value(text: str) -> Any:
