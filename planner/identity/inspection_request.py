@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,8 @@ from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.identity.difference import first_difference
-from planner.identity.plain import plain_fields
+from planner.identity.earlier import in_words_of_now
+from planner.identity.plain import completed_value, plain_fields
 from planner.identity.program import program_digest
 from planner.identity.target_record import TargetRecord
 from planner.light.lighting import Lighting
@@ -198,14 +199,9 @@ def request_difference(
 
 
 def _completed(identity: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an identity with the fields that an earlier program did not know, and without the source."""
-    defaults = {
-        field.name: field.default
-        for field in fields(InspectionRequest)
-        if field.default is not MISSING
-    }
-    known = {name: value for name, value in identity.items() if name != SOURCE}
-    return {**defaults, **known}
+    """Return an identity in this program's words: with all its fields, and without the source."""
+    known = {name: value for name, value in in_words_of_now(identity).items() if name != SOURCE}
+    return completed_value(InspectionRequest, known)
 
 
 def digest_of(*values: Any) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
@@ -72,6 +72,31 @@ def plain_fields(record: Any) -> dict[str, Any]:
     return values
 
 
+def completed_value(kind: Any, value: Any) -> Any:
+    """Return plain values of a dataclass with the fields they lack, which have their defaults.
+
+    Parameters
+    ----------
+    kind : type
+        What the field that holds them is declared as.
+    value
+        Plain values, such as an earlier program wrote: it did not know all fields.
+    """
+    kind = _without_none(kind)
+    if not (is_dataclass(kind) and isinstance(value, Mapping)):
+        return value
+    kinds = get_type_hints(kind)
+    complete = dict(value)
+    for field in fields(kind):
+        if field.name in value:
+            complete[field.name] = completed_value(kinds[field.name], value[field.name])
+        elif field.default is not MISSING:
+            complete[field.name] = plain_value(field.default, field.name)
+        elif field.default_factory is not MISSING:
+            complete[field.name] = plain_value(field.default_factory(), field.name)
+    return complete
+
+
 def restored_value(kind: Any, value: Any) -> Any:
     """Return the value that `plain_value` made plain.
 
@@ -89,11 +114,9 @@ def restored_value(kind: Any, value: Any) -> Any:
     KeyError, TypeError, ValueError, AttributeError
         If it is not as `plain_value` writes it.
     """
-    if get_origin(kind) in (Union, UnionType):
-        if value is None:
-            return None
-        others = [other for other in get_args(kind) if other is not NoneType]
-        kind = others[0] if len(others) == 1 else Any
+    if value is None and get_origin(kind) in (Union, UnionType):
+        return None
+    kind = _without_none(kind)
     if kind is Any:
         if not isinstance(value, Mapping):
             return value
@@ -113,3 +136,11 @@ def restored_value(kind: Any, value: Any) -> Any:
     if kind is np.ndarray:
         return np.array(value, dtype=np.float64)
     return float(value) if kind is float and isinstance(value, str) else value
+
+
+def _without_none(kind: Any) -> Any:
+    """Return the type that a field has where it is given; Any if there are several."""
+    if get_origin(kind) not in (Union, UnionType):
+        return kind
+    others = [other for other in get_args(kind) if other is not NoneType]
+    return others[0] if len(others) == 1 else Any

@@ -7,6 +7,7 @@ from dataclasses import MISSING, fields
 from typing import Any, get_type_hints
 
 from planner.exceptions import PlanFileError, PlannerError
+from planner.identity.earlier import in_words_of_now
 from planner.identity.inspection_request import SOURCE, InspectionRequest
 from planner.identity.plain import restored_value
 from planner.inspection_options import InspectionOptions
@@ -26,6 +27,7 @@ def restored_request(identity: Mapping[str, Any]) -> InspectionRequest:
     PlanFileError
         If a field is missing, wrong or unknown, or cannot be in a file; names it.
     """
+    identity = in_words_of_now(identity)
     known = {field.name: field for field in fields(InspectionRequest)}
     kinds = get_type_hints(InspectionRequest)
     for name in identity:

@@ -33,7 +33,7 @@ _TAG = "tag:yaml.org,2002:"
 _KNOWN_TAGS = {
     _TAG + name
     for name in ("map", "seq", "str", "int", "float", "bool", "null", "timestamp", "value", _MATRIX)
-}
+} | {"!"}
 
 
 def tree_of(path: Path, text: str) -> Any:
@@ -109,14 +109,22 @@ class _YamlReader:
 
     def _value(self, event: Any) -> Any:
         if isinstance(event, yaml.AliasEvent):
-            value = self._by_anchor.get(event.anchor, self)
-            if value is self:
-                raise self._error(event, "an alias must follow what it stands for", event.anchor)
-            return value
-        self._by_anchor.pop(event.anchor, None)
+            return self._aliased(event)
+        if event.anchor is None:
+            return self._made(event)
+        # until the value is made, the reader stands for it
+        self._by_anchor[event.anchor] = self
         value = self._made(event)
-        if event.anchor is not None:
-            self._by_anchor[event.anchor] = value
+        self._by_anchor[event.anchor] = value
+        return value
+
+    def _aliased(self, event: Any) -> Any:
+        if event.anchor not in self._by_anchor:
+            rule = "an alias must follow what it stands for"
+            raise self._error(event, rule, shown(event.anchor, str))
+        value = self._by_anchor[event.anchor]
+        if value is self:
+            raise self._error(event, "an alias must not stand for what it is in", "a cycle")
         return value
 
     def _made(self, event: Any) -> Any:
@@ -132,8 +140,9 @@ class _YamlReader:
     def _mapping(self) -> dict[str, Any]:
         found: dict[str, Any] = {}
         for event in self._until(yaml.MappingEndEvent):
-            if not isinstance(event, yaml.ScalarEvent) or event.value == "<<":
+            if not isinstance(event, yaml.ScalarEvent) or _is_merge(event):
                 raise self._error(event, "a key must be a word", "a merge or a structure")
+            self._value(event)
             if event.value in found:
                 raise self._error(event, "a key must stand once", shown(event.value, str))
             found[event.value] = self._value(next(self._events))
@@ -146,6 +155,10 @@ class _YamlReader:
 
     def _error(self, event: Any, rule: str, value: str) -> CameraError:
         return CameraError(f"{self._path}:{event.start_mark.line + 1}: {rule}. Got {value}.")
+
+
+def _is_merge(event: Any) -> bool:
+    return bool(event.value == "<<" and not event.style)
 
 
 def plain_value(text: str) -> Any:

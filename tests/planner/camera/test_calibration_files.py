@@ -1,6 +1,7 @@
 """Files of ROS, OpenCV, Kalibr and Autoware: read as their programs mean them, or refused by name."""
 
 import json
+import time
 
 import cv2
 import numpy as np
@@ -109,6 +110,14 @@ def test_roi_and_binning_are_of_the_delivered_image(tmp_path, region, binning):
 def test_regions_that_cannot_be(tmp_path, region, message):
     with pytest.raises(CameraError, match=message):
         read(tmp_path, {**MESSAGE, "roi": region})
+
+
+def test_a_calibration_with_the_points_of_all_images_is_read_within_seconds(tmp_path):
+    """PyYAML's own parser takes over ten seconds for it."""
+    points = [[k / 7, k / 9] for k in range(18_000)]
+    begun = time.process_time()
+    check_known(read(tmp_path, json.dumps({**OPENCV, "image_points": points})))
+    assert time.process_time() - begun < 5
 
 
 @pytest.mark.parametrize(
@@ -237,6 +246,7 @@ BOMB = (
         (yaml.safe_dump(MESSAGE) + "---\n" + yaml.safe_dump(MESSAGE), "Got 2 YAML documents"),
         ("width: [1, 2\n", r":\d: camera file must be a calibration; as YAML it is broken"),
         ("a: &a\n  <<: *a\n", "a key must be a word"),
+        ("width: *a\n", "an alias must follow what it stands for. Got a"),
         ("width: &a [*a]\n", "an alias must not stand for what it is in"),
         ("- " * 800, "must not nest its parts so deep"),
         (XML.format("<a>" * 2000 + "</a>" * 2000), "must not nest its parts so deep"),

@@ -215,6 +215,35 @@ def test_a_request_comes_back_from_a_plan_file(block, lamps):
 
 
 @pytest.mark.parametrize(
+    ("lamps", "stored"),
+    [
+        (LIGHTS[3], {"kind": "LampsTogether", "lamps": [[0.0, 0.0, 500.0], [0.0, 9.0, 500.0]]}),
+        (LIGHTS[0], None),
+    ],
+)
+def test_lamps_of_an_earlier_program_are_the_same_request(block, lamps, stored):
+    """It stored lamps that are on together as a place, and a ring light as none."""
+    asked = request_of(block, lamps=lamps)
+    earlier = json.loads(json.dumps(asked.identity()))
+    del earlier["lighting"]["together"]
+    earlier["lighting"]["lamps"] = stored
+    assert asked.difference(earlier) is None
+    assert restored_request(earlier).fingerprint() == asked.fingerprint()
+    other = request_of(block, lamps=replace(lamps, contrast=0.3))
+    assert "contrast" in other.difference(earlier)
+
+
+def test_a_field_of_a_part_of_the_request_that_an_earlier_program_did_not_know_has_its_default(
+    block,
+):
+    earlier = request_of(block).identity()
+    del earlier["effort"]["cover_nodes"]
+    assert request_of(block).difference(earlier) is None
+    changed = request_of(block, effort=Effort(cover_nodes=7))
+    assert "cover nodes was 1000 and is now 7" in changed.difference(earlier)
+
+
+@pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"colour": "red"}, r"request\.colour must be known to this program"),
