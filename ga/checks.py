@@ -24,6 +24,11 @@ def check_integer(name: str, value: Any, low: int, high: int | None = None) -> i
     return int(value)
 
 
+def check_limit(name: str, value: Any, low: int) -> int | None:
+    """Return `value` as an int of at least low, or None where there is no limit."""
+    return None if value is None else check_integer(name, value, low)
+
+
 def check_probability(name: str, value: Any) -> float:
     """Return `value` as a float in [0, 1]."""
     number: Any = value

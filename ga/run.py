@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ga import checks
 from ga.exceptions import ParameterError
 from ga.offspring import Breeding, next_generation
-from ga.operators import Keywords, Operators
-from ga.options import chosen, with_keywords_of
 from ga.population import Brood, Feasible, Fitness, Sampler, evaluate, initial_population
 from ga.record import Record, Stopping
 from ga.result import GAResult, Generation
-
-if TYPE_CHECKING:
-    from typing_extensions import Unpack
+from ga.selection import SCALINGS, SELECTIONS
 
 
-@with_keywords_of(Operators)
 def maximize(
     fitness: Fitness,
     n_bits: int,
@@ -29,7 +23,21 @@ def maximize(
     mutation: float = 0.1,
     feasible: Feasible | None = None,
     initial: np.ndarray | Sampler | None = None,
-    **options: Unpack[Keywords],
+    *,
+    rng: int | np.random.Generator | None = 0,
+    callback: Callable[[Generation], object] | None = None,
+    selection: str = "roulette",
+    scaling: str = "proportional",
+    elitism: int = 0,
+    duplicates: bool = True,
+    epsilon: float = 1e-3,
+    patience: int = 5,
+    max_stall: int | None = None,
+    target: float | None = None,
+    max_generations: int = 1000,
+    max_nfev: int | None = None,
+    attempts: int = 20,
+    initial_attempts: int = 100,
 ) -> GAResult:
     """Maximise a function of bits by the genetic algorithm of Yang and Ciarallo (2001, section 4).
 
@@ -120,27 +128,40 @@ def maximize(
     >>> result.fun
     20.0
     """
-    how = chosen(Operators, maximize, options)
-    for name, function, optional in (
-        ("fitness", fitness, False),
-        ("feasible", feasible, True),
-        ("callback", how.callback, True),
-    ):
-        checks.check_callable(name, function, optional=optional)
+    checks.check_callable("fitness", fitness)
+    checks.check_callable("feasible", feasible, optional=True)
+    checks.check_callable("callback", callback, optional=True)
     n_bits = checks.check_integer("n_bits", n_bits, 1)
     size = checks.check_integer("population", population, 2)
-    breeding = how.breeding(size, crossover, mutation, feasible)
+    breeding = Breeding(
+        crossover=checks.check_probability("crossover", crossover),
+        mutation=checks.check_probability("mutation", mutation),
+        weigh=SCALINGS[checks.check_choice("scaling", scaling, SCALINGS)],
+        select=SELECTIONS[checks.check_choice("selection", selection, SELECTIONS)],
+        elitism=checks.check_integer("elitism", elitism, 0, size - 1),
+        duplicates=checks.check_flag("duplicates", duplicates),
+        attempts=checks.check_integer("attempts", attempts, 1),
+        feasible=feasible,
+    )
     if not breeding.duplicates and n_bits < size.bit_length() and 2**n_bits < size:
         raise ParameterError(
             f"population must be at most 2**n_bits = {2**n_bits} without duplicates. Got {size}."
         )
-    stopping = how.stopping(size, breeding.elitism)
-    most_draws = checks.check_integer("initial_attempts", how.initial_attempts, 1)
-    generator, seed = checks.check_rng(how.rng)
+    stopping = Stopping(
+        epsilon=checks.check_nonnegative("epsilon", epsilon),
+        patience=checks.check_integer("patience", patience, 1),
+        max_stall=checks.check_limit("max_stall", max_stall, 1),
+        target=None if target is None else checks.check_finite("target", target),
+        max_generations=checks.check_integer("max_generations", max_generations, 1),
+        max_nfev=checks.check_limit("max_nfev", max_nfev, size),
+        evaluations_ahead=size - breeding.elitism,
+    )
+    most_draws = checks.check_integer("initial_attempts", initial_attempts, 1)
+    generator, seed = checks.check_rng(rng)
     first = initial_population(
         initial, (size, n_bits), feasible, most_draws, not breeding.duplicates, generator
     )
-    record, reason = _evolve(fitness, first, breeding, stopping, how.callback, generator)
+    record, reason = _evolve(fitness, first, breeding, stopping, callback, generator)
     return stopping.result(record, reason, seed)
 
 

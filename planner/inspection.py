@@ -16,39 +16,42 @@ The way
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from errors.measurands.localisation import Localisation
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.identity.resolve_request import Promise, ResolvedRequest, resolve_request
-from planner.inspection_options import InspectionKeywords, InspectionOptions
+from planner.inspection_options import InspectionOptions
 from planner.light.lighting import Lighting
 from planner.light.plan_light import chosen_lamps
 from planner.light.ring_space import RingSpace
-from planner.options import chosen, with_keywords_of
 from planner.plan import InspectionPlan
 from planner.progress import labelled
+from planner.request.effort import Effort
+from planner.request.reach import Reach
 from planner.request.request import Request
 from planner.request.space import Space
 from planner.request.target_space import TargetSpace
 from planner.resume import PlanningState
+from planner.showing.showing import USUAL, Showing
 from planner.steps.incumbents import Incumbents
 from planner.steps.run import Run
 from planner.steps.stages import run_stages
 from planner.watch import TimeIsUpError, Watch
 
 if TYPE_CHECKING:
-    from typing_extensions import Unpack
-
     from aspectgraph import Solid
 
 
-@with_keywords_of(InspectionOptions)
 def plan_inspection(
     solid: Solid,
     entities: Mapping[str, Any] | Sequence[Any],
@@ -58,7 +61,24 @@ def plan_inspection(
     accuracy: float = 0.98,
     probability: float = 0.9,
     rng: int | np.random.Generator = 0,
-    **options: Unpack[InspectionKeywords],
+    workspace: ArrayLike | None = None,
+    stand_off_mm: float = 50.0,
+    min_length_px: float = 20.0,
+    field_margin_px: float | None = None,
+    visibility_radius_mm: float | None = None,
+    focus_margin_mm: float | None = None,
+    showing: Showing = USUAL,
+    reach: Reach | None = None,
+    lamps: Any = None,
+    space: Space | None = None,
+    effort: Effort | None = None,
+    localisation: Localisation | None = None,
+    time_limit_s: float | None = None,
+    gap: float = 0.0,
+    on_incumbent: Callable[[InspectionPlan], object] | None = None,
+    state: str | os.PathLike[str] | None = None,
+    executor: Executor | None = None,
+    progress: Callable[..., Any] | None = None,
 ) -> InspectionPlan:
     """Plan the inspection of entities of a part.
 
@@ -161,29 +181,80 @@ def plan_inspection(
     >>> plan.complete, len(plan.settings), plan.lower_bound
     (True, 1, 1)
     """
-    how = chosen(InspectionOptions, plan_inspection, options)
+    options = InspectionOptions(
+        workspace=workspace,
+        stand_off_mm=stand_off_mm,
+        min_length_px=min_length_px,
+        field_margin_px=field_margin_px,
+        visibility_radius_mm=visibility_radius_mm,
+        focus_margin_mm=focus_margin_mm,
+        showing=showing,
+        reach=reach,
+        lamps=lamps,
+        space=space,
+        effort=effort,
+        localisation=localisation,
+        time_limit_s=time_limit_s,
+        gap=gap,
+        on_incumbent=on_incumbent,
+        state=state,
+        executor=executor,
+        progress=progress,
+    )
     promise = Promise(accuracy, probability, rng)
-    watch = Watch(how.time_limit_s, how.gap)
-    lighting = how.lighting
+    return plan_by_options(solid, entities, camera, pose_uncertainty, promise, options)
+
+
+def plan_by_options(
+    solid: Solid,
+    entities: Mapping[str, Any] | Sequence[Any],
+    camera: Camera,
+    pose_uncertainty: PoseUncertainty,
+    promise: Promise,
+    options: InspectionOptions,
+) -> InspectionPlan:
+    """Plan the inspection of entities of a part: `plan_inspection` for those who have its options as one value.
+
+    Parameters
+    ----------
+    solid, entities, camera, pose_uncertainty
+        As `plan_inspection` takes them.
+    promise : Promise
+        Accuracy, probability and seed.
+    options : InspectionOptions
+        All else.
+
+    Returns
+    -------
+    InspectionPlan
+        Settings, bound and what cannot be inspected.
+
+    Raises
+    ------
+    RequestError, PlanFileError, OutputError
+        As `plan_inspection`.
+    """
+    watch = Watch(options.time_limit_s, options.gap)
+    lighting = options.lighting
     if not entities:
         raise RequestError.of_rule("entities", "must hold at least one entity", "none")
     if lighting is not None:
         lighting.check_part(solid)
-    resolved = resolve_request(solid, entities, camera, pose_uncertainty, promise, how)
+    resolved = resolve_request(solid, entities, camera, pose_uncertainty, promise, options)
     asked = resolved.request
-    if how.state is not None:
+    if options.state is not None:
         asked.check_lasting()
-    request = _request(solid, resolved, how)
-    memo = PlanningState(asked.identity(), how.state)
-    incumbents = Incumbents(how.on_incumbent, watch)
+    request = _request(solid, resolved, options)
+    memo = PlanningState(asked.identity(), options.state)
+    incumbents = Incumbents(options.on_incumbent, watch)
     if memo.plan is None:
         run = Run(
             request,
             asked.seed,
             asked.effort,
             memo,
-            executor=how.executor,
-            progress=how.progress,
+            executor=options.executor,
+            progress=options.progress,
             watch=watch,
         )
         try:
@@ -197,7 +268,7 @@ def plan_inspection(
     return memo.plan
 
 
-def _request(solid: Solid, resolved: ResolvedRequest, how: InspectionOptions) -> Request:
+def _request(solid: Solid, resolved: ResolvedRequest, options: InspectionOptions) -> Request:
     """Return the request for edges, or for edges and dimensions, with where they are observable."""
     asked, entities, targets = resolved
     rest = (
@@ -207,7 +278,7 @@ def _request(solid: Solid, resolved: ResolvedRequest, how: InspectionOptions) ->
         asked.probability,
         asked.requirements,
     )
-    space = how.space or _visible(solid, resolved, how)
+    space = options.space or _visible(solid, resolved, options)
     if targets is None:
         return Request(space, space.entity_names, *rest)
     missing = [name for name in entities if name not in space.entities]
@@ -218,21 +289,23 @@ def _request(solid: Solid, resolved: ResolvedRequest, how: InspectionOptions) ->
     needs = {target.name: target.entities for target in targets}
     ends = {target.name: target.ends for target in targets}
     joined = TargetSpace(space, needs, ends)
-    return Request(joined, tuple(needs), *rest, targets, how.localisation)
+    return Request(joined, tuple(needs), *rest, targets, options.localisation)
 
 
-def _visible(solid: Solid, resolved: ResolvedRequest, how: InspectionOptions) -> Space:
+def _visible(solid: Solid, resolved: ResolvedRequest, options: InspectionOptions) -> Space:
     """Compute from where the entities are observable."""
     from aspectgraph import compute_light, compute_regions
 
     asked, entities, _ = resolved
-    shown = labelled(how.progress, "visible regions")
+    shown = labelled(options.progress, "visible regions")
     box = asked.workspace
     if asked.ring is not None and asked.lighting is not None:
         contrast = asked.lighting.contrast
-        lit = compute_light(solid, entities, contrast, box, how.executor, shown)
+        lit = compute_light(solid, entities, contrast, box, options.executor, shown)
         return RingSpace(lit, asked.camera, asked.lighting.step)
-    return compute_regions(solid, entities, workspace=box, executor=how.executor, progress=shown)
+    return compute_regions(
+        solid, entities, workspace=box, executor=options.executor, progress=shown
+    )
 
 
 def _lit(plan: InspectionPlan, solid: Solid, lighting: Lighting | None) -> InspectionPlan:

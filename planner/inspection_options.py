@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
@@ -156,26 +156,3 @@ class InspectionOptions:
             focus_reserve=reserve,
             showing=check_showing(self.showing, camera),
         )
-
-
-class InspectionKeywords(TypedDict, total=False):
-    """The same for type checkers."""
-
-    workspace: ArrayLike | None
-    stand_off_mm: float
-    min_length_px: float
-    field_margin_px: float | None
-    visibility_radius_mm: float | None
-    focus_margin_mm: float | None
-    showing: Showing
-    reach: Reach | None
-    lamps: Any
-    space: Space | None
-    effort: Effort | None
-    localisation: Localisation | None
-    time_limit_s: float | None
-    gap: float
-    on_incumbent: Callable[[InspectionPlan], object] | None
-    state: str | os.PathLike[str] | None
-    executor: Executor | None
-    progress: Callable[..., Any] | None

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,15 +25,10 @@ from errors.checks import (
     check_pixel_pitch,
     check_positive,
     check_probability,
-    chosen,
-    with_keywords_of,
 )
 from errors.covariance import covariance_root
 from errors.exceptions import InvalidParameterError
 from errors.telling import frequency_text, interval_text
-
-if TYPE_CHECKING:
-    from typing_extensions import Unpack
 
 # Draws held in memory at a time.
 _CHUNK = 1 << 16
@@ -73,22 +67,6 @@ class MonteCarloEstimate:
         )
 
 
-@dataclass(frozen=True)
-class SuccessOptions:
-    """Options of `simulate_success`, which describes them."""
-
-    confidence: float = 0.95
-    quantization: str = "uniform"
-
-
-class SuccessKeywords(TypedDict, total=False):
-    """The same for type checkers."""
-
-    confidence: float
-    quantization: str
-
-
-@with_keywords_of(SuccessOptions)
 def simulate_success(
     endpoints: ArrayLike,
     *,
@@ -98,7 +76,8 @@ def simulate_success(
     accuracy: float,
     samples: int = 100_000,
     rng: int | np.random.Generator = 0,
-    **options: Unpack[SuccessKeywords],
+    confidence: float = 0.95,
+    quantization: str = "uniform",
 ) -> MonteCarloEstimate:
     """Estimate P(|L' - L| <= (1 - A) L) by drawing displaced poses.
 
@@ -153,15 +132,13 @@ def simulate_success(
     >>> bool(estimate.probability > 0.99)
     True
     """
-    how = chosen(SuccessOptions, simulate_success, options)
     f = check_positive(focal_length_mm, "focal_length_mm")
     endpoints = check_endpoints(endpoints, f)
     pitch = check_pixel_pitch(pixel_pitch_mm)
     covariance = check_covariance(pose_covariance)
     accuracy = check_probability(accuracy, "accuracy")
     samples = check_count(samples, "samples")
-    confidence = check_probability(how.confidence, "confidence")
-    quantization = how.quantization
+    confidence = check_probability(confidence, "confidence")
     if quantization not in QUANTIZATIONS:
         raise InvalidParameterError(
             f"quantization must be one of {QUANTIZATIONS}. Got {quantization!r}."

@@ -8,9 +8,6 @@ both agree the model holds.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypedDict
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -20,8 +17,6 @@ from errors.checks import (
     check_endpoints,
     check_positive,
     check_probability,
-    chosen,
-    with_keywords_of,
 )
 from errors.covariance import covariance_root
 from errors.displacement import displace
@@ -30,30 +25,9 @@ from errors.projection import image_segment, project
 from errors.referee.montecarlo import MonteCarloEstimate, binomial_interval
 from errors.referee.pixels import measure_lengths
 
-if TYPE_CHECKING:
-    from typing_extensions import Unpack
-
 _CHUNK = 1 << 14
 
 
-@dataclass(frozen=True)
-class MeasurementOptions:
-    """Options of `simulate_measurement`, which describes them."""
-
-    confidence: float = 0.95
-    detector: str = "axes"
-    band_px: float = 3.0
-
-
-class MeasurementKeywords(TypedDict, total=False):
-    """The same for type checkers."""
-
-    confidence: float
-    detector: str
-    band_px: float
-
-
-@with_keywords_of(MeasurementOptions)
 def simulate_measurement(
     endpoints: ArrayLike,
     *,
@@ -63,7 +37,9 @@ def simulate_measurement(
     accuracy: float,
     samples: int = 10_000,
     rng: int | np.random.Generator = 0,
-    **options: Unpack[MeasurementKeywords],
+    confidence: float = 0.95,
+    detector: str = "axes",
+    band_px: float = 3.0,
 ) -> MonteCarloEstimate:
     """Measure one edge in synthetic images from displaced poses and return how often the length is accurate.
 
@@ -106,7 +82,6 @@ def simulate_measurement(
     InvalidParameterError
         As `success_probability` and `measure_lengths`.
     """
-    how = chosen(MeasurementOptions, simulate_measurement, options)
     f = check_positive(focal_length_mm, "focal_length_mm")
     endpoints = check_endpoints(endpoints, f)
     covariance = check_covariance(pose_covariance)
@@ -120,7 +95,7 @@ def simulate_measurement(
             )
     tolerance = 1.0 - check_probability(accuracy, "accuracy")
     samples = check_count(samples, "samples")
-    confidence = check_probability(how.confidence, "confidence")
+    confidence = check_probability(confidence, "confidence")
     length = image_segment(endpoints, focal_length_mm=f)[0]
     rng = np.random.default_rng(rng)
     hits = 0
@@ -130,7 +105,7 @@ def simulate_measurement(
         ends = ends[(ends[..., 2] < f).all(axis=1)]
         images = project(ends, focal_length_mm=f)
         measured = measure_lengths(
-            images, pixel_pitch_mm=pixel_pitch_mm, detector=how.detector, band_px=how.band_px
+            images, pixel_pitch_mm=pixel_pitch_mm, detector=detector, band_px=band_px
         )
         hits += int((np.abs(measured - length) <= tolerance * length).sum())
     lower, upper = binomial_interval(hits, samples, confidence)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -30,7 +30,8 @@ from planner.batch.part_result import (
     found_again,
 )
 from planner.exceptions import PlanFileError, PlannerError
-from planner.inspection import plan_inspection
+from planner.identity.resolve_request import Promise
+from planner.inspection import plan_by_options
 from planner.output.folder_lock import folder_lock
 from planner.output.part_source import with_source
 from planner.output.plan_folder import write_outputs
@@ -107,15 +108,13 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
     regions = compute_regions(solid, entities, workspace=workspace, kept=kept)
     options = replace(request.options, workspace=workspace, space=regions, state=state)
     plan = partial(
-        plan_inspection,
+        plan_by_options,
         solid,
         entities,
         request.camera,
         request.pose_uncertainty,
-        accuracy=request.accuracy,
-        probability=request.probability,
-        rng=request.seed,
-        **{one.name: getattr(options, one.name) for one in fields(options)},
+        Promise(request.accuracy, request.probability, request.seed),
+        options,
     )
     try:
         found = plan()

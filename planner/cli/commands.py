@@ -52,7 +52,6 @@ from planner.cli.wanted import chosen_entities, read_request
 from planner.exceptions import OutputError
 from planner.executors import leave_signals_to_the_parent, usable_cores
 from planner.files import absolute, check_file_place, output_folder, path_text
-from planner.inspection import plan_inspection
 from planner.light.background import DEFAULT_STEP
 from planner.light.ring_space import RingSpace
 from planner.output import terminal_tables
@@ -220,18 +219,15 @@ def _planned(
         best = BestSoFar(progress)
         regions = _regions(job, executor, progress, leftovers)
         limit = options.time_limit
-        tools = job.keywords(
-            # the first plan is waited for, however little is left
-            time_limit_s=None if limit is None else max(limit - best.seconds, 1e-3),
-            on_incumbent=best,
-            space=_space(request, regions),
-            state=state,
-            executor=executor,
-            progress=progress,
-        )
         try:
-            found = plan_inspection(
-                solid, job.wanted.items, request.camera, request.pose_uncertainty, **tools
+            found = job.plan(
+                # the first plan is waited for, however little is left
+                time_limit_s=None if limit is None else max(limit - best.seconds, 1e-3),
+                on_incumbent=best,
+                space=_space(request, regions),
+                state=state,
+                executor=executor,
+                progress=progress,
             )
         except KeyboardInterrupt:
             found = best.instead()

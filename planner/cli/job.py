@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,8 +20,9 @@ from planner.exceptions import CameraError, PlanFileError, RequestError
 from planner.identity.inspection_request import SOURCE, InspectionRequest, PartRecord
 from planner.identity.resolve_request import Promise, resolve_request
 from planner.identity.restore import restored_options, restored_request
+from planner.inspection import plan_by_options
 from planner.inspection_options import InspectionOptions
-from planner.plan import read_plan
+from planner.plan import InspectionPlan, read_plan
 from planner.request.defaults import default_workspace
 from planner.request.effort import Effort
 from planner.showing.showing import Showing
@@ -63,16 +64,17 @@ class Job:
     part: str
     reading: dict[str, Any]
 
-    def keywords(self, **more: Any) -> dict[str, Any]:
-        """Return all keywords of `plan_inspection`; ``more`` replaces some."""
+    def plan(self, **more: Any) -> InspectionPlan:
+        """Plan it; ``more`` replaces some of the options."""
         asked = self.request
-        promise = {
-            "accuracy": asked.accuracy,
-            "probability": asked.probability,
-            "rng": asked.seed,
-        }
-        own = {one.name: getattr(self.options, one.name) for one in fields(self.options)}
-        return {**promise, **own, **more}
+        return plan_by_options(
+            self.solid,
+            self.wanted.items,
+            asked.camera,
+            asked.pose_uncertainty,
+            Promise(asked.accuracy, asked.probability, asked.seed),
+            replace(self.options, **more),
+        )
 
 
 def read_job(options: argparse.Namespace) -> Job:

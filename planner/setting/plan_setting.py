@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from numbers import Integral
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,14 @@ from numpy.typing import ArrayLike
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
-from planner.options import chosen, with_keywords_of
+from planner.request.constraints import Requirements
+from planner.request.defaults import (
+    check_focus_margin,
+    check_showing,
+    pose_margin_px,
+    position_margin_mm,
+)
+from planner.request.reach import Reach
 from planner.request.request import Request
 from planner.request.space import Space
 from planner.setting.infeasible import (
@@ -23,14 +30,10 @@ from planner.setting.infeasible import (
 )
 from planner.setting.pose_search import Search, search_pose
 from planner.setting.sensor_setting import SensorSetting
-from planner.setting.setting_options import SettingKeywords, SettingOptions
+from planner.showing.showing import NOT_ASKED, Showing
 from planner.wanted.targets import check_is_edge
 
-if TYPE_CHECKING:
-    from typing_extensions import Unpack
 
-
-@with_keywords_of(SettingOptions)
 def plan_setting(
     space: Space,
     names: Sequence[str],
@@ -39,7 +42,19 @@ def plan_setting(
     *,
     accuracy: float = 0.98,
     rng: int | np.random.Generator | None = 0,
-    **options: Unpack[SettingKeywords],
+    stand_off_mm: float = 50.0,
+    min_length_px: float = 20.0,
+    field_margin_px: float | None = None,
+    field_of_view: str = "exact",
+    visibility_radius_mm: float | None = None,
+    focus_margin_mm: float = 0.0,
+    showing: Showing = NOT_ASKED,
+    reach: Reach | None = None,
+    objective: str = "sum",
+    model: str = "joint",
+    search: Search | None = None,
+    start: ArrayLike | None = None,
+    callback: Callable[..., Any] | None = None,
 ) -> SensorSetting:
     """Find the pose from which a set of entities is inspected with the highest probability of success.
 
@@ -118,20 +133,32 @@ def plan_setting(
     >>> min(setting.probability.values()) > 0.99, min(setting.margins.values()) >= 0
     (True, True)
     """
-    wanted = chosen(SettingOptions, plan_setting, options)
     names = check_names(space, names)
     for name in names:
         check_is_edge(name, space.entities[name])
-    need = wanted.requirements(camera, pose_uncertainty)
+    if field_margin_px is None:
+        field_margin_px = pose_margin_px(camera, pose_uncertainty)
+    if visibility_radius_mm is None:
+        visibility_radius_mm = position_margin_mm(pose_uncertainty)
+    need = Requirements(
+        min_length_px=min_length_px,
+        field_margin_px=field_margin_px,
+        field_of_view=field_of_view,
+        stand_off_mm=stand_off_mm,
+        reach=reach,
+        visibility_radius_mm=visibility_radius_mm,
+        focus_margin_mm=check_focus_margin(focus_margin_mm, camera),
+        showing=check_showing(showing, camera),
+    )
     request = Request(space, names, camera, pose_uncertainty, accuracy, requirements=need)
     return best_setting(
         request,
         rng,
-        objective=wanted.objective,
-        model=wanted.model,
-        search=wanted.search,
-        start=wanted.start,
-        callback=wanted.callback,
+        objective=objective,
+        model=model,
+        search=search,
+        start=start,
+        callback=callback,
     )
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -25,13 +25,9 @@ from planner.camera.imaging import image_of, undistorted_px
 from planner.camera.pose import world_to_cam
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
-from planner.options import chosen, with_keywords_of
 from planner.verify.measure_dimension import measured_errors
 from planner.verify.simulated import Posed
 from planner.wanted.planned import PlannedDimension
-
-if TYPE_CHECKING:
-    from typing_extensions import Unpack
 
 _BATCH = 100_000
 # of dimensions, which have more points
@@ -102,24 +98,13 @@ class SuccessRate:
         return TOLERATED if self.predicted <= self.high + MODEL_TOLERANCE else CONTRADICTED
 
 
-@dataclass(frozen=True)
-class SimulationOptions:
-    """Options of `simulate_setting`, which describes them."""
+class _Counting(NamedTuple):
+    """What counts as a success, see `simulate_setting`."""
 
-    confidence: float = 0.99
-    sensor_limits: bool = True
-    random_phase: bool = True
-
-
-class SimulationKeywords(TypedDict, total=False):
-    """The same for type checkers."""
-
-    confidence: float
     sensor_limits: bool
     random_phase: bool
 
 
-@with_keywords_of(SimulationOptions)
 def simulate_setting(
     setting: Posed,
     entities: Mapping[str, Any],
@@ -129,7 +114,9 @@ def simulate_setting(
     accuracy: float = 0.98,
     n: int = 10_000,
     rng: int | np.random.Generator = 0,
-    **options: Unpack[SimulationKeywords],
+    confidence: float = 0.99,
+    sensor_limits: bool = True,
+    random_phase: bool = True,
 ) -> dict[str, SuccessRate]:
     """Measure the entities of a setting from n displaced poses.
 
@@ -172,13 +159,13 @@ def simulate_setting(
     RequestError
         If an argument breaks its rule.
     """
-    how = chosen(SimulationOptions, simulate_setting, options)
-    for name, value in (("accuracy", accuracy), ("confidence", how.confidence)):
+    for name, value in (("accuracy", accuracy), ("confidence", confidence)):
         if not 0 < value < 1:
             raise RequestError.of_rule(name, "must be in (0, 1)", repr(value))
     if n < 1:
         raise RequestError.of_rule("n", "must be at least 1", repr(n))
     rng = np.random.default_rng(rng)
+    counting = _Counting(sensor_limits, random_phase)
     dimensions = {
         name: entities[name]
         for name in setting.entities
@@ -193,18 +180,18 @@ def simulate_setting(
         accuracy,
         n,
         rng,
-        how,
+        counting,
     )
     for name, dimension in dimensions.items():
         counts[name] = _dimension_successes(
-            setting, dimension, camera, pose_uncertainty, n, rng, how
+            setting, dimension, camera, pose_uncertainty, n, rng, counting
         )
     return {
         name: SuccessRate(
             counts[name][0],
             n,
-            *clopper_pearson(counts[name][0], n, how.confidence),
-            how.confidence,
+            *clopper_pearson(counts[name][0], n, confidence),
+            confidence,
             counts[name][1],
             float(setting.probability.get(name, np.nan)),
         )
@@ -219,7 +206,7 @@ def _dimension_successes(
     pose_uncertainty: PoseUncertainty,
     n: int,
     rng: np.random.Generator,
-    how: SimulationOptions,
+    counting: _Counting,
 ) -> tuple[int, int]:
     """Measure a dimension from n displaced poses; return how often that is accurate, and how often not all in view."""
     hits = lost = 0
@@ -227,10 +214,10 @@ def _dimension_successes(
     for start in range(0, n, _FEWER):
         poses = displaced_poses(planned, pose_uncertainty, min(_FEWER, n - start), rng)
         error, outside = measured_errors(
-            dimension, planned, poses, camera, rng, random_phase=how.random_phase
+            dimension, planned, poses, camera, rng, random_phase=counting.random_phase
         )
         accurate = np.abs(error) <= dimension.permitted_error
-        hits += int((accurate & ~outside if how.sensor_limits else accurate).sum())
+        hits += int((accurate & ~outside if counting.sensor_limits else accurate).sum())
         lost += int(outside.sum())
     return hits, lost
 
@@ -243,7 +230,7 @@ def _edge_successes(
     accuracy: float,
     n: int,
     rng: np.random.Generator,
-    how: SimulationOptions,
+    counting: _Counting,
 ) -> dict[str, Any]:
     """The same for lengths of edges, all from the same poses."""
     if not entities:
@@ -255,11 +242,11 @@ def _edge_successes(
     for start in range(0, n, _BATCH):
         poses = displaced_poses(setting.cam2world, pose_uncertainty, min(_BATCH, n - start), rng)
         pixels = _project(ends, poses, camera)
-        phase = rng.uniform(-0.5, 0.5, pixels.shape) if how.random_phase else 0.0
+        phase = rng.uniform(-0.5, 0.5, pixels.shape) if counting.random_phase else 0.0
         error = _image_lengths(np.rint(pixels + phase) - phase, camera) - nominal
         accurate = np.abs(error) <= (1 - accuracy) * nominal
         lost = ~_in_image(pixels, camera)
-        successes += (accurate & ~lost if how.sensor_limits else accurate).sum(axis=0)
+        successes += (accurate & ~lost if counting.sensor_limits else accurate).sum(axis=0)
         outside += lost.sum(axis=0)
     return {
         name: (int(hits), int(lost))

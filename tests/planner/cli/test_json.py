@@ -11,12 +11,9 @@ import pytest
 from plan_examples import plan
 
 from planner import Camera
-from planner.cli import commands
 from planner.cli.main import main
 from planner.cli.process.exit_codes import DONE, INCOMPLETE
-from planner.inspection import plan_inspection
 from planner.plan import InspectionPlan, read_plan
-from planner.request.effort import Effort
 from planner.verify.simulate_plan import SimulationResult
 
 BLOCK = str(Path(__file__).parents[3] / "examples" / "two_pocket_block.off")
@@ -57,17 +54,25 @@ def test_a_graph(record, tmp_path):
     assert found["file"] == str(path)
 
 
-def test_a_plan_and_its_simulation(record, tmp_path, monkeypatch):
-    effort = Effort(viewpoints=20, pricing_rounds=3, refutations=1, bound_nodes=1000)
-    monkeypatch.setattr(
-        commands, "plan_inspection", lambda *a, **k: plan_inspection(*a, **{"effort": effort, **k})
-    )
+def test_a_plan_and_its_simulation(record, tmp_path):
     camera = ["--camera", "basler-acA2440-20gm-8mm", "--sigma-mm", "0.05", "--sigma-rad", "0.001"]
     limits = ["--min-length-px", "30", "--focus-margin-mm", "0.2", "--visibility-radius-mm", "0.1"]
     out = str(tmp_path / "out")
     wanted = ["--select", "face = top and length > 59"]
     code, found = record(
-        "plan", BLOCK, *wanted, *camera, *limits, "--jobs", "1", "--simulate", "200", "--out", out
+        "plan",
+        BLOCK,
+        *wanted,
+        *camera,
+        *limits,
+        "--effort",
+        "quick",
+        "--jobs",
+        "1",
+        "--simulate",
+        "200",
+        "--out",
+        out,
     )
     assert code in (DONE, INCOMPLETE)
     stored = read_plan(tmp_path / "out" / "plan.json")

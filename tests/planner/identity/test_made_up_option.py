@@ -12,18 +12,20 @@ from importlib import import_module
 import pytest
 from grid_box import EDGES, BoxSpace
 
-from planner import Camera, Effort, PartRequest, PoseUncertainty, plan_inspection, read_plan
+from planner import Camera, Effort, PartRequest, PoseUncertainty, inspection, read_plan
 from planner.batch import part_request
 from planner.cli import main as command_line
 from planner.cli.folder_owner import REGIONS_FOLDER
 from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 from planner.exceptions import PlanFileError
 from planner.identity.inspection_request import InspectionRequest
+from planner.identity.resolve_request import Promise
 from planner.identity.restore import restored_options, restored_request
 from planner.inspection_options import InspectionOptions
 
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+PROMISE = Promise(0.98, 0.9)
 # modules that hold the names of the two classes
 _REQUEST = ("inspection_request", "resolve_request", "restore")
 _OPTIONS = (
@@ -69,17 +71,15 @@ def test_resuming_notices_it(tmp_path):
     space = BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], list(EDGES)[:2])
 
     def plan(value, progress=None):
-        return plan_inspection(
-            space.solid,
-            space.entities,
-            CAMERA,
-            UNCERTAINTY,
+        options = inspection.InspectionOptions(
             space=space,
             effort=Effort(1, 0, 0, 0, 1),
             state=tmp_path / "state.json",
             made_up=value,
             progress=progress,
         )
+        part = (space.solid, space.entities)
+        return inspection.plan_by_options(*part, CAMERA, UNCERTAINTY, PROMISE, options)
 
     found = plan("a")
     assert found.request["made_up"] == "a"
