@@ -25,8 +25,6 @@ def measured_errors(
     poses: NDArray[np.float64],
     camera: Camera,
     rng: np.random.Generator,
-    *,
-    random_phase: bool = True,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Measure a dimension from displaced poses.
 
@@ -41,11 +39,7 @@ def measured_errors(
     camera : Camera
         The camera.
     rng : numpy.random.Generator
-        For errors of localisation, and for phases.
-    random_phase : bool
-        Whether points on whole pixels lie on a grid shifted at random: one shift for all points of an entity, and one
-        for each end where the length of an image is measured. A line along the pixels' rows keeps its own error then:
-        all of its points are rounded to the same side.
+        For errors of localisation, and for the phases of the pixel grid.
 
     Returns
     -------
@@ -61,8 +55,7 @@ def measured_errors(
         points = _points(one, dimension, planned, camera)
         pixels = _pixels(points, poses, camera)
         outside |= ~_on_sensor(pixels, camera)
-        phase = _phases(pixels, value.in_image, rng) if random_phase else None
-        found = _localised(pixels, dimension.localisation, rng, phase)
+        found = _localised(pixels, dimension.localisation, value.in_image, rng)
         if value.in_image:
             pitch = np.array(camera.pixel_pitch_mm)
             nominal = undistorted_px(camera, _pixels(points, planned[None], camera)[0])
@@ -106,23 +99,18 @@ def _on_sensor(pixels: NDArray[np.float64], camera: Camera) -> NDArray[np.bool_]
     return np.asarray(inside.all(axis=(1, 2)))
 
 
-def _phases(
-    pixels: NDArray[np.float64], of_each: bool, rng: np.random.Generator
-) -> NDArray[np.float64]:
-    """Return shifts of the pixel grid, px: of each point of images (n, m, 2), or one for all points of an image."""
-    n, points, _ = pixels.shape
-    return rng.uniform(-0.5, 0.5, (n, points if of_each else 1, 2))
-
-
 def _localised(
-    pixels: NDArray[np.float64],
-    how: Localisation,
-    rng: np.random.Generator,
-    phase: NDArray[np.float64] | None,
+    pixels: NDArray[np.float64], how: Localisation, each_end: bool, rng: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Return where points are found instead of where they are."""
+    """Return where points of images (n, m, 2) are found instead of where they are.
+
+    Whole pixels are those of a grid that is shifted at random: once for each end where the length of an image is
+    measured, otherwise once for all points of an entity. So a line along the rows keeps its own error, because all of
+    its points are rounded to the same side.
+    """
     if how.model == "rounding":
-        shift = 0.0 if phase is None else phase
+        n, points, _ = pixels.shape
+        shift = rng.uniform(-0.5, 0.5, (n, points if each_end else 1, 2))
         return np.asarray(np.rint(pixels + shift) - shift)
     return np.asarray(pixels + rng.normal(0.0, how.sigma_px, pixels.shape))
 

@@ -98,13 +98,6 @@ class SuccessRate:
         return TOLERATED if self.predicted <= self.high + MODEL_TOLERANCE else CONTRADICTED
 
 
-class _Counting(NamedTuple):
-    """What counts as a success, see `simulate_setting`."""
-
-    sensor_limits: bool
-    random_phase: bool
-
-
 def simulate_setting(
     setting: Posed,
     entities: Mapping[str, Any],
@@ -116,7 +109,6 @@ def simulate_setting(
     rng: int | np.random.Generator = 0,
     confidence: float = 0.99,
     sensor_limits: bool = True,
-    random_phase: bool = True,
 ) -> dict[str, SuccessRate]:
     """Measure the entities of a setting from n displaced poses.
 
@@ -148,11 +140,6 @@ def simulate_setting(
         Confidence level of the intervals, in (0, 1).
     sensor_limits : bool
         Whether a pose that pushes an end out of the image is a failure.
-    random_phase : bool
-        True: each end of an edge, and each entity of a dimension, is rounded on a pixel grid shifted at random. This
-        is what a stated probability means, and the paper's quantization error (eqs 1–3). False: the sensor's one pixel
-        grid, for a part of exactly nominal size. There an image of 50.2 px is 50 or 51 px long and never 49, so the
-        success of short edges depends on the fraction of a pixel in their length.
 
     Raises
     ------
@@ -165,7 +152,6 @@ def simulate_setting(
     if n < 1:
         raise RequestError.of_rule("n", "must be at least 1", repr(n))
     rng = np.random.default_rng(rng)
-    counting = _Counting(sensor_limits, random_phase)
     dimensions = {
         name: entities[name]
         for name in setting.entities
@@ -180,11 +166,11 @@ def simulate_setting(
         accuracy,
         n,
         rng,
-        counting,
+        sensor_limits,
     )
     for name, dimension in dimensions.items():
         counts[name] = _dimension_successes(
-            setting, dimension, camera, pose_uncertainty, n, rng, counting
+            setting, dimension, camera, pose_uncertainty, n, rng, sensor_limits
         )
     return {
         name: SuccessRate(
@@ -206,18 +192,16 @@ def _dimension_successes(
     pose_uncertainty: PoseUncertainty,
     n: int,
     rng: np.random.Generator,
-    counting: _Counting,
+    sensor_limits: bool,
 ) -> tuple[int, int]:
     """Measure a dimension from n displaced poses; return how often that is accurate, and how often not all in view."""
     hits = lost = 0
     planned = np.asarray(setting.cam2world, dtype=float)
     for start in range(0, n, _FEWER):
         poses = displaced_poses(planned, pose_uncertainty, min(_FEWER, n - start), rng)
-        error, outside = measured_errors(
-            dimension, planned, poses, camera, rng, random_phase=counting.random_phase
-        )
+        error, outside = measured_errors(dimension, planned, poses, camera, rng)
         accurate = np.abs(error) <= dimension.permitted_error
-        hits += int((accurate & ~outside if counting.sensor_limits else accurate).sum())
+        hits += int((accurate & ~outside if sensor_limits else accurate).sum())
         lost += int(outside.sum())
     return hits, lost
 
@@ -230,7 +214,7 @@ def _edge_successes(
     accuracy: float,
     n: int,
     rng: np.random.Generator,
-    counting: _Counting,
+    sensor_limits: bool,
 ) -> dict[str, Any]:
     """The same for lengths of edges, all from the same poses."""
     if not entities:
@@ -242,11 +226,11 @@ def _edge_successes(
     for start in range(0, n, _BATCH):
         poses = displaced_poses(setting.cam2world, pose_uncertainty, min(_BATCH, n - start), rng)
         pixels = _project(ends, poses, camera)
-        phase = rng.uniform(-0.5, 0.5, pixels.shape) if counting.random_phase else 0.0
+        phase = rng.uniform(-0.5, 0.5, pixels.shape)
         error = _image_lengths(np.rint(pixels + phase) - phase, camera) - nominal
         accurate = np.abs(error) <= (1 - accuracy) * nominal
         lost = ~_in_image(pixels, camera)
-        successes += (accurate & ~lost if counting.sensor_limits else accurate).sum(axis=0)
+        successes += (accurate & ~lost if sensor_limits else accurate).sum(axis=0)
         outside += lost.sum(axis=0)
     return {
         name: (int(hits), int(lost))

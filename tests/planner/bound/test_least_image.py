@@ -82,9 +82,7 @@ def test_an_error_of_the_probability_asks_for_no_longer_image():
             threshold=probability,
             camera=CAMERA,
             constraints=SimpleNamespace(min_length_mm=0.0),
-            request=SimpleNamespace(
-                dimensions={}, counted=np.array([], dtype=int), accuracies=np.array([0.98])
-            ),
+            request=SimpleNamespace(dimensions={}, accuracies=np.array([0.98])),
         )
         half_width = 0.5 * (math.log(2.0 - 0.98) - math.log(0.98))
         asked = quantization_quantile(CAMERA.pixel_pitch_mm, probability - 5e-5)

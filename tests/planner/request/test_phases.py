@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from one_grid import OneGrid
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 
@@ -43,7 +44,7 @@ def test_one_grid_averaged_over_lengths_is_the_papers_density(tolerance_px):
     """n + f px are read as n px with chance 1 - f, otherwise as n + 1: over f that is 1 - (1 - tolerance)²."""
     expected = 1.0 - (1.0 - tolerance_px) ** 2
     lengths = 50.0 + (np.arange(100) + 0.5) / 100
-    on_one_grid = [_simulated(px, tolerance_px, 300, random_phase=False) for px in lengths]
+    on_one_grid = [_simulated(px, tolerance_px, 300, rng=OneGrid()) for px in lengths]
     # they are far apart: what holds for one length is false for another
     assert max(on_one_grid) - min(on_one_grid) > 0.3
     assert np.mean(on_one_grid) == pytest.approx(expected, abs=0.01)

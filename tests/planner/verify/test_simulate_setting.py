@@ -4,6 +4,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from known_box import BoxSpace
+from one_grid import OneGrid
 from scipy.stats import binom, norm
 
 from planner import Camera, PoseUncertainty, RequestError, look_at, plan_setting, simulate_setting
@@ -39,7 +40,7 @@ def test_without_uncertainty_only_rounding_is_left():
             EXACT,
             accuracy=accuracy,
             n=100,
-            random_phase=False,
+            rng=OneGrid(),
         )
         assert tuple(rates[name].successes for name in names) == expected
 
@@ -124,7 +125,7 @@ def test_one_grid_and_random_phases_differ_for_a_short_edge():
     # 1.3 % of 20.25 px is 0.26 px: only 20 px is accurate; one grid gives it with chance 0.75
     options = {"accuracy": 1 - 0.26 / 20.25, "n": 20_000}
     fixed = simulate_setting(
-        setting_at(400.0, ("edge",)), entities, CAMERA, slide, random_phase=False, **options
+        setting_at(400.0, ("edge",)), entities, CAMERA, slide, rng=OneGrid(), **options
     )["edge"]
     assert fixed.frequency == pytest.approx(0.75, abs=0.015)
     # two independent uniform errors: |difference| <= 0.26 has the chance 1 - (1 - 0.26)²
