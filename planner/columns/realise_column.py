@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from planner.request.measured import measured_items
 from planner.setting.infeasible import missing_corners
 from planner.setting.plan_setting import best_setting
 from planner.setting.pose_search import Search
-from planner.setting.pose_setting import setting_at
+from planner.setting.pose_setting import setting_at, without
 from planner.setting.reason import Reason, ReasonKind
 from planner.setting.sensor_setting import SensorSetting
 from planner.verify.simulate_setting import MODEL_TOLERANCE, simulate_setting
@@ -40,12 +40,10 @@ class Support:
     most_trials : int
         Of those that inspect the same, so many are simulated at most.
     too_high : float
-        A promise too high by no more than this is supported.
+        A promise that is too high by more than this is contradicted, as in the simulation of the whole plan.
     sure_poses : int
-        Displaced poses simulated where the first ones do not support a promise: frequencies are known to a standard
+        Displaced poses simulated where the first ones contradict a promise: frequencies are known to a standard
         error of 0.0025 or less then.
-    contradicted : float
-        A promise too high by more than this, by those, is contradicted: what the plan's own simulation would say.
     """
 
     trial_poses: int = 4000
@@ -54,7 +52,6 @@ class Support:
     most_trials: int = 100
     too_high: float = MODEL_TOLERANCE
     sure_poses: int = 40_000
-    contradicted: float = MODEL_TOLERANCE
 
 
 SUPPORT = Support()
@@ -184,20 +181,10 @@ def without_contradicted(
     result = []
     for k, setting in enumerate(settings):
         elsewhere = set().union(*supported[:k], *supported[k + 1 :])
-        kept = tuple(
-            name for name in setting.entities if name in supported[k] or name not in elsewhere
-        )
-        if len(kept) < len(setting.entities):
-            fewer = setting_at(
-                judge.request,
-                setting.cam2world,
-                kept,
-                setting.message,
-                seed=setting.seed,
-                nfev=setting.nfev,
-            )
-            setting = replace(fewer, generations=setting.generations)
-        result.append(setting)
+        needless = [
+            name for name in setting.entities if name in elsewhere and name not in supported[k]
+        ]
+        result.append(without(judge.request, setting, needless) if needless else setting)
     return result
 
 
@@ -212,7 +199,7 @@ def promised_too_much(judge: Judge, setting: Posed, seed: int) -> dict[str, floa
     )
     rng = np.random.default_rng([seed, SUPPORT.sure_poses])
     excess = _excess(judge, some, rng, SUPPORT.sure_poses)
-    return {name: too_much for name, too_much in excess.items() if too_much > SUPPORT.contradicted}
+    return {name: too_much for name, too_much in excess.items() if too_much > SUPPORT.too_high}
 
 
 class PosedOnly(NamedTuple):
