@@ -264,7 +264,7 @@ def plan_by_options(
         finally:
             memo.save()
     assert memo.plan is not None
-    incumbents.end(memo.plan)
+    incumbents.publish(memo.plan)
     return memo.plan
 
 

@@ -181,7 +181,7 @@ def _prediction(
     """Say how sure a target is measured, and what keeps it from being measured."""
     model = dimension_model(target, request.camera, request.pose_uncertainty, request.localisation)
     described = model.describe(np.linalg.inv(cam2world))
-    constraints = request.of([target.name]).constraints
+    constraints = request.restricted_to([target.name]).constraints
     margins = {
         name: float(margin.min()) for name, margin in constraints.margins(cam2world[None]).items()
     }

@@ -61,7 +61,7 @@ PLACES = {
         "camera": (3.25, "camera, pose, uncertainty"),
         "watch": (4.4, "when to end"),
         "executors": (0, "work in processes"),
-        "ledger": (1, "what is already computed"),
+        "checkpoint": (1, "what is already computed"),
         "records": (2.6, "strict files"),
         "compiling": (1, "says what is compiled"),
         "options": (3, "keywords in dataclasses"),

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from planner.bound.boxes.search import PROVEN, SPENT
 from planner.bound.pose_space import Found, PoseSpace
 from planner.bound.weights import SLACK, limit_for, relieved, spread_weights
-from planner.ledger import Ledger
+from planner.checkpoint import Checkpoint
 from planner.progress import Progress, report
 
 
@@ -198,10 +198,10 @@ class LinearBound:
     columns : array of bool (c, e)
         Columns known to be realisable; the weights start from them.
     improve : callable, optional
-        ``improve(poses)`` is told of poses (f, 4, 4) that inspect more than the weights foresee; it returns the columns
-        known to be realisable from then on.
-    ledger : Ledger, optional
-        Is told how far this has got, at every sweep and part; what it holds already is where this goes on.
+        ``improve(poses)`` gets poses (f, 4, 4) that inspect more than the weights foresee. It returns the columns that
+        are known to be realisable from then on.
+    checkpoint : Checkpoint, optional
+        Keeps how far this has got, at every sweep and part. If it holds an entry, this goes on from there.
 
     Attributes
     ----------
@@ -216,11 +216,11 @@ class LinearBound:
         space: PoseSpace,
         columns: ArrayLike,
         improve: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None,
-        ledger: Ledger | None = None,
+        checkpoint: Checkpoint | None = None,
     ):
         self.space = space
         self.improve = improve
-        self.ledger = ledger or Ledger()
+        self.checkpoint = checkpoint or Checkpoint()
         self.columns = np.asarray(columns, dtype=bool)
         self.found = self.columns[:0]
         self.made = 0
@@ -236,7 +236,7 @@ class LinearBound:
         Looks at ``max_nodes`` boxes of poses at most. A large number of settings is aimed at first: what is found on
         the way counts for the smaller ones as well, and what is proven of a part holds for larger limits.
         """
-        kept = self.ledger("linear")
+        kept = self.checkpoint.get("linear")
         at = self._start(bound, n_settings, max_nodes) if kept is None else self._resume(kept)
         parts = at.parts
         while at.bound < at.target:
@@ -262,7 +262,7 @@ class LinearBound:
                 self._make_room(at, sets)
             elif parts.proven.all():
                 at.bound = max(at.bound, at.target)
-                self.ledger.proven(at.bound)
+                self.checkpoint.on_bound(at.bound)
                 parts.renew()
                 at.target = min(at.bound + 1, n_settings)
                 at.allowed = AIMING.share_of_next * max_nodes
@@ -367,13 +367,13 @@ class LinearBound:
         )
 
     def _teller(self, at: _Course) -> Callable[[tuple[Found, ...]], None]:
-        """Return what tells the ledger of a sweep's parts that are done; all else is as it is before the sweep."""
+        """Return what keeps the parts of a sweep that are done; all else is as it is before the sweep."""
         poses = np.concatenate([np.zeros((0, 4, 4)), *self._poses])
         before = {"course": at.to_dict(), "found": self.found, "made": self.made, "poses": poses}
 
         def tell(done: tuple[Found, ...]) -> None:
             viewpoints = self.space.grown_for()
-            self.ledger.tell(
+            self.checkpoint.put(
                 "linear", {**before, "viewpoints": viewpoints, "swept": lambda: _packed(done)}
             )
 

@@ -41,11 +41,11 @@ from planner.bound.dual_bound import LinearBound
 from planner.bound.excluded_pairs import find_conflicts
 from planner.bound.pose_space import PoseSpace
 from planner.bound.pose_tree import PoseTree
+from planner.checkpoint import Checkpoint
 from planner.columns.judge import Judge
 from planner.cover.relaxation import fractional_cover
 from planner.cover.set_cover import cover_within, distinct_rows, maximal_columns
 from planner.executors import Shared, in_order
-from planner.ledger import Ledger
 from planner.progress import Progress, report
 
 # of what is told while the tree of poses grows
@@ -55,7 +55,7 @@ _SLACK = 1e-6
 
 
 @dataclass(frozen=True)
-class Covering:
+class TreeGrowth:
     """How far the tree of poses is grown, and how hard integer covers by its leaves are tried.
 
     Attributes
@@ -86,7 +86,7 @@ class Covering:
 
 
 @dataclass(frozen=True)
-class Generation:
+class DualRounds:
     """How the dual of the fractional cover over all leaves is found, by constraint generation.
 
     Attributes
@@ -110,8 +110,8 @@ class Generation:
     kept: float = 0.5
 
 
-COVERING = Covering()
-GENERATION = Generation()
+COVERING = TreeGrowth()
+GENERATION = DualRounds()
 
 
 def lower_bound(
@@ -121,7 +121,7 @@ def lower_bound(
     columns: NDArray[np.bool_],
     *,
     max_nodes: int,
-    ledger: Ledger | None = None,
+    checkpoint: Checkpoint | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> tuple[int, str]:
@@ -139,9 +139,9 @@ def lower_bound(
         Columns known to be realisable; they start the weights.
     max_nodes : int
         Boxes of poses, at most.
-    ledger : Ledger, optional
-        Is told of poses worth knowing, see `planner.bound.dual_bound.LinearBound`, and of how far the proof has got.
-        What it holds of an earlier one for the same arguments, this one goes on from; it proves the same.
+    checkpoint : Checkpoint, optional
+        Gets poses worth knowing, see `planner.bound.dual_bound.LinearBound`, and keeps how far the proof has got. The
+        proof goes on from its entries, if it has some for the same arguments, and proves the same.
     executor : concurrent.futures.Executor, optional
         Computes the cells of entities' regions.
     progress : callable, optional
@@ -158,11 +158,11 @@ def lower_bound(
             n_settings,
             "Fewer settings than one inspect nothing." if n_settings else "No entity is inspected.",
         )
-    ledger = ledger or Ledger()
+    checkpoint = checkpoint or Checkpoint()
     regions = _regions(judge, entity_idx, executor)
-    first = ledger("covers")
+    first = checkpoint.get("covers")
     if first is None:
-        grown = ledger(_GROWING)
+        grown = checkpoint.get(_GROWING)
         conflict = (
             find_conflicts(judge, entity_idx, columns, regions)
             if grown is None
@@ -171,16 +171,16 @@ def lower_bound(
         tree = PoseTree(judge, entity_idx, regions, conflict)
         # a pair excludes each other for a reason of its own; so do the pairs of a clique
         alone = max(1, len(large_clique(conflict)))
-        ledger.proven(min(alone, n_settings))
+        checkpoint.on_bound(min(alone, n_settings))
         proven = _by_covers(
-            tree, columns, (alone, n_settings), max_nodes, _Growing(ledger, conflict), progress
+            tree, columns, (alone, n_settings), max_nodes, _Growing(checkpoint, conflict), progress
         )
         first = {"conflict": conflict, "bound": proven, "made": tree.made, "alone": alone}
-    ledger.tell("covers", first)
-    ledger.tell(_GROWING, None)
-    ledger.proven(first["bound"])
+    checkpoint.put("covers", first)
+    checkpoint.put(_GROWING, None)
+    checkpoint.on_bound(first["bound"])
     space = PoseSpace(judge, entity_idx, regions, first["conflict"])
-    linear = LinearBound(space, columns, ledger.improve, ledger)
+    linear = LinearBound(space, columns, checkpoint.improve, checkpoint)
     nodes = max(0, max_nodes - first["made"])
     bound = linear.raise_from(first["bound"], n_settings, max_nodes=nodes, progress=progress)
     report(progress, max_nodes, max_nodes, "lower bound")
@@ -262,7 +262,7 @@ def _by_covers(
             else _above(tree, guide, target)
         )
         if heavy is None:
-            growing.ledger.proven(target)
+            growing.checkpoint.on_bound(target)
             target = target + 1
             rounds = 0
             continue
@@ -278,23 +278,23 @@ class _Growing:
 
     Parameters
     ----------
-    ledger : Ledger
+    checkpoint : Checkpoint
     conflict : array of bool (e, e)
         Pairs that exclude each other: they take long to find, too.
     """
 
-    def __init__(self, ledger: Ledger, conflict: NDArray[np.bool_]):
-        self.ledger = ledger
+    def __init__(self, checkpoint: Checkpoint, conflict: NDArray[np.bool_]):
+        self.checkpoint = checkpoint
         self._conflict = conflict
 
     def tell(self, tree: PoseTree, weights: _Weights, target: int, rounds: int) -> None:
         """Tell where a round begins."""
         rest = {"tree": tree.to_dict(), "rows": weights.rows, "target": target, "rounds": rounds}
-        self.ledger.tell(_GROWING, {"conflict": self._conflict, **rest})
+        self.checkpoint.put(_GROWING, {"conflict": self._conflict, **rest})
 
     def resume(self, tree: PoseTree, weights: _Weights) -> tuple[int, int] | None:
         """Return the number of settings aimed at, and the rounds done, if this was told before."""
-        grown = self.ledger(_GROWING)
+        grown = self.checkpoint.get(_GROWING)
         if grown is None:
             return None
         tree.regrow(grown["tree"])

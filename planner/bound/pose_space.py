@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from planner.bound.boxes.cells import Cells
 from planner.bound.boxes.search import FOUND, NEARLY, SPENT, search
-from planner.bound.boxes.view import HALF, LOOK, SPAN, TURN, Entities, Segments, Task
+from planner.bound.boxes.view import HALF, LOOK, SPAN, TURN, Entities, SearchTask, Segments
 from planner.bound.boxes.viewpoint_tree import Viewpoints, viewpoints_for
 from planner.bound.segments import segments_of, view_of
 from planner.columns.judge import Judge
@@ -215,7 +215,7 @@ class PoseSpace:
             pose = np.eye(4)
             inspected = np.zeros(len(y), dtype=bool)
             order = np.argsort(-y, kind="stable")[: int((y > 0).sum())]
-            task = Task(self.conflict, y, limit, max_nodes - made, stop)
+            task = SearchTask(self.conflict, y, limit, max_nodes - made, stop)
             outcome, n = search(
                 part, chart, order, self.entities, self.view, tree, task, pose, inspected
             )

@@ -3,7 +3,7 @@
 What a pose inspects was judged by every constraint and by the required probability.
 """
 
-from planner.columns.candidates import Pools, column_seed, judged_poses, price_poses
+from planner.columns.candidates import Pools, derive_seed, judged_poses, price_poses
 from planner.columns.judge import Judge
 from planner.columns.outcome import Outcome
 from planner.columns.pool import ColumnPool
@@ -15,7 +15,7 @@ __all__ = [
     "Outcome",
     "Pools",
     "best_supported",
-    "column_seed",
+    "derive_seed",
     "judged_poses",
     "price_poses",
     "realise",

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from planner.camera.pose import look_at
+from planner.checkpoint import Checkpoint
 from planner.columns.judge import Judge, Judgement
 from planner.columns.perturb import perturbed
 from planner.columns.pool import ColumnPool
 from planner.cover.exchange_search import exchange_columns
 from planner.cover.relaxation import fractional_cover
 from planner.executors import Shared, in_order
-from planner.ledger import Ledger
 from planner.progress import report
 from planner.request.space import cells_of
 from planner.setting.viewpoint_sampling import ViewpointSampler
@@ -58,9 +58,9 @@ class Pricing:
         At the first glance, the whole part is looked at from so many times as many directions as an entity.
     promising : float
         A pose is bred for an entity only if it promises so much of it (1 is inspected).
-    sought : float
-        Price of an entity that is looked for and that no column has: more than a column may weigh, as a column of its
-        own is worth a setting.
+    uncovered : float
+        Price of an entity that no column has yet: more than a column may weigh, because a column of its own is worth a
+        setting.
     """
 
     axes_per_viewpoint: int = 6
@@ -73,15 +73,15 @@ class Pricing:
     exchanges: int = 300
     whole: int = 16
     promising: float = 0.3
-    sought: float = 2.0
+    uncovered: float = 2.0
 
 
 PRICING = Pricing()
 
 
-def column_seed(seed: int, names: Iterable[str]) -> int:
-    """Derive the seed of work on a set of names from the plan's seed and the set, whatever the order of the work."""
-    text = "\x1f".join([str(seed), *sorted(names)])
+def derive_seed(seed: int, labels: Iterable[str]) -> int:
+    """Derive the seed of a piece of work from the plan's seed and a set of labels, whatever the order of the work."""
+    text = "\x1f".join([str(seed), *sorted(labels)])
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:7], "big")
 
 
@@ -103,7 +103,7 @@ def entity_poses(judge: Judge, name: str, n_viewpoints: int, seed: int) -> np.nd
     array (n, 4, 4)
         Poses; none if no such viewpoint was found.
     """
-    rng = np.random.default_rng(column_seed(seed, [name]))
+    rng = np.random.default_rng(derive_seed(seed, [name]))
     own = judge.names.index(name)
     sampler = ViewpointSampler(
         cells_of(judge.space, [name]), judge.ends[own : own + 1], judge.camera
@@ -137,7 +137,7 @@ def first_poses(judge: Judge, n_directions: int, seed: int) -> np.ndarray:
     array (n, 4, 4)
         Those in the workspace.
     """
-    rng = np.random.default_rng(column_seed(seed, ["first"]))
+    rng = np.random.default_rng(derive_seed(seed, ["first"]))
     low, high = np.asarray(judge.space.solid.bounds, dtype=float)
     radius = float(np.linalg.norm(high - low)) / 2
     (nearest, farthest) = judge.camera.depth_of_field_mm
@@ -214,20 +214,20 @@ class Pools(NamedTuple):
         return cls(*(ColumnPool.from_dict(data[name]) for name in cls._fields))
 
 
-class Beginning(NamedTuple):
+class WarmStart(NamedTuple):
     """What column generation begins with.
 
     Attributes
     ----------
-    parents : array (m, 4, 4), optional
+    seed_poses : array (m, 4, 4), optional
         Poses to breed from first; they join the pools.
-    sought : array of bool (k,), optional
-        Entities that may join the cover as soon as a pose inspects them; those that none does are looked for. Without
-        it, the cover is of what is inspected at the beginning.
+    coverable : array of bool (k,), optional
+        Targets that the cover may come to contain. The search also looks for those of them that no pose inspects yet.
+        Default: the targets that are inspected at the beginning.
     """
 
-    parents: np.ndarray | None = None
-    sought: np.ndarray | None = None
+    seed_poses: np.ndarray | None = None
+    coverable: np.ndarray | None = None
 
 
 def price_poses(
@@ -237,8 +237,8 @@ def price_poses(
     rounds: int,
     executor: Executor | None = None,
     progress: Progress | None = None,
-    begin: Beginning | None = None,
-    ledger: Ledger | None = None,
+    warm_start: WarmStart | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> None:
     """Improve both pools by column generation.
 
@@ -255,33 +255,35 @@ def price_poses(
         Judges poses; the result does not depend on it.
     progress : callable, optional
         ``progress(done, total, label)``.
-    begin : Beginning, optional
-        Poses to begin with, and entities to look for.
-    ledger : Ledger, optional
-        Is told after each round how far this has got; what it holds already is where this goes on, with the pools as
-        they were then.
+    warm_start : WarmStart, optional
+        Poses to begin with, and targets to look for.
+    checkpoint : Checkpoint, optional
+        Keeps after each round how far this has got. If it holds an entry, this goes on from there, with the pools of
+        then.
     """
-    parents, sought = begin or Beginning()
+    parents, coverable = warm_start or WarmStart()
     breed = pools.realised.poses[:0] if parents is None else parents[: PRICING.parents]
     if parents is not None:
         pools.add(parents, shared.value(parents))
-    rng = np.random.default_rng(column_seed(seed, ["pricing"]))
+    rng = np.random.default_rng(derive_seed(seed, ["pricing"]))
     covered = pools.realised.inspected
     values: list[float] = []
     first = 0
     prices = np.zeros(len(covered))
-    ledger = ledger or Ledger()
-    if (kept := ledger("pricing")) is not None:
+    checkpoint = checkpoint or Checkpoint()
+    if (kept := checkpoint.get("pricing")) is not None:
         first, breed, values, prices, covered = (
             kept[k] for k in ("done", "breed", "values", "prices", "covered")
         )
         rng.bit_generator.state = kept["rng"]
     for done in range(first, rounds):
-        if sought is not None and (now := pools.realised.inspected).sum() > covered.sum():
+        if coverable is not None and (now := pools.realised.inspected).sum() > covered.sum():
             # a cover of more is another one: its relaxation is not compared with those before
             covered = now
             values = []
-        missing = np.zeros(len(covered), dtype=bool) if sought is None else sought & ~covered
+        missing = np.zeros(len(covered), dtype=bool)
+        if coverable is not None:
+            missing = coverable & ~covered
         membership = pools.realised.membership[:, covered]
         if not len(pools.near) or (
             not missing.any() and (not covered.any() or membership.all(axis=1).any())
@@ -296,7 +298,7 @@ def price_poses(
         guess = prices[covered] if done else None
         prices = np.zeros(len(covered))
         prices[covered] = fractional_cover(membership, bias, guess)[1]
-        prices[missing] = PRICING.sought
+        prices[missing] = PRICING.uncovered
         breed = _improve(shared, pools, breed, prices, rng, executor)
         so_far = {
             "done": done + 1,
@@ -305,7 +307,7 @@ def price_poses(
             "prices": prices,
             "covered": covered,
         }
-        ledger.tell("pricing", {**so_far, "rng": rng.bit_generator.state})
+        checkpoint.put("pricing", {**so_far, "rng": rng.bit_generator.state})
         report(progress, done + 1, rounds, "column generation")
     report(progress, rounds, rounds, "column generation")
 

@@ -152,8 +152,8 @@ class Judge:
         if nearly.any():
             probability[nearly] = self.request.objective.probability_where(cam2world, nearly)
         nearly &= probability >= self.threshold - NEARNESS.probability
-        self._hide_around(cam2world, nearly, probability)
-        shown = self._show(cam2world, nearly, probability, prices)
+        self._mask_invisible_around(cam2world, nearly, probability)
+        shown = self._detectable(cam2world, nearly, probability, prices)
         inspects = (missed == 0.0) & nearly & shown & (probability >= self.threshold)
         return Judgement(inspects, nearly, probability, np.exp(-missed))
 
@@ -169,7 +169,7 @@ class Judge:
             if not left.size:
                 break
             if name == "visibility":
-                self._hide(cam2world, missed)
+                self._mask_invisible(cam2world, missed)
                 continue
             margin = self.constraints.margins(cam2world[left], [name])[name]
             missed[left] = np.maximum(missed[left], self._short(name, margin))
@@ -181,7 +181,7 @@ class Judge:
         tolerance = self._tolerance.get(name)
         return np.where(short > 0, np.inf, 0.0) if tolerance is None else short / tolerance
 
-    def _hide(self, cam2world: np.ndarray, missed: np.ndarray) -> None:
+    def _mask_invisible(self, cam2world: np.ndarray, missed: np.ndarray) -> None:
         """Ask for visibility, the costly constraint, only where the others leave hope."""
         positions = cam2world[:, :3, 3]
         for k, name in enumerate(self.names):
@@ -190,7 +190,7 @@ class Judge:
                 hidden = visibility_slacks(self.space, positions[rows], [name])[:, 0, 0] < 0
                 missed[rows[hidden], k] = np.inf
 
-    def _hide_around(
+    def _mask_invisible_around(
         self, cam2world: np.ndarray, nearly: np.ndarray, probability: np.ndarray
     ) -> None:
         """Ask for visibility all around the positions, which costs most, only of what would otherwise be inspected."""
@@ -203,7 +203,7 @@ class Judge:
                 nearly[rows[hidden], k] = False
                 probability[rows[hidden], k] = 0.0
 
-    def _show(
+    def _detectable(
         self,
         cam2world: np.ndarray,
         nearly: np.ndarray,

@@ -93,7 +93,7 @@ def realise(
         The setting (it may miss the threshold for some entities), or the reason why there is none.
     """
     judge: Judge = shared.value
-    request = judge.request.of(names)
+    request = judge.request.restricted_to(names)
     found = None
     for objective in ("sum", "min"):
         try:

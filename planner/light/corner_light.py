@@ -25,7 +25,7 @@ from planner.showing.showing import Showing
 if TYPE_CHECKING:
     from aspectgraph import Solid
     from aspectgraph.solid.ray_scene import RayScene
-    from planner.light.demands import Planned
+    from planner.light.demands import PlanToLight
 
 Array = NDArray[np.float64]
 
@@ -115,7 +115,7 @@ def _clear(
 
 
 def corners_of(
-    plan: Planned,
+    plan: PlanToLight,
     solid: Solid,
     scene: RayScene,
     names: Sequence[tuple[int, str]],
@@ -125,7 +125,7 @@ def corners_of(
 
     Parameters
     ----------
-    plan : Planned
+    plan : PlanToLight
         The plan; if it asks for neither corners nor separation, there is nothing.
     solid : Solid
         Its part.

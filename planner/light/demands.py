@@ -24,7 +24,7 @@ Silhouettes = dict[int, int]
 _SAME = 1e-6
 
 
-class Posed(Protocol):
+class ViewToLight(Protocol):
     """A pose and what is measured from it, such as a `SensorSetting`."""
 
     @property
@@ -36,11 +36,11 @@ class Posed(Protocol):
         """Names of what is measured."""
 
 
-class Planned(Protocol):
+class PlanToLight(Protocol):
     """Settings and what they measure, such as an `InspectionPlan`."""
 
     @property
-    def settings(self) -> Sequence[Posed]:
+    def settings(self) -> Sequence[ViewToLight]:
         """The settings, in order."""
 
     @property
@@ -106,12 +106,12 @@ class Demands:
         return label
 
 
-def demands_of(plan: Planned, solid: Solid, scene: RayScene, ground: str) -> Demands:
+def demands_of(plan: PlanToLight, solid: Solid, scene: RayScene, ground: str) -> Demands:
     """Return what a plan asks of its lamps.
 
     Parameters
     ----------
-    plan : Planned
+    plan : PlanToLight
         The plan.
     solid : Solid
         Its part.
@@ -182,7 +182,7 @@ def seen_as(
         yield sure | open_ones
 
 
-def _parts(plan: Planned, solid: Solid, name: str) -> tuple[Entity, ...]:
+def _parts(plan: PlanToLight, solid: Solid, name: str) -> tuple[Entity, ...]:
     """Return the edges, rims and arcs that something measured consists of."""
     one = plan.dimensions.get(name)
     if one is None:

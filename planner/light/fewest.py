@@ -30,7 +30,7 @@ _NODES = 20_000
 
 
 @dataclass
-class Search:
+class LampSearch:
     """What is known of sets of jobs."""
 
     n: int

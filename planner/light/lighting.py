@@ -14,7 +14,7 @@ from aspectgraph.solid.ray_scene import RayScene
 from planner.exceptions import RequestError
 from planner.light.background import DEFAULT_STEP
 from planner.light.corner_light import corners_of
-from planner.light.demands import Demands, Planned, demands_of
+from planner.light.demands import Demands, PlanToLight, demands_of
 from planner.light.lamps import LampSpace, LampsTogether, check_lamps_given
 from planner.light.served import Served
 from planner.progress import Progress, labelled
@@ -125,12 +125,12 @@ class Lighting:
         if isinstance(self.given, np.ndarray):
             check_lamps(solid, self.given)
 
-    def served(self, plan: Planned, solid: Solid, progress: Progress | None = None) -> Served:
+    def served(self, plan: PlanToLight, solid: Solid, progress: Progress | None = None) -> Served:
         """Return what tells which places of lamps show what a plan measures; it holds no places yet.
 
         Parameters
         ----------
-        plan : Planned
+        plan : PlanToLight
             Settings and what they measure.
         solid : Solid
             The part.
@@ -169,7 +169,7 @@ class Lighting:
         )
 
 
-def eyes_of(plan: Planned) -> NDArray[np.float64]:
+def eyes_of(plan: PlanToLight) -> NDArray[np.float64]:
     """Return where the cameras of a plan are (n, 3), mm."""
     return np.array([np.asarray(one.cam2world)[:3, 3] for one in plan.settings]).reshape(-1, 3)
 

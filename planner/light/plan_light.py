@@ -13,8 +13,8 @@ from aspectgraph.light.light_regions import DEFAULT_CONTRAST, LightRegions
 from planner.cover.set_cover import min_cover
 from planner.exceptions import RequestError
 from planner.light.background import DEFAULT_STEP
-from planner.light.demands import Planned
-from planner.light.fewest import Jobs, Search
+from planner.light.demands import PlanToLight
+from planner.light.fewest import Jobs, LampSearch
 from planner.light.lamps import LampSpace
 from planner.light.light_plan import LightPlan, LitImage
 from planner.light.lighting import Lighting, eyes_of
@@ -35,7 +35,7 @@ _SHADOW = ", or a shadow beside it"
 
 
 def plan_light(
-    plan: Planned,
+    plan: PlanToLight,
     solid: Solid,
     lamps: Any,
     *,
@@ -106,7 +106,7 @@ def plan_light(
 
 def chosen_lamps(
     lighting: Lighting,
-    plan: Planned,
+    plan: PlanToLight,
     solid: Solid,
     progress: Progress | None = None,
     also: ArrayLike = (),
@@ -258,7 +258,7 @@ def _placed(work: _Work, space: LampSpace) -> LightPlan:
         return served.search(space, [i for j in some for i in jobs[j]])
 
     bound = (
-        Search(len(jobs), lambda: _columns(served, jobs), decide).bound()
+        LampSearch(len(jobs), lambda: _columns(served, jobs), decide).bound()
         if len(jobs) > 1
         else len(jobs)
     )

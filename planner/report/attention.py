@@ -10,7 +10,7 @@ from planner.report.tables import setting_link
 from planner.setting.reason import ReasonKind, kind_of
 
 if TYPE_CHECKING:
-    from planner.rows.measured import Row
+    from planner.rows.measured import Row, WarningKind
 
 FEW = 6
 """So many warnings of a kind, or entities without a setting, are told one by one at the head of the page."""
@@ -26,7 +26,7 @@ def attention(rows: Sequence[Sequence[Row]], unsharp: Sequence[int] = ()) -> str
     unsharp : sequence of int
         Settings, from 1, in which displaced poses may be out of focus, see `may_be_unsharp`.
     """
-    kinds: dict[str, list[tuple[Row, str]]] = {}
+    kinds: dict[WarningKind, list[tuple[Row, str]]] = {}
     for row in (row for setting in rows for row in setting):
         for warning in row.warnings:
             kinds.setdefault(warning.kind, []).append((row, warning.text))
@@ -43,7 +43,7 @@ def attention(rows: Sequence[Sequence[Row]], unsharp: Sequence[int] = ()) -> str
     return f'<h2 id="look">Worth a look</h2><ul class="warnings">{lines}</ul>'
 
 
-def _kind(kind: str, found: Sequence[tuple[Row, str]]) -> list[str]:
+def _kind(kind: WarningKind, found: Sequence[tuple[Row, str]]) -> list[str]:
     """Return a line per warning if they are few, else one for all."""
     if len(found) <= FEW:
         return [
@@ -57,7 +57,7 @@ def _kind(kind: str, found: Sequence[tuple[Row, str]]) -> list[str]:
         f"{escape(name)} ({', '.join(map(setting_link, where))})"
         for name, where in settings.items()
     )
-    return [f"<b>{escape(kind)}</b> in {len(found)} measurements: {names}"]
+    return [f"<b>{escape(kind.value)}</b> in {len(found)} measurements: {names}"]
 
 
 def not_inspected(reasons: Mapping[str, str], noun: str) -> str:

@@ -22,7 +22,7 @@ _MEANS = {
 }
 
 
-class Nearness(NamedTuple):
+class LimitShare(NamedTuple):
     """How much a constraint leaves: its name, the share of its room (0: at its limit), and what that means."""
 
     name: str
@@ -30,7 +30,7 @@ class Nearness(NamedTuple):
     meaning: str
 
 
-def nearest_limits(plan: InspectionPlan, setting: SensorSetting) -> list[Nearness]:
+def nearest_limits(plan: InspectionPlan, setting: SensorSetting) -> list[LimitShare]:
     """Return constraints by what they leave, the one that binds first.
 
     The room of each is: half the depth of field; half the sensor's shorter side; the image's length, of the shortest;
@@ -46,7 +46,7 @@ def nearest_limits(plan: InspectionPlan, setting: SensorSetting) -> list[Nearnes
 
     Returns
     -------
-    list of Nearness
+    list of LimitShare
         Those the plan knows enough of.
     """
     rooms = _rooms(plan, setting)
@@ -60,7 +60,7 @@ def nearest_limits(plan: InspectionPlan, setting: SensorSetting) -> list[Nearnes
         if room is not None and np.isfinite(margin) and room > 0:
             shares[name] = min(margin / room, 1.0)
     order = sorted(shares, key=lambda name: shares[name])
-    return [Nearness(name, shares[name], _MEANS[name]) for name in order]
+    return [LimitShare(name, shares[name], _MEANS[name]) for name in order]
 
 
 def _rooms(plan: InspectionPlan, setting: SensorSetting) -> dict[str, float]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from errors.telling import frequency_text, interval_text, probability_text
 from planner.camera.pose import world_to_cam
-from planner.report.binding import Nearness, nearest_limits
+from planner.report.binding import LimitShare, nearest_limits
 from planner.report.tables import budget_bar, cells, heads, permitted, warned
 from planner.request.focus_reserve import SIGMAS, sigmas_left
 from planner.rows.measured import Row
@@ -89,7 +89,7 @@ def binding_sentence(plan: InspectionPlan, setting: SensorSetting) -> str:
     )
 
 
-def _share(one: Nearness) -> str:
+def _share(one: LimitShare) -> str:
     """Return a share in percent; further digits of what is as good as nothing say nothing."""
     return "less than 0.01 %" if 0 <= one.share < 1e-4 else f"{100 * one.share:.3g} %"
 

@@ -103,7 +103,7 @@ class Request:
             edges, {i: dimension_model(item, *given) for i, item in self.dimensions.items()}
         )
 
-    def of(self, names: Sequence[str]) -> Request:
+    def restricted_to(self, names: Sequence[str]) -> Request:
         """Return the same request for some of the entities."""
         if self.targets is None:
             return replace(self, names=tuple(names))

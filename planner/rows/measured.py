@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,29 +23,32 @@ from planner.verify.simulate_setting import (
     SuccessRate,
 )
 
-TRUSTED_PX = 2.0
-"""Permitted errors below this are told: there a single part may be measured more or less often than P says."""
+WARN_BELOW_PX = 2.0
+"""A row warns of a smaller permitted error: there one part may be measured more or less often than P says."""
 
 LARGE_DIFFERENCE = 0.02
-"""A simulated frequency that differs from the stated probability by more than this is told, even if it is better."""
+"""A row warns of a simulated frequency that differs from the stated probability by more than this, even if it is
+better."""
 
 SOURCES = ("translation", "rotation", "localisation")
 """What the variance of a measured value comes from."""
 
 
-FINE = "tolerance under two pixels"
-DIFFERS = "simulation differs from what is stated"
-BETTER = "simulation is better than what is stated"
-LINE = "another line within the search window"
-UNSHOWN = "not to be found in some displaced images"
-UNLIT = "shown by no lamp"
-"""Kinds of warnings."""
+class WarningKind(Enum):
+    """What a measurement warns of; the value is what a report says of many."""
+
+    FEW_PIXELS = "tolerance under two pixels"
+    DIFFERS = "simulation differs from what is stated"
+    BETTER = "simulation is better than what is stated"
+    LINE = "another line within the search window"
+    UNSHOWN = "not to be found in some displaced images"
+    UNLIT = "shown by no lamp"
 
 
 class Warned(NamedTuple):
-    """What to look at: one of the kinds above, and a sentence."""
+    """What to look at: a kind, and a sentence."""
 
-    kind: str
+    kind: WarningKind
     text: str
 
 
@@ -142,12 +146,19 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
         warnings = _warnings(coarse, probability, rate)
         if name in setting.lines_in_window_px:
             warnings += (
-                Warned(LINE, line_warning(setting.lines_in_window_px[name], windows[name])),
+                Warned(
+                    WarningKind.LINE, line_warning(setting.lines_in_window_px[name], windows[name])
+                ),
             )
         if images is not None and images.counts[k].get(name, images.n) < images.n:
-            warnings += (Warned(UNSHOWN, unshown_warning(images.counts[k][name], images.n)),)
+            warnings += (
+                Warned(WarningKind.UNSHOWN, unshown_warning(images.counts[k][name], images.n)),
+            )
         if plan.light is not None and name in plan.light.unlit[k]:
-            warnings = (Warned(UNLIT, f"shown by no lamp: {plan.light.unlit[k][name]}"), *warnings)
+            warnings = (
+                Warned(WarningKind.UNLIT, f"shown by no lamp: {plan.light.unlit[k][name]}"),
+                *warnings,
+            )
         told = {
             "probability": probability,
             "rate": rate,
@@ -183,7 +194,7 @@ def unshown_warning(shown: int, n: int) -> str:
     return f"the conditions for being found are met in {shown} of {n} images of displaced cameras"
 
 
-def fine_warning(permitted_px: float) -> str:
+def few_pixels_warning(permitted_px: float) -> str:
     """Return what to look at where the permitted error is less than two pixels.
 
     Parameters
@@ -235,14 +246,18 @@ def _is_rounded(plan: Any, name: str) -> bool:
 
 def _warnings(px: float | None, probability: float, rate: SuccessRate | None) -> tuple[Warned, ...]:
     found = []
-    if px is not None and px < TRUSTED_PX:
-        found.append(Warned(FINE, fine_warning(px)))
+    if px is not None and px < WARN_BELOW_PX:
+        found.append(Warned(WarningKind.FEW_PIXELS, few_pixels_warning(px)))
     if rate is not None:
         off = rate.frequency - probability
         drawn = frequency_text(rate.successes, rate.n)
         if rate.verdict in (CONTRADICTED, TOLERATED, UNSTATED):
             told = f"simulation gives {drawn} instead of {probability_text(probability)}: {rate.verdict}"
-            found.append(Warned(DIFFERS, told))
+            found.append(Warned(WarningKind.DIFFERS, told))
         elif rate.verdict != CONFIRMED and abs(off) > LARGE_DIFFERENCE:
-            found.append(Warned(BETTER, f"simulation gives {drawn}, {off:.2g} better than stated"))
+            found.append(
+                Warned(
+                    WarningKind.BETTER, f"simulation gives {drawn}, {off:.2g} better than stated"
+                )
+            )
     return tuple(found)

@@ -203,7 +203,7 @@ class Search:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class FoundPose:
     """The best pose of a search (4, 4), its fitness, and how the search went; see `SensorSetting` for the fields."""
 
     cam2world: np.ndarray
@@ -222,7 +222,7 @@ def search_pose(
     rng: np.random.Generator,
     known: np.ndarray | None = None,
     callback: Callable[..., Any] | None = None,
-) -> Outcome:
+) -> FoundPose:
     """Search the best pose in the covering domains.
 
     Parameters
@@ -267,7 +267,7 @@ def search_pose(
     elif len(known):
         # feasible only between the steps of the encoding: what is left is to refine
         result = None
-        outcome = Outcome(
+        outcome = FoundPose(
             known[0],
             -np.inf,
             0,
@@ -343,10 +343,10 @@ def _evolve(
     )
 
 
-def _outcome(result: GAResult, encoding: PoseEncoding) -> Outcome:
+def _outcome(result: GAResult, encoding: PoseEncoding) -> FoundPose:
     history = tuple(result.history.best_so_far.tolist())
     pose = encoding.decode(result.x[None])[0]
-    return Outcome(
+    return FoundPose(
         pose, float(result.fun), int(result.nfev), int(result.nit), result.message, history
     )
 

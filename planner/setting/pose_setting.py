@@ -46,7 +46,7 @@ def setting_at(
     wanted = np.isin(np.arange(len(request.names)), idx)[None]
     probability = request.objective.probability_where(pose, wanted)
     by_idx = dict(zip(sorted(idx), probability.tolist(), strict=True))
-    margins = request.of(names).constraints.margins(pose)
+    margins = request.restricted_to(names).constraints.margins(pose)
     return SensorSetting(
         cam2world=cam2world,
         entities=tuple(names),

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from planner.columns.candidates import Beginning, column_seed, judged_poses, price_poses
+from planner.checkpoint import Checkpoint
+from planner.columns.candidates import WarmStart, derive_seed, judged_poses, price_poses
 from planner.executors import in_order
-from planner.ledger import Ledger
 from planner.progress import report
 from planner.setting.reason import Reason
 from planner.steps.incumbents import IMPROVING, Incumbents
@@ -55,7 +55,7 @@ def realise_missing_alone(run: Run, incumbents: Incumbents) -> dict[str, Reason]
 def generate_first_columns(run: Run, incumbents: Incumbents) -> None:
     """Improve the pools a little, before targets that no pose inspects are tried alone."""
     rounds = min(run.effort.pricing_rounds, _FIRST_ROUNDS)
-    _generate(run, incumbents, _FIRST, rounds, column_seed(run.seed, [_FIRST]))
+    _generate(run, incumbents, _FIRST, rounds, derive_seed(run.seed, [_FIRST]))
 
 
 def generate_columns(run: Run, incumbents: Incumbents) -> None:
@@ -72,6 +72,8 @@ def _generate(run: Run, incumbents: Incumbents, step: str, rounds: int, seed: in
         if entries["pricing"]["done"] % IMPROVING.rounds == 0:
             incumbents.offer(run)
 
-    ledger = Ledger(kept=None if last is None else last["entries"], keep=keep)
-    begin = Beginning(sought=~np.isin(run.names, list(run.uninspectable)))
-    price_poses(run.shared, run.pools, seed, rounds, run.executor, run.progress, begin, ledger)
+    checkpoint = Checkpoint(kept=None if last is None else last["entries"], keep=keep)
+    warm_start = WarmStart(coverable=~np.isin(run.names, list(run.uninspectable)))
+    price_poses(
+        run.shared, run.pools, seed, rounds, run.executor, run.progress, warm_start, checkpoint
+    )

@@ -99,9 +99,9 @@ class Incumbents:
             bound, proof = self._proven(run, found)
             plan = assembled(run, found, bound, proof, unfinished=True)
             if self.best is None or _worth(plan) > _worth(self.best):
-                self.end(plan)
+                self.publish(plan)
 
-    def raised(
+    def on_bound(
         self, run: Run, bound: int, inspected: NDArray[np.bool_], proof: str = _SO_FAR
     ) -> None:
         """Take in a bound that was proven for some entities (k,)."""
@@ -109,13 +109,15 @@ class Incumbents:
         if self.best is not None:
             known, proof = self._proven(run, self.best.settings)
             if known > self.best.lower_bound:
-                self.end(replace(self.best, lower_bound=known, bound_proof=proof))
+                self.publish(replace(self.best, lower_bound=known, bound_proof=proof))
 
-    def excluded(self, run: Run) -> None:
+    def on_incompatible(self, run: Run) -> None:
         """Take in the bound of entities that exclude each other, if some are known."""
-        n = len(run.exclusive)
+        n = len(run.incompatible)
         if n > 1:
-            self.raised(run, n, np.isin(run.names, run.exclusive), exclusion_proof(run.judge, n))
+            self.on_bound(
+                run, n, np.isin(run.names, run.incompatible), exclusion_proof(run.judge, n)
+            )
 
     @property
     def latest(self) -> InspectionPlan:
@@ -123,7 +125,7 @@ class Incumbents:
         assert self.best is not None
         return self.best
 
-    def end(self, plan: InspectionPlan) -> None:
+    def publish(self, plan: InspectionPlan) -> None:
         """Take in the plan of the whole run, and tell of it."""
         self.best = plan
         if self._tell is not None:

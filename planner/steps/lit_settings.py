@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.columns.candidates import column_seed, entity_poses
+from planner.columns.candidates import derive_seed, entity_poses
 from planner.columns.perturb import perturbed
 from planner.cover.few_columns import few_columns
 from planner.light.lighting import Lighting, eyes_of
@@ -169,7 +169,7 @@ def _with_all(run: Run) -> Any:
         pose = setting.cam2world
         names = run.names_of(run.judge(pose[None]).inspects[0])
         full = setting_at(
-            run.request, pose, names, setting.message, seed=column_seed(run.seed, names)
+            run.request, pose, names, setting.message, seed=derive_seed(run.seed, names)
         )
         wrong = run.contradicted_in(full)
         return without(run.request, full, list(wrong)) if wrong else full
@@ -180,7 +180,7 @@ def _with_all(run: Run) -> Any:
 def _poses_that_inspect(run: Run, plan: InspectionPlan, name: str) -> NDArray[np.float64]:
     """Return poses (n, 4, 4) that inspect an entity, `LOOKING.tried` at most: half inspect most, half are spread."""
     own = run.names.index(name)
-    seed = column_seed(run.seed, ["light", name])
+    seed = derive_seed(run.seed, ["light", name])
     known = run.pool.poses[run.pool.membership[:, own]]
     drawn = entity_poses(run.judge, name, LOOKING.viewpoints, seed)
     planned = np.array([one.cam2world for one in plan.settings if name in one.entities])

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from planner.bound.lower_bound import exclusion_proof, exclusive_entities, lower_bound
-from planner.columns.candidates import Beginning, Pools, column_seed, price_poses
+from planner.checkpoint import Checkpoint
+from planner.columns.candidates import Pools, WarmStart, derive_seed, price_poses
 from planner.columns.judge import Judge
 from planner.columns.pool import ColumnPool
 from planner.cover.few_columns import few_columns
 from planner.executors import Shared
-from planner.ledger import Ledger
 from planner.steps.incumbents import Incumbents
 from planner.steps.run import SHARES, Run
 
@@ -61,7 +61,7 @@ def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
 
     def improve(poses: np.ndarray) -> np.ndarray:
         values["joined"] += 1
-        weighing.join(poses, column_seed(run.seed, ["joined", str(values["joined"])]))
+        weighing.join(poses, derive_seed(run.seed, ["joined", str(values["joined"])]))
         incumbents.offer(run)
         return weighing.columns[:, inspected]
 
@@ -69,12 +69,12 @@ def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
         run.keep(_STEP, {**values, **weighing.to_dict(), "entries": entries})
 
     def raised(bound: int) -> None:
-        incumbents.raised(run, bound, inspected)
+        incumbents.on_bound(run, bound, inspected)
 
-    ledger = Ledger(improve, entries, keep, raised)
-    proven = ledger("proven")
+    checkpoint = Checkpoint(improve, entries, keep, raised)
+    proven = checkpoint.get("proven")
     enough = run.watch.wanted_bound(values["known"])
-    alone = len(run.exclusive) if inspected[np.isin(run.names, run.exclusive)].all() else 0
+    alone = len(run.incompatible) if inspected[np.isin(run.names, run.incompatible)].all() else 0
     if proven is None and alone >= enough > 0:
         proven = alone, exclusion_proof(run.judge, alone)
     if proven is None:
@@ -84,22 +84,22 @@ def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
             enough,
             weighing.columns[:, inspected],
             max_nodes=run.effort.bound_nodes,
-            ledger=ledger,
+            checkpoint=checkpoint,
             executor=run.executor,
             progress=run.progress,
         )
         keep({"proven": list(proven)})
     bound, proof = proven if proven[0] >= alone else (alone, exclusion_proof(run.judge, alone))
-    incumbents.raised(run, bound, inspected)
+    incumbents.on_bound(run, bound, inspected)
     return bound, proof
 
 
-def exclude(run: Run) -> None:
+def find_incompatible(run: Run) -> None:
     """Find entities of which no setting inspects two: a bound long before the proof."""
     seen = np.flatnonzero(run.pool.inspected)
     if seen.size > 1:
         found = exclusive_entities(run.judge, seen, run.pool.membership[:, seen], run.executor)
-        run.exclusive = tuple(np.array(run.names)[found].tolist())
+        run.incompatible = tuple(np.array(run.names)[found].tolist())
 
 
 class _Weighing:
@@ -129,12 +129,16 @@ class _Weighing:
             poses = np.concatenate([pool.poses for pool in run.pools])
         else:
             self._own = Pools.from_dict(begun["weighing"])
-        ledger = Ledger(
+        checkpoint = Checkpoint(
             kept=None if begun is None else begun["entries"],
             keep=lambda told: run.keep(WEIGHING, {**self.to_dict(), "entries": told}),
         )
         self._price(
-            self._own, poses, column_seed(run.seed, ["weighing"]), run.effort.pricing_rounds, ledger
+            self._own,
+            poses,
+            derive_seed(run.seed, ["weighing"]),
+            run.effort.pricing_rounds,
+            checkpoint,
         )
 
     @property
@@ -148,7 +152,7 @@ class _Weighing:
         rounds = JOINING.rounds_for(len(run.pool))
         # what is found without some conditions seldom meets them
         own = rounds if self._own is None else JOINING.rounds
-        price_poses(run.shared, run.pools, seed, own, run.executor, run.silent, Beginning(poses))
+        price_poses(run.shared, run.pools, seed, own, run.executor, run.silent, WarmStart(poses))
         if self._own is not None:
             self._price(self._own, poses, seed, rounds)
 
@@ -162,11 +166,18 @@ class _Weighing:
         poses: np.ndarray | None,
         seed: int,
         rounds: int,
-        ledger: Ledger | None = None,
+        checkpoint: Checkpoint | None = None,
     ) -> None:
         run = self._run
         price_poses(
-            self._shared, pools, seed, rounds, run.executor, run.silent, Beginning(poses), ledger
+            self._shared,
+            pools,
+            seed,
+            rounds,
+            run.executor,
+            run.silent,
+            WarmStart(poses),
+            checkpoint,
         )
 
 

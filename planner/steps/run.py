@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.columns.candidates import Pools, column_seed
+from planner.columns.candidates import Pools, derive_seed
 from planner.columns.judge import Judge
 from planner.columns.outcome import Outcome
 from planner.columns.pool import ColumnPool
@@ -86,7 +86,7 @@ class Run:
         self.pools = Pools(ColumnPool(len(self.names)), ColumnPool(len(self.names)))
         self.uninspectable: dict[str, Reason] = {}
         # entities of which no setting inspects two, as known so far
-        self.exclusive: tuple[str, ...] = ()
+        self.incompatible: tuple[str, ...] = ()
         self._begun = 0
         # by how much simulation contradicts what is stated of an entity from a pose
         self._excess: dict[tuple[bytes, str, float], float] = {}
@@ -116,7 +116,7 @@ class Run:
             "pools": self.pools.to_dict(),
             "uninspectable": dict(self.uninspectable),
             "uninspectable_kinds": kinds_record(self.uninspectable),
-            "exclusive": self.exclusive,
+            "incompatible": self.incompatible,
         }
 
     def restore(self, last: dict[str, Any]) -> None:
@@ -124,7 +124,7 @@ class Run:
         self.pools = Pools.from_dict(last["pools"])
         kinds = last.get("uninspectable_kinds", {})
         self.uninspectable = reasons_from(last["uninspectable"], kinds)
-        self.exclusive = tuple(last.get("exclusive", ()))
+        self.incompatible = tuple(last.get("incompatible", ()))
 
     def kept(self, step: str) -> dict[str, Any] | None:
         """Return the checkpoint if it was taken within this step, and not at its beginning."""
@@ -139,7 +139,7 @@ class Run:
 
     def rng(self, purpose: str) -> np.random.Generator:
         """Return the source of chance for a purpose, whatever was drawn before."""
-        return np.random.default_rng(column_seed(self.seed, [purpose]))
+        return np.random.default_rng(derive_seed(self.seed, [purpose]))
 
     def names_of(self, column: np.ndarray) -> tuple[str, ...]:
         """Return the names of the entities in a column (k,) of bool."""
@@ -183,7 +183,7 @@ class Run:
         done = self._begun
         self._begun = self._begun + len(todo)
         arguments = [
-            (self.shared, names, column_seed(self.seed, names), self._start(names))
+            (self.shared, names, derive_seed(self.seed, names), self._start(names))
             for names in todo
         ]
         for names, outcome in zip(

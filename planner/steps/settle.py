@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.columns.candidates import column_seed
+from planner.columns.candidates import derive_seed
 from planner.columns.realise_column import best_supported, without_contradicted
 from planner.cover.few_columns import few_columns
 from planner.setting.pose_setting import setting_at
@@ -48,7 +48,7 @@ def settle(run: Run, inspected: np.ndarray) -> list[SensorSetting]:
     sets = [run.names_of(pool.membership[c]) for c in chosen]
     settings = []
     for c, names, outcome in zip(chosen, sets, run.realise(sets), strict=True):
-        seed = column_seed(run.seed, names)
+        seed = derive_seed(run.seed, names)
         found = outcome.setting
         options = [setting_at(request, pool.poses[c], names, "candidate pose", seed=seed)]
         if found is not None and _holds(run, found, names):

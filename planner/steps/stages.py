@@ -25,7 +25,7 @@ from planner.steps.find_columns import (
 )
 from planner.steps.incumbents import Incumbents
 from planner.steps.lit_settings import with_lamps
-from planner.steps.prove_bound import exclude, prove_bound
+from planner.steps.prove_bound import find_incompatible, prove_bound
 from planner.steps.refute import refute
 from planner.steps.run import Run
 from planner.steps.settle import settle
@@ -89,9 +89,9 @@ def _sample(work: Work) -> None:
     work.incumbents.offer(work.run)
 
 
-def _exclude(work: Work) -> None:
-    exclude(work.run)
-    work.incumbents.excluded(work.run)
+def _find_incompatible(work: Work) -> None:
+    find_incompatible(work.run)
+    work.incumbents.on_incompatible(work.run)
 
 
 def _generate_first_columns(work: Work) -> None:
@@ -136,7 +136,7 @@ def _light(work: Work) -> None:
 
 STAGES = (
     Stage(_sample, ("sampling",)),
-    Stage(_exclude, ("candidate poses",)),
+    Stage(_find_incompatible, ("candidate poses",)),
     Stage(_generate_first_columns, ("first columns",)),
     Stage(_generate_columns, ("column generation",)),
     Stage(_prove_bound, ("weighing", "lower bound")),
@@ -174,7 +174,7 @@ def run_stages(
     else:
         run.restore(last)
         incumbents.offer(run)
-        incumbents.excluded(run)
+        incumbents.on_incompatible(run)
     first = 0 if last is None else stage_of(last)
     for k in range(first, len(STAGES)):
         if k > first and STAGES[k].checkpoints:

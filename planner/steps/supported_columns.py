@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.columns.candidates import column_seed
+from planner.columns.candidates import derive_seed
 from planner.columns.pool import ColumnPool
 from planner.cover.exchange_search import exchange_columns
 from planner.cover.set_cover import greedy_cover
@@ -135,7 +135,7 @@ def candidate_settings(run: Run, pool: ColumnPool, columns: Iterable[int]) -> li
     """Return the poses of columns as settings."""
     wanted = [(pool.poses[c], run.names_of(pool.membership[c])) for c in columns]
     return [
-        setting_at(run.request, pose, names, "candidate pose", seed=column_seed(run.seed, names))
+        setting_at(run.request, pose, names, "candidate pose", seed=derive_seed(run.seed, names))
         for pose, names in wanted
     ]
 

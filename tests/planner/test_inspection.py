@@ -124,8 +124,8 @@ def test_a_resumed_plan_takes_in_the_poses_that_the_proof_came_across(space, tmp
     proofs = []
     state = tmp_path / "state.json"
 
-    def proof(judge, _, __, ___, *, ledger, **____):
-        proofs.append(ledger.improve(random_poses(judge, 300, seed=9)))
+    def proof(judge, _, __, ___, *, checkpoint, **____):
+        proofs.append(checkpoint.improve(random_poses(judge, 300, seed=9)))
         return 1, "by assumption"
 
     def stop(*_, **__):
@@ -149,13 +149,13 @@ def test_a_proof_that_goes_on_improves_the_columns_as_it_would_have(space, tmp_p
     after = []
     stops = [True]
 
-    def proof(judge, _, __, ___, *, ledger, **____):
-        if ledger("first") is None:
-            ledger.improve(random_poses(judge, 40, seed=9))
-            ledger.tell("first", {"done": True})
+    def proof(judge, _, __, ___, *, checkpoint, **____):
+        if checkpoint.get("first") is None:
+            checkpoint.improve(random_poses(judge, 40, seed=9))
+            checkpoint.put("first", {"done": True})
         if stops.pop():
             raise KeyboardInterrupt
-        after.append((ledger.improve(random_poses(judge, 40, seed=10)), seeds[-1]))
+        after.append((checkpoint.improve(random_poses(judge, 40, seed=10)), seeds[-1]))
         return 1, "by assumption"
 
     def price(shared, pools, seed, *arguments, **options):

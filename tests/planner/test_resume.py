@@ -13,7 +13,7 @@ from grid_box import EDGES, BoxSpace
 from plan_examples import plan as plan_by_hand
 
 from planner import BoxRegion, Camera, MeshRegion, PoseUncertainty, SphereRegion, resume
-from planner.bound.lower_bound import Covering
+from planner.bound.lower_bound import TreeGrowth
 from planner.bound.pose_space import Division
 from planner.columns.outcome import Outcome
 from planner.exceptions import OutputError, PlanFileError
@@ -44,7 +44,7 @@ def few_parts():
     """Divide the space of poses into few parts, and soon: otherwise a small part has no sweeps, or long ones."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("planner.bound.pose_space.DIVISION", Division(parts=16))
-        patch.setattr(import_module("planner.bound.lower_bound"), "COVERING", Covering(nodes=300))
+        patch.setattr(import_module("planner.bound.lower_bound"), "COVERING", TreeGrowth(nodes=300))
         yield
 
 

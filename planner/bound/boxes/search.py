@@ -126,7 +126,7 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
         The request.
     tree : Viewpoints
         What may be inspected from where.
-    task : Task
+    task : SearchTask
         Which pose is looked for, and for how long.
     pose : array (4, 4)
         The pose found is written here; camera to part.

@@ -44,7 +44,7 @@ class View(NamedTuple):
     radius: float
 
 
-class Task(NamedTuple):
+class SearchTask(NamedTuple):
     """What a search is for: a pose whose entities weigh more than a limit.
 
     ``conflict`` (e, e) tells which entities exclude each other anyhow, ``y`` (e,) are the weights. It looks at

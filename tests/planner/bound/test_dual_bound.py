@@ -11,9 +11,9 @@ from planner.bound.boxes.search import FOUND, PROVEN, SPENT, UNRESOLVED
 from planner.bound.dual_bound import AIMING, SWEEPING, LinearBound, _Parts
 from planner.bound.pose_space import Found
 from planner.bound.weights import limit_for, relieved
+from planner.checkpoint import Checkpoint
 from planner.cover.relaxation import fractional_cover
 from planner.cover.set_cover import min_cover
-from planner.ledger import Ledger
 from planner.records.packing import packed, unpacked
 
 # of 24 entities, a column for every two
@@ -216,7 +216,7 @@ def test_a_proof_goes_on_from_any_part_where_it_stopped(seed):
             improved.append(len(poses))
             return columns[-24:]
 
-        linear = LinearBound(space, columns[-24:], improve, Ledger(kept=kept, keep=keep))
+        linear = LinearBound(space, columns[-24:], improve, Checkpoint(kept=kept, keep=keep))
         return (
             linear.raise_from(1, 24, max_nodes=100_000),
             linear.made,

@@ -62,7 +62,7 @@ def test_poses_show_all_if_every_edge_shows(judge, poses):
     for n in (10, len(poses)):
         wanted = np.ones((n, len(judge.names)), dtype=bool)
         assert np.array_equal(some.show_all(poses[:n]), some.shown(poses[:n], wanted).all(axis=1))
-    few = Judge(judge.request.of(judge.names[:3]))
+    few = Judge(judge.request.restricted_to(judge.names[:3]))
     image = few.constraints.image
     expected = image.shown(poses, np.ones((len(poses), 3), dtype=bool)).all(axis=1)
     assert expected.any()

@@ -10,7 +10,7 @@ from grid_box import EDGES, BoxSpace
 from planner import Camera, PoseUncertainty
 from planner.bound.boxes.cells import Cells
 from planner.bound.boxes.search import search
-from planner.bound.boxes.view import Task
+from planner.bound.boxes.view import SearchTask
 from planner.bound.boxes.viewpoint_tree import viewpoints_for
 from planner.bound.boxes.windows import rotation
 from planner.bound.pose_space import PoseSpace
@@ -50,7 +50,7 @@ def found_in(space, part, y, limit, max_nodes=100_000):
     order = np.argsort(-y, kind="stable")
     if space not in TREES:
         TREES[space] = viewpoints_for(space.nodal_points, space.entities, space.view, y, limit)
-    task = Task(space.conflict, y, limit, max_nodes, np.zeros(1, dtype=bool))
+    task = SearchTask(space.conflict, y, limit, max_nodes, np.zeros(1, dtype=bool))
     return (
         *search(box, chart, order, space.entities, space.view, TREES[space], task, pose, inspected),
         pose,

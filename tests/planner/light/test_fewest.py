@@ -7,7 +7,7 @@ import pytest
 
 from aspectgraph.cells.cell_set import Cell
 from planner.light import fewest
-from planner.light.fewest import Search
+from planner.light.fewest import LampSearch
 from planner.light.lamps import LampBox, LampDome
 
 
@@ -26,7 +26,7 @@ def test_the_bound_is_the_least_cover_by_all_places(seed, listed, monkeypatch):
         known.extend(able[:1])
         return not len(able)
 
-    bound = Search(n, lambda: np.array(known), decide).bound()
+    bound = LampSearch(n, lambda: np.array(known), decide).bound()
     least = next(
         k for k in range(1, n + 1) for some in combinations(places, k) if np.any(some, axis=0).all()
     )
@@ -36,7 +36,7 @@ def test_the_bound_is_the_least_cover_by_all_places(seed, listed, monkeypatch):
 
 def test_what_stays_open_does_not_raise_the_bound():
     """Nothing is found and nothing refuted: one place might do all."""
-    assert Search(5, lambda: np.eye(5, dtype=bool), lambda jobs: False).bound() == 1
+    assert LampSearch(5, lambda: np.eye(5, dtype=bool), lambda jobs: False).bound() == 1
 
 
 @pytest.mark.parametrize("n", [15, 20])
@@ -50,7 +50,7 @@ def test_many_jobs(n):
             known.append(np.arange(n) % 3 == rest.pop())
         return len(rest) > 1
 
-    assert Search(n, lambda: np.array(known), decide).bound() == 3
+    assert LampSearch(n, lambda: np.array(known), decide).bound() == 3
     assert len(fewest.min_cover(np.array(known)).chosen) == 3
 
 
@@ -65,7 +65,7 @@ def test_many_jobs_of_which_all_pairs_but_no_three_go_together():
         known.append(np.isin(np.arange(n), list(jobs)))
         return False
 
-    assert 2 <= Search(n, lambda: np.array(known), decide).bound() <= 8
+    assert 2 <= LampSearch(n, lambda: np.array(known), decide).bound() <= 8
 
 
 def random_cell(rng):

@@ -3,7 +3,7 @@
 import re
 
 from planner.report.attention import FEW, attention, not_inspected, reasons_section
-from planner.rows.measured import BETTER, FINE, Row, Warned
+from planner.rows.measured import Row, Warned, WarningKind
 from planner.setting.reason import Reason, ReasonKind
 
 
@@ -24,14 +24,19 @@ def test_nothing_to_look_at_takes_no_room():
 def test_few_warnings_are_told_one_by_one():
     html = attention(
         [
-            [row(1, "a&b", Warned(FINE, "tolerance of 1.1 px"))],
-            [row(2, "c", Warned(BETTER, "0.04 better"))],
+            [row(1, "a&b", Warned(WarningKind.FEW_PIXELS, "tolerance of 1.1 px"))],
+            [row(2, "c", Warned(WarningKind.BETTER, "0.04 better"))],
         ]
     )
     assert html.count("<li>") == 2
     # those of one kind, too
     html_of_a_kind = attention(
-        [[row(1, "a", Warned(FINE, "1.1 px")), row(1, "b", Warned(FINE, "1.2 px"))]]
+        [
+            [
+                row(1, "a", Warned(WarningKind.FEW_PIXELS, "1.1 px")),
+                row(1, "b", Warned(WarningKind.FEW_PIXELS, "1.2 px")),
+            ]
+        ]
     )
     assert re.findall("<li>(.*?)</li>", html_of_a_kind)[1].startswith("<b>b</b>")
     assert "a&amp;b (setting 1): tolerance of 1.1 px" in text(html)
@@ -39,11 +44,13 @@ def test_few_warnings_are_told_one_by_one():
 
 
 def test_many_warnings_of_a_kind_are_one_line_with_every_name_once():
-    fine = Warned(FINE, "tolerance of 1.1 px")
+    fine = Warned(WarningKind.FEW_PIXELS, "tolerance of 1.1 px")
     names = [f"e{i}" for i in range(FEW)]
     html = attention([[row(1, name, fine) for name in names], [row(2, "e0", fine)]])
     assert html.count("<li>") == 1
-    assert f"{FINE} in {FEW + 1} measurements: e0 (1, 2), e1 (1), " in text(html)
+    assert f"{WarningKind.FEW_PIXELS.value} in {FEW + 1} measurements: e0 (1, 2), e1 (1), " in text(
+        html
+    )
     assert 'href="#setting-2"' in html
 
 

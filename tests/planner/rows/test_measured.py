@@ -8,7 +8,7 @@ from plan_examples import CAMERA, LIGHT, UNCERTAINTY, plan, setting
 from scipy.spatial.transform import Rotation
 
 from errors.measurands import Line, Localisation
-from planner.rows.measured import FINE, SOURCES, UNLIT, measured_rows
+from planner.rows.measured import SOURCES, WarningKind, measured_rows
 from planner.verify.simulate_plan import SimulationResult
 from planner.verify.simulate_setting import SuccessRate
 from planner.wanted.planned import PlannedDimension
@@ -90,7 +90,7 @@ def test_a_tolerance_under_two_pixels_is_told():
     assert measured_rows(square_on())[0][0].warnings == ()
     (row,) = measured_rows(square_on(accuracy=0.999))[0]
     ((kind, text),) = row.warnings
-    assert kind == FINE
+    assert kind == WarningKind.FEW_PIXELS
     assert text.startswith("tolerance of 1.1 px, under two pixels: P is the mean over parts")
 
 
@@ -119,7 +119,7 @@ def test_only_whole_pixels_make_a_small_tolerance_doubtful():
     # one thousandth of the image of 80 mm, in the coarser pixels, the same for both
     wanted = 0.001 * LENGTH_MM * CAMERA.image_distance_mm / DEPTH_MM / 0.0035
     assert rounded.permitted_error_px == fitted.permitted_error_px == pytest.approx(wanted)
-    assert [warning.kind for warning in rounded.warnings] == [FINE]
+    assert [warning.kind for warning in rounded.warnings] == [WarningKind.FEW_PIXELS]
     assert fitted.warnings == ()
 
 
@@ -129,7 +129,7 @@ def test_what_no_lamp_shows_is_warned_of():
     first, second = measured_rows(plan(light=light))
     assert {row.name: [one.kind for one in row.warnings] for row in first} == {
         "top front": [],
-        "top right": [UNLIT],
+        "top right": [WarningKind.UNLIT],
     }
     assert first[1].warnings[0].text == "shown by no lamp: none of 2 lamps shows it."
     assert not second[0].warnings

@@ -38,7 +38,7 @@ def test_what_excludes_each_other_is_a_bound_without_a_search(monkeypatch):
     found = [2]
     monkeypatch.setattr(prove_bound, "lower_bound", lambda *given, **how: (found[0], "by search"))
     run = run_with(np.eye(4))
-    run.exclusive = tuple(NAMES[:3])
+    run.incompatible = tuple(NAMES[:3])
     bound, proof = prove_bound.prove_bound(run, unwatched())
     assert bound == 3
     assert proof.startswith("Of 3 edges no two can be inspected together")
@@ -50,7 +50,7 @@ def test_what_excludes_each_other_is_a_bound_without_a_search(monkeypatch):
 def test_where_that_is_all_there_is_to_prove_nothing_is_searched(monkeypatch):
     monkeypatch.setattr(prove_bound, "lower_bound", None)
     run = run_with(np.eye(4))
-    run.exclusive = tuple(NAMES)
+    run.incompatible = tuple(NAMES)
     assert prove_bound.prove_bound(run, unwatched())[0] == 4
     # what is resumed there knows it
     assert prove_bound.prove_bound(run, unwatched())[0] == 4
@@ -59,17 +59,17 @@ def test_where_that_is_all_there_is_to_prove_nothing_is_searched(monkeypatch):
 def test_of_what_is_not_inspected_nothing_is_proven(monkeypatch):
     monkeypatch.setattr(prove_bound, "lower_bound", lambda *given, **how: (1, "by search"))
     run = run_with([[1, 1, 0, 0], [0, 0, 1, 0]])
-    run.exclusive = tuple(NAMES[1:])
+    run.incompatible = tuple(NAMES[1:])
     assert prove_bound.prove_bound(run, unwatched()) == (1, "by search")
 
 
 def test_a_checkpoint_tells_what_excludes_each_other():
     run = run_with(np.eye(4))
-    run.exclusive = tuple(NAMES[:2])
+    run.incompatible = tuple(NAMES[:2])
     run.keep("some step", {})
     other = run_with(np.eye(4))
     other.restore(run.memo.last())
-    assert other.exclusive == tuple(NAMES[:2])
+    assert other.incompatible == tuple(NAMES[:2])
     assert np.array_equal(other.pool.membership, run.pool.membership)
 
 

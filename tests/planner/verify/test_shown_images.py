@@ -19,7 +19,7 @@ from planner import (
 )
 from planner.camera.pose import world_to_cam
 from planner.report.wording import shown_sentence, unshown_texts
-from planner.rows.measured import UNSHOWN, measured_rows
+from planner.rows.measured import WarningKind, measured_rows
 from planner.verify.shown_images import MOST_POSES, ShownImages, count_shown
 from planner.verify.simulate_setting import displaced_poses
 
@@ -104,7 +104,7 @@ def test_the_plan_keeps_and_tells_it():
         == found.simulation
     )
     (row,) = measured_rows(found)[0]
-    assert (UNSHOWN, told) in row.warnings
+    assert (WarningKind.UNSHOWN, told) in row.warnings
     assert unshown_texts(found.simulation.shown, 0) == [f"top front: {told}"]
     assert shown_sentence(found.simulation.shown).endswith(
         f"by each of the others in {n} of 200 at least."

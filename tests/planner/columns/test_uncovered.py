@@ -6,7 +6,7 @@ from grid_box import EDGES, BoxSpace
 
 from planner import Camera, PoseUncertainty
 from planner.columns import candidates
-from planner.columns.candidates import Beginning, Pools, entity_poses, price_poses
+from planner.columns.candidates import Pools, WarmStart, entity_poses, price_poses
 from planner.columns.judge import Judge
 from planner.columns.pool import ColumnPool
 from planner.executors import Shared
@@ -36,7 +36,7 @@ def pools_of(judge, names, nearly=True):
     return pools
 
 
-def prices_asked(judge, monkeypatch, pools, begin, rounds):
+def prices_asked(judge, monkeypatch, pools, warm_start, rounds):
     """Return the prices of each round; the pools are changed."""
     asked = []
     improve = candidates._improve
@@ -46,29 +46,29 @@ def prices_asked(judge, monkeypatch, pools, begin, rounds):
         return improve(shared, pools, breed, prices, rng, executor)
 
     monkeypatch.setattr(candidates, "_improve", watched)
-    price_poses(Shared(judge), pools, 5, rounds, begin=begin)
+    price_poses(Shared(judge), pools, 5, rounds, warm_start=warm_start)
     return asked
 
 
 def test_what_is_sought_is_found_and_joins_the_cover(judge, monkeypatch):
     pools = pools_of(judge, KNOWN)
     assert pools.realised.inspected.tolist() == [name in KNOWN for name in NAMES]
-    asked = prices_asked(judge, monkeypatch, pools, Beginning(sought=np.ones(8, dtype=bool)), 12)
-    assert (asked[0][1::2] == candidates.PRICING.sought).all()
+    asked = prices_asked(judge, monkeypatch, pools, WarmStart(coverable=np.ones(8, dtype=bool)), 12)
+    assert (asked[0][1::2] == candidates.PRICING.uncovered).all()
     found = pools.realised.inspected
     assert found[1::2].sum() >= 2
     # what some column has is worth what the cover says, and no setting of its own
     joined = np.array(asked)[:, found]
     assert (joined[-1] <= 1.0 + 1e-9).all()
-    assert (np.array(asked)[:, ~found] == candidates.PRICING.sought).all()
+    assert (np.array(asked)[:, ~found] == candidates.PRICING.uncovered).all()
 
 
 def test_what_is_given_up_is_not_sought(judge, monkeypatch):
     pools = pools_of(judge, KNOWN)
     sought = np.arange(8) != 7
-    asked = prices_asked(judge, monkeypatch, pools, Beginning(sought=sought), 1)
+    asked = prices_asked(judge, monkeypatch, pools, WarmStart(coverable=sought), 1)
     assert asked[0][7] == 0.0
-    assert (asked[0][1:7:2] == candidates.PRICING.sought).all()
+    assert (asked[0][1:7:2] == candidates.PRICING.uncovered).all()
 
 
 def test_without_being_sought_they_are_worth_nothing(judge, monkeypatch):
@@ -79,11 +79,13 @@ def test_without_being_sought_they_are_worth_nothing(judge, monkeypatch):
 
 def test_it_begins_with_what_is_nearly_inspected_or_not_at_all(judge):
     nothing = Pools(ColumnPool(len(NAMES)), ColumnPool(len(NAMES)))
-    price_poses(Shared(judge), nothing, 5, 3, begin=Beginning(sought=np.ones(8, dtype=bool)))
+    price_poses(
+        Shared(judge), nothing, 5, 3, warm_start=WarmStart(coverable=np.ones(8, dtype=bool))
+    )
     assert not len(nothing.realised)
     pools = pools_of(judge, NAMES[:2])
     pools = Pools(ColumnPool(len(NAMES)), pools.near)
-    price_poses(Shared(judge), pools, 5, 6, begin=Beginning(sought=np.ones(8, dtype=bool)))
+    price_poses(Shared(judge), pools, 5, 6, warm_start=WarmStart(coverable=np.ones(8, dtype=bool)))
     assert pools.realised.inspected[:2].all()
 
 
