@@ -4,7 +4,7 @@ from aspectgraph.cells.cell_set import Cell, CellSet
 from aspectgraph.dimensions.read_dimensions import read_dimensions
 from aspectgraph.dimensions.records import ModelDimension
 from aspectgraph.entities.entity_files import read_entities
-from aspectgraph.entities.selection import select_entities
+from aspectgraph.entities.entity_rules import select_entities
 from aspectgraph.entities.straight_edges import Entity, resolve_entities
 from aspectgraph.exceptions import (
     AspectGraphError,

@@ -39,7 +39,15 @@ from rendered_images import Lamp, Renderer, found_points
 from scipy.spatial.transform import Rotation
 
 from aspectgraph import read_entities, read_solid
-from planner import Camera, Effort, LampBox, PoseUncertainty, Showing, plan_inspection, plan_light
+from planner import (
+    Camera,
+    Detectability,
+    Effort,
+    LampBox,
+    PoseUncertainty,
+    plan_inspection,
+    plan_light,
+)
 
 plt.rcParams.update({"figure.constrained_layout.use": True, "font.size": 9})
 EXAMPLES = root / "examples"
@@ -59,7 +67,7 @@ plan = plan_inspection(
     solid, edges, camera, uncertainty, accuracy=0.99, effort=Effort.named("quick")
 )
 light = plan_light(plan, solid, LampBox((-500, -500, 250), (500, 500, 900)))
-print(Showing())
+print(Detectability())
 print(plan)
 print(light)
 assert plan.complete

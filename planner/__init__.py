@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from errors.measurands import Localisation
+    from planner.batch.folder_of_parts import plan_folder
     from planner.batch.part_request import PartRequest
     from planner.batch.part_result import PartResult
-    from planner.batch.plan_folder import plan_folder
     from planner.camera.camera import Camera
     from planner.camera.catalogue import camera_names
     from planner.camera.distortion import Distortion
     from planner.camera.pose import look_at
     from planner.camera.pose_uncertainty import PoseUncertainty
     from planner.cover.set_cover import Cover, is_cover, min_cover
+    from planner.detectability.conditions import Detectability, Showing
     from planner.exceptions import (
         CameraError,
         CoverError,
@@ -53,7 +54,6 @@ if TYPE_CHECKING:
     from planner.setting.pose_search import Search
     from planner.setting.reason import Reason, ReasonKind
     from planner.setting.sensor_setting import SensorSetting
-    from planner.showing.showing import Showing
     from planner.travel import travel_order
     from planner.verify.simulate_plan import SimulationResult, simulate_plan
     from planner.verify.simulate_setting import SuccessRate, simulate_setting
@@ -63,7 +63,7 @@ if TYPE_CHECKING:
 _NAMES = {
     "planner.batch.part_request": ("PartRequest",),
     "planner.batch.part_result": ("PartResult",),
-    "planner.batch.plan_folder": ("plan_folder",),
+    "planner.batch.folder_of_parts": ("plan_folder",),
     "errors.measurands": ("Localisation",),
     "planner.pose_prediction": ("PosePrediction", "predict"),
     "planner.wanted.dimension": ("Dimension",),
@@ -124,7 +124,7 @@ _NAMES = {
         "SphereRegion",
     ),
     "planner.setting.plan_setting": ("plan_setting",),
-    "planner.showing.showing": ("Showing",),
+    "planner.detectability.conditions": ("Detectability", "Showing"),
     "planner.setting.pose_search": ("Search",),
     "planner.setting.reason": ("Reason", "ReasonKind"),
     "planner.setting.sensor_setting": ("SensorSetting",),
@@ -146,6 +146,7 @@ __all__ = [
     "CameraError",
     "Cover",
     "CoverError",
+    "Detectability",
     "Dimension",
     "Distortion",
     "Effort",

@@ -42,7 +42,7 @@ from planner.request.request import Request
 from planner.request.space import Space
 from planner.request.target_space import TargetSpace
 from planner.resume import PlanningState
-from planner.showing.showing import USUAL, Showing
+from planner.detectability.conditions import USUAL, Detectability
 from planner.steps.incumbents import Incumbents
 from planner.steps.run import Run
 from planner.steps.stages import run_stages
@@ -67,7 +67,7 @@ def plan_inspection(
     field_margin_px: float | None = None,
     visibility_radius_mm: float | None = None,
     focus_margin_mm: float | None = None,
-    showing: Showing = USUAL,
+    showing: Detectability = USUAL,
     reach: Reach | None = None,
     lamps: Any = None,
     space: Space | None = None,
@@ -125,10 +125,10 @@ def plan_inspection(
         What both limits of the depth of field are narrowed by, so that a displaced camera is in focus still. Default:
         for each end of an edge, three standard deviations of its depth as the camera is moved and turned; at most an
         eighth of the depth of field, but never less than 1.645 of them.
-    showing : Showing
+    showing : Detectability
         What the image needs so that edges can be found in it. Edges that run on smoothly in an arc are not inspected
-        then; ``Showing(0, 0, 0)`` asks for nothing, as the paper. Default: ``Showing()``.
-    reach : Region or callable, optional
+        then; ``Detectability(0, 0, 0)`` asks for nothing, as the paper. Default: ``Detectability()``.
+    reach : ReachRegion or callable, optional
         As in `plan_setting`. With ``state`` it must have a name that lasts: a lambda, a function inside another one, or
         what cannot be pickled needs an attribute ``state_name`` that says what it permits.
     lamps : array_like, shape (n, 3), or LampBox, LampDome, "ring" or Lighting, optional

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from errors.measurands.localisation import Localisation
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.detectability.conditions import USUAL, Detectability
 from planner.plan import InspectionPlan
 from planner.request.constraints import Requirements
 from planner.request.defaults import (
@@ -25,7 +26,6 @@ from planner.request.effort import Effort
 from planner.request.focus_reserve import NO_RESERVE, FocusReserve
 from planner.request.reach import Reach
 from planner.request.space import Space
-from planner.showing.showing import USUAL, Showing
 
 if TYPE_CHECKING:
     from planner.light.lighting import Lighting
@@ -53,9 +53,9 @@ class InspectionOptions:
     focus_margin_mm : float, optional
         What both limits of the depth of field are narrowed by, mm. Default: three standard deviations of each point's
         depth, see `plan_inspection`.
-    showing : Showing
+    showing : Detectability
         What the image needs so that edges can be found in it.
-    reach : Region or callable, optional
+    reach : ReachRegion or callable, optional
         Where the front nodal point may be. Default: anywhere.
     lamps : array_like, shape (n, 3), or LampBox, LampDome, "ring" or Lighting, optional
         Lamps that are to show what is measured. Default: no lamps.
@@ -92,7 +92,7 @@ class InspectionOptions:
     field_margin_px: float | None = None
     visibility_radius_mm: float | None = None
     focus_margin_mm: float | None = None
-    showing: Showing = USUAL
+    showing: Detectability = USUAL
     reach: Reach | None = None
     lamps: Any = None
     space: Space | None = None

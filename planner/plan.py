@@ -22,7 +22,7 @@ from planner.records.schema import check_schema, field_name, shown
 from planner.rows.plan_tables import PlanTables
 from planner.setting.reason import Reason, kind_of, kinds_record, reasons_from
 from planner.setting.sensor_setting import SensorSetting
-from planner.wanted.features import features_text
+from planner.wanted.feature_counts import features_text
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -140,7 +140,7 @@ class InspectionPlan(PlanTables):
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        from errors.telling import probability_text
+        from errors.formatting import probability_text
 
         settings = f"{len(self.settings)} settings (at least {self.lower_bound} needed)"
         inspected = self.inspected

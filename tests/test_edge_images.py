@@ -11,8 +11,8 @@ from lit_parts import block
 from plan_examples import plan, setting
 
 from aspectgraph import Solid, read_solid
-from planner import Camera, PoseUncertainty, Showing
-from planner.showing.image_check import ImageCheck
+from planner import Camera, Detectability, PoseUncertainty
+from planner.detectability.image_check import ImageCheck
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "images"))
 from corner_detectors import corner_sub_pix, traced_end
@@ -40,7 +40,9 @@ def only(asked, solid, n=8):
 
 def margins(asked, solid, edge_ids):
     """What the planner says of the same view."""
-    check = ImageCheck(solid, [edge_ids], np.array([asked.entities["edge"]]), CAMERA, Showing())
+    check = ImageCheck(
+        solid, [edge_ids], np.array([asked.entities["edge"]]), CAMERA, Detectability()
+    )
     pose = np.asarray(asked.settings[0].cam2world)[None]
     return check.corners(pose, ONE)[0, 0], check.separations(pose, ONE)[0, 0]
 

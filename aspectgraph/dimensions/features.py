@@ -44,7 +44,7 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class Line:
+class StraightLine:
     """A straight edge: a point in mm, its unit direction, and the ids of its edges."""
 
     point: FloatArray
@@ -65,7 +65,7 @@ class Axis:
     circles: tuple[Arc, ...]
 
 
-Feature: TypeAlias = Plane | Line | Axis
+Feature: TypeAlias = Plane | StraightLine | Axis
 
 
 class Attachments:
@@ -94,7 +94,7 @@ class Attachments:
 
         Returns
         -------
-        list of Plane, Line or Axis
+        list of Plane, StraightLine or Axis
             Faces in one plane are one feature, coaxial cylinders and circles of one radius are one.
         """
         found: list[Feature] = []
@@ -125,7 +125,7 @@ class Attachments:
             return Plane(np.array(shape["point"]), np.array(shape["axis"]), tuple(sorted(edges)))
         if shape["kind"] == "line":
             start, end = np.array(shape["ends"])
-            return Line(
+            return StraightLine(
                 start,
                 (end - start) / np.linalg.norm(end - start),
                 tuple(self._edges_on(shape["ends"])),
@@ -162,7 +162,7 @@ class Attachments:
         if isinstance(one, Plane) and isinstance(other, Plane):
             away = abs(float((other.point - one.point) @ one.normal))
             return parallel(one.normal, other.normal) and away <= self.match_mm
-        if isinstance(one, Line) and isinstance(other, Line):
+        if isinstance(one, StraightLine) and isinstance(other, StraightLine):
             beside = float(np.linalg.norm(np.cross(other.point - one.point, one.along)))
             return parallel(one.along, other.along) and beside <= self.match_mm
         if isinstance(one, Axis) and isinstance(other, Axis):
@@ -222,9 +222,9 @@ def _joined(one: Feature, other: Feature) -> Feature:
         return Axis(one.point, one.along, one.radius_mm, one.circles + more)
     if isinstance(one, Plane) and isinstance(other, Plane):
         return Plane(one.point, one.normal, tuple(sorted({*one.edges, *other.edges})))
-    assert isinstance(one, Line), "only features of one type are joined"
-    assert isinstance(other, Line), "only features of one type are joined"
-    return Line(one.point, one.along, tuple(sorted({*one.edges, *other.edges})))
+    assert isinstance(one, StraightLine), "only features of one type are joined"
+    assert isinstance(other, StraightLine), "only features of one type are joined"
+    return StraightLine(one.point, one.along, tuple(sorted({*one.edges, *other.edges})))
 
 
 def describe_shape(shape: dict[str, Any]) -> str:

@@ -24,8 +24,8 @@ from aspectgraph.dimensions.features import (
     Axis,
     Feature,
     FloatArray,
-    Line,
     Plane,
+    StraightLine,
     parallel,
     perpendicular,
 )
@@ -150,7 +150,7 @@ class Measurer:
         if isinstance(one, Plane) and isinstance(other, Plane):
             first = one.normal
             second = other.normal
-        elif isinstance(one, Line) and isinstance(other, Line):
+        elif isinstance(one, StraightLine) and isinstance(other, StraightLine):
             first = one.along
             second = other.along
         else:
@@ -187,7 +187,7 @@ class Measurer:
         return perpendicular(self._along(a), direction) and perpendicular(self._along(b), direction)
 
     def _edge_pairs(
-        self, one: Plane | Line, other: Plane | Line, direction: FloatArray
+        self, one: Plane | StraightLine, other: Plane | StraightLine, direction: FloatArray
     ) -> tuple[Way, ...]:
         """Return the pairs of parallel edges across a direction, best first."""
         pairs = [
@@ -229,9 +229,9 @@ class Measurer:
         reason = "" if apart else "no sharp circular edge is around one of its axes"
         return self._with_circle("centre_distance", value, apart, reason, across / value)
 
-    def _centre_to_edge(self, axis: Axis, other: Plane | Line) -> Measure:
+    def _centre_to_edge(self, axis: Axis, other: Plane | StraightLine) -> Measure:
         direction = other.normal if isinstance(other, Plane) else np.cross(axis.along, other.along)
-        if isinstance(other, Line) and not perpendicular(axis.along, other.along):
+        if isinstance(other, StraightLine) and not perpendicular(axis.along, other.along):
             return Measure(
                 "centre_to_edge",
                 reason="the edge and the axis it is attached to are not perpendicular",
@@ -291,9 +291,9 @@ class Measurer:
         return Measure(kind, (value,), (ways,), reason, direction, note if offset else "")
 
 
-def _across(one: Plane | Line, other: Plane | Line) -> FloatArray | None:
+def _across(one: Plane | StraightLine, other: Plane | StraightLine) -> FloatArray | None:
     """Return the unit direction in which two planes or lines are apart; None if they are not parallel."""
-    if isinstance(one, Line) and isinstance(other, Line):
+    if isinstance(one, StraightLine) and isinstance(other, StraightLine):
         offset = other.point - one.point
         beside = offset - (offset @ one.along) * one.along
         length = float(np.linalg.norm(beside))
@@ -302,5 +302,5 @@ def _across(one: Plane | Line, other: Plane | Line) -> FloatArray | None:
         return one.normal if parallel(one.normal, other.normal) else None
     plane, line = (one, other) if isinstance(one, Plane) else (other, one)
     assert isinstance(plane, Plane), "one of the two is a plane"
-    assert isinstance(line, Line), "and the other a line"
+    assert isinstance(line, StraightLine), "and the other a line"
     return plane.normal if perpendicular(plane.normal, line.along) else None

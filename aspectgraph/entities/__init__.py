@@ -5,7 +5,7 @@ circular edge, closed (a rim) or open (an arc), with the circle they stand for. 
 """
 
 from aspectgraph.entities.entity_files import read_entities
-from aspectgraph.entities.selection import select_entities
+from aspectgraph.entities.entity_rules import select_entities
 from aspectgraph.entities.straight_edges import Entity, resolve_entities
 
 __all__ = [

@@ -6,7 +6,6 @@ gets the same integers.
 
 from aspectgraph.exact.canonical_axes import own_frame
 from aspectgraph.exact.canonical_order import Listing, list_solid
-from aspectgraph.exact.features import resolving_grid
 from aspectgraph.exact.grid import Grid, as_queries, turned
 from aspectgraph.exact.planes import (
     face_planes,
@@ -17,6 +16,7 @@ from aspectgraph.exact.planes import (
     side_of,
 )
 from aspectgraph.exact.predicates import meet, sign_at_point, sign_at_vertex
+from aspectgraph.exact.small_details import resolving_grid
 
 __all__ = [
     "Grid",

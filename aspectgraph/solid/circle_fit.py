@@ -18,7 +18,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from aspectgraph.solid.circles import CircularEdge, Surface, fit_circle
+from aspectgraph.solid.circles import CircularEdge, EdgedSurface, fit_circle
 
 SHARP_MESH_DEG = 33.0
 """Gentler edges may lie inside a curved surface: twelve facets to a full turn, and some rounding."""
@@ -39,7 +39,7 @@ RELATIVE_RESIDUAL = 1e-3
 """Coordinates with four digits; the sagitta of sixty chords to the full turn."""
 
 
-def fitted_chains(solid: Surface) -> list[CircularEdge]:
+def fitted_chains(solid: EdgedSurface) -> list[CircularEdge]:
     """Return the circular chains of a solid with the circles fitted to them, by their lowest edge."""
     following = _continuations(solid)
     chains = [run for path in _paths(solid, following) for run in _circular_runs(solid, path)]
@@ -49,14 +49,14 @@ def fitted_chains(solid: Surface) -> list[CircularEdge]:
     return [found[i] for i in np.argsort(lowest, kind="stable").tolist()]
 
 
-def _chain(solid: Surface, run: list[int]) -> CircularEdge:
+def _chain(solid: EdgedSurface, run: list[int]) -> CircularEdge:
     circle = fit_circle(solid.vertices[run])
     assert circle is not None, "a circular run has a circle"
     # the turn is that of the chords, which the caller measures
     return CircularEdge(circle, tuple(run), 180.0)
 
 
-def _continuations(solid: Surface) -> dict[tuple[int, int], int]:
+def _continuations(solid: EdgedSurface) -> dict[tuple[int, int], int]:
     """Return for a chord walked from u to v, as (u, v), the vertex w that continues it, if any."""
     ends: dict[int, list[tuple[int, bool]]] = {}
     for edge in solid.edges:
@@ -80,7 +80,7 @@ def _continuations(solid: Surface) -> dict[tuple[int, int], int]:
     return following
 
 
-def _paths(solid: Surface, following: dict[tuple[int, int], int]) -> list[list[int]]:
+def _paths(solid: EdgedSurface, following: dict[tuple[int, int], int]) -> list[list[int]]:
     """Return the maximal paths of chords that continue each other, as vertices; closed ones end where they start."""
     done: set[frozenset[int]] = set()
     paths = []
@@ -102,7 +102,7 @@ def _paths(solid: Surface, following: dict[tuple[int, int], int]) -> list[list[i
     return paths
 
 
-def _circular_runs(solid: Surface, path: list[int]) -> list[list[int]]:
+def _circular_runs(solid: EdgedSurface, path: list[int]) -> list[list[int]]:
     """Return the circular runs of a path: all of a closed one, or the longest that follow each other."""
     closed = path[0] == path[-1]
     if closed and _is_circular(solid, path):
@@ -123,14 +123,14 @@ def _circular_runs(solid: Surface, path: list[int]) -> list[list[int]]:
     return runs
 
 
-def _from_a_corner(solid: Surface, path: list[int]) -> list[int]:
+def _from_a_corner(solid: EdgedSurface, path: list[int]) -> list[int]:
     """Return a closed path turned so that it starts at the end of its longest chord, where no arc is cut in two."""
     lengths = np.linalg.norm(np.diff(solid.vertices[path], axis=0), axis=1)
     start = int(np.argmax(lengths)) + 1
     return path[start:-1] + path[: start + 1]
 
 
-def _is_circular(solid: Surface, run: list[int]) -> bool:
+def _is_circular(solid: EdgedSurface, run: list[int]) -> bool:
     points = solid.vertices[run]
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     if lengths.max() > UNEVEN * np.median(lengths):

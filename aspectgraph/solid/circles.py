@@ -16,7 +16,7 @@ from aspectgraph.solid.topology import Edge
 FloatArray = npt.NDArray[np.float64]
 
 
-class Surface(Protocol):
+class EdgedSurface(Protocol):
     """What finding circular edges needs of a `Solid`: its vertices, edges and outward unit normals."""
 
     vertices: FloatArray

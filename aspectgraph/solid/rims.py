@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 
 from aspectgraph.solid.circle_fit import fitted_chains
-from aspectgraph.solid.circles import Circle, CircularEdge, FloatArray, Surface
+from aspectgraph.solid.circles import Circle, CircularEdge, EdgedSurface, FloatArray
 
 SHARP_DEG = 5.0
 """Default for the smallest turn of the normal across an edge that is seen, in degrees."""
@@ -130,7 +130,9 @@ def reference_direction(axis: FloatArray) -> FloatArray:
     return np.asarray(across / np.linalg.norm(across), dtype=np.float64)
 
 
-def find_arcs(solid: Surface, circular_edges: Sequence[CircularEdge] | None) -> tuple[Arc, ...]:
+def find_arcs(
+    solid: EdgedSurface, circular_edges: Sequence[CircularEdge] | None
+) -> tuple[Arc, ...]:
     """Return all rims and arcs of a solid, numbered each, however blunt.
 
     Parameters
@@ -215,7 +217,7 @@ def _same(one: Circle, other: Circle) -> bool:
 
 
 def _arc(
-    solid: Surface, chain: CircularEdge, edge_of: dict[frozenset[int], int], *, fitted: bool
+    solid: EdgedSurface, chain: CircularEdge, edge_of: dict[frozenset[int], int], *, fitted: bool
 ) -> Arc:
     """Return the rim or arc of a chain, not yet numbered."""
     vertices = chain.vertices
@@ -248,7 +250,7 @@ def _arc(
     )
 
 
-def _faces_away(solid: Surface, edges: list[int], axis: FloatArray) -> bool:
+def _faces_away(solid: EdgedSurface, edges: list[int], axis: FloatArray) -> bool:
     """Whether the faces along the chords face against the axis; if neither way, whether its largest part is < 0."""
     ends = solid.vertices[[solid.edges[e].vertices for e in edges]]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)

@@ -22,7 +22,7 @@ RELATIVE_CONTACT = 1e-9
 _FOLDED_DEG = 180.0 - 1e-6
 
 
-class Surface(Protocol):
+class ContactSurface(Protocol):
     """What is read of a solid here; see `Solid` for shapes and units."""
 
     @property
@@ -41,7 +41,7 @@ class Surface(Protocol):
     def face_shell(self) -> np.ndarray: ...  # noqa: D102
 
 
-def check_contacts(solid: Surface) -> None:
+def check_contacts(solid: ContactSurface) -> None:
     """Check that the surface meets itself only in common edges and vertices.
 
     Raises
@@ -76,7 +76,9 @@ def check_contacts(solid: Surface) -> None:
         )
 
 
-def _complain(solid: Surface, edge_id: int, triangle: int, pierces: bool, n_contacts: int) -> None:
+def _complain(
+    solid: ContactSurface, edge_id: int, triangle: int, pierces: bool, n_contacts: int
+) -> None:
     edge = solid.edges[edge_id]
     face = int(solid.triangle_face[triangle])
     same = solid.face_shell[face] == solid.face_shell[edge.faces[0]]
@@ -95,7 +97,7 @@ def _complain(solid: Surface, edge_id: int, triangle: int, pierces: bool, n_cont
 
 
 def _near_pairs(
-    solid: Surface, points: np.ndarray, ends: np.ndarray, tolerance: float
+    solid: ContactSurface, points: np.ndarray, ends: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return edges and triangles whose boxes meet and that are no neighbours."""
     edge_low = points[ends].min(axis=1) - tolerance

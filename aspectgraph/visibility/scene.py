@@ -11,9 +11,9 @@ import numpy as np
 from aspectgraph.entities.straight_edges import Entity
 from aspectgraph.exact.canonical_axes import own_frame
 from aspectgraph.exact.canonical_order import list_solid
-from aspectgraph.exact.features import resolving_grid
 from aspectgraph.exact.grid import Grid, turned
 from aspectgraph.exact.planes import face_planes
+from aspectgraph.exact.small_details import resolving_grid
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.convex_pieces import Pieces, convex_pieces
 

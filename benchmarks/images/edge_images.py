@@ -11,11 +11,11 @@ and *rounded* to whole pixels, as the promise assumes. Of several lines at an en
 best in the planned image, of those long enough for a fit if any is. Besides, ends are found by OpenCV: as corners by
 `cornerSubPix`, and where Canny's trace of the edge ends (`corner_detectors`); no promise is made for these.
 
-What the image is like is found out here, from the triangles and by rays, without `planner.showing`: whether another
-line leaves both ends at 25 degrees (*corner*), whether another visible line is within 5 px (*near line*), whether 40 px
-around the ends are in the image (*border*), and the grey step across the edge (*weak* below 5 of 255, *weak corner* of
-the line at an end). *Not lit* is what the plan says that no lamp shows. A pair with none of these is *clean*: what is
-promised of it must hold.
+What the image is like is found out here, from the triangles and by rays, without `planner.detectability`: whether
+another line leaves both ends at 25 degrees (*corner*), whether another visible line is within 5 px (*near line*),
+whether 40 px around the ends are in the image (*border*), and the grey step across the edge (*weak* below 5 of 255,
+*weak corner* of the line at an end). *Not lit* is what the plan says that no lamp shows. A pair with none of these is
+*clean*: what is promised of it must hold.
 """
 
 from __future__ import annotations

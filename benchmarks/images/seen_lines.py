@@ -1,4 +1,4 @@
-"""The lines that a part shows from a place, found from its faces and triangles alone, without `planner.showing`."""
+"""The lines that a part shows from a place, found from its faces and triangles, without `planner.detectability`."""
 
 from __future__ import annotations
 

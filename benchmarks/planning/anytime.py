@@ -41,13 +41,13 @@ from planners import PLANNERS
 from aspectgraph import compute_regions, read_entities, read_solid
 from planner import Camera, InspectionPlan, PoseUncertainty
 from planner.columns.judge import Judge
+from planner.detectability.conditions import NOT_ASKED
 from planner.inspection import plan_inspection
 from planner.request.constraints import Requirements
 from planner.request.defaults import corner_margin_px, default_workspace, position_margin_mm
 from planner.request.request import Request
 from planner.setting.pose_setting import setting_at
 from planner.setting.sensor_setting import SensorSetting
-from planner.showing.showing import NOT_ASKED
 from planner.verify.simulate_setting import CONTRADICTED, simulate_setting
 
 PROBABILITY = 0.9

@@ -57,7 +57,7 @@ PLACES = {
         "verify": (3.8, "promises, simulated"),
         "request": (2.7, "constraints and probability"),
         "wanted": (1.4, "edges and dimensions"),
-        "showing": (2.9, "what an image needs"),
+        "detectability": (2.9, "what an image needs"),
         "camera": (3.25, "camera, pose, uncertainty"),
         "watch": (4.4, "when to end"),
         "executors": (0, "work in processes"),

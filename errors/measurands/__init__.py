@@ -11,7 +11,7 @@ from errors.measurands.conformity import acceptance_limits, uncertainty_ratio
 from errors.measurands.geometry import Circle, Geometry, Line
 from errors.measurands.localisation import Localisation
 from errors.measurands.measurand import Measurand
-from errors.measurands.model import MeasurandModel, Prediction
+from errors.measurands.measurand_model import MeasurandModel, Prediction
 from errors.measurands.registry import kind, kinds, measurand
 
 __all__ = [

@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compiled.cache import njit
-from errors.measurands.expansion import circle_noise, expand_circle, expand_line, line_noise, turned
+from errors.measurands.fit_expansion import (
+    circle_noise,
+    expand_circle,
+    expand_line,
+    line_noise,
+    turned,
+)
 from errors.measurands.geometry import Circle, Geometry, Line
 from errors.measurands.localisation import POINTS, Localisation
 

@@ -28,7 +28,7 @@ from errors.checks import (
 )
 from errors.covariance import covariance_root
 from errors.exceptions import InvalidParameterError
-from errors.telling import frequency_text, interval_text
+from errors.formatting import frequency_text, interval_text
 
 # Draws held in memory at a time.
 _CHUNK = 1 << 16

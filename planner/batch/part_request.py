@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
-from aspectgraph.entities.selection import check_selection
+from aspectgraph.entities.entity_rules import check_selection
 from aspectgraph.read.mesh import check_units
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty

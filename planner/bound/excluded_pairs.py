@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from compiled.decorators import entry_kernel, kernel, kernel_without_refcounts, put
+from planner.bound.boxes.box_conditions import TOUCH_MM, out_of_focus, outside, too_short
 from planner.bound.boxes.cells import Cells
-from planner.bound.boxes.necessary import TOUCH_MM, out_of_focus, outside, too_short
 from planner.bound.boxes.view import Segments
 from planner.bound.segments import frustum_of, segments_of, sensor_tangents
 from planner.camera.camera import Camera

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compiled.decorators import entry_kernel, kernel, kernel_without_refcounts, put
+from planner.bound.boxes.box_conditions import out_of_focus, outside, too_short_at
 from planner.bound.boxes.exclusive_groups import exclusive_groups
-from planner.bound.boxes.necessary import out_of_focus, outside, too_short_at
 
 _EPS = 1e-9
 # of unit vectors' products

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from planner.bound.boxes.box_conditions import focus_reach
 from planner.bound.boxes.cells import Cells
-from planner.bound.boxes.necessary import focus_reach
 from planner.bound.node_sets import (
     Nodes,
     Pairs,

@@ -26,15 +26,15 @@ from aspectgraph import (
     write_edge_picture,
 )
 from aspectgraph.read.part_file import MESH_SUFFIXES
+from planner.batch.folder_of_parts import plan_folder
 from planner.batch.part_request import PartRequest, limits_of
 from planner.batch.part_result import PLANNED, TABLES
-from planner.batch.plan_folder import plan_folder
 from planner.batch.scheduler import dask_executor
 from planner.camera.catalogue import camera_names
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.best_so_far import BestSoFar
-from planner.cli.catalogue import cameras as cameras
-from planner.cli.catalogue import rank_optics
+from planner.cli.catalogue_commands import cameras as cameras
+from planner.cli.catalogue_commands import rank_optics
 from planner.cli.completion import completion_script
 from planner.cli.folder_owner import STATE_FILE, Leftovers, check_owner
 from planner.cli.job import (

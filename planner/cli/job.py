@@ -16,6 +16,7 @@ from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.light import read_lighting
 from planner.cli.naming import in_words_of_shell
 from planner.cli.wanted import Wanted, read_request
+from planner.detectability.conditions import Detectability
 from planner.exceptions import CameraError, PlanFileError, RequestError
 from planner.identity.inspection_request import SOURCE, InspectionRequest, PartRecord
 from planner.identity.resolve_request import Promise, resolve_request
@@ -25,7 +26,6 @@ from planner.inspection_options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
 from planner.request.defaults import default_workspace
 from planner.request.effort import Effort
-from planner.showing.showing import Showing
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -115,7 +115,9 @@ def inspection_options(options: argparse.Namespace, **more: Any) -> InspectionOp
     effort = getattr(options, "effort", None)
     given = {
         "stand_off_mm": options.stand_off,
-        "showing": Showing(options.separation_px, options.surround_px, options.min_corner_deg),
+        "showing": Detectability(
+            options.separation_px, options.surround_px, options.min_corner_deg
+        ),
         "effort": None if effort is None else Effort.named(effort),
         "workspace": None,
         "localisation": None,

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.detectability.conditions import Detectability
+from planner.detectability.corners import FITTED_PX
+from planner.detectability.image_check import ImageCheck
 from planner.light.background import SHARES, seen_beside
 from planner.light.shadow_borders import Beside, SeenLine, beside_lines
 from planner.light.together import LampSets, Sites
-from planner.showing.corners import FITTED_PX
-from planner.showing.image_check import ImageCheck
-from planner.showing.showing import Showing
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -160,7 +160,7 @@ def corners_of(
         [edge_ids[k] for k in numbers.tolist()],
         ends,
         camera,
-        Showing(separation, 0.0, least),
+        Detectability(separation, 0.0, least),
     )
     pairs = np.array([(names[k][0], i) for i, k in enumerate(numbers.tolist())], np.int64).reshape(
         -1, 2

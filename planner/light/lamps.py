@@ -63,7 +63,7 @@ class LampBox:
         Highest corner (3,), mm.
     clearance_mm : float
         Distance that lamps keep from the part.
-    reach : Region or callable, optional
+    reach : ReachRegion or callable, optional
         What of the box a robot with the lamp reaches, as in `plan_setting`. The proof of the bound takes the whole box.
 
     Raises

@@ -14,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from aspectgraph import Rim
-from errors.telling import frequency_text, interval_text, probability_text
+from errors.formatting import frequency_text, interval_text, probability_text
 from planner.camera.camera import Camera
 from planner.progress.terminal_text import unescaped, visible
 from planner.report.wording import (
@@ -33,7 +33,7 @@ from planner.report.wording import (
     window_texts,
 )
 from planner.verify.simulate_setting import CONFIRMED
-from planner.wanted.features import features_text
+from planner.wanted.feature_counts import features_text
 
 if TYPE_CHECKING:
     from rich.console import JustifyMethod

@@ -64,7 +64,7 @@ def terminal_progress(
         with _bars(stream) as progress, _compiling(progress):
             yield progress
     else:
-        told = _Lines(stream)
+        told = _LineStream(stream)
         with _compiling(told):
             yield told
 
@@ -211,7 +211,7 @@ class _Bars:
         self._bars.console.print(visible(text), highlight=False, markup=False, emoji=False)
 
 
-class _Lines:
+class _LineStream:
     """One line whenever all known work of a label is done, and about how long that takes: readable in a log."""
 
     def __init__(self, stream: TextIO | None) -> None:

@@ -10,7 +10,7 @@ from planner.report.tables import setting_link
 from planner.setting.reason import ReasonKind, kind_of
 
 if TYPE_CHECKING:
-    from planner.rows.measured import Row, WarningKind
+    from planner.rows.measured_rows import Row, WarningKind
 
 FEW = 6
 """So many warnings of a kind, or entities without a setting, are told one by one at the head of the page."""

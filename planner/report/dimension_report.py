@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from html import escape
 from typing import TYPE_CHECKING
 
+from errors.formatting import interval_text, probability_text
 from errors.measurands import Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.fitted import is_short
-from errors.telling import interval_text, probability_text
 from planner.report.tables import COLOURS
 from planner.report.wording import features_cell
 from planner.verify.measurements import Measurement, measurements

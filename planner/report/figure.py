@@ -17,7 +17,7 @@ from aspectgraph.plot.traces import (
     surface_trace,
     xyz,
 )
-from errors.telling import probability_text
+from errors.formatting import probability_text
 from planner.report.outlines import polylines
 from planner.report.views import EVERYTHING, SceneFrame, box_around, plan_views
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from errors.telling import probability_text
+from errors.formatting import probability_text
 from planner.report.attention import attention, not_inspected, reasons_section
 from planner.report.dimension_report import dimension_section, localisation_text
 from planner.report.figure import color_of, figure_views, plan_figure, scene_frame
@@ -35,7 +35,7 @@ from planner.report.wording import (
     unfinished_sentence,
     window_sentence,
 )
-from planner.rows.measured import measured_rows
+from planner.rows.measured_rows import measured_rows
 from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, MODEL_TOLERANCE
 
 if TYPE_CHECKING:

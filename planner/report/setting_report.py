@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from scipy.spatial.transform import Rotation
 
-from errors.telling import probability_text
+from errors.formatting import probability_text
 from planner.progress import report
 from planner.report.figure import color_of
 from planner.report.outlines import drawn
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from aspectgraph import Solid
     from planner.plan import InspectionPlan
     from planner.progress import Progress
-    from planner.rows.measured import Row
+    from planner.rows.measured_rows import Row
 
 # what fills more of the image is shown once
 _WORTH_ENLARGING = 1.25

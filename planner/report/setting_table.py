@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from errors.telling import frequency_text, interval_text, probability_text
+from errors.formatting import frequency_text, interval_text, probability_text
 from planner.camera.pose import world_to_cam
 from planner.report.binding import LimitShare, nearest_limits
 from planner.report.tables import budget_bar, cells, heads, permitted, warned
 from planner.request.focus_reserve import SIGMAS, sigmas_left
-from planner.rows.measured import Row
+from planner.rows.measured_rows import Row
 from planner.verify.measurements import dimension_points
 from planner.verify.simulate_setting import (
     CONFIRMED,

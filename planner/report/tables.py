@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from scipy.spatial.transform import Rotation
 
-from errors.telling import probability_text
-from planner.rows.measured import SOURCES, Row
+from errors.formatting import probability_text
+from planner.rows.measured_rows import SOURCES, Row
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from planner.detectability.image_check import MOST_PX
 from planner.progress import duration
 from planner.request.defaults import corner_margin_px
 from planner.request.focus_reserve import LEAST_SIGMAS
-from planner.rows.measured import line_warning, unshown_warning
-from planner.showing.image_check import MOST_PX
+from planner.rows.measured_rows import line_warning, unshown_warning
 from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_setting import (
     CONFIRMED,

@@ -21,6 +21,8 @@ import numpy as np
 
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
+from planner.detectability.conditions import NOT_ASKED, Detectability
+from planner.detectability.image_check import MOST_PX, ImageCheck, edges_of
 from planner.exceptions import RequestError
 from planner.request.focus_reserve import NO_RESERVE, FocusReserve
 from planner.request.image_constraints import (
@@ -33,8 +35,6 @@ from planner.request.image_constraints import (
 )
 from planner.request.reach import Reach, SignedDistance, check_reach, reach_margin
 from planner.request.space import Space
-from planner.showing.image_check import MOST_PX, ImageCheck, edges_of
-from planner.showing.showing import NOT_ASKED, Showing
 from planner.wanted.targets import Target, edge_target
 
 # the axes, and the diagonals of a cube: around a position, an entity must be visible in these directions
@@ -139,7 +139,7 @@ class Requirements:
         Both ends inside the rectangular sensor, or the paper's conservative cone.
     stand_off_mm : float
         Smallest distance between the front nodal point and the part.
-    reach : Region or callable, optional
+    reach : ReachRegion or callable, optional
         Where the front nodal point may be, see `planner.request.reach`.
     visibility_radius_mm : float
         Distance around the front nodal point from which the entities must be observable too.
@@ -147,7 +147,7 @@ class Requirements:
         What both limits of the depth of field are narrowed by, so that a displaced camera is still in focus.
     focus_reserve : FocusReserve
         What they are narrowed by for each end, as far from the axis as that is, if it is more than the margin.
-    showing : Showing
+    showing : Detectability
         What the image needs so that edges can be found in it.
 
     Raises
@@ -164,7 +164,7 @@ class Requirements:
     visibility_radius_mm: float = 0.0
     focus_margin_mm: float = 0.0
     focus_reserve: FocusReserve = NO_RESERVE
-    showing: Showing = NOT_ASKED
+    showing: Detectability = NOT_ASKED
 
     def __post_init__(self) -> None:
         for name in _NUMBERS:
@@ -289,7 +289,7 @@ class Constraints:
         return checks
 
     def _build_shows(self) -> dict[str, Any]:
-        """Map the conditions on the image that cost most to their slacks; see `Showing`.
+        """Map the conditions on the image that cost most to their slacks; see `Detectability`.
 
         Of many poses only what they miss matters, so lines that are far enough are not looked at.
         """

@@ -10,9 +10,9 @@ import numpy as np
 
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.detectability.conditions import Detectability
 from planner.exceptions import RequestError
 from planner.request.necessary import focus_reach_mm
-from planner.showing.showing import Showing
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -185,19 +185,19 @@ def position_margin_mm(pose_uncertainty: PoseUncertainty) -> float:
     )
 
 
-def check_showing(showing: Showing, camera: Camera) -> Showing:
+def check_showing(showing: Detectability, camera: Camera) -> Detectability:
     """Return conditions that fit into the image, or raise `RequestError`.
 
     Parameters
     ----------
-    showing : Showing
+    showing : Detectability
         What is asked of the image.
     camera : Camera
         Gives the image.
 
     Returns
     -------
-    Showing
+    Detectability
         The conditions.
 
     Raises
@@ -205,8 +205,8 @@ def check_showing(showing: Showing, camera: Camera) -> Showing:
     RequestError
         If it is something else, or lines or surroundings are wider than the image.
     """
-    if not isinstance(showing, Showing):
-        raise RequestError.of_rule("showing", "must be a Showing", repr(showing))
+    if not isinstance(showing, Detectability):
+        raise RequestError.of_rule("showing", "must be a Detectability", repr(showing))
     side = min(camera.resolution)
     for name in ("separation_px", "surround_px"):
         value = getattr(showing, name)

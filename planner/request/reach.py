@@ -22,7 +22,7 @@ from aspectgraph.solid import RayScene
 from planner.exceptions import RequestError
 
 
-class Region(Protocol):
+class ReachRegion(Protocol):
     """A reachable region of space."""
 
     def margin(self, positions: np.ndarray) -> np.ndarray:
@@ -192,7 +192,7 @@ class MeshRegion:
         return {**self.__dict__, "_distance": None}
 
 
-Reach = Region | Callable[[np.ndarray], np.ndarray]
+Reach = ReachRegion | Callable[[np.ndarray], np.ndarray]
 
 
 def check_reach(reach: Reach | None) -> Reach | None:
@@ -207,7 +207,7 @@ def reach_identity(reach: Reach | None) -> dict[str, Any] | None:
 
     Parameters
     ----------
-    reach : Region or callable or None
+    reach : ReachRegion or callable or None
         An attribute ``state_name`` (str), if there is one, says what it permits. Otherwise a box and a ball are known
         by their numbers, another region by its content and its code, and a function by its name and its code.
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.files import write_text
-from planner.wanted.features import features_text
+from planner.wanted.feature_counts import features_text
 
 if TYPE_CHECKING:
-    from planner.rows.measured import Row
+    from planner.rows.measured_rows import Row
 
 _STYLE = "text-align:left;padding:2px 10px"
 _DEG = math.degrees(1.0)
@@ -51,7 +51,7 @@ class PlanTables:
             ``margin_`` with the name of each constraint, the smallest margin of the setting. Entities that are not
             inspected follow with their reason; what is not known is None. All rows have the same keys.
         """
-        from planner.rows.measured import measured_rows
+        from planner.rows.measured_rows import measured_rows
 
         found = [
             {**_values(row, self._n_features(row.name)), "reason": None, **_pose(setting)}
@@ -93,7 +93,7 @@ class PlanTables:
 
     def _repr_html_(self) -> str:
         """Return a table of the settings, as notebooks show it; see also `plan_figure` for the plan in 3-D."""
-        from errors.telling import frequency_text, probability_text
+        from errors.formatting import frequency_text, probability_text
 
         head = ("", "camera at (mm)", "entities", "smallest P", "simulated")
         lines = [_line(head, "th")]

@@ -30,7 +30,7 @@ from planner.setting.infeasible import (
 )
 from planner.setting.pose_search import Search, search_pose
 from planner.setting.sensor_setting import SensorSetting
-from planner.showing.showing import NOT_ASKED, Showing
+from planner.detectability.conditions import NOT_ASKED, Detectability
 from planner.wanted.targets import check_is_edge
 
 
@@ -48,7 +48,7 @@ def plan_setting(
     field_of_view: str = "exact",
     visibility_radius_mm: float | None = None,
     focus_margin_mm: float = 0.0,
-    showing: Showing = NOT_ASKED,
+    showing: Detectability = NOT_ASKED,
     reach: Reach | None = None,
     objective: str = "sum",
     model: str = "joint",
@@ -98,9 +98,9 @@ def plan_setting(
     focus_margin_mm : float
         What both limits of the depth of field are narrowed by, so that a displaced camera is in focus still; four
         standard deviations of its position make blurred images rare. Default: nothing.
-    showing : Showing
+    showing : Detectability
         What the image needs so that edges can be found in it. Default: nothing, as in the paper.
-    reach : Region or callable, optional
+    reach : ReachRegion or callable, optional
         Where the front nodal point may be: a `BoxRegion`, `SphereRegion`, `MeshRegion` or anything else with a method
         ``margin``, or ``callable(positions) -> bool`` of shape (n,). Default: anywhere.
     objective : {"sum", "min"}

@@ -62,7 +62,7 @@ class SensorSetting:
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        from errors.telling import probability_text
+        from errors.formatting import probability_text
 
         place = ", ".join(f"{c:.1f}" for c in self.position)
         worst = (

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from planner.detectability.image_check import ImageCheck, edges_of
 from planner.plan import InspectionPlan
 from planner.request.request import Request
-from planner.showing.image_check import ImageCheck, edges_of
 from planner.verify.setting_record import search_windows_px
 
 

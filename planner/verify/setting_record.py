@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from planner.detectability.conditions import asks_of_images
+from planner.detectability.search_window import search_window_px
 from planner.exceptions import PlanFileError
 from planner.records.schema import field_name, shown
-from planner.showing.search_window import search_window_px
-from planner.showing.showing import asks_of_images
 
 # a plan may be read on another machine, whose last digits differ
 _SAME = 1e-6
@@ -28,7 +28,7 @@ def search_windows_px(plan: Any, setting: Any) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        Three standard deviations of the image's shift by name, px, see `planner.showing.search_window`.
+        Three standard deviations of the image's shift by name, px, see `planner.detectability.search_window`.
     """
     found = {}
     for name in setting.entities:

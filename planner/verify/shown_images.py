@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.detectability.conditions import Detectability
+from planner.detectability.image_check import ImageCheck
 from planner.exceptions import RequestError
 from planner.progress import Progress, report
-from planner.showing.image_check import ImageCheck
-from planner.showing.showing import Showing
 from planner.verify.simulate_setting import displaced_poses
 from planner.verify.simulated import Planned
 
@@ -104,7 +104,7 @@ def count_shown(
         return None
     names = sorted({name for own in measured for name in own})
     ends = np.array([plan.entities[name] for name in names], dtype=np.float64)
-    showing = Showing(asked["separation_px"], 0.0, asked["min_corner_deg"])
+    showing = Detectability(asked["separation_px"], 0.0, asked["min_corner_deg"])
     image = ImageCheck(solid, _edges_of(solid, names, ends), ends, plan.camera, showing)
     counts = []
     n = min(n, MOST_POSES)

@@ -6,7 +6,7 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from errors.telling import frequency_text, interval_text, probability_text
+from errors.formatting import frequency_text, interval_text, probability_text
 
 
 @pytest.mark.parametrize(

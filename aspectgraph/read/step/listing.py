@@ -16,8 +16,8 @@ from aspectgraph.read.step.facets.stated import (
     is_linked,
     read_facets,
 )
-from aspectgraph.read.step.operators import check_operators
-from aspectgraph.read.step.text import Entity, known_references, reachable
+from aspectgraph.read.step.mirrored_parts import check_operators
+from aspectgraph.read.step.text import StepEntity, known_references, reachable
 
 SOLID_KINDS = frozenset(
     {
@@ -70,7 +70,7 @@ class ListedSolid:
     damage: str = ""
 
 
-def list_solids(entities: dict[int, Entity]) -> list[ListedSolid]:
+def list_solids(entities: dict[int, StepEntity]) -> list[ListedSolid]:
     """Return the solids in the order of the representations that hold them.
 
     That is the order in which the kernel finds the solids of a file without an assembly.
@@ -94,7 +94,7 @@ def list_solids(entities: dict[int, Entity]) -> list[ListedSolid]:
     return listed
 
 
-def _check_placements(entities: dict[int, Entity]) -> None:
+def _check_placements(entities: dict[int, StepEntity]) -> None:
     """Check that every placement in an assembly is that of a part, or the kernel would leave it out or unmoved."""
     placements = [
         entity
@@ -127,7 +127,7 @@ def _check_placements(entities: dict[int, Entity]) -> None:
         )
 
 
-def _holders(entities: dict[int, Entity]) -> dict[int, int]:
+def _holders(entities: dict[int, StepEntity]) -> dict[int, int]:
     """Return the number of every solid, and of the context of the representation that lists it."""
     solids = {
         number
@@ -158,11 +158,11 @@ def _holders(entities: dict[int, Entity]) -> dict[int, int]:
     return holders
 
 
-def _is_complex_solid(entity: Entity) -> bool:
+def _is_complex_solid(entity: StepEntity) -> bool:
     return entity.text.lstrip().startswith("(") and not SOLID_KINDS.isdisjoint(entity.kinds)
 
 
-def _listed(entities: dict[int, Entity], number: int, context: int | None) -> ListedSolid:
+def _listed(entities: dict[int, StepEntity], number: int, context: int | None) -> ListedSolid:
     inside = reachable(entities, number)
     unit_mm, uncertainty_mm = _units(entities, context)
     n_faces = sum(_count_faces(entities, ref) for ref in entities[number].references)
@@ -174,7 +174,7 @@ def _listed(entities: dict[int, Entity], number: int, context: int | None) -> Li
 
 
 def _listed_facets(
-    entities: dict[int, Entity], number: int, inside: set[int], unit_mm: float
+    entities: dict[int, StepEntity], number: int, inside: set[int], unit_mm: float
 ) -> ListedSolid:
     nowhere = np.empty((0, 3))
     try:
@@ -185,7 +185,7 @@ def _listed_facets(
     return ListedSolid(number, inside, 0, nowhere, None, facets)
 
 
-def linked_facets(entities: dict[int, Entity]) -> set[int]:
+def linked_facets(entities: dict[int, StepEntity]) -> set[int]:
     """Return the numbers of the tessellated solids that only draw other solids of the file."""
     return {
         number
@@ -194,7 +194,7 @@ def linked_facets(entities: dict[int, Entity]) -> set[int]:
     }
 
 
-def _count_faces(entities: dict[int, Entity], number: int, depth: int = 0) -> int:
+def _count_faces(entities: dict[int, StepEntity], number: int, depth: int = 0) -> int:
     entity = entities.get(number)
     if entity is None or depth > 2 or entity.kind not in _SHELL_KINDS:
         return 0
@@ -203,23 +203,23 @@ def _count_faces(entities: dict[int, Entity], number: int, depth: int = 0) -> in
     return len(set(entity.references))
 
 
-def _point(entities: dict[int, Entity], vertex: int) -> list[float] | None:
+def _point(entities: dict[int, StepEntity], vertex: int) -> list[float] | None:
     places = [entities[ref] for ref in entities[vertex].references if ref in entities]
     numbers = places[0].numbers if places and places[0].kind == "CARTESIAN_POINT" else []
     return numbers if len(numbers) == 3 else None
 
 
-def _closed_shells(entities: dict[int, Entity]) -> set[int]:
+def _closed_shells(entities: dict[int, StepEntity]) -> set[int]:
     return {number for number, entity in entities.items() if entity.kind == "CLOSED_SHELL"}
 
 
-def _shells_of_surfaces(entities: dict[int, Entity]) -> set[int]:
+def _shells_of_surfaces(entities: dict[int, StepEntity]) -> set[int]:
     """Return the shells that are surfaces by intent, such as supplemental geometry."""
     models = [entity for entity in entities.values() if entity.kind.endswith("SURFACE_MODEL")]
     return {ref for model in models for ref in model.references}
 
 
-def _units(entities: dict[int, Entity], context: int | None) -> tuple[float, float | None]:
+def _units(entities: dict[int, StepEntity], context: int | None) -> tuple[float, float | None]:
     """Return millimetres per unit, 1 if the file states none, and the uncertainty in mm."""
     stated = (
         [ref for ref in entities[context].references if ref in entities]
@@ -234,7 +234,7 @@ def _units(entities: dict[int, Entity], context: int | None) -> tuple[float, flo
     return lengths[0] if lengths else 1.0, max(known, default=None)
 
 
-def _uncertainty_mm(entities: dict[int, Entity], number: int) -> float | None:
+def _uncertainty_mm(entities: dict[int, StepEntity], number: int) -> float | None:
     entity = entities[number]
     units = [
         ref for ref in entity.references if ref in entities and "LENGTH_UNIT" in entities[ref].kinds
@@ -243,7 +243,7 @@ def _uncertainty_mm(entities: dict[int, Entity], number: int) -> float | None:
     return value if value > 0 and math.isfinite(value) else None
 
 
-def unit_mm(entities: dict[int, Entity], number: int, depth: int = 0) -> float:
+def unit_mm(entities: dict[int, StepEntity], number: int, depth: int = 0) -> float:
     """Return the millimetres in a unit of length."""
     entity = entities[number]
     si = _SI_METRE.search(entity.text)

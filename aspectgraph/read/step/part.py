@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from aspectgraph.read.step.circles import pack_circles
+from aspectgraph.read.step.circle_arrays import pack_circles
 from aspectgraph.read.step.gaps import measure_gaps
 from aspectgraph.read.step.merge import edge_map, merge_touching
 from aspectgraph.read.step.semantic.stated_dimensions import list_dimensions

@@ -32,7 +32,7 @@ from aspectgraph.exceptions import ReadError
 from aspectgraph.read.step.facets.stated import TESSELLATED_SOLIDS, StatedFacets, list_loose
 from aspectgraph.read.step.listing import ListedSolid, linked_facets, list_solids
 from aspectgraph.read.step.shapes import explore, unplaced, xyz
-from aspectgraph.read.step.text import Entity, parse_entities
+from aspectgraph.read.step.text import StepEntity, parse_entities
 from aspectgraph.solid.places import describe_point
 
 RELATIVE_DISPLACEMENT = 1e-3
@@ -137,7 +137,7 @@ def load_solids(path: Path, name: str) -> Inventory:
     return Inventory(slots, _left_out(shape, len(loose)))
 
 
-def _tessellation_mode(entities: dict[int, Entity], name: str) -> str:
+def _tessellation_mode(entities: dict[int, StepEntity], name: str) -> str:
     """Return whether the kernel is to build tessellated solids.
 
     It builds a solid again for every tessellated one that draws it.
@@ -214,7 +214,7 @@ def _check_assembly(reader: Any, handles: Iterable[Any], name: str) -> None:
         )
 
 
-def number_entities(model: Any, entities: dict[int, Entity], name: str) -> dict[Any, int]:
+def number_entities(model: Any, entities: dict[int, StepEntity], name: str) -> dict[Any, int]:
     """Return the number of each entity by its handle.
 
     Keep it while the file is read: two handles of an entity are recognised as one by the object that wraps them.

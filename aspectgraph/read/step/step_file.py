@@ -14,7 +14,7 @@ from aspectgraph.read.join_faces import assemble
 from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.mesh import repair_facets
 from aspectgraph.read.solid_choice import SolidChoice, as_choice
-from aspectgraph.read.step.circles import unpack_circles
+from aspectgraph.read.step.circle_arrays import unpack_circles
 from aspectgraph.read.step.client import StepKernel
 from aspectgraph.read.step.fit import RELATIVE_CHORD, check_fit
 from aspectgraph.read.tessellation import Tessellation

@@ -29,7 +29,7 @@ _NUMBER = re.compile(r"(?<=[(,\s])[+-]?[0-9]+(?:\.[0-9]*(?:E[+-]?[0-9]+)?)?", re
 
 
 @dataclass(frozen=True)
-class Entity:
+class StepEntity:
     """One entity of a STEP file.
 
     Attributes
@@ -59,7 +59,7 @@ class Entity:
         return frozenset(name.upper() for name in _NAME.findall(self.text))
 
 
-def parse_entities(data: bytes) -> dict[int, Entity]:
+def parse_entities(data: bytes) -> dict[int, StepEntity]:
     """Return the entities of a STEP file by number, in file order.
 
     Parameters
@@ -80,7 +80,7 @@ def parse_entities(data: bytes) -> dict[int, Entity]:
         raise ReadError(
             "a STEP file must hold a data section from DATA to ENDSEC. Got none that is whole."
         )
-    entities: dict[int, Entity] = {}
+    entities: dict[int, StepEntity] = {}
     for section in sections:
         _check_tokens(section)
         for statement in section.split(";"):
@@ -96,7 +96,7 @@ def _check_tokens(section: str) -> None:
         )
 
 
-def _add(entities: dict[int, Entity], statement: str) -> None:
+def _add(entities: dict[int, StepEntity], statement: str) -> None:
     if not statement.strip():
         return
     found = _ENTITY.fullmatch(statement)
@@ -110,15 +110,15 @@ def _add(entities: dict[int, Entity], statement: str) -> None:
         raise ReadError(
             f"the entities of a STEP file must have numbers of their own. Got #{number} twice."
         )
-    entities[number] = Entity(name[1].upper(), found[2])
+    entities[number] = StepEntity(name[1].upper(), found[2])
 
 
-def known_references(entities: dict[int, Entity], entity: Entity) -> list[int]:
+def known_references(entities: dict[int, StepEntity], entity: StepEntity) -> list[int]:
     """Return what an entity refers to and the file holds."""
     return [number for number in entity.references if number in entities]
 
 
-def reachable(entities: dict[int, Entity], start: int) -> set[int]:
+def reachable(entities: dict[int, StepEntity], start: int) -> set[int]:
     """Return the numbers of the entities that one refers to, directly or through others, and its own."""
     found = {start}
     front = [start]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from compiled.cache import njit
 from errors.checks import MIN_IMAGE_LENGTH_MM
-from errors.measurands.expansion import add_product, add_square, plane_row, point_row
+from errors.measurands.fit_expansion import add_product, add_square, plane_row, point_row
 from errors.measurands.fitted import Frame
 from errors.measurands.geometry import Line
 from errors.measurands.localisation import Localisation

@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 
 from compiled.decorators import entry_kernel, kernel, kernel_without_refcounts
+from planner.bound.boxes.box_conditions import ends_out_of_focus, too_short
 from planner.bound.boxes.exclusive_groups import exclusive_groups
 from planner.bound.boxes.linear_windows import NO, YES
-from planner.bound.boxes.necessary import ends_out_of_focus, too_short
 from planner.bound.boxes.shifted_windows import may_exceed, weight_at
 from planner.bound.boxes.small_turns import is_small, may_see, nodal_or_turn
 from planner.bound.boxes.stack import LEVELS, agree, halve, keep_members, new_work, planted

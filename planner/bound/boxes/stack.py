@@ -37,7 +37,7 @@ class Stack(NamedTuple):
     pause: np.ndarray
 
 
-class Work(NamedTuple):
+class BoxAtWork(NamedTuple):
     """Of the box at work: rotation, room, swings, nodal point; windows, weights and groups of members.
 
     ``scores`` (9,) tell how much is gained by halving along each coordinate of q, v and the nodal point.
@@ -116,7 +116,7 @@ def new_work(m):
     sides = np.empty((n_rows, 6)), np.empty(n_rows), np.empty(n_rows, np.int64)
     apart = np.zeros((m, m), np.bool_)
     kinds = np.empty(n_rows, np.int64), np.empty((6, n_rows), np.int64)
-    return Work(
+    return BoxAtWork(
         square[0], line[0], square[1], line[1], least, y, group, scores, *sides, *kinds, apart
     )
 

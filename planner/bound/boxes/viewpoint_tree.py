@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from compiled.decorators import entry_kernel, kernel, put, put_table
-from planner.bound.boxes.necessary import ends_out_of_focus, too_short
+from planner.bound.boxes.box_conditions import ends_out_of_focus, too_short
 from planner.bound.boxes.view import Entities, View
 from planner.bound.boxes.visibility import hidden_around, keep_cells
 

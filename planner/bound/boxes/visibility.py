@@ -6,7 +6,7 @@ The notation is that of `windows`.
 from __future__ import annotations
 
 from compiled.decorators import kernel_without_refcounts
-from planner.bound.boxes.necessary import TOUCH_MM, outside
+from planner.bound.boxes.box_conditions import TOUCH_MM, outside
 
 
 @kernel_without_refcounts

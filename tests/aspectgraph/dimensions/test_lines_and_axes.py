@@ -8,7 +8,7 @@ from solids import plain_box
 
 from aspectgraph import Solid
 from aspectgraph.dimensions.choice import Sight
-from aspectgraph.dimensions.features import Attachments, Axis, Line, describe_shape
+from aspectgraph.dimensions.features import Attachments, Axis, StraightLine, describe_shape
 from aspectgraph.dimensions.measures import Measurer
 from aspectgraph.dimensions.read_dimensions import _Reader
 from aspectgraph.dimensions.statements import Statement
@@ -62,7 +62,7 @@ def test_edges_in_one_line_are_one_feature(box):
     attachments, _ = tools(box)
     half = line([20, 0, 0], [40, 0, 0])
     found, other = attachments.features([X_FRONT, X_BACK, half, X_FRONT])
-    assert isinstance(found, Line)
+    assert isinstance(found, StraightLine)
     (edge,) = found.edges
     assert sorted(box.edge_points(edge).tolist()) == X_FRONT["ends"]
     assert sorted(box.edge_points(other.edges[0]).tolist()) == X_BACK["ends"][::-1]

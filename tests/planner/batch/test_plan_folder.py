@@ -12,12 +12,12 @@ import pytest
 
 from planner import (
     Camera,
+    Detectability,
     Effort,
     OutputError,
     PartRequest,
     PoseUncertainty,
     RequestError,
-    Showing,
     plan_folder,
 )
 from planner.batch import part_request, workers
@@ -226,8 +226,8 @@ def test_dask_plans_the_same(parts, request_, tmp_path):
 
 def test_requests_that_differ_have_different_fingerprints(request_):
     """Whatever field it is; and a default that is given is the default."""
-    usual = Showing()
-    none = Showing(0.0, 0.0, 0.0)
+    usual = Detectability()
+    none = Detectability(0.0, 0.0, 0.0)
     given = {
         "stand_off_mm": 60.0,
         "min_length_px": 21.0,

@@ -77,9 +77,9 @@ def kinds(base):
 def test_an_error_names_parameters_in_a_call_and_options_at_a_shell(cls, data, call, shell):
     parameter, rule, got, hint, mentions = data
     error = cls.of_rule(parameter, rule, got, hint=hint, mentions=mentions)
-    for error in (error, pickle.loads(pickle.dumps(error))):
-        assert str(error) == call
-        assert in_words_of_shell(error, KNOWN) == shell
+    for same in (error, pickle.loads(pickle.dumps(error))):
+        assert str(same) == call
+        assert in_words_of_shell(same, KNOWN) == shell
 
 
 @pytest.mark.parametrize("cls", [kind for base in BASES for kind in kinds(base)])

@@ -5,7 +5,7 @@ import pytest
 from pocket_block import entities, two_pocket_block
 
 from aspectgraph import compute_regions
-from planner import Camera, PoseUncertainty, Requirements, Showing
+from planner import Camera, Detectability, PoseUncertainty, Requirements
 from planner.columns.candidates import entity_poses
 from planner.columns.judge import Judge
 from planner.request.defaults import default_workspace
@@ -20,7 +20,7 @@ def judge():
     solid = two_pocket_block()
     wanted = entities()
     space = compute_regions(solid, wanted, workspace=default_workspace(solid, CAMERA))
-    need = Requirements(showing=Showing(separation_px=8.0, min_corner_deg=25.0))
+    need = Requirements(showing=Detectability(separation_px=8.0, min_corner_deg=25.0))
     return Judge(Request(space, space.entity_names, CAMERA, UNCERTAINTY, 0.97, 0.9, need))
 
 

@@ -14,13 +14,13 @@ from errors.measurands import Localisation
 from planner import (
     BoxRegion,
     Camera,
+    Detectability,
     Dimension,
     LampBox,
     Lighting,
     MeshRegion,
     PoseUncertainty,
     RequestError,
-    Showing,
     SphereRegion,
 )
 from planner.exceptions import PlanFileError
@@ -63,7 +63,7 @@ CHANGES = {
     "field_margin_px": ({"field_margin_px": 7.0}, "and is now 7"),
     "visibility_radius_mm": ({"visibility_radius_mm": 1.0}, "visibility_radius_mm was 0.15"),
     "focus_margin_mm": ({"focus_margin_mm": 1.0}, "focus_margin_mm was 0.15 and is now 1"),
-    "showing": ({"showing": Showing(4.0)}, "separation_px was 5 and is now 4"),
+    "showing": ({"showing": Detectability(4.0)}, "separation_px was 5 and is now 4"),
     "reach": ({"reach": SphereRegion((0, 0, 0), 900.0)}, "reach changed"),
     "lamps": ({"lamps": Lighting([[0.0, 0.0, 500.0]], together=True)}, "lamps changed"),
     "effort": (

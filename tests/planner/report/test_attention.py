@@ -3,7 +3,7 @@
 import re
 
 from planner.report.attention import FEW, attention, not_inspected, reasons_section
-from planner.rows.measured import Row, Warned, WarningKind
+from planner.rows.measured_rows import Row, Warned, WarningKind
 from planner.setting.reason import Reason, ReasonKind
 
 

@@ -8,7 +8,7 @@ from plan_examples import CAMERA, LIGHT, UNCERTAINTY, plan, setting
 from scipy.spatial.transform import Rotation
 
 from errors.measurands import Line, Localisation
-from planner.rows.measured import SOURCES, WarningKind, measured_rows
+from planner.rows.measured_rows import SOURCES, WarningKind, measured_rows
 from planner.verify.simulate_plan import SimulationResult
 from planner.verify.simulate_setting import SuccessRate
 from planner.wanted.planned import PlannedDimension

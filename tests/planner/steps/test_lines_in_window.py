@@ -6,11 +6,11 @@ from lit_parts import block
 from plan_examples import CAMERA, ENTITIES, plan, setting
 
 from aspectgraph import compute_regions
-from planner import PoseUncertainty, Requirements, Showing
+from planner import Detectability, PoseUncertainty, Requirements
+from planner.detectability.conditions import NOT_ASKED
 from planner.plan import InspectionPlan
 from planner.request.request import Request
-from planner.rows.measured import measured_rows
-from planner.showing.showing import NOT_ASKED
+from planner.rows.measured_rows import measured_rows
 from planner.steps.lines_in_window import with_lines_in_windows
 
 NAME = "top front"
@@ -42,7 +42,7 @@ def turn_for(window_px):
 
 
 def test_a_line_inside_the_window_is_kept_and_warned_of():
-    found = planned(turn_for(1.1 * APART_PX), Showing())
+    found = planned(turn_for(1.1 * APART_PX), Detectability())
     assert found.settings[0].lines_in_window_px[NAME] == pytest.approx(APART_PX, rel=1e-6)
     (row,) = measured_rows(found)[0]
     # the ends lie beside the axis, where a turn about x moves them no less
@@ -52,7 +52,7 @@ def test_a_line_inside_the_window_is_kept_and_warned_of():
 
 
 def test_a_line_outside_the_window_is_not():
-    found = planned(turn_for(0.8 * APART_PX), Showing())
+    found = planned(turn_for(0.8 * APART_PX), Detectability())
     assert found.settings[0].lines_in_window_px == {}
     assert not any(
         "another visible line" in one.text for one in measured_rows(found)[0][0].warnings
@@ -84,7 +84,7 @@ def test_plans_that_ask_nothing_of_images_keep_their_file():
 def test_a_file_that_says_otherwise_is_refused(change, told):
     from planner.exceptions import PlanFileError
 
-    data = planned(turn_for(1.1 * APART_PX), Showing()).to_dict()
+    data = planned(turn_for(1.1 * APART_PX), Detectability()).to_dict()
     data["settings"][0].update(change)
     with pytest.raises(PlanFileError, match=told):
         InspectionPlan.from_dict(data)

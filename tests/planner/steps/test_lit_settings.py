@@ -11,11 +11,11 @@ from plan_examples import plan, setting
 from aspectgraph import LightError, compute_regions
 from planner import (
     Camera,
+    Detectability,
     Effort,
     LampBox,
     Lighting,
     PoseUncertainty,
-    Showing,
     plan_inspection,
     plan_light,
 )
@@ -33,7 +33,7 @@ CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 HOW = {
     "accuracy": 0.98,
     "effort": Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000),
-    "showing": Showing(0, 0, 0),
+    "showing": Detectability(0, 0, 0),
 }
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
 

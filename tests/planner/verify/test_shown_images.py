@@ -10,16 +10,16 @@ from plan_examples import UNCERTAINTY, plan, setting
 from shapely import LineString
 
 from planner import (
+    Detectability,
     InspectionPlan,
     PlanFileError,
     PoseUncertainty,
     RequestError,
     Requirements,
-    Showing,
 )
 from planner.camera.pose import world_to_cam
 from planner.report.wording import shown_sentence, unshown_texts
-from planner.rows.measured import WarningKind, measured_rows
+from planner.rows.measured_rows import WarningKind, measured_rows
 from planner.verify.shown_images import MOST_POSES, ShownImages, count_shown
 from planner.verify.simulate_setting import displaced_poses
 
@@ -29,7 +29,7 @@ def frontal(separation_px, uncertainty=UNCERTAINTY):
     return plan(
         settings=(setting((40.0, -575.0, 30.0), ["top front"], (40.0, 0.0, 30.0), roll=0.0),),
         uninspectable={"top right": "hidden", "bottom": "hidden"},
-        requirements=Requirements(showing=Showing(separation_px, 0.0, 0.0)).to_dict(),
+        requirements=Requirements(showing=Detectability(separation_px, 0.0, 0.0)).to_dict(),
         pose_uncertainty=uncertainty,
     )
 

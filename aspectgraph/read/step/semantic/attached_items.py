@@ -11,14 +11,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from aspectgraph.read.step.semantic.stated_dimensions import LOCATIONS, SIZES
-from aspectgraph.read.step.text import Entity, known_references
+from aspectgraph.read.step.text import StepEntity, known_references
 
 _USAGE = "GEOMETRIC_ITEM_SPECIFIC_USAGE"
 _PARTS = frozenset({"SHAPE_ASPECT_RELATIONSHIP", "SHAPE_ASPECT_DERIVING_RELATIONSHIP"})
 """They lead from a composite aspect to its parts, and from a derived one to what it is derived from."""
 
 
-def list_attached_items(entities: dict[int, Entity]) -> list[list[list[int]]]:
+def list_attached_items(entities: dict[int, StepEntity]) -> list[list[list[int]]]:
     """Return the items that each dimension is attached to.
 
     Parameters
@@ -48,7 +48,7 @@ def list_attached_items(entities: dict[int, Entity]) -> list[list[list[int]]]:
     return found
 
 
-def _items_of_aspects(entities: dict[int, Entity]) -> dict[int, list[int]]:
+def _items_of_aspects(entities: dict[int, StepEntity]) -> dict[int, list[int]]:
     """Return the items of each aspect that has some, by its number."""
     found: dict[int, list[int]] = {}
     for entity in entities.values():
@@ -58,7 +58,7 @@ def _items_of_aspects(entities: dict[int, Entity]) -> dict[int, list[int]]:
     return found
 
 
-def _parts_of_aspects(entities: dict[int, Entity]) -> dict[int, list[int]]:
+def _parts_of_aspects(entities: dict[int, StepEntity]) -> dict[int, list[int]]:
     """Return the parts of each composite or derived aspect, by its number."""
     found: dict[int, list[int]] = {}
     for entity in entities.values():

@@ -15,7 +15,7 @@ from OCP.TopAbs import TopAbs_ShapeEnum
 from aspectgraph.read.step.semantic.attached_items import list_attached_items
 from aspectgraph.read.step.semantic.stated_dimensions import list_dimensions
 from aspectgraph.read.step.shapes import explore, unplaced
-from aspectgraph.read.step.text import Entity, reachable
+from aspectgraph.read.step.text import StepEntity, reachable
 
 _SHAPES = {
     "ADVANCED_FACE": TopAbs_ShapeEnum.TopAbs_FACE,
@@ -62,7 +62,7 @@ class AttachedShapes:
     """
 
     def __init__(
-        self, transfer: Any, numbers: dict[Any, int], entities: dict[int, Entity], assembly: Any
+        self, transfer: Any, numbers: dict[Any, int], entities: dict[int, StepEntity], assembly: Any
     ):
         self._transfer = transfer
         self._numbers = numbers

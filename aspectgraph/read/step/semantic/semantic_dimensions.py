@@ -33,7 +33,7 @@ from aspectgraph.read.step.semantic.attached_shapes import AttachedShapes
 from aspectgraph.read.step.semantic.instances import AmbiguousInstanceError, Instances
 from aspectgraph.read.step.shapes import explore, xyz
 from aspectgraph.read.step.solids import in_file_order, number_entities, number_solids, quiet
-from aspectgraph.read.step.text import Entity
+from aspectgraph.read.step.text import StepEntity
 
 CANONICAL_MM = 1e-3
 """A free-form face or edge that leaves a plane, cylinder, line or circle by less is one: some writers know no other."""
@@ -42,7 +42,7 @@ _ONLY_SHOWN = ("DimensionPresentation", "CommonLabel")
 
 
 def read_semantic_dimensions(
-    path: Path, name: str, entities: dict[int, Entity]
+    path: Path, name: str, entities: dict[int, StepEntity]
 ) -> list[dict[str, Any]]:
     """Return the semantic dimensions of a STEP file, in its order.
 
@@ -100,7 +100,7 @@ def read_semantic_dimensions(
 
 
 def _instances(
-    reader: Any, numbers: dict[Any, int], entities: dict[int, Entity], name: str
+    reader: Any, numbers: dict[Any, int], entities: dict[int, StepEntity], name: str
 ) -> Instances:
     """Return the instances of parts, with the numbers that the solids have where the part is read."""
     listed = {solid.number: solid for solid in list_solids(entities)}

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from aspectgraph.exceptions import ReadError
 from aspectgraph.read.step.listing import OCCURRENCES, unit_mm
-from aspectgraph.read.step.text import Entity, known_references
+from aspectgraph.read.step.text import StepEntity, known_references
 
 SIZES = frozenset(
     {
@@ -57,7 +57,7 @@ class StatedDimension:
     of_occurrence: bool = False
 
 
-def list_dimensions(entities: dict[int, Entity]) -> list[StatedDimension]:
+def list_dimensions(entities: dict[int, StepEntity]) -> list[StatedDimension]:
     """Return the dimensions of a file in its order.
 
     Parameters
@@ -84,7 +84,7 @@ def list_dimensions(entities: dict[int, Entity]) -> list[StatedDimension]:
     ]
 
 
-def _is_of_occurrence(entities: dict[int, Entity], dimension: Entity) -> bool:
+def _is_of_occurrence(entities: dict[int, StepEntity], dimension: StepEntity) -> bool:
     """Return whether an aspect that a dimension is attached to is one of an occurrence, not of a part."""
     kinds = [
         entities[owner].kind
@@ -96,7 +96,7 @@ def _is_of_occurrence(entities: dict[int, Entity], dimension: Entity) -> bool:
     return not OCCURRENCES.isdisjoint(kinds)
 
 
-def _values(entities: dict[int, Entity]) -> dict[int, tuple[float, ...]]:
+def _values(entities: dict[int, StepEntity]) -> dict[int, tuple[float, ...]]:
     """Return the values stated for each dimension, by its number."""
     found: dict[int, tuple[float, ...]] = {}
     for entity in entities.values():
@@ -111,7 +111,7 @@ def _values(entities: dict[int, Entity]) -> dict[int, tuple[float, ...]]:
     return found
 
 
-def _bounds(entities: dict[int, Entity]) -> dict[int, tuple[float, float]]:
+def _bounds(entities: dict[int, StepEntity]) -> dict[int, tuple[float, float]]:
     """Return the bounds of the deviation stated for each dimension, by its number."""
     found: dict[int, tuple[float, float]] = {}
     for entity in entities.values():
@@ -125,7 +125,7 @@ def _bounds(entities: dict[int, Entity]) -> dict[int, tuple[float, float]]:
     return found
 
 
-def _measure(entities: dict[int, Entity], number: int) -> float | None:
+def _measure(entities: dict[int, StepEntity], number: int) -> float | None:
     """Return a measure with a unit in mm or degrees; None if it is none."""
     entity = entities.get(number)
     if (
@@ -143,7 +143,7 @@ def _measure(entities: dict[int, Entity], number: int) -> float | None:
     return None
 
 
-def _unit_deg(entities: dict[int, Entity], number: int) -> float:
+def _unit_deg(entities: dict[int, StepEntity], number: int) -> float:
     """Return the degrees in a unit of plane angle, which is the radian or stated in terms of it."""
     for measure in (entities[ref] for ref in entities[number].references if ref in entities):
         if measure.kind.endswith("MEASURE_WITH_UNIT") and measure.numbers:

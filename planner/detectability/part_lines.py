@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aspectgraph.solid.ray_scene import RayScene
-from planner.showing.contours import contours_of, meeting, relation_to
+from planner.detectability.contours import contours_of, meeting, relation_to
 
 if TYPE_CHECKING:
     from aspectgraph import Solid

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from aspectgraph import Solid, resolve_entities
-from planner import Camera, Showing, look_at
-from planner.showing.image_check import ImageCheck
+from planner import Camera, Detectability, look_at
+from planner.detectability.image_check import ImageCheck
 
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 600.0)
 # pixels per mm, frontally at 600 mm
@@ -43,11 +43,13 @@ def plate(height):
 def test_a_line_must_be_two_separations_long(separation_px):
     """Square to the edge, all of a line's length counts: of the plate's sides, height times pixels per mm."""
     least = 2 * separation_px / SCALE
-    showing = Showing(separation_px=separation_px, min_corner_deg=25.0)
+    showing = Detectability(separation_px=separation_px, min_corner_deg=25.0)
     # the lower edge must stay apart from the upper one, too: it is two separations away
     assert corner(plate(least * 1.01), showing) == pytest.approx(65.0, abs=1e-3)
     assert corner(plate(least * 0.99), showing) == -25.0
-    assert corner(plate(least * 0.99), Showing(0.0, 40.0, 25.0)) == pytest.approx(65.0, abs=1e-3)
+    assert corner(plate(least * 0.99), Detectability(0.0, 40.0, 25.0)) == pytest.approx(
+        65.0, abs=1e-3
+    )
 
 
 @pytest.mark.parametrize(
@@ -61,7 +63,7 @@ def test_a_line_must_be_two_separations_long(separation_px):
 )
 def test_at_an_angle_the_first_piece_of_a_line_does_not_count(lean, least_px):
     """At 45 degrees 6.5 px of a line have the edge within 5 px and its blur across them; ten more are needed."""
-    showing = Showing(separation_px=5.0, min_corner_deg=25.0)
+    showing = Detectability(separation_px=5.0, min_corner_deg=25.0)
     for px, good in ((least_px + 0.3, True), (least_px - 0.3, False)):
         side = px / SCALE / np.sqrt(2)
         inside = lean * side
@@ -75,7 +77,7 @@ def test_an_edge_must_be_two_separations_long_beyond_what_is_mixed():
     for px, good in ((16.8, True), (16.2, False)):
         long = px / SCALE
         outline = [(down, 0), (down + long, 0), (long, down), (0, down)]
-        assert (corner(outline, Showing(separation_px=5.0, min_corner_deg=25.0)) > 0) == good
+        assert (corner(outline, Detectability(separation_px=5.0, min_corner_deg=25.0)) > 0) == good
 
 
 def test_a_line_beside_the_line_at_an_end():
@@ -93,12 +95,12 @@ def test_a_line_beside_the_line_at_an_end():
         (60, top),
         (0, top),
     ]
-    assert corner(slit, Showing(separation_px=5.0, min_corner_deg=25.0)) == -25.0
-    assert corner(slit, Showing(separation_px=3.0, min_corner_deg=25.0)) == pytest.approx(
+    assert corner(slit, Detectability(separation_px=5.0, min_corner_deg=25.0)) == -25.0
+    assert corner(slit, Detectability(separation_px=3.0, min_corner_deg=25.0)) == pytest.approx(
         65.0, abs=1e-3
     )
     # beyond what is fitted it does not matter
     deep = [(x, z if z != below else top - 40.0 / SCALE) for x, z in slit]
-    assert corner(deep, Showing(separation_px=5.0, min_corner_deg=25.0)) == pytest.approx(
+    assert corner(deep, Detectability(separation_px=5.0, min_corner_deg=25.0)) == pytest.approx(
         65.0, abs=1e-3
     )

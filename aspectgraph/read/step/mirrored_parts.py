@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from aspectgraph.exceptions import ReadError
-from aspectgraph.read.step.text import Entity, known_references, reachable
+from aspectgraph.read.step.text import StepEntity, known_references, reachable
 
 SAME_SCALE = 1e-9
 """A scale that differs from 1 by less, relatively, is 1 with rounded digits."""
@@ -23,7 +23,7 @@ _ARGUMENTS = re.compile(rf"{_OPERATOR}\s*\(([^()]*)\)", re.IGNORECASE)
 _RELATION = "REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION"
 
 
-def check_operators(entities: dict[int, Entity], solid_kinds: frozenset[str]) -> None:
+def check_operators(entities: dict[int, StepEntity], solid_kinds: frozenset[str]) -> None:
     """Check that no operator that places a part mirrors or scales it.
 
     Parameters
@@ -56,7 +56,9 @@ def check_operators(entities: dict[int, Entity], solid_kinds: frozenset[str]) ->
             )
 
 
-def _placing_operators(entities: dict[int, Entity], solid_kinds: frozenset[str]) -> Iterator[int]:
+def _placing_operators(
+    entities: dict[int, StepEntity], solid_kinds: frozenset[str]
+) -> Iterator[int]:
     """Go through the operators that place a part; those of drawings and views place none."""
     for entity in entities.values():
         if _RELATION not in entity.kinds and "MAPPED_ITEM" not in entity.kinds:
@@ -73,7 +75,7 @@ def _placing_operators(entities: dict[int, Entity], solid_kinds: frozenset[str])
             yield from operators
 
 
-def _arguments(entity: Entity) -> list[str] | None:
+def _arguments(entity: StepEntity) -> list[str] | None:
     """Return axis 1 and 2, origin, scale and axis 3 as the file writes them; None if it has another form."""
     found = _ARGUMENTS.search(entity.text)
     if found is None:
@@ -82,7 +84,7 @@ def _arguments(entity: Entity) -> list[str] | None:
     return arguments[-5:] if len(arguments) >= 5 else None
 
 
-def _direction(entities: dict[int, Entity], reference: str) -> np.ndarray | None:
+def _direction(entities: dict[int, StepEntity], reference: str) -> np.ndarray | None:
     """Return the numbers of a direction, shape (3,); None if it is not given."""
     entity = entities.get(int(reference[1:])) if reference.startswith("#") else None
     if entity is None or len(entity.numbers) != 3:

@@ -12,7 +12,7 @@ from planner.exceptions import RequestError
 
 
 @dataclass(frozen=True)
-class Showing:
+class Detectability:
     """Conditions for edges to be found in the image; each may be 0, which leaves it out.
 
     Without them a plan asks of an edge what Yang & Ciarallo (2001) ask: that it is not hidden. Images of plans made so
@@ -44,10 +44,10 @@ class Showing:
 
     Examples
     --------
-    >>> from planner import Showing
-    >>> Showing(separation_px=8.0)
-    Showing(separation_px=8.0, surround_px=40.0, min_corner_deg=25.0)
-    >>> Showing(0, 0, 0).asks_nothing
+    >>> from planner import Detectability
+    >>> Detectability(separation_px=8.0)
+    Detectability(separation_px=8.0, surround_px=40.0, min_corner_deg=25.0)
+    >>> Detectability(0, 0, 0).asks_nothing
     True
     """
 
@@ -72,10 +72,13 @@ class Showing:
         return not any(astuple(self))
 
 
-USUAL = Showing()
+Showing = Detectability
+"""The name of `Detectability` up to version 0.1. It goes in the version after the next."""
+
+USUAL = Detectability()
 """What is asked where nothing is said."""
 
-NOT_ASKED = Showing(0.0, 0.0, 0.0)
+NOT_ASKED = Detectability(0.0, 0.0, 0.0)
 """The paper's constraints: an edge must not be hidden."""
 
 
@@ -87,4 +90,4 @@ def asks_of_images(requirements: Mapping[str, float]) -> bool:
     requirements : mapping of str to float
         As `InspectionPlan.requirements`.
     """
-    return any(requirements.get(one.name, 0.0) > 0 for one in fields(Showing))
+    return any(requirements.get(one.name, 0.0) > 0 for one in fields(Detectability))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from compiled.decorators import entry_kernel, kernel_without_refcounts
-from planner.showing.contours import SHOWS
+from planner.detectability.contours import SHOWS
 
 # for dividing by a depth
 _TINY = 1e-9

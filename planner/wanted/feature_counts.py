@@ -29,7 +29,7 @@ def features_text(counts: Sequence[int]) -> str:
 
     Examples
     --------
-    >>> from planner.wanted.features import features_text
+    >>> from planner.wanted.feature_counts import features_text
     >>> features_text([1, 6, 30, 4, 30, 1])
     '6 dimensions, 72 features: 66 not planned'
     """

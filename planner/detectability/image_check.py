@@ -1,7 +1,8 @@
 """Whether edges can be found in the images of poses: how far other visible lines are, and how wide corners are.
 
-Notation: n poses, k entities, p pairs of a pose and an entity. Lines are those of the part (`planner.showing.contours`)
-that rays find visible. Images are without distortion, which changes distances of a few pixels by far less than one.
+Notation: n poses, k entities, p pairs of a pose and an entity. Lines are those of the part
+(`planner.detectability.contours`) that rays find visible. Images are without distortion, which changes distances of a
+few pixels by far less than one.
 """
 
 from __future__ import annotations
@@ -14,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.camera.camera import Camera
-from planner.showing.contours import OWN, Contours
-from planner.showing.corners import (
+from planner.detectability.conditions import Detectability
+from planner.detectability.contours import OWN, Contours
+from planner.detectability.corners import (
     FITTED_PX,
     SeenArms,
     arms_of,
@@ -24,9 +26,8 @@ from planner.showing.corners import (
     mixed_px,
     tip_lines,
 )
-from planner.showing.near_contours import near_contours
-from planner.showing.part_lines import PartLines
-from planner.showing.showing import Showing
+from planner.detectability.near_contours import near_contours
+from planner.detectability.part_lines import PartLines
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -64,7 +65,7 @@ class ImageCheck:
         Their ends, mm.
     camera : Camera
         The camera.
-    showing : Showing
+    showing : Detectability
         What is asked.
 
     Attributes
@@ -83,7 +84,7 @@ class ImageCheck:
         edge_ids: Sequence[Sequence[int] | None],
         ends: Array,
         camera: Camera,
-        showing: Showing,
+        showing: Detectability,
     ) -> None:
         self.showing = showing
         self._ends = np.ascontiguousarray(ends, np.float64)
@@ -97,7 +98,7 @@ class ImageCheck:
         self._near_own_px = near_own_px(showing)
         radius = 2.0 * self._near_own_px * min(far, _FAR * near) / float(self._scale[:2].min())
         edges = [[] if one is None else list(one) for one in edge_ids]
-        self._entities = _Lines.of(
+        self._entities = _ImageLines.of(
             self.contours, [self._part.relation(one, radius) for one in edges]
         )
         self.arms = arms_of(
@@ -106,7 +107,9 @@ class ImageCheck:
         # the same line may leave several entities
         lines, self._line_of_arm = np.unique(self.arms.contour, return_inverse=True)
         own = [[int(self.contours.ids[line])] for line in lines]
-        self._lines = _Lines.of(self.contours, [self._part.relation(one, radius) for one in own])
+        self._lines = _ImageLines.of(
+            self.contours, [self._part.relation(one, radius) for one in own]
+        )
 
     def separations(
         self, cam2world: Array, wanted: NDArray[np.bool_], most_px: float = MOST_PX
@@ -323,12 +326,12 @@ class ImageCheck:
         return ~self.scene.blocked(eyes, places - eyes, 1.0 - _SHORT)
 
 
-def near_own_px(showing: Showing) -> float:
+def near_own_px(showing: Detectability) -> float:
     """Return how far from its own corner a neighbour leaves the strip beside an edge, at the angle asked for, px."""
     return showing.separation_px / math.sin(math.radians(max(showing.min_corner_deg, 5.0)))
 
 
-class _Lines(NamedTuple):
+class _ImageLines(NamedTuple):
     """Relations (r, m) of contours to entities or arms, vertices (w,) of these, where those of each begin (r + 1,)."""
 
     relations: NDArray[np.uint8]
@@ -336,7 +339,7 @@ class _Lines(NamedTuple):
     first: NDArray[np.int64]
 
     @classmethod
-    def of(cls, contours: Contours, relations: Sequence[NDArray[np.uint8]]) -> _Lines:
+    def of(cls, contours: Contours, relations: Sequence[NDArray[np.uint8]]) -> _ImageLines:
         own = [np.unique(contours.ends[one == OWN]) for one in relations]
         vertices = np.concatenate([np.zeros(0, np.int64), *own]).astype(np.int64)
         first = np.cumsum([0, *map(len, own)]).astype(np.int64)

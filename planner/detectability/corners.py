@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aspectgraph.solid.edge_ends import CORNER_DEG
-from planner.showing.arm_images import arm_images
-from planner.showing.contours import OWN, SHARP, SHOWS, Contours, Meeting
+from planner.detectability.arm_images import arm_images
+from planner.detectability.contours import OWN, SHARP, SHOWS, Contours, Meeting
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from planner.optics.propose import DISTANCES_MM, propose_optics
 from planner.output import terminal_tables
 from planner.output.json_records import print_json
 from planner.wanted.dimension import Dimension
-from planner.wanted.features import features_text, n_not_planned
+from planner.wanted.feature_counts import features_text, n_not_planned
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from errors.formatting import frequency_text, probability_text
 from errors.measurands import Line, Localisation, MeasurandModel, measurand
 from errors.measurands.fitted import is_short
-from errors.telling import frequency_text, probability_text
 from planner.camera.pose import world_to_cam
 from planner.verify.measurements import measurements
 from planner.verify.setting_record import search_windows_px

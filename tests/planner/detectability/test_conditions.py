@@ -8,12 +8,12 @@ from shapely import LineString, Point
 
 from aspectgraph import Face, Solid, read_solid, resolve_entities
 from aspectgraph.solid.edge_ends import edges_that_show
-from planner import Camera, RequestError, Requirements, Showing, look_at
+from planner import Camera, Detectability, RequestError, Requirements, look_at
 from planner.camera.pose import world_to_cam
+from planner.detectability.contours import CONNECTED
+from planner.detectability.image_check import MOST_PX, ImageCheck
+from planner.detectability.part_lines import PartLines
 from planner.request.defaults import check_showing
-from planner.showing.contours import CONNECTED
-from planner.showing.image_check import MOST_PX, ImageCheck
-from planner.showing.part_lines import PartLines
 
 pytestmark = pytest.mark.uncompiled
 
@@ -35,7 +35,9 @@ def image(points, pose, camera=CAMERA):
 
 def test_two_edges_of_a_plate_seen_from_the_side():
     """Edges 60 mm apart, square to the axis at 600 mm depth: f / pitch * 60 / depth."""
-    check, _ = check_of(block(), {"e": [[0, 0, 60], [80, 0, 60]]}, Showing(separation_px=750.0))
+    check, _ = check_of(
+        block(), {"e": [[0, 0, 60], [80, 0, 60]]}, Detectability(separation_px=750.0)
+    )
     pose = look_at([[40.0, -600.0, 30.0]], [40.0, 0.0, 30.0])
     scale = CAMERA.matrix[0, 0]
     # the front's lower edge; the upper face is not seen, so its other edges are not
@@ -47,7 +49,7 @@ def test_separation_on_a_block_by_shapely(seed):
     """Of a convex part exactly the edges of faces that face the camera are visible."""
     solid = block()
     rng = np.random.default_rng(seed)
-    showing = Showing(separation_px=40.0, min_corner_deg=25.0)
+    showing = Detectability(separation_px=40.0, min_corner_deg=25.0)
     check, ends = check_of(solid, {"e": [[0, 0, 60], [80, 0, 60]]}, showing)
     eye = np.array([40.0, 25, 30]) + 500 * rng.normal(size=3) / 1.5
     pose = look_at([eye], [40.0, 20, 30], roll=rng.uniform(0, 6))
@@ -71,7 +73,9 @@ def test_separation_on_a_block_by_shapely(seed):
 
 def test_corners_of_a_block():
     """Frontal: the uprights are square to the edge, and the edges of the top face are not seen."""
-    check, _ = check_of(block(), {"e": [[0, 0, 60], [80, 0, 60]]}, Showing(min_corner_deg=25.0))
+    check, _ = check_of(
+        block(), {"e": [[0, 0, 60], [80, 0, 60]]}, Detectability(min_corner_deg=25.0)
+    )
     pose = look_at([[40.0, -600.0, 30.0]], [40.0, 0.0, 30.0])
     assert check.corners(pose, ONE)[0, 0] == pytest.approx(65.0, abs=1e-6)
     # from above, the edges of the top face are seen too, and the sharpest angle counts
@@ -137,7 +141,7 @@ def dense_separation(solid, scene, entity, pose, camera, near_px, chords):
 
 def test_separation_on_a_real_part_by_dense_points(ctc01):
     camera = Camera.from_toml("examples/camera.toml")
-    showing = Showing(separation_px=8.0)
+    showing = Detectability(separation_px=8.0)
     check, _ = check_of(ctc01, NAMED, showing, camera)
     found = resolve_entities(ctc01, NAMED)
     scene = o3d.t.geometry.RaycastingScene()
@@ -170,7 +174,7 @@ def test_separation_on_a_real_part_by_dense_points(ctc01):
 def test_yes_and_no_agree_with_how_much(ctc01):
     """Whether anything is near is told by fewer rays than how near it is, and whether corners are wide enough, too."""
     camera = Camera.from_toml("examples/camera.toml")
-    showing = Showing(separation_px=8.0)
+    showing = Detectability(separation_px=8.0)
     rng = np.random.default_rng(3)
     check, ends = check_of(ctc01, NAMED, showing, camera)
     ways = rng.normal(size=(200, 3)) * (1, 1, 0.4) + (0, 0, 1)
@@ -199,13 +203,13 @@ def test_the_lines_of_a_part_are_found_once_and_told_apart_by_what_they_are_aske
 
 
 def test_an_edge_that_runs_on_in_an_arc_has_no_corner(ctc01):
-    check, ends = check_of(ctc01, NAMED, Showing())
+    check, ends = check_of(ctc01, NAMED, Detectability())
     assert [check.without_corner(k) is None for k in range(4)] == [True, True, True, False]
     assert any(np.allclose(check.without_corner(3), end) for end in ends[3])
     pose = look_at([[-285.0, 0.0, 500.0]], [-285.0, 0.0, 0.0])
     wanted = np.array([[False, False, False, True]])
     assert check.corners(pose, wanted)[0, 3] == -25.0
-    assert check_of(ctc01, NAMED, Showing(min_corner_deg=0))[0].without_corner(3) is None
+    assert check_of(ctc01, NAMED, Detectability(min_corner_deg=0))[0].without_corner(3) is None
 
 
 def valley(turn_deg):
@@ -230,7 +234,7 @@ def test_an_edge_in_a_valley_of_curved_surfaces_shows(turn_deg):
         one for one in solid.straight_edges() if all(solid.faces[f].curved for f in one.faces)
     )
     assert edge.turn_deg == pytest.approx(-turn_deg)
-    check, _ = check_of(solid, {"valley": edge.id}, Showing())
+    check, _ = check_of(solid, {"valley": edge.id}, Detectability())
     pose = look_at([[30.0, 20.0, 600.0]], [30.0, 20.0, 0.0], roll=0.3)
     # an end of the valley is 20 mm off the axis and 580 mm away, and the slope is nearer by its rise
     rise = 30.0 * np.tan(np.radians(turn_deg / 2))
@@ -250,7 +254,7 @@ def test_every_edge_that_can_be_an_entity_shows(name):
 
 
 def test_surroundings_narrow_the_picture():
-    need = Requirements(field_margin_px=27.0, showing=Showing())
+    need = Requirements(field_margin_px=27.0, showing=Detectability())
     assert need.border_px == 67.0
     assert need.to_dict()["surround_px"] == 40.0
     assert "surround_px" not in Requirements().to_dict()
@@ -267,7 +271,7 @@ def test_surroundings_narrow_the_picture():
 )
 def test_conditions_that_cannot_be(values, text):
     with pytest.raises(RequestError) as error:
-        Showing(**values)
+        Detectability(**values)
     assert str(error.value) == text
 
 
@@ -276,6 +280,6 @@ def test_conditions_wider_than_the_image():
         RequestError,
         match=r"separation_px must be less than half the image's smaller side, 2048 px",
     ):
-        check_showing(Showing(separation_px=1024), CAMERA)
-    with pytest.raises(RequestError, match=r"showing must be a Showing. Got 5."):
+        check_showing(Detectability(separation_px=1024), CAMERA)
+    with pytest.raises(RequestError, match=r"showing must be a Detectability. Got 5."):
         check_showing(5, CAMERA)
