@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike
 from errors.measurands.localisation import Localisation
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.detectability.conditions import USUAL, Detectability
 from planner.exceptions import RequestError
 from planner.identity.resolve_request import Promise, ResolvedRequest, resolve_request
 from planner.inspection_options import InspectionOptions
@@ -42,7 +43,6 @@ from planner.request.request import Request
 from planner.request.space import Space
 from planner.request.target_space import TargetSpace
 from planner.resume import PlanningState
-from planner.detectability.conditions import USUAL, Detectability
 from planner.steps.incumbents import Incumbents
 from planner.steps.run import Run
 from planner.steps.stages import run_stages

@@ -24,7 +24,7 @@ PARAMETERS: dict[str, int] = {
     "ga/run.py:maximize": 21,
     "planner/inspection.py:plan_inspection": 25,
     "planner/setting/plan_setting.py:plan_setting": 19,
-    "planner/verify/simulate_setting.py:simulate_setting": 10,
+    "planner/verify/simulate_setting.py:simulate_setting": 9,
 }
 FOLDERS: dict[str, int] = {}
 

@@ -15,7 +15,7 @@ CALLS = [
     (errors.simulate_measurement, 10),
     (planner.plan_setting, 19),
     (planner.plan_inspection, 25),
-    (planner.simulate_setting, 10),
+    (planner.simulate_setting, 9),
 ]
 
 

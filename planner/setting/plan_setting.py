@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.detectability.conditions import NOT_ASKED, Detectability
 from planner.exceptions import RequestError
 from planner.request.constraints import Requirements
 from planner.request.defaults import (
@@ -30,7 +31,6 @@ from planner.setting.infeasible import (
 )
 from planner.setting.pose_search import Search, search_pose
 from planner.setting.sensor_setting import SensorSetting
-from planner.detectability.conditions import NOT_ASKED, Detectability
 from planner.wanted.targets import check_is_edge
 
 
