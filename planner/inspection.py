@@ -269,7 +269,7 @@ def plan_by_options(
 
 
 def _request(solid: Solid, resolved: ResolvedRequest, options: InspectionOptions) -> Request:
-    """Return the request for edges, or for edges and dimensions, with where they are observable."""
+    """Return the request with where its targets are observable."""
     asked, entities, targets = resolved
     rest = (
         asked.camera,
@@ -279,17 +279,13 @@ def _request(solid: Solid, resolved: ResolvedRequest, options: InspectionOptions
         asked.requirements,
     )
     space = options.space or _visible(solid, resolved, options)
-    if targets is None:
-        return Request(space, space.entity_names, *rest)
     missing = [name for name in entities if name not in space.entities]
     if missing:
         raise RequestError.of_rule(
             "space", "must hold all entities that are wanted", f"no {missing[0]!r}"
         )
-    needs = {target.name: target.entities for target in targets}
-    ends = {target.name: target.ends for target in targets}
-    joined = TargetSpace(space, needs, ends)
-    return Request(joined, tuple(needs), *rest, targets, options.localisation)
+    joined = TargetSpace.of(space, targets)
+    return Request(joined, joined.entity_names, *rest, targets, options.localisation)
 
 
 def _visible(solid: Solid, resolved: ResolvedRequest, options: InspectionOptions) -> Space:

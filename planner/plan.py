@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from planner.light.light_plan import LightPlan
     from planner.progress import Progress
     from planner.verify.simulate_plan import SimulationResult
+    from planner.wanted.models import Means
     from planner.wanted.planned import PlannedDimension
 
 FORMAT = "aspectgraph inspection plan"
@@ -178,6 +179,13 @@ class InspectionPlan(PlanTables):
 
     def _features(self) -> dict[str, int]:
         return {"n": self.n_features, "not_planned": self.n_features_not_planned}
+
+    @property
+    def means(self) -> Means:
+        """What the targets are measured with, and how accurately."""
+        from planner.wanted.models import Means
+
+        return Means(self.camera, self.pose_uncertainty, self.accuracy)
 
     @property
     def minimal(self) -> bool:

@@ -17,7 +17,6 @@ from planner.exceptions import RequestError
 from planner.inspection_options import InspectionOptions
 from planner.request.defaults import check_fraction, default_workspace
 from planner.request.request import Request
-from planner.request.target_objective import dimension_model
 from planner.request.target_space import TargetSpace
 from planner.wanted.targets import Target
 
@@ -160,9 +159,7 @@ def predict(
         else np.asarray(how.workspace, dtype=np.float64)
     )
     regions = how.space or compute_regions(solid, entities, workspace=box, executor=how.executor)
-    space = TargetSpace(
-        regions, {t.name: t.entities for t in targets}, {t.name: t.ends for t in targets}
-    )
+    space = TargetSpace.of(regions, targets)
     need = how.requirements(camera, pose_uncertainty)
     names = tuple(target.name for target in targets)
     request = Request(
@@ -179,8 +176,7 @@ def _prediction(
     request: Request, target: Target, cam2world: np.ndarray, observable: bool
 ) -> PosePrediction:
     """Say how sure a target is measured, and what keeps it from being measured."""
-    model = dimension_model(target, request.camera, request.pose_uncertainty, request.localisation)
-    described = model.describe(np.linalg.inv(cam2world))
+    described = target.description(request.means).describe(np.linalg.inv(cam2world))
     constraints = request.restricted_to([target.name]).constraints
     margins = {
         name: float(margin.min()) for name, margin in constraints.margins(cam2world[None]).items()
@@ -188,7 +184,7 @@ def _prediction(
     missed = {name: -margin for name, margin in margins.items() if margin < 0}
     return PosePrediction(
         nominal=described.nominal,
-        unit="mm" if target.measurand is None else target.measurand.unit,
+        unit=target.measurand.unit,
         permitted_error=described.permitted_error,
         observable=observable,
         probability=described.probability if observable and not missed else math.nan,
@@ -203,7 +199,7 @@ def _prediction(
 
 def _if_found(probability: float, target: Target, cam2world: np.ndarray) -> float:
     """Return a probability, or nan where a point of the target has no image."""
-    in_front = world_to_cam(target.segments, cam2world)[..., 2] > 0
+    in_front = world_to_cam(target.witness.segments, cam2world)[..., 2] > 0
     return probability if in_front.all() else math.nan
 
 

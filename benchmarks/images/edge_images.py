@@ -38,6 +38,7 @@ from seen_lines import CORNER_DEG, NEAR_PX, Arm, Lines, angle_deg
 from aspectgraph import Solid, read_solid, resolve_entities
 from planner import InspectionPlan, read_plan
 from planner.request.objective import Objective
+from planner.wanted.models import Means
 
 ACCURACIES = (0.98, 0.99, 0.995)
 AROUND_PX = 40.0
@@ -284,7 +285,11 @@ def _measured(plan, k, name, how, n, kind) -> Pair:
             length = np.linalg.norm((one[1] - one[0]) * camera.pixel_pitch_mm)
             errors[i, j] = abs(length / nominal - 1) if np.isfinite(length) else np.inf
     promised = [
-        float(Objective(ends[None], camera, plan.pose_uncertainty, a).probability(pose[None])[0, 0])
+        float(
+            Objective.of_edges(ends[None], Means(camera, plan.pose_uncertainty, a)).probability(
+                pose[None]
+            )[0, 0]
+        )
         for a in ACCURACIES
     ]
     met = [tuple(float(value) for value in (errors <= 1 - a).mean(axis=0)) for a in ACCURACIES]

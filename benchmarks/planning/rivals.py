@@ -33,6 +33,7 @@ from planner.setting.first_poses import draw_start
 from planner.setting.pose_bits import PoseEncoding
 from planner.setting.pose_search import search_pose
 from planner.setting.viewpoint_sampling import ViewpointSampler
+from planner.wanted.models import Means
 
 _TRIES_PER_EVALUATION = 20
 _STEP = 1e-4
@@ -73,7 +74,8 @@ class Problem:
         )
         self.constraints = Constraints(self.space, names, self.camera, need)
         self.goal = Objective(
-            self.constraints.ends, self.camera, chosen.pose_uncertainty, chosen.accuracy
+            self.constraints.targets,
+            Means(self.camera, chosen.pose_uncertainty, chosen.accuracy),
         )
         self.cells = self.space.covering_cells(names)
         self.sampler = ViewpointSampler(self.cells, self.constraints.ends, self.camera)

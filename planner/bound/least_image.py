@@ -41,22 +41,18 @@ def least_images_mm(judge: Judge) -> NDArray[np.float64]:
     Returns
     -------
     array (k,)
-        Lengths, mm; 0 asks for none. Of dimensions nothing is claimed: how short an image of two of their points may
-        be, follows from no constraint.
+        Lengths, mm; 0 asks for none.
     """
-    request = judge.request
-    of_accuracy = {}
-    quantile = quantization_quantile(
+    quantile = _SAFETY * quantization_quantile(
         judge.camera.finest_pitch_mm, judge.threshold - _PROBABILITY_ERROR
     )
-    for accuracy in set(request.accuracies.tolist()):
-        half_width = 0.5 * (math.log(2.0 - accuracy) - math.log(accuracy))
-        of_accuracy[accuracy] = max(
-            judge.constraints.min_length_mm, _SAFETY * quantile / half_width
-        )
-    least = np.array([of_accuracy[accuracy] for accuracy in request.accuracies.tolist()])
-    least[list(request.dimensions)] = 0.0
-    return least
+    shortest = judge.constraints.min_length_mm
+    return np.array(
+        [
+            target.least_image_mm(judge.accuracy, quantile, shortest)
+            for target in judge.request.targets
+        ]
+    )
 
 
 def quantization_quantile(pixel_pitch_mm: tuple[float, float], probability: float) -> float:

@@ -233,7 +233,8 @@ def _regions(judge: Judge, entity_idx: NDArray[np.int_], executor: Executor | No
 
 
 def _items(judge: Judge) -> str:
-    return "items" if judge.request.dimensions else "edges"
+    edges = all(target.in_image for target in judge.request.targets)
+    return "edges" if edges else "items"
 
 
 def _by_covers(

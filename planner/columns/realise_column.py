@@ -14,7 +14,6 @@ from planner.columns.outcome import Outcome
 from planner.columns.perturb import perturbed
 from planner.exceptions import InfeasibleError
 from planner.executors import Shared
-from planner.request.measured import measured_items
 from planner.setting.infeasible import missing_corners
 from planner.setting.plan_setting import best_setting
 from planner.setting.pose_search import Search
@@ -216,7 +215,7 @@ def _excess(
     """Simulate a setting; return by how much it promises too much for each entity."""
     rates = simulate_setting(
         setting,
-        measured_items(judge.request),
+        judge.request.measured,
         judge.camera,
         judge.request.pose_uncertainty,
         accuracy=judge.accuracy,

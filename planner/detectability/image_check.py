@@ -350,6 +350,6 @@ def edges_of(space: Any, name: str) -> tuple[int, ...] | None:
     """Return the edges of an entity of a space, or None for what is no straight edge."""
     entity = space.entities[name]
     if not hasattr(entity, "edge_ids"):
-        needs = getattr(space, "needs", {}).get(name, ())
-        return edges_of(space.space, needs[0]) if len(needs) == 1 else None
+        (witness,) = entity.witnesses
+        return edges_of(space.space, witness[0]) if len(witness) == 1 else None
     return tuple(entity.edge_ids) if entity.kind == "edge" else None

@@ -17,7 +17,7 @@ from planner.inspection_options import InspectionOptions
 from planner.request.defaults import check_fraction, check_seed, default_workspace
 from planner.request.effort import Effort
 from planner.wanted.dimension import Dimension
-from planner.wanted.targets import Target, check_is_edge
+from planner.wanted.targets import Target, check_is_edge, edge_targets
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -49,13 +49,13 @@ class ResolvedRequest(NamedTuple):
         The request.
     entities : mapping of str to Entity
         What must be seen.
-    targets : tuple of Target or None
-        What is measured; None if that is the length of every entity, as in the paper.
+    targets : tuple of Target
+        What is measured.
     """
 
     request: InspectionRequest
     entities: Mapping[str, Any]
-    targets: tuple[Target, ...] | None
+    targets: tuple[Target, ...]
 
 
 def resolve_request(
@@ -93,7 +93,7 @@ def resolve_request(
         "ring": _ring(options, lighting),
         **promised(camera, pose_uncertainty, promise, options),
     }
-    if options.effort is None and any(target.dimension for target in targets or ()):
+    if options.effort is None and not all(target.in_image for target in targets):
         known["effort"] = Effort.for_dimensions()
     return ResolvedRequest(InspectionRequest(**known), entities, targets)
 
@@ -128,8 +128,8 @@ def promised(
 
 def _resolved(
     solid: Solid, items: Mapping[str, Any], accuracy: float, options: InspectionOptions
-) -> tuple[Mapping[str, Any], tuple[Target, ...] | None]:
-    """Return the entities, and the targets if something else than lengths of edges is measured."""
+) -> tuple[Mapping[str, Any], tuple[Target, ...]]:
+    """Return the entities and the targets."""
     from aspectgraph import resolve_entities
     from planner.wanted.resolve import is_circle, resolve_wanted
 
@@ -142,7 +142,7 @@ def _resolved(
         entities = resolve_entities(solid, items) if known is None else known.entities
         for name, entity in entities.items():
             check_is_edge(name, entity)
-        return entities, None
+        return entities, edge_targets(entities, tuple(entities))
     return resolve_wanted(solid, items, accuracy, as_lengths=not rounded)
 
 

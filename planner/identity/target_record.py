@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.wanted.dimension import Dimension
-from planner.wanted.targets import Target, edge_target
+from planner.wanted.targets import DimensionTarget, Target
 
 if TYPE_CHECKING:
     from aspectgraph import Entity, Solid
@@ -99,16 +99,17 @@ class TargetRecord:
     @classmethod
     def of(cls, target: Target, entities: Mapping[str, Any]) -> TargetRecord:
         """Return the record of a target whose entities are known by name."""
-        seen = tuple(EntityRecord.of(name, entities[name]) for name in target.entities)
+        witness = target.witness
+        seen = tuple(EntityRecord.of(name, entities[name]) for name in witness.entities)
+        if not isinstance(target, DimensionTarget):
+            return cls(target.name, EDGE, witness.ends, seen)
         dimension = target.dimension
-        if dimension is None:
-            return cls(target.name, EDGE, target.ends, seen)
         return cls(
             target.name,
             dimension.kind,
-            target.ends,
+            witness.ends,
             seen,
-            float(target.permitted_error),
+            float(target.max_error),
             dimension.tolerance,
             None if dimension.tolerance is None else dimension.share,
             dimension.direction,
@@ -127,9 +128,7 @@ class TargetRecord:
 
 
 def target_records(
-    entities: Mapping[str, Any], targets: Sequence[Target] | None
+    entities: Mapping[str, Any], targets: Sequence[Target]
 ) -> tuple[TargetRecord, ...]:
-    """Return the records of targets; where there are none, the entities are edges whose lengths are measured."""
-    if targets is None:
-        targets = [edge_target(name, entity.endpoints) for name, entity in entities.items()]
+    """Return the records of targets whose entities are known by name."""
     return tuple(TargetRecord.of(target, entities) for target in targets)

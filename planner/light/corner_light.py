@@ -152,9 +152,9 @@ def corners_of(
     edges = _seen_edges(solid, poses, names, edge_ids, separation > 0)
     beside_edges = beside_lines(scene, edges, separation, pixel)
     numbers = np.flatnonzero([bool(one) and least > 0 for one in edge_ids])
-    ends = np.array([plan.entities[names[k][1]] for k in numbers.tolist()], np.float64).reshape(
-        -1, 2, 3
-    )
+    ends = np.array(
+        [plan.targets[names[k][1]].points for k in numbers.tolist()], np.float64
+    ).reshape(-1, 2, 3)
     image = ImageCheck(
         solid,
         [edge_ids[k] for k in numbers.tolist()],

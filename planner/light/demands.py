@@ -18,6 +18,7 @@ from planner.light.background import Backdrop, backdrops
 if TYPE_CHECKING:
     from aspectgraph import Solid
     from aspectgraph.solid.ray_scene import RayScene
+    from planner.wanted.planned import PlannedTarget
 
 Silhouettes = dict[int, int]
 # a circle of a plan is that of a rim if they differ by less than this share of the part's size
@@ -44,12 +45,8 @@ class PlanToLight(Protocol):
         """The settings, in order."""
 
     @property
-    def entities(self) -> Mapping[str, Any]:
-        """End points (2, 3) by name, mm."""
-
-    @property
-    def dimensions(self) -> Mapping[str, Any]:
-        """Dimensions by name; they stand for the entities of the same name."""
+    def targets(self) -> Mapping[str, PlannedTarget]:
+        """What is measured, by name."""
 
     @property
     def camera(self) -> Camera:
@@ -157,7 +154,7 @@ def demands_of(plan: PlanToLight, solid: Solid, scene: RayScene, ground: str) ->
                     behind += own
                     regions.append(found.region(name, entity, seen))
             found.pairs.append(Pair(k, name, tuple(dict.fromkeys(regions)), some, tuple(behind)))
-            found.edge_ids.append(() if name in plan.dimensions else parts[name][0].edge_ids)
+            found.edge_ids.append(parts[name][0].edge_ids if plan.targets[name].in_image else ())
     return found
 
 
@@ -184,14 +181,11 @@ def seen_as(
 
 def _parts(plan: PlanToLight, solid: Solid, name: str) -> tuple[Entity, ...]:
     """Return the edges, rims and arcs that something measured consists of."""
-    one = plan.dimensions.get(name)
-    if one is None:
-        return (_line(solid, name, plan.entities[name]),)
     return tuple(
         _curve(solid, name, item)
         if isinstance(item, Circle)
         else _line(solid, name, (item.p, item.q))
-        for item in one.geometry
+        for item in plan.targets[name].geometry
     )
 
 

@@ -28,8 +28,8 @@ from planner.optics.proposal import OpticsProposal
 from planner.request.constraints import Constraints, Requirements
 from planner.request.defaults import check_fraction, position_margin_mm
 from planner.request.image_constraints import RESOLUTION, Lens, image_slacks
-from planner.request.target_objective import dimension_model
 from planner.request.target_space import TargetSpace
+from planner.wanted.models import Means
 from planner.wanted.targets import Target
 
 if TYPE_CHECKING:
@@ -218,9 +218,7 @@ def _space(
         workspace=box if how.workspace is None else how.workspace,
         executor=how.executor,
     )
-    return TargetSpace(
-        regions, {t.name: t.entities for t in targets}, {t.name: t.ends for t in targets}
-    )
+    return TargetSpace.of(regions, targets)
 
 
 def _limits(how: InspectionOptions, pose_uncertainty: PoseUncertainty) -> Requirements:
@@ -324,7 +322,8 @@ def _best(
     poses = tried[slacks.min(axis=(1, 2), initial=np.inf) >= 0]
     if not len(poses):
         return None
-    model = dimension_model(view.target, camera, pose_uncertainty, localisation)
+    means = Means(camera, pose_uncertainty, localisation=localisation)
+    model = view.target.description(means)
     inverse = np.linalg.inv(poses)
     probability = model.probability(inverse)
     best = int(np.argmax(probability))

@@ -18,7 +18,7 @@ from planner.output.pose_files import POSE_FILES, write_poses
 from planner.plan import InspectionPlan
 from planner.report.page import report_html
 from planner.report.wording import graph_sentence, regions_sentence
-from planner.request.target_space import TargetSpace
+from planner.request.target_space import Seen, TargetSpace
 from planner.resume import holds_plan
 
 if TYPE_CHECKING:
@@ -126,15 +126,14 @@ def _observable_shares(regions: VisibilityRegions) -> tuple[dict[str, float], in
 
 
 def _space(found: InspectionPlan, regions: Space) -> Space:
-    """Return where what is planned is observable from: of a dimension, where all of its entities are."""
-    if not found.dimensions:
-        return regions
-    dimensions = found.dimensions
-    needs = {
-        name: dimensions[name].entities if name in dimensions else (name,)
-        for name in found.entities
-    }
-    return TargetSpace(regions, needs, found.entities)
+    """Return where the targets of a plan are observable from."""
+    return TargetSpace(
+        regions,
+        {
+            name: Seen([target.entities], found.entities[name])
+            for name, target in found.targets.items()
+        },
+    )
 
 
 def rescue(found: InspectionPlan, state: Path) -> str:

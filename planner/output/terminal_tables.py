@@ -326,15 +326,9 @@ def _measured(plan: InspectionPlan, name: str) -> tuple[str, ...]:
     """Return a cell that says what is measured and how wrong it may be; none in a plan of edges."""
     if not plan.dimensions:
         return ()
-    if name not in plan.dimensions:
-        return (f"length, error up to {100 * (1 - plan.accuracy):.3g} %",)
-    one = plan.dimensions[name]
-    kind = one.kind.replace("_", " ")
-    features = features_cell(one)
-    return (
-        f"{kind} {one.nominal:.6g} {one.unit}, error up to {one.permitted_error:.4g} {one.unit}"
-        f"{', ' if features else ''}{features}",
-    )
+    target = plan.targets[name]
+    features = features_cell(target)
+    return (f"{target.error_text}{', ' if features else ''}{features}",)
 
 
 def _interval(rate: SuccessRate | None) -> str:

@@ -135,10 +135,7 @@ def needed_entities(plan: InspectionPlan, setting: SensorSetting) -> list[str]:
     setting : SensorSetting
         One of its settings.
     """
-    dimensions = plan.dimensions
-    lists = (
-        dimensions[name].entities if name in dimensions else (name,) for name in setting.entities
-    )
+    lists = (plan.targets[name].entities for name in setting.entities)
     return list(dict.fromkeys(entity for one in lists for entity in one))
 
 

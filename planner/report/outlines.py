@@ -31,10 +31,8 @@ def polylines(plan: InspectionPlan, name: str) -> list[NDArray[np.float64]]:
     list of array (n, 3)
         Two points of a line, a fine polygon of a circle or arc.
     """
-    if name not in plan.dimensions:
-        return [plan.entities[name]]
     found = []
-    for one in plan.dimensions[name].geometry:
+    for one in plan.targets[name].geometry:
         if isinstance(one, Circle):
             n = max(2, round(_PARTS_OF_CIRCLE * one.span_rad / (2 * np.pi)))
             found.append(one.points(np.linspace(0.0, one.span_rad, n + 1)))
@@ -62,5 +60,6 @@ def drawn(plan: InspectionPlan, names: Iterable[str]) -> dict[str, NDArray[np.fl
     for name in names:
         lines = polylines(plan, name)
         pairs = [np.stack([line[:-1], line[1:]], axis=1) for line in lines]
-        found[name] = np.concatenate(pairs) if name in plan.dimensions else lines[0]
+        # the ends of an edge are marked
+        found[name] = lines[0] if plan.targets[name].in_image else np.concatenate(pairs)
     return found

@@ -14,7 +14,6 @@ from planner.report.binding import LimitShare, nearest_limits
 from planner.report.tables import budget_bar, cells, heads, permitted, warned
 from planner.request.focus_reserve import SIGMAS, sigmas_left
 from planner.rows.measured_rows import Row
-from planner.verify.measurements import dimension_points
 from planner.verify.simulate_setting import (
     CONFIRMED,
     CONSERVATIVE,
@@ -127,25 +126,15 @@ def focus_note(plan: InspectionPlan, setting: SensorSetting) -> str:
 
 def _focus_sigmas(plan: InspectionPlan, setting: SensorSetting) -> float:
     """Return how many standard deviations of its own depth the least sure point is from a limit of focus."""
-    points = [
-        dimension_points(plan.dimensions[name]) if name in plan.dimensions else plan.entities[name]
-        for name in setting.entities
-    ]
+    points = [plan.targets[name].points for name in setting.entities]
     local = world_to_cam(np.concatenate(points), setting.cam2world)
     return sigmas_left(local, plan.camera, plan.pose_uncertainty)
 
 
 def _value(plan: InspectionPlan, name: str) -> str:
     """Return what an item measures, with the unit where units differ."""
-    length = np.linalg.norm(plan.entities[name][1] - plan.entities[name][0])
-    if not plan.dimensions:
-        return f"{length:.3f}"
-    one = plan.dimensions.get(name)
-    return (
-        f"length {length:.3f} mm"
-        if one is None
-        else f"{one.kind.replace('_', ' ')} {one.nominal:.3f} {one.unit}"
-    )
+    target = plan.targets[name]
+    return target.value_text if plan.dimensions else f"{target.nominal:.3f}"
 
 
 def _rate(rate: SuccessRate, threshold: float) -> dict[str, str]:

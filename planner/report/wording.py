@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from planner.plan import InspectionPlan
     from planner.verify.shown_images import ShownImages
     from planner.verify.simulate_plan import SimulationResult
-    from planner.wanted.planned import PlannedDimension
+    from planner.wanted.planned import PlannedTarget
 
 
 def count(n: int, singular: str, plural: str | None = None) -> str:
@@ -58,9 +58,9 @@ def features_sentence(plan: InspectionPlan) -> str:
     return f"{plan.features_text}; a plan measures one feature of each dimension."
 
 
-def features_cell(dimension: PlannedDimension) -> str:
-    """Say that a dimension is measured on one feature of several; empty if it applies to one."""
-    return f"1 of {dimension.n_features} features" if dimension.n_features > 1 else ""
+def features_cell(target: PlannedTarget) -> str:
+    """Say that a target is measured on one feature of several; empty if it applies to one."""
+    return f"1 of {target.n_features} features" if target.n_features > 1 else ""
 
 
 def bound_sentence(

@@ -35,7 +35,7 @@ from planner.request.image_constraints import (
 )
 from planner.request.reach import Reach, SignedDistance, check_reach, reach_margin
 from planner.request.space import Space
-from planner.wanted.targets import Target, edge_target
+from planner.wanted.targets import Target, edge_targets
 
 # the axes, and the diagonals of a cube: around a position, an entity must be visible in these directions
 _DIAGONALS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / math.sqrt(3)
@@ -239,13 +239,13 @@ class Constraints:
         self.names = tuple(names)
         self.camera = camera
         self.requirements = requirements
-        if targets is None:
-            targets = [edge_target(name, space.entities[name].endpoints) for name in self.names]
-        self.ends = np.array([target.ends for target in targets], dtype=np.float64)
-        self.segments = np.concatenate([target.segments for target in targets])
-        self.resolved = np.concatenate([target.resolved for target in targets])
-        sizes = [len(target.segments) for target in targets]
-        self.owner = np.repeat(np.arange(len(targets)), sizes)
+        self.targets = targets or edge_targets(space.entities, self.names)
+        witnesses = [target.witness for target in self.targets]
+        self.ends = np.array([witness.ends for witness in witnesses], dtype=np.float64)
+        self.segments = np.concatenate([witness.segments for witness in witnesses])
+        self.resolved = np.concatenate([witness.resolved for witness in witnesses])
+        sizes = [len(witness.segments) for witness in witnesses]
+        self.owner = np.repeat(np.arange(len(witnesses)), sizes)
         self._first = np.cumsum([0, *sizes[:-1]])
         self.min_length_mm = requirements.min_length_px * max(camera.pixel_pitch_mm)
         self._lens = Lens.of(
@@ -266,7 +266,6 @@ class Constraints:
         if self._exact_field:
             self._columns["field_of_view_px"] = FIELD_OF_VIEW
         self._checks = self._build_checks()
-        self._lengths = [target.measurand is None for target in targets]
         self._shows = self._build_shows()
 
     def _build_checks(self) -> dict[str, Any]:
@@ -293,7 +292,8 @@ class Constraints:
 
         Of many poses only what they miss matters, so lines that are far enough are not looked at.
         """
-        asked = self.requirements.showing if any(self._lengths) else NOT_ASKED
+        in_image = any(target.in_image for target in self.targets)
+        asked = self.requirements.showing if in_image else NOT_ASKED
         shows: dict[str, Any] = {}
         if asked.min_corner_deg > 0:
             shows["corner_deg"] = lambda pose: self._shown("corner_deg", pose)[..., None]
@@ -327,13 +327,15 @@ class Constraints:
     @cached_property
     def image(self) -> ImageCheck:
         """Whether edges can be found in the images of poses."""
+        return self.image_check(self.requirements.showing)
+
+    def image_check(self, showing: Detectability) -> ImageCheck:
+        """Return a check of whether edges can be found in images, under some conditions."""
         edge_ids = [
-            edges_of(self.space, name) if length else None
-            for name, length in zip(self.names, self._lengths, strict=True)
+            edges_of(self.space, target.name) if target.in_image else None
+            for target in self.targets
         ]
-        return ImageCheck(
-            self.space.solid, edge_ids, self.ends, self.camera, self.requirements.showing
-        )
+        return ImageCheck(self.space.solid, edge_ids, self.ends, self.camera, showing)
 
     @property
     def shows(self) -> tuple[str, ...]:

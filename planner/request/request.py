@@ -16,11 +16,12 @@ from planner.request.constraints import Constraints, Requirements
 from planner.request.defaults import check_fraction
 from planner.request.objective import Objective
 from planner.request.space import Space
-from planner.request.target_objective import TargetObjective, dimension_model
-from planner.wanted.targets import Target
+from planner.wanted.models import Means
+from planner.wanted.targets import Target, edge_targets
 
 if TYPE_CHECKING:
     from errors.measurands import Localisation
+    from planner.wanted.planned import PlannedTarget
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,7 @@ class Request:
     requirements : Requirements
         What is asked of a setting beside that.
     targets : tuple of Target, optional
-        What of the items must be in the picture and what is measured of them, in their order. Default: lengths.
+        What is measured, in the order of the names. Default: the lengths of edges.
     localisation : Localisation, optional
         How well points are found in the image. Default: the paper's, both ends of an edge on whole pixels.
 
@@ -61,22 +62,19 @@ class Request:
     accuracy: float = 0.98
     probability: float = 0.9
     requirements: Requirements = field(default_factory=Requirements)
-    targets: tuple[Target, ...] | None = None
+    targets: tuple[Target, ...] = ()
     localisation: Localisation | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(self.names))
         for name in ("accuracy", "probability"):
             object.__setattr__(self, name, check_fraction(name, getattr(self, name)))
+        targets = self.targets or edge_targets(self.space.entities, self.names)
+        object.__setattr__(self, "targets", targets)
 
     def __getstate__(self) -> dict[str, object]:
         """Leave what is computed behind: the constraints' scene cannot cross a process boundary."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
-
-    @property
-    def accuracies(self) -> NDArray[np.float64]:
-        """Required accuracy of each item wanted, shape (k,): today the same for all."""
-        return np.full(len(self.names), self.accuracy)
 
     @property
     def ends(self) -> NDArray[np.float64]:
@@ -95,24 +93,25 @@ class Request:
 
     def objective_of(self, kind: str, model: str) -> Objective:
         """Return the objective of another kind or error model, see `Objective`."""
-        edges = Objective(self.ends, self.camera, self.pose_uncertainty, self.accuracy, kind, model)
-        if not self.dimensions:
-            return edges
-        given = self.camera, self.pose_uncertainty, self.localisation
-        return TargetObjective(
-            edges, {i: dimension_model(item, *given) for i, item in self.dimensions.items()}
-        )
+        return Objective(self.targets, replace(self.means, model=model), kind)
+
+    @property
+    def means(self) -> Means:
+        """What the targets are measured with, and how accurately."""
+        return Means(self.camera, self.pose_uncertainty, self.accuracy, self.localisation)
 
     def restricted_to(self, names: Sequence[str]) -> Request:
         """Return the same request for some of the entities."""
-        if self.targets is None:
-            return replace(self, names=tuple(names))
         by_name = dict(zip(self.names, self.targets, strict=True))
         return replace(self, names=tuple(names), targets=tuple(by_name[name] for name in names))
 
-    @property
-    def dimensions(self) -> dict[int, Target]:
-        """The items that are dimensions, by their column."""
-        return {
-            i: target for i, target in enumerate(self.targets or ()) if target.measurand is not None
-        }
+    def find_target(self, name: str) -> Target:
+        """Return the target of this name."""
+        return self.targets[self.names.index(name)]
+
+    @cached_property
+    def measured(self) -> dict[str, PlannedTarget]:
+        """What is measured, by name, as plans keep it and simulation draws it."""
+        from planner.wanted.planned import planned
+
+        return {target.name: planned(target, self.means) for target in self.targets}

@@ -1,8 +1,8 @@
-"""Where what is to be inspected is observable from: of a dimension, where all of its entities are."""
+"""Where targets are observable from: where all entities of any of their witnesses are."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -11,36 +11,55 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from aspectgraph import CellSet, Solid
     from planner.request.space import Space
+    from planner.wanted.targets import Target
 
 
-class Segment(NamedTuple):
-    """Two points that are seen wherever a dimension is inspected, as an edge's ends are."""
+class Seen(NamedTuple):
+    """What must be seen of a target.
 
+    Attributes
+    ----------
+    witnesses : sequence of sequence of str
+        Names of entities; those of any witness suffice, together.
+    endpoints : array (2, 3)
+        Two points that are seen wherever the target is inspected, as an edge's ends are; mm.
+    """
+
+    witnesses: Sequence[Sequence[str]]
     endpoints: NDArray[np.float64]
+
+    def is_entity(self, name: str) -> bool:
+        """Return whether this is one entity, of this name."""
+        return len(self.witnesses) == 1 and tuple(self.witnesses[0]) == (name,)
 
 
 class TargetSpace:
-    """The regions of dimensions, as intersections of the regions of their entities.
+    """The regions of targets, made of the regions of their entities.
 
     Parameters
     ----------
     space : VisibilityRegions or EntityAspectGraph
         Where the entities are observable from.
-    needs : mapping of str to sequence of str
-        Names of the entities of each dimension.
-    segments : mapping of str to array (2, 3)
-        For each dimension two points of it, mm.
+    entities : mapping of str to Seen
+        What must be seen of each target, by its name.
     """
 
-    def __init__(
-        self,
-        space: Space,
-        needs: Mapping[str, Sequence[str]],
-        segments: Mapping[str, NDArray[np.float64]],
-    ):
+    def __init__(self, space: Space, entities: Mapping[str, Seen]):
         self.space = space
-        self.needs = {name: tuple(entities) for name, entities in needs.items()}
-        self.segments = dict(segments)
+        self.entities = dict(entities)
+
+    @classmethod
+    def of(cls, space: Space, targets: Iterable[Target]) -> TargetSpace:
+        """Return where targets are observable from that were resolved on the part."""
+        return cls(
+            space,
+            {
+                target.name: Seen(
+                    [witness.entities for witness in target.witnesses], target.witness.ends
+                )
+                for target in targets
+            },
+        )
 
     @property
     def solid(self) -> Solid:
@@ -53,42 +72,45 @@ class TargetSpace:
         return self.space.workspace
 
     @property
-    def entities(self) -> Mapping[str, Segment]:
-        """Two points of each dimension by its name."""
-        return {name: Segment(ends) for name, ends in self.segments.items()}
-
-    @property
     def entity_names(self) -> tuple[str, ...]:
-        """Names of the dimensions, in order."""
-        return tuple(self.needs)
+        """Names of the targets, in order."""
+        return tuple(self.entities)
 
     def observable(
         self, points: NDArray[np.float64], names: Sequence[str] | None = None
     ) -> NDArray[np.bool_]:
-        """Return which dimensions have all their entities observable from which viewpoints (n, 3); (n, k) bool."""
+        """Return which targets are observable from which viewpoints (n, 3); (n, k) bool."""
         names = self.entity_names if names is None else names
         wanted = self.entities_of(names)
         column = {name: i for i, name in enumerate(wanted)}
         seen = self.space.observable(points, wanted)
-        result = np.ones((len(seen), len(names)), dtype=bool)
+        if all(self.entities[name].is_entity(name) for name in names):
+            return seen
+        result = np.zeros((len(seen), len(names)), dtype=bool)
         for k, name in enumerate(names):
-            result[:, k] = seen[:, [column[entity] for entity in self.needs[name]]].all(axis=1)
+            for witness in self.entities[name].witnesses:
+                result[:, k] |= seen[:, [column[entity] for entity in witness]].all(axis=1)
         return result
 
     def covering_cells(self, names: Sequence[str]) -> CellSet:
-        """Return from where all entities of all named dimensions are observable, as convex cells."""
+        """Return from where all named targets are observable, as convex cells; each has one witness."""
+        for name in names:
+            (_,) = self.entities[name].witnesses
         return self.space.covering_cells(self.entities_of(names))
 
     def entities_of(self, names: Sequence[str]) -> list[str]:
-        """Return the entities of dimensions, each once, in order."""
-        return list(dict.fromkeys(entity for name in names for entity in self.needs[name]))
+        """Return the entities of targets, each once, in order."""
+        return list(
+            dict.fromkeys(
+                entity
+                for name in names
+                for witness in self.entities[name].witnesses
+                for entity in witness
+            )
+        )
 
     def subset(self, names: Sequence[str]) -> TargetSpace:
-        """Return the space of some dimensions only; it remembers no cells of the whole."""
+        """Return the space of some targets only; it remembers no cells of the whole."""
         entities = self.entities_of(names)
         space = self.space.subset(entities) if hasattr(self.space, "subset") else self.space
-        return TargetSpace(
-            space,
-            {name: self.needs[name] for name in names},
-            {name: self.segments[name] for name in names},
-        )
+        return TargetSpace(space, {name: self.entities[name] for name in names})

@@ -7,13 +7,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from errors.formatting import frequency_text, probability_text
-from errors.measurands import Line, Localisation, MeasurandModel, measurand
 from errors.measurands.fitted import is_short
-from planner.camera.pose import world_to_cam
-from planner.verify.measurements import measurements
 from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_setting import (
     CONFIRMED,
@@ -99,19 +94,6 @@ class Row:
     warnings: tuple[Warned, ...] = ()
 
 
-@dataclass(frozen=True)
-class _Value:
-    """What is to be measured, and how sure it is before anything is drawn."""
-
-    kind: str
-    nominal: float
-    unit: str
-    permitted_error: float
-    permitted_error_px: float | None
-    standard_uncertainty: float
-    budget: Mapping[str, float]
-
-
 def measured_rows(plan: Any) -> list[list[Row]]:
     """Return the rows of each setting, in the order of its entities.
 
@@ -131,18 +113,16 @@ def measured_rows(plan: Any) -> list[list[Row]]:
 def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
     rates = plan.simulation.rates[k] if plan.simulation is not None else {}
     images = plan.simulation.shown if plan.simulation is not None else None
-    measured = measurements(plan, setting)
     windows = search_windows_px(plan, setting)
     rows = []
     for name in setting.entities:
-        value = (
-            _dimension(plan.dimensions[name], measured[name])
-            if name in measured
-            else _edge(plan, setting, name)
-        )
+        target = plan.targets[name]
+        described = target.describe(setting.cam2world, plan.means)
+        permitted_px = target.permitted_error_px(setting.cam2world, plan.camera)
         rate = rates.get(name)
         probability = setting.probability[name]
-        coarse = value.permitted_error_px if _is_rounded(plan, name) else None
+        # without whole pixels there is no grid to be wary of
+        coarse = permitted_px if target.localisation.model == "rounding" else None
         warnings = _warnings(coarse, probability, rate)
         if name in setting.lines_in_window_px:
             warnings += (
@@ -159,13 +139,24 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
                 Warned(WarningKind.UNLIT, f"shown by no lamp: {plan.light.unlit[k][name]}"),
                 *warnings,
             )
-        told = {
-            "probability": probability,
-            "rate": rate,
-            "search_window_px": windows[name],
-            "warnings": warnings,
-        }
-        rows.append(Row(k + 1, name, **told, **vars(value)))
+        # the quantiles of a short arc are no variance
+        has_variance = not any(map(is_short, target.geometry))
+        row = Row(
+            setting=k + 1,
+            name=name,
+            kind=target.kind,
+            nominal=target.nominal,
+            unit=target.unit,
+            permitted_error=target.permitted_error,
+            permitted_error_px=permitted_px,
+            probability=probability,
+            rate=rate,
+            standard_uncertainty=described.standard_uncertainty,
+            search_window_px=windows[name],
+            budget=dict(described.budget) if has_variance else {},
+            warnings=warnings,
+        )
+        rows.append(row)
     return rows
 
 
@@ -206,42 +197,6 @@ def few_pixels_warning(permitted_px: float) -> str:
         f"tolerance of {permitted_px:.2g} px, under two pixels: P is the mean over parts whose edges end anywhere on "
         "the pixel grid, and one part may be measured less often"
     )
-
-
-def _dimension(one: Any, told: Any) -> _Value:
-    # the quantiles of a short arc are no variance
-    budget = {} if any(map(is_short, one.geometry)) else dict(told.budget)
-    u = told.standard_uncertainty
-    px = told.permitted_error_px
-    return _Value(one.kind, one.nominal, one.unit, one.permitted_error, px, u, budget)
-
-
-def _edge(plan: Any, setting: Any, name: str) -> _Value:
-    """Return the length of an edge: the nominal one times the ratio of the images' lengths, measured and planned."""
-    ends = np.asarray(plan.entities[name], dtype=np.float64)
-    length = float(np.linalg.norm(ends[1] - ends[0]))
-    permitted = (1 - plan.accuracy) * length
-    camera = plan.camera
-    model = MeasurandModel(
-        measurand("length", [Line(ends[0], ends[1])]),
-        image_distance_mm=camera.image_distance_mm,
-        pixel_pitch_mm=camera.image_pitch_mm,
-        pose_covariance=plan.pose_uncertainty.covariance,
-        localisation=Localisation.rounding(),
-        permitted_error=permitted,
-    )
-    told = model.describe(np.linalg.inv(setting.cam2world))
-    in_camera = world_to_cam(ends, setting.cam2world)
-    pixels = (in_camera / in_camera[:, 2:] @ camera.matrix.T)[:, :2]
-    px = (1 - plan.accuracy) * float(np.linalg.norm(pixels[1] - pixels[0]))
-    return _Value(
-        "length", length, "mm", permitted, px, told.standard_uncertainty, dict(told.budget)
-    )
-
-
-def _is_rounded(plan: Any, name: str) -> bool:
-    """Say if points are found on whole pixels, as the ends of edges are; else there is no grid to be wary of."""
-    return name not in plan.dimensions or plan.dimensions[name].localisation.model == "rounding"
 
 
 def _warnings(px: float | None, probability: float, rate: SuccessRate | None) -> tuple[Warned, ...]:

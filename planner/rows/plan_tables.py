@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from planner.wanted.feature_counts import features_text
 
 if TYPE_CHECKING:
     from planner.rows.measured_rows import Row
+    from planner.wanted.planned import PlannedTarget
 
 _STYLE = "text-align:left;padding:2px 10px"
 _DEG = math.degrees(1.0)
@@ -32,6 +34,16 @@ class PlanTables:
     probability: float
     lower_bound: int
     simulation: Any
+
+    @cached_property
+    def targets(self) -> dict[str, PlannedTarget]:
+        """What is measured, by name: of an edge the length, of a dimension its value."""
+        from planner.wanted.planned import PlannedLength
+
+        return {
+            name: self.dimensions.get(name) or PlannedLength.of(name, ends, self.accuracy)
+            for name, ends in self.entities.items()
+        }
 
     def rows(self) -> list[dict[str, Any]]:
         """Return all that is measured, one row per setting and entity; ``pandas.DataFrame(plan.rows())`` takes them.
@@ -54,7 +66,7 @@ class PlanTables:
         from planner.rows.measured_rows import measured_rows
 
         found = [
-            {**_values(row, self._n_features(row.name)), "reason": None, **_pose(setting)}
+            {**_values(row, self.targets[row.name].n_features), "reason": None, **_pose(setting)}
             for setting, rows in zip(self.settings, measured_rows(self), strict=True)
             for row in rows
         ]
@@ -132,30 +144,15 @@ class PlanTables:
 
     def _wanted(self, name: str) -> dict[str, Any]:
         """Return what is to be measured, and how well."""
-        if name in self.dimensions:
-            one = self.dimensions[name]
-            kind = one.kind
-            nominal = one.nominal
-            error = one.permitted_error
-            unit = one.unit
-        else:
-            start, end = self.entities[name]
-            kind = "length"
-            nominal = float(np.linalg.norm(end - start))
-            unit = "mm"
-            error = (1.0 - self.accuracy) * nominal
+        target = self.targets[name]
         return {
             "name": name,
-            "kind": kind,
-            "nominal": nominal,
-            "permitted_error": error,
-            "unit": unit,
-            "n_features": self._n_features(name),
+            "kind": target.kind,
+            "nominal": target.nominal,
+            "permitted_error": target.permitted_error,
+            "unit": target.unit,
+            "n_features": target.n_features,
         }
-
-    def _n_features(self, name: str) -> int:
-        """Return how many features of the part an item applies to."""
-        return self.dimensions[name].n_features if name in self.dimensions else 1
 
 
 def _values(row: Row, n_features: int) -> dict[str, Any]:

@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from planner.plan import InspectionPlan
-from planner.request.measured import planned_dimensions
 from planner.setting.reason import Reason, ReasonKind
 from planner.setting.sensor_setting import SensorSetting
 from planner.steps.lines_in_window import with_lines_in_windows
 from planner.steps.run import Run
 from planner.travel import order_by, pose_distances
+from planner.wanted.planned import PlannedDimension
 
 # of entities that have neither a pose nor a reason for that yet
 _NOT_YET = Reason.of(ReasonKind.NOT_FOUND_YET, "the planning had not come to its end.")
@@ -59,7 +59,7 @@ def assembled(
         workspace=np.asarray(request.space.workspace, dtype=float),
         part=request.space.solid.name,
         seed=run.seed,
-        dimensions=planned_dimensions(request),
+        dimensions={n: t for n, t in request.measured.items() if isinstance(t, PlannedDimension)},
         requirements=request.requirements.to_dict(),
         request=run.memo.identity,
         unfinished=unfinished,

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.detectability.image_check import ImageCheck, edges_of
 from planner.plan import InspectionPlan
 from planner.request.request import Request
 from planner.verify.setting_record import search_windows_px
@@ -30,13 +29,7 @@ def with_lines_in_windows(plan: InspectionPlan, request: Request) -> InspectionP
     windows = [search_windows_px(plan, setting) for setting in plan.settings]
     # one check for all of them, as wide as the widest
     widest = max(max(one.values()) for one in windows)
-    targets = request.targets or (None,) * len(request.names)
-    edge_ids = [
-        edges_of(request.space, name) if target is None or target.measurand is None else None
-        for name, target in zip(request.names, targets, strict=True)
-    ]
-    asked = replace(showing, separation_px=widest)
-    check = ImageCheck(request.space.solid, edge_ids, request.ends, request.camera, asked)
+    check = request.constraints.image_check(replace(showing, separation_px=widest))
     poses = np.array([setting.cam2world for setting in plan.settings])
     wanted = np.array(
         [[name in setting.entities for name in request.names] for setting in plan.settings]

@@ -64,8 +64,7 @@ class _Posed(NamedTuple):
     """Settings and what they measure, as `planner.light` asks for it."""
 
     settings: Sequence[SensorSetting]
-    entities: Mapping[str, Any]
-    dimensions: Mapping[str, Any]
+    targets: Mapping[str, Any]
     camera: Camera
     requirements: Mapping[str, float]
 
@@ -211,7 +210,7 @@ def _shown(
     found: list[set[str]] = [set() for _ in settings]
     if not settings:
         return found
-    posed = _Posed(settings, plan.entities, plan.dimensions, plan.camera, plan.requirements)
+    posed = _Posed(settings, plan.targets, plan.camera, plan.requirements)
     served = lighting.served(posed, run.request.space.solid, run.silent)
     if lighting.is_ring:
         served.keep_own(eyes_of(posed))

@@ -155,7 +155,7 @@ class Run:
         stated = {name: setting.probability[name] for name in setting.entities}
         new = [name for name in stated if (pose, name, stated[name]) not in self._excess]
         # edges see the same displaced poses, whichever they are; a dimension is displaced by draws of its own
-        own = [name for name in new if self.names.index(name) in self.request.dimensions]
+        own = [name for name in new if not self.request.find_target(name).in_image]
         for names in (tuple(name for name in new if name not in own), *((name,) for name in own)):
             if names:
                 some = PosedOnly(setting.cam2world, names, {name: stated[name] for name in names})

@@ -8,13 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.measurands import Line, MeasurandModel
 from planner.camera.camera import Camera
 from planner.camera.imaging import image_of
 from planner.camera.pose import world_to_cam
-from planner.wanted.planned import PlannedDimension, sample_points
-
-_POINTS = 72
 
 
 @dataclass(frozen=True)
@@ -87,38 +83,21 @@ def measurements_dict(plan: Any, setting: Any) -> dict[str, dict[str, Any]]:
 
 
 def _measurement(plan: Any, setting: Any, name: str) -> Measurement:
-    dimension = plan.dimensions[name]
-    model = MeasurandModel(
-        dimension.measurand,
-        image_distance_mm=plan.camera.image_distance_mm,
-        pixel_pitch_mm=plan.camera.image_pitch_mm,
-        pose_covariance=plan.pose_uncertainty.covariance,
-        localisation=dimension.localisation,
-        permitted_error=dimension.permitted_error,
-    )
-    told = model.describe(np.linalg.inv(setting.cam2world))
-    points = world_to_cam(dimension_points(dimension), setting.cam2world)
-    scale = plan.camera.image_distance_mm / (
-        float(points[:, 2].mean()) * max(plan.camera.pixel_pitch_mm)
-    )
+    target = plan.targets[name]
+    described = target.describe(setting.cam2world, plan.means)
+    points = world_to_cam(target.points, setting.cam2world)
     margins = {
         "probability": (setting.probability[name] - plan.probability) / (1 - plan.probability),
         **_image_margins(points, plan.camera),
     }
     return Measurement(
-        told.standard_uncertainty,
-        told.expanded_uncertainty,
-        told.bias,
-        dict(told.budget),
-        dimension.permitted_error * scale if dimension.unit == "mm" else None,
+        described.standard_uncertainty,
+        described.expanded_uncertainty,
+        described.bias,
+        dict(described.budget),
+        target.permitted_error_px(setting.cam2world, plan.camera),
         min(margins, key=lambda key: margins[key]),
     )
-
-
-def dimension_points(dimension: PlannedDimension) -> NDArray[np.float64]:
-    """Return points (n, 3) of a dimension's entities, among them the ends of lines; mm."""
-    ends = [np.array([one.p, one.q]) for one in dimension.geometry if isinstance(one, Line)]
-    return np.concatenate([*(sample_points(one, _POINTS) for one in dimension.geometry), *ends])
 
 
 def _image_margins(points: NDArray[np.float64], camera: Camera) -> dict[str, float]:

@@ -30,17 +30,12 @@ def search_windows_px(plan: Any, setting: Any) -> dict[str, float]:
     dict of str to float
         Three standard deviations of the image's shift by name, px, see `planner.detectability.search_window`.
     """
-    found = {}
-    for name in setting.entities:
-        points = plan.entities[name]
-        if name in plan.dimensions:
-            from planner.verify.measurements import dimension_points
-
-            points = dimension_points(plan.dimensions[name])
-        found[name] = search_window_px(
-            setting.cam2world, points, plan.camera, plan.pose_uncertainty
+    return {
+        name: search_window_px(
+            setting.cam2world, plan.targets[name].points, plan.camera, plan.pose_uncertainty
         )
-    return found
+        for name in setting.entities
+    }
 
 
 def setting_dict(plan: Any, setting: Any) -> dict[str, Any]:

@@ -98,12 +98,12 @@ def count_shown(
     """
     asked = {name: plan.requirements.get(name, 0.0) for name in ("separation_px", "min_corner_deg")}
     measured = [
-        [name for name in one.entities if name not in plan.dimensions] for one in plan.settings
+        [name for name in one.entities if plan.targets[name].in_image] for one in plan.settings
     ]
     if not any(asked.values()) or not any(measured):
         return None
     names = sorted({name for own in measured for name in own})
-    ends = np.array([plan.entities[name] for name in names], dtype=np.float64)
+    ends = np.array([plan.targets[name].points for name in names], dtype=np.float64)
     showing = Detectability(asked["separation_px"], 0.0, asked["min_corner_deg"])
     image = ImageCheck(solid, _edges_of(solid, names, ends), ends, plan.camera, showing)
     counts = []

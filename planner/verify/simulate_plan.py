@@ -171,7 +171,7 @@ def simulate_plan(
     for k, setting in enumerate(plan.settings):
         result = simulate_setting(
             setting,
-            {**plan.entities, **plan.dimensions},
+            plan.targets,
             plan.camera,
             plan.pose_uncertainty,
             accuracy=plan.accuracy,

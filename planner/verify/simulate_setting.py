@@ -27,7 +27,6 @@ from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.verify.measure_dimension import measured_errors
 from planner.verify.simulated import Posed
-from planner.wanted.planned import PlannedDimension
 
 _BATCH = 100_000
 # of dimensions, which have more points
@@ -117,7 +116,7 @@ def simulate_setting(
     setting : SensorSetting
         The planned pose, its entities and their predicted probabilities.
     entities : mapping
-        Name to `Entity`, or to its two ends (2, 3) in mm, for at least the setting's entities.
+        Name to `Entity`, to its two ends (2, 3) in mm, or to a `PlannedTarget`, for at least the setting's entities.
     camera : Camera
         The camera.
     pose_uncertainty : PoseUncertainty
@@ -155,7 +154,7 @@ def simulate_setting(
     dimensions = {
         name: entities[name]
         for name in setting.entities
-        if isinstance(entities[name], PlannedDimension)
+        if not getattr(entities[name], "in_image", True)
     }
     edges = [name for name in setting.entities if name not in dimensions]
     counts = _edge_successes(
@@ -219,7 +218,7 @@ def _edge_successes(
     """The same for lengths of edges, all from the same poses."""
     if not entities:
         return {}
-    ends = np.array([getattr(ends, "endpoints", ends) for ends in entities.values()], dtype=float)
+    ends = np.array([_ends_of(one) for one in entities.values()], dtype=float)
     nominal = _image_lengths(_project(ends, np.asarray(setting.cam2world)[None], camera), camera)[0]
     successes = np.zeros(len(ends), dtype=int)
     outside = np.zeros(len(ends), dtype=int)
@@ -236,6 +235,11 @@ def _edge_successes(
         name: (int(hits), int(lost))
         for name, hits, lost in zip(entities, successes, outside, strict=True)
     }
+
+
+def _ends_of(item: Any) -> Any:
+    """Return both ends of an edge, an entity or a planned length; ends are their own."""
+    return getattr(item, "ends", getattr(item, "endpoints", item))
 
 
 def displaced_poses(

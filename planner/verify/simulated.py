@@ -35,12 +35,8 @@ class Planned(Protocol):
         """The settings, in order."""
 
     @property
-    def entities(self) -> Mapping[str, Any]:
-        """End points (2, 3) by name, mm."""
-
-    @property
-    def dimensions(self) -> Mapping[str, Any]:
-        """Dimensions by name; they stand for the entities of the same name."""
+    def targets(self) -> Mapping[str, Any]:
+        """What is measured, by name, as `PlannedTarget`."""
 
     @property
     def camera(self) -> Camera:

@@ -1,23 +1,164 @@
-"""A dimension as a plan keeps it: all that simulating and reporting it needs, without the part."""
+"""A target as a plan keeps it: all that simulating and reporting it needs, without the part."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.measurands import Circle, Geometry, Localisation, Measurand, MeasurandError, measurand
+from errors.measurands import (
+    Circle,
+    Geometry,
+    Line,
+    Localisation,
+    Measurand,
+    MeasurandError,
+    measurand,
+)
 from errors.measurands.geometry import from_dict, to_dict
+from planner.camera.camera import Camera
+from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError
-from planner.wanted.targets import Target
+from planner.wanted.models import Means, measurand_model
+from planner.wanted.targets import DimensionTarget, Target
+
+if TYPE_CHECKING:
+    from errors.measurands import Prediction
+
+
+_POINTS = 72
 
 
 @dataclass(frozen=True)
-class PlannedDimension:
+class PlannedTarget(ABC):
+    """What every target of a plan tells: its kind, its value, and how wrong it may be.
+
+    Attributes
+    ----------
+    kind : str
+        What is measured, see `Dimension`.
+    entities : tuple of str
+        Ids of what must be seen.
+    geometry : tuple of Line or Circle
+        Their lines and circles, mm, in the part's frame.
+    permitted_error : float
+        Largest permitted error, mm (angles: degrees).
+    localisation : Localisation
+        How well points are found.
+    """
+
+    kind: str
+    entities: tuple[str, ...]
+    geometry: tuple[Geometry, ...] = field(repr=False, compare=False)
+    permitted_error: float
+    localisation: Localisation
+    in_image: ClassVar[bool] = False
+    """Whether the value is a length in the image, as that of an edge."""
+    n_features = 1
+
+    @cached_property
+    def measurand(self) -> Measurand:
+        """The value and its planes."""
+        return measurand(self.kind, self.geometry)
+
+    @property
+    def nominal(self) -> float:
+        """Nominal value, mm (angles: degrees)."""
+        return self.measurand.nominal
+
+    @property
+    def unit(self) -> str:
+        """Unit of its values, "mm" or "deg"."""
+        return self.measurand.unit
+
+    @property
+    @abstractmethod
+    def error_text(self) -> str:
+        """How wrong it may be, in words."""
+
+    @property
+    def value_text(self) -> str:
+        """Kind, nominal value and unit."""
+        return f"{self.kind.replace('_', ' ')} {self.nominal:.3f} {self.unit}"
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """Points (n, 3) of its entities, among them the ends of lines; mm."""
+        ends = [np.array([one.p, one.q]) for one in self.geometry if isinstance(one, Line)]
+        return np.concatenate([*(sample_points(one, _POINTS) for one in self.geometry), *ends])
+
+    @abstractmethod
+    def permitted_error_px(self, cam2world: NDArray[np.float64], camera: Camera) -> float | None:
+        """Return the permitted error in the image of a pose, px; None of an angle."""
+
+    def describe(self, cam2world: NDArray[np.float64], means: Means) -> Prediction:
+        """Return how surely it is measured from a pose.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            The pose.
+        means : Means
+            Gives the camera and the uncertainty of its pose.
+        """
+        found_by = replace(means, localisation=self.localisation)
+        model = measurand_model(self.measurand, self.permitted_error, found_by)
+        return model.describe(np.linalg.inv(cam2world))
+
+
+@dataclass(frozen=True)
+class PlannedLength(PlannedTarget):
+    """The length of an edge as in the paper: both ends on whole pixels, the error a share of the image's length.
+
+    Attributes
+    ----------
+    ends : array (2, 3)
+        Both ends, mm.
+    accuracy : float
+        Required accuracy A.
+    """
+
+    ends: NDArray[np.float64] = field(repr=False, compare=False)
+    accuracy: float
+    in_image = True
+
+    @classmethod
+    def of(cls, name: str, ends: NDArray[np.float64], accuracy: float) -> PlannedLength:
+        """Return the length of an edge (2, 3), mm, at an accuracy."""
+        length = float(np.linalg.norm(ends[1] - ends[0]))
+        line = Line(ends[0], ends[1])
+        permitted = (1 - accuracy) * length
+        return cls("length", (name,), (line,), permitted, Localisation.rounding(), ends, accuracy)
+
+    @property
+    def nominal(self) -> float:
+        """Its length, mm."""
+        return float(np.linalg.norm(self.ends[1] - self.ends[0]))
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """Both ends (2, 3), mm."""
+        return self.ends
+
+    @property
+    def error_text(self) -> str:
+        """How wrong it may be, in words."""
+        return f"length, error up to {100 * (1 - self.accuracy):.3g} %"
+
+    def permitted_error_px(self, cam2world: NDArray[np.float64], camera: Camera) -> float:
+        """Return the share of the length of its image, px."""
+        in_camera = world_to_cam(self.ends, cam2world)
+        pixels = (in_camera / in_camera[:, 2:] @ camera.matrix.T)[:, :2]
+        return (1 - self.accuracy) * float(np.linalg.norm(pixels[1] - pixels[0]))
+
+
+@dataclass(frozen=True)
+class PlannedDimension(PlannedTarget):
     """A dimension on the part.
 
     Attributes
@@ -40,22 +181,17 @@ class PlannedDimension:
         How many features of the part it applies to; the entities measure one of them.
     """
 
-    kind: str
-    entities: tuple[str, ...]
-    geometry: tuple[Geometry, ...] = field(repr=False, compare=False)
-    permitted_error: float
-    localisation: Localisation
     tolerance: tuple[float, float] | None = None
     direction: tuple[float, float, float] | None = None
     n_features: int = 1
 
     @classmethod
-    def of(cls, target: Target, localisation: Localisation | None) -> PlannedDimension:
+    def of(cls, target: DimensionTarget, localisation: Localisation | None) -> PlannedDimension:
         """Return what a plan keeps of a dimension that was resolved on the part.
 
         Parameters
         ----------
-        target : Target
+        target : DimensionTarget
             The dimension.
         localisation : Localisation or None
             How well points are found; None is on whole pixels.
@@ -65,13 +201,11 @@ class PlannedDimension:
         PlannedDimension
             Without the part.
         """
-        assert target.measurand is not None
-        assert target.dimension is not None
         return cls(
             target.measurand.kind,
-            target.entities,
+            target.witness.entities,
             target.measurand.geometry,
-            target.permitted_error,
+            target.max_error,
             localisation or Localisation.rounding(),
             target.dimension.tolerance,
             target.dimension.direction,
@@ -84,14 +218,23 @@ class PlannedDimension:
         return measurand(self.kind, self.geometry, self.direction)
 
     @property
-    def nominal(self) -> float:
-        """Nominal value, mm (angles: degrees)."""
-        return self.measurand.nominal
+    def error_text(self) -> str:
+        """What is measured, and how wrong it may be, in words."""
+        return (
+            f"{self.kind.replace('_', ' ')} {self.nominal:.6g} {self.unit}, "
+            f"error up to {self.permitted_error:.4g} {self.unit}"
+        )
 
-    @property
-    def unit(self) -> str:
-        """Unit of its values, "mm" or "deg"."""
-        return self.measurand.unit
+    def permitted_error_px(self, cam2world: NDArray[np.float64], camera: Camera) -> float | None:
+        """Return the permitted error times the image's scale d / (z r); None of an angle.
+
+        z is the mean depth of the entities, r the larger pixel pitch.
+        """
+        if self.unit != "mm":
+            return None
+        depth = float(world_to_cam(self.points, cam2world)[:, 2].mean())
+        scale = camera.image_distance_mm / (depth * max(camera.pixel_pitch_mm))
+        return self.permitted_error * scale
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain values, ready for JSON, with the nominal value and its unit.
@@ -160,6 +303,13 @@ class PlannedDimension:
         return self.to_dict() == other.to_dict()
 
     __hash__ = None  # type: ignore[assignment]
+
+
+def planned(target: Target, means: Means) -> PlannedTarget:
+    """Return what a plan keeps of a target that was resolved on the part."""
+    if isinstance(target, DimensionTarget):
+        return PlannedDimension.of(target, means.localisation)
+    return PlannedLength.of(target.name, target.witness.ends, means.accuracy)
 
 
 def sample_points(one: Geometry, n: int) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from errors.measurands import Circle, Line, MeasurandError, measurand
 from planner.exceptions import RequestError
 from planner.wanted.dimension import Dimension
-from planner.wanted.targets import Target, edge_target
+from planner.wanted.targets import DimensionTarget, Target, Witness, edge_target
 
 if TYPE_CHECKING:
     from aspectgraph import Entity, Solid
@@ -71,7 +71,7 @@ def resolve_wanted(
     plain = {name: item for name, item in wanted.items() if not isinstance(item, Dimension)}
     entities: dict[str, Entity] = resolve_entities(solid, plain) if plain else {}
     known = {frozenset(entity.edge_ids): name for name, entity in entities.items()}
-    targets = []
+    targets: list[Target] = []
     for name, item in wanted.items():
         if isinstance(item, Dimension):
             parts = [_entity_of(solid, name, given, known, entities) for given in item.entities]
@@ -136,7 +136,7 @@ def _label(given: Any) -> str:
 
 def _dimension_target(
     solid: Solid, name: str, dimension: Dimension, parts: list[Entity], accuracy: float
-) -> Target:
+) -> DimensionTarget:
     curves = {arc.edge_ids: arc for arc in (*solid.rims(), *solid.arcs())}
     geometry = [_geometry(entity, curves) for entity in parts]
     try:
@@ -147,16 +147,14 @@ def _dimension_target(
     for entity in parts:
         _check_chords(name, entity, curves, permitted)
     pieces = [_segments(one) for one in geometry]
-    return Target(
-        name,
+    witness = Witness(
         tuple(dict.fromkeys(entity.name for entity in parts)),
         np.concatenate([segments for segments, _ in pieces]),
         np.concatenate([resolved for _, resolved in pieces]),
         _farthest(np.concatenate([_own_points(one) for one in geometry])),
-        dimension,
         value,
-        permitted,
     )
+    return DimensionTarget(name, (witness,), dimension, permitted)
 
 
 def _geometry(entity: Entity, curves: Mapping[tuple[int, ...], Arc]) -> Line | Circle:

@@ -1,18 +1,18 @@
 """What is to be inspected, resolved on the part: entities to be seen, points to be imaged, a value to be measured.
 
-A *target* is one named item of a request: an edge, whose length is measured as in the paper, or a dimension. It has
-
-entities   what must be observable, as a whole and together
-segments   pairs of points whose images must lie in the picture and in focus, and some of them be long enough; the
-           polygon of a circle's is drawn around it, so the whole circle is in the picture if they are
-ends       two points that lie *on* the entities: what holds for every pose that inspects the target, holds for them;
-           the lower bound and the sampling of poses rest on them
+A *target* is one named item of a request. Any of its *witnesses* gives its value; each is a set of entities that must
+be seen together in one image. A target owns its error model: how probable it is that the value is accurate, what that
+needs of every pose, and how uncertain the value is. There are two models, of an edge (the paper's density of image
+lengths) and of a dimension (a measurand); see `planner.wanted.models`.
 """
 
 from __future__ import annotations
 
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,42 +20,153 @@ from numpy.typing import ArrayLike, NDArray
 from planner.exceptions import RequestError
 
 if TYPE_CHECKING:
-    from errors.measurands import Measurand
+    from errors.measurands import Measurand, MeasurandModel
     from planner.wanted.dimension import Dimension
+    from planner.wanted.models import Means, TargetModels
 
 
 @dataclass(frozen=True)
-class Target:
+class Witness:
+    """Entities that in one image give the value of a target.
+
+    Attributes
+    ----------
+    entities : tuple of str
+        Names of the entities, which must be observable as a whole and together.
+    segments : array (s, 2, 3)
+        Pairs of points that must be in the picture and in focus, mm. Those of a circle are drawn around it, so the
+        whole circle is in the picture if they are.
+    resolved : array of bool (s,)
+        Whose images must be long enough.
+    ends : array (2, 3)
+        Two points of the entities, far apart, mm. What holds for every pose that inspects the target, holds for them;
+        the lower bound and the sampling of poses rest on them.
+    measurand : Measurand
+        The value and its geometry.
+    """
+
+    entities: tuple[str, ...]
+    segments: NDArray[np.float64] = field(repr=False, compare=False)
+    resolved: NDArray[np.bool_] = field(repr=False, compare=False)
+    ends: NDArray[np.float64] = field(repr=False, compare=False)
+    measurand: Measurand = field(repr=False, compare=False)
+
+
+@dataclass(frozen=True)
+class Target(ABC):
     """One named item of a request, resolved on the part.
 
     Attributes
     ----------
     name : str
         Its name.
-    entities : tuple of str
-        Names of the entities that must be observable.
-    segments : array (s, 2, 3)
-        Pairs of points that must be in the picture and in focus, mm.
-    resolved : array of bool (s,)
-        Whose images must be long enough.
-    ends : array (2, 3)
-        Two points of the entities, far apart, mm.
-    dimension : Dimension or None
-        What is measured; None is an edge's length as in the paper, at the accuracy of the request.
-    measurand : Measurand or None
-        The value and its geometry; None as for ``dimension``.
-    permitted_error : float
-        Largest permitted error of a dimension, mm (angles: degrees); nan for an edge.
+    witnesses : tuple of Witness
+        Any of them gives the value. Today there is one.
     """
 
     name: str
-    entities: tuple[str, ...]
-    segments: NDArray[np.float64] = field(repr=False, compare=False)
-    resolved: NDArray[np.bool_] = field(repr=False, compare=False)
-    ends: NDArray[np.float64] = field(repr=False, compare=False)
-    dimension: Dimension | None = None
-    measurand: Measurand | None = field(default=None, repr=False, compare=False)
-    permitted_error: float = np.nan
+    witnesses: tuple[Witness, ...]
+    in_image: ClassVar[bool] = False
+    """Whether the value is a length in the image: then the ends must be found there, as `Detectability` says."""
+
+    @property
+    def witness(self) -> Witness:
+        """The only witness."""
+        (witness,) = self.witnesses
+        return witness
+
+    @property
+    def measurand(self) -> Measurand:
+        """The value and its geometry, as the only witness gives them."""
+        return self.witness.measurand
+
+    @classmethod
+    @abstractmethod
+    def models(cls, targets: Sequence[Any], means: Means) -> TargetModels:
+        """Return how probably targets of this kind are measured accurately."""
+
+    @abstractmethod
+    def permitted_error(self, accuracy: float) -> float:
+        """Return the largest error that counts as accurate, mm (angles: degrees)."""
+
+    @abstractmethod
+    def least_image_mm(self, accuracy: float, quantile_mm: float, min_length_mm: float) -> float:
+        """Return the least length of the image of `Witness.ends` that every inspecting pose has, mm.
+
+        Parameters
+        ----------
+        accuracy : float
+            Required accuracy A.
+        quantile_mm : float
+            Least quantile of the quantization error of a length, see `planner.bound.least_image`.
+        min_length_mm : float
+            Shortest image that constraints allow.
+        """
+
+    def probability(self, cam2world: NDArray[np.float64], means: Means) -> NDArray[np.float64]:
+        """Return how probably the value is accurate, of poses (n, 4, 4); (n,)."""
+        wanted = np.ones((len(cam2world), 1), dtype=bool)
+        return self.models([self], means).probability_where(cam2world, wanted)
+
+    def description(self, means: Means) -> MeasurandModel:
+        """Return the model that describes uncertainty and budget of the value at a pose."""
+        from planner.wanted.models import measurand_model
+
+        return measurand_model(self.measurand, self.permitted_error(means.accuracy), means)
+
+
+@dataclass(frozen=True)
+class EdgeTarget(Target):
+    """An edge whose length is measured as in the paper, both ends on whole pixels, at the accuracy of the request."""
+
+    in_image = True
+
+    @classmethod
+    def models(cls, targets: Sequence[Target], means: Means) -> TargetModels:
+        """Return the paper's density for all edges together; it is evaluated for many at once."""
+        from planner.wanted.models import EdgeModels
+
+        return EdgeModels(np.array([target.witness.ends for target in targets]), means)
+
+    def permitted_error(self, accuracy: float) -> float:
+        """Return the same share of the length as of the image's length, mm."""
+        return (1.0 - accuracy) * self.measurand.nominal
+
+    def least_image_mm(self, accuracy: float, quantile_mm: float, min_length_mm: float) -> float:
+        """Return the length in which the quantization error is small enough, or the one that is asked for."""
+        half_width = 0.5 * (math.log(2.0 - accuracy) - math.log(accuracy))
+        return max(min_length_mm, quantile_mm / half_width)
+
+
+@dataclass(frozen=True)
+class DimensionTarget(Target):
+    """A dimension of the drawing, with its own permitted error.
+
+    Attributes
+    ----------
+    dimension : Dimension
+        What is measured.
+    max_error : float
+        Largest permitted error, mm (angles: degrees).
+    """
+
+    dimension: Dimension
+    max_error: float
+
+    @classmethod
+    def models(cls, targets: Sequence[DimensionTarget], means: Means) -> TargetModels:
+        """Return the models of the measurands."""
+        from planner.wanted.models import DimensionModels
+
+        return DimensionModels([target.description(means) for target in targets])
+
+    def permitted_error(self, accuracy: float) -> float:
+        """Return the dimension's own, mm (angles: degrees)."""
+        return self.max_error
+
+    def least_image_mm(self, accuracy: float, quantile_mm: float, min_length_mm: float) -> float:
+        """Return 0: how short an image of two of its points may be, follows from no constraint."""
+        return 0.0
 
 
 def check_is_edge(name: str, entity: Any) -> None:
@@ -69,7 +180,15 @@ def check_is_edge(name: str, entity: Any) -> None:
         )
 
 
-def edge_target(name: str, endpoints: ArrayLike) -> Target:
+def edge_target(name: str, endpoints: ArrayLike) -> EdgeTarget:
     """Return the target that an edge is: both ends (2, 3) in the picture, its length measured."""
+    from errors.measurands import Line, measurand
+
     ends = np.asarray(endpoints, dtype=np.float64)
-    return Target(name, (name,), ends[None], np.ones(1, dtype=bool), ends)
+    length = measurand("length", [Line(ends[0], ends[1])])
+    return EdgeTarget(name, (Witness((name,), ends[None], np.ones(1, dtype=bool), ends, length),))
+
+
+def edge_targets(entities: Mapping[str, Any], names: Sequence[str]) -> tuple[Target, ...]:
+    """Return the targets that edges of a space are, in the order of the names."""
+    return tuple(edge_target(name, entities[name].endpoints) for name in names)

@@ -107,13 +107,11 @@ def test_a_dimension_is_observable_where_all_its_entities_are(solid, wanted):
     assert "front" in entities
     assert len({entity.edge_ids for entity in entities.values()}) == len(entities) == 5
     regions = compute_regions(solid, entities, workspace=[[-400] * 3, [500] * 3])
-    space = TargetSpace(
-        regions, {t.name: t.entities for t in targets}, {t.name: t.ends for t in targets}
-    )
+    space = TargetSpace.of(regions, targets)
     points = np.random.default_rng(0).uniform(-400, 500, (3000, 3))
     seen = dict(zip(entities, regions.observable(points).T, strict=True))
     for target, column in zip(targets, space.observable(points).T, strict=True):
-        assert (column == np.all([seen[name] for name in target.entities], axis=0)).all()
+        assert (column == np.all([seen[name] for name in target.witness.entities], axis=0)).all()
         inside = space.covering_cells([target.name]).sample(200, 0)
         assert space.observable(inside, [target.name]).all()
     assert not space.observable(points).all()
@@ -127,7 +125,7 @@ def test_the_circle_is_inside_what_must_be_in_the_picture(solid, wanted):
     entities, targets = resolve_wanted(solid, {"bore": wanted["bore"]}, 0.98)
     regions = compute_regions(solid, entities, workspace=[[-400] * 3, [500] * 3])
     (bore,) = targets
-    space = TargetSpace(regions, {"bore": bore.entities}, {"bore": bore.ends})
+    space = TargetSpace.of(regions, targets)
     constraints = Request(space, ("bore",), CAMERA, UNCERTAINTY, targets=targets).constraints
     rng = np.random.default_rng(4)
     poses = look_at(

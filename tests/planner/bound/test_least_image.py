@@ -13,6 +13,8 @@ from planner.bound.least_image import _SAFETY, least_images_mm, quantization_qua
 from planner.columns.judge import Judge
 from planner.request.constraints import Requirements
 from planner.request.request import Request
+from planner.wanted.models import EdgeModels
+from planner.wanted.targets import edge_target
 
 CAMERA = Camera(8.0, (0.00345, 0.005), (2448, 2048), 8.0, 400.0)
 
@@ -82,7 +84,8 @@ def test_an_error_of_the_probability_asks_for_no_longer_image():
             threshold=probability,
             camera=CAMERA,
             constraints=SimpleNamespace(min_length_mm=0.0),
-            request=SimpleNamespace(dimensions={}, accuracies=np.array([0.98])),
+            accuracy=0.98,
+            request=SimpleNamespace(targets=[edge_target("edge", np.eye(3)[:2])]),
         )
         half_width = 0.5 * (math.log(2.0 - 0.98) - math.log(0.98))
         asked = quantization_quantile(CAMERA.pixel_pitch_mm, probability - 5e-5)
@@ -99,4 +102,4 @@ def test_no_image_shorter_than_the_least_reaches_a_small_probability():
     depth = 300.0
     half = 0.99 * least_images_mm(judge)[0] / 2 * depth / camera.image_distance_mm
     shorter = np.array([[[[-half, 0.0, depth], [half, 0.0, depth]]]])
-    assert judge.request.objective.probability_of(shorter).max() < 0.02
+    assert EdgeModels(shorter, judge.request.means).probability_of(shorter).max() < 0.02

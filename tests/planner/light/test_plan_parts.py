@@ -9,13 +9,17 @@ from holed_plate import FRONT, HEIGHT, HOLES, holed_plate
 from errors.measurands import Circle, Line
 from planner import RequestError
 from planner.light.demands import _parts
+from planner.wanted.planned import PlannedLength
 
 PLATE = holed_plate()
 
 
 def plan_of(*geometry):
     return SimpleNamespace(
-        dimensions={"it": SimpleNamespace(geometry=geometry)}, entities={"edge": np.array(FRONT)}
+        targets={
+            "it": SimpleNamespace(geometry=geometry),
+            "edge": PlannedLength.of("edge", np.array(FRONT), 0.98),
+        }
     )
 
 

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from planner import Camera, PoseUncertainty, RequestError, look_at, simulate_setting
 from planner.request.objective import Objective
+from planner.wanted.models import Means
 
 CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 400.0, largest_blur_mm=0.03)
 PAPER = PoseUncertainty(np.diag([0.03] * 3 + [0.003] * 3))
@@ -40,7 +41,7 @@ def test_probability_is_what_displaced_cameras_measure(kind):
         mixing = rng.normal(size=(6, 6)) * np.repeat([1.5, 0.015], 3)[:, None]
         uncertainty = PoseUncertainty(mixing @ mixing.T)
     ends = np.array([entity.endpoints for entity in BoxSpace().entities.values()])[:6]
-    objective = Objective(ends, CAMERA, uncertainty, 0.98)
+    objective = Objective.of_edges(ends, Means(CAMERA, uncertainty, 0.98))
     for pose in poses(3, rng):
         predicted = objective.probability(pose[None])[0]
         for end, p in zip(ends, predicted, strict=True):
@@ -57,7 +58,7 @@ def test_large_rotations_about_the_nodal_point_are_met_to_a_thousandth():
     fine = Camera(25.0, (0.0005, 0.00065), (12800, 9600), 8.0, 300.0, largest_blur_mm=0.03)
     pose = look_at([[-180.0, -160.0, -170.0]], [10, 10, 10], 0.04, -0.03, 0.5)[0]
     ends = np.array([space.entities[name].endpoints for name in names])
-    predicted = Objective(ends, fine, PAPER, 0.98).probability(pose[None])[0]
+    predicted = Objective.of_edges(ends, Means(fine, PAPER, 0.98)).probability(pose[None])[0]
     setting = SimpleNamespace(cam2world=pose, entities=names, probability={})
     rates = simulate_setting(setting, space.entities, fine, PAPER, n=400_000, sensor_limits=False)
     measured = np.array([rate.frequency for rate in rates.values()])
@@ -68,20 +69,20 @@ def test_large_rotations_about_the_nodal_point_are_met_to_a_thousandth():
 def test_fitness_is_the_sum_or_the_smallest_probability():
     ends = np.array([entity.endpoints for entity in BoxSpace().entities.values()])[:3]
     many = poses(20, np.random.default_rng(1))
-    probability = Objective(ends, CAMERA, PAPER, 0.98).probability(many)
+    probability = Objective.of_edges(ends, Means(CAMERA, PAPER, 0.98)).probability(many)
     assert probability.shape == (20, 3)
-    assert Objective(ends, CAMERA, PAPER, 0.98, "sum").fitness(many) == pytest.approx(
-        probability.sum(axis=1)
-    )
-    assert Objective(ends, CAMERA, PAPER, 0.98, "min").fitness(many) == pytest.approx(
-        probability.min(axis=1)
-    )
+    assert Objective.of_edges(ends, Means(CAMERA, PAPER, 0.98), "sum").fitness(
+        many
+    ) == pytest.approx(probability.sum(axis=1))
+    assert Objective.of_edges(ends, Means(CAMERA, PAPER, 0.98), "min").fitness(
+        many
+    ) == pytest.approx(probability.min(axis=1))
 
 
 def test_what_is_behind_the_camera_has_probability_zero():
     ends = np.array([[[0, 0, 0], [50.0, 0, 0]], [[0, 0, 900.0], [50, 0, 900]]])
     pose = look_at([[0.0, 0.0, 400.0]], [0, 0, 0])
-    probability = Objective(ends, CAMERA, PAPER, 0.98).probability(pose)[0]
+    probability = Objective.of_edges(ends, Means(CAMERA, PAPER, 0.98)).probability(pose)[0]
     assert probability[0] > 0.5
     assert probability[1] == 0
 
@@ -89,16 +90,18 @@ def test_what_is_behind_the_camera_has_probability_zero():
 def test_probability_grows_with_the_tolerance():
     ends = np.array([entity.endpoints for entity in BoxSpace().entities.values()])
     many = poses(10, np.random.default_rng(3))
-    strict, loose = (Objective(ends, CAMERA, PAPER, a).probability(many) for a in (0.99, 0.95))
+    strict, loose = (
+        Objective.of_edges(ends, Means(CAMERA, PAPER, a)).probability(many) for a in (0.99, 0.95)
+    )
     assert np.all(loose > strict)
 
 
 @pytest.mark.parametrize("accuracy", [0.0, 1.0, 1.2, -0.5, float("nan")])
 def test_accuracy_outside_the_open_interval_is_refused(accuracy):
     with pytest.raises(RequestError, match=rf"accuracy must be in \(0, 1\)\. Got {accuracy}\."):
-        Objective(np.zeros((1, 2, 3)), CAMERA, PAPER, accuracy)
+        Objective.of_edges(np.eye(3)[None, :2], Means(CAMERA, PAPER, accuracy))
 
 
 def test_an_unknown_objective_is_refused():
     with pytest.raises(RequestError, match=r"objective must be 'sum' or 'min'\. Got 'max'\."):
-        Objective(np.zeros((1, 2, 3)), CAMERA, PAPER, 0.98, "max")
+        Objective.of_edges(np.eye(3)[None, :2], Means(CAMERA, PAPER, 0.98), "max")

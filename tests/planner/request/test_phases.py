@@ -14,6 +14,7 @@ from aspectgraph import read_solid
 from planner import Camera, Effort, PlanFileError, PoseUncertainty, plan_inspection
 from planner.request.objective import Objective
 from planner.verify.simulate_setting import simulate_setting
+from planner.wanted.models import Means
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), f_number=8.0, focus_distance_mm=300.0)
 DEPTH = 300.0
@@ -51,7 +52,9 @@ def test_one_grid_averaged_over_lengths_is_the_papers_density(tolerance_px):
     # of any single length, with random phases
     assert _simulated(50.2, tolerance_px, 40_000) == pytest.approx(expected, abs=0.01)
     edge = _across(50.2)
-    law = Objective(edge[None], CAMERA, PoseUncertainty(SLIDE), 1.0 - tolerance_px / 50.2)
+    law = Objective.of_edges(
+        edge[None], Means(CAMERA, PoseUncertainty(SLIDE), 1.0 - tolerance_px / 50.2)
+    )
     assert law.probability(np.eye(4)[None])[0, 0] == pytest.approx(expected, abs=2e-3)
 
 

@@ -11,6 +11,7 @@ from planner.setting.multistart import Ascent, best_apart, best_around, spread, 
 from planner.setting.pose_bits import PoseEncoding
 from planner.setting.refine import approach, refine
 from planner.setting.viewpoint_sampling import ViewpointSampler
+from planner.wanted.models import Means
 
 CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 300.0, largest_blur_mm=0.03)
 PAPER = PoseUncertainty(np.diag([0.03] * 3 + [0.003] * 3))
@@ -21,7 +22,7 @@ NO_WALLS = np.empty((0, 4))
 def request(names=NAMES, camera=CAMERA, **requirements):
     space = BoxSpace()
     constraints = Constraints(space, names, camera, Requirements(**requirements))
-    objective = Objective(constraints.ends, camera, PAPER, 0.98)
+    objective = Objective(constraints.targets, Means(camera, PAPER, 0.98))
     sampler = ViewpointSampler(space.covering_cells(names), constraints.ends, camera)
     encoding = PoseEncoding(sampler.bounds, constraints.sphere_centre, camera.half_diagonal_rad)
     return constraints, objective, sampler, encoding

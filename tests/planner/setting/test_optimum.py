@@ -14,6 +14,7 @@ from aspectgraph import compute_regions
 from planner import Camera, PoseUncertainty, look_at, plan_setting
 from planner.request.constraints import Constraints, Requirements
 from planner.request.objective import Objective
+from planner.wanted.models import Means
 
 CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 300.0, largest_blur_mm=0.03)
 PAPER = PoseUncertainty(np.diag([0.03] * 3 + [0.003] * 3))
@@ -29,7 +30,7 @@ class Rival:
 
     def __init__(self, space, names):
         self.constraints = Constraints(space, names, CAMERA, Requirements())
-        self.objective = Objective(self.constraints.ends, CAMERA, PAPER, 0.98)
+        self.objective = Objective(self.constraints.targets, Means(CAMERA, PAPER, 0.98))
         self.middle = self.constraints.ends.reshape(-1, 3).mean(axis=0)
         nearest, farthest = CAMERA.depth_of_field_mm
         # azimuth, sine of the elevation, distance, two shifts of the point looked at, roll

@@ -23,6 +23,7 @@ from planner.request.objective import Objective
 from planner.setting.first_poses import draw_start
 from planner.setting.pose_bits import PoseEncoding
 from planner.setting.viewpoint_sampling import ViewpointSampler, WorkspaceSampler
+from planner.wanted.models import Means
 
 REAL = Camera.named("basler-acA2440-20gm-25mm")
 PAPER_CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 300.0, largest_blur_mm=0.03)
@@ -49,7 +50,9 @@ def check(setting, space, camera, uncertainty, accuracy, requirements):
     for name, margin in constraints.margins(pose).items():
         assert setting.margins[name] == pytest.approx(margin.min(), abs=1e-9)
         assert margin.min() >= 0
-    probability = Objective(constraints.ends, camera, uncertainty, accuracy).probability(pose)[0]
+    probability = Objective(constraints.targets, Means(camera, uncertainty, accuracy)).probability(
+        pose
+    )[0]
     assert list(setting.probability.values()) == pytest.approx(probability)
     assert tuple(setting.probability) == setting.entities
 
@@ -106,7 +109,7 @@ def test_the_search_beats_random_poses_and_repeats_over_seeds(box):
         12_000, sampler, encoding, constraints, np.random.default_rng(1), max_draws=40_000
     )
     assert len(start.bits) > 4000
-    random = Objective(constraints.ends, PAPER_CAMERA, PAPER, 0.98).fitness(
+    random = Objective(constraints.targets, Means(PAPER_CAMERA, PAPER, 0.98)).fitness(
         encoding.decode(start.bits)
     )
     assert values.min() >= random.max()

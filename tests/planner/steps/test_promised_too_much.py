@@ -38,9 +38,8 @@ def test_a_promise_is_contradicted_by_more_than_the_models_tolerance(
         return {name: found[name] for name in setting.entities}
 
     monkeypatch.setattr(realise_column, "simulate_setting", simulated)
-    monkeypatch.setattr(realise_column, "measured_items", lambda request: None)
     judge = SimpleNamespace(
-        request=SimpleNamespace(pose_uncertainty=None), camera=None, accuracy=0.98
+        request=SimpleNamespace(pose_uncertainty=None, measured=None), camera=None, accuracy=0.98
     )
     posed = PosedOnly(np.eye(4), ("edge", "sound"), {"edge": 0.95, "sound": 0.95})
     assert list(promised_too_much(judge, posed, 0)) == ["edge"] * contradicted

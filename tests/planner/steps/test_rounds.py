@@ -83,7 +83,8 @@ def test_what_simulation_says_of_a_promise_does_not_depend_on_the_others(monkeyp
 
     monkeypatch.setattr("planner.steps.run.promised_too_much", too_much)
     run = run_with(np.eye(4))
-    run.request = SimpleNamespace(dimensions={1: None, 3: None})
+    in_image = dict(zip(NAMES, [True, False, True, False], strict=True))
+    run.request = SimpleNamespace(find_target=lambda name: SimpleNamespace(in_image=in_image[name]))
     setting = SimpleNamespace(
         cam2world=np.eye(4), entities=tuple(NAMES), probability=dict.fromkeys(NAMES, 0.95)
     )

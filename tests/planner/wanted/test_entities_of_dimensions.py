@@ -25,8 +25,8 @@ def test_an_item_with_the_name_of_an_id_is_not_taken_for_it():
     assert list(entities) == [UPPER[0], f"{UPPER[0]} (2)"]
     assert entities[UPPER[0]].kind == "edge"
     assert entities[f"{UPPER[0]} (2)"].kind == "rim"
-    assert edge.entities == (UPPER[0],)
-    assert bore.entities == (f"{UPPER[0]} (2)",)
+    assert edge.witness.entities == (UPPER[0],)
+    assert bore.witness.entities == (f"{UPPER[0]} (2)",)
     assert bore.measurand.nominal in [pytest.approx(2 * radius) for _, radius in HOLES.values()]
 
 
@@ -34,8 +34,8 @@ def test_an_edge_that_two_items_need_is_one_entity():
     wanted = {"front": FRONT, "depth": Dimension.distance(FRONT[::-1], BACK, max_error_mm=0.5)}
     entities, (_, depth) = resolve_wanted(PLATE, wanted, 0.98)
     assert len(entities) == 2
-    assert depth.entities[0] == "front"
-    assert depth.entities[1] == "edge from (0, 50, 10) to (80, 50, 10)"
+    assert depth.witness.entities[0] == "front"
+    assert depth.witness.entities[1] == "edge from (0, 50, 10) to (80, 50, 10)"
     assert depth.measurand.nominal == pytest.approx(50.0)
 
 
