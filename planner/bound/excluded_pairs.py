@@ -25,8 +25,8 @@ from planner.bound.boxes.cells import Cells
 from planner.bound.boxes.view import Segments
 from planner.bound.segments import frustum_of, segments_of, sensor_tangents
 from planner.camera.camera import Camera
-from planner.columns.judge import Judge
 from planner.executors import THREADS
+from planner.request.request import Request
 
 
 class Subdivision(NamedTuple):
@@ -55,16 +55,16 @@ _MIDDLE, _HALF = range(2)
 
 
 def find_conflicts(
-    judge: Judge, entity_idx: NDArray[np.int_], columns: ArrayLike, regions: Cells
+    request: Request, entity_idx: NDArray[np.int_], columns: ArrayLike, regions: Cells
 ) -> NDArray[np.bool_]:
     """Find the pairs of entities that exclude each other.
 
     Parameters
     ----------
-    judge : Judge
+    request : Request
         The request.
     entity_idx : array of int (e,)
-        Entities, as columns of the judge.
+        Entities, as columns of the request.
     columns : array of bool (c, e)
         Sets known to be inspected by some pose; their pairs need no test.
     regions : Cells
@@ -76,12 +76,12 @@ def find_conflicts(
         Symmetric, false on the diagonal.
     """
     known = np.asarray(columns, dtype=bool)
-    segments = segments_of(judge, entity_idx)
-    frustum = frustum_of(judge)
+    segments = segments_of(request, entity_idx)
+    frustum = frustum_of(request)
     cells = regions.arrays
     together = known.T.astype(int) @ known.astype(int) > 0
-    tangents = sensor_tangents(judge.camera, judge.requirements.border_px)
-    conflict = too_far_apart(judge.camera, segments.ends, tangents) & ~together
+    tangents = sensor_tangents(request.camera, request.requirements.border_px)
+    conflict = too_far_apart(request.camera, segments.ends, tangents) & ~together
 
     def excludes(pair: NDArray[np.int_]) -> bool:
         a, b = pair

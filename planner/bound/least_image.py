@@ -19,23 +19,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors import SegmentQuantization
-from planner.columns.judge import Judge
+from planner.request.request import Request
 
 _STEP = math.pi / 1800
 _DIRECTIONS = np.arange(901) * _STEP
 _BISECTIONS = 60
 # more than is needed: the steps in direction and the error of the probability are allowed for one by one
 _SAFETY = 0.99
-# of the probability that a judge computes, 5e-5, and of the law here
+# of the probability that a request computes, 5e-5, and of the law here
 _PROBABILITY_ERROR = 6e-5
 
 
-def least_images_mm(judge: Judge) -> NDArray[np.float64]:
+def least_images_mm(request: Request) -> NDArray[np.float64]:
     """Return the lengths on the sensor below which no image of an item's segment can satisfy a request.
 
     Parameters
     ----------
-    judge : Judge
+    request : Request
         The request, of k items.
 
     Returns
@@ -44,14 +44,11 @@ def least_images_mm(judge: Judge) -> NDArray[np.float64]:
         Lengths, mm; 0 asks for none.
     """
     quantile = _SAFETY * quantization_quantile(
-        judge.camera.finest_pitch_mm, judge.threshold - _PROBABILITY_ERROR
+        request.camera.finest_pitch_mm, request.probability - _PROBABILITY_ERROR
     )
-    shortest = judge.constraints.min_length_mm
+    shortest = request.constraints.min_length_mm
     return np.array(
-        [
-            target.least_image_mm(judge.accuracy, quantile, shortest)
-            for target in judge.request.targets
-        ]
+        [target.least_image_mm(request.accuracy, quantile, shortest) for target in request.targets]
     )
 
 

@@ -42,11 +42,11 @@ from planner.bound.excluded_pairs import find_conflicts
 from planner.bound.pose_space import PoseSpace
 from planner.bound.pose_tree import PoseTree
 from planner.checkpoint import Checkpoint
-from planner.columns.judge import Judge
 from planner.cover.relaxation import fractional_cover
 from planner.cover.set_cover import cover_within, distinct_rows, maximal_columns
 from planner.executors import Shared, in_order
 from planner.progress import Progress, report
+from planner.request.request import Request
 
 # of what is told while the tree of poses grows
 _GROWING = "growing"
@@ -115,7 +115,7 @@ GENERATION = DualRounds()
 
 
 def lower_bound(
-    judge: Judge,
+    request: Request,
     entity_idx: NDArray[np.int_],
     n_settings: int,
     columns: NDArray[np.bool_],
@@ -129,10 +129,10 @@ def lower_bound(
 
     Parameters
     ----------
-    judge : Judge
+    request : Request
         The request: visibility, camera and constraints.
     entity_idx : array of int (e,)
-        The entities to be covered, as columns of the judge.
+        The entities to be covered, as columns of the request.
     n_settings : int
         Size of the cover that is known; the proof stops when it gets there.
     columns : array of bool (c, e)
@@ -159,16 +159,16 @@ def lower_bound(
             "Fewer settings than one inspect nothing." if n_settings else "No entity is inspected.",
         )
     checkpoint = checkpoint or Checkpoint()
-    regions = _regions(judge, entity_idx, executor)
+    regions = _regions(request, entity_idx, executor)
     first = checkpoint.get("covers")
     if first is None:
         grown = checkpoint.get(_GROWING)
         conflict = (
-            find_conflicts(judge, entity_idx, columns, regions)
+            find_conflicts(request, entity_idx, columns, regions)
             if grown is None
             else grown["conflict"]
         )
-        tree = PoseTree(judge, entity_idx, regions, conflict)
+        tree = PoseTree(request, entity_idx, regions, conflict)
         # a pair excludes each other for a reason of its own; so do the pairs of a clique
         alone = max(1, len(large_clique(conflict)))
         checkpoint.on_bound(min(alone, n_settings))
@@ -179,20 +179,20 @@ def lower_bound(
     checkpoint.put("covers", first)
     checkpoint.put(_GROWING, None)
     checkpoint.on_bound(first["bound"])
-    space = PoseSpace(judge, entity_idx, regions, first["conflict"])
+    space = PoseSpace(request, entity_idx, regions, first["conflict"])
     linear = LinearBound(space, columns, checkpoint.improve, checkpoint)
     nodes = max(0, max_nodes - first["made"])
     bound = linear.raise_from(first["bound"], n_settings, max_nodes=nodes, progress=progress)
     report(progress, max_nodes, max_nodes, "lower bound")
     if bound <= first["alone"]:
-        return bound, exclusion_proof(judge, bound)
+        return bound, exclusion_proof(request, bound)
     return bound, _proof(
-        first["made"] + linear.made, int(first["conflict"].sum()) // 2, _items(judge)
+        first["made"] + linear.made, int(first["conflict"].sum()) // 2, _items(request)
     )
 
 
 def exclusive_entities(
-    judge: Judge,
+    request: Request,
     entity_idx: NDArray[np.int_],
     columns: NDArray[np.bool_],
     executor: Executor | None = None,
@@ -201,10 +201,10 @@ def exclusive_entities(
 
     Parameters
     ----------
-    judge : Judge
+    request : Request
         The request.
     entity_idx : array of int (e,)
-        Entities among which they are looked for, as columns of the judge.
+        Entities among which they are looked for, as columns of the request.
     columns : array of bool (c, e)
         Columns known to be realisable: their pairs are not asked about.
     executor : concurrent.futures.Executor, optional
@@ -213,27 +213,27 @@ def exclusive_entities(
     Returns
     -------
     array of int (n,)
-        Columns of the judge, ascending. Whatever inspects all of them needs n settings; `exclusion_proof` says why.
+        Columns of the request, ascending. Whatever inspects all of them needs n settings; `exclusion_proof` says why.
     """
-    regions = _regions(judge, entity_idx, executor)
-    return entity_idx[large_clique(find_conflicts(judge, entity_idx, columns, regions))]
+    regions = _regions(request, entity_idx, executor)
+    return entity_idx[large_clique(find_conflicts(request, entity_idx, columns, regions))]
 
 
-def exclusion_proof(judge: Judge, n: int) -> str:
+def exclusion_proof(request: Request, n: int) -> str:
     """Say what a bound of so many entities that exclude each other rests on."""
-    return _proof_of_clique(n, _items(judge))
+    return _proof_of_clique(n, _items(request))
 
 
-def _regions(judge: Judge, entity_idx: NDArray[np.int_], executor: Executor | None) -> Cells:
+def _regions(request: Request, entity_idx: NDArray[np.int_], executor: Executor | None) -> Cells:
     """Return the cells of entities' regions."""
-    shared = Shared(judge)
+    shared = Shared(request)
     return Cells.joined(
-        in_order(executor, entity_cells, [(shared, judge.names[i]) for i in entity_idx])
+        in_order(executor, entity_cells, [(shared, request.names[i]) for i in entity_idx])
     )
 
 
-def _items(judge: Judge) -> str:
-    edges = all(target.in_image for target in judge.request.targets)
+def _items(request: Request) -> str:
+    edges = all(target.in_image for target in request.targets)
     return "edges" if edges else "items"
 
 

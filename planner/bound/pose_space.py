@@ -21,9 +21,9 @@ from planner.bound.boxes.search import FOUND, NEARLY, SPENT, search
 from planner.bound.boxes.view import HALF, LOOK, SPAN, TURN, Entities, SearchTask, Segments
 from planner.bound.boxes.viewpoint_tree import Viewpoints, viewpoints_for
 from planner.bound.segments import segments_of, view_of
-from planner.columns.judge import Judge
 from planner.executors import THREADS
 from planner.request.constraints import AROUND
+from planner.request.request import Request
 
 
 @dataclass(frozen=True)
@@ -78,10 +78,10 @@ class PoseSpace:
 
     Parameters
     ----------
-    judge : Judge
+    request : Request
         The request.
     entity_idx : array of int (e,)
-        Entities, as columns of the judge.
+        Entities, as columns of the request.
     regions : Cells
         The cells of each entity's region.
     conflict : array of bool (e, e)
@@ -90,15 +90,15 @@ class PoseSpace:
 
     def __init__(
         self,
-        judge: Judge,
+        request: Request,
         entity_idx: NDArray[np.int_],
         regions: Cells,
         conflict: NDArray[np.bool_],
     ):
-        self.view = view_of(judge)
+        self.view = view_of(request)
         self.conflict = np.ascontiguousarray(conflict)
-        segments = segments_of(judge, entity_idx)
-        self.entities = entities_of(segments, regions, judge.requirements.visibility_radius_mm)
+        segments = segments_of(request, entity_idx)
+        self.entities = entities_of(segments, regions, request.requirements.visibility_radius_mm)
         points = self.entities.ends.reshape(-1, 3)
         self.nodal_points = np.array(
             [regions.boxes[:, 0].min(axis=0), regions.boxes[:, 1].max(axis=0)]

@@ -24,7 +24,7 @@ from planner.bound.node_sets import (
     separate,
 )
 from planner.bound.segments import frustum_of, segments_of
-from planner.columns.judge import Judge
+from planner.request.request import Request
 
 # nodes evaluated at a time; bounds the memory
 _BATCH = 6000
@@ -40,10 +40,10 @@ class PoseTree:
 
     Parameters
     ----------
-    judge : Judge
+    request : Request
         The request.
     entity_idx : array of int (e,)
-        Entities, as columns of the judge.
+        Entities, as columns of the request.
     regions : Cells
         The cells of each entity's region.
     conflict : array of bool (e, e)
@@ -52,21 +52,21 @@ class PoseTree:
 
     def __init__(
         self,
-        judge: Judge,
+        request: Request,
         entity_idx: NDArray[np.int_],
         regions: Cells,
         conflict: NDArray[np.bool_],
     ):
         self.cells = regions.planes, regions.plane_start, regions.entity_start
-        self.segments = segments_of(judge, entity_idx)
-        self.frustum = frustum_of(judge)
+        self.segments = segments_of(request, entity_idx)
+        self.frustum = frustum_of(request)
         near, far, tan_x, tan_y, cone = self.frustum
         self.reach = focus_reach(self.frustum)
         # two points in view: both are on the sensor, and both in focus
         room = np.array([2 * far * tan_x, 2 * far * tan_y, far - near])
         self._pairs = Pairs(self.segments.ends, 2 * cone, room, conflict)
         self.made = 0
-        self._plant(judge.space.workspace)
+        self._plant(request.space.workspace)
 
     def _plant(self, workspace: ArrayLike) -> None:
         """Start with one node per face of the cube of directions, all positions, all rolls."""

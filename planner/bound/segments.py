@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from planner.bound.boxes.view import Frustum, Segments, View
 from planner.bound.least_image import least_images_mm
 from planner.camera.camera import Camera
-from planner.columns.judge import Judge
+from planner.request.request import Request
 
 
 def sensor_tangents(camera: Camera, margin_px: float) -> NDArray[np.float64]:
@@ -26,22 +26,22 @@ def sensor_tangents(camera: Camera, margin_px: float) -> NDArray[np.float64]:
     return np.maximum(half, 0.0) / camera.image_distance_mm
 
 
-def frustum_of(judge: Judge) -> Frustum:
+def frustum_of(request: Request) -> Frustum:
     """Return what the camera of a request takes in; the depth of field may have no end.
 
     The margin of focus that every setting keeps is taken from it, and not the reserve of ends off the axis.
     """
-    near, far = judge.camera.depth_of_field_mm
-    near = near + judge.requirements.focus_margin_mm
-    far = far - judge.requirements.focus_margin_mm
-    tan_x, tan_y = sensor_tangents(judge.camera, judge.requirements.border_px).tolist()
+    near, far = request.camera.depth_of_field_mm
+    near = near + request.requirements.focus_margin_mm
+    far = far - request.requirements.focus_margin_mm
+    tan_x, tan_y = sensor_tangents(request.camera, request.requirements.border_px).tolist()
     return Frustum(float(near), float(far), tan_x, tan_y, math.atan(math.hypot(tan_x, tan_y)))
 
 
-def view_of(judge: Judge) -> View:
+def view_of(request: Request) -> View:
     """Return what the camera of a request takes in, no deeper than the workspace is wide."""
-    low, high = (np.asarray(corner, dtype=float) for corner in judge.space.workspace)
-    near, far, tan_x, tan_y, _ = frustum_of(judge)
+    low, high = (np.asarray(corner, dtype=float) for corner in request.space.workspace)
+    near, far, tan_x, tan_y, _ = frustum_of(request)
     # nothing is farther from a viewpoint in the workspace, which holds the part, than its corners are from each other
     far = min(far, max(float(np.linalg.norm(high - low)), 1.01 * near))
     middle = (near + far) / 2
@@ -56,8 +56,8 @@ def view_of(judge: Judge) -> View:
     return View(near, far, middle, tan_x, tan_y, float(np.linalg.norm(corners, axis=1).max()))
 
 
-def segments_of(judge: Judge, entity_idx: NDArray[np.int_]) -> Segments:
+def segments_of(request: Request, entity_idx: NDArray[np.int_]) -> Segments:
     """Return the segments of some items of a request, in their order."""
-    ends = np.ascontiguousarray(judge.ends[entity_idx])
-    ratio = least_images_mm(judge)[entity_idx] / judge.camera.image_distance_mm
+    ends = np.ascontiguousarray(request.ends[entity_idx])
+    ratio = least_images_mm(request)[entity_idx] / request.camera.image_distance_mm
     return Segments(ends, np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), ratio)

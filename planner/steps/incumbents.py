@@ -116,7 +116,7 @@ class Incumbents:
         n = len(run.incompatible)
         if n > 1:
             self.on_bound(
-                run, n, np.isin(run.names, run.incompatible), exclusion_proof(run.judge, n)
+                run, n, np.isin(run.names, run.incompatible), exclusion_proof(run.request, n)
             )
 
     @property

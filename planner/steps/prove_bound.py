@@ -76,10 +76,10 @@ def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
     enough = run.watch.wanted_bound(values["known"])
     alone = len(run.incompatible) if inspected[np.isin(run.names, run.incompatible)].all() else 0
     if proven is None and alone >= enough > 0:
-        proven = alone, exclusion_proof(run.judge, alone)
+        proven = alone, exclusion_proof(run.request, alone)
     if proven is None:
         proven = lower_bound(
-            run.judge,
+            run.request,
             np.flatnonzero(inspected),
             enough,
             weighing.columns[:, inspected],
@@ -89,7 +89,7 @@ def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
             progress=run.progress,
         )
         keep({"proven": list(proven)})
-    bound, proof = proven if proven[0] >= alone else (alone, exclusion_proof(run.judge, alone))
+    bound, proof = proven if proven[0] >= alone else (alone, exclusion_proof(run.request, alone))
     incumbents.on_bound(run, bound, inspected)
     return bound, proof
 
@@ -98,7 +98,7 @@ def find_incompatible(run: Run) -> None:
     """Find entities of which no setting inspects two: a bound long before the proof."""
     seen = np.flatnonzero(run.pool.inspected)
     if seen.size > 1:
-        found = exclusive_entities(run.judge, seen, run.pool.membership[:, seen], run.executor)
+        found = exclusive_entities(run.request, seen, run.pool.membership[:, seen], run.executor)
         run.incompatible = tuple(np.array(run.names)[found].tolist())
 
 

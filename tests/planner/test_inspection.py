@@ -365,7 +365,9 @@ def test_bound_is_never_above_what_sampled_poses_reach(judge):
     pool = ColumnPool(len(EDGES))
     judged = judge(poses)
     pool.add(judged.inspects, poses, judged.probability)
-    bound, _ = lower_bound(judge, np.arange(len(EDGES)), 12, pool.membership, max_nodes=3000)
+    bound, _ = lower_bound(
+        judge.request, np.arange(len(EDGES)), 12, pool.membership, max_nodes=3000
+    )
     assert bound == 2
 
 
@@ -373,19 +375,19 @@ def test_bound_is_never_above_what_sampled_poses_reach(judge):
 def test_conflicts_are_real(judge):
     regions = Cells([judge.space.covering_cells([name]) for name in EDGES])
     idx = np.arange(len(EDGES))
-    assert not find_conflicts(judge, idx, np.zeros((0, 12), dtype=bool), regions).any()
+    assert not find_conflicts(judge.request, idx, np.zeros((0, 12), dtype=bool), regions).any()
     # opposite vertical edges of a long box: 900 mm apart, more than the frustum holds (670 mm)
     long = BoxSpace((900.0, 80.0, 60.0), WORKSPACE, ["-y+x", "-y-x", "+y+x"])
     far = Judge(Request(long, long.entity_names, CAMERA, UNCERTAINTY, 0.98, 0.9))
     cells = Cells([long.covering_cells([name]) for name in long.entity_names])
-    found = find_conflicts(far, np.arange(3), np.zeros((0, 3), dtype=bool), cells)
+    found = find_conflicts(far.request, np.arange(3), np.zeros((0, 3), dtype=bool), cells)
     assert found.tolist() == [[False, True, False], [True, False, True], [False, True, False]]
     # the middle one excludes both others, so two of them are a largest clique; the two outer ones alone are none
-    exclusive = exclusive_entities(far, np.arange(3), np.zeros((0, 3), dtype=bool))
+    exclusive = exclusive_entities(far.request, np.arange(3), np.zeros((0, 3), dtype=bool))
     assert exclusive.tolist() in ([0, 1], [1, 2])
-    assert exclusion_proof(far, 2).startswith("Of 2 edges no two can be inspected together")
-    assert len(exclusive_entities(far, np.array([0, 2]), np.zeros((0, 2), dtype=bool))) == 1
-    assert exclusion_proof(far, 1) == "Fewer settings than one inspect nothing."
+    assert exclusion_proof(far.request, 2).startswith("Of 2 edges no two can be inspected together")
+    assert len(exclusive_entities(far.request, np.array([0, 2]), np.zeros((0, 2), dtype=bool))) == 1
+    assert exclusion_proof(far.request, 1) == "Fewer settings than one inspect nothing."
 
 
 @pytest.mark.uncompiled
@@ -398,7 +400,7 @@ def test_edges_of_opposite_faces_exclude_each_other_in_a_narrow_workspace():
     )
     judge = Judge(Request(flush, flush.entity_names, CAMERA, UNCERTAINTY, 0.98, 0.9))
     cells = Cells([flush.covering_cells([name]) for name in flush.entity_names])
-    found = find_conflicts(judge, np.arange(3), np.zeros((0, 3), dtype=bool), cells)
+    found = find_conflicts(judge.request, np.arange(3), np.zeros((0, 3), dtype=bool), cells)
     assert found.tolist() == [[False, True, False], [True, False, True], [False, True, False]]
 
 

@@ -98,5 +98,5 @@ def _starts(sizes: Iterable[int]) -> NDArray[np.int_]:
 
 
 def entity_cells(shared: Shared, name: str) -> Cells:
-    """Return the cells of an entity's region, as a task; ``shared`` holds the judge."""
+    """Return the cells of an entity's region, as a task; ``shared`` holds the request."""
     return Cells([cells_of(shared.value.space, [name])])

@@ -31,7 +31,7 @@ def test_no_shorter_image_reaches_the_probability(accuracy):
     space = BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], EDGES)
     tiny = PoseUncertainty.isotropic(translation_mm=1e-6, rotation_rad=1e-8)
     judge = Judge(Request(space, space.entity_names, CAMERA, tiny, accuracy, 0.9))
-    (needed,) = set(least_images_mm(judge).tolist())
+    (needed,) = set(least_images_mm(judge.request).tolist())
     assert needed >= judge.constraints.min_length_mm
     rng = np.random.default_rng(1)
     depth = 300.0
@@ -80,16 +80,16 @@ def test_no_direction_has_a_smaller_quantile(ratio):
 
 def test_an_error_of_the_probability_asks_for_no_longer_image():
     for probability in (1e-5, 0.3, 0.9, 1.0 - 1e-6):
-        judge = SimpleNamespace(
-            threshold=probability,
+        request = SimpleNamespace(
+            probability=probability,
             camera=CAMERA,
             constraints=SimpleNamespace(min_length_mm=0.0),
             accuracy=0.98,
-            request=SimpleNamespace(targets=[edge_target("edge", np.eye(3)[:2])]),
+            targets=[edge_target("edge", np.eye(3)[:2])],
         )
         half_width = 0.5 * (math.log(2.0 - 0.98) - math.log(0.98))
         asked = quantization_quantile(CAMERA.pixel_pitch_mm, probability - 5e-5)
-        assert least_images_mm(judge).max() <= _SAFETY * asked / half_width
+        assert least_images_mm(request).max() <= _SAFETY * asked / half_width
 
 
 def test_no_image_shorter_than_the_least_reaches_a_small_probability():
@@ -100,6 +100,6 @@ def test_no_image_shorter_than_the_least_reaches_a_small_probability():
         Request(space, EDGES, camera, tiny, 0.9995, 0.02, Requirements(min_length_px=1.0))
     )
     depth = 300.0
-    half = 0.99 * least_images_mm(judge)[0] / 2 * depth / camera.image_distance_mm
+    half = 0.99 * least_images_mm(judge.request)[0] / 2 * depth / camera.image_distance_mm
     shorter = np.array([[[[-half, 0.0, depth], [half, 0.0, depth]]]])
     assert EdgeModels(shorter, judge.request.means).probability_of(shorter).max() < 0.02

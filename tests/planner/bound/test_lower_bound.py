@@ -318,7 +318,7 @@ def test_depth_without_end_is_cut_at_the_size_of_the_workspace():
     far_off = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 3000.0)
     wide = [[-4000.0] * 3, [4100.0] * 3]
     judge = Judge(Request(BoxSpace(SIZES[1], wide, EDGES), EDGES, far_off, UNCERTAINTY, 0.98, 0.9))
-    view = view_of(judge)
+    view = view_of(judge.request)
     assert np.isinf(far_off.depth_of_field_mm[1])
     assert view.far == pytest.approx(8100.0 * np.sqrt(3))
     assert view.near == far_off.depth_of_field_mm[0] < view.middle < view.far
@@ -369,7 +369,7 @@ def leaves_of(tree, pose):
 def test_every_inspected_set_is_inside_the_leaf_of_its_pose(size, splits, n_poses):
     """The larger box does not fit into the image or between the sharp planes: its edges exclude each other there."""
     judge, regions = request_for(size)
-    tree = PoseTree(judge, np.arange(len(EDGES)), regions, np.zeros((12, 12), dtype=bool))
+    tree = PoseTree(judge.request, np.arange(len(EDGES)), regions, np.zeros((12, 12), dtype=bool))
     for _ in range(splits):
         tree.split(np.arange(len(tree.face)))
     poses = random_poses(judge, n_poses, seed=2)

@@ -16,8 +16,8 @@ def test_all_that_a_pose_inspects_is_between_the_depths_of_the_bound():
     need = InspectionOptions().requirements(CAMERA, UNCERTAINTY)
     space = BoxSpace((120.0, 80.0, 60.0), WORKSPACE, EDGES)
     judge = Judge(Request(space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need))
-    frustum = frustum_of(judge)
-    view = view_of(judge)
+    frustum = frustum_of(judge.request)
+    view = view_of(judge.request)
     near, far = CAMERA.depth_of_field_mm
     assert (frustum.near, frustum.far) == (near + 0.15, far - 0.15)
     assert (view.near, view.far) == (frustum.near, frustum.far)

@@ -39,7 +39,7 @@ def request_for(size):
 
 def space_for(judge, regions, conflict=None):
     conflict = np.zeros((len(EDGES), len(EDGES)), dtype=bool) if conflict is None else conflict
-    return PoseSpace(judge, np.arange(len(EDGES)), regions, conflict)
+    return PoseSpace(judge.request, np.arange(len(EDGES)), regions, conflict)
 
 
 def found_in(space, part, y, limit, max_nodes=100_000):

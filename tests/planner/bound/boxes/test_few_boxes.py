@@ -159,7 +159,7 @@ def test_boxes_too_small_to_be_halved_are_told(is_thin):
     below = BoxCell(low, np.array([59.995, *high[1:]]))
     above = BoxCell(np.array([60.005, *low[1:]]), high)
     space = PoseSpace(
-        judge, np.arange(len(pair)), Cells([[below], [above]]), np.zeros((2, 2), dtype=bool)
+        judge.request, np.arange(len(pair)), Cells([[below], [above]]), np.zeros((2, 2), dtype=bool)
     )
     if is_thin:
         thin(space)
