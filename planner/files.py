@@ -261,6 +261,7 @@ class _Exchange:
             for name, path in zip(new, hidden, strict=True):
                 self._rename(path, self.target / name)
         except BaseException:
+            # an interruption, too, must leave the old files
             self._undo()
             for path in hidden:
                 path.unlink(missing_ok=True)

@@ -75,6 +75,7 @@ def plan_part(request: PartRequest, part: str, path: Path, folder: Path) -> Part
         with folder_lock(folder):
             result = _described(blank, _planned(request, path, folder), folder)
     except Exception as error:
+        # one part, whatever is wrong with it, must not end the batch
         refused = isinstance(error, _OWN) and not isinstance(error, _OUTER)
         result = replace(blank, status=REFUSED if refused else FAILED, reason=reason_of(error))
     result = replace(result, seconds=round(time.monotonic() - begun, 3))

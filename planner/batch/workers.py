@@ -104,6 +104,7 @@ def _result(task: Task, future: Future[PartResult]) -> PartResult:
             "the process that planned it died: it crashed, or was ended for its memory"
         )
     except Exception as error:
+        # one part, or a result that cannot be unpickled, must not end the batch
         return task.failed(reason_of(error))
 
 
@@ -116,7 +117,7 @@ def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
     try:
         yield pool
     except BaseException:
-        # no public way before Python 3.14
+        # after an interruption, too, no process may stay. Python before 3.14 has no public way
         for process in list((getattr(pool, "_processes", None) or {}).values()):
             process.kill()
         raise

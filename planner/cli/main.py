@@ -152,6 +152,7 @@ def _run(arguments: list[str] | None) -> int:
         # a command that can be resumed says how
         return _fail("; ".join(["interrupted", *map(str, interruption.args)]), INCOMPLETE)
     except Exception as error:
+        # errors that nobody foresaw are raised again
         ending = _ending(error, options)
         if ending is None:
             raise

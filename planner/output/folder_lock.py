@@ -116,6 +116,7 @@ def _acquired(path: Path, parameter: str) -> int:
                 _write_owner(handle)
                 return handle
         except BaseException:
+            # an interruption, too, must leave no descriptor open
             os.close(handle)
             raise
         # the owner before released it meanwhile, with its name

@@ -76,10 +76,10 @@ def kinds(base):
 @pytest.mark.parametrize(("data", "call", "shell"), SAID)
 def test_an_error_names_parameters_in_a_call_and_options_at_a_shell(cls, data, call, shell):
     parameter, rule, got, hint, mentions = data
-    error = cls.of_rule(parameter, rule, got, hint=hint, mentions=mentions)
-    for same in (error, pickle.loads(pickle.dumps(error))):
-        assert str(same) == call
-        assert in_words_of_shell(same, KNOWN) == shell
+    raised = cls.of_rule(parameter, rule, got, hint=hint, mentions=mentions)
+    for error in (raised, pickle.loads(pickle.dumps(raised))):
+        assert str(error) == call
+        assert in_words_of_shell(error, KNOWN) == shell
 
 
 @pytest.mark.parametrize("cls", [kind for base in BASES for kind in kinds(base)])
