@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from errors.measurands.localisation import Localisation
+from planner.callbacks import Callbacks, Deadline, TimeIsUpError
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.detectability.conditions import USUAL, Detectability
@@ -46,7 +47,6 @@ from planner.resume import PlanningState
 from planner.steps.incumbents import Incumbents
 from planner.steps.run import Run
 from planner.steps.stages import run_stages
-from planner.watch import TimeIsUpError, Watch
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -234,7 +234,10 @@ def plan_by_options(
     RequestError, PlanFileError, OutputError
         As `plan_inspection`.
     """
-    watch = Watch(options.time_limit_s, options.gap)
+    deadline = Deadline(options.time_limit_s, options.gap)
+    callbacks = Callbacks(
+        on_best=options.on_incumbent, progress=options.progress, deadline=deadline
+    )
     lighting = options.lighting
     if not entities:
         raise RequestError.of_rule("entities", "must hold at least one entity", "none")
@@ -246,7 +249,7 @@ def plan_by_options(
         asked.check_lasting()
     request = _request(solid, resolved, options)
     memo = PlanningState(asked.identity(), options.state)
-    incumbents = Incumbents(options.on_incumbent, watch)
+    incumbents = Incumbents(callbacks)
     if memo.plan is None:
         run = Run(
             request,
@@ -254,8 +257,7 @@ def plan_by_options(
             asked.effort,
             memo,
             executor=options.executor,
-            progress=options.progress,
-            watch=watch,
+            callbacks=callbacks,
         )
         try:
             memo.finish(run_stages(run, incumbents, lighting))

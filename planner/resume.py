@@ -38,7 +38,7 @@ from planner.setting.reason import Reason, ReasonKind, kind_of
 from planner.setting.sensor_setting import SensorSetting
 
 FORMAT = "aspectgraph planning state"
-VERSION = 3
+VERSION = 4
 
 # the file is not written anew before so many seconds, nor before so many times as long as it took, but after so many
 _SECONDS = 5.0
@@ -110,21 +110,19 @@ class PlanningState:
         self._save_in_time()
 
     def last(self) -> dict[str, Any] | None:
-        """Return the checkpoint, if any: what `keep` was given, with its ``step``."""
+        """Return the checkpoint, if any: what `keep` was given."""
         return self._checkpoint
 
-    def keep(self, step: str, values: dict[str, Any]) -> None:
+    def keep(self, values: dict[str, Any]) -> None:
         """Take a checkpoint in place of the one before; save if it is time to.
 
         Parameters
         ----------
-        step : str
-            What is being done.
         values : dict
             See `planner.records.packing.packed`. They must not be changed any more; what can be called is called when
             the file is written.
         """
-        self._checkpoint = {**values, "step": step}
+        self._checkpoint = values
         self._save_in_time()
 
     def finish(self, plan: InspectionPlan) -> None:

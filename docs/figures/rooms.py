@@ -59,7 +59,7 @@ PLACES = {
         "wanted": (1.4, "edges and dimensions"),
         "detectability": (2.9, "what an image needs"),
         "camera": (3.25, "camera, pose, uncertainty"),
-        "watch": (4.4, "when to end"),
+        "callbacks": (4.4, "what is called, and when to end"),
         "executors": (0, "work in processes"),
         "checkpoint": (1, "what is already computed"),
         "records": (2.6, "strict files"),

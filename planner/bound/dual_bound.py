@@ -24,8 +24,8 @@ from numpy.typing import ArrayLike, NDArray
 from planner.bound.boxes.search import PROVEN, SPENT
 from planner.bound.pose_space import Found, PoseSpace
 from planner.bound.weights import SLACK, limit_for, relieved, spread_weights
+from planner.callbacks import NOBODY, Callbacks
 from planner.checkpoint import Checkpoint
-from planner.progress import Progress, report
 
 
 @dataclass(frozen=True)
@@ -200,6 +200,8 @@ class LinearBound:
     improve : callable, optional
         ``improve(poses)`` gets poses (f, 4, 4) that inspect more than the weights foresee. It returns the columns that
         are known to be realisable from then on.
+    callbacks : Callbacks
+        Progress, and every number of settings that is proven, are reported to them.
     checkpoint : Checkpoint, optional
         Keeps how far this has got, at every sweep and part. If it holds an entry, this goes on from there.
 
@@ -217,10 +219,12 @@ class LinearBound:
         columns: ArrayLike,
         improve: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None,
         checkpoint: Checkpoint | None = None,
+        callbacks: Callbacks = NOBODY,
     ):
         self.space = space
         self.improve = improve
         self.checkpoint = checkpoint or Checkpoint()
+        self.callbacks = callbacks
         self.columns = np.asarray(columns, dtype=bool)
         self.found = self.columns[:0]
         self.made = 0
@@ -228,9 +232,7 @@ class LinearBound:
         # of a sweep that was interrupted, what came out of its first parts
         self._swept: list[Found] = []
 
-    def raise_from(
-        self, bound: int, n_settings: int, *, max_nodes: int, progress: Progress | None = None
-    ) -> int:
+    def raise_from(self, bound: int, n_settings: int, *, max_nodes: int) -> int:
         """Return what is proven, given what is proven already; at most ``n_settings``.
 
         Looks at ``max_nodes`` boxes of poses at most. A large number of settings is aimed at first: what is found on
@@ -251,7 +253,7 @@ class LinearBound:
                 at.allowed = self._share(max_nodes, at.target - at.bound)
                 at.limit = max(at.limit, limit_for(at.y, at.target))
                 continue
-            outcomes, made, sets, doubts = self._sweep(at, *asked, max_nodes, progress)
+            outcomes, made, sets, doubts = self._sweep(at, *asked, max_nodes)
             hard = parts.learn(asked[0], outcomes, made)
             if hard.any() and not self._leaves_hope(at, np.concatenate([sets, doubts[hard]])):
                 # that such sets can be inspected is not known: it takes more boxes to tell
@@ -262,7 +264,7 @@ class LinearBound:
                 self._make_room(at, sets)
             elif parts.proven.all():
                 at.bound = max(at.bound, at.target)
-                self.checkpoint.on_bound(at.bound)
+                self.callbacks.bound(at.bound)
                 parts.renew()
                 at.target = min(at.bound + 1, n_settings)
                 at.allowed = AIMING.share_of_next * max_nodes
@@ -336,12 +338,11 @@ class LinearBound:
         parts: NDArray[np.int_],
         most: NDArray[np.int_],
         max_nodes: int,
-        progress: Progress | None,
     ) -> tuple[NDArray[np.int_], NDArray[np.int_], NDArray[np.bool_], NDArray[np.bool_]]:
         """Search parts of the space; return outcomes, boxes looked at, what poses found inspect, and doubts."""
 
         def tick() -> None:
-            report(progress, min(self.made, max_nodes), max_nodes, "lower bound")
+            self.callbacks.report(min(self.made, max_nodes), max_nodes, "lower bound")
 
         tell = self._teller(at)
         done = self._swept

@@ -27,6 +27,7 @@ bound holds for any search.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
@@ -41,11 +42,11 @@ from planner.bound.dual_bound import LinearBound
 from planner.bound.excluded_pairs import find_conflicts
 from planner.bound.pose_space import PoseSpace
 from planner.bound.pose_tree import PoseTree
+from planner.callbacks import NOBODY, Callbacks
 from planner.checkpoint import Checkpoint
 from planner.cover.relaxation import fractional_cover
 from planner.cover.set_cover import cover_within, distinct_rows, maximal_columns
 from planner.executors import Shared, in_order
-from planner.progress import Progress, report
 from planner.request.request import Request
 
 # of what is told while the tree of poses grows
@@ -116,35 +117,36 @@ GENERATION = DualRounds()
 
 def lower_bound(
     request: Request,
-    entity_idx: NDArray[np.int_],
     n_settings: int,
     columns: NDArray[np.bool_],
     *,
     max_nodes: int,
+    improve: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None,
     checkpoint: Checkpoint | None = None,
     executor: Executor | None = None,
-    progress: Progress | None = None,
+    callbacks: Callbacks = NOBODY,
 ) -> tuple[int, str]:
     """Prove how many settings are needed at least.
 
     Parameters
     ----------
     request : Request
-        The request: visibility, camera and constraints.
-    entity_idx : array of int (e,)
-        The entities to be covered, as columns of the request.
+        The request for the entities to be covered: visibility, camera and constraints.
     n_settings : int
         Size of the cover that is known; the proof stops when it gets there.
     columns : array of bool (c, e)
         Columns known to be realisable; they start the weights.
     max_nodes : int
         Boxes of poses, at most.
+    improve : callable, optional
+        Gets poses worth knowing, see `planner.bound.dual_bound.LinearBound`.
     checkpoint : Checkpoint, optional
-        Gets poses worth knowing, see `planner.bound.dual_bound.LinearBound`, and keeps how far the proof has got. The
-        proof goes on from its entries, if it has some for the same arguments, and proves the same.
+        Keeps how far the proof has got. The proof goes on from its entries, if it has some for the same arguments, and
+        proves the same.
     executor : concurrent.futures.Executor, optional
         Computes the cells of entities' regions.
-    progress : callable, optional
+    callbacks : Callbacks
+        Progress, and every number of settings that is proven, are reported to them.
 
     Returns
     -------
@@ -159,6 +161,7 @@ def lower_bound(
             "Fewer settings than one inspect nothing." if n_settings else "No entity is inspected.",
         )
     checkpoint = checkpoint or Checkpoint()
+    entity_idx = np.arange(len(request.names))
     regions = _regions(request, entity_idx, executor)
     first = checkpoint.get("covers")
     if first is None:
@@ -171,19 +174,19 @@ def lower_bound(
         tree = PoseTree(request, entity_idx, regions, conflict)
         # a pair excludes each other for a reason of its own; so do the pairs of a clique
         alone = max(1, len(large_clique(conflict)))
-        checkpoint.on_bound(min(alone, n_settings))
+        callbacks.bound(min(alone, n_settings))
         proven = _by_covers(
-            tree, columns, (alone, n_settings), max_nodes, _Growing(checkpoint, conflict), progress
+            tree, columns, (alone, n_settings), max_nodes, _Growing(checkpoint, conflict), callbacks
         )
         first = {"conflict": conflict, "bound": proven, "made": tree.made, "alone": alone}
     checkpoint.put("covers", first)
     checkpoint.put(_GROWING, None)
-    checkpoint.on_bound(first["bound"])
+    callbacks.bound(first["bound"])
     space = PoseSpace(request, entity_idx, regions, first["conflict"])
-    linear = LinearBound(space, columns, checkpoint.improve, checkpoint)
+    linear = LinearBound(space, columns, improve, checkpoint, callbacks)
     nodes = max(0, max_nodes - first["made"])
-    bound = linear.raise_from(first["bound"], n_settings, max_nodes=nodes, progress=progress)
-    report(progress, max_nodes, max_nodes, "lower bound")
+    bound = linear.raise_from(first["bound"], n_settings, max_nodes=nodes)
+    callbacks.report(max_nodes, max_nodes, "lower bound")
     if bound <= first["alone"]:
         return bound, exclusion_proof(request, bound)
     return bound, _proof(
@@ -243,7 +246,7 @@ def _by_covers(
     between: tuple[int, int],
     max_nodes: int,
     growing: _Growing,
-    progress: Progress | None,
+    callbacks: Callbacks,
 ) -> int:
     """Return how many settings covers by leaves' sets prove; the tree is grown as far as they need it.
 
@@ -263,14 +266,14 @@ def _by_covers(
             else _above(tree, guide, target)
         )
         if heavy is None:
-            growing.checkpoint.on_bound(target)
+            callbacks.bound(target)
             target = target + 1
             rounds = 0
             continue
         if not heavy.size:
             break
         tree.split(heavy, sets_first)
-        report(progress, min(tree.made, max_nodes), max_nodes, "lower bound")
+        callbacks.report(min(tree.made, max_nodes), max_nodes, "lower bound")
     return min(target - 1, n_settings)
 
 
@@ -285,17 +288,17 @@ class _Growing:
     """
 
     def __init__(self, checkpoint: Checkpoint, conflict: NDArray[np.bool_]):
-        self.checkpoint = checkpoint
+        self._checkpoint = checkpoint
         self._conflict = conflict
 
     def tell(self, tree: PoseTree, weights: _Weights, target: int, rounds: int) -> None:
         """Tell where a round begins."""
         rest = {"tree": tree.to_dict(), "rows": weights.rows, "target": target, "rounds": rounds}
-        self.checkpoint.put(_GROWING, {"conflict": self._conflict, **rest})
+        self._checkpoint.put(_GROWING, {"conflict": self._conflict, **rest})
 
     def resume(self, tree: PoseTree, weights: _Weights) -> tuple[int, int] | None:
         """Return the number of settings aimed at, and the rounds done, if this was told before."""
-        grown = self.checkpoint.get(_GROWING)
+        grown = self._checkpoint.get(_GROWING)
         if grown is None:
             return None
         tree.regrow(grown["tree"])

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from planner.callbacks import NOBODY, Callbacks
 from planner.camera.pose import look_at
 from planner.checkpoint import Checkpoint
 from planner.columns.judge import Judge, Judgement
@@ -23,12 +24,11 @@ from planner.columns.pool import ColumnPool
 from planner.cover.exchange_search import exchange_columns
 from planner.cover.relaxation import fractional_cover
 from planner.executors import Shared, in_order
-from planner.progress import report
 from planner.request.space import cells_of
 from planner.setting.viewpoint_sampling import ViewpointSampler
 
 if TYPE_CHECKING:
-    from planner.progress import Progress
+    pass
 
 
 @dataclass(frozen=True)
@@ -236,7 +236,7 @@ def price_poses(
     seed: int,
     rounds: int,
     executor: Executor | None = None,
-    progress: Progress | None = None,
+    callbacks: Callbacks = NOBODY,
     warm_start: WarmStart | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> None:
@@ -253,8 +253,8 @@ def price_poses(
         Rounds at most; fewer if more are not worth it, or one column covers everything.
     executor : concurrent.futures.Executor, optional
         Judges poses; the result does not depend on it.
-    progress : callable, optional
-        ``progress(done, total, label)``.
+    callbacks : Callbacks
+        Progress is reported to them.
     warm_start : WarmStart, optional
         Poses to begin with, and targets to look for.
     checkpoint : Checkpoint, optional
@@ -308,8 +308,8 @@ def price_poses(
             "covered": covered,
         }
         checkpoint.put("pricing", {**so_far, "rng": rng.bit_generator.state})
-        report(progress, done + 1, rounds, "column generation")
-    report(progress, rounds, rounds, "column generation")
+        callbacks.report(done + 1, rounds, "column generation")
+    callbacks.report(rounds, rounds, "column generation")
 
 
 def _is_settled(values: list[float], membership: np.ndarray, left: int) -> bool:

@@ -69,7 +69,7 @@ def assembled(
 
 def _reasons(run: Run, unfinished: bool, seen: set[str]) -> Mapping[str, Reason]:
     """Return why entities are not inspected, in the order in which that was found out."""
-    reasons = dict(run.uninspectable)
+    reasons = dict(run.state.uninspectable)
     if unfinished:
         reasons = {name: reasons.get(name, _NOT_YET) for name in run.names}
     return {name: reason for name, reason in reasons.items() if name not in seen}

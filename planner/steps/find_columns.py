@@ -6,10 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from planner.checkpoint import Checkpoint
 from planner.columns.candidates import WarmStart, derive_seed, judged_poses, price_poses
 from planner.executors import in_order
-from planner.progress import report
 from planner.setting.reason import Reason
 from planner.steps.incumbents import IMPROVING, Incumbents
 from planner.steps.run import Run
@@ -18,21 +16,17 @@ from planner.steps.run import Run
 _AT_A_TIME = 8
 # rounds of column generation before that: they come across views of many, and a round costs less than trying one
 _FIRST_ROUNDS = 10
-_SAMPLING = "sampling"
-_FIRST = "first columns"
-_GENERATION = "column generation"
 
 
 def sample_poses(run: Run) -> None:
-    """Fill the pools from viewpoints of every entity, but for those that the checkpoint has."""
-    kept = run.kept(_SAMPLING)
-    done = 0 if kept is None else kept["sampled"]
-    names = [name for name in run.names if name not in run.uninspectable]
+    """Fill the pools from viewpoints of every entity, but for those that the state has."""
+    done = run.state.entries.get("sampled", 0)
+    names = [name for name in run.names if name not in run.state.uninspectable]
     arguments = [(run.shared, name, run.effort.viewpoints, run.seed) for name in names[done:]]
     for k, (poses, judged) in enumerate(in_order(run.executor, judged_poses, arguments), done + 1):
         run.pools.add(poses, judged)
-        run.keep(_SAMPLING, {"sampled": k})
-        report(run.progress, k, len(names), "candidate poses")
+        run.save({"sampled": k})
+        run.callbacks.report(k, len(names), "candidate poses")
 
 
 def realise_missing_alone(run: Run, incumbents: Incumbents) -> dict[str, Reason]:
@@ -55,25 +49,29 @@ def realise_missing_alone(run: Run, incumbents: Incumbents) -> dict[str, Reason]
 def generate_first_columns(run: Run, incumbents: Incumbents) -> None:
     """Improve the pools a little, before targets that no pose inspects are tried alone."""
     rounds = min(run.effort.pricing_rounds, _FIRST_ROUNDS)
-    _generate(run, incumbents, _FIRST, rounds, derive_seed(run.seed, [_FIRST]))
+    _generate(run, incumbents, rounds, derive_seed(run.seed, ["first columns"]))
 
 
 def generate_columns(run: Run, incumbents: Incumbents) -> None:
     """Improve the pools by column generation."""
-    _generate(run, incumbents, _GENERATION, run.effort.pricing_rounds, run.seed)
+    _generate(run, incumbents, run.effort.pricing_rounds, run.seed)
 
 
-def _generate(run: Run, incumbents: Incumbents, step: str, rounds: int, seed: int) -> None:
-    """Improve the pools, from the checkpoint if it was taken in this step."""
-    last = run.kept(step)
+def _generate(run: Run, incumbents: Incumbents, rounds: int, seed: int) -> None:
+    """Improve the pools, from where the state has got."""
 
-    def keep(entries: dict[str, Any]) -> None:
-        run.keep(step, {"entries": entries})
+    def offer(entries: dict[str, Any]) -> None:
         if entries["pricing"]["done"] % IMPROVING.rounds == 0:
             incumbents.offer(run)
 
-    checkpoint = Checkpoint(kept=None if last is None else last["entries"], keep=keep)
-    warm_start = WarmStart(coverable=~np.isin(run.names, list(run.uninspectable)))
+    warm_start = WarmStart(coverable=~np.isin(run.names, list(run.state.uninspectable)))
     price_poses(
-        run.shared, run.pools, seed, rounds, run.executor, run.progress, warm_start, checkpoint
+        run.shared,
+        run.pools,
+        seed,
+        rounds,
+        run.executor,
+        run.callbacks,
+        warm_start,
+        run.checkpoint(offer),
     )

@@ -7,13 +7,13 @@ that is watched ends with the same plan as one that is not.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.bound.lower_bound import exclusion_proof
+from planner.callbacks import Callbacks
 from planner.columns.candidates import first_poses
 from planner.columns.pool import ColumnPool
 from planner.plan import InspectionPlan
@@ -21,7 +21,6 @@ from planner.setting.sensor_setting import SensorSetting
 from planner.steps.assemble import assembled
 from planner.steps.run import Run
 from planner.steps.supported_columns import TRYING, SupportedColumns
-from planner.watch import Watch
 
 _TRIVIAL = "Fewer settings than one inspect nothing; the proof of a larger bound had not begun."
 _SO_FAR = (
@@ -54,10 +53,9 @@ class Incumbents:
 
     Parameters
     ----------
-    tell : callable, optional
-        ``tell(plan)`` is called whenever the plan or its bound is better.
-    watch : Watch
-        Without anybody to tell, plans are made only if the time is limited.
+    callbacks : Callbacks
+        ``on_best`` gets the plan whenever it or its bound is better, ``on_bound`` every bound. Plans are made only if
+        they are of use to somebody.
 
     Attributes
     ----------
@@ -65,18 +63,16 @@ class Incumbents:
         The plan.
     """
 
-    def __init__(self, tell: Callable[[InspectionPlan], object] | None, watch: Watch):
+    def __init__(self, callbacks: Callbacks):
         self.best: InspectionPlan | None = None
-        self._tell = tell
-        self._watch = watch
-        self._wanted = tell is not None or watch.limited
+        self._callbacks = callbacks
         # of which entities how many settings are proven, by what
         self._proofs: dict[str, tuple[int, NDArray[np.bool_]]] = {}
         self._columns = SupportedColumns()
 
     def glance(self, run: Run) -> None:
         """Make a plan of very few poses, so that there is one at once; the run does not take these poses in."""
-        for directions in IMPROVING.directions if self._wanted else ():
+        for directions in IMPROVING.directions if self._callbacks.wants_plans else ():
             pool = ColumnPool(len(run.names))
             poses = first_poses(run.judge, directions, run.seed)
             judged = run.judge(poses)
@@ -85,10 +81,10 @@ class Incumbents:
 
     def offer(self, run: Run) -> None:
         """See whether the columns of a run make a better plan."""
-        if self._wanted and run.pool.membership.any():
+        if self._callbacks.wants_plans and run.pool.membership.any():
             self._offer(run, run.pool)
             if self.best is not None:
-                self._watch.arm()
+                self._callbacks.deadline.arm()
 
     def _offer(self, run: Run, pool: ColumnPool, covers: int = TRYING.covers) -> None:
         """See whether the columns of a pool make a better plan."""
@@ -105,6 +101,7 @@ class Incumbents:
         self, run: Run, bound: int, inspected: NDArray[np.bool_], proof: str = _SO_FAR
     ) -> None:
         """Take in a bound that was proven for some entities (k,)."""
+        self._callbacks.bound(bound)
         self._proofs[proof] = bound, inspected
         if self.best is not None:
             known, proof = self._proven(run, self.best.settings)
@@ -113,11 +110,11 @@ class Incumbents:
 
     def on_incompatible(self, run: Run) -> None:
         """Take in the bound of entities that exclude each other, if some are known."""
-        n = len(run.incompatible)
+        incompatible = run.state.incompatible
+        n = len(incompatible)
         if n > 1:
-            self.on_bound(
-                run, n, np.isin(run.names, run.incompatible), exclusion_proof(run.request, n)
-            )
+            seen = np.isin(run.names, incompatible)
+            self.on_bound(run, n, seen, exclusion_proof(run.request, n))
 
     @property
     def latest(self) -> InspectionPlan:
@@ -128,8 +125,7 @@ class Incumbents:
     def publish(self, plan: InspectionPlan) -> None:
         """Take in the plan of the whole run, and tell of it."""
         self.best = plan
-        if self._tell is not None:
-            self._tell(plan)
+        self._callbacks.best(plan)
 
     def _proven(
         self, run: Run, settings: tuple[SensorSetting, ...] | list[SensorSetting]

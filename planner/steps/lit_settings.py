@@ -84,7 +84,10 @@ def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan) -> Inspectio
     draft : InspectionPlan
         The settings chosen without them.
     """
-    found = replace(draft, light=chosen_lamps(lighting, draft, run.request.space.solid, run.silent))
+    found = replace(
+        draft,
+        light=chosen_lamps(lighting, draft, run.request.space.solid, run.callbacks.silent.report),
+    )
     assert found.light is not None
     if found.light.complete or lighting.together:
         return found
@@ -102,7 +105,10 @@ def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan) -> Inspectio
         unfinished=draft.unfinished,
     )
     better = replace(
-        plan, light=chosen_lamps(lighting, plan, run.request.space.solid, run.silent, places)
+        plan,
+        light=chosen_lamps(
+            lighting, plan, run.request.space.solid, run.callbacks.silent.report, places
+        ),
     )
     return better if set(_dark(better)) <= set(dark) else found
 
@@ -151,7 +157,7 @@ def _shown_from_elsewhere(
         )
         order = sorted(range(len(seen)), key=lambda i: (-more[i], -seen[i].fitness))
         kept += [seen[i] for i in order[: LOOKING.kept]]
-        report(run.progress, k + 1, len(names), "poses in the light")
+        report(run.callbacks.progress, k + 1, len(names), "poses in the light")
     full = [one for one in map(_with_all(run), kept) if one.entities]
     lit = _shown(run, lighting, plan, full, places)
     cut = [
@@ -211,7 +217,7 @@ def _shown(
     if not settings:
         return found
     posed = _Posed(settings, plan.targets, plan.camera, plan.requirements)
-    served = lighting.served(posed, run.request.space.solid, run.silent)
+    served = lighting.served(posed, run.request.space.solid, run.callbacks.silent.report)
     if lighting.is_ring:
         served.keep_own(eyes_of(posed))
     elif lighting.is_fixed:

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 
 from planner.bound.lower_bound import exclusion_proof, exclusive_entities, lower_bound
-from planner.checkpoint import Checkpoint
 from planner.columns.candidates import Pools, WarmStart, derive_seed, price_poses
 from planner.columns.judge import Judge
-from planner.columns.pool import ColumnPool
 from planner.cover.few_columns import few_columns
 from planner.executors import Shared
+from planner.request.request import Request
 from planner.steps.incumbents import Incumbents
+from planner.steps.plan_state import empty_pools
 from planner.steps.run import SHARES, Run
-
-_STEP = "lower bound"
-WEIGHING = "weighing"
 
 
 @dataclass(frozen=True)
@@ -49,49 +46,53 @@ JOINING = Joining()
 
 def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
     """Prove a lower bound; return it, and what the proof rests on. Better plans and bounds are told on the way."""
-    last = run.kept(_STEP)
-    entries = None if last is None else last["entries"]
-    values = (
-        _known(run)
-        if last is None
-        else {name: last[name] for name in ("known", "inspected", "joined")}
-    )
-    inspected = values["inspected"]
-    weighing = _Weighing(run, last)
+    state = run.state
+    inspected = _inspected(run)
+    columns = ProofColumns(run)
 
     def improve(poses: np.ndarray) -> np.ndarray:
-        values["joined"] += 1
-        weighing.join(poses, derive_seed(run.seed, ["joined", str(values["joined"])]))
+        state.joined += 1
+        columns.join(poses, derive_seed(run.seed, ["joined", str(state.joined)]))
         incumbents.offer(run)
-        return weighing.columns[:, inspected]
-
-    def keep(entries: Any) -> None:
-        run.keep(_STEP, {**values, **weighing.to_dict(), "entries": entries})
+        return columns.membership[:, inspected]
 
     def raised(bound: int) -> None:
         incumbents.on_bound(run, bound, inspected)
 
-    checkpoint = Checkpoint(improve, entries, keep, raised)
+    checkpoint = run.checkpoint()
     proven = checkpoint.get("proven")
-    enough = run.watch.wanted_bound(values["known"])
-    alone = len(run.incompatible) if inspected[np.isin(run.names, run.incompatible)].all() else 0
+    enough = run.callbacks.deadline.wanted_bound(state.known)
+    alone = len(state.incompatible)
+    if not inspected[np.isin(run.names, state.incompatible)].all():
+        alone = 0
     if proven is None and alone >= enough > 0:
         proven = alone, exclusion_proof(run.request, alone)
     if proven is None:
         proven = lower_bound(
-            run.request,
-            np.flatnonzero(inspected),
+            run.request.restricted_to(run.names_of(inspected)),
             enough,
-            weighing.columns[:, inspected],
+            columns.membership[:, inspected],
             max_nodes=run.effort.bound_nodes,
+            improve=improve,
             checkpoint=checkpoint,
             executor=run.executor,
-            progress=run.progress,
+            callbacks=replace(run.callbacks, on_bound=raised),
         )
-        keep({"proven": list(proven)})
+        run.save({"proven": list(proven)})
     bound, proof = proven if proven[0] >= alone else (alone, exclusion_proof(run.request, alone))
     incumbents.on_bound(run, bound, inspected)
     return bound, proof
+
+
+def _inspected(run: Run) -> np.ndarray:
+    """Return which entities (k,) the proof is for; find at its beginning in how many settings they can be covered."""
+    state = run.state
+    if state.inspected is None:
+        state.inspected = run.pool.inspected
+        if state.inspected.any():
+            membership = run.pool.membership[:, state.inspected]
+            state.known = len(few_columns(membership, run.nodes(SHARES.refuting), run.rng("known")))
+    return state.inspected
 
 
 def find_incompatible(run: Run) -> None:
@@ -99,96 +100,75 @@ def find_incompatible(run: Run) -> None:
     seen = np.flatnonzero(run.pool.inspected)
     if seen.size > 1:
         found = exclusive_entities(run.request, seen, run.pool.membership[:, seen], run.executor)
-        run.incompatible = tuple(np.array(run.names)[found].tolist())
+        run.state.incompatible = tuple(np.array(run.names)[found].tolist())
 
 
-class _Weighing:
-    """The columns that the proof's weights come from: those of the plan, or of a request without some conditions.
+def weigh_columns(run: Run) -> None:
+    """Find the columns that the proof's weights come from, where they are not those of the plan.
 
     The proof does not use all conditions. Weights from columns that meet them all are too large for its poses, and it
     would take most of its time to learn so, one pose after the other.
     """
+    columns = ProofColumns(run)
+    if columns.relaxed is None:
+        return
+    poses = None
+    if run.state.weighing is None:
+        run.state.weighing = empty_pools(len(run.names))
+        poses = np.concatenate([pool.poses for pool in run.pools])
+    price_poses(
+        columns.shared,
+        run.state.weighing,
+        derive_seed(run.seed, ["weighing"]),
+        run.effort.pricing_rounds,
+        run.executor,
+        run.callbacks.silent,
+        WarmStart(poses),
+        run.checkpoint(),
+    )
 
-    def __init__(self, run: Run, last: dict[str, Any] | None):
+
+class ProofColumns:
+    """The columns that the proof's weights come from: those of the plan, or of a request without some conditions."""
+
+    def __init__(self, run: Run):
         self._run = run
-        need = run.request.requirements
+
+    @cached_property
+    def relaxed(self) -> Request | None:
+        """The request without the conditions that the proof does not use; None if it has none."""
+        request = self._run.request
+        need = request.requirements
         showing = replace(need.showing, separation_px=0.0, min_corner_deg=0.0)
-        self._own: Pools | None = None
         if showing == need.showing:
-            return
-        self._shared = Shared(
-            Judge(replace(run.request, requirements=replace(need, showing=showing)))
-        )
-        if last is not None:
-            self._own = Pools.from_dict(last["weighing"])
-            return
-        begun = run.kept(WEIGHING)
-        poses = None
-        if begun is None:
-            self._own = Pools(*(ColumnPool(len(run.names)) for _ in Pools._fields))
-            poses = np.concatenate([pool.poses for pool in run.pools])
-        else:
-            self._own = Pools.from_dict(begun["weighing"])
-        checkpoint = Checkpoint(
-            kept=None if begun is None else begun["entries"],
-            keep=lambda told: run.keep(WEIGHING, {**self.to_dict(), "entries": told}),
-        )
-        self._price(
-            self._own,
-            poses,
-            derive_seed(run.seed, ["weighing"]),
-            run.effort.pricing_rounds,
-            checkpoint,
-        )
+            return None
+        return replace(request, requirements=replace(need, showing=showing))
+
+    @cached_property
+    def shared(self) -> Shared:
+        """The judge of that request."""
+        assert self.relaxed is not None
+        return Shared(Judge(self.relaxed))
 
     @property
-    def columns(self) -> np.ndarray:
+    def _pools(self) -> Pools:
+        state = self._run.state
+        return state.pools if state.weighing is None else state.weighing
+
+    @property
+    def membership(self) -> np.ndarray:
         """Columns (c, k)."""
-        return (self._run.pools if self._own is None else self._own).realised.membership
+        return self._pools.realised.membership
 
     def join(self, poses: np.ndarray, seed: int) -> None:
         """Add what the proof came across to these columns, and to the plan's."""
         run = self._run
         rounds = JOINING.rounds_for(len(run.pool))
+        silent = run.callbacks.silent
+        start = WarmStart(poses)
+        weighing = run.state.weighing
         # what is found without some conditions seldom meets them
-        own = rounds if self._own is None else JOINING.rounds
-        price_poses(run.shared, run.pools, seed, own, run.executor, run.silent, WarmStart(poses))
-        if self._own is not None:
-            self._price(self._own, poses, seed, rounds)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what a checkpoint needs."""
-        return {} if self._own is None else {"weighing": self._own.to_dict()}
-
-    def _price(
-        self,
-        pools: Pools,
-        poses: np.ndarray | None,
-        seed: int,
-        rounds: int,
-        checkpoint: Checkpoint | None = None,
-    ) -> None:
-        run = self._run
-        price_poses(
-            self._shared,
-            pools,
-            seed,
-            rounds,
-            run.executor,
-            run.silent,
-            WarmStart(poses),
-            checkpoint,
-        )
-
-
-def _known(run: Run) -> dict[str, Any]:
-    """Return what a proof needs to know: which entities are to be covered, and in how many settings they can be."""
-    inspected = run.pool.membership.any(axis=0)
-    known = 0
-    if inspected.any():
-        known = len(
-            few_columns(
-                run.pool.membership[:, inspected], run.nodes(SHARES.refuting), run.rng("known")
-            )
-        )
-    return {"inspected": inspected, "known": known, "joined": 0}
+        own = rounds if weighing is None else JOINING.rounds
+        price_poses(run.shared, run.pools, seed, own, run.executor, silent, start)
+        if weighing is not None:
+            price_poses(self.shared, weighing, seed, rounds, run.executor, silent, start)

@@ -32,7 +32,7 @@ def refute(run: Run, inspected: np.ndarray, bound: int, incumbents: Incumbents) 
         realised = run.pool.membership[:, inspected]
         if enough is None:
             enough = len(few_columns(realised, nodes, rng))
-        if enough <= 1 or bound >= run.watch.wanted_bound(enough):
+        if enough <= 1 or bound >= run.callbacks.deadline.wanted_bound(enough):
             return
         near = run.pools.near.membership[:, inspected]
         sets = sets_to_realise(realised, near, impossible[:, inspected], enough, nodes, rng)[:left]

@@ -9,19 +9,19 @@ from typing import Any
 
 import numpy as np
 
+from planner.callbacks import NOBODY, Callbacks
+from planner.checkpoint import Checkpoint
 from planner.columns.candidates import Pools, derive_seed
 from planner.columns.judge import Judge
 from planner.columns.outcome import Outcome
 from planner.columns.pool import ColumnPool
 from planner.columns.realise_column import PosedOnly, promised_too_much, realise
 from planner.executors import Shared, in_order
-from planner.progress import Progress, report
 from planner.request.effort import Effort
 from planner.request.request import Request
 from planner.resume import PlanningState
-from planner.setting.reason import Reason, kinds_record, reasons_from
 from planner.setting.sensor_setting import SensorSetting
-from planner.watch import Watch
+from planner.steps.plan_state import PlanState
 
 
 @dataclass(frozen=True)
@@ -56,10 +56,13 @@ class Run:
         Outcomes and checkpoints.
     executor : concurrent.futures.Executor, optional
         Runs the per-entity and per-column work.
-    progress : callable, optional
-        ``progress(done, total, label)``.
-    watch : Watch, optional
-        Tells when to end.
+    callbacks : Callbacks
+        What is called while it goes on, and when it ends.
+
+    Attributes
+    ----------
+    state : PlanState
+        How far it has got; that of the memo, if there is one.
     """
 
     def __init__(
@@ -70,8 +73,7 @@ class Run:
         memo: PlanningState,
         *,
         executor: Executor | None = None,
-        progress: Callable[..., Any] | None = None,
-        watch: Watch | None = None,
+        callbacks: Callbacks = NOBODY,
     ):
         self.request = request
         self.judge = Judge(request)
@@ -80,58 +82,38 @@ class Run:
         self.seed = seed
         self.effort = effort
         self.memo = memo
-        self.watch = watch or Watch()
         self.executor = executor
-        self.progress = self.watch.watched(progress)
-        self.pools = Pools(ColumnPool(len(self.names)), ColumnPool(len(self.names)))
-        self.uninspectable: dict[str, Reason] = {}
-        # entities of which no setting inspects two, as known so far
-        self.incompatible: tuple[str, ...] = ()
+        self.callbacks = callbacks
+        last = memo.last()
+        self.state = PlanState.empty(len(self.names)) if last is None else PlanState.unpack(last)
         self._begun = 0
         # by how much simulation contradicts what is stated of an entity from a pose
         self._excess: dict[tuple[bytes, str, float], float] = {}
 
     @property
-    def check(self) -> Callable[[], None] | None:
-        """What may end long work, if anything may."""
-        return self.watch.check if self.watch.limited else None
-
-    @property
-    def silent(self) -> Progress | None:
-        """Progress of work that is not told of, but may be ended."""
-        return self.watch.watched(None)
+    def pools(self) -> Pools:
+        """Columns found so far."""
+        return self.state.pools
 
     @property
     def pool(self) -> ColumnPool:
         """Columns that poses inspect."""
-        return self.pools.realised
+        return self.state.pools.realised
 
-    def keep(self, step: str, values: dict[str, Any]) -> None:
-        """Take a checkpoint: all that the steps from here on depend on."""
-        self.memo.keep(step, {**self._state(), **values})
+    def save(self, entries: dict[str, Any]) -> None:
+        """Keep the state, with how far its stage has got."""
+        self.state.entries = entries
+        self.memo.keep(self.state.pack())
 
-    def _state(self) -> dict[str, Any]:
-        """Return what every checkpoint holds."""
-        return {
-            "pools": self.pools.to_dict(),
-            "uninspectable": dict(self.uninspectable),
-            "uninspectable_kinds": kinds_record(self.uninspectable),
-            "incompatible": self.incompatible,
-        }
+    def checkpoint(self, then: Callable[[dict[str, Any]], object] | None = None) -> Checkpoint:
+        """Return where work of this stage goes on and is kept; ``then(entries)`` is called after each change."""
 
-    def restore(self, last: dict[str, Any]) -> None:
-        """Go on from a checkpoint."""
-        self.pools = Pools.from_dict(last["pools"])
-        kinds = last.get("uninspectable_kinds", {})
-        self.uninspectable = reasons_from(last["uninspectable"], kinds)
-        self.incompatible = tuple(last.get("incompatible", ()))
+        def keep(entries: dict[str, Any]) -> None:
+            self.save(entries)
+            if then is not None:
+                then(entries)
 
-    def kept(self, step: str) -> dict[str, Any] | None:
-        """Return the checkpoint if it was taken within this step, and not at its beginning."""
-        last = self.memo.last()
-        if last is None or last["step"] != step:
-            return None
-        return last if set(last) - {"step", *self._state()} else None
+        return Checkpoint(self.state.entries, keep)
 
     def nodes(self, share: float = 1.0) -> int:
         """Return the nodes that a cover may take: a share of what the effort allows."""
@@ -187,11 +169,11 @@ class Run:
             for names in todo
         ]
         for names, outcome in zip(
-            todo, in_order(self.executor, realise, arguments, self.check), strict=True
+            todo, in_order(self.executor, realise, arguments, self.callbacks.check), strict=True
         ):
             self.memo.put(names, outcome)
             done += 1
-            report(self.progress, done, self._begun, "genetic algorithm")
+            self.callbacks.report(done, self._begun, "genetic algorithm")
         outcomes = (self.memo.get(names) for names in sets)
         return [outcome for outcome in outcomes if outcome is not None]
 

@@ -1,21 +1,17 @@
 """The stages of a plan, in order.
 
-Each stage adds to the run: columns, what excludes each other, a bound, settings. The state is kept when a stage ends,
-and within the long ones. A planning that is resumed begins with the stage in which its last checkpoint was taken.
+Each stage adds to the state: columns, what excludes each other, a bound, settings. The state is kept when a stage ends,
+and within the long ones. A planning that is resumed goes on with the stage that its state names.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, NamedTuple
 
 from planner.columns.realise_column import without_corners
 from planner.plan import InspectionPlan
-from planner.setting.sensor_setting import SensorSetting
 from planner.steps.assemble import assembled
 from planner.steps.find_columns import (
     generate_columns,
@@ -25,7 +21,8 @@ from planner.steps.find_columns import (
 )
 from planner.steps.incumbents import Incumbents
 from planner.steps.lit_settings import with_lamps
-from planner.steps.prove_bound import find_incompatible, prove_bound
+from planner.steps.plan_state import PlanState
+from planner.steps.prove_bound import find_incompatible, prove_bound, weigh_columns
 from planner.steps.refute import refute
 from planner.steps.run import Run
 from planner.steps.settle import settle
@@ -34,38 +31,23 @@ if TYPE_CHECKING:
     from planner.light.lighting import Lighting
 
 
-@dataclass
-class Work:
-    """What the stages hand on.
+@dataclass(frozen=True)
+class Tools:
+    """What the stages work with.
 
     Attributes
     ----------
     run : Run
-        The pools of columns, and the checkpoints.
+        The request, and what searches and remembers.
     incumbents : Incumbents
         The best plan so far; no stage depends on it.
     lighting : Lighting or None
         What is asked of lamps.
-    inspected : array of bool (k,)
-        Targets that some column inspects: the bound and the settings are for these.
-    bound : int
-        Settings that are needed at least.
-    proof : str
-        What the bound rests on.
-    settings : list of SensorSetting
-        The settings chosen.
-    plan : InspectionPlan or None
-        The plan.
     """
 
     run: Run
     incumbents: Incumbents
     lighting: Lighting | None = None
-    inspected: NDArray[np.bool_] | None = None
-    bound: int = 0
-    proof: str = ""
-    settings: list[SensorSetting] | None = None
-    plan: InspectionPlan | None = None
 
 
 class Stage(NamedTuple):
@@ -73,77 +55,75 @@ class Stage(NamedTuple):
 
     Attributes
     ----------
+    name : str
+        What the state calls it.
     run : callable
-        ``run(work)`` does it, from the beginning or from its last checkpoint.
-    checkpoints : tuple of str
-        Steps that the checkpoints taken in it are named after; the first one is also that of its beginning. A stage
-        without any begins anew with the stage before.
+        ``run(state, tools)`` does it, from the beginning or from where the entries of the state have got.
     """
 
-    run: Callable[[Work], None]
-    checkpoints: tuple[str, ...] = ()
+    name: str
+    run: Callable[[PlanState, Tools], None]
 
 
-def _sample(work: Work) -> None:
-    sample_poses(work.run)
-    work.incumbents.offer(work.run)
+def _sample(state: PlanState, tools: Tools) -> None:
+    sample_poses(tools.run)
+    tools.incumbents.offer(tools.run)
 
 
-def _find_incompatible(work: Work) -> None:
-    find_incompatible(work.run)
-    work.incumbents.on_incompatible(work.run)
+def _find_incompatible(state: PlanState, tools: Tools) -> None:
+    find_incompatible(tools.run)
+    tools.incumbents.on_incompatible(tools.run)
 
 
-def _generate_first_columns(work: Work) -> None:
-    run = work.run
-    incumbents = work.incumbents
-    generate_first_columns(run, incumbents)
-    incumbents.offer(run)
+def _generate_first_columns(state: PlanState, tools: Tools) -> None:
+    generate_first_columns(tools.run, tools.incumbents)
+    tools.incumbents.offer(tools.run)
     # before the columns are improved further, so that others can join what is hard to inspect
-    run.uninspectable = realise_missing_alone(run, incumbents)
-    incumbents.offer(run)
+    state.uninspectable = realise_missing_alone(tools.run, tools.incumbents)
+    tools.incumbents.offer(tools.run)
 
 
-def _generate_columns(work: Work) -> None:
-    generate_columns(work.run, work.incumbents)
-    work.incumbents.offer(work.run)
+def _generate_columns(state: PlanState, tools: Tools) -> None:
+    generate_columns(tools.run, tools.incumbents)
+    tools.incumbents.offer(tools.run)
 
 
-def _prove_bound(work: Work) -> None:
-    work.bound, work.proof = prove_bound(work.run, work.incumbents)
-    work.inspected = np.asarray(work.run.pool.membership.any(axis=0))
+def _weigh(state: PlanState, tools: Tools) -> None:
+    weigh_columns(tools.run)
 
 
-def _refute(work: Work) -> None:
-    assert work.inspected is not None
-    refute(work.run, work.inspected, work.bound, work.incumbents)
+def _prove_bound(state: PlanState, tools: Tools) -> None:
+    state.bound, state.proof = prove_bound(tools.run, tools.incumbents)
+    # poses that the proof came across may inspect more
+    state.inspected = state.pools.realised.inspected
 
 
-def _settle(work: Work) -> None:
-    assert work.inspected is not None
-    work.settings = settle(work.run, work.inspected)
+def _refute(state: PlanState, tools: Tools) -> None:
+    assert state.inspected is not None
+    refute(tools.run, state.inspected, state.bound, tools.incumbents)
 
 
-def _assemble(work: Work) -> None:
-    assert work.settings is not None
-    work.plan = assembled(work.run, work.settings, work.bound, work.proof)
+def _settle(state: PlanState, tools: Tools) -> None:
+    assert state.inspected is not None
+    settings = settle(tools.run, state.inspected)
+    state.plan = assembled(tools.run, settings, state.bound, state.proof)
 
 
-def _light(work: Work) -> None:
-    if work.lighting is not None and work.plan is not None:
-        work.plan = with_lamps(work.run, work.lighting, work.plan)
+def _light(state: PlanState, tools: Tools) -> None:
+    if tools.lighting is not None and state.plan is not None:
+        state.plan = with_lamps(tools.run, tools.lighting, state.plan)
 
 
 STAGES = (
-    Stage(_sample, ("sampling",)),
-    Stage(_find_incompatible, ("candidate poses",)),
-    Stage(_generate_first_columns, ("first columns",)),
-    Stage(_generate_columns, ("column generation",)),
-    Stage(_prove_bound, ("weighing", "lower bound")),
-    Stage(_refute),
-    Stage(_settle),
-    Stage(_assemble),
-    Stage(_light),
+    Stage("candidate poses", _sample),
+    Stage("incompatible targets", _find_incompatible),
+    Stage("first columns", _generate_first_columns),
+    Stage("column generation", _generate_columns),
+    Stage("weighing", _weigh),
+    Stage("lower bound", _prove_bound),
+    Stage("refutation", _refute),
+    Stage("settings", _settle),
+    Stage("lamps", _light),
 )
 
 
@@ -155,7 +135,7 @@ def run_stages(
     Parameters
     ----------
     run : Run
-        A new one; its memo may hold the checkpoint of an earlier, interrupted one.
+        A new one; its state may be that of an earlier, interrupted one.
     incumbents : Incumbents
         Better plans on the way are offered to it.
     lighting : Lighting, optional
@@ -166,25 +146,21 @@ def run_stages(
     InspectionPlan
         The same whether the planning was interrupted or not.
     """
-    work = Work(run, incumbents, lighting)
-    last = run.memo.last()
-    if last is None:
-        run.uninspectable = without_corners(run.judge)
-        incumbents.glance(run)
-    else:
-        run.restore(last)
+    state = run.state
+    tools = Tools(run, incumbents, lighting)
+    names = [stage.name for stage in STAGES]
+    if state.stage:
         incumbents.offer(run)
         incumbents.on_incompatible(run)
-    first = 0 if last is None else stage_of(last)
-    for k in range(first, len(STAGES)):
-        if k > first and STAGES[k].checkpoints:
-            run.keep(STAGES[k].checkpoints[0], {})
-        STAGES[k].run(work)
-    assert work.plan is not None
-    return work.plan
-
-
-def stage_of(checkpoint: dict[str, Any]) -> int:
-    """Return the number of the stage in which a checkpoint was taken."""
-    step = checkpoint["step"]
-    return next(k for k, stage in enumerate(STAGES) if step in stage.checkpoints)
+    else:
+        state.stage = names[0]
+        state.uninspectable = without_corners(run.judge)
+        incumbents.glance(run)
+    for stage in STAGES[names.index(state.stage) :]:
+        if stage.name != state.stage:
+            state.stage = stage.name
+            run.save({})
+        run.callbacks.stage(stage.name)
+        stage.run(state, tools)
+    assert state.plan is not None
+    return state.plan

@@ -124,8 +124,8 @@ def test_a_resumed_plan_takes_in_the_poses_that_the_proof_came_across(space, tmp
     proofs = []
     state = tmp_path / "state.json"
 
-    def proof(judge, _, __, ___, *, checkpoint, **____):
-        proofs.append(checkpoint.improve(random_poses(judge, 300, seed=9)))
+    def proof(request, _, __, *, improve, **___):
+        proofs.append(improve(random_poses(request, 300, seed=9)))
         return 1, "by assumption"
 
     def stop(*_, **__):
@@ -149,13 +149,13 @@ def test_a_proof_that_goes_on_improves_the_columns_as_it_would_have(space, tmp_p
     after = []
     stops = [True]
 
-    def proof(judge, _, __, ___, *, checkpoint, **____):
+    def proof(request, _, __, *, improve, checkpoint, **___):
         if checkpoint.get("first") is None:
-            checkpoint.improve(random_poses(judge, 40, seed=9))
+            improve(random_poses(request, 40, seed=9))
             checkpoint.put("first", {"done": True})
         if stops.pop():
             raise KeyboardInterrupt
-        after.append((checkpoint.improve(random_poses(judge, 40, seed=10)), seeds[-1]))
+        after.append((improve(random_poses(request, 40, seed=10)), seeds[-1]))
         return 1, "by assumption"
 
     def price(shared, pools, seed, *arguments, **options):
@@ -210,7 +210,7 @@ def test_damaged_state_is_refused(tmp_path):
     with pytest.raises(PlanFileError, match=r"state\.json:1:2: state file must be JSON"):
         PlanningState({}, tmp_path / "state.json")
     (tmp_path / "state.json").write_text("{}")
-    with pytest.raises(PlanFileError, match="must be a planning state of version 3"):
+    with pytest.raises(PlanFileError, match="must be a planning state of version 4"):
         PlanningState({}, tmp_path / "state.json")
 
 
@@ -365,9 +365,7 @@ def test_bound_is_never_above_what_sampled_poses_reach(judge):
     pool = ColumnPool(len(EDGES))
     judged = judge(poses)
     pool.add(judged.inspects, poses, judged.probability)
-    bound, _ = lower_bound(
-        judge.request, np.arange(len(EDGES)), 12, pool.membership, max_nodes=3000
-    )
+    bound, _ = lower_bound(judge.request, 12, pool.membership, max_nodes=3000)
     assert bound == 2
 
 

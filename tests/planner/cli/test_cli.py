@@ -502,7 +502,7 @@ def test_a_state_that_cannot_be_resumed_is_refused_before_any_work(folder, capsy
     )
     lines = failure(capsys, [*PLAN, "--resume"])
     assert len(lines) == 1
-    assert "must be a planning state of version 3. Got version 1" in lines[0]
+    assert "must be a planning state of version 4. Got version 1" in lines[0]
 
 
 def test_help_explains_and_is_quick():

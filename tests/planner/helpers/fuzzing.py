@@ -94,9 +94,9 @@ def _state() -> bytes:
         )
         poses = look_at([[0.0, 1.0, 200.0], [3.0, 4.0, 500.0]], (0.0, 0.0, 0.0), roll=0.3)
         pools = {"realised": {"poses": poses}, "near": {"poses": poses[:1]}}
+        entries = {"proven": [2, "boxes"]}
         state.keep(
-            "lower bound",
-            {"pools": pools, "uninspectable": {}, "entries": {"proven": [2, "boxes"]}},
+            {"stage": "lower bound", "pools": pools, "uninspectable": {}, "entries": entries}
         )
         state.save()
         return path.read_bytes()

@@ -104,8 +104,8 @@ def written_state(path):
     poses = look_at([[0.0, 1.0, 200.0], [3.0, 4.0, 500.0]], (0.0, 0.0, 0.0), roll=0.3)
     pools = {"realised": {"poses": poses}, "near": {"poses": poses[:1]}}
     state.keep(
-        "lower bound",
         {
+            "stage": "lower bound",
             "pools": pools,
             "uninspectable": {"bottom": "hidden"},
             "entries": {"proven": [2, "boxes"]},

@@ -281,7 +281,7 @@ def test_folder_instead_of_a_file_is_named(tmp_path):
 
 STATE = {
     "format": "aspectgraph planning state",
-    "version": 3,
+    "version": 4,
     "request": {},
     "program": "0" * 64,
     "outcomes": {'["a"]': {"reason": "hidden"}},
@@ -312,11 +312,11 @@ WRONG_STATE = {
         "outcomes must have sorted JSON arrays of names as keys.",
     ),
     "step": (
-        {"checkpoint": {"step": "lunch", "pools": {}, "uninspectable": {}}},
-        'checkpoint.step must be a step of planning. Got "lunch".',
+        {"checkpoint": {"stage": "lunch", "entries": {}, "pools": {}, "uninspectable": {}}},
+        'checkpoint.stage must be a stage of planning. Got "lunch".',
     ),
     "pools": (
-        {"checkpoint": {"step": "lower bound", "uninspectable": {}}},
+        {"checkpoint": {"stage": "lower bound", "entries": {}, "uninspectable": {}}},
         "checkpoint.pools must be given. Got none.",
     ),
     "digest": ({"digest": 7}, "digest must be 64 hexadecimal digits. Got 7."),

@@ -6,13 +6,14 @@ import numpy as np
 from grid_box import EDGES, BoxSpace
 
 from planner import Camera, PoseUncertainty
+from planner.callbacks import NOBODY
 from planner.request.effort import Effort
 from planner.request.request import Request
 from planner.resume import PlanningState
 from planner.steps import prove_bound
 from planner.steps.incumbents import Incumbents
+from planner.steps.plan_state import PlanState
 from planner.steps.run import Run
-from planner.watch import Watch
 
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
@@ -30,7 +31,7 @@ def run_with(columns):
 
 
 def unwatched():
-    return Incumbents(None, Watch())
+    return Incumbents(NOBODY)
 
 
 def test_what_excludes_each_other_is_a_bound_without_a_search(monkeypatch):
@@ -38,19 +39,19 @@ def test_what_excludes_each_other_is_a_bound_without_a_search(monkeypatch):
     found = [2]
     monkeypatch.setattr(prove_bound, "lower_bound", lambda *given, **how: (found[0], "by search"))
     run = run_with(np.eye(4))
-    run.incompatible = tuple(NAMES[:3])
+    run.state.incompatible = tuple(NAMES[:3])
     bound, proof = prove_bound.prove_bound(run, unwatched())
     assert bound == 3
     assert proof.startswith("Of 3 edges no two can be inspected together")
     found[0] = 4
-    run.memo.keep("another step", {})
+    run.save({})
     assert prove_bound.prove_bound(run, unwatched()) == (4, "by search")
 
 
 def test_where_that_is_all_there_is_to_prove_nothing_is_searched(monkeypatch):
     monkeypatch.setattr(prove_bound, "lower_bound", None)
     run = run_with(np.eye(4))
-    run.incompatible = tuple(NAMES)
+    run.state.incompatible = tuple(NAMES)
     assert prove_bound.prove_bound(run, unwatched())[0] == 4
     # what is resumed there knows it
     assert prove_bound.prove_bound(run, unwatched())[0] == 4
@@ -59,18 +60,18 @@ def test_where_that_is_all_there_is_to_prove_nothing_is_searched(monkeypatch):
 def test_of_what_is_not_inspected_nothing_is_proven(monkeypatch):
     monkeypatch.setattr(prove_bound, "lower_bound", lambda *given, **how: (1, "by search"))
     run = run_with([[1, 1, 0, 0], [0, 0, 1, 0]])
-    run.incompatible = tuple(NAMES[1:])
+    run.state.incompatible = tuple(NAMES[1:])
     assert prove_bound.prove_bound(run, unwatched()) == (1, "by search")
 
 
 def test_a_checkpoint_tells_what_excludes_each_other():
     run = run_with(np.eye(4))
-    run.incompatible = tuple(NAMES[:2])
-    run.keep("some step", {})
-    other = run_with(np.eye(4))
-    other.restore(run.memo.last())
+    run.state.incompatible = tuple(NAMES[:2])
+    run.save({"done": 3})
+    other = PlanState.unpack(run.memo.last())
+    assert other.entries == {"done": 3}
     assert other.incompatible == tuple(NAMES[:2])
-    assert np.array_equal(other.pool.membership, run.pool.membership)
+    assert np.array_equal(other.pools.realised.membership, run.pool.membership)
 
 
 def test_what_simulation_says_of_a_promise_does_not_depend_on_the_others(monkeypatch):

@@ -1,0 +1,132 @@
+"""What a planning calls while it goes on, and when it ends: a time limit, and the gap that is good enough."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from planner.exceptions import RequestError
+from planner.progress import Progress, report
+
+
+class TimeIsUpError(Exception):
+    """The time limit has passed. It never leaves the package."""
+
+
+def _is_number(value: Any, above: float) -> bool:
+    return (
+        isinstance(value, int | float) and not isinstance(value, bool) and above < value < math.inf
+    )
+
+
+class Deadline:
+    """When a planning ends.
+
+    Parameters
+    ----------
+    time_limit_s : float or None
+        From now; None never ends it.
+    gap : float
+        Share of the settings that the bound may miss.
+
+    Raises
+    ------
+    RequestError
+        If the limit is not positive, or the gap not in [0, 1).
+    """
+
+    def __init__(self, time_limit_s: float | None = None, gap: float = 0.0):
+        if time_limit_s is not None and not _is_number(time_limit_s, above=0.0):
+            raise RequestError.of_rule(
+                "time_limit_s", "must be a positive number of seconds", repr(time_limit_s)
+            )
+        if not (_is_number(gap, above=-math.inf) and 0 <= gap < 1):
+            raise RequestError.of_rule("gap", "must be in [0, 1)", repr(gap))
+        self.gap = float(gap)
+        self._end = math.inf if time_limit_s is None else time.monotonic() + time_limit_s
+        self._armed = False
+
+    @property
+    def limited(self) -> bool:
+        """Whether there is a time limit."""
+        return self._end < math.inf
+
+    def arm(self) -> None:
+        """From now on there is something to end with."""
+        self._armed = True
+
+    def check(self) -> None:
+        """Raise `TimeIsUpError` if the time is up and there is something to end with."""
+        if self._armed and time.monotonic() > self._end:
+            raise TimeIsUpError
+
+    def wanted_bound(self, n_settings: int) -> int:
+        """Return the bound that is good enough for so many settings."""
+        return math.ceil(n_settings * (1.0 - self.gap) - 1e-9)
+
+
+@dataclass(frozen=True)
+class Callbacks:
+    """What a planning calls while it goes on. An exception that one of them raises cancels the work.
+
+    Parameters
+    ----------
+    on_stage : callable, optional
+        ``on_stage(name)`` is called when a stage of `planner.steps.stages` begins.
+    on_best : callable, optional
+        ``on_best(plan)`` gets the best `InspectionPlan` so far whenever it, or its bound, is better.
+    on_bound : callable, optional
+        ``on_bound(bound)`` gets every number of settings that is proven to be needed.
+    progress : callable, optional
+        ``progress(done, total, label)``.
+    deadline : Deadline
+        Ends the work. Default: never.
+    """
+
+    on_stage: Callable[[str], object] | None = None
+    on_best: Callable[[Any], object] | None = None
+    on_bound: Callable[[int], object] | None = None
+    progress: Progress | None = None
+    deadline: Deadline = field(default_factory=Deadline)
+
+    @property
+    def silent(self) -> Callbacks:
+        """The same without progress: of work between other work that may be ended."""
+        return replace(self, progress=None)
+
+    @property
+    def wants_plans(self) -> bool:
+        """Whether plans on the way are of any use: somebody gets them, or the time is limited."""
+        return self.on_best is not None or self.deadline.limited
+
+    @property
+    def check(self) -> Callable[[], None] | None:
+        """What may end long work, if anything may."""
+        return self.deadline.check if self.deadline.limited else None
+
+    def report(self, done: int, total: int, label: str) -> None:
+        """Pass on how far some work has got, and end it if the time is up."""
+        report(self.progress, done, total, label)
+        self.deadline.check()
+
+    def stage(self, name: str) -> None:
+        """Pass on that a stage begins."""
+        if self.on_stage is not None:
+            self.on_stage(name)
+
+    def best(self, plan: Any) -> None:
+        """Pass on the best plan so far."""
+        if self.on_best is not None:
+            self.on_best(plan)
+
+    def bound(self, bound: int) -> None:
+        """Pass on that at least this many settings are needed."""
+        if self.on_bound is not None:
+            self.on_bound(bound)
+
+
+NOBODY = Callbacks()
+"""Nobody is called, and nothing ends the work."""
