@@ -349,7 +349,7 @@ class _ImageLines(NamedTuple):
 def edges_of(space: Any, name: str) -> tuple[int, ...] | None:
     """Return the edges of an entity of a space, or None for what is no straight edge."""
     entity = space.entities[name]
-    if not hasattr(entity, "edge_ids"):
+    if hasattr(entity, "witnesses"):
         (witness,) = entity.witnesses
         return edges_of(space.space, witness[0]) if len(witness) == 1 else None
-    return tuple(entity.edge_ids) if entity.kind == "edge" else None
+    return tuple(entity.edge_ids) if getattr(entity, "kind", None) == "edge" else None
