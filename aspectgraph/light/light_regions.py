@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from functools import partial
@@ -16,6 +17,7 @@ from aspectgraph.exact.grid import Grid
 from aspectgraph.light.contrast import NONE, check_contrast, check_lamps, face_contrast
 from aspectgraph.light.wedges import light_sets
 from aspectgraph.solid.solid import Solid
+from aspectgraph.visibility.deadline import check_deadline
 from aspectgraph.visibility.entity_region import Region, carved_region
 from aspectgraph.visibility.scene import Scene
 from aspectgraph.visibility.united_sets import Blockers
@@ -168,6 +170,7 @@ def compute_light(
     executor: Executor | None = None,
     progress: Progress | None = None,
     silhouettes: Mapping[str, Mapping[int, int]] | None = None,
+    deadline: float = math.inf,
 ) -> LightRegions:
     """Compute from where a lamp makes each entity show.
 
@@ -190,11 +193,13 @@ def compute_light(
     silhouettes : mapping of str to mapping of int to int, optional
         Per entity, ids of its edges that a camera sees as silhouettes, and the face it sees (`silhouettes_from`): those
         show where that face is lit, against a dark ground. Default: all edges are creases.
+    deadline : float
+        Time, as `time.time` gives it, at which the computation ends. Default: never.
 
     Returns
     -------
     LightRegions
-        In the order of the entities.
+        In the order of the entities; those whose region is not complete by the deadline are missing.
 
     Raises
     ------
@@ -220,11 +225,14 @@ def compute_light(
     given = laid_out(solid, entities, workspace)
     solid, box_mm, resolved, grid, scene = given
     seen = silhouettes or {}
-    make = partial(_lamp_region, scene, grid, solid, contrast, grid.cube_planes(box_mm))
+    box = grid.cube_planes(box_mm)
+    make = partial(_lamp_region, scene, grid, solid, contrast, box, deadline)
     tasks: dict[str, _Task] = {
         name: (entity, seen.get(name, {})) for name, entity in resolved.items()
     }
-    return LightRegions(*given, regions_of(tasks, make, executor, progress), contrast, seen)
+    regions = regions_of(tasks, make, executor, progress)
+    complete = {name: entity for name, entity in resolved.items() if name in regions}
+    return LightRegions(solid, box_mm, complete, grid, scene, regions, contrast, seen)
 
 
 def light_region(
@@ -263,7 +271,15 @@ def light_region(
 
 
 def _lamp_region(
-    scene: Scene, grid: Grid, solid: Solid, contrast: float, box: np.ndarray, task: _Task
+    scene: Scene,
+    grid: Grid,
+    solid: Solid,
+    contrast: float,
+    box: np.ndarray,
+    deadline: float,
+    task: _Task,
 ) -> Region:
     entity, silhouettes = task
-    return carved_region(light_sets(scene, grid, solid, entity, contrast, silhouettes), box)
+    check_deadline(deadline)
+    sets = light_sets(scene, grid, solid, entity, contrast, silhouettes)
+    return carved_region(sets, box, deadline)

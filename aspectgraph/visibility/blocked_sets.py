@@ -22,12 +22,14 @@ re-entrant one.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from aspectgraph.exact.planes import find_plane, height, plane_through, side_of
 from aspectgraph.solid.solid import Solid
+from aspectgraph.visibility.deadline import check_deadline
 from aspectgraph.visibility.scene import Scene, chords, entity_ends
 from aspectgraph.visibility.united_sets import Blockers, united
 from compiled.decorators import entry_kernel, kernel_without_refcounts, put
@@ -40,15 +42,16 @@ if TYPE_CHECKING:
 FACE, EDGE_AND_END, VERTEX_AND_ENTITY, CONTRAST = range(4)
 
 
-def blockers(scene: Scene, solid: Solid, entity: Entity) -> Blockers:
+def blockers(scene: Scene, solid: Solid, entity: Entity, deadline: float = math.inf) -> Blockers:
     """All blocked sets of one entity: the faces next to it first, then every other piece in its way.
 
     Those of a rim or arc are the blocked sets of all its chords, for a viewpoint that misses a part of one misses a
     part of the whole.
     """
-    parts = [
-        _chord_blockers(scene, solid, chord, entity.kind != "edge") for chord in chords(entity)
-    ]
+    parts = []
+    for chord in chords(entity):
+        check_deadline(deadline)
+        parts.append(_chord_blockers(scene, solid, chord, entity.kind != "edge"))
     return parts[0] if len(parts) == 1 else united(parts)
 
 

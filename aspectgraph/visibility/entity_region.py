@@ -6,6 +6,7 @@ viewpoint and entity misses the interior of the solid; on a plane, iff a neighbo
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ from aspectgraph.cells.simplify import n_leaves, simplify
 from aspectgraph.cells.split import cell_side, split_cell
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.blocked_sets import blockers
+from aspectgraph.visibility.deadline import check_deadline
 from aspectgraph.visibility.scene import Scene
 from aspectgraph.visibility.united_sets import Blockers
 from compiled.decorators import entry_kernel, kernel_without_refcounts
@@ -35,6 +37,8 @@ _BOX = np.arange(6)
 # cells from which simplifying pays, and cells to reserve room for at first
 _SIMPLIFY_ABOVE = 4096
 _ROOM = 1 << 11
+# blocked sets between two looks at the clock
+_SETS_AT_A_TIME = 64
 
 
 class Region(NamedTuple):
@@ -60,7 +64,9 @@ class Region(NamedTuple):
         return int((self.tree.plane < 0).sum())
 
 
-def observable_region(scene: Scene, solid: Solid, entity: Entity, box: np.ndarray) -> Region:
+def observable_region(
+    scene: Scene, solid: Solid, entity: Entity, box: np.ndarray, deadline: float = math.inf
+) -> Region:
     """Compute the region of one entity.
 
     Parameters
@@ -70,34 +76,57 @@ def observable_region(scene: Scene, solid: Solid, entity: Entity, box: np.ndarra
     entity : Entity
     box : ndarray of int64, shape (6, 4)
         Planes of a box around the workspace.
+    deadline : float
+        Time (`time.time`) by which to end.
+
+    Raises
+    ------
+    DeadlineError
+        If the region is not complete by then.
     """
-    return carved_region(blockers(scene, solid, entity), box)
+    return carved_region(blockers(scene, solid, entity, deadline), box, deadline)
 
 
-def carved_region(shadows: Blockers, box: np.ndarray) -> Region:
+def carved_region(shadows: Blockers, box: np.ndarray, deadline: float = math.inf) -> Region:
     """Return the region of all points of a box, planes (6, 4), that no blocked set holds."""
     planes = np.concatenate([box, shadows.planes])
     shifted = shadows._replace(plane=shadows.plane + len(box))
     cx = with_room(
-        lambda n_cells: _cut(planes, shifted, n_cells), n_cells=max(_ROOM, 32 * len(shadows.first))
+        lambda n_cells: _cut(planes, shifted, n_cells, deadline),
+        n_cells=max(_ROOM, 32 * len(shadows.first)),
     )
     box_origin = np.full((len(box), 4), -1, np.int32)
     return _compact(cx, np.concatenate([box_origin, shadows.origin]))
 
 
-def _cut(planes: np.ndarray, shadows: Blockers, n_cells: int) -> Complex:
+def _cut(planes: np.ndarray, shadows: Blockers, n_cells: int, deadline: float) -> Complex:
     """Cut the box by all blocked sets, simplifying whenever the cells have multiplied, and at the end."""
     cx = allocate(planes, n_cells)
     cx.label[add_box(cx, _BOX)] = 1
     n_sets = len(shadows.first) - 1
     done = 0
     limit = _SIMPLIFY_ABOVE
+    open_cells = _open_cells(cx)
     while True:
-        done = _insert(cx, shadows.first, shadows.plane, shadows.side, done, limit)
+        check_deadline(deadline)
+        end = min(done + _SETS_AT_A_TIME, n_sets)
+        done, open_cells = _insert(
+            cx, shadows.first, shadows.plane, shadows.side, (done, end), limit, open_cells
+        )
+        if done < n_sets and cx.count[N_CELLS] <= limit:
+            continue
         cx = simplify(cx, _BOX, n_cells)
         if done == n_sets:
             return cx
         limit = max(_SIMPLIFY_ABOVE, 16 * n_leaves(cx))
+        open_cells = _open_cells(cx)
+
+
+def _open_cells(cx: Complex) -> np.ndarray:
+    """Return the numbers of all leaves that no set blocks."""
+    n_cells = cx.count[N_CELLS]
+    is_leaf = cx.cell[:n_cells, CELL_CHILD] < 0
+    return np.flatnonzero(is_leaf & (cx.label[:n_cells, 0] == 1))
 
 
 @kernel_without_refcounts
@@ -110,18 +139,16 @@ def _disjoint(cx, c, plane, side):
 
 
 @entry_kernel
-def _insert(cx, first, plane, side, start, limit):
-    """Block sets `start`, `start` + 1, … until all are done or the complex has `limit` cells; return the next one.
+def _insert(cx, first, plane, side, sets, limit, unblocked):
+    """Block sets `sets[0]` up to `sets[1]`, or until the complex has `limit` cells.
 
-    A blocked cell is not cut again, and a set that misses a cell does not cut it.
+    Return the number of the next set, and the cells that are still unblocked. A blocked cell is not cut again, and a
+    set that misses a cell does not cut it.
     """
-    open_cells = [np.int64(0) for _ in range(0)]
-    for c in range(cx.count[N_CELLS]):
-        if cx.cell[c, CELL_CHILD] < 0 and cx.label[c, 0] == 1:
-            open_cells.append(np.int64(c))
-    for k in range(start, len(first) - 1):
+    open_cells = [np.int64(c) for c in unblocked]
+    for k in range(sets[0], sets[1]):
         if cx.count[N_CELLS] > limit:
-            return k
+            return k, np.array(open_cells)
         own_plane = plane[first[k] : first[k + 1]]
         own_side = side[first[k] : first[k + 1]]
         still_open = [np.int64(0) for _ in range(0)]
@@ -144,7 +171,7 @@ def _insert(cx, first, plane, side, start, limit):
             if inside >= 0:
                 cx.label[inside, 0] = 0
         open_cells = still_open
-    return len(first) - 1
+    return sets[1], np.array(open_cells)
 
 
 def _compact(cx: Complex, origin: np.ndarray) -> Region:

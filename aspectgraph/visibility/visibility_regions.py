@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
 from copy import copy
@@ -21,6 +22,7 @@ from aspectgraph.exact.grid import Grid
 from aspectgraph.exceptions import EntityError, WorkspaceError
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.blocked_sets import blockers
+from aspectgraph.visibility.deadline import DeadlineError
 from aspectgraph.visibility.entity_region import Region, observable_region
 from aspectgraph.visibility.kept_regions import RegionStore
 from aspectgraph.visibility.overlay import overlay, share_planes
@@ -270,6 +272,7 @@ def compute_regions(
     executor: Executor | None = None,
     progress: Progress | None = None,
     kept: RegionStore | None = None,
+    deadline: float = math.inf,
 ) -> VisibilityRegions:
     """Compute from where each entity is observable.
 
@@ -287,11 +290,14 @@ def compute_regions(
         ``progress(done, total, label)`` after each of the entities; the label is the name of the entity.
     kept : RegionStore, optional
         Such as `KeptRegions`: has regions of an earlier call with the same arguments, and keeps those computed now.
+    deadline : float
+        Time, as `time.time` gives it, at which the computation ends. Default: never.
 
     Returns
     -------
     VisibilityRegions
-        In the order of the entities. The same arguments give the same regions, with or without an executor.
+        In the order of the entities; those whose region is not complete by the deadline are missing. The same
+        arguments give the same regions, with or without an executor.
 
     Raises
     ------
@@ -311,10 +317,12 @@ def compute_regions(
     """
     given = laid_out(solid, entities, workspace)
     solid, box_mm, resolved, grid, scene = given
-    make = partial(observable_region, scene, solid, box=grid.cube_planes(box_mm))
+    make = partial(observable_region, scene, solid, box=grid.cube_planes(box_mm), deadline=deadline)
     if kept is not None:
         kept.begin(solid, box_mm, resolved)
-    return VisibilityRegions(*given, regions_of(resolved, make, executor, progress, kept))
+    regions = regions_of(resolved, make, executor, progress, kept)
+    complete = {name: entity for name, entity in resolved.items() if name in regions}
+    return VisibilityRegions(solid, box_mm, complete, grid, scene, regions)
 
 
 def laid_out(
@@ -340,7 +348,13 @@ def regions_of(
     progress: Progress | None = None,
     kept: RegionStore | None = None,
 ) -> dict[str, Region]:
-    """Make the region of each entity, or of what names one, in parallel if there is an executor, in their order."""
+    """Make the region of each entity, or of what names one, in parallel if there is an executor.
+
+    Returns
+    -------
+    dict of str to Region
+        In the order of the entities; without those that `make` ended at its deadline.
+    """
     report = progress or (lambda done, total, label: None)
     known = {} if kept is None else {name: kept.get(name) for name in entities}
     regions: dict[str, Region] = {
@@ -348,7 +362,11 @@ def regions_of(
     }
     todo = {name: entity for name, entity in entities.items() if name not in regions}
 
-    def take(name: str, region: Region) -> None:
+    def take(name: str, get: Callable[[], Region]) -> None:
+        try:
+            region = get()
+        except DeadlineError:
+            return
         regions[name] = region
         if kept is not None:
             kept.put(name, region)
@@ -356,9 +374,9 @@ def regions_of(
 
     if executor is None:
         for name, entity in todo.items():
-            take(name, make(entity))
+            take(name, partial(make, entity))
     else:
         futures = {executor.submit(make, entity): name for name, entity in todo.items()}
         for future in as_completed(futures):
-            take(futures[future], future.result())
-    return {name: regions[name] for name in entities}
+            take(futures[future], future.result)
+    return {name: regions[name] for name in entities if name in regions}
