@@ -11,6 +11,12 @@ from typing import Any
 from planner.exceptions import RequestError
 from planner.progress import Progress, report
 
+REGIONS_SHARE = 0.5
+"""Share of a time limit that the regions of visibility may take."""
+
+SEARCH_SHARE = 0.8
+"""Share of a time limit after which the search ends, so that simulation, report and graph have the rest."""
+
 
 class TimeIsUpError(Exception):
     """The time limit has passed. It never leaves the package."""
@@ -46,13 +52,26 @@ class Deadline:
         if not (_is_number(gap, above=-math.inf) and 0 <= gap < 1):
             raise RequestError.of_rule("gap", "must be in [0, 1)", repr(gap))
         self.gap = float(gap)
-        self._end = math.inf if time_limit_s is None else time.monotonic() + time_limit_s
+        self._limit = math.inf if time_limit_s is None else float(time_limit_s)
+        self._begin = time.monotonic()
+        # of the clock that other processes share
+        self._wall_begin = time.time()
         self._armed = False
 
     @property
     def limited(self) -> bool:
         """Whether there is a time limit."""
-        return self._end < math.inf
+        return self._limit < math.inf
+
+    def at(self, share: float = 1.0) -> float:
+        """Return when a share of the time limit has passed, as `time.time` counts; infinity without a limit."""
+        return self._wall_begin + share * self._limit
+
+    def seconds_left(self, share: float = 1.0) -> float | None:
+        """Return how long it is until a share of the limit has passed, 1 ms at least; None without one."""
+        if not self.limited:
+            return None
+        return max(share * self._limit - (time.monotonic() - self._begin), 1e-3)
 
     def arm(self) -> None:
         """From now on there is something to end with."""
@@ -60,7 +79,7 @@ class Deadline:
 
     def check(self) -> None:
         """Raise `TimeIsUpError` if the time is up and there is something to end with."""
-        if self._armed and time.monotonic() > self._end:
+        if self._armed and time.monotonic() - self._begin > self._limit:
             raise TimeIsUpError
 
     def wanted_bound(self, n_settings: int) -> int:

@@ -20,13 +20,14 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from errors.measurands.localisation import Localisation
-from planner.callbacks import Callbacks, Deadline, TimeIsUpError
+from planner.callbacks import REGIONS_SHARE, Callbacks, Deadline, TimeIsUpError
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.detectability.conditions import USUAL, Detectability
@@ -44,6 +45,7 @@ from planner.request.request import Request
 from planner.request.space import Space
 from planner.request.target_space import TargetSpace
 from planner.resume import PlanningState
+from planner.steps.assemble import needed, with_late_targets
 from planner.steps.incumbents import Incumbents
 from planner.steps.run import Run
 from planner.steps.stages import run_stages
@@ -142,8 +144,10 @@ def plan_inspection(
     localisation : Localisation, optional
         How well points are found in the image. Default: on whole pixels, as in the paper.
     time_limit_s : float, optional
-        Seconds until the planning ends with the best plan it has found, which is then ``unfinished``. The first plan is
-        waited for, and so is a run of the genetic algorithm that has begun in this process. Default: no limit.
+        Seconds until the planning ends with the best plan it has found, which is then ``unfinished``. Half of them may
+        go to computing from where targets are observable; a target that is late is left out, with the reason. The
+        first plan is waited for, and so is a run of the genetic algorithm that has begun in this process. Default: no
+        limit.
     gap : float
         Share of the settings in [0, 1) that the bound may miss: the proof goes no further, and no saving is tried.
         Default: as good as the effort allows.
@@ -235,9 +239,6 @@ def plan_by_options(
         As `plan_inspection`.
     """
     deadline = Deadline(options.time_limit_s, options.gap)
-    callbacks = Callbacks(
-        on_best=options.on_incumbent, progress=options.progress, deadline=deadline
-    )
     lighting = options.lighting
     if not entities:
         raise RequestError.of_rule("entities", "must hold at least one entity", "none")
@@ -247,8 +248,16 @@ def plan_by_options(
     asked = resolved.request
     if options.state is not None:
         asked.check_lasting()
-    request = _request(solid, resolved, options)
-    memo = PlanningState(asked.identity(), options.state)
+    request = _request(solid, resolved, options, deadline)
+    completed = partial(with_late_targets, targets=resolved.targets, means=request.means)
+    late = len(request.names) < len(resolved.targets)
+    # the state of a search belongs to all targets
+    memo = PlanningState(asked.identity(), None if late else options.state)
+    callbacks = Callbacks(
+        on_best=_after(completed, options.on_incumbent),
+        progress=options.progress,
+        deadline=deadline,
+    )
     incumbents = Incumbents(callbacks)
     if memo.plan is None:
         run = Run(
@@ -262,16 +271,28 @@ def plan_by_options(
         try:
             memo.finish(run_stages(run, incumbents, lighting))
         except TimeIsUpError:
-            return _lit(incumbents.latest, solid, lighting)
+            return completed(_lit(incumbents.latest, solid, lighting))
         finally:
             memo.save()
     assert memo.plan is not None
     incumbents.publish(memo.plan)
-    return memo.plan
+    return completed(memo.plan)
 
 
-def _request(solid: Solid, resolved: ResolvedRequest, options: InspectionOptions) -> Request:
-    """Return the request with where its targets are observable."""
+def _after(
+    completed: Callable[[InspectionPlan], InspectionPlan],
+    on_incumbent: Callable[[InspectionPlan], object] | None,
+) -> Callable[[InspectionPlan], object] | None:
+    """Return a callable that takes in plans as ``completed`` returns them."""
+    if on_incumbent is None:
+        return None
+    return lambda plan: on_incumbent(completed(plan))
+
+
+def _request(
+    solid: Solid, resolved: ResolvedRequest, options: InspectionOptions, deadline: Deadline
+) -> Request:
+    """Return the request with where its targets are observable, without those whose region was late."""
     asked, entities, targets = resolved
     rest = (
         asked.camera,
@@ -280,18 +301,27 @@ def _request(solid: Solid, resolved: ResolvedRequest, options: InspectionOptions
         asked.probability,
         asked.requirements,
     )
-    space = options.space or _visible(solid, resolved, options)
-    missing = [name for name in entities if name not in space.entities]
-    if missing:
+    space = options.space or _visible(solid, resolved, options, deadline)
+    missing = {name for name in entities if name not in space.entities}
+    if missing and not deadline.limited:
         raise RequestError.of_rule(
-            "space", "must hold all entities that are wanted", f"no {missing[0]!r}"
+            "space", "must hold all entities that are wanted", f"no {min(missing)!r}"
+        )
+    targets = tuple(target for target in targets if not missing.intersection(needed(target)))
+    if not targets:
+        raise RequestError.of_rule(
+            "time_limit_s",
+            "must be long enough to compute from where one target is observable",
+            f"{options.time_limit_s:g}",
         )
     joined = TargetSpace.of(space, targets)
     return Request(joined, joined.entity_names, *rest, targets, options.localisation)
 
 
-def _visible(solid: Solid, resolved: ResolvedRequest, options: InspectionOptions) -> Space:
-    """Compute from where the entities are observable."""
+def _visible(
+    solid: Solid, resolved: ResolvedRequest, options: InspectionOptions, deadline: Deadline
+) -> Space:
+    """Compute from where the entities are observable, in the share of the time limit that this may take."""
     from aspectgraph import compute_light, compute_regions
 
     asked, entities, _ = resolved
@@ -299,10 +329,23 @@ def _visible(solid: Solid, resolved: ResolvedRequest, options: InspectionOptions
     box = asked.workspace
     if asked.ring is not None and asked.lighting is not None:
         contrast = asked.lighting.contrast
-        lit = compute_light(solid, entities, contrast, box, options.executor, shown)
+        lit = compute_light(
+            solid,
+            entities,
+            contrast,
+            box,
+            options.executor,
+            shown,
+            deadline=deadline.at(REGIONS_SHARE),
+        )
         return RingSpace(lit, asked.camera, asked.lighting.step)
     return compute_regions(
-        solid, entities, workspace=box, executor=options.executor, progress=shown
+        solid,
+        entities,
+        workspace=box,
+        executor=options.executor,
+        progress=shown,
+        deadline=deadline.at(REGIONS_SHARE),
     )
 
 

@@ -30,6 +30,7 @@ from planner.batch.folder_of_parts import plan_folder
 from planner.batch.part_request import PartRequest, limits_of
 from planner.batch.part_result import PLANNED, TABLES
 from planner.batch.scheduler import dask_executor
+from planner.callbacks import REGIONS_SHARE, SEARCH_SHARE, Deadline
 from planner.camera.catalogue import camera_names
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.best_so_far import BestSoFar
@@ -180,7 +181,7 @@ def plan(options: argparse.Namespace) -> int:
         )
         with leftovers.forgotten_if_refused():
             found, written, interrupted = _planned(options, job, leftovers)
-        _print_planned(options, found, job, written, leftovers.state)
+        _print_planned(options, found, job, written, leftovers)
         if interrupted:
             raise KeyboardInterrupt
     lit = found.light is None or found.light.complete
@@ -189,7 +190,11 @@ def plan(options: argparse.Namespace) -> int:
 
 
 def _print_planned(
-    options: argparse.Namespace, found: InspectionPlan, job: Job, written: Written, state: Path
+    options: argparse.Namespace,
+    found: InspectionPlan,
+    job: Job,
+    written: Written,
+    leftovers: Leftovers,
 ) -> None:
     """Print a plan, and the files it is in."""
     files = [path_text(path) for path in written.files]
@@ -200,7 +205,7 @@ def _print_planned(
     _print_unit(job.part, job.reading.get("units"))
     for name, reason in job.wanted.left_out.items():
         print(visible(f"{name} is not planned: {reason}"))
-    if found.unfinished and state.exists():
+    if found.unfinished and leftovers:
         print("The same command with --resume goes on from here.")
     print("\n".join(map(visible, [*written.notes, *files])))
 
@@ -217,12 +222,11 @@ def _planned(
         _executor(options.jobs) as executor,
     ):
         best = BestSoFar(progress)
-        regions = _regions(job, executor, progress, leftovers)
-        limit = options.time_limit
+        deadline = Deadline(options.time_limit)
+        regions = _regions(job, executor, progress, leftovers, deadline.at(REGIONS_SHARE))
         try:
             found = job.plan(
-                # the first plan is waited for, however little is left
-                time_limit_s=None if limit is None else max(limit - best.seconds, 1e-3),
+                time_limit_s=deadline.seconds_left(SEARCH_SHARE),
                 on_incumbent=best,
                 space=_space(request, regions),
                 state=state,
@@ -247,7 +251,7 @@ def _planned(
 
 
 def _regions(
-    job: Job, executor: Executor | None, progress: Any, leftovers: Leftovers
+    job: Job, executor: Executor | None, progress: Any, leftovers: Leftovers, deadline: float
 ) -> VisibilityRegions:
     """Return from where a camera observes entities; with a ring light on it, from where they show besides."""
     shown = labelled(progress, "visible regions")
@@ -255,7 +259,9 @@ def _regions(
     box = job.request.workspace
     ring = job.request.ring
     if ring is not None:
-        return compute_light(job.solid, entities, ring.contrast, box, executor, shown)
+        return compute_light(
+            job.solid, entities, ring.contrast, box, executor, shown, deadline=deadline
+        )
     return compute_regions(
         job.solid,
         entities,
@@ -263,6 +269,7 @@ def _regions(
         executor=executor,
         progress=shown,
         kept=leftovers.regions,
+        deadline=deadline,
     )
 
 

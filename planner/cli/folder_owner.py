@@ -186,7 +186,8 @@ class Leftovers:
         """Delete regions if the request turns out to be one that cannot be planned: nobody can go on from them."""
         try:
             yield
-        except (EntityError, InfeasibleError, RequestError):
-            if not self.state.exists():
+        except (EntityError, InfeasibleError, RequestError) as error:
+            # with more time the request can be planned
+            if error.parameter != "time_limit_s" and not self.state.exists():
                 self.regions.remove()
             raise

@@ -138,8 +138,10 @@ def _resolved(
     if rounded and not any(
         isinstance(item, Dimension) or is_circle(item) for item in items.values()
     ):
-        known = options.space
-        entities = resolve_entities(solid, items) if known is None else known.entities
+        known = {} if options.space is None else options.space.entities
+        others = {name: item for name, item in items.items() if name not in known}
+        resolved = resolve_entities(solid, others) if others else {}
+        entities = {name: known[name] if name in known else resolved[name] for name in items}
         for name, entity in entities.items():
             check_is_edge(name, entity)
         return entities, edge_targets(entities, tuple(entities))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,10 +13,17 @@ from planner.setting.sensor_setting import SensorSetting
 from planner.steps.lines_in_window import with_lines_in_windows
 from planner.steps.run import Run
 from planner.travel import order_by, pose_distances
-from planner.wanted.planned import PlannedDimension
+from planner.wanted.models import Means
+from planner.wanted.planned import PlannedDimension, planned
+from planner.wanted.targets import Target
 
 # of entities that have neither a pose nor a reason for that yet
 _NOT_YET = Reason.of(ReasonKind.NOT_FOUND_YET, "the planning had not come to its end.")
+
+_LATE = Reason.of(
+    ReasonKind.NOT_FOUND_YET,
+    "the time limit ended before it was known from where it is observable.",
+)
 
 
 def assembled(
@@ -65,6 +73,43 @@ def assembled(
         unfinished=unfinished,
     )
     return with_lines_in_windows(found, request)
+
+
+def needed(target: Target) -> set[str]:
+    """Return the names of all entities whose regions a target needs."""
+    return {name for witness in target.witnesses for name in witness.entities}
+
+
+def with_late_targets(
+    plan: InspectionPlan, targets: Sequence[Target], means: Means
+) -> InspectionPlan:
+    """Return a plan with a reason for each target that it does not know, since its region was not complete in time.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        A plan for some of the targets.
+    targets : sequence of Target
+        All targets of the request.
+    means : Means
+        What they are measured with.
+
+    Returns
+    -------
+    InspectionPlan
+        It is ``unfinished`` if a target was late; otherwise it is the plan itself.
+    """
+    late = [target.name for target in targets if target.name not in plan.entities]
+    if not late:
+        return plan
+    measured = {target.name: planned(target, means) for target in targets}
+    return replace(
+        plan,
+        unfinished=True,
+        uninspectable={**plan.uninspectable, **dict.fromkeys(late, _LATE)},
+        entities={target.name: target.witness.ends for target in targets},
+        dimensions={n: t for n, t in measured.items() if isinstance(t, PlannedDimension)},
+    )
 
 
 def _reasons(run: Run, unfinished: bool, seen: set[str]) -> Mapping[str, Reason]:
