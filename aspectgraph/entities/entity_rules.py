@@ -49,6 +49,7 @@ _SIDES = {
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
 _POINT = rf"{_NUMBER}(?:\s*,\s*{_NUMBER}){{2}}"
+_KIND = re.compile(r"kind\s*=\s*(edge|rim|arc|any)")
 _Test = Callable[["_Candidate"], bool]
 
 
@@ -97,7 +98,9 @@ def select_entities(solid: Solid, rule: str) -> list[int | str]:
         tests.append(lambda one: one.kind == "edge")
     found = [one.id for one in _candidates(solid) if all(test(one) for test in tests)]
     if not found:
-        raise EntityError.of_rule("select", "must hold for at least one edge", f"none for {rule!r}")
+        raise EntityError.of_rule(
+            "select", f"must hold for at least one {_selected_kinds(rule)}", f"none for {rule!r}"
+        )
     return found
 
 
@@ -116,6 +119,15 @@ def check_selection(rule: str) -> None:
     """
     for text in _conditions(rule):
         _test(text, None)
+
+
+def _selected_kinds(rule: str) -> str:
+    """Return the kinds of entity that a rule can select, as a message lists them."""
+    kinds = {"edge", "rim", "arc"}
+    named = [match[1] for text in _conditions(rule) if (match := _KIND.fullmatch(text.lower()))]
+    for kind in named or ["edge"]:
+        kinds &= kinds if kind == "any" else {kind}
+    return kinds.pop() if len(kinds) == 1 else "edge, rim or arc"
 
 
 def _conditions(rule: str) -> list[str]:
@@ -155,7 +167,7 @@ def _test(text: str, solid: Solid | None) -> _Test:
         if what == "turn":
             return lambda one: compare(abs(one.turn_deg), limit)
         return lambda one: compare(one.size_mm, limit)
-    if found := re.fullmatch(r"kind\s*=\s*(edge|rim|arc|any)", lower):
+    if found := _KIND.fullmatch(lower):
         kind = found[1]
         return lambda one: kind in (one.kind, "any")
     if found := re.fullmatch(rf"direction\s*=\s*([xyz]|{_POINT})", lower):

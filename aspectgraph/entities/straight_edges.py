@@ -114,7 +114,7 @@ def resolve_entities(
     if not isinstance(mapping, Mapping):
         mapping = {_id_name(item): item for item in _distinct(mapping)}
     if not mapping:
-        raise EntityError.of_rule("entities", "must name at least one edge", "none")
+        raise EntityError.of_rule("entities", "must name at least one edge, rim or arc", "none")
     if tolerance_mm is None:
         tolerance_mm = RELATIVE_TOLERANCE * float(np.linalg.norm(np.ptp(solid.bounds, axis=0)))
     if not tolerance_mm > 0:

@@ -69,6 +69,24 @@ def test_rims_are_selected_by_kind_and_radius():
 
 
 @pytest.mark.parametrize(
+    ("rule", "kinds"),
+    [
+        ("length > 900", "edge"),
+        ("length > 900 and kind = edge", "edge"),
+        ("kind = rim", "rim"),
+        ("radius > 900 and KIND = arc", "arc"),
+        ("length > 900 and kind = any", "edge, rim or arc"),
+        ("kind = any and kind = rim", "rim"),
+        ("kind = arc and kind = rim", "edge, rim or arc"),
+    ],
+)
+def test_a_rule_that_selects_nothing_names_the_kinds_it_could_select(rule, kinds):
+    with pytest.raises(EntityError) as error:
+        select_entities(BLOCK, rule)
+    assert str(error.value) == f"select must hold for at least one {kinds}. Got none for {rule!r}."
+
+
+@pytest.mark.parametrize(
     "rule", ["", "length = 3", "size > 2", "length > 2 or convex", "near 1,2 < 3", "face = roof"]
 )
 def test_other_words_are_refused(rule):
