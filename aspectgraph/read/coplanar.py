@@ -8,6 +8,8 @@ side, which runs the other way. A *group* is a set of triangles that becomes one
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 
@@ -55,14 +57,33 @@ def group_coplanar(
     corners = (vertices - vertices.mean(axis=0))[triangles]
     area_vectors = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     neighbour = twin // 3
-    grower = _Grower(
-        corners, area_vectors, np.where(joinable, neighbour, -1).reshape(-1, 3), tolerance_mm
-    )
+    reachable = np.where(joinable, neighbour, -1).reshape(-1, 3)
+    grower = _Grower(corners, area_vectors, reachable, tolerance_mm)
+    stays_alone = _stays_alone(corners, area_vectors, reachable, 2.0 * tolerance_mm).tolist()
     for seed in np.argsort(-np.linalg.norm(area_vectors, axis=1), kind="stable").tolist():
         if grower.label[seed] < 0:
-            grower.grow(seed)
-    _adopt_slivers(grower, corners, neighbour.reshape(-1, 3))
-    return _in_order(grower.label)
+            grower.grow(seed, stays_alone[seed])
+    label = np.array(grower.label)
+    _adopt_slivers(label, grower.areas, corners, neighbour.reshape(-1, 3), tolerance_mm)
+    return _in_order(label)
+
+
+def _stays_alone(
+    corners: np.ndarray, area_vectors: np.ndarray, neighbour: np.ndarray, band_mm: float
+) -> np.ndarray:
+    """Return which triangles are groups of their own if a group begins there: no neighbour lies in their plane."""
+    length = np.linalg.norm(area_vectors, axis=1, keepdims=True)
+    normal = np.divide(area_vectors, length, out=np.zeros_like(area_vectors), where=length > 0)
+    own = np.einsum("tij,tj->ti", corners, normal)
+    height = 0.5 * (own.min(axis=1) + own.max(axis=1))
+    # `_fits` decides where rounding could
+    slack_mm = 1e-6 * band_mm + 1e-12 * float(np.abs(corners).max())
+    alone = np.ones(len(corners), dtype=bool)
+    for k in range(3):
+        other = neighbour[:, k]
+        off = np.abs(np.einsum("tij,tj->ti", corners[other], normal) - height[:, None]).max(axis=1)
+        alone &= (other < 0) | (off > band_mm + slack_mm)
+    return alone
 
 
 def _in_order(label: np.ndarray) -> np.ndarray:
@@ -87,46 +108,65 @@ class _Grower:
         self.areas = np.linalg.norm(area_vectors, axis=1)
         self.neighbour = neighbour.tolist()
         self.tolerance_mm = tolerance_mm
-        self.label = np.full(len(corners), -1, dtype=np.int64)
+        self.label: list[int] = [-1] * len(corners)
         self.n_groups = 0
 
-    def grow(self, seed: int) -> None:
+    def grow(self, seed: int, stays_alone: bool) -> None:
         """Collect a new group around triangle `seed`."""
-        members = self._flood(seed, 2.0 * self.tolerance_mm)
+        members = [seed] if stays_alone else self._flood(seed, 2.0 * self.tolerance_mm)
         if len(members) > 1 and self._unevenness(members) > self.tolerance_mm:
             members = self._flood(seed, 0.5 * self.tolerance_mm)
             if self._unevenness(members) > self.tolerance_mm:
                 members = [seed]
-        self.label[members] = self.n_groups
+        for t in members:
+            self.label[t] = self.n_groups
         self.n_groups += 1
 
     def _flood(self, seed: int, band_mm: float) -> list[int]:
         members = [seed]
         seen = {seed}
-        total = self.area_vectors[seed].copy()
-        fitted_area = self.areas[seed]
-        normal, height = self._plane(total, members)
+        # plain numbers: arrays of three take longer
+        x, y, z = self.area_vectors[seed].tolist()
+        fitted_area = float(self.areas[seed])
+        normal, height = self._plane(np.array([x, y, z]), members)
+        plane = (*normal.tolist(), height)
         front = [seed]
         while front:
             for t in self.neighbour[front.pop()]:
                 if t < 0 or t in seen or self.label[t] >= 0:
                     continue
-                if not self._fits(t, normal, height, band_mm):
+                if not self._fits(t, plane, band_mm):
                     continue
                 seen.add(t)
                 members.append(t)
                 front.append(t)
-                total += self.area_vectors[t]
-                if np.linalg.norm(total) > 2.0 * fitted_area:
-                    fitted_area = np.linalg.norm(total)
-                    normal, height = self._plane(total, members)
+                dx, dy, dz = self.area_vectors[t].tolist()
+                x += dx
+                y += dy
+                z += dz
+                area = math.sqrt(x * x + y * y + z * z)
+                if area > 2.0 * fitted_area:
+                    fitted_area = area
+                    normal, height = self._plane(np.array([x, y, z]), members)
+                    plane = (*normal.tolist(), height)
         return members
 
-    def _fits(self, t: int, normal: np.ndarray, height: float, band_mm: float) -> bool:
-        if np.abs(self.corners[t] @ normal - height).max() > band_mm:
+    def _fits(self, t: int, plane: tuple[float, float, float, float], band_mm: float) -> bool:
+        u, v, w, height = plane
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = self.corners[t].tolist()
+        if (
+            abs(ax * u + ay * v + az * w - height) > band_mm
+            or abs(bx * u + by * v + bz * w - height) > band_mm
+            or abs(cx * u + cy * v + cz * w - height) > band_mm
+        ):
             return False
-        longest = np.ptp(self.corners[t], axis=0).max()
-        return self.area_vectors[t] @ normal > -band_mm * longest
+        longest = max(
+            max(ax, bx, cx) - min(ax, bx, cx),
+            max(ay, by, cy) - min(ay, by, cy),
+            max(az, bz, cz) - min(az, bz, cz),
+        )
+        x, y, z = self.area_vectors[t].tolist()
+        return bool(x * u + y * v + z * w > -band_mm * longest)
 
     def _plane(self, total: np.ndarray, members: list[int]) -> tuple[np.ndarray, float]:
         length = np.linalg.norm(total)
@@ -139,10 +179,16 @@ class _Grower:
         return float(np.abs(self.corners[members] @ normal - height).max())
 
 
-def _adopt_slivers(grower: _Grower, corners: np.ndarray, neighbour: np.ndarray) -> None:
+def _adopt_slivers(
+    label: np.ndarray,
+    areas: np.ndarray,
+    corners: np.ndarray,
+    neighbour: np.ndarray,
+    tolerance_mm: float,
+) -> None:
     """Give triangles without width that stayed alone to the group across their longest side."""
     sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-    alone = np.bincount(grower.label)[grower.label] == 1
-    thin = 2.0 * grower.areas <= grower.tolerance_mm * 1e-3 * sides.max(axis=1)
+    alone = np.bincount(label)[label] == 1
+    thin = 2.0 * areas <= tolerance_mm * 1e-3 * sides.max(axis=1)
     for t in np.flatnonzero(alone & thin):
-        grower.label[t] = grower.label[neighbour[t, int(np.argmax(sides[t]))]]
+        label[t] = label[neighbour[t, int(np.argmax(sides[t]))]]

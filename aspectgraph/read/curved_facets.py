@@ -24,13 +24,13 @@ A prism that really has twelve or more sides is therefore taken for a cylinder; 
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from aspectgraph.solid.checks import face_area_vectors
-from aspectgraph.solid.topology import Face, pair_edges, signed_dihedrals_deg
+from aspectgraph.solid.face_loops import FaceLoops
+from aspectgraph.solid.topology import pair_edges, signed_dihedrals_deg
 
 GENTLE_DEG = 33.0
 """Largest turn between neighbouring facets of a curved surface: twelve facets to a full turn, and some rounding."""
@@ -55,30 +55,30 @@ SHARP_SHARE = 2.0
 _FLAT_DEG = 1e-3
 
 
-def find_curved(vertices: np.ndarray, faces: list[Face]) -> tuple[list[Face], set[tuple[int, int]]]:
-    """Mark the faces that are facets of curved surfaces and find their chords.
+def find_curved(vertices: np.ndarray, loops: FaceLoops) -> tuple[np.ndarray, np.ndarray]:
+    """Find the faces that are facets of curved surfaces, and their chords.
 
     Parameters
     ----------
     vertices : ndarray, shape (n, 3)
         In mm.
-    faces : list of Face
+    loops : FaceLoops
         The faces of a closed surface, coplanar triangles joined.
 
     Returns
     -------
-    faces : list of Face
-        With ``curved`` set.
-    curved_edges : set of (int, int)
+    curved : ndarray of bool, shape (f,)
+        Which faces are such facets.
+    chords : ndarray of int, shape (e, 2)
         Vertex pairs, lower index first.
     """
-    edge_vertices, edge_faces = pair_edges(vertices, faces)
-    area_vectors = face_area_vectors(vertices, faces)
+    edge_vertices, edge_faces = pair_edges(vertices, loops)
+    area_vectors = face_area_vectors(vertices, loops)
     areas = np.linalg.norm(area_vectors, axis=1)
     normals = area_vectors / np.maximum(areas[:, None], 1e-300)
     turns = signed_dihedrals_deg(vertices, normals, edge_vertices, edge_faces)
     gentle = np.abs(turns) < GENTLE_DEG
-    strip = _pair_triangles(faces, edge_faces[gentle], np.abs(turns[gentle]))
+    strip = _pair_triangles(loops.size[loops.outer] == 3, edge_faces[gentle], np.abs(turns[gentle]))
     edge_strips = strip[edge_faces]
     inner = edge_strips[:, 0] == edge_strips[:, 1]
     bend = gentle & ~inner & (np.abs(turns) > _FLAT_DEG)
@@ -87,37 +87,37 @@ def find_curved(vertices: np.ndarray, faces: list[Face]) -> tuple[list[Face], se
         np.bincount(strip, weights=areas), edge_strips[gentle & ~inner], lengths[gentle & ~inner]
     )
     sagitta_mm = RELATIVE_SAGITTA * float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    bends = _bends(len(widths), edge_strips[bend], turns[bend], widths)
-    facet = np.array(
-        [_is_facet(around, width, sagitta_mm) for around, width in zip(bends, widths, strict=True)]
-    )
-    facet |= np.array(
-        [any(facet[b.across] and b.matches and not b.tangent for b in around) for around in bends]
-    )
+    bends = _bends(edge_strips[bend], turns[bend], widths)
+    facet = _are_facets(bends, widths, sagitta_mm)
+    beside = bends.strip[facet[bends.across] & bends.matches & ~bends.tangent]
+    facet[beside] = True
     smooth = gentle & ~_sharp(turns, edge_strips, facet, bends)
-    curved = _chords(facet, edge_vertices, edge_strips, smooth, inner)
-    pairs = {(min(a, b), max(a, b)) for a, b in edge_vertices[curved].tolist()}
-    return [replace(face, curved=bool(facet[strip[f]])) for f, face in enumerate(faces)], pairs
+    chord = _chords(facet, edge_vertices, edge_strips, smooth, inner)
+    return facet[strip], np.sort(edge_vertices[chord], axis=1)
 
 
-def _pair_triangles(faces: list[Face], edge_faces: np.ndarray, turns: np.ndarray) -> np.ndarray:
+def _pair_triangles(
+    triangular: np.ndarray, edge_faces: np.ndarray, turns: np.ndarray
+) -> np.ndarray:
     """Number the strips: a strip is a face, or two triangles that are nearly flat across the flattest edge of both."""
-    flattest: dict[int, tuple[float, int]] = {}
-    steepest = np.zeros(len(faces))
-    for (f, g), turn in zip(edge_faces.tolist(), turns.tolist(), strict=True):
-        for face, across in ((f, g), (g, f)):
-            steepest[face] = max(steepest[face], turn)
-            if len(faces[face].outer) == 3:
-                flattest[face] = min(flattest.get(face, (np.inf, -1)), (turn, across))
-    strip = np.arange(len(faces))
-    for f, (turn, g) in flattest.items():
-        if (
-            g < f
-            and g in flattest
-            and flattest[g][1] == f
-            and turn <= FLAT_SHARE * min(steepest[f], steepest[g])
-        ):
-            strip[f] = g
+    face = edge_faces.ravel()
+    across = edge_faces[:, ::-1].ravel()
+    turn = np.repeat(turns, 2)
+    steepest = np.zeros(len(triangular))
+    np.maximum.at(steepest, face, turn)
+    # the flattest edge of each triangle; of equals, that to the lower face
+    order = np.lexsort((across, turn, face))
+    order = order[np.diff(face[order], prepend=-1) > 0]
+    flattest = np.full(len(triangular), np.inf)
+    beyond = np.full(len(triangular), -1)
+    flattest[face[order]] = turn[order]
+    beyond[face[order]] = across[order]
+    beyond[~triangular] = -1
+    strip = np.arange(len(triangular))
+    f = np.flatnonzero((beyond >= 0) & (beyond < strip))
+    g = beyond[f]
+    one = (beyond[g] == f) & (flattest[f] <= FLAT_SHARE * np.minimum(steepest[f], steepest[g]))
+    strip[f[one]] = g[one]
     return np.unique(strip, return_inverse=True)[1].ravel()
 
 
@@ -129,64 +129,78 @@ def _widths(areas: np.ndarray, edge_strips: np.ndarray, lengths: np.ndarray) -> 
     return np.divide(areas, longest, out=np.full(len(areas), np.inf), where=longest > 0)
 
 
-class _Bend(NamedTuple):
-    """A gentle edge as one of its faces sees it."""
+class _Bends(NamedTuple):
+    """The gentle edges that are not flat, each as one of its strips sees it; all of shape (2 e,)."""
 
-    turn: float
-    across: int
-    matches: bool
-    tangent: bool
-
-
-def _bends(
-    n_strips: int, edge_strips: np.ndarray, turns: np.ndarray, widths: np.ndarray
-) -> list[list[_Bend]]:
-    """Return the gentle edges of every strip that are not flat."""
-    around: list[list[float]] = [[] for _ in range(n_strips)]
-    pairs = [(f, g, t) for (f, g), t in zip(edge_strips.tolist(), turns.tolist(), strict=True)]
-    for f, g, turn in pairs:
-        around[f].append(turn)
-        around[g].append(turn)
-    bends: list[list[_Bend]] = [[] for _ in range(n_strips)]
-    for f, g, turn in pairs:
-        for strip, across in ((f, g), (g, f)):
-            tangent = abs(turn) < TANGENT_SHARE * _largest_other(around[across], turn)
-            bends[strip].append(
-                _Bend(turn, across, bool(widths[strip] <= WIDTH_RATIO * widths[across]), tangent)
-            )
-    return bends
+    strip: np.ndarray
+    across: np.ndarray
+    turn: np.ndarray
+    matches: np.ndarray
+    tangent: np.ndarray
 
 
-def _largest_other(turns: list[float], turn: float) -> float:
-    """Return the largest of `turns` the same way as `turn`, leaving that one out once; 0 if there is none."""
-    others = sorted(abs(t) for t in turns if t * turn > 0)
-    others.remove(abs(turn))
-    return others[-1] if others else 0.0
+def _bends(edge_strips: np.ndarray, turns: np.ndarray, widths: np.ndarray) -> _Bends:
+    """Return the gentle edges of all strips that are not flat."""
+    strip = edge_strips.ravel()
+    across = edge_strips[:, ::-1].ravel()
+    turn = np.repeat(turns, 2)
+    size = np.abs(turn)
+    largest, second = _two_largest(_way(strip, turn), size, 2 * len(widths))
+    # what the strip across turns the same way at another edge
+    other = _way(across, turn)
+    elsewhere = np.where(largest[other] == size, second[other], largest[other])
+    matches = widths[strip] <= WIDTH_RATIO * widths[across]
+    return _Bends(strip, across, turn, matches, size < TANGENT_SHARE * elsewhere)
 
 
-def _is_facet(bends: list[_Bend], width: float, sagitta_mm: float) -> bool:
-    for way in (1.0, -1.0):
-        same = sorted(
-            (b for b in bends if b.matches and b.turn * way > 0), key=lambda b: -abs(b.turn)
-        )
-        if len(same) >= 2 and not all(bend.tangent for bend in same):
-            # A chord of width w under an arc that turns by t: the arc stands off by w / 2 tan(t / 4).
-            turn = 0.5 * (abs(same[0].turn) + abs(same[1].turn))
-            if 0.5 * width * np.tan(np.radians(turn) / 4.0) <= sagitta_mm:
-                return True
-    return False
+def _way(strip: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Number the two ways in which strips turn."""
+    return 2 * strip + (turn > 0)
+
+
+def _two_largest(
+    group: np.ndarray, size: np.ndarray, n_groups: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the largest and the second largest size in each group, 0 where there is none."""
+    order = np.lexsort((-size, group))
+    begins = np.diff(group[order], prepend=-1) > 0
+    largest = np.zeros(n_groups)
+    largest[group[order[begins]]] = size[order[begins]]
+    follows = np.flatnonzero(begins[:-1] & ~begins[1:]) + 1
+    second = np.zeros(n_groups)
+    second[group[order[follows]]] = size[order[follows]]
+    return largest, second
+
+
+def _are_facets(bends: _Bends, widths: np.ndarray, sagitta_mm: float) -> np.ndarray:
+    """Return which strips have matching neighbours on two sides, and stand off little from the arc through these."""
+    kept = bends.matches
+    group = _way(bends.strip[kept], bends.turn[kept])
+    n = 2 * len(widths)
+    largest, second = _two_largest(group, np.abs(bends.turn[kept]), n)
+    n_bends = np.bincount(group, minlength=n)
+    n_tangent = np.bincount(group[bends.tangent[kept]], minlength=n)
+    # A chord of width w under an arc that turns by t: the arc stands off by w / 2 tan(t / 4).
+    turn = 0.5 * (largest + second)
+    likely = np.flatnonzero((n_bends >= 2) & (n_tangent < n_bends))
+    stands_off = 0.5 * widths[likely // 2] * np.tan(np.radians(turn[likely]) / 4.0)
+    facet = np.zeros(len(widths), dtype=bool)
+    facet[likely[stands_off <= sagitta_mm] // 2] = True
+    return facet
 
 
 def _sharp(
-    turns: np.ndarray, edge_strips: np.ndarray, facet: np.ndarray, bends: list[list[_Bend]]
+    turns: np.ndarray, edge_strips: np.ndarray, facet: np.ndarray, bends: _Bends
 ) -> np.ndarray:
     """Return the edges where a curved surface ends at a plane by turning much more than it does inside."""
-    sharp = np.zeros(len(turns), dtype=bool)
-    for e in np.flatnonzero(facet[edge_strips[:, 0]] != facet[edge_strips[:, 1]]).tolist():
-        f, g = edge_strips[e].tolist()
-        inside = [abs(b.turn) for b in bends[f if facet[f] else g] if facet[b.across]]
-        sharp[e] = bool(inside) and abs(turns[e]) > SHARP_SHARE * max(inside)
-    return sharp
+    inside = facet[bends.across]
+    steepest = np.zeros(len(facet))
+    np.maximum.at(steepest, bends.strip[inside], np.abs(bends.turn[inside]))
+    ends = facet[edge_strips[:, 0]] != facet[edge_strips[:, 1]]
+    side = np.where(facet[edge_strips[:, 0]], edge_strips[:, 0], edge_strips[:, 1])
+    # what bends turns by more than zero
+    limit = steepest[side]
+    return ends & (limit > 0.0) & (np.abs(turns) > SHARP_SHARE * limit)
 
 
 def _chords(
@@ -198,13 +212,11 @@ def _chords(
 ) -> np.ndarray:
     of_facet = facet[edge_strips]
     curved = smooth & of_facet.any(axis=1)
-    rims: set[tuple[int, int]] = set()
+    # a vertex and a facet whose gentle edge ends there
+    keys = edge_vertices[:, :, None] * len(facet) + edge_strips[:, None, :]
+    here = np.broadcast_to(of_facet[:, None, :], keys.shape)
     around = curved & ~inner
-    for (a, b), pair, mask in zip(
-        edge_vertices[around].tolist(), edge_strips[around], of_facet[around], strict=True
-    ):
-        rims.update((v, int(f)) for f in pair[mask] for v in (a, b))
-    for e in np.flatnonzero(of_facet.any(axis=1) & ~smooth).tolist():
-        sides = [int(f) for f in edge_strips[e] if facet[f]]
-        curved[e] = any((int(v), f) in rims for v in edge_vertices[e] for f in sides)
+    rims = np.unique(keys[around][here[around]])
+    ends = np.flatnonzero(of_facet.any(axis=1) & ~smooth)
+    curved[ends] = (np.isin(keys[ends], rims) & here[ends]).any(axis=(1, 2))
     return curved

@@ -6,20 +6,21 @@ The notation is that of `coplanar`.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from aspectgraph.exceptions import SolidError
+from aspectgraph.phases import phase
 from aspectgraph.read.coplanar import find_twins, group_coplanar
 from aspectgraph.read.curved_facets import find_curved
 from aspectgraph.read.loops import drop_idle_vertices, trace_loops, turns_of_runs
 from aspectgraph.read.tessellation import Tessellation
 from aspectgraph.solid.checks import default_planarity_mm
 from aspectgraph.solid.circles import CircularEdge
+from aspectgraph.solid.face_loops import FaceLoops
 from aspectgraph.solid.solid import Solid
-from aspectgraph.solid.topology import Face, check_fans, pair_edges
+from aspectgraph.solid.topology import check_fans, faces_of, pair_edges
 from aspectgraph.solid.triangulate import newell_area_vector
 
 
@@ -72,7 +73,7 @@ def _joined(tessellation: Tessellation, tolerance_mm: float, notes: list[str]) -
     """Return vertices, faces and curved edges, the new index of every vertex in use, and the turns at edges left."""
     vertices = tessellation.vertices
     triangles = tessellation.triangles
-    corners = [Face(tuple(row)) for row in triangles.tolist()]
+    corners = FaceLoops.of_triangles(triangles)
     pair_edges(vertices, corners)
     check_fans(vertices, corners)
     twin = find_twins(triangles)
@@ -80,46 +81,58 @@ def _joined(tessellation: Tessellation, tolerance_mm: float, notes: list[str]) -
     here = np.repeat(np.arange(len(triangles)), 3)
     there = twin // 3
     joinable = (tessellation.patch[here] == tessellation.patch[there]) | (flat[here] & flat[there])
-    group = group_coplanar(vertices, triangles, twin, joinable, tolerance_mm)
+    with phase("join coplanar facets"):
+        group = group_coplanar(vertices, triangles, twin, joinable, tolerance_mm)
     curved_edges = tessellation.curved_edges | _inner_edges(tessellation, twin)
-    traced = trace_loops(triangles, twin, group)
-    loops, curved_edges = drop_idle_vertices(vertices, traced, curved_edges, tolerance_mm)
-    turns = turns_of_runs(traced, loops, tessellation.surface_turns)
+    with phase("trace the faces"):
+        traced = trace_loops(triangles, twin, group)
+        cycles, curved_edges = drop_idle_vertices(vertices, traced, curved_edges, tolerance_mm)
+    turns = turns_of_runs(traced, cycles, tessellation.surface_turns)
     patches = tessellation.patch[np.unique(group, return_index=True)[1]]
     curved = tessellation.curved_patch[patches]
-    faces = [
-        _as_face(vertices, cycles, bool(flag)) for cycles, flag in zip(loops, curved, strict=True)
-    ]
-    facets = [k for k, p in enumerate(patches.tolist()) if p in tessellation.faceted_patches]
-    faces, chords = _recognise(vertices, faces, facets, notes)
-    used, faces, curved_edges = _renumber(faces, curved_edges | chords)
-    new = {old: i for i, old in enumerate(used)}
+    loops = FaceLoops.of_cycles([_outer_first(vertices, own) for own in cycles])
+    facets = np.isin(patches, list(tessellation.faceted_patches))
+    curved, chords = _recognise(vertices, loops, curved, facets, notes)
+    pairs = np.array([*curved_edges], dtype=np.int64).reshape(-1, 2)
+    used, loops, pairs = _renumber(loops, np.concatenate([pairs, chords]))
+    new = {old: i for i, old in enumerate(used.tolist())}
     return (
         vertices[used],
-        faces,
-        curved_edges,
+        faces_of(loops, curved.tolist()),
+        pairs,
         new,
         {(new[a], new[b]): turn for (a, b), turn in turns.items()},
     )
 
 
 def _recognise(
-    vertices: np.ndarray, faces: list[Face], facets: list[int], notes: list[str]
-) -> tuple[list[Face], set[tuple[int, int]]]:
-    """Mark the facets of curved surfaces, of those faces that are facets; return also their chords."""
-    if not facets:
-        return faces, set()
-    used, own, _ = _renumber([faces[k] for k in facets], set())
-    marked, chords = find_curved(vertices[used], own)
-    if chords:
-        n = sum(face.curved for face in marked)
+    vertices: np.ndarray,
+    loops: FaceLoops,
+    curved: np.ndarray,
+    facets: np.ndarray,
+    notes: list[str],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find the facets of curved surfaces, of those faces that are facets.
+
+    Returns
+    -------
+    curved : ndarray of bool, shape (f,)
+        As given, and these.
+    chords : ndarray of int, shape (e, 2)
+        Their edges that are no candidates.
+    """
+    if not facets.any():
+        return curved, np.empty((0, 2), dtype=np.int64)
+    used, own, _ = _renumber(loops.only(facets), np.empty((0, 2), dtype=np.int64))
+    with phase("find curved surfaces"):
+        marked, chords = find_curved(vertices[used], own)
+    if len(chords):
         notes.append(
-            f"{n} faces taken for facets of curved surfaces; their chords are no candidates"
+            f"{int(marked.sum())} faces taken for facets of curved surfaces; their chords are no candidates"
         )
-    faces = list(faces)
-    for k, face in zip(facets, marked, strict=True):
-        faces[k] = replace(faces[k], curved=face.curved)
-    return faces, {(used[a], used[b]) for a, b in chords}
+    curved = curved.copy()
+    curved[facets] = marked
+    return curved, used[chords]
 
 
 def _with_vertices(edge: CircularEdge, new: dict[int, int]) -> CircularEdge:
@@ -136,28 +149,25 @@ def _inner_edges(tessellation: Tessellation, twin: np.ndarray) -> set[tuple[int,
     return {(a, b) for a, b in zip(start.tolist(), end.tolist(), strict=True) if a < b}
 
 
-def _as_face(vertices: np.ndarray, cycles: list[list[int]], curved: bool) -> Face:
+def _outer_first(vertices: np.ndarray, cycles: list[list[int]]) -> list[list[int]]:
+    """Return the cycles of a face with the outer one first."""
+    if len(cycles) == 1:
+        return cycles
     if not cycles:
         raise SolidError("a solid must have a volume. Got a closed surface that lies in one plane.")
     areas = np.array([newell_area_vector(vertices[cycle]) for cycle in cycles])
-    total = areas.sum(axis=0)
-    outer = int(np.argmax(areas @ total))
-    holes = tuple(tuple(cycle) for i, cycle in enumerate(cycles) if i != outer)
-    return Face(tuple(cycles[outer]), holes, curved)
+    outer = int(np.argmax(areas @ areas.sum(axis=0)))
+    return [cycles[outer], *cycles[:outer], *cycles[outer + 1 :]]
 
 
-def _renumber(
-    faces: list[Face], curved_edges: set[tuple[int, int]]
-) -> tuple[list[int], list[Face], set[tuple[int, int]]]:
-    """Drop unused vertices: return the old indices in use, and faces and edges in new indices."""
-    used = sorted({v for face in faces for loop in face.loops for v in loop})
-    new = {old: i for i, old in enumerate(used)}
-    faces = [
-        Face(
-            tuple(new[v] for v in face.outer),
-            tuple(tuple(new[v] for v in h) for h in face.holes),
-            face.curved,
-        )
-        for face in faces
-    ]
-    return used, faces, {(new[a], new[b]) for a, b in curved_edges if a in new and b in new}
+def _renumber(loops: FaceLoops, pairs: np.ndarray) -> tuple[np.ndarray, FaceLoops, np.ndarray]:
+    """Drop unused vertices: return the old indices in use, and loops and vertex pairs in new indices."""
+    used = np.unique(loops.start)
+    new = np.full(max(int(used[-1]), int(pairs.max(initial=0))) + 1, -1)
+    new[used] = np.arange(len(used))
+    pairs = new[pairs]
+    return (
+        used,
+        FaceLoops(new[loops.start], loops.size, loops.loop_face),
+        pairs[(pairs >= 0).all(axis=1)],
+    )

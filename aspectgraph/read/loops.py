@@ -10,6 +10,8 @@ from itertools import chain
 
 import numpy as np
 
+from aspectgraph.solid.face_loops import FaceLoops
+
 
 def trace_loops(
     triangles: np.ndarray, twin: np.ndarray, group: np.ndarray
@@ -17,11 +19,16 @@ def trace_loops(
     """Return the boundary cycles of every group; the group lies to the left, no cycle visits a vertex twice."""
     start = triangles.ravel().tolist()
     of_half_edge = np.repeat(group, 3)
-    rim = of_half_edge != of_half_edge[twin]
-    pending = rim.tolist()
-    twins = twin.tolist()
+    on_rim = of_half_edge != of_half_edge[twin]
+    # a triangle alone is its own boundary
+    alone = (np.bincount(group) == 1)[group] & on_rim.reshape(-1, 3).all(axis=1)
     loops: list[list[list[int]]] = [[] for _ in range(int(group.max()) + 1)]
-    for first in np.flatnonzero(rim).tolist():
+    for g, corners in zip(group[alone].tolist(), triangles[alone].tolist(), strict=True):
+        loops[g].append(corners)
+    pending = (on_rim & ~np.repeat(alone, 3)).tolist()
+    rim = on_rim.tolist()
+    twins = twin.tolist()
+    for first in np.flatnonzero(pending).tolist():
         cycle = []
         h = first
         while pending[h]:
@@ -71,15 +78,18 @@ def drop_idle_vertices(
         Without the removed vertices; a run keeps whether it is curved.
     """
     idle = _idle_vertices(vertices, loops, curved_edges, tolerance_mm)
+    if not idle and not curved_edges:
+        return loops, set()
     kept_loops = []
     kept_curved = set()
     for cycles in loops:
         kept_cycles = []
         for cycle in cycles:
-            kept = [v for v in cycle if v not in idle]
+            kept = cycle if idle.isdisjoint(cycle) else [v for v in cycle if v not in idle]
             kept = kept if len(kept) >= 3 else cycle
             kept_cycles.append(kept)
-            kept_curved |= _curved_runs(cycle, kept, curved_edges)
+            if curved_edges:
+                kept_curved |= _curved_runs(cycle, kept, curved_edges)
         kept_loops.append(kept_cycles)
     return kept_loops, kept_curved
 
@@ -98,6 +108,8 @@ def turns_of_runs(
 ) -> dict[tuple[int, int], float]:
     """Return the turns at the edges that are left: the largest along the run of chords each stands for."""
     left: dict[tuple[int, int], float] = {}
+    if not turns:
+        return left
     for whole, short in zip(chain.from_iterable(traced), chain.from_iterable(kept), strict=True):
         following = dict(zip(whole, [*whole[1:], whole[0]], strict=True))
         for a, b in zip(short, [*short[1:], short[0]], strict=True):
@@ -122,16 +134,19 @@ def _idle_vertices(
     curved_edges: Iterable[tuple[int, int]],
     tolerance_mm: float,
 ) -> set[int]:
+    all_loops = FaceLoops.of_cycles(loops)
+    start = all_loops.start
+    twice = np.bincount(start) == 2
+    visits = np.flatnonzero(twice[start])
     neighbours: dict[int, set[int]] = {}
-    visits: dict[int, int] = {}
-    for cycles in loops:
-        for cycle in cycles:
-            for before, at, after in zip(
-                [cycle[-1], *cycle[:-1]], cycle, [*cycle[1:], cycle[0]], strict=True
-            ):
-                neighbours.setdefault(at, set()).update((before, after))
-                visits[at] = visits.get(at, 0) + 1
-    passing = {v for v, n in visits.items() if n == 2 and len(neighbours[v]) == 2}
+    for before, at, after in zip(
+        start[all_loops.preceding[visits]].tolist(),
+        start[visits].tolist(),
+        all_loops.end[visits].tolist(),
+        strict=True,
+    ):
+        neighbours.setdefault(at, set()).update((before, after))
+    passing = {v for v, around in neighbours.items() if len(around) == 2}
     passing = {v for v in passing if len({_pair(v, w) in curved_edges for w in neighbours[v]}) == 1}
     passing = {v for v in passing if _is_between(vertices, v, neighbours[v], tolerance_mm)}
     idle: set[int] = set()
@@ -157,10 +172,9 @@ def _idle_inside(vertices: np.ndarray, run: list[int], tolerance_mm: float) -> s
 
 def _spare_short_cycles(loops: list[list[list[int]]], idle: set[int]) -> set[int]:
     """Keep all vertices of cycles that would lose too many."""
-    for cycles in loops:
-        for cycle in cycles:
-            if sum(v not in idle for v in cycle) < 3:
-                idle = idle - set(cycle)
+    for cycle in chain.from_iterable(loops):
+        if not idle.isdisjoint(cycle) and sum(v not in idle for v in cycle) < 3:
+            idle = idle - set(cycle)
     return idle
 
 
@@ -185,9 +199,9 @@ def _run_through(v: int, neighbours: dict[int, set[int]], passing: set[int]) -> 
     run = [v]
     for _ in range(2):
         run.reverse()
-        while True:
+        while run[-1] in passing:
             ahead = [w for w in neighbours[run[-1]] if w not in run]
-            if not ahead or run[-1] not in passing:
+            if not ahead:
                 break
             run.append(ahead[0])
     return run

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from aspectgraph.exceptions import OrientationError, ReadError
+from aspectgraph.phases import phase
 from aspectgraph.read.coplanar import find_twins
 from aspectgraph.read.glb import parse_glb
 from aspectgraph.read.join_faces import assemble
@@ -28,6 +29,7 @@ from aspectgraph.read.repair import drop_repetitions, drop_thin, is_closed, turn
 from aspectgraph.read.stl import parse_stl
 from aspectgraph.read.tessellation import Tessellation
 from aspectgraph.solid.checks import check_vertices, default_planarity_mm
+from aspectgraph.solid.face_loops import FaceLoops
 from aspectgraph.solid.shells import face_outwards
 from aspectgraph.solid.solid import Solid
 from aspectgraph.solid.topology import Face, describe_edge, label_shells, pair_edges
@@ -77,7 +79,7 @@ def read_mesh(
     scale = _scale(units, suffix)
     most = (limits or ReadLimits()).triangles
     # a signalling NaN warns when it is widened; numbers that are not finite are refused below
-    with np.errstate(all="ignore"):
+    with phase("read the facets"), np.errstate(all="ignore"):
         vertices, polygons = _parse(data, suffix, notes, most)
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if len(bad):
@@ -86,7 +88,8 @@ def read_mesh(
         )
     with np.errstate(over="ignore"):
         vertices = check_vertices(vertices * scale)
-    mesh, tolerance = repair_facets(vertices, polygons, planarity_mm, notes)
+    with phase("repair the facets"):
+        mesh, tolerance = repair_facets(vertices, polygons, planarity_mm, notes)
     return assemble(mesh, name=name, planarity_mm=tolerance, notes=notes)
 
 
@@ -241,7 +244,7 @@ def _close(
 
 def _complain(vertices: np.ndarray, triangles: np.ndarray) -> None:
     """Raise what is wrong with a surface that is not closed, with the place."""
-    pair_edges(vertices, [Face(tuple(row)) for row in triangles.tolist()])
+    pair_edges(vertices, FaceLoops.of_triangles(triangles))
 
 
 def _orient(vertices: np.ndarray, triangles: np.ndarray, notes: list[str]) -> np.ndarray:

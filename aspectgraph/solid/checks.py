@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aspectgraph.exceptions import PlanarityError, SolidError
+from aspectgraph.solid.face_loops import FaceLoops
 from aspectgraph.solid.places import describe_point
 from aspectgraph.solid.topology import Face
 from aspectgraph.solid.triangulate import newell_area_vector
@@ -41,7 +42,7 @@ def check_vertices(vertices: ArrayLike) -> np.ndarray:
     return points
 
 
-def check_indices(vertices: np.ndarray, faces: Sequence[Face]) -> None:
+def check_indices(vertices: np.ndarray, loops: FaceLoops) -> None:
     """Check that loops have three or more distinct, existing vertices at distinct places.
 
     Raises
@@ -49,22 +50,45 @@ def check_indices(vertices: np.ndarray, faces: Sequence[Face]) -> None:
     SolidError
         An index is out of range, a loop is short or visits a vertex twice, or two vertices coincide.
     """
-    if len(faces) < 4:
-        raise SolidError(f"a solid must have at least 4 faces. Got {len(faces)}.")
-    for f, face in enumerate(faces):
-        for loop in face.loops:
-            if len(loop) < 3 or len(set(loop)) != len(loop):
-                raise SolidError(
-                    f"a loop must have at least 3 vertices, all distinct. Got {loop} in face {f}."
-                )
-            if min(loop) < 0 or max(loop) >= len(vertices):
-                raise SolidError(
-                    f"vertex indices must be in 0..{len(vertices) - 1}. Got {loop} in face {f}."
-                )
-    used = np.unique(np.concatenate([loop for face in faces for loop in face.loops]))
-    _, first, counts = np.unique(vertices[used], axis=0, return_index=True, return_counts=True)
+    n_faces = int(loops.loop_face[-1]) + 1 if len(loops.loop_face) else 0
+    if n_faces < 4:
+        raise SolidError(f"a solid must have at least 4 faces. Got {n_faces}.")
+    bad = np.flatnonzero((loops.size < 3) | _visits_twice(loops) | _leaves(loops, len(vertices)))
+    if len(bad):
+        first = loops.first[bad[0]]
+        loop = tuple(loops.start[first : first + loops.size[bad[0]]].tolist())
+        where = f"Got {loop} in face {loops.loop_face[bad[0]]}"
+        if len(loop) < 3 or len(set(loop)) != len(loop):
+            raise SolidError(f"a loop must have at least 3 vertices, all distinct. {where}.")
+        raise SolidError(f"vertex indices must be in 0..{len(vertices) - 1}. {where}.")
+    used = np.unique(loops.start)
+    _check_places(vertices, used)
+
+
+def _visits_twice(loops: FaceLoops) -> np.ndarray:
+    """Return which loops visit a vertex twice, shape (l,)."""
+    twice = np.zeros(len(loops.size), dtype=bool)
+    for which, half_edges in loops.by_size():
+        visits = np.sort(loops.start[half_edges], axis=1)
+        twice[which] = (visits[:, 1:] == visits[:, :-1]).any(axis=1)
+    return twice
+
+
+def _leaves(loops: FaceLoops, n: int) -> np.ndarray:
+    """Return which loops name a vertex that is none of 0..n-1, shape (l,)."""
+    outside = (loops.start < 0) | (loops.start >= n)
+    loop = np.repeat(np.arange(len(loops.size)), loops.size)
+    return np.bincount(loop, outside, minlength=len(loops.size)) > 0
+
+
+def _check_places(vertices: np.ndarray, used: np.ndarray) -> None:
+    """Check that vertices in use lie at distinct places."""
+    points = vertices[used]
+    order = np.lexsort(points.T[::-1])
+    begin = np.flatnonzero((np.diff(points[order], axis=0, prepend=np.nan) != 0.0).any(axis=1))
+    counts = np.diff(begin, append=len(order))
     if (counts > 1).any():
-        place = describe_point(vertices[used[first[counts > 1][0]]])
+        place = describe_point(points[order[begin[counts > 1][0]]])
         raise SolidError(
             f"vertices in use must lie at distinct places. Got {counts.max()} at {place}."
         )
@@ -75,14 +99,18 @@ def default_planarity_mm(vertices: np.ndarray) -> float:
     return RELATIVE_PLANARITY * float(np.linalg.norm(np.ptp(vertices, axis=0)))
 
 
-def face_area_vectors(vertices: np.ndarray, faces: Sequence[Face]) -> np.ndarray:
+def face_area_vectors(vertices: np.ndarray, faces: Sequence[Face] | FaceLoops) -> np.ndarray:
     """Return the area vector (outward normal times area, mm²) of every face, shape (f, 3)."""
-    return np.array(
-        [sum(newell_area_vector(vertices[list(loop)]) for loop in face.loops) for face in faces]
-    )
+    loops = FaceLoops.of(faces)
+    of_loop = np.empty((len(loops.size), 3))
+    for which, half_edges in loops.by_size():
+        of_loop[which] = newell_area_vector(vertices[loops.start[half_edges]])
+    of_face = np.zeros((int(loops.loop_face[-1]) + 1, 3))
+    np.add.at(of_face, loops.loop_face, of_loop)
+    return of_face
 
 
-def check_areas(vertices: np.ndarray, faces: Sequence[Face], area_vectors: np.ndarray) -> None:
+def check_areas(vertices: np.ndarray, loops: FaceLoops, area_vectors: np.ndarray) -> None:
     """Check that every face has an area, told apart from rounding.
 
     Raises
@@ -92,27 +120,18 @@ def check_areas(vertices: np.ndarray, faces: Sequence[Face], area_vectors: np.nd
     """
     areas = np.linalg.norm(area_vectors, axis=1)
     scale = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    perimeter = np.array([_longest_side(vertices[list(face.outer)]) for face in faces])
-    flat = np.flatnonzero(areas <= 1e-15 * scale * perimeter)
+    sides = np.linalg.norm(vertices[loops.end] - vertices[loops.start], axis=1)
+    longest = np.maximum.reduceat(sides, loops.first)[loops.outer]
+    flat = np.flatnonzero(areas <= 1e-15 * scale * longest)
     if len(flat):
-        place = describe_point(vertices[faces[flat[0]].outer[0]])
+        place = describe_point(vertices[loops.start[loops.first[loops.outer[flat[0]]]]])
         raise SolidError(
             f"a face must have an area above zero. Got {areas[flat[0]]:.3g} mm² for face {flat[0]} at {place}."
         )
 
 
-def _longest_side(points: np.ndarray) -> float:
-    return float(np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1).max())
-
-
-def plane_deviation_mm(vertices: np.ndarray, face: Face, normal: np.ndarray) -> float:
-    """Return the largest distance of the face's vertices from the plane through their mid-range along `normal`."""
-    heights = vertices[np.concatenate(face.loops)] @ normal
-    return float(np.ptp(heights)) / 2.0
-
-
 def check_planarity(
-    vertices: np.ndarray, faces: Sequence[Face], normals: np.ndarray, planarity_mm: float
+    vertices: np.ndarray, loops: FaceLoops, normals: np.ndarray, planarity_mm: float
 ) -> None:
     """Check that every face is planar.
 
@@ -124,12 +143,14 @@ def check_planarity(
     if not planarity_mm > 0:
         raise SolidError(f"planarity_mm must be positive. Got {planarity_mm}.")
     local = vertices - vertices.mean(axis=0)
-    for f, (face, normal) in enumerate(zip(faces, normals, strict=True)):
-        if len(face.outer) == 3 and not face.holes:
-            continue
-        deviation = plane_deviation_mm(local, face, normal)
-        if deviation > planarity_mm:
-            place = describe_point(vertices[face.outer[0]])
-            raise PlanarityError(
-                f"a face must be planar within {planarity_mm:.3g} mm. Got {deviation:.3g} mm for face {f} at {place}."
-            )
+    heights = np.einsum("ij,ij->i", local[loops.start], normals[loops.face])
+    first = loops.first[loops.outer]
+    spread = np.maximum.reduceat(heights, first) - np.minimum.reduceat(heights, first)
+    uneven = np.flatnonzero((0.5 * spread > planarity_mm) & ~loops.is_triangle)
+    if len(uneven):
+        f = int(uneven[0])
+        place = describe_point(vertices[loops.start[first[f]]])
+        raise PlanarityError(
+            f"a face must be planar within {planarity_mm:.3g} mm. "
+            f"Got {0.5 * spread[f]:.3g} mm for face {f} at {place}."
+        )

@@ -44,7 +44,11 @@ def fitted_chains(solid: EdgedSurface) -> list[CircularEdge]:
     following = _continuations(solid)
     chains = [run for path in _paths(solid, following) for run in _circular_runs(solid, path)]
     found = [_chain(solid, run) for run in chains]
-    edge_of = {frozenset(edge.vertices): edge.id for edge in solid.edges}
+    edge_of = {
+        frozenset(edge.vertices): edge.id
+        for edge in solid.edges
+        if abs(edge.dihedral_deg) >= SHARP_MESH_DEG
+    }
     lowest = [min(edge_of[frozenset(p)] for p in pairwise(c.vertices)) for c in found]
     return [found[i] for i in np.argsort(lowest, kind="stable").tolist()]
 

@@ -91,9 +91,8 @@ def edges_that_show(solid: _Surface) -> NDArray[np.bool_]:
     """
     turns = np.array([abs(edge.turn_deg) for edge in solid.edges])
     curved = np.array([edge.curved for edge in solid.edges], dtype=bool)
-    inside = np.array(
-        [all(solid.faces[face].curved for face in edge.faces) for edge in solid.edges], dtype=bool
-    )
+    on_curved = np.array([face.curved for face in solid.faces], dtype=bool)
+    inside = on_curved[[edge.faces for edge in solid.edges]].all(axis=1)
     of_chords = np.where(inside, CURVED_FEATURE_DEG, FEATURE_DEG)
     return np.asarray(turns >= np.where(curved, of_chords, SHARP_DEG))
 

@@ -142,10 +142,13 @@ def find_arcs(
     circular_edges : sequence of CircularEdge or None
         What the CAD model says; None: circles are fitted.
     """
-    edge_of = {frozenset(edge.vertices): edge.id for edge in solid.edges}
     if circular_edges is None:
         chains = fitted_chains(solid)
+        in_chains = {v for chain in chains for v in chain.vertices}
+        edges = (edge for edge in solid.edges if edge.vertices[0] in in_chains)
+        edge_of = {frozenset(edge.vertices): edge.id for edge in edges}
     else:
+        edge_of = {frozenset(edge.vertices): edge.id for edge in solid.edges}
         pieces = [piece for edge in circular_edges for piece in _unbroken(edge, edge_of)]
         chains = _joined(pieces)
     arcs = [_arc(solid, chain, edge_of, fitted=circular_edges is None) for chain in chains]

@@ -7,19 +7,24 @@ part's size; whatever comes closer than 10⁻⁹ of it counts as contact, so no 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 from typing import Protocol
 
 import numpy as np
 import shapely
 
 from aspectgraph.exceptions import SelfIntersectionError, TouchingError
+from aspectgraph.phases import report_phase
 from aspectgraph.solid.topology import Edge, describe_edge
 
 RELATIVE_CONTACT = 1e-9
 """Parts of the surface closer than this fraction of the bounding box diagonal touch."""
 
 _FOLDED_DEG = 180.0 - 1e-6
+# of so many, the triangles near them fit in memory
+_EDGES_AT_ONCE = 100_000
+_LABEL = "look for contacts"
 
 
 class ContactSurface(Protocol):
@@ -59,21 +64,32 @@ def check_contacts(solid: ContactSurface) -> None:
             )
     points = solid.vertices - solid.vertices.mean(axis=0)
     tolerance = RELATIVE_CONTACT * float(np.linalg.norm(np.ptp(points, axis=0)))
-    ends = np.array([edge.vertices for edge in solid.edges])
-    edge_idx, triangle_idx = _near_pairs(solid, points, ends, tolerance)
-    triangles = solid.triangles[triangle_idx]
-    rim = _on_rim(triangles, ends, len(points))
-    gap, pierces = segment_triangle_gap(points[ends[edge_idx]], points[triangles], rim, tolerance)
-    contact = np.flatnonzero(gap <= tolerance)
-    if len(contact):
-        first = contact[np.argmax(pierces[contact])]
+    ends = _pairs(edge.vertices for edge in solid.edges)
+    sides = np.unique(ends.min(axis=1) * len(points) + ends.max(axis=1))
+    contacts = []
+    for edge_idx, triangle_idx in _near_pairs(solid, points, ends, tolerance):
+        triangles = solid.triangles[triangle_idx]
+        rim = _on_rim(triangles, sides, len(points))
+        gap, pierces = segment_triangle_gap(
+            points[ends[edge_idx]], points[triangles], rim, tolerance
+        )
+        close = gap <= tolerance
+        contacts.append((edge_idx[close], triangle_idx[close], pierces[close]))
+    edge_idx, triangle_idx, pierces = map(np.concatenate, zip(*contacts, strict=True))
+    if len(edge_idx):
+        first = int(np.argmax(pierces))
         _complain(
             solid,
             int(edge_idx[first]),
             int(triangle_idx[first]),
             bool(pierces[first]),
-            len(contact),
+            len(edge_idx),
         )
+
+
+def _pairs(pairs: Iterable[tuple[int, int]]) -> np.ndarray:
+    """Return pairs as an array, shape (n, 2)."""
+    return np.fromiter(chain.from_iterable(pairs), dtype=np.int64).reshape(-1, 2)
 
 
 def _complain(
@@ -98,36 +114,47 @@ def _complain(
 
 def _near_pairs(
     solid: ContactSurface, points: np.ndarray, ends: np.ndarray, tolerance: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return edges and triangles whose boxes meet and that are no neighbours."""
-    edge_low = points[ends].min(axis=1) - tolerance
-    edge_high = points[ends].max(axis=1) + tolerance
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield edges and triangles whose boxes meet and that are no neighbours, some edges at a time."""
+    edge_faces = _pairs(edge.faces for edge in solid.edges)
     corners = points[solid.triangles]
     low = corners.min(axis=1)
     high = corners.max(axis=1)
     x, y, z = np.argsort(-np.ptp(points, axis=0), kind="stable")
     tree = shapely.STRtree(shapely.box(low[:, x], low[:, y], high[:, x], high[:, y]))
-    boxes = shapely.box(edge_low[:, x], edge_low[:, y], edge_high[:, x], edge_high[:, y])
-    edge_idx, triangle_idx = tree.query(boxes)
-    keep = (edge_low[edge_idx, z] <= high[triangle_idx, z]) & (
-        edge_high[edge_idx, z] >= low[triangle_idx, z]
-    )
-    edge_faces = np.array([edge.faces for edge in solid.edges])
-    keep &= (edge_faces[edge_idx] != solid.triangle_face[triangle_idx][:, None]).all(axis=1)
-    edge_idx = edge_idx[keep]
-    triangle_idx = triangle_idx[keep]
-    shared = (ends[edge_idx][:, :, None] == solid.triangles[triangle_idx][:, None, :]).any(
-        axis=(1, 2)
-    )
-    return edge_idx[~shared], triangle_idx[~shared]
+    for begin in range(0, len(ends), _EDGES_AT_ONCE):
+        report_phase(begin, len(ends), _LABEL)
+        here = ends[begin : begin + _EDGES_AT_ONCE]
+        edge_low = points[here].min(axis=1) - tolerance
+        edge_high = points[here].max(axis=1) + tolerance
+        edge_idx, triangle_idx = tree.query(
+            shapely.box(edge_low[:, x], edge_low[:, y], edge_high[:, x], edge_high[:, y])
+        )
+        keep = (edge_low[edge_idx, z] <= high[triangle_idx, z]) & (
+            edge_high[edge_idx, z] >= low[triangle_idx, z]
+        )
+        edge_idx = edge_idx[keep] + begin
+        triangle_idx = triangle_idx[keep]
+        faces = solid.triangle_face[triangle_idx]
+        keep = (edge_faces[edge_idx] != faces[:, None]).all(axis=1)
+        edge_idx = edge_idx[keep]
+        triangle_idx = triangle_idx[keep]
+        shared = (ends[edge_idx][:, :, None] == solid.triangles[triangle_idx][:, None, :]).any(
+            axis=(1, 2)
+        )
+        yield edge_idx[~shared], triangle_idx[~shared]
+    report_phase(len(ends), len(ends), _LABEL)
 
 
-def _on_rim(triangles: np.ndarray, ends: np.ndarray, n: int) -> np.ndarray:
-    """Return which sides of triangles are edges of the solid rather than cuts through a face, shape (t, 3)."""
+def _on_rim(triangles: np.ndarray, edges: np.ndarray, n: int) -> np.ndarray:
+    """Return which sides of triangles are edges of the solid rather than cuts through a face, shape (t, 3).
+
+    `edges` holds, in rising order, the lower vertex of each times n and its higher one.
+    """
     sides = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).astype(np.int64)
-    return np.isin(
-        sides.min(axis=-1) * n + sides.max(axis=-1), ends.min(axis=1) * n + ends.max(axis=1)
-    )
+    keys = sides.min(axis=-1) * n + sides.max(axis=-1)
+    place = np.minimum(np.searchsorted(edges, keys), len(edges) - 1)
+    return edges[place] == keys
 
 
 def segment_triangle_gap(

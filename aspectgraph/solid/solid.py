@@ -13,12 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
+from itertools import starmap
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from aspectgraph.exceptions import SolidError
+from aspectgraph.phases import phase
 from aspectgraph.solid.checks import (
     check_areas,
     check_indices,
@@ -29,6 +31,7 @@ from aspectgraph.solid.checks import (
 )
 from aspectgraph.solid.circles import CircularEdge
 from aspectgraph.solid.edge_ends import EdgeEnd, edges_at_vertices, find_edge_ends
+from aspectgraph.solid.face_loops import FaceLoops
 from aspectgraph.solid.file_solids import FileSolids
 from aspectgraph.solid.rims import SHARP_DEG, Arc, Rim, find_arcs
 from aspectgraph.solid.self_contact import check_contacts
@@ -42,7 +45,7 @@ from aspectgraph.solid.topology import (
     pair_edges,
     signed_dihedrals_deg,
 )
-from aspectgraph.solid.triangulate import signed_volume, triangulate_face
+from aspectgraph.solid.triangulate import signed_volume, triangulate_faces
 
 
 class Solid:
@@ -132,28 +135,31 @@ class Solid:
         self.circular_edges = None if circular_edges is None else tuple(circular_edges)
         self.vertices = check_vertices(vertices)
         self.faces = tuple(as_face(face) for face in faces)
-        check_indices(self.vertices, self.faces)
-        edge_vertices, edge_faces = pair_edges(self.vertices, self.faces)
-        check_fans(self.vertices, self.faces)
+        with phase("check the surface"):
+            loops = FaceLoops.of(self.faces)
+            check_indices(self.vertices, loops)
+            edge_vertices, edge_faces = pair_edges(self.vertices, loops)
+            check_fans(self.vertices, loops)
         self.planarity_mm = (
             default_planarity_mm(self.vertices) if planarity_mm is None else float(planarity_mm)
         )
-        self.normals = self._checked_normals()
-        self.face_triangles = tuple(
-            triangulate_face(self.vertices, face, normal, f"face {i}")
-            for i, (face, normal) in enumerate(zip(self.faces, self.normals, strict=True))
-        )
+        self.normals = self._checked_normals(loops)
+        with phase("cut the faces into triangles"):
+            self.face_triangles = triangulate_faces(self.vertices, loops, self.normals)
         self.face_shell = label_shells(len(self.faces), edge_faces)
-        self.edges = self._build_edges(edge_vertices, edge_faces, curved_edges, surface_turns or {})
+        with phase("list the edges"):
+            self.edges = self._build_edges(
+                edge_vertices, edge_faces, curved_edges, surface_turns or {}
+            )
         self.volume = signed_volume(self.vertices, self.triangles)
         check_contacts(self)
         check_shells(self.vertices, self.triangles, self.face_shell[self.triangle_face])
 
-    def _checked_normals(self) -> np.ndarray:
-        area_vectors = face_area_vectors(self.vertices, self.faces)
-        check_areas(self.vertices, self.faces, area_vectors)
+    def _checked_normals(self, loops: FaceLoops) -> np.ndarray:
+        area_vectors = face_area_vectors(self.vertices, loops)
+        check_areas(self.vertices, loops, area_vectors)
         normals = area_vectors / np.linalg.norm(area_vectors, axis=1, keepdims=True)
-        check_planarity(self.vertices, self.faces, normals, self.planarity_mm)
+        check_planarity(self.vertices, loops, normals, self.planarity_mm)
         normals.flags.writeable = False
         return normals
 
@@ -164,29 +170,32 @@ class Solid:
         curved_edges: Iterable[tuple[int, int]],
         surface_turns: Mapping[tuple[int, int], float],
     ) -> tuple[Edge, ...]:
-        curved = {(min(pair), max(pair)) for pair in curved_edges}
-        behind = {(min(pair), max(pair)): float(turn) for pair, turn in surface_turns.items()}
-        known = set(map(tuple, np.sort(edge_vertices, axis=1).tolist()))
-        for label, named in (("curved_edges", curved), ("surface_turns", set(behind))):
-            if named - known:
-                raise SolidError(f"{label} must name edges. Got vertices {min(named - known)}.")
+        n = len(self.vertices)
+        key = edge_vertices.min(axis=1) * n + edge_vertices.max(axis=1)
+        known = np.sort(key)
+        curved = np.isin(key, _known_keys("curved_edges", curved_edges, known, n))
+        behind = dict(
+            zip(
+                _known_keys("surface_turns", surface_turns, known, n).tolist(),
+                map(float, surface_turns.values()),
+                strict=True,
+            )
+        )
         if not all(0.0 <= turn <= 180.0 for turn in behind.values()):
             raise SolidError(
                 f"surface_turns must be in 0..180 degrees. Got {sorted(behind.values())[-1]}."
             )
         turns = signed_dihedrals_deg(self.vertices, self.normals, edge_vertices, edge_faces)
-        rows = zip(edge_vertices.tolist(), edge_faces.tolist(), turns.tolist(), strict=True)
-        return tuple(
-            Edge(
-                i,
-                (a, b),
-                (f, g),
-                turn,
-                (min(a, b), max(a, b)) in curved,
-                behind.get((min(a, b), max(a, b))),
-            )
-            for i, ((a, b), (f, g), turn) in enumerate(rows)
+        rows = zip(
+            range(len(key)),
+            map(tuple, edge_vertices.tolist()),
+            map(tuple, edge_faces.tolist()),
+            turns.tolist(),
+            curved.tolist(),
+            map(behind.get, key.tolist()),
+            strict=True,
         )
+        return tuple(starmap(Edge, rows))
 
     @cached_property
     def triangles(self) -> np.ndarray:
@@ -262,7 +271,7 @@ class Solid:
             for edge in self.edges
             if not edge.curved
             and abs(edge.turn_deg) >= min_dihedral_deg
-            and self.edge_length_mm(edge.id) >= min_length_mm
+            and (min_length_mm <= 0.0 or self.edge_length_mm(edge.id) >= min_length_mm)
         )
 
     def rims(self, min_dihedral_deg: float = SHARP_DEG) -> tuple[Rim, ...]:
@@ -342,8 +351,24 @@ class Solid:
 
     @cached_property
     def _arcs(self) -> tuple[Arc, ...]:
-        return find_arcs(self, self.circular_edges)
+        with phase("find rims and arcs"):
+            return find_arcs(self, self.circular_edges)
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
         return f"<Solid {self.name!r}: {len(self.vertices)} vertices, {len(self.edges)} edges, {len(self.faces)} faces>"
+
+
+def _known_keys(
+    label: str, pairs: Iterable[tuple[int, int]], known: np.ndarray, n: int
+) -> np.ndarray:
+    """Return the keys, lower vertex times n and higher one, of vertex pairs that must be among the known ones."""
+    ends = pairs if isinstance(pairs, np.ndarray) else np.array(list(pairs), dtype=np.int64)
+    ends = np.sort(ends.reshape(-1, 2), axis=1)
+    keys = ends[:, 0] * n + ends[:, 1]
+    strangers = ends[~np.isin(keys, known) | (ends < 0).any(axis=1) | (ends >= n).any(axis=1)]
+    if len(strangers):
+        raise SolidError(
+            f"{label} must name edges. Got vertices {min(map(tuple, strangers.tolist()))}."
+        )
+    return keys

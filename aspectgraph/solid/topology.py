@@ -18,6 +18,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from aspectgraph.exceptions import NonManifoldError, OpenSolidError, OrientationError, SolidError
+from aspectgraph.solid.face_loops import FaceLoops
 from aspectgraph.solid.places import describe_point
 
 
@@ -103,6 +104,17 @@ def as_face(face: Face | Sequence[Any]) -> Face:
     return Face(_loop(parts))
 
 
+def faces_of(loops: FaceLoops, curved: Iterable[bool]) -> list[Face]:
+    """Return the faces with these loops, curved or not."""
+    flags = list(curved)
+    rows = zip(loops.loop_face.tolist(), loops.first.tolist(), loops.size.tolist(), strict=True)
+    start = loops.start.tolist()
+    cycles: list[list[tuple[int, ...]]] = [[] for _ in flags]
+    for face, first, size in rows:
+        cycles[face].append(tuple(start[first : first + size]))
+    return [Face(own[0], tuple(own[1:]), flag) for own, flag in zip(cycles, flags, strict=True)]
+
+
 def _loop(indices: Iterable[Any]) -> tuple[int, ...]:
     loop = tuple(indices)
     if any(isinstance(i, bool) or not isinstance(i, int | np.integer) for i in loop):
@@ -115,15 +127,17 @@ def describe_edge(vertices: np.ndarray, i: int, j: int) -> str:
     return f"edge from {describe_point(vertices[i])} to {describe_point(vertices[j])} (vertices {i} and {j})"
 
 
-def pair_edges(vertices: np.ndarray, faces: Sequence[Face]) -> tuple[np.ndarray, np.ndarray]:
+def pair_edges(
+    vertices: np.ndarray, faces: Sequence[Face] | FaceLoops
+) -> tuple[np.ndarray, np.ndarray]:
     """Match every directed edge with its reverse.
 
     Parameters
     ----------
     vertices : ndarray, shape (n, 3)
         Used in messages only.
-    faces : sequence of Face
-        The faces.
+    faces : sequence of Face or FaceLoops
+        The faces, or their loops.
 
     Returns
     -------
@@ -135,96 +149,141 @@ def pair_edges(vertices: np.ndarray, faces: Sequence[Face]) -> tuple[np.ndarray,
     OpenSolidError, NonManifoldError, OrientationError
         An edge has one face, more than two, or two that traverse it in the same direction.
     """
-    users: dict[tuple[int, int], list[tuple[int, bool]]] = {}
-    for f, face in enumerate(faces):
-        for i, j in face.directed_edges():
-            users.setdefault((min(i, j), max(i, j)), []).append((f, i < j))
-    _check_users(vertices, users)
-    edge_vertices = [(a, b) if uses[0][1] else (b, a) for (a, b), uses in users.items()]
-    edge_faces = [(uses[0][0], uses[1][0]) for uses in users.values()]
-    return np.array(edge_vertices, dtype=np.int64), np.array(edge_faces, dtype=np.int64)
+    loops = FaceLoops.of(faces)
+    order, begin = loops.groups
+    count = np.diff(begin, append=len(order))
+    first = order[begin]
+    _check_users(vertices, loops, first, count)
+    second = order[begin + 1]
+    _check_directions(vertices, loops, first, second)
+    rank = np.argsort(first)
+    uses = np.stack([first[rank], second[rank]], axis=1)
+    ends = np.stack([loops.start[uses[:, 0]], loops.end[uses[:, 0]]], axis=1)
+    return ends, loops.face[uses]
 
 
 def _check_users(
-    vertices: np.ndarray, users: dict[tuple[int, int], list[tuple[int, bool]]]
+    vertices: np.ndarray, loops: FaceLoops, first: np.ndarray, count: np.ndarray
 ) -> None:
-    """Raise for the first edge that is not used once in each direction."""
-    crowded = [edge for edge, uses in users.items() if len(uses) > 2]
-    if crowded:
-        text = describe_edge(vertices, *crowded[0])
-        n = len(users[crowded[0]])
+    """Raise for the first edge that has not two faces; `first` are half-edges, `count` their uses."""
+    if (count > 2).any():
+        where = np.flatnonzero(count > 2)
+        worst = where[np.argmin(first[where])]
         raise NonManifoldError(
-            f"every edge must have exactly two faces. Got {n} at the {text} ({len(crowded)} such edges); "
+            f"every edge must have exactly two faces. Got {count[worst]} at the "
+            f"{_describe_half_edge(vertices, loops, first[worst])} ({len(where)} such edges); "
             "solids that touch along an edge or a face are not one solid."
         )
-    lonely = [edge for edge, uses in users.items() if len(uses) == 1]
-    if lonely:
-        text = describe_edge(vertices, *lonely[0])
+    if (count == 1).any():
+        lonely = first[count == 1]
         raise OpenSolidError(
-            f"the surface must be closed. Got one face only at the {text} ({len(lonely)} such edges)."
+            "the surface must be closed. Got one face only at the "
+            f"{_describe_half_edge(vertices, loops, lonely.min())} ({len(lonely)} such edges)."
         )
-    for edge, uses in users.items():
-        if uses[0][1] == uses[1][1]:
-            text = describe_edge(vertices, *edge)
-            raise OrientationError(
-                f"faces must run in opposite directions along an edge. Got the same at the {text}."
-            )
 
 
-def check_fans(vertices: np.ndarray, faces: Sequence[Face]) -> None:
+def _check_directions(
+    vertices: np.ndarray, loops: FaceLoops, first: np.ndarray, second: np.ndarray
+) -> None:
+    """Raise for the first edge that both of its faces traverse in the same direction."""
+    alike = first[loops.start[first] == loops.start[second]]
+    if len(alike):
+        raise OrientationError(
+            "faces must run in opposite directions along an edge. Got the same at the "
+            f"{_describe_half_edge(vertices, loops, alike.min())}."
+        )
+
+
+def _describe_half_edge(vertices: np.ndarray, loops: FaceLoops, half_edge: int) -> str:
+    """Return an edge as text for a message, its lower vertex first."""
+    ends = sorted((int(loops.start[half_edge]), int(loops.end[half_edge])))
+    return describe_edge(vertices, *ends)
+
+
+def check_fans(vertices: np.ndarray, faces: Sequence[Face] | FaceLoops) -> None:
     """Check that the face corners around every vertex form one closed fan.
 
     Parameters
     ----------
     vertices : ndarray, shape (n, 3)
         Used in messages only.
-    faces : sequence of Face
-        Faces whose edges are already known to pair up.
+    faces : sequence of Face or FaceLoops
+        Faces, or their loops, whose edges are already known to pair up.
 
     Raises
     ------
     NonManifoldError
         A vertex has more than one fan, as where two solids touch in a point.
     """
-    following: dict[tuple[int, int], int] = {}
-    corners: dict[int, list[int]] = {}
-    for face in faces:
-        for at, after, before in _corners(vertices, face):
-            following[at, after] = before
-            corners.setdefault(at, []).append(after)
-    for at, ends in corners.items():
-        end = following[at, ends[0]]
-        n = 1
-        while end != ends[0] and n <= len(ends):
-            end = following[at, end]
-            n = n + 1
-        if n != len(ends):
-            place = describe_point(vertices[at])
-            raise NonManifoldError(
-                f"the faces around a vertex must form one fan. Got more at {place} (vertex {at}); "
-                "solids that touch in a point are not one solid."
-            )
+    loops = FaceLoops.of(faces)
+    folded = _vertices_of_folded_faces(loops)
+    plain = np.ones(int(loops.start.max()) + 1, dtype=bool)
+    plain[folded] = False
+    broken = _plain_vertices_with_more_fans(loops, plain)
+    broken += [v for v in folded.tolist() if not _has_one_fan(vertices, loops, v)]
+    if broken:
+        # the first one that the loops visit
+        at = int(loops.start[np.flatnonzero(np.isin(loops.start, broken))[0]])
+        place = describe_point(vertices[at])
+        raise NonManifoldError(
+            f"the faces around a vertex must form one fan. Got more at {place} (vertex {at}); "
+            "solids that touch in a point are not one solid."
+        )
 
 
-def _corners(vertices: np.ndarray, face: Face) -> Iterator[tuple[int, int, int]]:
-    """Yield the corners (at, after, before) of a face, each between the edge to `after` and that from `before`."""
-    visits: dict[int, list[tuple[int, int]]] = {}
-    for loop in face.loops:
-        for before, at, after in zip(
-            (loop[-1], *loop[:-1]), loop, (*loop[1:], loop[0]), strict=True
-        ):
-            visits.setdefault(at, []).append((after, before))
-    for at, pairs in visits.items():
-        if len(pairs) > 1:
-            pairs = _pair_around(vertices, face, at, pairs)
-        yield from ((at, after, before) for after, before in pairs)
+def _vertices_of_folded_faces(loops: FaceLoops) -> np.ndarray:
+    """Return the vertices in which a face touches itself."""
+    h = np.flatnonzero(~loops.is_triangle[loops.face])
+    n = int(loops.start.max()) + 1
+    visit, count = np.unique(loops.face[h] * n + loops.start[h], return_counts=True)
+    return np.unique(visit[count > 1] % n)
+
+
+def _plain_vertices_with_more_fans(loops: FaceLoops, plain: np.ndarray) -> list[int]:
+    """Return the vertices with more than one fan, of those that each face visits once at most."""
+    # a corner reaches left from its half-edge to the edge before, where the next corner begins
+    turned = loops.twin[loops.preceding]
+    corner = np.flatnonzero(plain[loops.start])
+    n = len(turned)
+    links = coo_array((np.ones(len(corner), dtype=bool), (corner, turned[corner])), shape=(n, n))
+    fan = connected_components(links, directed=False)[1][corner]
+    _, where = np.unique(fan, return_index=True)
+    n_fans = np.bincount(loops.start[corner[where]])
+    return np.flatnonzero(n_fans > 1).tolist()
+
+
+def _has_one_fan(vertices: np.ndarray, loops: FaceLoops, at: int) -> bool:
+    """Return whether the corners at a vertex form one closed fan; faces may visit it more than once."""
+    following: dict[int, int] = {}
+    for face in np.unique(loops.face[loops.start == at]).tolist():
+        following.update(_corners(vertices, loops.loops_of(face), at))
+    begin = next(iter(following))
+    end = following[begin]
+    n = 1
+    while end != begin and n <= len(following):
+        end = following[end]
+        n = n + 1
+    return n == len(following)
+
+
+def _corners(
+    vertices: np.ndarray, loops: Sequence[tuple[int, ...]], at: int
+) -> list[tuple[int, int]]:
+    """Return the corners (after, before) of a face at a vertex, each between the edges to and from these."""
+    pairs = [
+        (after, before)
+        for loop in loops
+        for before, v, after in zip((loop[-1], *loop[:-1]), loop, (*loop[1:], loop[0]), strict=True)
+        if v == at
+    ]
+    return pairs if len(pairs) == 1 else _pair_around(vertices, loops[0], at, pairs)
 
 
 def _pair_around(
-    vertices: np.ndarray, face: Face, at: int, pairs: list[tuple[int, int]]
+    vertices: np.ndarray, outer: tuple[int, ...], at: int, pairs: list[tuple[int, int]]
 ) -> list[tuple[int, int]]:
     """Pair the edges of a face that touches itself in a vertex: a corner reaches left from `after` to the next edge."""
-    ring = vertices[list(face.outer)] - vertices[at]
+    ring = vertices[list(outer)] - vertices[at]
     normal = np.cross(ring, np.roll(ring, -1, axis=0)).sum(axis=0)
 
     def turn(after: int, before: int) -> float:

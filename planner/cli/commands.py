@@ -61,7 +61,7 @@ from planner.output.json_records import graph_record, part_record, plan_record, 
 from planner.output.part_source import with_source
 from planner.output.plan_folder import PLAN_FILES, Written, rescue, write_graph, write_outputs
 from planner.plan import InspectionPlan, read_plan
-from planner.progress import labelled, note, terminal_progress
+from planner.progress import labelled, note, reading_shown, terminal_progress
 from planner.progress.terminal_text import visible
 from planner.report.wording import cost_sentence
 from planner.request.defaults import default_workspace
@@ -78,8 +78,9 @@ def info(options: argparse.Namespace) -> int:
     if options.picture:
         check_file_place(options.picture, "--picture")
     solid = read_part(options)
-    edges = solid.straight_edges(min_length_mm=options.min_length)
-    curves = (*solid.rims(), *solid.arcs())
+    with reading_shown(quiet=options.quiet, lines=options.verbose):
+        edges = solid.straight_edges(min_length_mm=options.min_length)
+        curves = (*solid.rims(), *solid.arcs())
     if options.select is not None:
         chosen = set(select_entities(solid, options.select))
         edges = tuple(edge for edge in edges if edge.id in chosen)

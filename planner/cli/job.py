@@ -24,6 +24,7 @@ from planner.identity.restore import restored_options, restored_request
 from planner.inspection import plan_by_options
 from planner.inspection_options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
+from planner.progress import reading_shown
 from planner.request.defaults import default_workspace
 from planner.request.effort import Effort
 
@@ -205,7 +206,8 @@ def check_nothing_read(options: argparse.Namespace) -> None:
 
 def read_part(options: argparse.Namespace) -> Solid:
     """Read the part; an error names the file."""
-    return _read(options.part, reading_of(options), options)
+    with reading_shown(quiet=options.quiet, lines=options.verbose):
+        return _read(options.part, reading_of(options), options)
 
 
 def _read(part: str, reading: dict[str, Any], options: argparse.Namespace) -> Solid:

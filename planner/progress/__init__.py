@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TextIO
 
+from aspectgraph.phases import phases_reported_to
 from planner.progress.terminal_text import unescaped, visible, visible_output
 
 if TYPE_CHECKING:
@@ -67,6 +68,27 @@ def terminal_progress(
         told = _LineStream(stream)
         with _compiling(told):
             yield told
+
+
+@contextmanager
+def reading_shown(*, quiet: bool = False, lines: bool = False) -> Iterator[None]:
+    """Show what reading a part is busy with: bars on a terminal until it is read, lines if asked for.
+
+    Parameters
+    ----------
+    quiet : bool
+        Show nothing.
+    lines : bool
+        Lines on standard error that stay. Without them, there is nothing but on a terminal.
+    """
+    if quiet or not (lines or sys.stderr.isatty()):
+        yield
+    elif lines:
+        with phases_reported_to(_Lines(sys.stderr)):
+            yield
+    else:
+        with _bars(sys.stderr, transient=True) as progress, phases_reported_to(progress):
+            yield
 
 
 @contextmanager
@@ -155,7 +177,7 @@ def duration(seconds: float) -> str:
 
 
 @contextmanager
-def _bars(stream: TextIO | None) -> Iterator[Progress]:
+def _bars(stream: TextIO | None, *, transient: bool = False) -> Iterator[Progress]:
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
@@ -176,7 +198,7 @@ def _bars(stream: TextIO | None) -> Iterator[Progress]:
     )
     console = terminal_console(console_stream)
     # while bars are shown, rich has its own standard error, for which names are escaped, too
-    with RichProgress(*columns, console=console) as bars, visible_output():
+    with RichProgress(*columns, console=console, transient=transient) as bars, visible_output():
         yield _Bars(bars)
 
 

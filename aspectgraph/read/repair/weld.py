@@ -24,13 +24,21 @@ def weld(vertices: np.ndarray, distance_mm: float = 0.0) -> tuple[np.ndarray, np
         links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
         label = connected_components(links, directed=False)[1]
     else:
-        # Adding zero turns -0.0 into 0.0.
-        label = np.unique(vertices + 0.0, axis=0, return_inverse=True)[1].ravel()
+        label = _label_rows(vertices)
     _, first = np.unique(label, return_index=True)
     order = np.argsort(first)
     rank = np.empty(len(first), dtype=np.int64)
     rank[order] = np.arange(len(first))
     return vertices[first[order]], rank[label]
+
+
+def _label_rows(rows: np.ndarray) -> np.ndarray:
+    """Number the rows of an array, equal ones alike."""
+    order = np.lexsort(rows.T)
+    ordered = rows[order]
+    label = np.zeros(len(rows), dtype=np.int64)
+    label[order[1:]] = np.cumsum((ordered[1:] != ordered[:-1]).any(axis=1))
+    return label
 
 
 def is_closed(triangles: np.ndarray) -> bool:
@@ -53,7 +61,8 @@ def drop_repetitions(triangles: np.ndarray, notes: list[str]) -> np.ndarray:
         return triangles
     turn = np.argmin(triangles, axis=1)[:, None] + np.arange(3)
     canonical = np.take_along_axis(triangles, turn % 3, axis=1)
-    first = np.sort(np.unique(canonical, axis=0, return_index=True)[1])
+    first = np.unique(_label_rows(canonical), return_index=True)[1]
+    first.sort()
     if len(first) < len(triangles):
         notes.append(f"dropped {len(triangles) - len(first)} repeated facets")
     return triangles[first]

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from aspectgraph.exceptions import ReadError, SolidError
+from aspectgraph.phases import phase
 from aspectgraph.read.join_faces import assemble
 from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.mesh import repair_facets
@@ -75,9 +76,13 @@ def read_step(
     """
     angle_deg = 30.0 if angular_tolerance_deg is None else float(angular_tolerance_deg)
     with StepKernel(Path(path).name, limits or ReadLimits()) as kernel:
-        loaded, _ = kernel.ask("load", path=str(Path(path).absolute()), name=Path(path).name)
+        with phase("load the STEP file"):
+            loaded, _ = kernel.ask("load", path=str(Path(path).absolute()), name=Path(path).name)
         chosen, measured = _select(loaded["damage"], as_choice(solids), Path(path).name)
-        size, arrays = kernel.ask("select", solids=chosen, relative_planarity=RELATIVE_PLANARITY)
+        with phase("measure gaps"):
+            size, arrays = kernel.ask(
+                "select", solids=chosen, relative_planarity=RELATIVE_PLANARITY
+            )
         diagonal = size["diagonal_mm"]
         notes = loaded["notes"] + _about_facets(size["faceted"])
         notes += check_fit(size["fits"], chosen, diagonal, gap_mm, Path(path).name)
@@ -119,7 +124,8 @@ def _merge(
     kernel: StepKernel, chosen: list[int], measured: list[int], chord_mm: float, angle_deg: float
 ) -> list[str]:
     """Make solids that touch one body; return what was done."""
-    answer, _ = kernel.ask("merge", solids=chosen, measured=measured, name=kernel.name)
+    with phase("merge solids in contact"):
+        answer, _ = kernel.ask("merge", solids=chosen, measured=measured, name=kernel.name)
     occluders = [i for i in chosen if i not in measured]
     notes = (
         [f"{_listed(occluders)} {'is' if len(occluders) == 1 else 'are'} in the way only"]
@@ -164,9 +170,10 @@ def _curved_area(part: Tessellation) -> float:
 def _tessellate(
     kernel: StepKernel, chord_mm: float, angle_deg: float, merged: bool = True
 ) -> list[Tessellation]:
-    answer, arrays = kernel.ask(
-        "tessellate", chord_mm=chord_mm, angle_rad=math.radians(angle_deg), merged=merged
-    )
+    with phase("cut curved faces into facets"):
+        answer, arrays = kernel.ask(
+            "tessellate", chord_mm=chord_mm, angle_rad=math.radians(angle_deg), merged=merged
+        )
     parts = []
     for k in range(answer["n"]):
         vertices, triangles, patch, curved_patch, chords, *circles, pairs, turns = (

@@ -98,6 +98,7 @@ class _Collector:
         self.parent: list[int] = []
         self.points: list[np.ndarray] = []
         self.uses: dict[int, list[_Use]] = {}
+        self.surfaces: dict[int, Any] = {}
 
     def collect(self) -> Tessellation:
         blocks = [self._add_face(i, face) for i, face in enumerate(self.faces)]
@@ -189,7 +190,7 @@ class _Collector:
         for uses in self.uses.values():
             _check_uses(uses, self.points)
             on_curved = any(curved_patch[use.face_index] for use in uses)
-            turn = turn_deg(*uses) if on_curved else None
+            turn = self._turn_deg(uses) if on_curved else None
             chain = root[list(uses[0].nodes)].tolist()
             pairs = [(min(a, b), max(a, b)) for a, b in pairwise(chain)]
             smooth = turn is not None and turn < SMOOTH_DEG
@@ -203,6 +204,18 @@ class _Collector:
                 turns.update(dict.fromkeys(pairs, turn))
         return chords, turns
 
+    def _turn_deg(self, uses: list[_Use]) -> float:
+        """Return the largest turn of the outward normal across an edge, in degrees, over a few points of it."""
+        normals = [_normals(use, self._surface(use.face_index)) for use in uses]
+        cosines = [a @ b for a, b in zip(*normals, strict=True)]
+        return float(np.degrees(np.arccos(np.clip(min(cosines), -1.0, 1.0))))
+
+    def _surface(self, face_index: int) -> Any:
+        """Return the surface of a face; the kernel goes along all edges of the face to make it."""
+        if face_index not in self.surfaces:
+            self.surfaces[face_index] = BRepAdaptor_Surface(self.faces[face_index])
+        return self.surfaces[face_index]
+
     def _is_measured(self, edge: Any) -> bool:
         return self.measured is None or bool(self.measured.Contains(edge))
 
@@ -215,7 +228,7 @@ class _Collector:
             )
             if circle is not None:
                 chain = root[list(uses[0].nodes)].tolist()
-                found.append(CircularEdge(circle, tuple(chain), turn_deg(*uses)))
+                found.append(CircularEdge(circle, tuple(chain), self._turn_deg(uses)))
         return found
 
 
@@ -302,14 +315,8 @@ def circle_of(edge: Any, flat_mm: float) -> Circle | None:
     return fit if float(fit.distances_mm(points).max()) <= min(flat_mm, ROUND_SHARE * bow) else None
 
 
-def turn_deg(one: _Use, other: _Use) -> float:
-    """Return the largest turn of the outward normal across an edge, in degrees, over a few points of it."""
-    cosines = [a @ b for a, b in zip(_normals(one), _normals(other), strict=True)]
-    return float(np.degrees(np.arccos(np.clip(min(cosines), -1.0, 1.0))))
-
-
-def _normals(use: _Use) -> list[np.ndarray]:
-    surface = BRepAdaptor_Surface(use.face)
+def _normals(use: _Use, surface: Any) -> list[np.ndarray]:
+    """Return the outward normals of a face at a few points of an edge."""
     flip = -1.0 if use.face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else 1.0
     first, last = BRep_Tool.Range_s(use.edge, use.face)
     curve = BRep_Tool.CurveOnSurface_s(use.edge, use.face, first, last)
@@ -320,7 +327,9 @@ def _normals(use: _Use) -> list[np.ndarray]:
         along_u = gp_Vec()
         along_v = gp_Vec()
         surface.D1(uv.X(), uv.Y(), point, along_u, along_v)
-        normal = np.cross(xyz(along_u), xyz(along_v))
+        a, b, c = xyz(along_u)
+        u, v, w = xyz(along_v)
+        normal = np.array((b * w - c * v, c * u - a * w, a * v - b * u))
         length = np.linalg.norm(normal)
         normals.append(flip * normal / length if length > 0 else np.zeros(3))
     return normals

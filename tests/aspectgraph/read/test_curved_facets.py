@@ -8,14 +8,17 @@ from solids import box_with_pockets, prism, ring
 
 from aspectgraph import Solid
 from aspectgraph.read.curved_facets import find_curved
+from aspectgraph.solid.face_loops import FaceLoops
+from aspectgraph.solid.topology import faces_of
 
 SQUARE = [(-10, -10), (10, -10), (10, 10), (-10, 10)]
 
 
 def candidates(solid: Solid) -> Solid:
     """The solid as the mesh reader would see it."""
-    faces, curved_edges = find_curved(solid.vertices, list(solid.faces))
-    return Solid(solid.vertices, faces, curved_edges=curved_edges)
+    loops = FaceLoops.of(solid.faces)
+    curved, chords = find_curved(solid.vertices, loops)
+    return Solid(solid.vertices, faces_of(loops, curved.tolist()), curved_edges=chords)
 
 
 def rounded_square(side, radius, n_per_corner):
@@ -115,6 +118,6 @@ def test_chamfers_are_faces():
 
 def test_flat_parts_are_left_alone():
     solid = box_with_pockets((6, 6, 4), [(2, 1, 3, 1, 3, 2)])
-    faces, curved_edges = find_curved(solid.vertices, list(solid.faces))
-    assert tuple(faces) == solid.faces
-    assert curved_edges == set()
+    curved, chords = find_curved(solid.vertices, FaceLoops.of(solid.faces))
+    assert not curved.any()
+    assert len(chords) == 0

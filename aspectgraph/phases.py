@@ -1,0 +1,58 @@
+"""Phases of long work, reported to whoever waits for it.
+
+A listener is called as ``progress(done, total, label)``. It holds for the current context, so that no
+function between the caller and the work needs a parameter for it. It may raise to cancel the work.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+_LISTENER: ContextVar[Callable[[int, int, str], None] | None] = ContextVar("phases", default=None)
+
+
+@contextmanager
+def phases_reported_to(progress: Callable[[int, int, str], None] | None) -> Iterator[None]:
+    """Report phases to a callable; for use in a ``with`` block.
+
+    Parameters
+    ----------
+    progress : callable or None
+        Takes how much is done, of how much, and the name of the phase. None: nothing is reported.
+    """
+    token = _LISTENER.set(progress)
+    try:
+        yield
+    finally:
+        _LISTENER.reset(token)
+
+
+def report_phase(done: int, total: int, label: str) -> None:
+    """Report how far a phase is.
+
+    Parameters
+    ----------
+    done, total : int
+        Pieces of it.
+    label : str
+        Its name.
+    """
+    progress = _LISTENER.get()
+    if progress is not None:
+        progress(done, total, label)
+
+
+@contextmanager
+def phase(label: str) -> Iterator[None]:
+    """Report the begin and the end of a phase; for use in a ``with`` block.
+
+    Parameters
+    ----------
+    label : str
+        Its name.
+    """
+    report_phase(0, 1, label)
+    yield
+    report_phase(1, 1, label)
