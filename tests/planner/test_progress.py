@@ -1,11 +1,16 @@
 """Progress for people: about how long the rest takes, from how long it took so far."""
 
 import io
+import sys
+from pathlib import Path
 
 import pytest
 
+from aspectgraph import read_solid
 from planner import progress
 from planner.progress import LOOPS, Pace, duration
+
+BLOCK = Path(__file__).parents[2] / "examples" / "two_pocket_block.off"
 
 
 class Clock:
@@ -158,3 +163,28 @@ def test_nothing_is_shown_where_nothing_is_wanted():
         progress.note(show, "a line")
         assert progress.labelled(show, "work") is None
     assert stream.getvalue() == ""
+
+
+@pytest.mark.parametrize(
+    ("stream", "quiet", "lines", "shown"),
+    [
+        (io.StringIO, False, False, False),
+        (io.StringIO, False, True, True),
+        (Terminal, False, False, True),
+        (Terminal, True, False, False),
+    ],
+)
+def test_every_phase_of_reading_is_shown_where_somebody_waits(
+    monkeypatch, stream, quiet, lines, shown
+):
+    terminal = stream()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("COLUMNS", "120")
+    with progress.reading_shown(quiet=quiet, lines=lines):
+        read_solid(BLOCK)
+    phases = ["read the facets", "repair the facets", "join coplanar facets", "trace the faces"]
+    phases += ["check the surface", "list the edges", "look for contacts"]
+    assert [label in terminal.getvalue() for label in phases] == [shown] * len(phases)
+    # nobody listens any more
+    read_solid(BLOCK)
+    assert terminal.getvalue().count("list the edges: 1/1") == int(lines)

@@ -354,6 +354,22 @@ def test_solids_in_contact(corner, error, rule):
     assert caught.type is error
 
 
+@pytest.mark.parametrize("edges_at_once", [1, 5])
+def test_contacts_are_the_same_however_many_edges_are_taken_at_once(monkeypatch, edges_at_once):
+    def message():
+        builder = FaceBuilder()
+        add_prism(builder, SQUARE, 2.0)
+        add_prism(builder, [(x + 1.0, y + 1.0) for x, y in SQUARE], 2.0, base=1.0)
+        with pytest.raises(SelfIntersectionError) as caught:
+            builder.solid("pair")
+        return str(caught.value)
+
+    whole = message()
+    assert "such pairs" in whole
+    monkeypatch.setattr("aspectgraph.solid.self_contact._EDGES_AT_ONCE", edges_at_once)
+    assert message() == whole
+
+
 def test_solids_a_micron_apart_are_legal():
     assert two_boxes(gap=1e-3).n_shells == 2
 
