@@ -45,8 +45,10 @@ class AspectGraphError(Exception):
 
         Parameters
         ----------
-        parameter, rule, got, hint, mentions
+        parameter, rule, got, hint : str
             See the attributes.
+        mentions : tuple of str
+            Likewise.
 
         Returns
         -------

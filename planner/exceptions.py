@@ -34,7 +34,7 @@ class PlannerError(Exception):
 
         Parameters
         ----------
-        parameter, rule, got, hint
+        parameter, rule, got, hint : str
             See the attributes.
 
         Returns
