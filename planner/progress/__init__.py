@@ -84,7 +84,7 @@ def reading_shown(*, quiet: bool = False, lines: bool = False) -> Iterator[None]
     if quiet or not (lines or sys.stderr.isatty()):
         yield
     elif lines:
-        with phases_reported_to(_Lines(sys.stderr)):
+        with phases_reported_to(_LineStream(sys.stderr)):
             yield
     else:
         with _bars(sys.stderr, transient=True) as progress, phases_reported_to(progress):
