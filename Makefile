@@ -1,4 +1,4 @@
-.PHONY: demo test lint docs wheel versions fuzz coverage sbom setup-demo setup-test setup-docs clean
+.PHONY: demo test lint docs wheel versions loops fuzz coverage sbom setup-demo setup-test setup-docs clean
 VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO_OUT ?= demo-output
@@ -40,6 +40,10 @@ wheel:
 
 versions:
 	.ci/versions
+
+# compiled/loops.json: which loops are compiled ahead, and in which order
+loops: setup-demo
+	$(BIN)/python .ci/record_loops.py
 
 FUZZ_SECONDS ?= 600
 

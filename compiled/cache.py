@@ -6,6 +6,8 @@ folder to write, and mixes up two signatures of a function that two processes co
 A file is used only where all of these are the same: what the code depends on (`dependencies`), the versions of numba
 and Python, the processor's features, numba's settings, and the argument types. Whatever else is wrong with a file or
 a folder costs time: the loop is compiled.
+
+A wheel can bring files in the folder ``shipped``. They are for any processor of the level x86-64-v3.
 """
 
 from __future__ import annotations
@@ -17,8 +19,9 @@ import multiprocessing
 import os
 import pickle
 import sys
+import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -27,12 +30,20 @@ from typing import Any
 
 import numba as nb
 
+from compiled.ahead import is_awaited
 from compiled.dependencies import digest_of, file_digest
 from compiled.folders import folders_for, is_temporary, make_folder
 
 _logger = logging.getLogger("aspectgraph")
 _MAGIC = b"aspectgraph loop 1\n"
 _TAG = f"{sys.implementation.name}{sys.version_info[0]}{sys.version_info[1]}{getattr(sys, 'abiflags', '')}"
+# what these hold changes the machine code
+_DECIDING = ("decorators.py", "linked.py")
+# processors that run what a wheel brings, in numba's name for them and their features
+_PORTABLE = ("x86-64-v3", "")
+_PORTABLE_FEATURES = frozenset(("+avx2", "+bmi", "+bmi2", "+f16c", "+fma", "+lzcnt", "+movbe"))
+_SHIPPED = Path(__file__).parent / "shipped"
+_POLL_S = 0.05
 # settings that change the machine code
 _SETTINGS = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "DEBUGINFO_DEFAULT")
 
@@ -99,13 +110,21 @@ class LoopCache:
         """Return what was compiled for a signature; None where no file has it."""
         if not self._enabled:
             return None
+        result = self._loaded(signature, target_context)
+        while result is None and is_awaited(self._dispatcher.py_func, signature):
+            time.sleep(_POLL_S)
+            result = self._loaded(signature, target_context)
+        return result
+
+    def _loaded(self, signature: Any, target_context: Any) -> Any:
         try:
             # the target must know what the code calls
             target_context.refresh()
-            name = self._name(signature, target_context.codegen())
+            names = self._names(signature, target_context.codegen())
         except Exception:
+            # whatever numba or a damaged installation raises: the loop is compiled
             return None
-        for content in self._contents(name):
+        for content in self._contents(names):
             result = _restored(content, signature, target_context)
             if result is not None:
                 return result
@@ -116,27 +135,30 @@ class LoopCache:
         if not self._enabled:
             return
         try:
-            name = self._name(signature, result.library.codegen)
+            names = self._names(signature, result.library.codegen)
             content = _packed(result)
         except Exception as error:
+            # whatever numba raises: the run goes on with what it compiled
             _lose(_in_one_line(error))
             return
-        if name is not None and content is not None:
-            self._write(name, content)
+        if names and content is not None:
+            self._write(names[0], content)
 
-    def _contents(self, name: str | None) -> Iterator[bytes]:
-        """Yield the contents of the files of this name, without those that are cut or damaged."""
-        if name is None:
+    def _contents(self, names: Sequence[str]) -> Iterator[bytes]:
+        """Yield the contents of the files of these names, without those that are cut or damaged."""
+        if not names:
             return
-        for folder in folders_for(self._source):
-            try:
-                whole = (folder / name).read_bytes()
-            except OSError:
-                continue
-            start = len(_MAGIC) + hashlib.sha256().digest_size
-            content = whole[start:]
-            if whole[:start] == _MAGIC + hashlib.sha256(content).digest():
-                yield content
+        folders = [*folders_for(self._source), _SHIPPED]
+        for name in names:
+            for folder in folders:
+                try:
+                    whole = (folder / name).read_bytes()
+                except OSError:
+                    continue
+                start = len(_MAGIC) + hashlib.sha256().digest_size
+                content = whole[start:]
+                if whole[:start] == _MAGIC + hashlib.sha256(content).digest():
+                    yield content
 
     def _write(self, name: str, content: bytes) -> None:
         whole = _MAGIC + hashlib.sha256(content).digest() + content
@@ -157,19 +179,36 @@ class LoopCache:
             return
         _lose(reason)
 
-    def _name(self, signature: Any, codegen: Any) -> str | None:
-        """Return the name of the file for a signature; None where it has no name that other processes know."""
-        function = self._dispatcher.py_func
+    def _names(self, signature: Any, codegen: Any) -> list[str]:
+        """Return the names of files for a signature, the one that is written first.
+
+        There are none where other processes know no such name.
+        """
         if not self._source.is_absolute():
-            return None
+            return []
         kinds = _kinds_text(signature)
         if " at 0x" in kinds:
-            return None
+            return []
         content = _digest(digest_of(self._dispatcher), _own_digest(), nb.__version__)
         settings = [str(getattr(nb.config, name, None)) for name in _SETTINGS]
-        key = _digest(kinds, repr(codegen.magic_tuple()), *settings)
+        function = self._dispatcher.py_func
         readable = function.__qualname__.replace("<", "").replace(">", "")[:80]
-        return f"{self._source.stem}.{readable}-{content[:20]}-{key[:20]}.{_TAG}.nbc"
+        names = []
+        for target in _targets(codegen):
+            key = _digest(kinds, target, *settings)
+            names.append(f"{self._source.stem}.{readable}-{content[:20]}-{key[:20]}.{_TAG}.nbc")
+        return names
+
+
+def _targets(codegen: Any) -> Iterator[str]:
+    """Yield the kinds of processors whose machine code this one runs, its own first."""
+    own = codegen.magic_tuple()
+    yield repr(own)
+    triple, processor, features = own
+    portable = (triple, *_PORTABLE)
+    enough = triple.startswith("x86_64") and set(features.split(",")) >= _PORTABLE_FEATURES
+    if enough and processor != portable[1]:
+        yield repr(portable)
 
 
 def _kinds_text(signature: Any) -> str:
@@ -207,6 +246,7 @@ def _restored(content: bytes, signature: Any, target_context: Any) -> Any:
         result: Any = CompileResult._rebuild(target_context, *parts)  # type: ignore[no-untyped-call]
         same = tuple(result.signature.args) == tuple(getattr(signature, "args", signature))
     except Exception:
+        # unpickling runs what the file names, so any error is possible: the loop is compiled
         return None
     return result if same else None
 
@@ -218,6 +258,7 @@ def _replace(path: Path, content: bytes) -> None:
         beside.write_bytes(content)
         os.replace(beside, path)
     except BaseException:
+        # an interruption, too, must leave no half a file
         beside.unlink(missing_ok=True)
         raise
 
@@ -236,9 +277,9 @@ def _remove_outdated(kept: Path) -> None:
 
 @lru_cache(maxsize=1)
 def _own_digest() -> str:
-    """Return a digest of this package: what compiles and keeps loops counts, too."""
-    files = sorted(Path(__file__).parent.glob("*.py"))
-    return _digest(*(file_digest(str(path)) for path in files))
+    """Return a digest of how loops are compiled."""
+    folder = Path(__file__).parent
+    return _digest(*(file_digest(str(folder / name)) for name in _DECIDING))
 
 
 def _digest(*parts: str) -> str:

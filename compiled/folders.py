@@ -10,8 +10,6 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from numba import config
-
 _TEMPORARY = "aspectgraph-loops"
 
 
@@ -31,7 +29,7 @@ def folders_for(source: Path) -> Iterator[Path]:
     Path
         An absolute path.
     """
-    chosen = getattr(config, "CACHE_DIR", "")
+    chosen = _chosen()
     if chosen:
         folder = Path(chosen).absolute() / _name_of(source)
         yield folder
@@ -44,6 +42,14 @@ def folders_for(source: Path) -> Iterator[Path]:
     temporary = temporary_folder()
     if temporary is not None:
         yield temporary / _name_of(source)
+
+
+def _chosen() -> str:
+    """Return the folder that numba's settings name; before numba is loaded, which takes long, the environment's."""
+    config = sys.modules.get("numba.core.config")
+    if config is None:
+        return os.environ.get("NUMBA_CACHE_DIR", "")
+    return str(getattr(config, "CACHE_DIR", ""))
 
 
 def temporary_folder() -> Path | None:

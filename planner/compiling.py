@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,11 +14,13 @@ from typing import Any
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
+from compiled.ahead import Run, current_run
 from compiled.cache import keeps_loops
 from compiled.folders import can_keep
 
 _FIRST = "compiling loops, at the first run only: about a minute in all"
 _EVERY = "compiling loops, at every run, because no folder can be written: about a minute in all"
+_POLL_S = 0.25
 _OURS = ("aspectgraph", "compiled", "errors", "ga", "planner")
 
 
@@ -46,6 +49,56 @@ def compiling_told(
     finally:
         event.unregister("numba:compile", listener)  # type: ignore[no-untyped-call]
         listener.finish()
+
+
+@contextmanager
+def ahead_told(
+    say: Callable[[str], object], report: Callable[[int, int], object]
+) -> Iterator[None]:
+    """Report how far other processes are that compile ahead for this one, if there are any.
+
+    A run whose loops are all on disk says nothing.
+
+    Parameters
+    ----------
+    say : callable
+        Gets a line that stays, in the end.
+    report : callable
+        ``report(done, total)``, from another thread.
+    """
+    run = current_run()
+    if run is None:
+        yield
+        return
+    ended = threading.Event()
+    watch = threading.Thread(target=_watch, args=(run, ended, say, report), daemon=True)
+    watch.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        watch.join()
+
+
+def _watch(
+    run: Run,
+    ended: threading.Event,
+    say: Callable[[str], object],
+    report: Callable[[int, int], object],
+) -> None:
+    begun = time.monotonic()
+    total = 0
+    while not ended.wait(_POLL_S) and run.is_active():
+        progress = run.progress()
+        if progress is not None and progress.compiled:
+            total = progress.total
+            report(progress.done, total)
+    if total and not ended.is_set():
+        report(total, total)
+        say(
+            f"compiling {total} loops took {time.monotonic() - begun:.0f} s; "
+            "the next run finds them"
+        )
 
 
 class _Compiling(event.Listener):

@@ -27,3 +27,27 @@ def test_light_names_load_nothing_heavy(name):
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--help"],
+        ["plan", "--help"],
+        ["cameras"],
+        ["cameras", "--sources"],
+        ["completion", "bash"],
+        ["plan", "part.step", "--nonsense"],
+        ["plan", "--entities", "1", "--camera", "nobody", "--out", "plan"],
+        ["info", "nowhere.step"],
+        ["simulate", "plan.json", "--poses", "0"],
+    ],
+)
+def test_what_needs_no_part_loads_nothing_heavy(arguments):
+    code = (
+        "import sys; from planner.cli.main import main\n"
+        f"try:\n    main({arguments!r})\nexcept SystemExit:\n    pass\n"
+        f"print('loaded', *sorted(set(sys.modules) & {{*{HEAVY!r}, 'aspectgraph.solid'}}))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "loaded"

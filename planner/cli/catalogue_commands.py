@@ -1,27 +1,17 @@
-"""The commands about the catalogue: which cameras there are, and which of their parts suit a request."""
+"""The command about the catalogue: which cameras there are. It loads nothing that takes long."""
 
 from __future__ import annotations
 
 import argparse
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from planner.camera.camera import Camera
 from planner.camera.catalogue import camera_names, camera_parts
-from planner.camera.pose_uncertainty import PoseUncertainty
-from planner.cli.process.exit_codes import DONE, INCOMPLETE
-from planner.inspection_options import InspectionOptions
-from planner.optics.proposal import optics_table
-from planner.optics.propose import DISTANCES_MM, propose_optics
-from planner.output import terminal_tables
-from planner.output.json_records import print_json
-from planner.wanted.dimension import Dimension
-from planner.wanted.feature_counts import features_text, n_not_planned
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from aspectgraph import Solid
+from planner.cli.process.exit_codes import DONE
+from planner.progress.console import new_console, new_table
+from planner.records.json_file import print_json
 
 
 def cameras(options: argparse.Namespace) -> int:
@@ -37,41 +27,74 @@ def cameras(options: argparse.Namespace) -> int:
                 }
             )
         else:
-            terminal_tables.print_sources(parts)
+            _print_sources(parts)
         return DONE
     found = [Camera.named(name) for name in camera_names()]
     if options.json:
         print_json([one.to_dict() for one in found])
     else:
-        terminal_tables.print_cameras(found)
+        _print_cameras(found)
     return DONE
-
-
-def rank_optics(
-    options: argparse.Namespace, solid: Solid, items: Mapping[str, Any], limits: InspectionOptions
-) -> int:
-    """Print bodies and lenses, ranked by how well they measure what is wanted; return the exit code."""
-    found = propose_optics(
-        solid,
-        items,
-        PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad),
-        bodies=options.body,
-        accuracy=options.accuracy,
-        probability=options.probability,
-        distances_mm=options.distances or DISTANCES_MM,
-        options=limits,
-    )
-    counts = [item.n_features for item in items.values() if isinstance(item, Dimension)]
-    features = {"n": sum(counts), "not_planned": n_not_planned(counts)}
-    if options.json:
-        shown = [one.to_dict() for one in found[: options.rows]]
-        print_json([{**record, "features": features} if counts else record for record in shown])
-    else:
-        print(optics_table(found, options.rows))
-        if features_text(counts):
-            print(f"{features_text(counts)}; optics are ranked by one feature of each dimension")
-    return DONE if found and len(found[0].able) == len(items) else INCOMPLETE
 
 
 def _finite(facts: Mapping[str, Any]) -> dict[str, Any]:
     return {key: None if value == math.inf else value for key, value in facts.items()}
+
+
+def _print_cameras(cameras: Sequence[Camera]) -> None:
+    """Print cameras: sensor, lens as it is set, and what is sharp."""
+    console = new_console()
+    table = new_table(
+        ("name", "left"),
+        ("pixels", "right"),
+        ("pitch (um)", "right"),
+        ("f (mm)", "right"),
+        ("f-number", "right"),
+        ("focus (mm)", "right"),
+        ("sharp (mm)", "right"),
+        ("field at focus (mm)", "right"),
+    )
+    for one in cameras:
+        nearest, farthest = one.depth_of_field_mm
+        # similar triangles: the sensor's size by how many times farther the object is than the image
+        field = [
+            side * one.focus_distance_mm / one.image_distance_mm for side in one.sensor_size_mm
+        ]
+        table.add_row(
+            one.name,
+            f"{one.resolution[0]} x {one.resolution[1]}",
+            " x ".join(dict.fromkeys(f"{1000 * pitch:g}" for pitch in one.pixel_pitch_mm)),
+            f"{one.focal_length_mm:g}",
+            f"{one.f_number:g}",
+            f"{one.focus_distance_mm:g}",
+            f"{nearest:.1f} .. {farthest:.1f}",
+            " x ".join(f"{side:.0f}" for side in field),
+        )
+    console.print(table)
+    console.print(f"{len(cameras)} cameras; distances are from the front nodal point")
+
+
+def _print_sources(parts: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> None:
+    """Print bodies and lenses: their facts, and where these were read."""
+    console = new_console()
+    for kind, facts in (("body", _body_facts), ("lens", _lens_facts)):
+        for name, one in parts[kind].items():
+            whose = "" if one["maker"] else " (not the maker's page on it)"
+            # addresses must not be broken
+            console.print(f"{kind} {name}: {facts(one)}", soft_wrap=True)
+            console.print(f"    {one['source']}{whose}", soft_wrap=True)
+
+
+def _body_facts(one: Mapping[str, Any]) -> str:
+    pitch = " x ".join(dict.fromkeys(f"{1000 * side:g}" for side in one["pixel_pitch_mm"]))
+    return f"{one['resolution'][0]} x {one['resolution'][1]} px of {pitch} um; {one['sensor']}"
+
+
+def _lens_facts(one: Mapping[str, Any]) -> str:
+    narrowest = (
+        "closed" if one["narrowest_f_number"] == math.inf else f"f/{one['narrowest_f_number']:g}"
+    )
+    return (
+        f"{one['focal_length_mm']:g} mm, f/{one['widest_f_number']:g} to {narrowest}, "
+        f"from {one['closest_object_mm']:g} mm on, image circle {one['image_circle_mm']:g} mm"
+    )

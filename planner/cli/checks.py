@@ -1,8 +1,12 @@
-"""Rules of the numbers on the command line: an error names the option as it was typed."""
+"""Rules of the command line that are checked before anything is loaded that takes long.
+
+An error names the option as it was typed.
+"""
 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 from planner.exceptions import RequestError
@@ -73,3 +77,28 @@ def check_numbers(options: Any) -> None:
         raise RequestError.of_rule("time_limit", rule, f"{limit:g}")
     if gap is not None and not 0 <= gap < 1:
         raise RequestError.of_rule("gap", "must be in [0, 1)", f"{gap:g}")
+
+
+def check_inputs(options: Any) -> None:
+    """Refuse a camera that nobody knows, and a part that is not there.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Those of one command; options it does not have are passed over.
+
+    Raises
+    ------
+    CameraError, RequestError
+        Names the option.
+    """
+    given = vars(options)
+    camera = given.get("camera")
+    part = given.get("part")
+    if camera is not None:
+        # here, because it loads numpy
+        from planner.cli.camera import read_camera
+
+        read_camera(camera)
+    if part is not None and not Path(part).exists():
+        raise RequestError.of_rule("part", "must be an existing file", repr(str(Path(part))))

@@ -31,23 +31,20 @@ from planner.batch.part_request import PartRequest, limits_of
 from planner.batch.part_result import PLANNED, TABLES
 from planner.batch.scheduler import dask_executor
 from planner.callbacks import REGIONS_SHARE, SEARCH_SHARE, Deadline
-from planner.camera.catalogue import camera_names
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.best_so_far import BestSoFar
-from planner.cli.catalogue_commands import cameras as cameras
-from planner.cli.catalogue_commands import rank_optics
-from planner.cli.completion import completion_script
+from planner.cli.camera import read_camera
 from planner.cli.folder_owner import STATE_FILE, Leftovers, check_owner
 from planner.cli.job import (
     Job,
     check_nothing_read,
     inspection_options,
-    read_camera,
     read_job,
     read_part,
     workspace_of,
 )
 from planner.cli.light import with_light
+from planner.cli.optics_ranking import rank_optics
 from planner.cli.process.exit_codes import DONE, INCOMPLETE
 from planner.cli.wanted import chosen_entities, read_request
 from planner.exceptions import OutputError
@@ -57,12 +54,13 @@ from planner.light.background import DEFAULT_STEP
 from planner.light.ring_space import RingSpace
 from planner.output import terminal_tables
 from planner.output.folder_lock import folder_lock
-from planner.output.json_records import graph_record, part_record, plan_record, print_json
+from planner.output.json_records import graph_record, part_record, plan_record
 from planner.output.part_source import with_source
 from planner.output.plan_folder import PLAN_FILES, Written, rescue, write_graph, write_outputs
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import labelled, note, reading_shown, terminal_progress
 from planner.progress.terminal_text import visible
+from planner.records.json_file import print_json
 from planner.report.wording import cost_sentence
 from planner.request.defaults import default_workspace
 from planner.request.effort import Effort
@@ -356,12 +354,6 @@ def optics(options: argparse.Namespace) -> int:
     if not options.json:
         _print_unit(options.part, options.units)
     return code
-
-
-def completion(options: argparse.Namespace) -> int:
-    """Print the script for a shell."""
-    print(completion_script(options.parser, camera_names(), options.shell), end="")
-    return DONE
 
 
 def _print_unit(part: str, units: str | None) -> None:

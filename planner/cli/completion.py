@@ -6,6 +6,9 @@ import argparse
 import shlex
 from collections.abc import Iterable, Sequence
 
+from planner.camera.catalogue import camera_names
+from planner.cli.process.exit_codes import DONE
+
 # $2 is the word to complete, $3 the one before it; files are offered where nothing else fits
 _SCRIPT = """\
 _aspectgraph() {{
@@ -26,6 +29,12 @@ _aspectgraph() {{
 complete -o filenames -F _aspectgraph aspectgraph
 """
 _ZSH = "autoload -U +X bashcompinit && bashcompinit\n"
+
+
+def completion(options: argparse.Namespace) -> int:
+    """Print the script for a shell."""
+    print(completion_script(options.parser, camera_names(), options.shell), end="")
+    return DONE
 
 
 def completion_script(parser: argparse.ArgumentParser, cameras: Sequence[str], shell: str) -> str:

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aspectgraph import AspectGraphError, PartFileNotFoundError, SolidChoice, read_solid
-from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.cli.camera import read_camera
 from planner.cli.light import read_lighting
 from planner.cli.naming import in_words_of_shell
 from planner.cli.wanted import Wanted, read_request
 from planner.detectability.conditions import Detectability
-from planner.exceptions import CameraError, PlanFileError, RequestError
+from planner.exceptions import PlanFileError, RequestError
 from planner.identity.inspection_request import SOURCE, InspectionRequest, PartRecord
 from planner.identity.resolve_request import Promise, resolve_request
 from planner.identity.restore import restored_options, restored_request
@@ -226,20 +226,6 @@ def _read(part: str, reading: dict[str, Any], options: argparse.Namespace) -> So
             raise
         words = in_words_of_shell(error, vars(options))
         raise type(error)(f"{part}: {words}") from None
-
-
-def read_camera(text: str) -> Camera:
-    """Return the camera of a TOML file, or the one with that name in the catalogue."""
-    path = Path(text)
-    if path.suffix.lower() == ".toml" or path.is_file():
-        return Camera.from_toml(path)
-    try:
-        return Camera.named(text)
-    except CameraError as error:
-        if error.parameter != "camera":
-            raise
-        rule = "must be a TOML file, or a name that 'aspectgraph cameras' lists"
-        raise CameraError.of_rule("camera", rule, error.got, hint=error.hint) from None
 
 
 def workspace_of(options: argparse.Namespace) -> np.ndarray | None:

@@ -11,8 +11,12 @@ import argparse
 import os
 import sys
 import traceback
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from importlib import import_module
 from typing import Any, NoReturn
 
+from compiled.ahead import compiling_ahead
 from planner.cli.arguments import (
     add_again,
     add_asked,
@@ -27,6 +31,7 @@ from planner.cli.arguments import (
     lengths,
     memory,
 )
+from planner.cli.checks import check_inputs, check_numbers
 from planner.cli.naming import as_typed, in_words_of_shell
 from planner.cli.process.exit_codes import BAD_INPUT, INCOMPLETE, NOBODY_READS
 from planner.cli.process.shortages import shortage
@@ -73,6 +78,12 @@ columns:
   turn     how far the surface turns over an edge: positive where it is convex, negative where re-entrant
   ends     corner: another sharp edge leaves; tangent: the edge runs on smoothly, so its length has no end to measure to
   chords   straight edges that stand for a circle, of which a tessellated one is off by so much"""
+
+
+# commands that need nothing that takes long to load
+_MODULES = {"cameras": "planner.cli.catalogue_commands", "completion": "planner.cli.completion"}
+# commands that need many compiled loops
+_COMPILING = ("batch", "graph", "optics", "plan")
 
 
 class _UsageError(Exception):
@@ -138,11 +149,10 @@ def _run(arguments: list[str] | None) -> int:
         given = sys.argv[1:] if arguments is None else arguments
         options.typed = {text.partition("=")[0] for text in given if text.startswith("--")}
         with termination_as_interruption():
-            from planner.cli import commands
-            from planner.cli.checks import check_numbers
-
             check_numbers(options)
-            code: int = getattr(commands, options.command)(options)
+            check_inputs(options)
+            with _compiling(options):
+                code: int = _command_of(options.command)(options)
             # what is held back would fail where nobody can catch it
             print(end="", flush=True)
             return code
@@ -159,6 +169,20 @@ def _run(arguments: list[str] | None) -> int:
         return _fail(*ending)
     finally:
         settle()
+
+
+def _compiling(options: argparse.Namespace) -> AbstractContextManager[None]:
+    """Begin to compile loops in other processes, for commands that need many of them."""
+    if options.command not in _COMPILING:
+        return nullcontext()
+    return compiling_ahead(min(getattr(options, "jobs", usable_cores()), usable_cores()))
+
+
+def _command_of(name: str) -> Callable[[argparse.Namespace], int]:
+    """Return the function of a command; it is loaded only now."""
+    module = import_module(_MODULES.get(name, "planner.cli.commands"))
+    command: Callable[[argparse.Namespace], int] = getattr(module, name)
+    return command
 
 
 def _parsed(arguments: list[str] | None) -> argparse.Namespace:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,6 @@ import numpy as np
 
 from aspectgraph import Arc, Edge, EntityAspectGraph, Rim, Solid
 from planner.plan import InspectionPlan
-from planner.records.json_file import encoded
 
 
 def part_record(
@@ -71,10 +69,3 @@ def plan_record(
     ``plan.features`` counts the features of the dimensions, and those that are not planned.
     """
     return {"plan": plan.to_dict(), "files": list(files), "not_planned": dict(not_planned)}
-
-
-def print_json(record: Any) -> None:
-    """Print plain values as JSON; numbers that are not finite as in plan files."""
-    text = json.dumps(encoded(record), indent=1, allow_nan=False)
-    # the one control character that JSON writes as it is
-    print(text.replace("\x7f", "\\u007f"))

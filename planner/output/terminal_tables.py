@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import math
-import shutil
-import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from aspectgraph import Rim
 from errors.formatting import frequency_text, interval_text, probability_text
-from planner.camera.camera import Camera
-from planner.progress.terminal_text import unescaped, visible
+from planner.progress.console import new_console as _console
+from planner.progress.console import new_table as _table
 from planner.report.wording import (
     count,
     features_cell,
@@ -182,65 +178,6 @@ def print_dimensions(dimensions: Sequence[Any]) -> None:
             console.print(f"note: {one.name}: {one.note}")
 
 
-def print_cameras(cameras: Sequence[Camera]) -> None:
-    """Print cameras: sensor, lens as it is set, and what is sharp."""
-    console = _console()
-    table = _table(
-        ("name", "left"),
-        ("pixels", "right"),
-        ("pitch (um)", "right"),
-        ("f (mm)", "right"),
-        ("f-number", "right"),
-        ("focus (mm)", "right"),
-        ("sharp (mm)", "right"),
-        ("field at focus (mm)", "right"),
-    )
-    for one in cameras:
-        nearest, farthest = one.depth_of_field_mm
-        # similar triangles: the sensor's size by how many times farther the object is than the image
-        field = [
-            side * one.focus_distance_mm / one.image_distance_mm for side in one.sensor_size_mm
-        ]
-        table.add_row(
-            one.name,
-            f"{one.resolution[0]} x {one.resolution[1]}",
-            " x ".join(dict.fromkeys(f"{1000 * pitch:g}" for pitch in one.pixel_pitch_mm)),
-            f"{one.focal_length_mm:g}",
-            f"{one.f_number:g}",
-            f"{one.focus_distance_mm:g}",
-            f"{nearest:.1f} .. {farthest:.1f}",
-            " x ".join(f"{side:.0f}" for side in field),
-        )
-    console.print(table)
-    console.print(f"{count(len(cameras), 'camera')}; distances are from the front nodal point")
-
-
-def print_sources(parts: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> None:
-    """Print bodies and lenses: their facts, and where these were read."""
-    console = _console()
-    for kind, facts in (("body", _body_facts), ("lens", _lens_facts)):
-        for name, one in parts[kind].items():
-            whose = "" if one["maker"] else " (not the maker's page on it)"
-            # addresses must not be broken
-            console.print(f"{kind} {name}: {facts(one)}", soft_wrap=True)
-            console.print(f"    {one['source']}{whose}", soft_wrap=True)
-
-
-def _body_facts(one: Mapping[str, Any]) -> str:
-    pitch = " x ".join(dict.fromkeys(f"{1000 * side:g}" for side in one["pixel_pitch_mm"]))
-    return f"{one['resolution'][0]} x {one['resolution'][1]} px of {pitch} um; {one['sensor']}"
-
-
-def _lens_facts(one: Mapping[str, Any]) -> str:
-    narrowest = (
-        "closed" if one["narrowest_f_number"] == math.inf else f"f/{one['narrowest_f_number']:g}"
-    )
-    return (
-        f"{one['focal_length_mm']:g} mm, f/{one['widest_f_number']:g} to {narrowest}, "
-        f"from {one['closest_object_mm']:g} mm on, image circle {one['image_circle_mm']:g} mm"
-    )
-
-
 def print_plan(plan: InspectionPlan) -> None:
     """Print the plan: settings, probabilities, margins, and what cannot be inspected."""
     console = _console()
@@ -343,15 +280,6 @@ def _vector(values: Iterable[float], separator: str = " ", digits: int = 2) -> s
     return separator.join(f"{value + 0.0:.{digits}f}" for value in np.round(list(values), digits))
 
 
-def _table(*columns: tuple[str, JustifyMethod]) -> Table:
-    from rich import box
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for title, justify in columns:
-        table.add_column(title, justify=justify, overflow="fold")
-    return table
-
-
 def print_batch(results: Sequence[Any]) -> None:
     """Print how many parts are planned, and of the others the reasons (`PartResult`)."""
     console = _console()
@@ -363,23 +291,3 @@ def print_batch(results: Sequence[Any]) -> None:
         console.print(f"{one.part} is {one.status}: {one.reason}", markup=False, highlight=False)
     if len(lacking) > _MOST_ROWS:
         console.print(f"and {len(lacking) - _MOST_ROWS} more, see the tables")
-
-
-def _console() -> Console:
-    """Return a console that does not squeeze tables when the output is not a terminal, and never guesses at markup."""
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else 160
-    stream = unescaped(sys.stdout)
-    return _VisibleConsole(
-        file=stream, width=width, markup=False, emoji=False, highlight=False, soft_wrap=False
-    )
-
-
-class _VisibleConsole(Console):
-    """A console all of whose text, in cells and lines, is escaped; only its own colours are not."""
-
-    def render_str(self, text: str, **options: Any) -> Text:
-        return super().render_str(visible(text), **options)
-
-    def on_broken_pipe(self) -> None:
-        """Raise when nobody reads any more, where rich's own console ends the program with 1."""
-        raise BrokenPipeError

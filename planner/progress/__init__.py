@@ -95,13 +95,20 @@ def reading_shown(*, quiet: bool = False, lines: bool = False) -> Iterator[None]
 def _compiling(progress: Progress | None) -> Iterator[None]:
     """Show that loops are compiled, if they are."""
     try:
-        from planner.compiling import compiling_told
+        from planner.compiling import ahead_told, compiling_told
     except (ImportError, AttributeError):
         # a numba that says nothing of what it compiles
         yield
         return
-    with compiling_told(
-        lambda text: note(progress, text), lambda done, total: report(progress, done, total, LOOPS)
+    with (
+        compiling_told(
+            lambda text: note(progress, text),
+            lambda done, total: report(progress, done, total, LOOPS),
+        ),
+        ahead_told(
+            lambda text: note(progress, text),
+            lambda done, total: report(progress, done, total, AHEAD),
+        ),
     ):
         yield
 
@@ -126,7 +133,7 @@ class Pace:
 
     def __call__(self, done: int, total: int, label: str) -> str | None:
         """Return a line to be shown, or None."""
-        if label == LOOPS:
+        if label in (LOOPS, AHEAD):
             return None
         now = self._clock()
         if done < self._last.get(label, 0):
@@ -154,6 +161,10 @@ _SECONDS = 3.0
 _LONG_S = 20.0
 # what is done between other work, of which nobody knows how much there is: no pace is told of it
 LOOPS = "compiling loops"
+# what other processes do meanwhile
+AHEAD = "compiling loops, once"
+# between two lines about it
+_AHEAD_S = 10.0
 # what usually ends before its total
 _AT_MOST = ("column generation", "lower bound")
 
@@ -241,10 +252,14 @@ class _LineStream:
         self._pace = Pace()
         self._started: dict[str, float] = {}
         self._finished: set[tuple[str, int]] = set()
+        self._ahead_again = 0.0
 
     def __call__(self, done: int, total: int, label: str) -> None:
         if label == LOOPS:
             # a note says at the end how many there were
+            return
+        if label == AHEAD:
+            self._show_ahead(done, total)
             return
         if label not in self._started:
             self._started[label] = time.monotonic()
@@ -254,6 +269,12 @@ class _LineStream:
             seconds = time.monotonic() - self._started[label]
             self._finished.add((label, total))
             self.note(f"{label}: {done}/{total} ({seconds:.1f} s)")
+
+    def _show_ahead(self, done: int, total: int) -> None:
+        now = time.monotonic()
+        if done < total and now >= self._ahead_again:
+            self._ahead_again = now + _AHEAD_S
+            self.note(f"compiling {done} of {total} loops, once")
 
     def note(self, text: str) -> None:
         if self._stream is None:

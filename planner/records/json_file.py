@@ -75,6 +75,13 @@ def encoded(value: object) -> Any:
     return value
 
 
+def print_json(record: Any) -> None:
+    """Print plain values as JSON; numbers that are not finite as in plan files."""
+    text = json.dumps(encoded(record), indent=1, allow_nan=False)
+    # the one control character that JSON writes as it is
+    print(text.replace("\x7f", "\\u007f"))
+
+
 def number(value: Any) -> float:
     """Return a number as it was before `encoded`."""
     return float(value["not finite"]) if isinstance(value, Mapping) else value

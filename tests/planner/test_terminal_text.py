@@ -11,9 +11,9 @@ from plan_examples import plan, setting
 
 from planner.cli.main import main
 from planner.output import terminal_tables
-from planner.output.json_records import print_json
 from planner.progress import terminal_progress
 from planner.progress.terminal_text import VisibleStream, visible, visible_output
+from planner.records.json_file import print_json
 
 NASTY = "bore\x1b[2J\x9b31m\x07\u202egnp\nfake: done\r\t\x7f:smile:"
 SHOWN = r"bore\x1b[2J\x9b31m\x07\u202egnp\nfake: done\r\t\x7f:smile:"

@@ -1,0 +1,291 @@
+"""Compiling ahead: all loops that a plan needs, by several processes at once, while the program still reads its part.
+
+The file ``loops.json`` lists functions with their argument types, in the order in which a first plan needs them.
+A leading process (`leader`) hands them out to others. Whoever needs a loop meanwhile waits for its file.
+
+The list saves time, and no answer depends on it: a loop that is not in it is compiled where it is needed.
+``python -m compiled.leader`` compiles all of them, for instance in an image of a container.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from compiled.folders import folders_for, make_folder
+
+try:
+    import fcntl
+except ImportError:
+    # Windows: every process compiles what it needs
+    fcntl = None  # type: ignore[assignment]
+
+LISTED = Path(__file__).parent / "loops.json"
+# more processes end no sooner: the longest chain of loops that need each other takes that long
+MOST_PROCESSES = 8
+_PROGRAM = """
+import sys
+sys.path[:] = {path!r}
+from compiled.leader import lead
+lead({handle!r}, {state!r}, {done!r}, {processes!r}, ends_with_starter=True)
+"""
+
+
+class Progress(NamedTuple):
+    """How far the processes are: loops done, all loops, and how many of those done had to be compiled."""
+
+    done: int
+    total: int
+    compiled: int
+
+
+@dataclass
+class Run:
+    """Processes that compile ahead.
+
+    Attributes
+    ----------
+    state : Path
+        The file in which they report; the leading one holds a lock on it.
+    process : subprocess.Popen, optional
+        The leading process, if this process started it.
+    """
+
+    state: Path
+    process: subprocess.Popen[bytes] | None = None
+    _looked_again: set[int] = field(default_factory=set)
+    _indices: dict[str, int] | None = None
+
+    def is_active(self) -> bool:
+        """Return whether the leading process lives."""
+        try:
+            handle = os.open(self.state, os.O_RDONLY)
+        except OSError:
+            return False
+        try:
+            fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except OSError:
+            return True
+        finally:
+            os.close(handle)
+        return False
+
+    def progress(self) -> Progress | None:
+        """Return how far it is; None before it has read its list, or after its end."""
+        counts = self._report()[0].split()
+        return Progress(*map(int, counts)) if len(counts) == len(Progress._fields) else None
+
+    def expects(self, function: Callable[..., Any], signature: Any) -> bool:
+        """Return whether the file of a loop is still to come; if so, it is compiled next.
+
+        Parameters
+        ----------
+        function : callable
+            The Python function.
+        signature : numba signature or tuple of types
+            Of its arguments.
+        """
+        if self._indices is None:
+            self._indices = {json.dumps(loop): i for i, loop in enumerate(read_list())}
+        index = self._indices.get(json.dumps(list_entry(function, signature)))
+        if index is None:
+            return False
+        if self._report()[1][index : index + 1] != "1":
+            self._wish(index)
+            return True
+        # its file may have come since it was looked for
+        first = index not in self._looked_again
+        self._looked_again.add(index)
+        return first
+
+    def end(self) -> None:
+        """End the processes, if this process started them; what they compiled stays."""
+        if self.process is None:
+            return
+        assert self.process.stdin is not None
+        with suppress(OSError):
+            self.process.stdin.close()
+        # those it leads notice it
+        self.process.terminate()
+        self.process.wait()
+
+    def _report(self) -> tuple[str, str]:
+        try:
+            counts, _, done = self.state.read_text().partition("\n")
+        except OSError:
+            return "", ""
+        return counts, done
+
+    def _wish(self, index: int) -> None:
+        if self.process is not None and self.process.stdin is not None:
+            with suppress(OSError, ValueError):
+                os.write(self.process.stdin.fileno(), f"{index}\n".encode())
+
+
+@dataclass
+class _Process:
+    """The run this process waits for."""
+
+    run: Run | None = None
+
+
+_process = _Process()
+
+
+def current_run() -> Run | None:
+    """Return the processes that compile ahead for this one, if there are any."""
+    return _process.run
+
+
+def is_awaited(function: Callable[..., Any], signature: Any) -> bool:
+    """Return whether another process is about to compile a loop.
+
+    Parameters
+    ----------
+    function, signature
+        See `Run.expects`.
+    """
+    run = _process.run
+    if run is None:
+        return False
+    if not run.is_active():
+        # one more look, for what it did last
+        _process.run = None
+        return True
+    return run.expects(function, signature)
+
+
+@contextmanager
+def compiling_ahead(processes: int) -> Iterator[None]:
+    """Compile all listed loops in other processes meanwhile; with one process, leave them to this one.
+
+    Parameters
+    ----------
+    processes : int
+        How many may compile at once.
+    """
+    _process.run = _begun(min(processes, MOST_PROCESSES))
+    try:
+        yield
+    finally:
+        if _process.run is not None:
+            _process.run.end()
+        _process.run = None
+
+
+def _begun(processes: int) -> Run | None:
+    """Start a run, or join the one that another program has started; None where neither is of use."""
+    files = state_files()
+    if files is None:
+        return None
+    state, done = files
+    handle = taken(state)
+    if handle is None:
+        return Run(state)
+    try:
+        if processes < 2:
+            return None
+        program = _PROGRAM.format(
+            path=sys.path, handle=handle, state=str(state), done=str(done), processes=processes
+        )
+        process = subprocess.Popen(
+            [sys.executable, "-c", program],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            pass_fds=[handle],
+            # an interruption from the keyboard is for the program that started it
+            start_new_session=True,
+        )
+        return Run(state, process)
+    except OSError:
+        return None
+    finally:
+        # the lock is the leading process's now
+        os.close(handle)
+
+
+def taken(state: Path) -> int | None:
+    """Return a descriptor that holds the lock of a state file; None if another process holds it.
+
+    Parameters
+    ----------
+    state : Path
+        Made if it is not there.
+    """
+    handle = os.open(state, os.O_RDWR | os.O_CREAT, 0o666)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(handle)
+        return None
+    return handle
+
+
+def state_files() -> tuple[Path, Path] | None:
+    """Return the state file of a run and the file that says it is done; None where a run is of no use."""
+    if fcntl is None or os.environ.get("NUMBA_DISABLE_JIT", "0") != "0" or not LISTED.is_file():
+        return None
+    name = f"ahead-{_digest()}"
+    for folder in folders_for(Path(__file__)):
+        if (folder / f"{name}.done").exists():
+            return None
+        try:
+            make_folder(folder)
+            os.close(os.open(folder / f"{name}.state", os.O_RDWR | os.O_CREAT, 0o666))
+        except OSError:
+            continue
+        return folder / f"{name}.state", folder / f"{name}.done"
+    return None
+
+
+def _digest() -> str:
+    """Return a digest of what may ask for other files: sources, versions, settings and the processor."""
+    parts = [sys.version]
+    parts += [f"{name}={value}" for name, value in sorted(os.environ.items()) if "NUMBA_" in name]
+    root = LISTED.parents[1]
+    for package in sorted({loop[0].partition(".")[0] for loop in read_list()}):
+        for path in sorted((root / package).rglob("*.py")):
+            status = path.stat()
+            parts.append(f"{path} {status.st_size} {status.st_mtime_ns}")
+    parts.append(_processor())
+    return hashlib.sha256("\n".join([LISTED.read_text(), *parts]).encode()).hexdigest()[:20]
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo") as lines:
+            return next((line for line in lines if line.startswith("model name")), "")
+    except OSError:
+        return ""
+
+
+def read_list() -> list[list[Any]]:
+    """Return the listed loops: the function's address, then plain data of each argument's type."""
+    loops: list[list[Any]] = json.loads(LISTED.read_text())
+    return loops
+
+
+def list_entry(function: Callable[..., Any], signature: Any) -> list[Any] | None:
+    """Return what the list says of a loop; None if it has no words for it.
+
+    Parameters
+    ----------
+    function, signature
+        See `Run.expects`.
+    """
+    from compiled.signatures import address_of, encoded
+
+    try:
+        kinds = [encoded(kind) for kind in getattr(signature, "args", signature)]
+    except (ValueError, ImportError, AttributeError):
+        return None
+    return [address_of(function), *kinds]

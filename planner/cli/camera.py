@@ -1,0 +1,22 @@
+"""The camera that ``--camera`` names; it loads nothing that takes long."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from planner.camera.camera import Camera
+from planner.exceptions import CameraError
+
+
+def read_camera(text: str) -> Camera:
+    """Return the camera of a TOML file, or the one with that name in the catalogue."""
+    path = Path(text)
+    if path.suffix.lower() == ".toml" or path.is_file():
+        return Camera.from_toml(path)
+    try:
+        return Camera.named(text)
+    except CameraError as error:
+        if error.parameter != "camera":
+            raise
+        rule = "must be a TOML file, or a name that 'aspectgraph cameras' lists"
+        raise CameraError.of_rule("camera", rule, error.got, hint=error.hint) from None
