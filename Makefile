@@ -65,4 +65,4 @@ sbom: setup-test
 
 clean:
 	rm -rf $(DEMO_OUT) build site *.egg-info
-	find aspectgraph compiled errors ga planner -name '*.nb[ic]' -delete
+	find aspectgraph compiled errors ga planner \( -name '*.nb[ic]' -o -name 'ahead-*' \) -delete

@@ -14,6 +14,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -28,9 +29,13 @@ except ImportError:
     # Windows: every process compiles what it needs
     fcntl = None  # type: ignore[assignment]
 
+# of the files that say how far a run is
+PREFIX = f"ahead-{sys.implementation.cache_tag}-"
 LISTED = Path(__file__).parent / "loops.json"
 # more processes end no sooner: the longest chain of loops that need each other takes that long
 MOST_PROCESSES = 8
+# it writes ten times a second, once it has loaded what it needs
+_SILENCE_S = 300.0
 _PROGRAM = """
 import sys
 sys.path[:] = {path!r}
@@ -62,21 +67,34 @@ class Run:
     state: Path
     process: subprocess.Popen[bytes] | None = None
     _looked_again: set[int] = field(default_factory=set)
+    # when the state was last written, and when this process noticed it
+    _written_ns: int = -1
+    _noticed_s: float = 0.0
     _indices: dict[str, int] | None = None
 
     def is_active(self) -> bool:
-        """Return whether the leading process lives."""
+        """Return whether the leading process lives, and does something."""
         try:
             handle = os.open(self.state, os.O_RDONLY)
         except OSError:
             return False
         try:
             fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return not self._is_silent(os.fstat(handle).st_mtime_ns)
         except OSError:
-            return True
+            return False
         finally:
             os.close(handle)
         return False
+
+    def _is_silent(self, written_ns: int) -> bool:
+        """Return whether the leading process has written nothing for minutes, as if it were stopped."""
+        now = time.monotonic()
+        if written_ns != self._written_ns:
+            self._written_ns = written_ns
+            self._noticed_s = now
+        return now - self._noticed_s > _SILENCE_S
 
     def progress(self) -> Progress | None:
         """Return how far it is; None before it has read its list, or after its end."""
@@ -187,11 +205,16 @@ def _begun(processes: int) -> Run | None:
     if files is None:
         return None
     state, done = files
-    handle = taken(state)
+    try:
+        handle = taken(state)
+    except OSError:
+        # a file system without locks
+        return None
     if handle is None:
         return Run(state)
     try:
         if processes < 2:
+            state.unlink(missing_ok=True)
             return None
         program = _PROGRAM.format(
             path=sys.path, handle=handle, state=str(state), done=str(done), processes=processes
@@ -220,13 +243,21 @@ def taken(state: Path) -> int | None:
     ----------
     state : Path
         Made if it is not there.
+
+    Raises
+    ------
+    OSError
+        If it cannot be made or locked.
     """
     handle = os.open(state, os.O_RDWR | os.O_CREAT, 0o666)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+    except BlockingIOError:
         os.close(handle)
         return None
+    except OSError:
+        os.close(handle)
+        raise
     return handle
 
 
@@ -234,7 +265,7 @@ def state_files() -> tuple[Path, Path] | None:
     """Return the state file of a run and the file that says it is done; None where a run is of no use."""
     if fcntl is None or os.environ.get("NUMBA_DISABLE_JIT", "0") != "0" or not LISTED.is_file():
         return None
-    name = f"ahead-{_digest()}"
+    name = f"{PREFIX}{_digest()}"
     for folder in folders_for(Path(__file__)):
         if (folder / f"{name}.done").exists():
             return None

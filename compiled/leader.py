@@ -15,7 +15,7 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
-from compiled.ahead import MOST_PROCESSES, read_list, state_files, taken
+from compiled.ahead import MOST_PROCESSES, PREFIX, read_list, state_files, taken
 from compiled.dependencies import plain_function, reachable
 from compiled.signatures import decoded, named
 
@@ -59,6 +59,8 @@ def lead(handle: int, state: str, done: str, processes: int, *, ends_with_starte
     finally:
         executor.shutdown(cancel_futures=True)
     if not agenda.missing:
+        for old in Path(done).parent.glob(f"{PREFIX}*.done"):
+            old.unlink(missing_ok=True)
         Path(done).touch()
     Path(state).unlink(missing_ok=True)
 

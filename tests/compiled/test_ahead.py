@@ -230,6 +230,11 @@ def test_a_loop_is_waited_for_until_it_is_done(folder, monkeypatch):
     # its file may have come meanwhile; after one more look it has not
     assert ahead.is_awaited(inner, kinds)
     assert not ahead.is_awaited(inner, kinds)
+    # stopped, for instance
+    monkeypatch.setattr(ahead, "_SILENCE_S", -1.0)
+    assert not waited.is_active()
+    monkeypatch.undo()
+    monkeypatch.setattr(ahead._process, "run", waited)
     os.close(handle)
     assert ahead.is_awaited(inner, kinds)
     assert not ahead.is_awaited(inner, kinds)
@@ -256,6 +261,7 @@ def test_one_process_compiles_for_itself(folder, monkeypatch):
     monkeypatch.setattr(ahead, "LISTED", folder / "list.json")
     with ahead.compiling_ahead(1):
         assert ahead.current_run() is None
+    assert not list(folder.rglob("ahead-*"))
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     with ahead.compiling_ahead(2):
         assert ahead.current_run() is None

@@ -2,6 +2,7 @@
 
 import json
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -9,6 +10,8 @@ from pathlib import Path
 
 import numba
 import pytest
+
+from compiled.cache import _PORTABLE_FEATURES
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 
@@ -311,3 +314,34 @@ def test_an_unknown_user_makes_no_folder_named_tilde(folder, monkeypatch):
     monkeypatch.delenv("LOCALAPPDATA", raising=False)
     places = list(folders.folders_for(folder / "loops" / "called.py"))
     assert all(place.is_absolute() and "~" not in str(place) for place in places)
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="processors of another kind")
+def test_what_a_wheel_brings_for_many_processors_is_used(folder, tmp_path):
+    """In processes of their own: numba asks for the processor once."""
+    shipped = tmp_path / "shipped"
+    script = folder / "shipped.py"
+    place = f"import compiled.cache, pathlib\ncompiled.cache._SHIPPED = pathlib.Path({str(shipped)!r})\n"
+    script.write_text(place + RUN)
+
+    def alone(**changed):
+        done = subprocess.run(
+            [sys.executable, str(script)],
+            env=environment(**{"NUMBA_CPU_FEATURES": "", **changed}),
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return done.stdout.split()
+
+    level = {"NUMBA_CPU_NAME": "x86-64-v3", "NUMBA_CACHE_DIR": str(shipped)}
+    assert alone(**level) == ["7.0", "5.0", "1.0", *FRESH]
+    for path in list(shipped.rglob("*.nbc")):
+        path.rename(shipped / path.name)
+    features = ",".join(sorted(_PORTABLE_FEATURES))
+    able = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": features}
+    old = {"NUMBA_CPU_NAME": "nehalem"}
+    kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    assert alone(**kept, **able) == ["7.0", "5.0", "1.0"]
+    assert not list((tmp_path / "kept").rglob("*.nbc"))
+    assert alone(**kept, **old) == ["7.0", "5.0", "1.0", *FRESH]
