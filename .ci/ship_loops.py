@@ -1,6 +1,6 @@
-"""Put machine code into a wheel, so that a first plan compiles nothing: ``ship_loops.py WHEEL FOLDER``.
+"""Put machine code into a copy of a wheel, so that a first plan compiles nothing: ``ship_loops.py WHEEL FOLDER``.
 
-The wheel is replaced by one for this version of Python and this system.
+The copy is for this version of Python and this system. Pip prefers it to the wheel for all.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ PLACE = "compiled/shipped"
 
 
 def main(wheel: Path, folder: Path) -> None:
-    """Write the new wheel beside the old one, which is removed.
+    """Write the new wheel beside the old one, and print its path.
 
     Parameters
     ----------
@@ -40,12 +40,11 @@ def main(wheel: Path, folder: Path) -> None:
     lines = [f"{name},sha256={_digest(data)},{len(data)}" for name, data in files.items()]
     files[record] = "\n".join([*lines, f"{record},,", ""]).encode()
     name, version, *_ = wheel.name.split("-")
-    with zipfile.ZipFile(
-        wheel.with_name(f"{name}-{version}-{tag}.whl"), "w", zipfile.ZIP_DEFLATED
-    ) as new:
-        for path_in_wheel, data in files.items():
-            new.writestr(path_in_wheel, data)
-    wheel.unlink()
+    path = wheel.with_name(f"{name}-{version}-{tag}.whl")
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as new:
+        for place, data in files.items():
+            new.writestr(place, data)
+    print(path)
 
 
 def _digest(data: bytes) -> str:
