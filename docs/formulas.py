@@ -117,7 +117,18 @@ def translated(content: str) -> str:
         # a full stop or comma stays with its formula
         return f'<{tag} class="formula">{formula}{number}{match[3]}</{tag}>'
 
-    return _CODE.sub(_breakable, _FORMULA.sub(one, content))
+    return _FORMULA.sub(one, content)
+
+
+def breakable(html_page: str) -> str:
+    """Return a page whose long names in code may be broken.
+
+    Parameters
+    ----------
+    html_page : str
+        After its words are in the search index, which would take a break for a space.
+    """
+    return _CODE.sub(_breakable, html_page)
 
 
 def on_page_content(content: str, *, page, **_) -> str:
@@ -126,3 +137,8 @@ def on_page_content(content: str, *, page, **_) -> str:
         return translated(content)
     except ValueError as error:
         raise PluginError(f"{page.file.src_path}: {error}") from error
+
+
+def on_post_page(output: str, **_) -> str:
+    """Let long names break in a finished page."""
+    return breakable(output)

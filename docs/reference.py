@@ -37,10 +37,27 @@ def page(package: str) -> str:
         Its name.
     """
     module = importlib.import_module(package)
-    parts = [f"# {package}", _text(inspect.getdoc(module) or "")]
+    parts = [f"# {package}", _text(inspect.getdoc(module) or ""), _overview(package, module)]
     for name in sorted(module.__all__, key=str.lower):
         parts += _entry(f"{package}.{name}", getattr(module, name))
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _overview(package: str, module: Any) -> str:
+    """Return a table of the public names, by the folder that defines them."""
+    folders: dict[str, list[str]] = {}
+    for name in sorted(module.__all__, key=str.lower):
+        value = getattr(module, name)
+        home = getattr(value, "__module__", package).split(".")
+        folders.setdefault(".".join(home[:2]), []).append(name)
+    rows = ["| name | what it is | defined in |", "|---|---|---|"]
+    for folder, names in sorted(folders.items()):
+        for name in names:
+            value = getattr(module, name)
+            docstring = (inspect.getdoc(value) if callable(value) else None) or ""
+            summary = " ".join(docstring.split("\n\n")[0].split()).replace("|", "&#124;")
+            rows.append(f"| [`{name}`](#{name.lower()}) | {_text(summary)} | `{folder}` |")
+    return "\n".join(rows)
 
 
 def _entry(name: str, value: Any, level: int = 2) -> Iterator[str]:
@@ -65,8 +82,13 @@ def _members(cls: type) -> Iterator[tuple[str, Any]]:
             continue
         for name, raw in vars(owner).items():
             plain = getattr(raw, "__func__", raw)
-            told = isinstance(raw, property) or inspect.isfunction(plain)
-            if told and not name.startswith("_") and name not in seen and inspect.getdoc(plain):
+            documented = isinstance(raw, property) or inspect.isfunction(plain)
+            if (
+                documented
+                and not name.startswith("_")
+                and name not in seen
+                and inspect.getdoc(plain)
+            ):
                 seen.add(name)
                 yield name, raw if isinstance(raw, property) else getattr(cls, name)
 
@@ -134,12 +156,12 @@ def _list(body: str, title: str) -> str:
     found = []
     for head, lines in entries:
         name, colon, kind = head.partition(" : ")
-        told = " ".join(line for line in lines if line)
+        text = " ".join(line for line in lines if line)
         # of what is returned or raised, the type stands alone
         first = f"`{name}`" + (f" ({_text(kind)})" if colon else "")
         if title == "Returns" and colon:
             first = f"`{name}` ({_text(kind)})"
-        found.append(f"* {first}{': ' + _text(told) if told else ''}")
+        found.append(f"* {first}{': ' + _text(text) if text else ''}")
     return "\n".join(found)
 
 

@@ -71,8 +71,8 @@ with (
 together
 
 # %% [markdown]
-# Which worker did what, and when: a bar is a piece of work, coloured by the function that did it. Between them the
-# client chooses what is needed next.
+# Which worker did what, and when: a bar is a piece of work, coloured by the function that did it.
+# Between them the client chooses the next work.
 
 # %%
 done = [

@@ -131,11 +131,12 @@ for (case,), runs in grouped(equal, "case").items():
     print(f"{case:<60} {'; '.join(ahead) or 'nowhere'}")
 
 # %% [markdown]
-# `plan_setting` is never far from the best (0.04 % at worst), and takes the least time. Its median is 0 to four digits,
-# and so is that of CMA-ES, which, like differential evolution, is ahead on some sets of the blocks by some
-# ten-thousandths of a per cent: they settle, while the refinement stops when it no longer gains. With two nearly equal
-# optima, on either side of the straight view (`boss_top_left`, `boss_top_right`, `web_back`), both mostly end on the
-# wrong side; turned and mirrored views are the planner's remedy for that. A random search is within half a per cent on
+# `plan_setting` is never far from the best (0.04 % at worst), and takes the least time. Its median
+# is 0 to four digits, and so is that of CMA-ES. On some sets of the blocks, CMA-ES and differential
+# evolution are ahead by some ten-thousandths of a per cent: they settle, while the refinement stops
+# when it no longer gains. With two nearly equal optima, on either side of the straight view
+# (`boss_top_left`, `boss_top_right`, `web_back`), both mostly end on the wrong side; turned and
+# mirrored views are the planner's remedy for that. A random search is within half a per cent on
 # five of the six sets.
 
 # %% [markdown]
@@ -171,9 +172,9 @@ ax.set_title("Twenty times the evaluations")
 plt.show()
 
 # %% [markdown]
-# No rival is ahead by more than a twentieth of a per cent with twenty times the evaluations; where one is, it is nearly
-# always in the digits behind which the refinement stops. On the last set random draws never fit, with no end of trying:
-# the planner repairs the least violating ones.
+# No rival is ahead by more than a twentieth of a per cent, with twenty times the evaluations. If
+# one is ahead, it is nearly always in digits beyond the end of the refinement. On the last set
+# random draws never fit, with no end of trying: the planner repairs the least violating ones.
 #
 # The stored runs are repeatable: one of them again.
 
@@ -248,25 +249,28 @@ fig.suptitle(
 plt.show()
 
 # %% [markdown]
-# What the rivals do better: all are faster, and the greedy cover of the planner's own candidates needs as few settings
-# on the two blocks in under a tenth of the time. A dome per entity looks at every entity nearly straight, so its worst
-# P is high, for as many settings or more. What they do worse: they have no bound to say when they are done; one dome
-# leaves entities out; and on the part with sixteen entities the others need half as many settings again as
-# `plan_inspection`. There, with a coarse arm and 99 %, it takes two to three times as long as the slowest rival, most
-# of it for the bound, which is not reached all the same: it does not know how little of the image is left where such
-# an arm still measures accurately.
+# The rivals have advantages: all are faster. The greedy cover of the planner's own candidates needs
+# as few settings on the two blocks, in under a tenth of the time. A dome per entity looks at every
+# entity nearly straight, so its worst P is high, for as many settings or more. They also have
+# disadvantages: they have no bound that shows when they are done. One dome leaves entities out. On
+# the part with sixteen entities the others need half as many settings again as `plan_inspection`.
+# There, with a coarse arm and 99 %, it takes two to three times as long as the slowest rival. Most
+# of that is for the bound, which it still does not reach. The bound does not use how little of the
+# image is left where such an arm still measures accurately.
 
 # %% [markdown]
 # ## Settings against time
 #
-# How soon is there a plan that can be used, and how soon a better one? `plan_inspection` tells of every better plan and
-# every better bound (`on_incumbent=`); a rival has one plan, at its end. All begin when the visible regions are there.
-# *narrow*: a lens of 25 mm at f/8 with little depth of field, focused at 120 mm (mfcad) and 250 mm (mtc). Stored by
-# `python benchmarks/planning/anytime.py --folder PARTS --limit 200 --csv notebooks/anytime.csv`.
-# Seconds are processor time, threads added up; plans were ended after 200 s of wall time.
+# How soon is there a plan that can be used, and how soon a better one? `plan_inspection` reports
+# every better plan and every better bound (`on_incumbent=`). A rival has one plan, at its end. All
+# begin when the visible regions are there. *narrow*: a lens of 25 mm at f/8 with little depth of
+# field, focused at 120 mm (mfcad) and 250 mm (mtc). Stored by `python
+# benchmarks/planning/anytime.py --folder PARTS --limit 200 --csv notebooks/anytime.csv`. Seconds
+# are processor time, threads added up; plans were ended after 200 s of wall time.
 #
-# A plan that `plan_inspection` tells of has been simulated: what 4,000 displaced poses contradict is not in it. The
-# rivals do not ask. *Supported* are the entities of a plan that 20,000 other displaced poses do not contradict.
+# A plan that `plan_inspection` reports has been simulated: it leaves out every entity that 4,000
+# displaced poses contradict. The rivals do not simulate. *Supported* are the entities of a plan
+# that 20,000 other displaced poses do not contradict.
 
 # %%
 anytime = grouped(load("anytime.csv"), "part")

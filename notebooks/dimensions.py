@@ -16,9 +16,10 @@
 # %% [markdown]
 # # From an AP242 file to a simulated inspection
 #
-# A drawing asks for diameters, distances and angles. A STEP file of the AP242 protocol carries them together with
-# their tolerances. This notebook reads them from NIST's part CTC-01, plans from where a camera measures some of them,
-# says how sure each measurement is, and then measures three of them in rendered images.
+# A drawing asks for diameters, distances and angles. A STEP file of the AP242 protocol carries them
+# together with their tolerances. This notebook reads them from NIST's part CTC-01. It plans camera
+# poses for some of them, computes how probable an accurate measurement is, and measures three of
+# them in rendered images.
 
 # %%
 import sys
@@ -101,9 +102,10 @@ for name, reason in plan.uninspectable.items():
 # %% [markdown]
 # ## How sure
 #
-# P is the probability that the *error of the measurement* is permitted; it is not the probability that a part conforms.
-# U is the expanded uncertainty (k = 2), T the whole width of the tolerance. A part is proven to conform only if what is
-# measured stays away from the limits by U (ISO 14253-1).
+# P is the probability that the *error of the measurement* is permitted; it is not the probability
+# that a part conforms. U is the expanded uncertainty (k = 2), T the whole width of the tolerance. A
+# part is proven to conform only if the measured value stays away from the limits by U (ISO
+# 14253-1).
 
 # %%
 best = {}
@@ -176,7 +178,7 @@ for number, rates in enumerate(simulation.rates, 1):
 # ## Measured in rendered images
 #
 # The part is triangulated afresh and rendered: matt, with cast shadows, blurred by 0.8 px, with noise. One lamp of
-# seventeen is chosen. Here is what the camera sees of one setting, and the points that are looked for and found.
+# seventeen is chosen. Here is the camera's view in one setting, and the points that were searched for and found.
 
 
 # %%

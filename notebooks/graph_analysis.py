@@ -14,8 +14,8 @@
 # %% [markdown]
 # # The aspect graph of a real part, and what it says
 #
-# Which edges of a part can be seen together, from how much of the space around it, and how does the view change on the
-# way from one place to another? Four edges of NIST's test part CTC-01.
+# Which edges of a part are visible together, and from how much of the space around it? How does the
+# view change on the way from one point to another? Four edges of NIST's test part CTC-01.
 
 # %%
 from pathlib import Path

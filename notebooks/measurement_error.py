@@ -281,9 +281,10 @@ for rotation_std in (0.002, 0.01, 0.03, 0.055):
 # %% [markdown]
 # ## Is the probability true? A digital twin
 #
-# The twin draws a displaced pose, makes the pixel image of the edge on the sensor's one fixed grid, finds its ends by
-# the paper's rule and measures. `axes` applies the rule per axis (whole columns and rows); `area` thresholds the
-# covered area of a three-pixel band and follows the chain of pixels, as a detector would.
+# The twin draws a displaced pose and makes the pixel image of the edge on the sensor's one fixed
+# grid. It finds the ends by the paper's rule and measures. `axes` applies the rule per axis (whole
+# columns and rows); `area` thresholds the covered area of a three-pixel band and follows the chain
+# of pixels, as a detector would.
 
 # %%
 segment = np.array([[-0.083, -0.031], [0.087, 0.064]])
@@ -415,16 +416,18 @@ for low, high in ((0.3, 1), (1, 2), (2, 8)):
         print(f"{low:5} to {high:<5} {lowest:8} to {highest:<5} {chosen.sum():4d} {columns}")
 
 # %% [markdown]
-# **Where the model holds.** With a tolerance of two pixels or more the frequency agrees with the prediction to a few
-# hundredths at worst, and as far as this many images can tell when the length moves by less than a pixel. Between one
-# and two pixels the differences are a few hundredths for `axes`, up to about 0.15 for `area` on oblique edges.
+# **Where the model holds.** With a tolerance of two pixels or more the frequency agrees with the
+# prediction to a few hundredths at worst. When the length moves by less than a pixel, they agree
+# within the precision of this many images. Between one and two pixels the differences are a few
+# hundredths for `axes`, up to about 0.15 for `area` on oblique edges.
 #
-# **Where it does not.** With a tolerance below a pixel and a length that moves by less than about a pixel, the two
-# ends are not quantized independently: the length can take only the few values the grid has, and whether one of them
-# lies within the tolerance depends on where on the grid the *nominal* length falls. The prediction can then be wrong
-# by more than a half. Eq. 3 is right on the average over lengths, but not for each one. A detector that follows a
-# chain of pixels (`area`) also has a larger error on oblique edges than eq. 3 says, because its errors along u and v
-# go together.
+# **Where it does not.** Suppose the tolerance is below a pixel and the length moves by less than
+# about a pixel. Then the two ends are not quantized independently: the length can take only the few
+# values of the grid. The position of the *nominal* length on the grid decides whether one of them
+# lies within the tolerance. The prediction can then be wrong by more than a half. Eq. 3 is right on
+# the average over lengths, but not for each one. A detector that follows a chain of pixels (`area`)
+# also has a larger error on oblique edges than eq. 3 says, because its errors along u and v go
+# together.
 #
 # So plan with a tolerance, (1 − A) times the image length, of at least two pixels. A lens or a distance that gives
 # less needs a subpixel detector, and then a smaller effective pixel pitch in the prediction.

@@ -16,10 +16,11 @@
 # %% [markdown]
 # # Can the edge be found in the image?
 #
-# An edge that is not hidden may still not be found: another line runs beside it, it ends smoothly in an arc, or hardly
-# any light falls on it. Plans ask for corners, for a distance of other lines and for surroundings, and lamps are
-# planned. Here images of planned settings are rendered under several lamps and measured from displaced poses, by a
-# program that shares no code with the planner.
+# An edge that is not hidden may still not be found: another line runs next to it, it ends in a
+# tangent arc, or hardly any light falls on it. Plans require corners, a distance from other lines,
+# and surroundings, and they choose lamps. Here images of planned settings are rendered under
+# several lamps and measured from displaced poses, by a program that shares no code with the
+# planner.
 
 # %%
 import csv
@@ -55,7 +56,7 @@ EXAMPLES = root / "examples"
 # %% [markdown]
 # ## A plan and its lamps
 #
-# Six edges of the boss of NIST's part CTC-01; the conditions are those that are asked where nothing is said.
+# Six edges of the boss of NIST's part CTC-01, with the default conditions.
 
 # %%
 solid = read_solid(EXAMPLES / "nist_ctc_01_ap242.stp")
@@ -76,8 +77,9 @@ assert light.complete
 # %% [markdown]
 # ## The same view under three lamps
 #
-# At the camera, at a place of a cell that was not planned, and at the planned place. Circles: where a line fit finds a
-# grey step of five levels of 255 or more along the edges that this setting measures; crosses: where it does not.
+# At the camera, at an unplanned position, and at the planned position. Circles: where a line fit
+# finds a grey step of five levels of 255 or more along the edges that this setting measures;
+# crosses: where it does not.
 
 # %%
 setting = max(plan.settings, key=lambda one: len(one.entities))
@@ -183,13 +185,14 @@ fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", nco
 plt.show()
 
 # %% [markdown]
-# ## Promised against measured
+# ## Stated against measured
 #
-# Every edge of this setting from ten displaced poses, then what `benchmarks/images/edge_images.py` stored for whole
-# plans. A pair of setting and edge is *clean* if both ends are corners, no other line is within 5 px, 40 px lie around
-# the ends, and the step is five grey levels or more. Promised is what holds of ends rounded to pixels; *fit* counts the
-# lines' crossings as they are, *rounded* those rounded to pixels; *corner* counts what OpenCV's `cornerSubPix` finds,
-# *Canny* where the trace of its edges ends. For these two nothing is promised.
+# Every edge of this setting from ten displaced poses, then what `benchmarks/images/edge_images.py`
+# stored for whole plans. A measurement is *clean* if both ends are corners with 40 px around them,
+# no other line is within 5 px, and the step is five grey levels or more. The stated probability is
+# for ends rounded to pixels. *Fit* counts the lines' crossings as they are, *rounded* those rounded
+# to pixels. *Corner* counts the points of OpenCV's `cornerSubPix`, *Canny* the ends of the traces
+# of its edges. The plan states nothing for these two.
 
 # %%
 from dataclasses import replace
@@ -247,10 +250,12 @@ for row in wrong:
 assert not wrong
 
 # %% [markdown]
-# Of no clean pair is the promise at A = .98 or .99 too high by three standard errors. A detector of corners that knows
-# nothing of the part, and the ends of traces, measure less surely than fitted lines that cross: more so on small parts.
-# Under the paper's constraints most edges of CTC-01 run on in arcs, and what is promised of them is not what is
-# measured. *Not lit* is what the plan itself says that no lamp shows; it is measured with a lamp beside the camera.
+# For no clean measurement is the stated probability at A = .98 or .99 too high by three standard
+# errors. A corner detector that does not use the part, and the ends of traces, are less accurate
+# than crossings of fitted lines, more so on small parts. Under the paper's constraints most edges
+# of CTC-01 end in tangent arcs, and the measured shares do not reach the stated ones. *Not lit* are
+# the edges that the plan lists as unlit. They are measured with a lamp next to the camera.
 #
-# The plans: the demo's under the lamps of `dome:0,0,0,900`; all edges of mfcad_4-5-5-6-9-23 and of D2MI under lamps of
-# a dome of 900 mm; and `examples/nist_ctc_01_entities.toml` with all conditions at 0 and a lamp beside the camera.
+# The plans are the demo's under the lamps of `dome:0,0,0,900`, and all edges of mfcad_4-5-5-6-9-23
+# and of D2MI under lamps of a dome of 900 mm. The last is `examples/nist_ctc_01_entities.toml` with
+# all conditions at 0 and a lamp next to the camera.

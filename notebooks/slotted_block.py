@@ -156,34 +156,37 @@ plot_domains(eag, [node_of["e1", "e2"], node_of["e1", "e4"], node_of["e3",]])
 #
 # $$B = \{\,q + t\,(q-p) : q\in O,\; p\in ab,\; t\ge 0\,\}.$$
 #
-# If the plane of $O$ cuts the entity, only the part in front of $O$ counts for $ab$; its new end lies in the plane of
-# $O$. The entity is observable from where the two faces beside it let it be seen, minus the blocked sets of all
-# pieces of the surface. No planes are listed in advance and no combinations of half-spaces are tried, as the paper
-# does: $n$ planes have $2^n$ of those, and nearly all would be merged away again. A blocked set only cuts where
-# something is still observable.
+# If the plane of $O$ cuts the entity, only the part in front of $O$ counts for $ab$; its new end
+# lies in the plane of $O$. The entity is observable from the region where its own two faces do not
+# hide it, minus the blocked sets of all pieces of the surface. No planes are listed in advance and
+# no combinations of half-spaces are tried, as the paper does: $n$ planes have $2^n$ of those, and
+# nearly all would be merged away again. A blocked set only cuts where something is still
+# observable.
 #
 # **Every boundary is a plane of type A or B.** First, $B$ is convex. A sum $q_1 + t\,(q_2-p)$ with both $q$ in $O$ is
 # itself in $B$: with $q = (q_1 + t\,q_2)/(1+t)$, which is in $O$, it is $q + t\,(q-p)$. So $B$ is the sum of $O$ and
 # of the cone over $O - ab$, the differences of their points, and sums and cones of convex sets are convex.
 #
-# Second, consider a flat piece of the boundary of $B$, with outer normal $n$. If it is bounded, it is $O$ itself, and
-# its plane is that of a face. Else it contains a direction $q-p$ from an end $p$ of $ab$ to a corner $q$ of $O$. No
-# direction of the cone leads out of $B$, so $n\cdot q' \le n\cdot p'$ for all $q'\in O$, $p'\in ab$, with equality
-# for $q$ and $p$. The plane thus separates $O$ from $ab$ and touches both. What it touches must span it: a corner of
-# $O$ and the whole of $ab$, or an edge of $O$ and an end of $ab$. Both are type B, or type A where the plane is that
-# of a face next to the entity. (Where the end is the new one in the plane of $O$, the plane through it and an edge of
-# $O$ is that of $O$, a face. The seams where a face was cut into convex pieces bound nothing: the blocked sets on
-# both sides meet there.)
+# Second, consider a flat piece of the boundary of $B$, with outer normal $n$. If it is bounded, it
+# is $O$ itself, and its plane is that of a face. Otherwise it contains a direction $q-p$ from an
+# end $p$ of $ab$ to a corner $q$ of $O$. No direction of the cone leads out of $B$, so $n\cdot q'
+# \le n\cdot p'$ for all $q'\in O$, $p'\in ab$, with equality for $q$ and $p$. So the plane
+# separates $O$ from $ab$ and touches both. What it touches must span it: a corner of $O$ and the
+# whole of $ab$, or an edge of $O$ and an end of $ab$. Both are type B, or type A where the plane is
+# that of a face next to the entity. (Where the end is the new one in the plane of $O$, the plane
+# through it and an edge of $O$ is that of $O$, a face. The seams where a face was cut into convex
+# pieces bound nothing: the blocked sets on both sides meet there.)
 #
 # Unions, intersections and complements of such sets have no boundaries but theirs, so the same holds for the regions
 # of entities and for viewing domains. The quadrics of **type C**, swept by lines that touch three skew edges, never
 # bound a domain here. They are real for another question, *how much* of an edge is seen: its visible part vanishes
 # where two other edges cross in front of it in the picture. The whole edge has ceased to be seen before that.
 #
-# **Exact.** Vertices are snapped once to an integer grid of about $2^{20}$ steps. Planes through three vertices then
-# have integer coefficients, a corner of a cell is named by three planes, and the one question ever asked, on which
-# side of a plane a corner lies, is the sign of a determinant of integers, computed without rounding. Parts are full
-# of coplanar faces and planes through one common line; there, any tolerance would sometimes be wrong.
+# **Exact.** Vertices are snapped once to an integer grid of about $2^{20}$ steps. Planes through
+# three vertices then have integer coefficients, and a corner of a cell is named by three planes.
+# There is only one question: on which side of a plane does a corner lie? The answer is the sign of
+# a determinant of integers, computed without rounding. Parts are full of coplanar faces and planes
+# through one common line; there, any tolerance would sometimes be wrong.
 #
 # **Simplified.** Cutting leaves many convex cells. Only the walls between observable and blocked ones matter, so each
 # entity's region is rebuilt from these walls alone. The regions are then overlaid, the solid is taken out, and cells

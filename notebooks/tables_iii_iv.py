@@ -16,8 +16,9 @@
 # %% [markdown]
 # # Tables III and IV and Fig. 11 of the paper
 #
-# C. C. Yang and F. W. Ciarallo, "Optimized sensor placement for active visual inspection" (*J. Robotic Systems* 18,
-# 2001), measure their genetic algorithm on two objects. This notebook puts our numbers beside theirs.
+# C. C. Yang and F. W. Ciarallo, "Optimized sensor placement for active visual inspection" (*J.
+# Robotic Systems* 18, 2001), measure their genetic algorithm on two objects. This notebook compares
+# our numbers with theirs.
 #
 # What is theirs: the variances (0.03 mm² and 0.003 rad², that is 0.17 mm and 3.1°), the pixel pitch (0.010 × 0.013 mm),
 # the accuracy of 98 %, the probabilities and population sizes. What is ours, because the paper does not print it: the
@@ -172,20 +173,21 @@ plt.show()
 # matters for it. That is no merit of the search: poses drawn from the covering domains have a mean of 0.96 already
 # (table below), and the plain algorithm mutates its population back to there and below.
 #
-# **Agrees: the generations, in trend.** Up to $P_m$ = 0.5 fewer individuals take more generations. And over $P_m$ the
-# curves rise to the middle and fall again: the paper's 189, 579, 927, 366, 135 for N = 20 are a hump around
-# $P_m$ = 0.5, and so are ours. (Where the paper's order of N turns round, at $P_m$ of 0.7 and 0.9, ours does not.)
-# The heights mean little. A plain genetic algorithm with these mutation rates never comes to rest: its mean fitness
-# scatters from generation to generation, more so where mutation is stronger and where N is smaller, and a run ends when
-# the scatter has by chance stayed below ε a few times running. Generations to the end thus measure scatter against ε,
-# which is why the choice of ε moves the whole column (and why the default search of this package stops when the best
-# pose has stopped improving). Seconds differ by the machines and by the code: less than 0.01 s per generation here,
-# more than a second there.
+# **Agrees: the generations, in trend.** Up to $P_m$ = 0.5 fewer individuals take more generations.
+# And over $P_m$ the curves rise to the middle and fall again: the paper's 189, 579, 927, 366, 135
+# for N = 20 are a hump around $P_m$ = 0.5, and so are ours. (Where the paper's order of N turns
+# round, at $P_m$ of 0.7 and 0.9, ours does not.) The heights mean little. A plain genetic algorithm
+# with these mutation rates never comes to rest: its mean fitness scatters from generation to
+# generation, more so where mutation is stronger and where N is smaller, and a run ends when the
+# scatter has by chance stayed below ε a few times running. So the generations to the end measure
+# scatter against ε, and the choice of ε moves the whole column. (Therefore the default search of
+# this package stops when the best pose has stopped improving.) Seconds differ by the machines and
+# by the code: less than 0.01 s per generation here, more than a second there.
 #
 # **Disagrees: the decline of the probability to 0.30.** With the rule as it is stated, "every bit mutates with
 # probability $P_m$", it cannot happen, for three reasons that can be checked:
 #
-# 1. $P_m$ = 0.5 makes every offspring uniformly random bits, whoever its parents are. That is random search, and its
+# 1. $P_m$ = 0.5 makes every offspring uniformly random bits, with any parents. That is random search, and its
 #    best pose is as good as that of any other row. No mutation rate is further from the parents than that.
 # 2. $P_m$ = 0.9 is no more mutation than 0.1: it flips all bits and then each one with probability 0.1. Two
 #    generations on, the flips have undone each other. Fitness is not symmetric under that flip, so the two rates are
@@ -209,8 +211,8 @@ for part, entity in ENTITIES:
     print(f"  {part:8} {entity}  {p.min():.3f}  {p.mean():.3f}  {np.median(p):.3f}  {p.max():.3f}")
 
 # %% [markdown]
-# The symmetry of the mutation rule, seen directly: the same rule with all else equal (N = 50, 60 generations, no end by
-# ε), mean fitness over the last 30 generations.
+# The symmetry of the mutation rule, seen directly: the same rule, everything else being equal (N =
+# 50, 60 generations, no end by ε), mean fitness over the last 30 generations.
 
 
 # %%

@@ -2,6 +2,7 @@
 
 import importlib
 import importlib.util
+import re
 from pathlib import Path
 
 import pytest
@@ -76,6 +77,20 @@ def test_every_public_name_has_its_entry(package):
     ] == []
     # no section of a docstring is left as it was
     assert not any(set(line) == {"-"} for line in lines)
+
+
+@pytest.mark.parametrize("package", REFERENCE.PACKAGES)
+def test_a_page_begins_with_a_table_of_its_names(package):
+    module = importlib.import_module(package)
+    names = module.__all__
+    head = REFERENCE.page(package).split("\n## ")[0]
+    row = r"^\| \[`(\w+)`\]\(#(\w+)\) \| (.*) \| `([\w.]+)` \|$"
+    rows = re.findall(row, head, flags=re.MULTILINE)
+    assert sorted(name for name, *_ in rows) == sorted(names)
+    assert all(link == name.lower() for name, link, *_ in rows)
+    # some names are those of a package below
+    assert {folder.split(".")[0] for *_, folder in rows} <= set(REFERENCE.PACKAGES)
+    assert all(summary for name, _, summary, _ in rows if callable(getattr(module, name)))
 
 
 def test_methods_stand_below_their_class():

@@ -2,11 +2,14 @@
 
 import csv
 import importlib.util
+import json
 import re
+from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+import yaml
 from mkdocs.exceptions import PluginError
 
 ROOT = Path(__file__).parents[1]
@@ -21,6 +24,7 @@ def load(path):
 
 FORMULAS = load(ROOT / "docs/formulas.py")
 NOTEBOOK_PICTURES = load(ROOT / "docs/figures/notebook_pictures.py")
+SITE_EXTRAS = load(ROOT / "docs/site_extras.py")
 ROOMS = load(ROOT / "docs/figures/rooms.py")
 
 
@@ -68,11 +72,9 @@ def test_two_formulas_without_an_empty_line_between_are_refused():
 
 
 def test_long_names_may_be_broken_and_code_blocks_stay():
-    assert FORMULAS.translated("<code>a.b_c</code>") == "<code>a.<wbr>b_<wbr>c</code>"
-    assert (
-        FORMULAS.translated("<code>--sigma-mm</code>") == '<code class="option">--sigma-mm</code>'
-    )
-    assert FORMULAS.translated("<pre><code>a.b</code></pre>") == "<pre><code>a.b</code></pre>"
+    assert FORMULAS.breakable("<code>a.b_c</code>") == "<code>a.<wbr>b_<wbr>c</code>"
+    assert FORMULAS.breakable("<code>--sigma-mm</code>") == '<code class="option">--sigma-mm</code>'
+    assert FORMULAS.breakable("<pre><code>a.b</code></pre>") == "<pre><code>a.b</code></pre>"
 
 
 def test_the_picture_of_the_rooms_is_that_of_the_code():
@@ -85,6 +87,40 @@ def test_every_arrow_in_the_picture_leads_downward(package):
     floor = {room: k for k, level in enumerate(ROOMS.floors(package)) for room in level}
     assert floor.keys() == ROOMS.PLACES[package].keys()
     assert all(floor[upper] < floor[lower] for upper, lower in ROOMS.arrows(package))
+
+
+def test_search_has_the_index_as_a_script(tmp_path):
+    """A browser lets no script fetch a file from a disk."""
+    (tmp_path / "search").mkdir()
+    entries = [{"location": "a.html", "title": "Größe", "text": "</script> \u2028 x"}]
+    index = tmp_path / "search" / "search_index.json"
+    index.write_text(json.dumps({"config": {}, "docs": entries}), encoding="utf-8")
+    SITE_EXTRAS.on_post_build(SimpleNamespace(site_dir=str(tmp_path)))
+    assert not index.exists()
+    script = index.with_suffix(".js").read_text(encoding="utf-8")
+    assert script.startswith("window.searchIndex = ")
+    assert json.loads(script.removeprefix("window.searchIndex = ").rstrip(";\n")) == entries
+
+
+def test_the_version_is_that_of_the_package():
+    config = SITE_EXTRAS.on_config(SimpleNamespace(extra={}))
+    assert config.extra["version"] == f"version {version('aspectgraph')}"
+
+
+def test_every_page_is_in_the_menu_and_on_the_first_page():
+    menu = yaml.safe_load((ROOT / "mkdocs.yml").read_text("utf-8"))["nav"]
+    pages = re.findall(r"[\w/-]+\.md", str(menu))
+    found = {str(path.relative_to(ROOT / "docs")) for path in (ROOT / "docs").rglob("*.md")}
+    assert found == {page for page in pages if not page.startswith("reference/")}
+    index = (ROOT / "docs/index.md").read_text("utf-8")
+    assert [page for page in found if f"({page})" not in index] == ["index.md"]
+    # a picture before anything longer than two lines
+    assert index.index("![") < 300
+
+
+def test_the_corner_figure_is_that_of_its_script():
+    corners = load(ROOT / "docs/figures/corners.py")
+    assert corners.draw() == (ROOT / "docs/figures/corners.svg").read_text("utf-8")
 
 
 def test_every_notebook_is_shown_with_a_small_picture_of_its_own():

@@ -1,17 +1,25 @@
-"""Every notebook is a pair of a script to read and review and an ipynb to open, in step and without outputs.
+"""Every notebook is a pair of a script to review and an ipynb to open, in step, with small outputs for a browser.
 
-`make test` executes them.
+`make test` executes them. `docs/figures/notebook_outputs.py` stores the outputs.
 """
 
 from __future__ import annotations
 
+import importlib.util
 from pathlib import Path
 
 import pytest
 
 jupytext = pytest.importorskip("jupytext")
 
-NOTEBOOKS = Path(__file__).parents[1] / "notebooks"
+ROOT = Path(__file__).parents[1]
+NOTEBOOKS = ROOT / "notebooks"
+MOST_BYTES = 2_000_000
+spec = importlib.util.spec_from_file_location(
+    "notebook_outputs", ROOT / "docs/figures/notebook_outputs.py"
+)
+OUTPUTS = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(OUTPUTS)
 NAMES = sorted({path.stem for path in NOTEBOOKS.glob("*") if path.suffix in (".py", ".ipynb")})
 
 
@@ -38,10 +46,32 @@ def test_the_pair_is_declared(pair):
     assert [notebook.metadata.jupytext["formats"] for notebook in pair] == ["ipynb,py:percent"] * 2
 
 
-def test_no_outputs_are_stored(pair):
-    code = [cell for cell in pair[0].cells if cell.cell_type == "code"]
-    assert [cell.outputs for cell in code] == [[]] * len(code)
-    assert {cell.execution_count for cell in code} == {None}
+def test_outputs_are_stored_for_the_code_as_it_is(pair):
+    """If this fails, run docs/figures/notebook_outputs.py with the name of the notebook."""
+    opened, script = pair
+    assert opened.metadata[OUTPUTS.DIGEST] == OUTPUTS.sources_digest(script)
+    code = [cell for cell in opened.cells if cell.cell_type == "code"]
+    assert [cell.execution_count for cell in code] == list(range(1, len(code) + 1))
+    outputs = [output for cell in code for output in cell.outputs]
+    assert outputs
+    assert {output.output_type for output in outputs} <= {
+        "stream",
+        "display_data",
+        "execute_result",
+    }
+    assert any(
+        "image/png" in o.get("data", {}) or "image/svg+xml" in o.get("data", {}) for o in outputs
+    )
+
+
+def test_outputs_hold_nothing_of_the_machine(pair):
+    text = str([cell.get("outputs") for cell in pair[0].cells])
+    assert str(Path.home()) + "/" not in text
+    assert not [word for word in ("/tmp/", "/work/", "Traceback", "Open3D INFO") if word in text]
+
+
+def test_notebooks_are_small_together():
+    assert sum(path.stat().st_size for path in NOTEBOOKS.glob("*.ipynb")) < MOST_BYTES
 
 
 def test_it_begins_with_a_title(pair):

@@ -64,7 +64,6 @@ PLACES = {
         "checkpoint": (1, "what is already computed"),
         "records": (2.6, "strict files"),
         "compiling": (1, "says what is compiled"),
-        "options": (3, "keywords in dataclasses"),
         "progress": (4, "how far it is"),
         "files": (5, "files written whole"),
         "exceptions": (3, "for every room"),
@@ -84,6 +83,7 @@ PLACES = {
         "files": (2.92, "files written whole"),
         "code_digest": (0, "which code it was"),
         "exceptions": (1.45, "for every room"),
+        "phases": (0, "what takes time"),
         "processes": (2.92, "workers that end in time"),
     },
 }
