@@ -1,5 +1,7 @@
 """Exact entity-based aspect graphs of polyhedral parts."""
 
+from typing import TYPE_CHECKING, Any
+
 from aspectgraph.cells.cell_set import Cell, CellSet
 from aspectgraph.dimensions.read_dimensions import read_dimensions
 from aspectgraph.dimensions.records import ModelDimension
@@ -131,3 +133,28 @@ __all__ = [
     "write_edge_picture",
     "write_graphml",
 ]
+
+
+if TYPE_CHECKING:
+    __version__: str
+else:
+
+    def __getattr__(name: str) -> Any:
+        """Look up the version, which is stated in the project's metadata only."""
+        if name != "__version__":
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            return version("aspectgraph")
+        except PackageNotFoundError:
+            # run from its source without being installed
+            return "unknown"
+
+
+def __dir__() -> list[str]:
+    """List the public names only."""
+    return sorted([*__all__, *_OWN_NAMES])
+
+
+_OWN_NAMES = ("__all__", "__doc__", "__file__", "__name__", "__path__", "__version__")

@@ -6,6 +6,8 @@ are `AxisQuantization` (1-2), `SegmentQuantization` (3), `displacement_terms` (8
 `AxisDisplacement` (12-13), `SegmentDisplacement` (14) and `SegmentError` (15).
 """
 
+from typing import TYPE_CHECKING, Any
+
 from errors.displacement import DisplacementTerms, displace, displacement_terms, point_displacement
 from errors.exceptions import (
     BehindLensError,
@@ -55,3 +57,28 @@ __all__ = [
     "simulate_success",
     "success_probability",
 ]
+
+
+if TYPE_CHECKING:
+    __version__: str
+else:
+
+    def __getattr__(name: str) -> Any:
+        """Look up the version, which is stated in the project's metadata only."""
+        if name != "__version__":
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            return version("aspectgraph")
+        except PackageNotFoundError:
+            # run from its source without being installed
+            return "unknown"
+
+
+def __dir__() -> list[str]:
+    """List the public names only."""
+    return sorted([*__all__, *_OWN_NAMES])
+
+
+_OWN_NAMES = ("__all__", "__doc__", "__file__", "__name__", "__path__", "__version__")

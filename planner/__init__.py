@@ -227,5 +227,8 @@ def _version() -> str:
 
 
 def __dir__() -> list[str]:
-    """List the public names beside what is loaded."""
-    return sorted({*globals(), *_HOMES})
+    """List the public names only."""
+    return sorted([*__all__, *_OWN_NAMES])
+
+
+_OWN_NAMES = ("__all__", "__doc__", "__file__", "__name__", "__path__", "__version__")

@@ -228,6 +228,18 @@ def path_text(path: Path) -> str:
     return os.path.relpath(path, here) if path.is_relative_to(here) else str(path)
 
 
+def plan_file(path: str | os.PathLike[str]) -> Path:
+    """Return the file of a plan: the path itself, or ``plan.json`` in it if it is a folder.
+
+    Parameters
+    ----------
+    path : path
+        The file, or the folder that `plan --out` writes.
+    """
+    path = Path(path)
+    return path / "plan.json" if path.is_dir() else path
+
+
 class _Exchange:
     """Moves the files of a staging folder into a folder, all of them or none.
 

@@ -39,6 +39,7 @@ from planner.light.plan_light import chosen_lamps
 from planner.light.ring_space import RingSpace
 from planner.plan import InspectionPlan
 from planner.progress import labelled
+from planner.request.argument_kinds import ITEMS, check_kinds
 from planner.request.effort import Effort
 from planner.request.reach import Reach
 from planner.request.request import Request
@@ -185,6 +186,12 @@ def plan_inspection(
     >>> plan.complete, len(plan.settings), plan.lower_bound
     (True, 1, 1)
     """
+    check_kinds(
+        solid=(solid, "Solid"),
+        entities=(entities, ITEMS),
+        camera=(camera, "Camera"),
+        pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
+    )
     options = InspectionOptions(
         workspace=workspace,
         stand_off_mm=stand_off_mm,

@@ -8,6 +8,7 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,10 +16,11 @@ import numpy as np
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import PlanFileError, PlannerError
-from planner.files import write_text
+from planner.files import plan_file, write_text
 from planner.records.json_file import encoded, read_json
 from planner.records.plan_check import check_plan
-from planner.records.schema import check_schema, field_name, shown
+from planner.records.plan_format import FORMAT, VERSION, WITH_DIMENSIONS, check_format
+from planner.records.schema import check_schema, field_name
 from planner.rows.plan_tables import PlanTables
 from planner.setting.reason import Reason, kind_of, kinds_record, reasons_from
 from planner.setting.sensor_setting import SensorSetting
@@ -32,10 +34,6 @@ if TYPE_CHECKING:
     from planner.wanted.models import Means
     from planner.wanted.planned import PlannedDimension
 
-FORMAT = "aspectgraph inspection plan"
-VERSION = 1
-# of plans that hold dimensions
-WITH_DIMENSIONS = 2
 _UNITS = {
     "length": "mm",
     "angle": "rad",
@@ -324,20 +322,49 @@ class InspectionPlan(PlanTables):
         """
         return _from_json(cls, encoded(data))
 
-    def write(self, path: str | os.PathLike[str]) -> None:
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> InspectionPlan:
+        """Read a plan; another name of `read_plan`.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            The JSON file, or the folder with its ``plan.json``.
+
+        Returns
+        -------
+        InspectionPlan
+            Equal to the plan written.
+
+        Examples
+        --------
+        >>> from planner import InspectionPlan
+        >>> InspectionPlan.read("examples/two_pocket_block_plan.json").complete
+        True
+        """
+        return read_plan(path)
+
+    def write(self, path: str | os.PathLike[str]) -> Path:
         """Write the plan as JSON; the file appears whole or not at all.
 
         Parameters
         ----------
         path : str or os.PathLike
-            The file; an existing one is replaced.
+            The file; an existing one is replaced. Or a folder, for ``plan.json`` in it.
+
+        Returns
+        -------
+        pathlib.Path
+            The file.
 
         Raises
         ------
         OutputError
             If it cannot be written.
         """
+        path = plan_file(path)
         write_text(path, json.dumps(encoded(self.to_dict()), indent=1, allow_nan=False) + "\n")
+        return path
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, InspectionPlan):
@@ -363,7 +390,7 @@ def read_plan(path: str | os.PathLike[str]) -> InspectionPlan:
     Parameters
     ----------
     path : str or os.PathLike
-        The JSON file.
+        The JSON file, or the folder with its ``plan.json``.
 
     Returns
     -------
@@ -375,7 +402,15 @@ def read_plan(path: str | os.PathLike[str]) -> InspectionPlan:
     PlanFileError
         If the file cannot be read, is not JSON, is not a plan of a version this program knows, or has a field that is
         wrong; the message names the file, and line and column of malformed JSON or the path of the field.
+
+    Examples
+    --------
+    >>> from planner import read_plan
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> plan.part, len(plan.settings), plan.lower_bound, sorted(plan.inspected)
+    ('two_pocket_block', 1, 1, ['e1', 'e4'])
     """
+    path = plan_file(path)
     data = read_json(path, "plan file")
     try:
         return _from_json(InspectionPlan, data)
@@ -387,7 +422,7 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
     """Check the values of a plan file and build the plan."""
     from planner.verify.setting_record import check_settings, own_fields
 
-    _check_format(data)
+    check_format(data)
     check_schema(data, "plan")
     check_plan(data)
     with _inside("camera"):
@@ -430,24 +465,6 @@ def _inside(field: str) -> Iterator[None]:
         yield
     except PlannerError as error:
         raise PlanFileError(f"{field}.{error}") from None
-
-
-def _check_format(data: Any) -> None:
-    if not isinstance(data, Mapping) or data.get("format") != FORMAT:
-        found = data.get("format") if isinstance(data, Mapping) else type(data).__name__
-        raise PlanFileError(f"format must be {FORMAT!r}. Got {repr(found)[:60]}.")
-    if data.get("version") not in (VERSION, WITH_DIMENSIONS) or isinstance(
-        data.get("version"), bool
-    ):
-        raise PlanFileError(
-            f"version must be {VERSION} or {WITH_DIMENSIONS}. Got {shown(data.get('version'))}."
-        )
-    if "on_grid" in data:
-        # of earlier programs; what they counted is false of an edge that is a tenth of a pixel longer
-        raise PlanFileError(
-            "on_grid must not be in a plan: its probabilities hold for a part of exactly nominal size only. "
-            f"Plan again. Got {shown(data['on_grid'])}."
-        )
 
 
 def _simulation_from(data: Any) -> SimulationResult | None:

@@ -15,6 +15,7 @@ from planner.camera.pose import world_to_cam
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.inspection_options import InspectionOptions
+from planner.request.argument_kinds import MAPPING, check_kinds
 from planner.request.defaults import check_fraction, default_workspace
 from planner.request.request import Request
 from planner.request.target_space import TargetSpace
@@ -145,6 +146,12 @@ def predict(
     from aspectgraph import compute_regions
     from planner.wanted.resolve import resolve_wanted
 
+    check_kinds(
+        solid=(solid, "Solid"),
+        wanted=(wanted, MAPPING),
+        camera=(camera, "Camera"),
+        pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
+    )
     check_fraction("accuracy", accuracy)
     if not wanted:
         raise RequestError.of_rule("wanted", "must hold at least one item", "none")

@@ -38,13 +38,8 @@ RESULTS = {
     "InspectionPlan", "LightPlan", "LitImage", "OpticsProposal", "PartResult", "PlannedDimension",
     "PosePrediction", "ReasonKind", "SensorSetting", "SimulationResult", "SuccessRate",
 }  # fmt: skip
-# not shown yet: they need a plan, a folder or a browser
-WITHOUT_EXAMPLE = {
-    "LampsTogether", "MeshRegion", "PartRequest", "Requirements", "RingSpace", "coverage_image",
-    "optics_table", "plan_figure", "plan_folder", "plan_light", "plot_graph",
-    "plot_section", "read_plan", "report_html", "simulate_measurement", "simulate_plan",
-    "simulate_setting", "write_poses",
-}  # fmt: skip
+# goes away with the option that needs it
+WITHOUT_EXAMPLE = {"LampsTogether"}
 
 
 def dotted(thing):
@@ -99,7 +94,13 @@ def has_example(thing):
 
 EXAMPLES = [
     *(thing for thing in exported().values() if has_example(thing)),
-    planner.Camera.named,
+    *(
+        member
+        for thing in exported().values()
+        if inspect.isclass(thing)
+        for member in public_members(thing).values()
+        if has_example(member)
+    ),
 ]
 
 

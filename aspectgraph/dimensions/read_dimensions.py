@@ -18,7 +18,7 @@ from aspectgraph.exceptions import ReadError
 from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.part_file import STEP_SUFFIXES, plain_step_file
 from aspectgraph.read.step.client import StepKernel
-from aspectgraph.solid.solid import Solid
+from aspectgraph.solid.solid import Solid, check_solid
 
 AGREEMENT_MM = 0.013
 """A stated length and the geometry agree within half of a thousandth of an inch, to which drawings round."""
@@ -83,6 +83,7 @@ def read_dimensions(
     >>> len(dimensions), sum(one.entities is not None for one in dimensions)
     (12, 12)
     """
+    check_solid(solid)
     for label, value in (("agreement_mm", agreement_mm), ("agreement_deg", agreement_deg)):
         if not 0 < value < float("inf"):
             raise ReadError(f"{label} must be positive and finite. Got {value}.")

@@ -14,7 +14,7 @@ from aspectgraph.entities.spreadsheet_text import text_of_cell
 from aspectgraph.entities.straight_edges import Entity, resolve_entities
 from aspectgraph.exceptions import EntityError
 from aspectgraph.files import check_plain, read_text
-from aspectgraph.solid.solid import Solid
+from aspectgraph.solid.solid import Solid, check_solid
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -66,6 +66,7 @@ def read_entities(
     >>> list(read_entities("0-2, 5", box))
     ['e0', 'e1', 'e2', 'e5']
     """
+    check_solid(solid)
     text = str(text_or_path).strip()
     if text.lower() == "all":
         return resolve_entities(solid, [edge.id for edge in solid.straight_edges()], tolerance_mm)

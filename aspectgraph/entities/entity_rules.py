@@ -10,6 +10,8 @@ Conditions are joined by *and*. Each is one of
 ``face = top`` (``bottom``, ``left``, …)    all of it on that side of the part's box: top is +z, right +x, back +y
 ``near 10,20,30 < 5``                       distance from a point, mm
 ==========================================  =======================================================================
+
+A unit may follow a number, ``mm`` or ``deg``. An error names the condition that was probably meant.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from numpy.typing import NDArray
 
 from aspectgraph.exceptions import EntityError
 from aspectgraph.solid.rims import Rim
-from aspectgraph.solid.solid import Solid
+from aspectgraph.solid.solid import Solid, check_solid
 
 PARALLEL_DEG = 0.5
 """Largest angle between an edge and a direction to which it counts as parallel, degrees."""
@@ -93,6 +95,7 @@ def select_entities(solid: Solid, rule: str) -> list[int | str]:
     >>> select_entities(block, "length >= 60 and face = bottom")
     [0, 5, 20, 22]
     """
+    check_solid(solid)
     tests = [_test(text, solid) for text in _conditions(rule)]
     if not re.search(r"\bkind\b", rule, flags=re.IGNORECASE):
         tests.append(lambda one: one.kind == "edge")
@@ -160,13 +163,14 @@ def _test(text: str, solid: Solid | None) -> _Test:
     if lower in ("convex", "reentrant", "re-entrant"):
         sign = 1 if lower == "convex" else -1
         return lambda one: sign * one.turn_deg > 0
-    if found := re.fullmatch(rf"(length|radius|turn)\s*(<=|>=|<|>)\s*({_NUMBER})", lower):
-        what = found[1]
+    if found := re.fullmatch(rf"(length|radius)\s*(<=|>=|<|>)\s*({_NUMBER})\s*(?:mm)?", lower):
         compare = _COMPARE[found[2]]
         limit = float(found[3])
-        if what == "turn":
-            return lambda one: compare(abs(one.turn_deg), limit)
         return lambda one: compare(one.size_mm, limit)
+    if found := re.fullmatch(rf"(turn)\s*(<=|>=|<|>)\s*({_NUMBER})\s*(?:deg|°)?", lower):
+        compare = _COMPARE[found[2]]
+        limit = float(found[3])
+        return lambda one: compare(abs(one.turn_deg), limit)
     if found := _KIND.fullmatch(lower):
         kind = found[1]
         return lambda one: kind in (one.kind, "any")
@@ -174,7 +178,7 @@ def _test(text: str, solid: Solid | None) -> _Test:
         return _parallel(np.array(_AXES.get(found[1]) or _numbers(found[1])), text)
     if found := re.fullmatch(rf"face\s*=\s*({'|'.join(_SIDES)})", lower):
         return _on_side(solid, *_SIDES[found[1]]) if solid is not None else lambda one: True
-    if found := re.fullmatch(rf"near\s+({_POINT})\s*<\s*({_NUMBER})", lower):
+    if found := re.fullmatch(rf"near\s+({_POINT})\s*<\s*({_NUMBER})\s*(?:mm)?", lower):
         point = np.array(_numbers(found[1]))
         radius = float(found[2])
         return lambda one: _distance(one, point) < radius
@@ -183,7 +187,29 @@ def _test(text: str, solid: Solid | None) -> _Test:
         "must be conditions joined by 'and': length > 20, turn < 100, convex, "
         "reentrant, kind = rim, direction = z, face = top, near 10,20,30 < 5",
         repr(text),
+        hint=_meant(text),
     )
+
+
+_WORDS = (
+    *("length", "radius", "turn", "convex", "reentrant", "kind", "direction", "face", "near"),
+    *("edge", "rim", "arc", "any"),
+    *_SIDES,
+)
+
+
+def _meant(text: str) -> str:
+    """Return a hint with the words that were probably meant; empty if none are known."""
+    import difflib
+
+    guess = text
+    for word in dict.fromkeys(re.findall(r"[A-Za-z-]{3,}", text)):
+        close = difflib.get_close_matches(word.lower(), _WORDS, n=1, cutoff=0.7)
+        if close and close[0] != word.lower():
+            guess = re.sub(rf"(?<![A-Za-z-]){word}(?![A-Za-z-])", close[0], guess)
+    if guess == text:
+        return ""
+    return f"{guess!r} may be meant"
 
 
 def _numbers(text: str) -> list[float]:

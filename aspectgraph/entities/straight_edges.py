@@ -14,7 +14,7 @@ from aspectgraph.solid.checks import FARTHEST_MM
 from aspectgraph.solid.circles import Circle
 from aspectgraph.solid.places import describe_point
 from aspectgraph.solid.rims import Arc, Rim
-from aspectgraph.solid.solid import Solid
+from aspectgraph.solid.solid import Solid, check_solid
 from aspectgraph.solid.topology import Edge
 
 RELATIVE_TOLERANCE = 1e-4
@@ -111,6 +111,7 @@ def resolve_entities(
     >>> entity.kind, entity.points.tolist()
     ('edge', [[0.0, 0.0, 20.0], [40.0, 0.0, 20.0]])
     """
+    check_solid(solid)
     if not isinstance(mapping, Mapping):
         mapping = {_id_name(item): item for item in _distinct(mapping)}
     if not mapping:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
+from importlib import import_module
+from os import PathLike
 from typing import Any
 
 import networkx as nx
@@ -227,6 +229,17 @@ class EntityAspectGraph:
             )
         cells = np.concatenate([self._domains.domains[node].cells for node in nodes])
         return CellSet(self._cx, cells, self.regions.grid).sample(n, rng)
+
+    def write(self, path: str | PathLike[str]) -> None:
+        """Write the graph as GraphML; another name of `write_graphml`. `read_graphml` reads it.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            The file; an existing one is replaced.
+        """
+        # the writer knows graphs, so its module is known by its name here
+        import_module("aspectgraph.graph.graphml").write_graphml(self, path)
 
 
 def build_aspect_graph(

@@ -98,6 +98,18 @@ def plot_graph(
         The graph has no nodes, or is not one of those above.
     MissingExtraError
         matplotlib is not installed.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import build_aspect_graph, plot_graph
+    >>> from matplotlib.figure import Figure
+    >>> drawing = plot_graph(build_aspect_graph(box, {"top": 1, "side": 2}), Figure().subplots())
+    >>> drawing
+    <GraphDrawing: 4 nodes, 5 edges>
     """
     graph = _checked(eag)
     if ax is None:

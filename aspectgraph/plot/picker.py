@@ -1,7 +1,7 @@
 """The picker: a page on which the edges, rims and arcs of a part are pointed at, filtered and collected.
 
-One file that asks the network for nothing. Its TOML is what `read_entities` reads. What is seen where is decided by the
-browser's depth buffer, for looking only.
+One file that asks the network for nothing. Its TOML is what ``--entities`` or ``--dimensions`` reads. The
+depth buffer of the browser decides which edges are visible; this serves looking only.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from aspectgraph.plot.named_items import (
     normal_text,
 )
 from aspectgraph.plot.style import is_feature
+from aspectgraph.solid.rims import Arc
 from aspectgraph.solid.solid import Solid
 
 _SCRIPTS = ("scene.js", "labels.js", "choice.js", "pointer.js", "picker.js")
@@ -35,7 +36,9 @@ _AIR = 1.05
 def picker_html(
     solid: Solid, edge_ids: Iterable[int] | None = None, curve_ids: Iterable[str] | None = None
 ) -> str:
-    """Return a page on which edges, rims and arcs can be collected, with a file of them for ``--entities``.
+    """Return a page on which edges, rims and arcs are collected into a file for a plan.
+
+    The file is one for ``--entities``, or one for ``--dimensions`` with tolerances.
 
     Parameters
     ----------
@@ -64,6 +67,7 @@ def picker_html(
         part=escape(name),
         counts=escape(counts_text(items)),
         file=escape(f"{_stem(name)}_entities.toml"),
+        dimensions=escape(f"{_stem(name)}_dimensions.toml"),
         style=_asset("picker.css"),
         # a script element ends at the first </
         data=json.dumps(_data(solid, items, name), allow_nan=False).replace("<", "\\u003c"),
@@ -86,6 +90,7 @@ def _data(solid: Solid, items: list[NamedItem], name: str) -> dict[str, Any]:
     low, high = np.asarray(solid.bounds, dtype=np.float64)
     centre = (low + high) / 2
     named = {edge_id for item in items for edge_id in item.edge_ids}
+    curves = {curve.id: curve for curve in (*solid.rims(), *solid.arcs())}
     rest = [edge.id for edge in solid.edges if edge.id not in named and is_feature(solid, edge)]
     return {
         "part": name,
@@ -97,17 +102,26 @@ def _data(solid: Solid, items: list[NamedItem], name: str) -> dict[str, Any]:
         "normals": _packed(solid.normals, "<f4"),
         "outlines": [_rounded(solid.edge_points(edge_id) - centre) for edge_id in rest],
         "faces": [_face_rows(solid, face) for face in range(len(solid.faces))],
-        "items": [_record(solid, item, centre) for item in items],
+        "items": [_record(solid, item, centre, curves.get(item.id)) for item in items],
     }
 
 
-def _record(solid: Solid, item: NamedItem, centre: NDArray[np.float64]) -> dict[str, Any]:
+def _record(
+    solid: Solid, item: NamedItem, centre: NDArray[np.float64], curve: Arc | None
+) -> dict[str, Any]:
     symbol = {"edge": "", "rim": "R ", "arc": "R "}[item.kind]
     return {
         "id": item.id,
         "kind": item.kind,
         "size": item.size_mm,
         "told": f"{symbol}{item.size_mm:.5g} mm",
+        # a mesh states no circle: how far its chords are off the one fitted to them
+        "chords": {
+            "n": len(item.edge_ids),
+            "off": 0.0 if curve is None or not curve.fitted else float(curve.chord_mm),
+        },
+        "smooth": curve is None
+        and any(end.kind == "tangent" for end in solid.edge_ends(item.edge_ids[0])),
         "turn": float(solid.edges[item.edge_ids[0]].turn_deg),
         "faces": item_faces(solid, item),
         "rows": item.rows,

@@ -94,6 +94,18 @@ def plot_section(
         The section misses the workspace.
     MissingExtraError
         matplotlib is not installed.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import build_aspect_graph, plot_section
+    >>> from matplotlib.figure import Figure
+    >>> drawing = plot_section(build_aspect_graph(box, {"top": 1, "side": 2}), Figure().subplots())
+    >>> drawing
+    <SectionDrawing: 3 domains in the window>
     """
     if axis not in ("x", "y", "z"):
         raise ValueError(f"axis must be 'x', 'y' or 'z'. Got {axis!r}.")

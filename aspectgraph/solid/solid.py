@@ -13,8 +13,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
+from importlib import import_module
 from itertools import starmap
-from typing import Any
+from os import PathLike
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,6 +48,11 @@ from aspectgraph.solid.topology import (
     signed_dihedrals_deg,
 )
 from aspectgraph.solid.triangulate import signed_volume, triangulate_faces
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+# characters of a wrong argument that an error repeats
+_LONGEST = 40
 
 
 class Solid:
@@ -314,7 +321,8 @@ class Solid:
     def edge_ends(self, edge: Edge | int) -> tuple[EdgeEnd, ...]:
         """Return how a straight edge ends: at a corner, or smoothly in an arc.
 
-        The length of an edge is measured to its corners; where it runs on smoothly there is no point to measure to.
+        The length of an edge is measured to its corners. Where an edge ends in a tangent arc, its
+        length is undefined.
 
         Parameters
         ----------
@@ -341,6 +349,51 @@ class Solid:
                 f"an edge must be one of the solid's, 0..{len(self.edges) - 1}. Got {edge_id!r}."
             )
         return find_edge_ends(self, self.edges[edge_id], *self._ends)
+
+    @classmethod
+    def read(cls, path: str | PathLike[str], **reading: Any) -> Solid:
+        """Read a part from a file; another name of `read_solid`.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            The file: .step, .stp, .stl, .obj, .ply, .off or .glb.
+        **reading
+            Keywords of `read_solid`, such as ``units``.
+
+        Returns
+        -------
+        Solid
+            The part.
+        """
+        # the readers make solids, so their package is known by its name here
+        solid: Solid = import_module("aspectgraph").read_solid(path, **reading)
+        return solid
+
+    def plot(self, entities: Mapping[str, Any] | None = None) -> Figure:
+        """Draw the part in 3-D with some of its entities; as `plot_solid`.
+
+        Parameters
+        ----------
+        entities : mapping of str to entity, optional
+            Name to an id, two end points or an `Entity`, as `resolve_entities` takes them.
+
+        Returns
+        -------
+        plotly.graph_objects.Figure
+            A notebook shows it; ``write_html`` saves it.
+
+        Examples
+        --------
+        >>> from aspectgraph import Solid
+        >>> block = Solid.read("examples/two_pocket_block.off")
+        >>> type(block.plot({"rim": [[60, 20, 10], [60, 40, 10]]})).__name__
+        'Figure'
+        """
+        package = import_module("aspectgraph")
+        named = None if entities is None else package.resolve_entities(self, entities)
+        figure: Figure = package.plot_solid(self, named)
+        return figure
 
     @cached_property
     def _ends(self) -> tuple[dict[int, list[Edge]], dict[int, str]]:
@@ -372,3 +425,26 @@ def _known_keys(
             f"{label} must name edges. Got vertices {min(map(tuple, strangers.tolist()))}."
         )
     return keys
+
+
+def check_solid(solid: object) -> None:
+    """Refuse what is no solid.
+
+    Parameters
+    ----------
+    solid : object
+        What was given.
+
+    Raises
+    ------
+    SolidError
+        If it is none.
+    """
+    if isinstance(solid, Solid):
+        return
+    name = type(solid).__name__
+    got = f"{'an' if name[0] in 'AEIOU' else 'a'} {name}"
+    if solid is None or isinstance(solid, str):
+        got = repr(solid)[:_LONGEST]
+    hint = "read_solid reads one from a file"
+    raise SolidError.of_rule("solid", "must be a Solid", got, hint=hint)

@@ -20,7 +20,7 @@ from aspectgraph.cells.split import leaves
 from aspectgraph.entities.straight_edges import Entity, resolve_entities
 from aspectgraph.exact.grid import Grid
 from aspectgraph.exceptions import EntityError, WorkspaceError
-from aspectgraph.solid.solid import Solid
+from aspectgraph.solid.solid import Solid, check_solid
 from aspectgraph.visibility.blocked_sets import blockers
 from aspectgraph.visibility.deadline import DeadlineError
 from aspectgraph.visibility.entity_region import Region, observable_region
@@ -329,6 +329,7 @@ def laid_out(
     solid: Solid, entities: Mapping[str, Any] | Sequence[Any], workspace: ArrayLike | None
 ) -> tuple[Solid, np.ndarray, dict[str, Entity], Grid, Scene]:
     """Return what regions are computed from: solid, workspace, resolved entities, grid and scene, all checked."""
+    check_solid(solid)
     if isinstance(entities, Mapping) and all(
         isinstance(value, Entity) for value in entities.values()
     ):

@@ -107,6 +107,14 @@ def coverage_image(
     ------
     InvalidParameterError
         If a value is not finite, or a pitch is not positive.
+
+    Examples
+    --------
+    >>> from errors import coverage_image
+    >>> band = [[0.0, 0.005], [0.1, 0.005]]
+    >>> image, origin = coverage_image(band, pixel_pitch_mm=(0.005, 0.005), band_px=2.0, margin_px=1)
+    >>> image.shape, origin, [round(float(x), 3) for x in image[:, 10]]
+    ((3, 23), (-1, 0), [1.0, 1.0, 0.0])
     """
     segment = check_finite(segment, "segment")
     pitch = check_pixel_pitch(pixel_pitch_mm)

@@ -81,6 +81,23 @@ def simulate_measurement(
         If there is more than one edge or one covariance.
     InvalidParameterError
         As `success_probability` and `measure_lengths`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from errors import simulate_measurement
+    >>> covariance = np.diag([0.05] * 3 + [0.001] * 3) ** 2
+    >>> edge = [[-20.0, 0.0, -500.0], [20.0, 0.0, -500.0]]
+    >>> estimate = simulate_measurement(
+    ...     edge,
+    ...     focal_length_mm=25.0,
+    ...     pixel_pitch_mm=(0.005, 0.005),
+    ...     pose_covariance=covariance,
+    ...     accuracy=0.98,
+    ...     samples=1000,
+    ... )
+    >>> estimate
+    <MonteCarloEstimate: 1000 of 1000, in 0.9963 or more, confidence 0.95, 1000 samples>
     """
     f = check_positive(focal_length_mm, "focal_length_mm")
     endpoints = check_endpoints(endpoints, f)

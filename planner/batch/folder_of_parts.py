@@ -64,6 +64,24 @@ def plan_folder(
         If the folder holds no part file, or a number breaks its rule.
     OutputError
         If nothing can be written, or another process writes there.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from planner import Camera, Effort, PartRequest, PoseUncertainty, plan_folder
+    >>> uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+    >>> camera = Camera.named("basler-acA2440-20gm-8mm")
+    >>> effort = Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000)
+    >>> rule = "near 60,30,10 < 1"
+    >>> request = PartRequest(camera, uncertainty, 0.95, select=rule, simulate=100, effort=effort)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     part = Path(folder) / "parts" / "block.off"
+    ...     part.parent.mkdir()
+    ...     _ = part.write_bytes(Path("examples/two_pocket_block.off").read_bytes())
+    ...     (result,) = plan_folder(part.parent, Path(folder) / "plans", request)
+    >>> result.part, result.status
+    ('block.off', 'planned')
     """
     check_count("jobs", jobs, 1)
     source = absolute(folder)

@@ -67,6 +67,15 @@ class PartRequest:
         If one breaks its rule.
     EntityError, ReadError
         If the rule for the entities means nothing, or the unit is not known.
+
+    Examples
+    --------
+    >>> from planner import Camera, PartRequest, PoseUncertainty
+    >>> uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+    >>> camera = Camera.named("basler-acA2440-20gm-8mm")
+    >>> request = PartRequest(camera, uncertainty, select="length > 20", limits={"stand_off_mm": 80.0})
+    >>> request.options.stand_off_mm
+    80.0
     """
 
     camera: Camera

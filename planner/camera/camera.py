@@ -118,7 +118,7 @@ class Camera:
         if not 1.0 / self.focal_length_mm > 1.0 / self.focus_distance_mm:
             raise CameraError(
                 f"focus_distance_mm must exceed focal_length_mm ({self.focal_length_mm:g}), "
-                f"else no real image forms. Got {self.focus_distance_mm:g}."
+                f"otherwise no real image forms. Got {self.focus_distance_mm:g}."
             )
         self._check_calibration()
 
@@ -169,6 +169,16 @@ class Camera:
         spread = blur / (self.aperture_mm * self.image_distance_mm)
         farthest = 1.0 / (sharp - spread) if sharp > spread else math.inf
         return 1.0 / (sharp + spread), farthest
+
+    @property
+    def depth_of_field_text(self) -> str:
+        """The depth of field in mm, with digits enough to tell its two ends apart: ``249.8 to 250.2``."""
+        nearest, farthest = self.depth_of_field_mm
+        if not math.isfinite(farthest):
+            return f"{nearest:.4g} to infinity"
+        digits = 1 - math.floor(math.log10(farthest - nearest)) if farthest > nearest else 6
+        digits = min(max(digits, 0), 6)
+        return f"{nearest:.{digits}f} to {farthest:.{digits}f}"
 
     @property
     def matrix(self) -> np.ndarray:
@@ -383,6 +393,57 @@ class Camera:
         except CameraError as error:
             field = str(error).split(" ", 1)[0]
             raise CameraError(f"{path}:{line_of(field, text)}: {error}") from None
+
+    @classmethod
+    def read(cls, path: str | PathLike[str]) -> Camera:
+        """Read a camera that `write` wrote; another name of `from_toml`.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            The TOML file.
+
+        Returns
+        -------
+        Camera
+            Equal to the camera written.
+        """
+        return cls.from_toml(path)
+
+    def write(self, path: str | PathLike[str]) -> Path:
+        """Write the camera as a TOML file, which `from_toml` and ``--camera`` read.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            The file; an existing one is replaced.
+
+        Returns
+        -------
+        pathlib.Path
+            The file.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> from planner import Camera
+        >>> camera = Camera.named("basler-acA2440-20gm-8mm")
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = camera.write(Path(folder) / "camera.toml")
+        ...     Camera.read(path) == camera
+        True
+        """
+        from planner.camera.toml_text import toml_text
+        from planner.files import write_text
+
+        write_text(path, toml_text(self.to_dict()))
+        return Path(path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain Python values, ready for JSON or TOML.

@@ -1,53 +1,102 @@
-"""Options that several commands have."""
+"""Options that several commands have, in the groups in which ``--help`` lists them: the most used first."""
 
 from __future__ import annotations
 
 import argparse
-import re
 from typing import Any
 
+from planner.cli.parsing.quantities import (
+    DEG,
+    MM,
+    PX,
+    RAD,
+    SECONDS,
+    SHARE,
+    all_or_indices,
+    indices,
+    whole,
+)
 from planner.light.background import DEFAULT_STEP
 
-_BYTES = {"mb": 1e6, "gb": 1e9, "tb": 1e12, "mib": 2.0**20, "gib": 2.0**30, "tib": 2.0**40}
-# no file has more solids; Python reads no number of more than some thousand digits
-_WHOLE = re.compile(r"\d{1,18}", re.ASCII)
-_MEMORY = re.compile(r"(\d+(?:\.\d*)?(?:e[+-]?\d+)?) ?([MGT]i?B)?", re.ASCII | re.IGNORECASE)
+# a parser, or one of its groups
+Options = Any
 
 
-def add_asked(parser: argparse.ArgumentParser) -> None:
-    """Add what is asked of every plan."""
-    parser.add_argument(
-        "--camera", metavar="NAME|FILE", required=True, help="name of the catalogue, or a TOML file"
-    )
-    parser.add_argument("--out", metavar="DIR", required=True, help="folder to write to")
-    add_promise(parser)
-    add_limits(parser)
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="same seed, same plan")
-    parser.add_argument(
-        "--time-limit",
-        type=float,
-        metavar="S",
-        help="end after so many seconds with the best plan so far",
-    )
-    parser.add_argument(
-        "--gap",
-        type=float,
-        default=0.0,
-        metavar="G",
-        help="0.2: end the search when 20%% of the settings are unproven",
-    )
-    parser.add_argument(
+def add_asked(parser: Options, out: str | None = None) -> None:
+    """Add camera, requirement, search and output folder of a plan.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Of the command.
+    out : str, optional
+        The folder where none is given. Default: one must be given.
+    """
+    needs = parser.add_argument_group("camera and requirement")
+    add_camera(needs)
+    add_promise(needs)
+    add_output(parser, out)
+    search = parser.add_argument_group("search")
+    search.add_argument(
         "--effort",
         choices=("quick", "standard", "thorough"),
         help="how long to search and to prove (default: standard)",
     )
+    search.add_argument(
+        "--time-limit",
+        type=SECONDS,
+        metavar="S",
+        help="end after this many seconds with the best plan so far, like 90, 5min or 1h "
+        "(default: no limit)",
+    )
+    search.add_argument(
+        "--gap",
+        type=SHARE,
+        default=0.0,
+        metavar="G",
+        help="20%%: end the search when at most 20%% of the settings are unproven",
+    )
+    search.add_argument("--seed", type=whole, default=0, metavar="N", help="same seed, same plan")
+    search.add_argument(
+        "--simulate",
+        type=whole,
+        default=10_000,
+        metavar="N",
+        help="check the plan with this many displaced poses per setting",
+    )
+    add_limits(parser)
+
+
+def add_camera(parser: Options) -> None:
+    """Add the camera."""
     parser.add_argument(
-        "--simulate", type=int, default=10_000, metavar="N", help="displaced poses per setting"
+        "--camera",
+        metavar="NAME|FILE",
+        required=True,
+        help="a name that 'aspectgraph cameras' lists, or a TOML file",
     )
 
 
+def add_output(parser: Options, out: str | None) -> None:
+    """Add the output folder."""
+    group = parser.add_argument_group("output")
+    group.add_argument(
+        "--out",
+        "-o",
+        metavar="DIR",
+        required=out is None,
+        default=out,
+        help="folder to write to; a plan of another request in it is kept",
+    )
+
+
+def add_jobs(parser: Options, what: str, default: int) -> None:
+    """Add the number of processes."""
+    parser.add_argument("--jobs", "-j", type=whole, default=default, metavar="N", help=what)
+
+
 class _Again(argparse.Action):
-    """Takes a plan file; what its request says need not be given then."""
+    """Takes a plan file; the options that its request holds are not required then."""
 
     def __call__(
         self,
@@ -65,245 +114,251 @@ class _Again(argparse.Action):
             group.required = False
 
 
-def add_again(parser: argparse.ArgumentParser) -> None:
+def add_again(parser: Options) -> None:
     """Add the plan whose request is planned again."""
     parser.add_argument(
         "--again",
         metavar="PLAN",
         action=_Again,
-        help="plan the request of a plan.json again, without its options; PART, too, if the part was moved",
+        help="plan the request of a plan.json, or of its folder, again without its options; "
+        "give PART, too, if the part was moved",
     )
 
 
-def add_wanted(parser: argparse.ArgumentParser) -> None:
-    """Add what is to be measured, and how points are found."""
-    add_entities(parser).add_argument(
+def add_wanted(parser: Options) -> None:
+    """Add what to measure, and how well points are found in the image."""
+    group = parser.add_argument_group("what to measure", "Give one of the first four options.")
+    add_entities(group).add_argument(
         "--dimensions",
         metavar="FILE|all",
-        help="TOML or JSON file of dimensions, or all that the part (AP242) states",
+        help="TOML or JSON file of dimensions with tolerances, or all that the part (AP242) states",
     )
-    parser.add_argument(
-        "--localisation",
-        metavar="MODEL",
-        help="how well points are found: rounding, gaussian[:SIGMA] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px "
-        "(default: rounding for entities, gaussian:0.1 for dimensions)",
-    )
-    parser.add_argument(
+    group.add_argument(
         "--share",
-        type=float,
+        type=SHARE,
         default=0.25,
         metavar="S",
-        help="part of a tolerance's half width, permitted as error",
+        help="share of a tolerance's half width that is permitted as error of measurement",
+    )
+    group.add_argument(
+        "--localisation",
+        metavar="MODEL",
+        help="error of points in the image: rounding, gaussian[:SIGMA] or "
+        "fit[:SIGMA[:CORRELATION[:FLOOR]]], in px (default: rounding with --entities, --select and "
+        "--all, gaussian:0.1 with --dimensions)",
     )
 
 
-def add_promise(parser: argparse.ArgumentParser) -> None:
-    """Add what is to be promised of a measurement, and how far the camera may be from its planned pose."""
+def add_promise(parser: Options) -> None:
+    """Add what a plan promises of a measurement, and how far the camera may be from its planned pose."""
     parser.add_argument(
         "--accuracy",
-        type=float,
+        type=SHARE,
         default=0.98,
         metavar="A",
-        help="0.98 permits an error of 2%% of an edge's length, a rim's diameter or an arc's radius",
+        help="98%% permits an error of 2%% of an edge's length, a rim's diameter or an arc's radius",
     )
     parser.add_argument(
         "--probability",
-        type=float,
+        type=SHARE,
         default=0.9,
         metavar="P",
-        help="required probability of it, given a registered image in which the edge is found",
+        help="required probability of this accuracy, for a registered image in which the edge is found",
     )
     parser.add_argument(
-        "--sigma-mm", type=float, default=0.2, metavar="MM", help="camera position, std. deviation"
+        "--sigma-mm",
+        type=MM,
+        default=0.2,
+        metavar="MM",
+        help="standard deviation of the camera's position",
     )
     parser.add_argument(
         "--sigma-rad",
-        type=float,
+        type=RAD,
         default=0.002,
         metavar="RAD",
-        help="camera orientation, std. deviation",
+        help="standard deviation of the camera's orientation; 0.1deg is understood, too",
     )
 
 
-def add_limits(plan: argparse.ArgumentParser) -> None:
-    """Add what every setting must satisfy beside the accuracy."""
+def add_limits(plan: Options) -> None:
+    """Add the conditions that every setting must meet besides the accuracy."""
     limits = plan.add_argument_group(
-        "limits", "what every setting must satisfy; plan.json and the report tell them"
+        "limits", "Conditions of every setting. plan.json and the report list them."
     )
     limits.add_argument(
         "--stand-off",
-        type=float,
+        type=MM,
         default=50.0,
         metavar="MM",
-        help="smallest distance from the part",
+        help="smallest distance of the camera from the part",
     )
     limits.add_argument(
         "--min-length-px",
-        type=float,
+        type=PX,
         default=20.0,
         metavar="PX",
         help="shortest image of an edge that is measured",
     )
     limits.add_argument(
         "--field-margin-px",
-        type=float,
+        type=PX,
         metavar="PX",
-        help="strip along the sensor's sides to keep free (default: four standard deviations of the image's motion)",
+        help="strip along the sensor's sides that stays free (default: four standard deviations of "
+        "the image's motion)",
     )
     limits.add_argument(
         "--focus-margin-mm",
-        type=float,
+        type=MM,
         metavar="MM",
-        help="taken from both ends of the depth of field (default: for each end of an edge three standard deviations "
-        "of its depth, at most an eighth of that depth of field but at least 1.645 of them)",
+        help="distance from both ends of the depth of field (default: for each end of an edge three "
+        "standard deviations of its depth, at most an eighth of the depth of field but at least "
+        "1.645 of them)",
     )
     limits.add_argument(
         "--visibility-radius-mm",
-        type=float,
+        type=MM,
         metavar="MM",
-        help="all must be visible from so far around the camera, too (default: three standard deviations)",
+        help="edges stay visible up to this distance around the camera (default: three standard "
+        "deviations)",
     )
     add_showing(plan)
 
 
-def add_showing(plan: argparse.ArgumentParser) -> None:
+def add_showing(plan: Options) -> None:
     """Add what the image needs so that edges can be found in it."""
     shows = plan.add_argument_group(
-        "showing", "what edges need to be found in the image, and 0 where they need not"
+        "edges in the image", "Conditions for finding an edge in the image. 0 switches one off."
     )
     shows.add_argument(
         "--separation-px",
-        type=float,
+        type=PX,
         default=5.0,
         metavar="PX",
-        help="no other visible line comes so near to an edge",
+        help="distance from an edge to the next visible line",
     )
     shows.add_argument(
         "--surround-px",
-        type=float,
+        type=PX,
         default=40.0,
         metavar="PX",
-        help="so much of the image lies around each end",
+        help="distance from the ends of an edge to the border of the image",
     )
     shows.add_argument(
         "--min-corner-deg",
-        type=float,
+        type=DEG,
         default=25.0,
         metavar="DEG",
-        help="another line leaves each end at this angle",
+        help="angle at which another line leaves each end of an edge",
     )
 
 
-def add_light(plan: argparse.ArgumentParser) -> None:
-    """Add which lamps there are."""
-    light = plan.add_argument_group("light", "lamps that make the edges show; matt parts")
+def add_light(plan: Options) -> None:
+    """Add the lamps."""
+    light = plan.add_argument_group("light", "Lamps that make the edges of a matt part visible.")
     light.add_argument(
         "--light",
         metavar="LAMPS",
-        help="ring (on the camera); lamps to be placed in box:X0,Y0,Z0,X1,Y1,Z1 or on dome:X,Y,Z,RADIUS[,LOWEST]; "
-        "fixed ones at:X,Y,Z[;X,Y,Z...] or a TOML file with lamps = [[X, Y, Z], ...]; in mm (default: no lamps)",
+        help="ring (on the camera); places for lamps in box:X0,Y0,Z0,X1,Y1,Z1 or on "
+        "dome:X,Y,Z,RADIUS[,LOWEST]; fixed lamps at:X,Y,Z[;X,Y,Z...] or a TOML file with "
+        "lamps = [[X, Y, Z], ...]; in mm (default: no lamps)",
     )
     light.add_argument(
         "--contrast",
-        type=float,
+        type=SHARE,
         default=0.1,
         metavar="C",
         help="least contrast of an edge, (I1 - I2) / (I1 + I2)",
     )
     light.add_argument(
         "--grey-step",
-        type=float,
+        type=SHARE,
         default=DEFAULT_STEP,
         metavar="STEP",
-        help="least difference of grey values across an edge, as a share of a face that is lit frontally",
+        help="least difference of grey values across an edge, as a share of a face that is lit "
+        "frontally",
     )
     light.add_argument(
         "--ground",
         choices=("dark", "bright"),
         default="dark",
-        help="what is behind the part; bright: a back light",
+        help="background behind the part; bright: a back light",
     )
     light.add_argument(
         "--together",
         action="store_true",
-        help="all lamps are on in every image; as few as show all (default: one by one)",
+        help="switch all lamps on in every image, and use as few as possible (default: one by one)",
     )
 
 
-def lengths(text: str) -> list[float]:
-    """Return numbers separated by commas."""
-    try:
-        return [float(number) for number in text.split(",")]
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"must be numbers like 250,400. Got {text!r}.") from None
-
-
-def memory(text: str) -> float:
-    """Return an amount of memory in bytes; a number alone is in GiB."""
-    found = _MEMORY.fullmatch(text.strip())
-    if found is None or not float(found[1]) > 0:
-        raise argparse.ArgumentTypeError(
-            f"must be a positive number of GiB, or like 8GB or 500MB. Got {text!r}."
-        )
-    return float(found[1]) * _BYTES[(found[2] or "gib").lower()]
-
-
-def add_part(parser: argparse.ArgumentParser) -> None:
-    """Add the part and how its file is read."""
+def add_part(parser: Options) -> None:
+    """Add the part."""
     parser.add_argument("part", metavar="PART", help=".step .stp .stl .obj .ply .off .glb")
-    add_reading(parser)
 
 
-def add_reading(parser: argparse.ArgumentParser) -> None:
+def add_reading(parser: Options) -> None:
     """Add how the file of a part is read."""
-    parser.add_argument(
-        "--units", metavar="UNIT", help="of a mesh: mm, inch, m, ... (default: mm, m for .glb)"
+    group = parser.add_argument_group("reading the part")
+    group.add_argument(
+        "--units",
+        metavar="UNIT",
+        help="unit of a mesh: mm, inch, m, ... (default: mm, m for .glb)",
     )
-    parser.add_argument(
-        "--solids", type=numbers, metavar="N,N", help="which solids of a STEP file, counted from 0"
+    group.add_argument(
+        "--solids",
+        type=indices,
+        metavar="N,N",
+        help="solids of a STEP file to measure, counted from 0 (default: all)",
     )
-    parser.add_argument(
+    group.add_argument(
         "--occluders",
-        type=all_or_numbers,
+        type=all_or_indices,
         metavar="all|N,N",
-        help="solids that only stand in the way; all: those --solids does not name",
+        help="solids that only block the view; all: those that --solids does not name",
     )
-    parser.add_argument(
+    group.add_argument(
         "--gap-mm",
-        type=float,
+        type=MM,
         metavar="MM",
-        help="widest gap between a STEP file's edges and faces",
+        help="widest gap between the edges and faces of a STEP file",
     )
 
 
-def numbers(text: str) -> list[int]:
-    """Return whole numbers separated by commas."""
-    numbers = text.split(",")
-    if not all(_WHOLE.fullmatch(number.strip()) for number in numbers):
-        raise argparse.ArgumentTypeError(f"must be whole numbers like 0,2. Got {text!r}.")
-    return [int(number) for number in numbers]
+def add_messages(parser: Options) -> None:
+    """Add the options about what a command prints."""
+    group = parser.add_argument_group("messages")
+    group.add_argument("--help", "-h", action="help", help="show this help and exit")
+    group.add_argument(
+        "--json",
+        action="store_true",
+        help="print records for other programs instead of tables; mm and degrees where no unit is named",
+    )
+    which = group.add_mutually_exclusive_group()
+    which.add_argument("--quiet", "-q", action="store_true", help="show no progress")
+    which.add_argument(
+        "--verbose",
+        "-v",
+        action="store_true",
+        help="show progress as lines that stay, and the origin of an error",
+    )
 
 
-def all_or_numbers(text: str) -> str | list[int]:
-    """Read ``all``, or whole numbers."""
-    return text if text == "all" else numbers(text)
-
-
-def add_entities(parser: argparse.ArgumentParser) -> argparse._MutuallyExclusiveGroup:
+def add_entities(parser: Options) -> argparse._MutuallyExclusiveGroup:
     """Add the choice of entities; return the group, of which one is required."""
-    which = parser.add_mutually_exclusive_group(required=True)
+    which: argparse._MutuallyExclusiveGroup = parser.add_mutually_exclusive_group(required=True)
     which.add_argument(
         "--entities",
         metavar="FILE|IDS|all",
-        help="TOML, JSON or CSV file, ids like 3,17-21,r2, end points like '(0,0,10)-(25,0,10)', or all; "
-        "a plan measures an edge's length, a rim's diameter and an arc's radius",
+        help="TOML, JSON or CSV file; ids like 3,17-21,r2; end points like "
+        "'(0,0,10)-(25,0,10)'; or all. A plan measures an edge's length, a rim's diameter and an "
+        "arc's radius",
     )
     which.add_argument(
         "--select",
         metavar="RULE",
-        help="by conditions joined by 'and': length > 20, turn < 100, convex, reentrant, kind = rim, direction = z, "
-        "face = top (bottom, left, right, front, back: of the part's box), near 10,20,30 < 5; edges only unless a kind "
-        "is given",
+        help="conditions joined by 'and': length > 20, turn < 100, convex, reentrant, kind = rim, "
+        "direction = z, face = top (bottom, left, right, front, back: of the part's box), "
+        "near 10,20,30 < 5. Only edges are chosen unless a kind is given",
     )
     which.add_argument(
         "--all", dest="entities", action="store_const", const="all", help="all sharp straight edges"
@@ -311,12 +366,13 @@ def add_entities(parser: argparse.ArgumentParser) -> argparse._MutuallyExclusive
     return which
 
 
-def add_workspace(parser: argparse.ArgumentParser) -> None:
+def add_workspace(parser: Options) -> None:
     """Add the box the camera may be in."""
     parser.add_argument(
         "--workspace",
-        type=float,
+        type=MM,
         nargs=6,
         metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
-        help="opposite corners of the box the camera may be in, mm",
+        help="opposite corners of the box the camera may be in, mm (default: as far around the part "
+        "as the lens focuses)",
     )

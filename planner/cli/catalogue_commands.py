@@ -10,7 +10,8 @@ from typing import Any
 from planner.camera.camera import Camera
 from planner.camera.catalogue import camera_names, camera_parts
 from planner.cli.process.exit_codes import DONE
-from planner.progress.console import new_console, new_table
+from planner.progress.terminal_text import visible
+from planner.progress.text_table import Column, print_table, print_text, words
 from planner.records.json_file import print_json
 
 
@@ -43,46 +44,47 @@ def _finite(facts: Mapping[str, Any]) -> dict[str, Any]:
 
 def _print_cameras(cameras: Sequence[Camera]) -> None:
     """Print cameras: sensor, lens as it is set, and what is sharp."""
-    console = new_console()
-    table = new_table(
-        ("name", "left"),
-        ("pixels", "right"),
-        ("pitch (um)", "right"),
-        ("f (mm)", "right"),
-        ("f-number", "right"),
-        ("focus (mm)", "right"),
-        ("sharp (mm)", "right"),
-        ("field at focus (mm)", "right"),
+    columns = (
+        Column("name"),
+        Column("pixels", right=True),
+        Column("pitch (um)", right=True),
+        Column("f (mm)", right=True),
+        Column("f/", right=True),
+        Column("focus (mm)", right=True),
+        Column("sharp (mm)", right=True),
+        Column("field at focus (mm)", right=True),
     )
+    rows = []
     for one in cameras:
-        nearest, farthest = one.depth_of_field_mm
         # similar triangles: the sensor's size by how many times farther the object is than the image
         field = [
             side * one.focus_distance_mm / one.image_distance_mm for side in one.sensor_size_mm
         ]
-        table.add_row(
+        row = (
             one.name,
             f"{one.resolution[0]} x {one.resolution[1]}",
             " x ".join(dict.fromkeys(f"{1000 * pitch:g}" for pitch in one.pixel_pitch_mm)),
             f"{one.focal_length_mm:g}",
             f"{one.f_number:g}",
             f"{one.focus_distance_mm:g}",
-            f"{nearest:.1f} .. {farthest:.1f}",
+            one.depth_of_field_text,
             " x ".join(f"{side:.0f}" for side in field),
         )
-    console.print(table)
-    console.print(f"{len(cameras)} cameras; distances are from the front nodal point")
+        rows.append(row)
+    print_table(columns, rows)
+    cameras_text = "1 camera" if len(cameras) == 1 else f"{len(cameras)} cameras"
+    print_text(f"{cameras_text}; distances are from the front nodal point")
 
 
 def _print_sources(parts: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> None:
     """Print bodies and lenses: their facts, and where these were read."""
-    console = new_console()
     for kind, facts in (("body", _body_facts), ("lens", _lens_facts)):
         for name, one in parts[kind].items():
+            text = words(f"{kind} {name}: {facts(one)}", [f"{kind} {name}:"])
+            print_text(text, indent="    ")
             whose = "" if one["maker"] else " (not the maker's page on it)"
-            # addresses must not be broken
-            console.print(f"{kind} {name}: {facts(one)}", soft_wrap=True)
-            console.print(f"    {one['source']}{whose}", soft_wrap=True)
+            # an address is never broken
+            print(f"    {visible(one['source'])}{whose}")
 
 
 def _body_facts(one: Mapping[str, Any]) -> str:

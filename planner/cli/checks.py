@@ -62,7 +62,8 @@ def check_numbers(options: Any) -> None:
     for name in ("accuracy", "probability"):
         value = given.get(name)
         if value is not None and not 0 < value < 1:
-            raise RequestError.of_rule(name, "must be in (0, 1)", repr(value))
+            hint = f"write {value:g}%" if 2 <= value < 100 else ""
+            raise RequestError.of_rule(name, "must be in (0, 1)", repr(value), hint=hint)
     contrast = given.get("contrast")
     share = given.get("share")
     if contrast is not None and not 0 < contrast < 1:
@@ -97,7 +98,7 @@ def check_inputs(options: Any) -> None:
     part = given.get("part")
     if camera is not None:
         # here, because it loads numpy
-        from planner.cli.camera import read_camera
+        from planner.cli.parsing.camera import read_camera
 
         read_camera(camera)
     if part is not None and not Path(part).exists():

@@ -33,7 +33,6 @@ from planner.batch.scheduler import dask_executor
 from planner.callbacks import REGIONS_SHARE, SEARCH_SHARE, Deadline
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.best_so_far import BestSoFar
-from planner.cli.camera import read_camera
 from planner.cli.folder_owner import STATE_FILE, Leftovers, check_owner
 from planner.cli.job import (
     Job,
@@ -45,8 +44,9 @@ from planner.cli.job import (
 )
 from planner.cli.light import with_light
 from planner.cli.optics_ranking import rank_optics
+from planner.cli.parsing.camera import read_camera
 from planner.cli.process.exit_codes import DONE, INCOMPLETE
-from planner.cli.wanted import chosen_entities, read_request
+from planner.cli.wanted import chosen_entities, localisation_text, read_request
 from planner.exceptions import OutputError
 from planner.executors import leave_signals_to_the_parent, usable_cores
 from planner.files import absolute, check_file_place, output_folder, path_text
@@ -60,6 +60,7 @@ from planner.output.plan_folder import PLAN_FILES, Written, rescue, write_graph,
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import labelled, note, reading_shown, terminal_progress
 from planner.progress.terminal_text import visible
+from planner.progress.text_table import print_text, words
 from planner.records.json_file import print_json
 from planner.report.wording import cost_sentence
 from planner.request.defaults import default_workspace
@@ -174,7 +175,8 @@ def plan(options: argparse.Namespace) -> int:
         lighting = job.request.lighting
         if lighting is not None:
             lighting.check_part(job.solid)
-        check_owner(folder, job.request, force=options.force)
+        is_default = "--out" not in options.typed
+        check_owner(folder, job.request, force=options.force, is_default=is_default)
         leftovers.prepare(
             job.request, resume=options.resume, force=options.force, quiet=options.quiet
         )
@@ -203,10 +205,15 @@ def _print_planned(
     terminal_tables.print_plan(found)
     _print_unit(job.part, job.reading.get("units"))
     for name, reason in job.wanted.left_out.items():
-        print(visible(f"{name} is not planned: {reason}"))
+        print_text(words(f"{name} is not planned: {reason}", [name]))
+    if text := localisation_text(options):
+        print_text(text)
     if found.unfinished and leftovers:
         print("The same command with --resume goes on from here.")
-    print("\n".join(map(visible, [*written.notes, *files])))
+    for text in written.notes:
+        print_text(text)
+    report = next(path for path in files if path.endswith("report.html"))
+    terminal_tables.print_written(files, path_text(leftovers.folder), report)
 
 
 def _planned(
@@ -322,7 +329,8 @@ def batch(options: argparse.Namespace) -> int:
         print_json([asdict(one) for one in results])
     else:
         terminal_tables.print_batch(results)
-        print("\n".join(visible(path_text(out / name)) for name in TABLES))
+        files = [path_text(out / name) for name in TABLES]
+        terminal_tables.print_written(files, path_text(out), files[-1])
     return DONE if all(one.status == PLANNED for one in results) else INCOMPLETE
 
 
@@ -353,12 +361,14 @@ def optics(options: argparse.Namespace) -> int:
     code = rank_optics(options, solid, wanted.items, given)
     if not options.json:
         _print_unit(options.part, options.units)
+        if text := localisation_text(options):
+            print_text(text)
     return code
 
 
 def _print_unit(part: str, units: str | None) -> None:
     if told := _unit_note(part, units):
-        print(visible(f"note: {told}"))
+        print_text(f"note: {told}")
 
 
 def _unit_note(part: str, units: str | None) -> str:

@@ -19,6 +19,7 @@ from aspectgraph.visibility.kept_regions import KeptRegions
 from planner.cli.naming import option
 from planner.exceptions import InfeasibleError, OutputError, PlanFileError, RequestError
 from planner.identity.inspection_request import InspectionRequest, request_difference
+from planner.output.plan_folder import PLAN_FILES
 from planner.plan import read_plan
 from planner.resume import read_state, state_difference
 
@@ -28,11 +29,14 @@ PLAN_FILE = "plan.json"
 # numbers computed on another machine may differ in their last digits
 _SAME = 1e-9
 _RULE = "--out must be a folder without another plan; --force replaces it."
+_DEFAULT_RULE = "--out must be given where ./{name} holds other files."
 _UNFINISHED = "--out must be a folder without an unfinished plan."
 
 
-def check_owner(folder: Path, request: InspectionRequest, *, force: bool) -> None:
-    """Refuse a folder that holds the plan of another request.
+def check_owner(
+    folder: Path, request: InspectionRequest, *, force: bool, is_default: bool = False
+) -> None:
+    """Refuse a folder that holds the plan of another request, or files that a plan would replace.
 
     Parameters
     ----------
@@ -42,14 +46,20 @@ def check_owner(folder: Path, request: InspectionRequest, *, force: bool) -> Non
         What is asked now.
     force : bool
         Replace whatever is there.
+    is_default : bool
+        Nobody named the folder. Then it must not hold anything but a plan.
 
     Raises
     ------
     OutputError
         If there is a plan, and it is of another request or cannot be read; names the first difference.
+        Or if there is no plan, but a file with the name of one of its files.
     """
     path = folder / PLAN_FILE
-    if force or not path.exists():
+    if force:
+        return
+    if not path.exists():
+        _check_files(folder, is_default=is_default)
         return
     try:
         stored = read_plan(path).request
@@ -60,6 +70,24 @@ def check_owner(folder: Path, request: InspectionRequest, *, force: bool) -> Non
     change = request.difference(stored, option, _SAME)
     if change is not None:
         raise OutputError(f"{_RULE} Got {path} of another request: {change}.")
+
+
+def _check_files(folder: Path, *, is_default: bool) -> None:
+    """Refuse a folder without a plan that holds files of somebody else."""
+    for name in PLAN_FILES:
+        if (folder / name).exists():
+            raise OutputError(f"{_RULE} Got {folder / name} without its plan.json.")
+    if not is_default or not folder.is_dir():
+        return
+    own = (STATE_FILE, REGIONS_FOLDER)
+    others = sorted(
+        path.name
+        for path in folder.iterdir()
+        if path.name not in own and not path.name.startswith(".")
+    )
+    if others:
+        rule = _DEFAULT_RULE.format(name=folder.name)
+        raise OutputError(f"{rule} Got {folder / others[0]} in it; write --out {folder.name}.")
 
 
 class Leftovers:

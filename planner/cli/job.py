@@ -12,12 +12,13 @@ import numpy as np
 
 from aspectgraph import AspectGraphError, PartFileNotFoundError, SolidChoice, read_solid
 from planner.camera.pose_uncertainty import PoseUncertainty
-from planner.cli.camera import read_camera
 from planner.cli.light import read_lighting
 from planner.cli.naming import in_words_of_shell
+from planner.cli.parsing.camera import read_camera
 from planner.cli.wanted import Wanted, read_request
 from planner.detectability.conditions import Detectability
 from planner.exceptions import PlanFileError, RequestError
+from planner.files import plan_file
 from planner.identity.inspection_request import SOURCE, InspectionRequest, PartRecord
 from planner.identity.resolve_request import Promise, resolve_request
 from planner.identity.restore import restored_options, restored_request
@@ -136,7 +137,9 @@ def _job_again(options: argparse.Namespace) -> Job:
             )
     path = Path(options.again)
     if not path.exists():
-        raise RequestError.of_rule("again", "must be an existing plan file", repr(options.again))
+        rule = "must be an existing plan file, or its folder"
+        raise RequestError.of_rule("again", rule, repr(options.again))
+    path = plan_file(path)
     plan = read_plan(path)
     if not plan.request:
         raise PlanFileError(

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.process.exit_codes import DONE, INCOMPLETE
+from planner.exceptions import OutputError, RequestError
+from planner.files import check_file_place
 from planner.inspection_options import InspectionOptions
-from planner.optics.proposal import optics_table
+from planner.optics.proposal import OpticsProposal, optics_table
 from planner.optics.propose import DISTANCES_MM, propose_optics
+from planner.progress.terminal_text import visible
+from planner.progress.text_table import print_text
 from planner.records.json_file import print_json
 from planner.wanted.dimension import Dimension
 from planner.wanted.feature_counts import features_text, n_not_planned
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from aspectgraph import Solid
 
@@ -24,6 +29,8 @@ def rank_optics(
     options: argparse.Namespace, solid: Solid, items: Mapping[str, Any], limits: InspectionOptions
 ) -> int:
     """Print bodies and lenses, ranked by how well they measure what is wanted; return the exit code."""
+    if options.write is not None:
+        _check_new_file(options.write)
     found = propose_optics(
         solid,
         items,
@@ -42,5 +49,28 @@ def rank_optics(
     else:
         print(optics_table(found, options.rows))
         if features_text(counts):
-            print(f"{features_text(counts)}; optics are ranked by one feature of each dimension")
+            text = f"{features_text(counts)}; optics are ranked by one feature of each dimension"
+            print_text(text)
+    if options.write is not None:
+        _write_best(found, options.write, quiet=options.json)
     return DONE if found and len(found[0].able) == len(items) else INCOMPLETE
+
+
+def _check_new_file(path: str) -> None:
+    """Refuse the place of the camera file before the work; a file that is there is kept."""
+    if Path(path).suffix.lower() != ".toml":
+        raise RequestError.of_rule("write", "must end in .toml", repr(path))
+    check_file_place(path, "--write")
+    if Path(path).exists():
+        raise OutputError(f"--write must be a new file. Got {path!r}, which exists.")
+
+
+def _write_best(found: Sequence[OpticsProposal], path: str, *, quiet: bool) -> None:
+    """Write the camera of the first row, unless it measures nothing."""
+    if not found or not found[0].able:
+        text = f"{path} is not written: no camera measures anything with the required probability"
+    else:
+        found[0].camera.write(path)
+        text = f"wrote {found[0].camera.name} to {path}; give it to plan as --camera {path}"
+    if not quiet:
+        print(visible(text))

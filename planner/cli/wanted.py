@@ -114,6 +114,35 @@ def _dimension(stated: ModelDimension, share: float) -> Dimension:
         raise RequestError(f"dimension {stated.name!r}: {error}") from error
 
 
+def localisation_text(options: Any) -> str:
+    """Say which error of points in the image was assumed, if it was not chosen.
+
+    Edges of ``--entities`` are measured as in the paper, and dimensions with the error that edge
+    detectors have. So the same feature has another probability by the other option.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Those of `plan` or `optics`.
+
+    Returns
+    -------
+    str
+        One sentence; empty if ``--localisation`` was given, or a stored request is planned again.
+    """
+    if options.localisation is not None or getattr(options, "again", None) is not None:
+        return ""
+    if options.dimensions is None:
+        return (
+            "note: points in the image are rounded to whole pixels, the default without --dimensions; "
+            "with --dimensions it is --localisation gaussian:0.1"
+        )
+    return (
+        "note: points in the image have errors of 0.1 px, --localisation gaussian:0.1, the default with "
+        "--dimensions; without it they are rounded to whole pixels"
+    )
+
+
 def read_localisation(text: str) -> Localisation:
     """Return the model that words such as ``gaussian:0.05`` stand for.
 

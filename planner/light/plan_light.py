@@ -21,6 +21,7 @@ from planner.light.lighting import Lighting, eyes_of
 from planner.light.served import Served
 from planner.light.together import LampSets, fewest_together, sites_of
 from planner.progress import Progress
+from planner.request.argument_kinds import check_kinds
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -92,7 +93,18 @@ def plan_light(
         If an argument breaks its rule, or the part is not the plan's.
     LightError
         If the contrast is out of range, or a fixed lamp is inside the part.
+
+    Examples
+    --------
+    >>> from planner import plan_light, read_plan
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> from aspectgraph import read_solid
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> light = plan_light(plan, block, "ring")
+    >>> light.complete, sorted(light.unlit[0])
+    (False, ['e1', 'e4'])
     """
+    check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"))
     options = (contrast, step, ground, tolerance_mm)
     if not isinstance(lamps, Lighting):
         lighting = Lighting(lamps, *options)

@@ -40,6 +40,18 @@ class RingSpace:
     ------
     RequestError
         If the step is not in [0, 1).
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import compute_light
+    >>> from planner import Camera, RingSpace
+    >>> light = compute_light(box, {"top": 1}, 0.1)
+    >>> RingSpace(light, Camera.named("basler-acA2440-20gm-8mm"))
+    <RingSpace of 'box': 1 entities, contrast 0.1>
     """
 
     def __init__(self, light: LightRegions, camera: Camera, step: float = DEFAULT_STEP) -> None:

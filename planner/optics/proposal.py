@@ -99,10 +99,18 @@ def optics_table(proposals: Sequence[OpticsProposal], most: int = 10) -> str:
     str
         A line per proposal: how many of the items it measures as required, the largest U over the permitted error among
         them, body, lens, f-number, working distance, depth of field and field of view.
+
+    Examples
+    --------
+    >>> from planner import Camera, OpticsProposal, optics_table
+    >>> camera = Camera.named("basler-acA2440-20gm-8mm")
+    >>> able = OpticsProposal("a body", "a lens", camera, 0.9, {"rim": 0.97}, {"rim": 0.8}, {})
+    >>> print(optics_table([able]))
+    items  U/error  body    lens    f/  distance  sharp (mm)  field (mm)
+    1/1    0.80     a body  a lens  8   300 mm    266 to 343  308 x 258
     """
     rows = [("items", "U/error", "body", "lens", "f/", "distance", "sharp (mm)", "field (mm)")]
     for one in proposals[:most]:
-        near, far = one.camera.depth_of_field_mm
         width, height = one.field_mm
         rows.append(
             (
@@ -112,7 +120,7 @@ def optics_table(proposals: Sequence[OpticsProposal], most: int = 10) -> str:
                 one.lens,
                 f"{one.camera.f_number:g}",
                 f"{one.working_distance_mm:g} mm",
-                f"{near:.0f} to {far:.0f}",
+                one.camera.depth_of_field_text,
                 f"{width:.0f} x {height:.0f}",
             )
         )

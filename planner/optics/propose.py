@@ -25,6 +25,7 @@ from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.inspection_options import InspectionOptions
 from planner.optics.proposal import OpticsProposal
+from planner.request.argument_kinds import MAPPING, check_kinds
 from planner.request.constraints import Constraints, Requirements
 from planner.request.defaults import check_fraction, position_margin_mm
 from planner.request.image_constraints import RESOLUTION, Lens, image_slacks
@@ -124,6 +125,11 @@ def propose_optics(
     """
     from planner.wanted.resolve import resolve_wanted
 
+    check_kinds(
+        solid=(solid, "Solid"),
+        wanted=(wanted, MAPPING),
+        pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
+    )
     check_fraction("accuracy", accuracy)
     check_fraction("probability", probability)
     if not wanted:

@@ -29,6 +29,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.files import write_text
+from planner.request.argument_kinds import check_kinds
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
@@ -67,7 +68,18 @@ def write_poses(plan: InspectionPlan, folder: str | os.PathLike[str]) -> list[Pa
     ------
     OutputError
         If a file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from planner import read_plan, write_poses
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     files = write_poses(plan, folder)
+    >>> [path.name for path in files][:3]
+    ['camera_ros.yaml', 'cameras.txt', 'images.txt']
     """
+    check_kinds(plan=(plan, "InspectionPlan"))
     folder = Path(folder)
     texts = (
         opencv_json(plan),

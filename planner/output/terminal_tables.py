@@ -6,13 +6,20 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from aspectgraph import Rim
 from errors.formatting import frequency_text, interval_text, probability_text
-from planner.progress.console import new_console as _console
-from planner.progress.console import new_table as _table
+from planner.progress.terminal_text import visible
+from planner.progress.text_table import (
+    Cell,
+    Column,
+    Pieces,
+    listed,
+    print_table,
+    print_text,
+    words,
+)
+from planner.report.binding import nearest_limits
 from planner.report.wording import (
     count,
     features_cell,
@@ -32,10 +39,9 @@ from planner.verify.simulate_setting import CONFIRMED
 from planner.wanted.feature_counts import features_text
 
 if TYPE_CHECKING:
-    from rich.console import JustifyMethod
-
     from aspectgraph import Edge, EdgeEnd, EntityAspectGraph, Solid
     from planner.plan import InspectionPlan
+    from planner.setting.sensor_setting import SensorSetting
     from planner.verify.simulate_plan import SimulationResult
     from planner.verify.simulate_setting import SuccessRate
 
@@ -46,48 +52,45 @@ _STATUSES = ("planned", "incomplete", "refused", "failed")
 
 def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> None:
     """Print what a part consists of, its straight edges, its rims and its arcs."""
-    console = _console()
     size = np.ptp(solid.bounds, axis=0)
     n = len(solid.straight_edges())
     chosen = "" if len(edges) == n else f"{len(edges)} of "
-    console.print(
+    text = (
         f"{solid.name}: {count(solid.n_shells, 'shell')}, {count(len(solid.faces), 'face')}, "
-        f"{count(len(solid.edges), 'edge')}, {chosen}{count(n, 'sharp straight edge')}, {_vector(size, ' x ')} mm"
+        f"{count(len(solid.edges), 'edge')}, {chosen}{count(n, 'sharp straight edge')}, "
+        f"{_vector(size, ' x ')} mm"
     )
+    print_text(words(text, [f"{solid.name}:"]))
     for note in solid.notes:
-        console.print(f"note: {note}")
-    table = _table(
-        ("id", "right"),
-        ("from (mm)", "right"),
-        ("to (mm)", "right"),
-        ("length (mm)", "right"),
-        ("turn (deg)", "right"),
-        ("ends", "left"),
-    )
-    tangent = 0
+        print_text(f"note: {note}")
+    rows = []
+    n_tangent = 0
     for edge in edges:
         start, end = solid.edge_points(edge.id)
         ends = solid.edge_ends(edge)
-        tangent += any(one.kind == "tangent" for one in ends)
+        n_tangent += any(one.kind == "tangent" for one in ends)
         length = f"{np.linalg.norm(end - start):.3f}"
-        table.add_row(
-            str(edge.id),
-            _vector(start),
-            _vector(end),
-            length,
-            f"{edge.turn_deg:+.1f}",
-            _ends_text(ends),
-        )
-    _print_rows(console, table)
-    if tangent:
-        console.print(
-            f"note: {tangent} of {count(len(edges), 'edge')} run on smoothly at an end (tangent): there is no corner "
-            "to measure a length to; distance and angle need none"
+        turn = f"{edge.turn_deg:+.1f}"
+        row = (str(edge.id), _vector(start), _vector(end), length, turn, words(_ends_text(ends)))
+        rows.append(row)
+    print_table(_EDGE_COLUMNS, rows)
+    if n_tangent:
+        print_text(
+            f"note: {n_tangent} of {count(len(edges), 'edge')} end in a tangent arc, so their length "
+            "is undefined; distances and angles are not affected"
         )
     for kind in ("rim", "arc"):
-        _print_curves(
-            console, kind, [curve for curve in curves if isinstance(curve, Rim) == (kind == "rim")]
-        )
+        _print_curves(kind, [one for one in curves if isinstance(one, Rim) == (kind == "rim")])
+
+
+_EDGE_COLUMNS = (
+    Column("id", right=True),
+    Column("from (mm)", right=True),
+    Column("to (mm)", right=True),
+    Column("length (mm)", right=True),
+    Column("turn (deg)", right=True),
+    Column("ends"),
+)
 
 
 def _ends_text(ends: Sequence[EdgeEnd]) -> str:
@@ -96,176 +99,201 @@ def _ends_text(ends: Sequence[EdgeEnd]) -> str:
     return words[0] if words[0] == words[1] == "corner" else ", ".join(words)
 
 
-def _print_curves(console: Console, kind: str, curves: Sequence[Any]) -> None:
+def _print_curves(kind: str, curves: Sequence[Any]) -> None:
     """Print the rims or arcs of a part, if it has any."""
     if not curves:
         return
-    console.print(
-        f"{count(len(curves), kind)}, {count(sum(len(c.edge_ids) for c in curves), 'chord')}"
+    n_chords = sum(len(one.edge_ids) for one in curves)
+    print(f"{count(len(curves), kind)}, {count(n_chords, 'chord')}")
+    columns = (
+        Column("id", right=True),
+        Column("diameter (mm)" if kind == "rim" else "radius (mm)", right=True),
+        Column("centre (mm)", right=True),
+        Column("axis", right=True),
+        Column("chords", right=True),
+        Column("off by (mm)", right=True),
     )
-    table = _table(
-        ("id", "right"),
-        ("diameter (mm)" if kind == "rim" else "radius (mm)", "right"),
-        ("centre (mm)", "right"),
-        ("axis", "right"),
-        ("chords", "right"),
-        ("off by (mm)", "right"),
-    )
+    rows = []
     for curve in curves:
         size = 2 * curve.radius_mm if kind == "rim" else curve.radius_mm
-        row = (f"{size:.3f}", _vector(curve.centre), _vector(curve.axis), str(len(curve.edge_ids)))
-        table.add_row(curve.id, *row, f"{curve.chord_mm:.3f}")
-    console.print(table)
+        place = (_vector(curve.centre), _vector(curve.axis))
+        chords = (str(len(curve.edge_ids)), f"{curve.chord_mm:.3f}")
+        rows.append((curve.id, f"{size:.3f}", *place, *chords))
+    print_table(columns, rows)
     if curves[0].fitted:
-        console.print(
-            f"note: circles of these {kind}s are fitted to chords, of which the mesh has no other record"
+        print_text(
+            f"note: these {kind}s are circles fitted to chords, because the mesh holds no circles"
         )
 
 
 def print_graph(graph: EntityAspectGraph) -> None:
     """Print the size of an aspect graph and its domains, largest lists first."""
-    console = _console()
     nodes = graph.graph.nodes
-    listed = graph.regions.listed_as
-    lists = {frozenset(nodes[n][listed]) for n in nodes}
-    console.print(
-        f"{count(len(nodes), 'viewing domain' if listed == 'observable' else 'light domain')}, "
+    listed_as = graph.regions.listed_as
+    lists = {frozenset(nodes[n][listed_as]) for n in nodes}
+    domains = "viewing domain" if listed_as == "observable" else "light domain"
+    print_text(
+        f"{count(len(nodes), domains)}, "
         f"{count(graph.graph.number_of_edges(), 'adjacency', 'adjacencies')}, "
-        f"{count(len(lists), 'distinct list')} of {count(len(graph.entity_names), 'entity', 'entities')}"
+        f"{count(len(lists), 'distinct list')} of "
+        f"{count(len(graph.entity_names), 'entity', 'entities')}"
     )
     low, high = graph.workspace
-    console.print(f"workspace: {_vector(low)} to {_vector(high)} mm")
-    table = _table(("domain", "right"), ("volume (mm3)", "right"), (listed, "left"))
-    ordered = sorted(nodes, key=lambda n: (-len(nodes[n][listed]), n))
-    for n in ordered[:_MOST_ROWS]:
-        names = ", ".join(nodes[n][listed]) or "none"
-        table.add_row(str(n), f"{nodes[n]['volume']:.4g}", names)
-    console.print(table)
+    print_text(f"workspace: {_vector(low)} to {_vector(high)} mm")
+    columns = (Column("domain", right=True), Column("volume (mm3)", right=True), Column(listed_as))
+    ordered = sorted(nodes, key=lambda n: (-len(nodes[n][listed_as]), n))
+    rows = [
+        (str(n), f"{nodes[n]['volume']:.4g}", listed(nodes[n][listed_as] or ("none",)))
+        for n in ordered[:_MOST_ROWS]
+    ]
+    print_table(columns, rows)
     if len(ordered) > _MOST_ROWS:
-        console.print(f"and {len(ordered) - _MOST_ROWS} more in the GraphML file")
+        print(f"and {len(ordered) - _MOST_ROWS} more in the GraphML file")
 
 
 def print_dimensions(dimensions: Sequence[Any]) -> None:
-    """Print the dimensions a model states: values, and the entities that measure them or the reason why none do."""
-    console = _console()
-    able = sum(one.entities is not None for one in dimensions)
-    stated = sum(one.tolerance is not None for one in dimensions)
-    console.print(
-        f"{count(len(dimensions), 'dimension')}, {stated} with a tolerance, {able} measurable"
+    """Print the dimensions of a model: values, and the entities that measure them or why none do."""
+    n_able = sum(one.entities is not None for one in dimensions)
+    n_stated = sum(one.tolerance is not None for one in dimensions)
+    print_text(
+        f"{count(len(dimensions), 'dimension')}, {n_stated} with a tolerance, {n_able} measurable"
     )
     features = features_text([one.n_features for one in dimensions if one.entities is not None])
     if features:
-        console.print(f"{features}; a plan measures one feature of each dimension")
-    table = _table(
-        ("name", "left"),
-        ("kind", "left"),
-        ("nominal", "right"),
-        ("tolerance", "right"),
-        ("features", "right"),
-        ("entities or reason", "left"),
+        print_text(f"{features}; a plan measures one feature of each dimension")
+    columns = (
+        Column("name"),
+        Column("kind"),
+        Column("nominal", right=True),
+        Column("tolerance", right=True),
+        Column("features", right=True),
+        Column("entities or reason"),
     )
-    for one in dimensions:
-        nominal = "" if one.nominal is None else f"{one.nominal:.6g} {one.unit}"
-        tolerance = " ".join(f"{deviation:+.4g}" for deviation in one.tolerance or ())
-        if tolerance:
-            tolerance += f" {one.unit}"
-        how = one.reason if one.entities is None else ", ".join(map(str, one.entities))
-        kind = one.kind.replace("_", " ")
-        table.add_row(one.name, kind, nominal, tolerance, str(one.n_features), how)
-    console.print(table)
+    print_table(columns, [_dimension_row(one) for one in dimensions])
     for one in dimensions:
         if one.note:
-            console.print(f"note: {one.name}: {one.note}")
+            print_text(words(f"note: {one.name}: {one.note}", [f"{one.name}:"]))
+
+
+def _dimension_row(one: Any) -> tuple[Cell, ...]:
+    nominal = "" if one.nominal is None else f"{one.nominal:.6g} {one.unit}"
+    tolerance = " ".join(f"{deviation:+.4g}" for deviation in one.tolerance or ())
+    if tolerance:
+        tolerance += f" {one.unit}"
+    entities = words(one.reason or "") if one.entities is None else listed(map(str, one.entities))
+    kind = one.kind.replace("_", " ")
+    return (one.name, kind, nominal, tolerance, str(one.n_features), entities)
 
 
 def print_plan(plan: InspectionPlan) -> None:
-    """Print the plan: settings, probabilities, margins, and what cannot be inspected."""
-    console = _console()
-    columns: list[tuple[str, JustifyMethod]] = [("measured", "left")] if plan.dimensions else []
-    table = _table(
-        ("setting", "right"),
-        ("position (mm)", "right"),
-        (nouns(plan)[0], "left"),
-        *columns,
-        ("P", "right"),
-        ("simulated", "left"),
-        ("margins", "left"),
+    """Print the plan: settings, what each measures and how surely, and what cannot be inspected.
+
+    Of the margins of a setting only the tightest is shown; plan.json and the report hold all.
+    """
+    names = list(plan.entities)
+    columns = (
+        Column("setting", right=True),
+        Column("camera at (mm)", right=True),
+        Column("measures", right=True),
+        Column("tightest margin"),
     )
+    rows = []
     for k, setting in enumerate(plan.settings):
-        rates = plan.simulation.rates[k] if plan.simulation else {}
-        rows = [
-            (
-                name,
-                *_measured(plan, name),
-                probability_text(setting.probability[name], plan.probability),
-                _interval(rates.get(name)),
-            )
-            for name in setting.entities
-        ]
-        margins = margin_texts(setting.margins)
-        rows += [("",) * (4 if plan.dimensions else 3)] * (len(margins) - len(rows))
-        margins += [""] * (len(rows) - len(margins))
-        for i, (row, margin) in enumerate(zip(rows, margins, strict=True)):
-            head = (str(k + 1), _vector(setting.position, " ", 1)) if i == 0 else ("", "")
-            table.add_row(*head, *row, margin, end_section=i == len(rows) - 1)
-    _print_rows(console, table)
+        place = _vector(setting.position, " ", 1)
+        margin = words(tightest_margin(plan, setting))
+        rows.append((str(k + 1), place, str(len(setting.entities)), margin))
+    print_table(columns, rows)
+    if rows:
+        print()
+    print_table(*_measurements(plan))
     for name, reason in plan.uninspectable.items():
-        console.print(f"not inspected: {name}: {reason}")
+        print_text(words(f"not inspected: {name}: {reason}", [f"{name}:", *names]))
     for k in range(len(plan.settings)):
         for text in [*window_texts(plan, k), *lamp_texts(plan, k)]:
-            console.print(f"setting {k + 1}: {text}")
-    console.print(verdict(plan))
+            print_text(words(f"setting {k + 1}: {text}", names), indent="  ")
+    print_text(words(verdict(plan), names))
+
+
+def _measurements(plan: InspectionPlan) -> tuple[list[Column], list[tuple[Cell, ...]]]:
+    """Return the columns and rows of what each setting measures."""
+    columns = [Column(nouns(plan)[0]), Column("setting", right=True)]
+    if plan.dimensions:
+        columns.append(Column("measured"))
+    columns += [Column("P", right=True), Column("simulated")]
+    rows: list[tuple[Cell, ...]] = []
+    for k, setting in enumerate(plan.settings):
+        rates = plan.simulation.rates[k] if plan.simulation else {}
+        for name in setting.entities:
+            probability = probability_text(setting.probability[name], plan.probability)
+            simulated = _interval(rates.get(name))
+            rows.append((name, str(k + 1), *_measured(plan, name), probability, simulated))
+    return columns, rows
+
+
+def tightest_margin(plan: InspectionPlan, setting: SensorSetting) -> str:
+    """Return the margin that leaves the smallest share of its room, with its unit.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        Gives the request.
+    setting : SensorSetting
+        One of its settings.
+
+    Returns
+    -------
+    str
+        Like ``focus +0.51 mm``. The probability is not a margin; empty if no margin is a number.
+    """
+    keys = {key.rpartition("_")[0].replace("_", " "): key for key in setting.margins}
+    for limit in nearest_limits(plan, setting):
+        key = keys.get(limit.name)
+        if key is not None:
+            return margin_texts({key: setting.margins[key]})[0]
+    return ""
 
 
 def print_simulation(plan: InspectionPlan, result: SimulationResult) -> None:
     """Print predicted probabilities beside simulated frequencies."""
-    console = _console()
-    table = _table(
-        ("setting", "right"),
-        (nouns(plan)[0], "left"),
-        ("predicted", "right"),
-        ("frequency", "right"),
-        ("interval", "right"),
-        ("", "left"),
+    columns = (
+        Column(nouns(plan)[0]),
+        Column("setting", right=True),
+        Column("predicted", right=True),
+        Column("frequency", right=True),
+        Column("interval", right=True),
+        Column(""),
     )
+    names = list(plan.entities)
+    rows = []
     for k, rates in enumerate(result.rates):
-        for i, (name, rate) in enumerate(rates.items()):
+        for name, rate in rates.items():
             interval = interval_text(rate.low, rate.high, " .. ")
             predicted = probability_text(rate.predicted, plan.probability)
-            cells = predicted, frequency_text(rate.successes, rate.n), interval, rate.verdict
-            table.add_row(
-                str(k + 1) if i == 0 else "", name, *cells, end_section=i == len(rates) - 1
-            )
-    _print_rows(console, table)
+            frequency = frequency_text(rate.successes, rate.n)
+            rows.append((name, str(k + 1), predicted, frequency, interval, words(rate.verdict)))
+    print_table(columns, rows)
     for name, reason in plan.uninspectable.items():
-        console.print(f"not inspected: {name}: {reason}")
+        print_text(words(f"not inspected: {name}: {reason}", [f"{name}:", *names]))
     if plan.features_text:
-        console.print(features_sentence(plan))
-    console.print(simulation_sentence(result))
+        print_text(features_sentence(plan))
+    print_text(words(simulation_sentence(result), names))
     if result.shown is not None:
-        console.print(shown_sentence(result.shown))
+        print_text(shown_sentence(result.shown))
         for k in range(len(plan.settings)):
             for text in unshown_texts(result.shown, k):
-                console.print(f"setting {k + 1}: {text}")
+                print_text(words(f"setting {k + 1}: {text}", names), indent="  ")
     if plan.settings:
-        console.print(promise_sentence(plan))
+        print_text(promise_sentence(plan))
     if any(result.rates):
-        console.print(f"All intervals hold together with {percent(result.confidence)} confidence.")
+        print_text(f"All intervals hold together with {percent(result.confidence)} confidence.")
 
 
-def _print_rows(console: Console, table: Table) -> None:
-    """Print a table unless it has no rows: a plan may have no settings, a part no edges."""
-    if table.row_count:
-        console.print(table)
-
-
-def _measured(plan: InspectionPlan, name: str) -> tuple[str, ...]:
+def _measured(plan: InspectionPlan, name: str) -> tuple[Cell, ...]:
     """Return a cell that says what is measured and how wrong it may be; none in a plan of edges."""
     if not plan.dimensions:
         return ()
     target = plan.targets[name]
-    features = features_cell(target)
-    return (f"{target.error_text}{', ' if features else ''}{features}",)
+    return (Pieces(tuple(filter(None, (*target.requirement_texts, features_cell(target)))), ", "),)
 
 
 def _interval(rate: SuccessRate | None) -> str:
@@ -282,12 +310,28 @@ def _vector(values: Iterable[float], separator: str = " ", digits: int = 2) -> s
 
 def print_batch(results: Sequence[Any]) -> None:
     """Print how many parts are planned, and of the others the reasons (`PartResult`)."""
-    console = _console()
     counts = {status: sum(one.status == status for one in results) for status in _STATUSES}
-    told = ", ".join(f"{n} {status}" for status, n in counts.items() if n)
-    console.print(f"{count(len(results), 'part')}: {told}")
+    texts = ", ".join(f"{n} {status}" for status, n in counts.items() if n)
+    print_text(f"{count(len(results), 'part')}: {texts}")
     lacking = [one for one in results if one.status != _STATUSES[0]]
     for one in lacking[:_MOST_ROWS]:
-        console.print(f"{one.part} is {one.status}: {one.reason}", markup=False, highlight=False)
+        text = f"{one.part} is {one.status}: {one.reason}"
+        print_text(words(text, [one.part]), indent="  ")
     if len(lacking) > _MOST_ROWS:
-        console.print(f"and {len(lacking) - _MOST_ROWS} more, see the tables")
+        print(f"and {len(lacking) - _MOST_ROWS} more, see the tables")
+
+
+def print_written(files: Sequence[str], folder: str, to_open: str) -> None:
+    """Print how many files were written, and which one to open.
+
+    Parameters
+    ----------
+    files : sequence of str
+        All of them.
+    folder : str
+        The folder they are in.
+    to_open : str
+        The one to begin with.
+    """
+    # a path stays on one line, so that it can be copied
+    print(visible(f"{count(len(files), 'file')} in {folder.rstrip('/')}/; open {to_open}"))

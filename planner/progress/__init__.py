@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TextIO
 
-from aspectgraph.phases import phases_reported_to
 from planner.progress.terminal_text import unescaped, visible, visible_output
 
 if TYPE_CHECKING:
@@ -83,7 +82,11 @@ def reading_shown(*, quiet: bool = False, lines: bool = False) -> Iterator[None]
     """
     if quiet or not (lines or sys.stderr.isatty()):
         yield
-    elif lines:
+        return
+    # the package takes long to load, and commands that read no part do without it
+    from aspectgraph.phases import phases_reported_to
+
+    if lines:
         with phases_reported_to(_LineStream(sys.stderr)):
             yield
     else:

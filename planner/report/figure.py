@@ -45,15 +45,17 @@ def color_of(setting_idx: int) -> str:
     return COLORS[setting_idx % len(COLORS)]
 
 
-def plan_figure(plan: InspectionPlan, solid: Solid, space: Space | None = None) -> go.Figure:
+def plan_figure(
+    plan: InspectionPlan, solid: Solid | None = None, space: Space | None = None
+) -> go.Figure:
     """Draw a plan: part, entities, camera frusta, the robot's path and (hidden until asked for) covering domains.
 
     Parameters
     ----------
     plan : InspectionPlan
         What is drawn.
-    solid : Solid
-        Its part.
+    solid : Solid, optional
+        Its part. Without it only what is measured is drawn, and no domains.
     space : VisibilityRegions or EntityAspectGraph, optional
         Gives the domains; without it none are drawn.
 
@@ -61,8 +63,18 @@ def plan_figure(plan: InspectionPlan, solid: Solid, space: Space | None = None) 
     -------
     plotly.graph_objects.Figure
         A notebook shows it; ``write_html`` saves it.
+
+    Examples
+    --------
+    >>> from planner import plan_figure, read_plan
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> from aspectgraph import read_solid
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> figure = plan_figure(plan, block)
+    >>> sorted(trace.name for trace in figure.data if trace.name and "setting" in trace.name)
+    ['setting 1']
     """
-    traces = part_traces(solid)
+    traces = [] if solid is None else part_traces(solid)
     for k, setting in enumerate(plan.settings):
         group = f"setting {k + 1}"
         lines = [(name, line) for name in setting.entities for line in polylines(plan, name)]
@@ -75,7 +87,7 @@ def plan_figure(plan: InspectionPlan, solid: Solid, space: Space | None = None) 
     if plan.light is not None and _lamps(plan):
         traces.append(_lamp_trace(plan.light))
     frame = scene_frame(plan, solid)
-    if space is not None:
+    if space is not None and solid is not None:
         for k, setting in enumerate(plan.settings):
             facets = domain_facets(space.covering_cells(list(setting.entities)), solid, frame.box)
             name = f"domains of setting {k + 1}"
@@ -188,23 +200,33 @@ def _lamp_trace(light: LightPlan) -> go.Scatter3d:
     )
 
 
-def scene_frame(plan: InspectionPlan, solid: Solid) -> SceneFrame:
+def scene_frame(plan: InspectionPlan, solid: Solid | None) -> SceneFrame:
     """Return how the figure is laid out: part, cameras and what they see, with some air inside the workspace."""
     limits = np.asarray(plan.workspace, dtype=np.float64)
     return SceneFrame(box_around(_shown(plan, solid), limits))
 
 
 def figure_views(
-    plan: InspectionPlan, solid: Solid, frame: SceneFrame | None = None
+    plan: InspectionPlan, solid: Solid | None, frame: SceneFrame | None = None
 ) -> dict[str, dict[str, Any]]:
     """Return plotly's cameras by name: everything, the part, and each setting's view of it."""
-    corners = np.array(list(product(*np.asarray(solid.bounds).T)))
+    corners = _part_corners(plan, solid)
     return plan_views(plan, frame or scene_frame(plan, solid), corners, _shown(plan, solid))
 
 
-def _shown(plan: InspectionPlan, solid: Solid) -> np.ndarray:
+def _part_corners(plan: InspectionPlan, solid: Solid | None) -> np.ndarray:
+    """Return the corners (8, 3) of the box of the part, or of what is measured, mm."""
+    if solid is not None:
+        bounds = np.asarray(solid.bounds)
+    else:
+        points = np.concatenate([np.asarray(ends) for ends in plan.entities.values()])
+        bounds = np.array([points.min(axis=0), points.max(axis=0)])
+    return np.array(list(product(*bounds.T)))
+
+
+def _shown(plan: InspectionPlan, solid: Solid | None) -> np.ndarray:
     """Return points (n, 3) around all that is shown at first, mm."""
-    corners = np.array(list(product(*np.asarray(solid.bounds).T)))
+    corners = _part_corners(plan, solid)
     pyramids = [
         point
         for setting in plan.settings

@@ -77,6 +77,18 @@ def report_html(
     -------
     str
         A page without references to anything outside it. The same plan gives the same page.
+
+    Examples
+    --------
+    >>> from planner import read_plan, report_html
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> from aspectgraph import read_solid
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> from aspectgraph import compute_regions
+    >>> regions = compute_regions(block, plan.entities, workspace=plan.workspace)
+    >>> page = report_html(plan, regions)
+    >>> "two_pocket_block" in page
+    True
     """
     from plotly.offline import get_plotlyjs
 

@@ -154,6 +154,12 @@ class Requirements:
     ------
     RequestError
         If a value breaks its rule.
+
+    Examples
+    --------
+    >>> from planner import Requirements
+    >>> Requirements(min_length_px=30.0, stand_off_mm=80.0).stand_off_mm
+    80.0
     """
 
     min_length_px: float = 20.0

@@ -157,6 +157,15 @@ class MeshRegion:
         Corners, mm.
     triangles : array_like of int, shape (t, 3)
         Vertex indices, counter-clockwise seen from outside.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from planner import MeshRegion
+    >>> corners = [[0, 0, 0], [300, 0, 0], [0, 300, 0], [0, 0, 300]]
+    >>> tetrahedron = MeshRegion(corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    >>> [round(float(mm), 3) for mm in tetrahedron.margin(np.array([[50.0, 50, 50], [-10, 50, 50]]))]
+    [50.0, -10.0]
     """
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray) -> None:

@@ -7,14 +7,20 @@ import os
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from html import escape
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.files import write_text
+from planner.request.argument_kinds import check_kinds
 from planner.wanted.feature_counts import features_text
 
 if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+    from aspectgraph import Solid
+    from planner.request.space import Space
     from planner.rows.measured_rows import Row
     from planner.wanted.planned import PlannedTarget
 
@@ -74,6 +80,69 @@ class PlanTables:
             found.append({"setting": None, **self._wanted(name), "reason": reason})
         keys = dict.fromkeys(key for row in found for key in row)
         return [{**keys, **row} for row in found]
+
+    def to_dataframe(self) -> Any:
+        """Return `rows` as a data frame of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per setting and entity.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+
+        Examples
+        --------
+        >>> from planner import read_plan
+        >>> plan = read_plan("examples/two_pocket_block_plan.json")
+        >>> try:
+        ...     names = list(plan.to_dataframe()["name"])
+        ... except ImportError:
+        ...     names = [row["name"] for row in plan.rows()]
+        >>> names
+        ['e1', 'e4']
+        """
+        try:
+            import pandas
+        except ImportError:
+            raise ImportError(
+                "to_dataframe() needs pandas. Install it with: pip install pandas; "
+                "rows() and to_csv() need nothing."
+            ) from None
+        return pandas.DataFrame(self.rows())
+
+    def plot(self, solid: Solid | None = None, space: Space | None = None) -> go.Figure:
+        """Draw the plan in 3-D: part, entities, cameras and their order; as `plan_figure`.
+
+        Parameters
+        ----------
+        solid : Solid, optional
+            The part of the plan. Without it only what is measured is drawn.
+        space : VisibilityRegions or EntityAspectGraph, optional
+            Gives the viewing domains; they are hidden until a click in the legend.
+
+        Returns
+        -------
+        plotly.graph_objects.Figure
+            A notebook shows it; ``write_html`` saves it.
+
+        Examples
+        --------
+        >>> from aspectgraph import read_solid
+        >>> from planner import read_plan
+        >>> plan = read_plan("examples/two_pocket_block_plan.json")
+        >>> figure = plan.plot(read_solid("examples/two_pocket_block.off"))
+        >>> type(figure).__name__
+        'Figure'
+        """
+        if solid is not None:
+            check_kinds(solid=(solid, "Solid"))
+        # the pictures are built upon plans, so their package is known by its name here
+        figure = import_module("planner.report.figure")
+        return figure.plan_figure(self, solid, space)
 
     def to_csv(self, path: str | os.PathLike[str] | None = None) -> str:
         """Return `rows` as comma-separated values with a heading (RFC 4180), and write them if a file is named.

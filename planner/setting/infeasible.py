@@ -138,9 +138,9 @@ def missing_corners(constraints: Constraints) -> dict[str, InfeasibleError]:
             place = ", ".join(f"{x:.6g}" for x in end)
             least = constraints.requirements.showing.min_corner_deg
             found[name] = InfeasibleError(
-                f"corner_deg cannot be met for entity {name!r}: at ({place}) mm the edge runs on smoothly, so its "
-                "length has no corner to be measured to; a distance or an angle can be measured of it, and so can its "
-                f"length where corners are not asked for (0, not {least:g} degrees).",
+                f"corner_deg cannot be met for entity {name!r}: at ({place}) mm the edge ends in a tangent "
+                "arc, so its length is undefined. Distances and angles are not affected. Its length is "
+                f"measured only where no corner is required (0 instead of {least:g} degrees).",
                 constraint="corner_deg",
                 entity=name,
                 margin=-least,

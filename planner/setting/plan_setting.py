@@ -13,6 +13,7 @@ from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.detectability.conditions import NOT_ASKED, Detectability
 from planner.exceptions import RequestError
+from planner.request.argument_kinds import ITEMS, check_kinds
 from planner.request.constraints import Requirements
 from planner.request.defaults import (
     check_focus_margin,
@@ -133,6 +134,11 @@ def plan_setting(
     >>> min(setting.probability.values()) > 0.99, min(setting.margins.values()) >= 0
     (True, True)
     """
+    check_kinds(
+        names=(names, ITEMS),
+        camera=(camera, "Camera"),
+        pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
+    )
     names = check_names(space, names)
     for name in names:
         check_is_edge(name, space.entities[name])

@@ -144,6 +144,16 @@ def simulate_setting(
     ------
     RequestError
         If an argument breaks its rule.
+
+    Examples
+    --------
+    >>> from planner import read_plan, simulate_setting
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> rates = simulate_setting(
+    ...     plan.settings[0], plan.entities, plan.camera, plan.pose_uncertainty, accuracy=0.95, n=500
+    ... )
+    >>> {name: rate.verdict for name, rate in rates.items()}
+    {'e1': 'confirmed', 'e4': 'confirmed'}
     """
     for name, value in (("accuracy", accuracy), ("confidence", confidence)):
         if not 0 < value < 1:

@@ -78,8 +78,8 @@ class PlannedTarget(ABC):
 
     @property
     @abstractmethod
-    def error_text(self) -> str:
-        """How wrong it may be, in words."""
+    def requirement_texts(self) -> tuple[str, ...]:
+        """What is measured, its tolerance if it has one, and the permitted error."""
 
     @property
     def value_text(self) -> str:
@@ -146,9 +146,9 @@ class PlannedLength(PlannedTarget):
         return self.ends
 
     @property
-    def error_text(self) -> str:
-        """How wrong it may be, in words."""
-        return f"length, error up to {100 * (1 - self.accuracy):.3g} %"
+    def requirement_texts(self) -> tuple[str, ...]:
+        """What is measured, and the permitted error."""
+        return (f"length, error up to {100 * (1 - self.accuracy):.3g} %",)
 
     def permitted_error_px(self, cam2world: NDArray[np.float64], camera: Camera) -> float:
         """Return the share of the length of its image, px."""
@@ -217,14 +217,6 @@ class PlannedDimension(PlannedTarget):
         """The value and its planes."""
         return measurand(self.kind, self.geometry, self.direction)
 
-    @property
-    def error_text(self) -> str:
-        """What is measured, and how wrong it may be, in words."""
-        return (
-            f"{self.kind.replace('_', ' ')} {self.nominal:.6g} {self.unit}, "
-            f"error up to {self.permitted_error:.4g} {self.unit}"
-        )
-
     def permitted_error_px(self, cam2world: NDArray[np.float64], camera: Camera) -> float | None:
         """Return the permitted error times the image's scale d / (z r); None of an angle.
 
@@ -235,6 +227,21 @@ class PlannedDimension(PlannedTarget):
         depth = float(world_to_cam(self.points, cam2world)[:, 2].mean())
         scale = camera.image_distance_mm / (depth * max(camera.pixel_pitch_mm))
         return self.permitted_error * scale
+
+    @property
+    def requirement_texts(self) -> tuple[str, ...]:
+        """What is measured, its tolerance if it has one, and the permitted error with its share of it."""
+        nominal = f"{self.kind.replace('_', ' ')} {self.nominal:.6g} {self.unit}"
+        error = f"error up to {self.permitted_error:.4g} {self.unit}"
+        if self.tolerance is None:
+            return nominal, error
+        lower, upper = self.tolerance
+        half = (upper - lower) / 2
+        if lower == -upper:
+            tolerance = f"±{upper:.4g}"
+        else:
+            tolerance = f"{upper:+.4g}/{lower:+.4g}"
+        return f"{nominal} {tolerance}", f"{error} ({100 * self.permitted_error / half:.3g} %)"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain values, ready for JSON, with the nominal value and its unit.

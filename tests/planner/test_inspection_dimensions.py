@@ -217,7 +217,7 @@ def test_of_what_is_behind_the_camera_there_is_no_probability(solid, wanted):
         (
             "bore",
             Dimension.diameter("r0", max_error_mm=0.01),
-            "dimension 'bore': rim r0 must have .* chords at least",
+            "dimension 'bore': rim r0 must have at least .* chords",
         ),
         (
             "bore",

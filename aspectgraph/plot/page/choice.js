@@ -1,11 +1,18 @@
-/* What is collected, in order, with its names; and the file of it that --entities reads. */
+/* What is collected, in order, with names and tolerances; and its file for --entities or --dimensions. */
 "use strict";
+
+// the share of a tolerance's half width that `plan` permits as error of measurement
+const SHARE = 0.25;
+const MEASURED = { edge: "edge", rim: "diameter", arc: "radius" };
 
 class Choice {
   constructor(items) {
     this.items = items;
     this.names = new Map(); // index -> name, in the order collected
     this.past = [];
+    this.tolerances = new Map(); // index -> text of its own tolerance
+    this.common = ""; // the tolerance of all others
+    this.share = SHARE;
   }
 
   change(edit) {
@@ -40,14 +47,92 @@ class Choice {
 
   /* Return the TOML of --entities: ids, or with `byEnds` the end points of edges, which a changed file still has. */
   toml(part, byEnds) {
-    const lines = [`# Entities of ${part.replace(/[^\x20-\x7e\xa0-\uffff]/g, " ")}: name = id; lengths in mm.`];
+    const lines = [`# Entities of ${printable(part)}: name = id; lengths in mm.`];
     for (const [k, name] of this.names) {
-      const { id, kind, ends } = this.items[k];
-      const value = kind !== "edge" ? `"${id}"` : byEnds ? JSON.stringify(ends) : id;
-      lines.push(`${tomlKey(this.fault(k) ? this.defaultName(k) : name)} = ${value}`);
+      lines.push(`${tomlKey(this.fault(k) ? this.defaultName(k) : name)} = ${this.value(k, byEnds)}`);
     }
     return `${lines.join("\n")}\n`;
   }
+
+  nominal(k) { const { kind, size } = this.items[k]; return kind === "rim" ? 2 * size : size; }
+
+  /* Return the tolerance of an item as [lower, upper], null where none is asked, undefined where the text is none. */
+  tolerance(k) { return toleranceOf(this.tolerances.get(k) || this.common); }
+
+  /* Return the error that a plan may make of an item, mm; null where --accuracy decides. */
+  permitted(k) {
+    const limits = this.tolerance(k);
+    return limits ? this.share * (limits[1] - limits[0]) / 2 : null;
+  }
+
+  /* Return why a plan would refuse the tolerance of an item, or nothing. */
+  toleranceFault(k) {
+    const { chords, kind, id } = this.items[k], limits = this.tolerance(k);
+    if (limits === undefined) return "a tolerance must be a number like 0.05, or two like -0.02/+0.05";
+    if (!(this.share > 0 && this.share <= 1)) return "the share must be above 0 % and at most 100 %";
+    if (!limits) return "";
+    if (!(limits[0] < limits[1])) return "the two deviations must differ";
+    const error = this.permitted(k);
+    if (error >= this.nominal(k)) return `the permitted error must be below ${number(this.nominal(k))} mm`;
+    if (chords.off > error) {
+      return `${kind} ${id} is known by ${chords.n} chords only, ${number(chords.off)} mm off its circle`;
+    }
+    return "";
+  }
+
+  /* Return what is measured of an item, and how wrong it may be. */
+  told(k) {
+    const { kind } = this.items[k], error = this.permitted(k);
+    const what = { edge: "length", rim: "diameter", arc: "radius" }[kind];
+    const nominal = `${what} ${number(this.nominal(k))} mm`;
+    if (this.toleranceFault(k)) return nominal;
+    if (error === null) return `${nominal}, error by --accuracy`;
+    return `${nominal} ${toleranceText(this.tolerance(k))}: error up to ${number(error)} mm (${number(100 * this.share)} %)`;
+  }
+
+  /* Return the TOML of --dimensions. */
+  dimensionsToml(part, byEnds) {
+    const lines = [`# Dimensions of ${printable(part)}; lengths and deviations in mm.`, "[dimensions]"];
+    for (const [k, name] of this.names) {
+      const { kind } = this.items[k], limits = this.tolerance(k);
+      const asked = [`${MEASURED[kind]} = ${this.value(k, byEnds)}`];
+      if (limits) asked.push(`tolerance = [${limits.join(", ")}]`);
+      if (limits && this.share !== SHARE) asked.push(`share = ${this.share}`);
+      lines.push(`${tomlKey(this.fault(k) ? this.defaultName(k) : name)} = { ${asked.join(", ")} }`);
+    }
+    return `${lines.join("\n")}\n`;
+  }
+
+  /* Return an id as TOML, or with `byEnds` the end points of an edge, which a changed file still has. */
+  value(k, byEnds) {
+    const { id, kind, ends } = this.items[k];
+    return kind !== "edge" ? `"${id}"` : byEnds ? JSON.stringify(ends) : id;
+  }
+}
+
+const number = (value) => String(Number(value.toPrecision(4)));
+const printable = (text) => text.replace(/[^\x20-\x7e\xa0-\uffff]/g, " ");
+
+/* Read ±0.05, 0.05, -0.02/+0.05 or 0 0.1; null of nothing, undefined of anything else. */
+function toleranceOf(text) {
+  const words = text.replace(/\u2212/g, "-").split(/[\s/;]+/).filter(Boolean);
+  if (!words.length) return null;
+  const form = /^±?[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?$/i;
+  if (words.length > 2 || !words.every((word) => form.test(word))) return undefined;
+  if (words.length === 1) {
+    const half = Number(words[0].replace("±", ""));
+    return half > 0 ? [-half, half] : undefined;
+  }
+  const limits = words.map(Number);
+  if (limits.some(Number.isNaN)) return undefined;
+  // drawings write the upper deviation first
+  return limits[0] > limits[1] ? [limits[1], limits[0]] : limits;
+}
+
+function toleranceText([lower, upper]) {
+  if (lower === -upper) return `±${number(upper)}`;
+  const signed = (value) => `${value > 0 ? "+" : ""}${number(value)}`;
+  return `${signed(upper)}/${signed(lower)}`;
 }
 
 function tomlKey(name) {

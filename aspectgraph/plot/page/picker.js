@@ -164,34 +164,69 @@ function listAll() {
   $("all").replaceChildren(...rows);
 }
 
+const forDimensions = () => $("kind-of-file").value === "dimensions";
+
+function field(value, label, bad, rename) {
+  const input = document.createElement("input");
+  input.value = value;
+  input.setAttribute("aria-label", label);
+  input.title = bad;
+  input.className = bad ? "bad" : "";
+  input.addEventListener("change", () => { rename(input.value); listChosen(); });
+  return input;
+}
+
+function chosenRow(k, name) {
+  const row = document.createElement("div"), out = document.createElement("button"), told = document.createElement("span");
+  const what = items[k].rows[0];
+  row.append(field(name, `name of ${what}`, choice.fault(k), (text) => choice.rename(k, text)));
+  told.textContent = `${what}, ${items[k].told}`;
+  if (forDimensions()) {
+    const own = choice.tolerances.get(k) || "";
+    const tolerance = field(own, `tolerance of ${what}`, choice.toleranceFault(k), (text) => {
+      choice.tolerances.set(k, text.trim());
+    });
+    tolerance.placeholder = choice.common || "none";
+    row.append(tolerance);
+    told.textContent = choice.told(k);
+  }
+  told.title = told.textContent;
+  out.textContent = "×";
+  out.title = "take out";
+  out.addEventListener("click", () => { choice.remove([k]); chosen(); });
+  row.append(told, out);
+  row.addEventListener("pointerenter", () => point(k, -1));
+  row.addEventListener("pointerleave", () => point(-1, -1));
+  return row;
+}
+
 function listChosen() {
-  const rows = [...choice.names].map(([k, name]) => {
-    const row = document.createElement("div"), field = document.createElement("input"), out = document.createElement("button");
-    field.value = name;
-    field.setAttribute("aria-label", `name of ${items[k].rows[0]}`);
-    field.title = choice.fault(k);
-    field.className = choice.fault(k) ? "bad" : "";
-    field.addEventListener("change", () => { choice.rename(k, field.value); listChosen(); });
-    const told = document.createElement("span");
-    told.textContent = `${items[k].rows[0]}, ${items[k].told}`;
-    out.textContent = "×";
-    out.title = "take out";
-    out.addEventListener("click", () => { choice.remove([k]); chosen(); });
-    row.append(field, told, out);
-    row.addEventListener("pointerenter", () => point(k, -1));
-    row.addEventListener("pointerleave", () => point(-1, -1));
-    return row;
-  });
-  $("chosen").replaceChildren(...rows);
-  const n = choice.names.size, faults = [...choice.names.keys()].map((k) => choice.fault(k)).filter(Boolean);
+  choice.common = $("tolerance").value.trim();
+  choice.share = Number((Number($("share").value) / 100).toPrecision(12));
+  const chosenOnes = [...choice.names], dimensions = forDimensions();
+  $("chosen").replaceChildren(...chosenOnes.map(([k, name]) => chosenRow(k, name)));
+  $("chosen").className = dimensions ? "toleranced" : "";
+  for (const one of document.querySelectorAll("[data-file]")) one.hidden = one.dataset.file !== $("kind-of-file").value;
+  const n = choice.names.size, names = chosenOnes.map(([k]) => choice.fault(k)).filter(Boolean);
+  const refused = dimensions ? chosenOnes.filter(([k]) => choice.toleranceFault(k)) : [];
   $("count").textContent = n ? `${n} collected` : "Nothing collected yet";
-  $("fault").textContent = faults.length ? `${faults[0]}; the file keeps the id instead` : "";
-  $("toml").value = toml();
-  for (const id of ["copy", "save", "copy-ids", "clear"]) $(id).disabled = !n;
+  $("fault").textContent = refused.length
+    ? `${items[refused[0][0]].rows[0]}: ${choice.toleranceFault(refused[0][0])}`
+    : names.length ? `${names[0]}; the file keeps the id instead` : notes(chosenOnes, dimensions);
+  $("toml").value = refused.length ? "" : toml();
+  for (const id of ["copy", "save"]) $(id).disabled = !n || refused.length > 0;
+  for (const id of ["copy-ids", "clear"]) $(id).disabled = !n;
   $("undo").disabled = !choice.past.length;
 }
 
-const toml = () => choice.toml(data.part, $("by-ends").checked);
+/* Say which lengths a plan cannot measure. */
+function notes(chosenOnes, dimensions) {
+  const smooth = dimensions ? chosenOnes.filter(([k]) => items[k].smooth) : [];
+  return smooth.length ? `${items[smooth[0][0]].rows[0]} ends in a tangent arc, so a plan does not measure its length` : "";
+}
+
+const toml = () => (forDimensions() ? choice.dimensionsToml(data.part, $("by-ends").checked)
+  : choice.toml(data.part, $("by-ends").checked));
 
 function filtered() {
   const shown = items.filter((_, k) => isShown(k)).length;
@@ -220,7 +255,7 @@ async function copy(text, button) {
 function save() {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(new Blob([toml()], { type: "application/toml" }));
-  link.download = `${data.stem}_entities.toml`;
+  link.download = `${data.stem}_${$("kind-of-file").value}.toml`;
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
@@ -240,7 +275,7 @@ for (const id of ["least", "most", "find", "kind-edge", "kind-rim", "kind-arc", 
   $(id).addEventListener("input", filtered);
 }
 $("through").addEventListener("input", settle);
-$("by-ends").addEventListener("input", listChosen);
+for (const id of ["by-ends", "kind-of-file", "tolerance", "share"]) $(id).addEventListener("input", listChosen);
 document.querySelectorAll("[data-view]").forEach((button) => button.addEventListener("click", () => {
   [scene.view.yaw, scene.view.pitch] = button.dataset.view.split(" ").map((degrees) => (degrees * Math.PI) / 180);
   scene.fit();

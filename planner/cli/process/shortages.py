@@ -44,7 +44,7 @@ def shortage(error: BaseException) -> str | None:
         lower = text.lower()
         number = getattr(reason, "errno", None)
         if isinstance(reason, MemoryError) or number == errno.ENOMEM or _says(lower, _MEMORY):
-            return f"memory must suffice for this. Got: {text[:_LONGEST_TEXT] or 'no more of it'}; see ulimit -v."
+            return f"enough memory must be free. Got: {text[:_LONGEST_TEXT] or 'no more of it'}; see ulimit -v."
         if number == errno.EAGAIN or _says(lower, _THREADS):
             return f"the system must allow more threads or processes. Got: {text[:_LONGEST_TEXT]}; see ulimit -u, -v."
         if _says(lower, _WORKERS):

@@ -94,6 +94,42 @@ def test_other_words_are_refused(rule):
         select_entities(BLOCK, rule)
 
 
+@pytest.mark.parametrize(
+    ("rule", "same"),
+    [
+        ("length > 20 mm and convex", "length > 20 and convex"),
+        ("length > 20mm", "length > 20"),
+        ("turn < 91 deg", "turn < 91"),
+        ("turn < 91°", "turn < 91"),
+        ("near 0,0,0 < 0.001 mm", "near 0,0,0 < 0.001"),
+    ],
+)
+def test_a_unit_may_follow_a_number(rule, same):
+    assert select_entities(BLOCK, rule) == select_entities(BLOCK, same)
+
+
+@pytest.mark.parametrize(
+    ("rule", "meant"),
+    [
+        ("lenght > 20", "length > 20"),
+        ("knid = rim", "kind = rim"),
+        ("face = buttom", "face = bottom"),
+        ("convx", "convex"),
+        ("length > 2 and direktion = z", "direction = z"),
+    ],
+)
+def test_what_was_probably_meant_is_said(rule, meant):
+    with pytest.raises(EntityError, match=f"; '{meant}' may be meant"):
+        select_entities(BLOCK, rule)
+
+
+@pytest.mark.parametrize("rule", ["colour = red", "length > 2 deg", "turn < 3 mm"])
+def test_nothing_is_suggested_where_nothing_is_near(rule):
+    with pytest.raises(EntityError) as caught:
+        select_entities(BLOCK, rule)
+    assert "may be meant" not in str(caught.value)
+
+
 def test_a_direction_needs_a_length():
     with pytest.raises(EntityError, match="direction must have a length"):
         select_entities(BLOCK, "direction = 0,0,0")

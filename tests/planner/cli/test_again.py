@@ -50,6 +50,13 @@ def test_a_plan_made_again_is_the_same_byte_for_byte(planned, tmp_path):
     assert found.seed == 3
 
 
+def test_the_folder_of_a_plan_stands_for_its_file(planned, tmp_path, monkeypatch):
+    """Then the plan is written to ./plan, as any other."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["plan", "--again", str(planned / "plan"), *WORK]) in (DONE, 1)
+    assert read_plan("plan").settings == read_plan(planned / "plan").settings
+
+
 def test_a_part_that_changed_or_is_gone_is_told(planned, tmp_path, capsys):
     moved = tmp_path / "moved"
     shutil.copytree(planned, moved)
@@ -89,6 +96,6 @@ def test_what_the_request_says_is_not_given_again(planned, tmp_path, capsys):
     for arguments, message in (
         (["--out", "x"], "the following arguments are required: PART, --camera"),
         (["p.off", "--camera", "c", "--out", "x"], "one of the arguments --entities --select"),
-        (["--again", "p.json"], "the following arguments are required: --out"),
+        (["--again", "p.json"], "--again must be an existing plan file, or its folder"),
     ):
         assert message in refusal(capsys, *arguments)

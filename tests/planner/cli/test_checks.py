@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from planner import Camera, camera_names
-from planner.cli.arguments import memory
 from planner.cli.main import main
+from planner.cli.parsing.quantities import memory
 from planner.cli.process.exit_codes import BAD_INPUT, DONE
 
 BLOCK = str(Path(__file__).parents[3] / "examples" / "two_pocket_block.off")
@@ -83,9 +83,9 @@ def test_help_tells_defaults_once(capsys):
         main(["plan", "--help"])
     text = " ".join(capsys.readouterr().out.split())
     for told in (
-        "std. deviation (default: 0.2)",
-        "from the part (default: 50.0)",
-        "per setting (default: 10000)",
+        "of the camera's position (default: 0.2 mm)",
+        "from the part (default: 50 mm)",
+        "displaced poses per setting (default: 10000)",
     ):
         assert told in text
     assert "at most one per core" in text
@@ -98,10 +98,10 @@ def test_cameras_are_listed(capsys):
     lines = capsys.readouterr().out.splitlines()
     listed = [line.split()[0] for line in lines if " x " in line]
     assert listed == list(camera_names())
-    row = next(line for line in lines if line.startswith(" basler-acA2440-20gm-8mm"))
+    row = next(line for line in lines if line.startswith("basler-acA2440-20gm-8mm"))
     # thin lens: the field at the distance s of sharp focus is the sensor's (s - f) / f times; 2448 x 0.00345 mm wide
     assert row.endswith(
-        f"{2448 * 0.00345 * (300 - 8) / 8:.0f} x {2048 * 0.00345 * (300 - 8) / 8:.0f} "
+        f"{2448 * 0.00345 * (300 - 8) / 8:.0f} x {2048 * 0.00345 * (300 - 8) / 8:.0f}"
     )
     assert main(["cameras", "--json"]) == DONE
     records = json.loads(capsys.readouterr().out)
@@ -156,7 +156,7 @@ def test_a_rule_chooses_edges(tmp_path, capsys):
 @pytest.mark.parametrize("wrong", ["nonsense", "", "-1", "1.5"])
 def test_what_is_no_list_of_solids_names_its_option(capsys, wrong):
     assert main(["info", BLOCK, f"--solids={wrong}"]) == BAD_INPUT
-    message = f"argument --solids: must be whole numbers like 0,2. Got {wrong!r}; see aspectgraph info --help"
+    message = f"--solids must be whole numbers like 0,2. Got {wrong!r}; see aspectgraph info --help"
     assert capsys.readouterr().err == f"aspectgraph info: {message}\n"
 
 

@@ -73,6 +73,7 @@ BAD = {
     "--time-limit": ["0"],
     "--units": ["ell"],
     "--visibility-radius-mm": NEGATIVE,
+    "--write": ["camera.txt"],
     "--workspace": ["1", "1", "1", "0", "0", "0"],
 }
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from one_kernel import one_kernel
 
+from planner import Camera, OpticsProposal, optics_table
 from planner.cli.main import main
 from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE
 
@@ -67,6 +68,43 @@ def test_nothing_can_do_it(capsys):
     # no image of 20 mm has 5000 px on a sensor of 2448
     assert main([*OPTICS, *SURE, "--min-length-px", "5000"]) == INCOMPLETE
     assert "0/1" in capsys.readouterr().out
+
+
+def test_the_best_camera_is_written_for_plan(tmp_path, monkeypatch, capsys):
+    """Once: a file that is there stays, and so it does where no camera measures anything."""
+    monkeypatch.chdir(tmp_path)
+    assert main([*OPTICS, *SURE, "--rows", "1", "--json"]) == DONE
+    (record,) = json.loads(capsys.readouterr().out)
+    assert main([*OPTICS, *SURE, "--rows", "1", "--write", "camera.toml"]) == DONE
+    assert "give it to plan as --camera camera.toml" in capsys.readouterr().out
+    assert Camera.from_toml("camera.toml") == Camera.from_dict(record["camera"])
+    assert main([*OPTICS, *SURE, "--write", "camera.toml"]) == BAD_INPUT
+    assert capsys.readouterr().err == (
+        "aspectgraph: --write must be a new file. Got 'camera.toml', which exists.\n"
+    )
+    none = [*OPTICS, *SURE, "--min-length-px", "5000", "--write", "none.toml"]
+    assert main(none) == INCOMPLETE
+    assert "none.toml is not written" in capsys.readouterr().out
+    assert not (tmp_path / "none.toml").exists()
+    for name, message in (
+        ("x.json", "must end in .toml"),
+        ("no/x.toml", "in a folder that exists"),
+    ):
+        assert main([*OPTICS, *SURE, "--write", name]) == BAD_INPUT
+        assert f"--write {message}" in capsys.readouterr().err.replace("must be in", "in")
+
+
+def test_what_is_sharp_has_digits_enough(capsys):
+    """A long lens close up: the depth of field is a fraction of a millimetre, and "250 to 250" says nothing."""
+    lens = {"pixel_pitch_mm": (0.002, 0.002), "resolution": (4000, 3000)}
+    near = Camera(focal_length_mm=75.0, f_number=2.0, focus_distance_mm=250.0, **lens)
+    first, second = map(float, near.depth_of_field_text.split(" to "))
+    assert near.depth_of_field_mm == pytest.approx((first, second), abs=0.005)
+    assert first < 250.0 < second
+    far = Camera(focal_length_mm=8.0, f_number=8.0, focus_distance_mm=5e4, **lens)
+    assert far.depth_of_field_text.endswith(" to infinity")
+    shown = optics_table([OpticsProposal("b", "l", near, 0.9, {"rim": 1.0}, {"rim": 0.5}, {})])
+    assert near.depth_of_field_text in shown
 
 
 def test_unknown_bodies_and_distances_are_refused(capsys):

@@ -150,7 +150,7 @@ WRONG = {
     "focus": (
         ("camera", "focus_distance_mm"),
         20.0,
-        "must exceed focal_length_mm (25), else no real image forms.",
+        "must exceed focal_length_mm (25), otherwise no real image forms.",
     ),
     "f-number": (("camera", "f_number"), math.inf, "must be finite and positive. Got Infinity."),
     "successes": ((*RATE, "successes"), 51, "must be at most n, 50. Got 51."),
@@ -275,7 +275,9 @@ def test_bytes_that_are_no_sensible_json_are_named(tmp_path, case):
 
 
 def test_folder_instead_of_a_file_is_named(tmp_path):
-    with pytest.raises(PlanFileError, match=r"plan file must be readable\. Got: Is a directory\."):
+    with pytest.raises(
+        PlanFileError, match=r"plan file must be readable\. Got: No such file or directory\."
+    ):
         read_plan(tmp_path)
 
 

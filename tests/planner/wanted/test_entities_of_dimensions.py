@@ -53,7 +53,7 @@ def test_an_edge_that_two_items_need_is_one_entity():
         ),
         (
             Dimension.diameter(UPPER[0], max_error_mm=1e-3),
-            r"must have \d+ chords at least, as a mesh.* Got 24,",
+            r"must have at least \d+ chords, because a mesh.* Got 24,",
         ),
     ],
 )

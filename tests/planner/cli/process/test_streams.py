@@ -88,7 +88,7 @@ def test_too_little_memory_is_one_line(tmp_path, kilobytes):
     if done.returncode == 0:
         pytest.skip("the limit is not kept here")
     (line,) = done.stderr.splitlines()
-    assert line.startswith("aspectgraph: memory must suffice for this. Got: ")
+    assert line.startswith("aspectgraph: enough memory must be free. Got: ")
     assert done.returncode == 2
 
 
@@ -104,11 +104,14 @@ def test_a_path_that_is_too_long_names_its_option():
 @pytest.mark.parametrize(
     ("error", "words"),
     [
-        (MemoryError(), "memory must suffice"),
-        (ImportError("libX.so: failed to map segment from shared object"), "memory must suffice"),
+        (MemoryError(), "enough memory must be free"),
+        (
+            ImportError("libX.so: failed to map segment from shared object"),
+            "enough memory must be free",
+        ),
         (RuntimeError("can't start new thread"), "threads or processes"),
         (BlockingIOError(11, "Resource temporarily unavailable"), "threads or processes"),
-        (OSError(12, "Cannot allocate memory"), "memory must suffice"),
+        (OSError(12, "Cannot allocate memory"), "enough memory must be free"),
     ],
 )
 def test_shortages_are_told_apart(error, words):

@@ -1,0 +1,195 @@
+"""Units, wrong names, short options, help and default folder: what is typed is understood, or one line says why not."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+from pathlib import Path
+
+import pytest
+
+from planner.cli.definitions import build_parser
+from planner.cli.main import main
+from planner.cli.parsing.parser import UsageError, check_names, command_parsers
+from planner.cli.parsing.quantities import DEG, MM, PX, RAD, SECONDS, SHARE, lengths
+from planner.cli.process.exit_codes import BAD_INPUT, DONE
+
+BLOCK = str(Path(__file__).parents[3] / "examples" / "two_pocket_block.off")
+PLAN = ["plan", BLOCK, "--entities", "8", "--camera", "basler-acA2440-20gm-8mm", "--jobs", "1"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "value"),
+    [
+        (SHARE, "98%", 0.98),
+        (SHARE, "99.9 %", 0.999),
+        (SHARE, "0.9", 0.9),
+        (MM, "0.1mm", 0.1),
+        (MM, "100um", 0.1),
+        (MM, "100 µm", 0.1),
+        (MM, "2.5cm", 25.0),
+        (MM, "1in", 25.4),
+        (MM, "-1e2", -100.0),
+        (MM, ".5", 0.5),
+        (RAD, "2mrad", 0.002),
+        (RAD, "180deg", math.pi),
+        (DEG, "25°", 25.0),
+        (PX, "20px", 20.0),
+        (SECONDS, "5min", 300.0),
+        (SECONDS, "1.5h", 5400.0),
+        (SECONDS, "90", 90.0),
+    ],
+)
+def test_a_number_may_have_its_unit(kind, text, value):
+    """Decimal units are exact: 99.9% is the number that 0.999 is."""
+    assert kind(text) == value
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [
+        (MM, "0.1kg"),
+        (MM, "0.1deg"),
+        (MM, "10%"),
+        (MM, "MM"),
+        (MM, ""),
+        (SHARE, "0.9mm"),
+        (RAD, "1mm"),
+        (SECONDS, "1d"),
+        (PX, "1mm"),
+        (MM, "1mm2"),
+    ],
+)
+def test_another_unit_is_refused(kind, text):
+    with pytest.raises(argparse.ArgumentTypeError, match=r"^must be .*\. Got '"):
+        kind(text)
+
+
+def test_several_lengths_may_have_units():
+    assert lengths("250,40cm,.5m") == [250.0, 400.0, 500.0]
+
+
+def refusal(capsys, *words):
+    assert main(list(words)) == BAD_INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["plna"], "unknown command 'plna'; did you mean plan?"),
+        (["simul"], "did you mean simulate?"),
+        (["help", "optiks"], "unknown command 'optiks'; did you mean optics?"),
+        (["plan", "p.off", "--acuracy", "0.9"], "unknown option --acuracy; did you mean --accuracy?"),
+        (["plan", "p.off", "--camra=x"], "unknown option --camra; did you mean --camera?"),
+        (["info", "p.off", "--camera", "x"], "it is an option of plan, batch, graph"),
+        (["info", "p.off", "-x"], "unknown option -x; see aspectgraph info --help"),
+        (["--versoin"], "did you mean --version?"),
+        ([*PLAN, "--sigma-mm", "0.1kg"], "--sigma-mm must be a length in mm, or with its unit"),
+        ([*PLAN, "--accuracy", "98"], "--accuracy must be in (0, 1). Got 98.0; write 98%."),
+        ([*PLAN, "-j", "many"], "--jobs must be a whole number. Got 'many'"),
+        (["info", BLOCK, "--select", "lenght > 20"], "Got 'lenght > 20'; 'length > 20' may be meant"),
+        (["info", BLOCK, "--select", "face = topp"], "'face = top' may be meant"),
+    ],
+)  # fmt: skip
+def test_what_was_meant_is_said(capsys, words, message):
+    assert message in refusal(capsys, *words)
+
+
+def test_every_option_of_every_command_is_known_to_the_check():
+    parser = build_parser()
+    for name, command in command_parsers(parser).items():
+        for action in command._actions:
+            for text in action.option_strings:
+                long = next(one for one in action.option_strings if one.startswith("--"))
+                assert check_names(parser, [name, text]) == {long}
+        with pytest.raises(UsageError, match="unknown option --zebra"):
+            check_names(parser, [name, "--zebra"])
+
+
+def test_short_options_and_values_that_look_like_them():
+    parser = build_parser()
+    words = [*PLAN[:-2], "-qj2", "-oout", "--workspace", "-1", "-2mm", "-3e1", "4", "5", "6"]
+    typed = check_names(parser, words)
+    assert {"--quiet", "--jobs", "--out", "--workspace"} <= typed
+    options = parser.parse_args(words)
+    assert (options.jobs, options.out, options.quiet) == (2, "out", True)
+    assert options.workspace == [-1.0, -2.0, -30.0, 4.0, 5.0, 6.0]
+
+
+def test_help_is_a_command_too(capsys):
+    assert main(["help"]) == DONE
+    assert "COMMAND" in capsys.readouterr().out
+    assert main(["help", "plan"]) == DONE
+    by_command = capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main(["plan", "--help"])
+    assert capsys.readouterr().out == by_command
+    with pytest.raises(SystemExit):
+        main(["-V"])
+    assert capsys.readouterr().out.startswith("aspectgraph ")
+
+
+def test_the_most_used_options_come_first_and_lines_fit_80_columns(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    for name, command in command_parsers(build_parser()).items():
+        assert max(map(len, command.format_help().splitlines())) <= 80, name
+    text = command_parsers(build_parser())["plan"].format_help()
+    order = [
+        "--entities",
+        "--select",
+        "--dimensions",
+        "--camera",
+        "--accuracy",
+        "--out",
+        "--effort",
+    ]
+    order += ["--stand-off", "--light", "--units", "--json"]
+    places = [text.index(f"\n  {name} ") for name in order]
+    assert places == sorted(places)
+
+
+def test_the_folder_is_plan_where_none_is_named(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    quick = [*PLAN, "--effort", "quick", "--simulate", "100", "--quiet"]
+    assert main(quick) == DONE
+    assert capsys.readouterr().out.splitlines()[-1] == "12 files in plan/; open plan/report.html"
+    assert main(["simulate", "plan", "--poses", "100", "--quiet"]) == DONE
+    # the same request may replace its plan, another one may not
+    capsys.readouterr()
+    message = "plan.json of another request: --seed was 0 and is now 1"
+    assert message in refusal(capsys, *quick, "--seed", "1")
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("notes.txt", [], "--out must be given where ./plan holds other files. Got"),
+        ("report.html", [], "report.html without its plan.json"),
+        ("report.html", ["--out", "plan"], "report.html without its plan.json"),
+    ],
+)
+def test_files_of_others_are_never_replaced(tmp_path, monkeypatch, capsys, name, options, message):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "plan").mkdir()
+    (tmp_path / "plan" / name).write_text("mine")
+    assert message in refusal(capsys, *PLAN, *options)
+    assert (tmp_path / "plan" / name).read_text() == "mine"
+    assert [one for one in os.listdir(tmp_path / "plan") if not one.startswith(".")] == [name]
+
+
+def test_fish_gets_every_option_with_its_help(capsys):
+    assert main(["completion", "fish"]) == DONE
+    lines = capsys.readouterr().out.splitlines()
+    for name, command in command_parsers(build_parser()).items():
+        own = [line for line in lines if f"'__aspectgraph_in {name}'" in line]
+        longs = [text for action in command._actions for text in action.option_strings]
+        for text in longs:
+            flag = f" -l {text[2:]} " if text.startswith("--") else f" -s {text[1:]} "
+            assert sum(flag in f"{line} " for line in own) == 1, (name, text)
+    cameras = next(line for line in lines if "in plan'" in line and " -l camera " in line)
+    assert "basler-acA2440-20gm-8mm" in cameras
+    # in quotes, a quote of fish is escaped
+    assert all(line.replace("\\'", "").count("'") % 2 == 0 for line in lines)

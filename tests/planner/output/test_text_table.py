@@ -1,0 +1,135 @@
+"""Tables and sentences of any width: names are never broken, and lines fit where they can."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from plan_examples import ENTITIES, plan, setting
+
+from errors.measurands import Line, Localisation
+from planner.output import terminal_tables
+from planner.progress.text_table import (
+    Column,
+    Pieces,
+    listed,
+    print_text,
+    table_lines,
+    terminal_width,
+    words,
+)
+from planner.wanted.planned import PlannedDimension
+
+COLUMNS = (Column("entity"), Column("P", right=True), Column("what is said of it"))
+NAMES = ("far rim of the slot", "bohrung_d12_h7_links_oben", "e7")
+ROWS = [(name, "0.9987", words("a reason of several words")) for name in NAMES]
+
+
+@pytest.mark.parametrize("width", [None, 200, 80, 60, 50, 40, 30, 26, 10])
+def test_names_stay_whole_at_any_width(width):
+    lines = table_lines(COLUMNS, ROWS, width)
+    for name in NAMES:
+        assert sum(name in line for line in lines) == 1
+    assert sum("0.9987" in line for line in lines) == len(NAMES)
+    if width is not None:
+        # a line may be longer where one name is
+        longest = max(width, *map(len, NAMES))
+        assert max(map(len, lines)) <= longest
+    text = " ".join(" ".join(lines).split())
+    assert text.count("reason") == text.count("several") == len(NAMES)
+
+
+def test_a_wide_terminal_has_a_line_per_row_and_numbers_below_each_other():
+    lines = table_lines(COLUMNS, ROWS, None)
+    assert len(lines) == 2 + len(ROWS)
+    assert {line.index("0.9987") for line in lines[2:]} == {len(max(NAMES, key=len)) + 2}
+    assert lines[1] == "-" * len(lines[1])
+
+
+def test_wide_characters_take_two_columns():
+    """As terminals show them: 穴 is as wide as two letters."""
+    lines = table_lines((Column("name"), Column("P")), [("穴", "1"), ("ab", "2")], 20)
+    assert lines[2:] == ["穴    1", "ab    2"]
+
+
+def test_a_list_is_broken_after_its_commas():
+    names = listed(["far rim", "near rim", "bottom"])
+    lines = table_lines((Column("n", right=True), Column("observable")), [("1", names)], 22)
+    assert lines[2:] == ["1  far rim, near rim,", "   bottom"]
+
+
+def test_a_sentence_keeps_names_with_blanks_together(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "20")
+    print_text(words("not inspected: far rim of it: no view", ["far rim of it"]))
+    assert capsys.readouterr().out.splitlines() == ["not inspected:", "far rim of it: no", "view"]
+
+
+def test_nothing_obeyed_by_a_terminal_comes_through(capsys):
+    lines = table_lines((Column("n"), Column("x")), [("a\x1b[2J", Pieces(("b\n", "c")))], 80)
+    assert "\x1b" not in "".join(lines)
+    assert len(lines) == 3
+
+
+@pytest.mark.parametrize(("columns", "width"), [("57", 57), ("0", None), ("wide", None)])
+def test_the_variable_columns_is_respected_where_there_is_no_terminal(monkeypatch, columns, width):
+    monkeypatch.setenv("COLUMNS", columns)
+    assert terminal_width() == width
+
+
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo-terminals here")
+def test_the_width_of_the_terminal_is_respected(monkeypatch):
+    import fcntl
+    import struct
+    import termios
+
+    monkeypatch.delenv("COLUMNS", raising=False)
+    ours, theirs = os.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 83, 0, 0))
+    with os.fdopen(theirs, "w") as screen:
+        monkeypatch.setattr("sys.stdout", screen)
+        width = terminal_width()
+        monkeypatch.undo()
+    os.close(ours)
+    assert width == 83
+
+
+def test_a_plan_fits_80_columns_with_its_tightest_margin_only(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    names = list(ENTITIES)
+    margins = {"focus_mm": 0.5, "field_of_view_px": 300.0, "visible": 1.0}
+    view = replace(setting((40.0, -180.0, 620.0), names), margins=margins)
+    found = plan(settings=[view], uninspectable={})
+    # half the depth of field of this camera is far more than 0.5 mm
+    assert terminal_tables.tightest_margin(found, found.settings[0]) == "focus +0.5 mm"
+    terminal_tables.print_plan(found)
+    out = capsys.readouterr().out
+    assert max(map(len, out.splitlines())) <= 80
+    assert "focus +0.5 mm" in out
+    assert "field of view" not in out
+    for name in names:
+        assert name in out
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "error", "texts"),
+    [
+        ((-0.05, 0.05), 0.0125, ("±0.05", "error up to 0.0125 mm (25 %)")),
+        ((-0.02, 0.1), 0.03, ("+0.1/-0.02", "error up to 0.03 mm (50 %)")),
+        (None, 0.2, ("", "error up to 0.2 mm")),
+    ],
+)
+def test_a_dimension_says_which_share_of_its_tolerance_is_permitted(tolerance, error, texts):
+    """A quarter of a half width of 0.05 is 0.0125."""
+    edge = Line(np.zeros(3), np.array([40.0, 0.0, 0.0]))
+    model = Localisation.gaussian(0.1)
+    one = PlannedDimension("length", ("e1",), (edge,), error, model, tolerance)
+    nominal, text = one.requirement_texts
+    assert nominal.endswith(texts[0])
+    assert text == texts[1]
+
+
+def test_one_line_says_how_many_files_there_are_and_which_to_open(capsys):
+    terminal_tables.print_written(["plan/a", "plan/report.html"], "plan", "plan/report.html")
+    assert capsys.readouterr().out == "2 files in plan/; open plan/report.html\n"
