@@ -1,4 +1,4 @@
-"""Options that several commands have, in the groups in which ``--help`` lists them: the most used first."""
+"""Options of several commands, in the groups of ``--help``: the most used first."""
 
 from __future__ import annotations
 
@@ -150,20 +150,22 @@ def add_wanted(parser: Options) -> None:
 
 
 def add_promise(parser: Options) -> None:
-    """Add what a plan promises of a measurement, and how far the camera may be from its planned pose."""
+    """Add what a plan promises of a measurement, and the uncertainty of the camera's pose."""
     parser.add_argument(
         "--accuracy",
         type=SHARE,
         default=0.98,
         metavar="A",
-        help="98%% permits an error of 2%% of an edge's length, a rim's diameter or an arc's radius",
+        help="98%% permits an error of 2%% of an edge's length, a rim's diameter or an arc's "
+        "radius",
     )
     parser.add_argument(
         "--probability",
         type=SHARE,
         default=0.9,
         metavar="P",
-        help="required probability of this accuracy, for a registered image in which the edge is found",
+        help="required probability of this accuracy, for a registered image in which the edge "
+        "is found",
     )
     parser.add_argument(
         "--sigma-mm",
@@ -211,7 +213,8 @@ def add_limits(plan: Options) -> None:
         "--focus-margin-mm",
         type=MM,
         metavar="MM",
-        help="distance from both ends of the depth of field (default: for each end of an edge three "
+        help="distance from both ends of the depth of field (default: for each end of an edge "
+        "three "
         "standard deviations of its depth, at most an eighth of the depth of field but at least "
         "1.645 of them)",
     )
@@ -331,7 +334,8 @@ def add_messages(parser: Options) -> None:
     group.add_argument(
         "--json",
         action="store_true",
-        help="print records for other programs instead of tables; mm and degrees where no unit is named",
+        help="print records for other programs instead of tables; mm and degrees where no unit "
+        "is named",
     )
     which = group.add_mutually_exclusive_group()
     which.add_argument("--quiet", "-q", action="store_true", help="show no progress")
@@ -373,6 +377,7 @@ def add_workspace(parser: Options) -> None:
         type=MM,
         nargs=6,
         metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
-        help="opposite corners of the box the camera may be in, mm (default: as far around the part "
+        help="opposite corners of the box the camera may be in, mm (default: as far around the "
+        "part "
         "as the lens focuses)",
     )

@@ -136,7 +136,8 @@ def _add_plan(commands: Any) -> None:
         "--graph-limit",
         type=whole,
         metavar="N",
-        help="write graph.graphml, the joint graph, for up to this many entities (default: 24; more if "
+        help="write graph.graphml, the joint graph, for up to this many entities (default: 24; "
+        "more if "
         "it is small)",
     )
     add_jobs(_group(plan, "search"), "processes to use, at most one per core", usable_cores())
@@ -200,7 +201,8 @@ def _add_graph(commands: Any) -> None:
     output.add_argument(
         "--lamps",
         action="store_true",
-        help="build the graph of lamp positions instead of viewpoints: which lamps make edges visible",
+        help="build the graph of lamp positions instead of viewpoints: which lamps make edges "
+        "visible",
     )
     output.add_argument(
         "--contrast",
@@ -213,7 +215,8 @@ def _add_graph(commands: Any) -> None:
         "--memory-limit",
         type=memory,
         metavar="GIB",
-        help="stop with an estimate if the graph takes more than about this much memory; like 8, 8GB "
+        help="stop with an estimate if the graph takes more than about this much memory; like "
+        "8, 8GB "
         "or 500MB (default: what is free)",
     )
     add_reading(graph)
@@ -247,7 +250,8 @@ def _add_batch(commands: Any) -> None:
     which.add_argument(
         "--select",
         metavar="RULE",
-        help="entities for which the rule holds, see plan --help (default: all sharp straight edges)",
+        help="entities for which the rule holds, see plan --help (default: all sharp straight "
+        "edges)",
     )
     which.add_argument("--all", action="store_true", help="all sharp straight edges, the default")
     add_asked(batch)
@@ -338,7 +342,8 @@ def _add_optics(commands: Any) -> None:
     choice.add_argument(
         "--write",
         metavar="FILE",
-        help="write the camera of the first row as a TOML file for plan --camera (default: not written)",
+        help="write the camera of the first row as a TOML file for plan --camera (default: not "
+        "written)",
     )
     add_promise(optics.add_argument_group("requirement"))
     add_limits(optics)

@@ -1,7 +1,7 @@
 """Text for a terminal of any width: tables and sentences whose names are never broken.
 
-A table is printed as it is where it fits. Where it does not, its texts are wrapped between words. Where that is not
-enough, the first column, which holds names, gets lines of its own; at last, each value does.
+A table is printed as it is where it fits. Otherwise its texts are wrapped between words. Where that
+is not enough, the first column, which holds names, gets lines of its own; at last, each value does.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def words(text: str, names: Iterable[str] = ()) -> Pieces:
 
 
 def terminal_width() -> int | None:
-    """Return how many columns a line may have: as the variable COLUMNS says, or as the terminal is wide.
+    """Return how many columns a line may have, by the variable COLUMNS or by the terminal.
 
     Returns
     -------

@@ -39,6 +39,7 @@ def check_format(data: Any) -> None:
     if "on_grid" in data:
         # of earlier programs; what they counted is false of an edge that is a tenth of a pixel longer
         raise PlanFileError(
-            "on_grid must not be in a plan: its probabilities hold for a part of exactly nominal size only. "
+            "on_grid must not be in a plan: its probabilities hold for a part of exactly "
+            "nominal size only. "
             f"Plan again. Got {shown(data['on_grid'])}."
         )

@@ -1,4 +1,4 @@
-"""Arguments of the wrong type, or in the wrong order: one line, before anything is done with them."""
+"""Arguments of the wrong type, or in the wrong order, are refused in one line."""
 
 from __future__ import annotations
 

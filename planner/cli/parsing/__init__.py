@@ -1,1 +1,1 @@
-"""How the command line is read: numbers with units, options and commands with a wrong name, help."""
+"""Reading of the command line: numbers with units, wrong names of options, help."""

@@ -1,4 +1,4 @@
-"""The parser of the command line: usage errors in one line, and the name that was probably meant."""
+"""The parser of the command line: errors in one line, with the name that was meant."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def check_names(parser: argparse.ArgumentParser, words: Sequence[str]) -> set[st
 
 
 def _option(parser: argparse.ArgumentParser, word: str) -> set[str] | None:
-    """Return the long names of the option, or of the short options, in a word; None if one is unknown."""
+    """Return the long names of the options in a word; None if one is unknown."""
     known = parser._option_string_actions
     if word.startswith("--"):
         action = known.get(word.partition("=")[0])

@@ -1,4 +1,4 @@
-"""Numbers with units: ``98%`` is 0.98, ``100um`` is 0.1 mm, ``0.1deg`` is 0.0017 rad, ``2min`` is 120 s."""
+"""Numbers with units: ``98%`` is 0.98, ``100um`` is 0.1 mm, ``2min`` is 120 s."""
 
 from __future__ import annotations
 
