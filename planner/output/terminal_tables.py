@@ -293,15 +293,25 @@ def _measured(plan: InspectionPlan, name: str) -> tuple[Cell, ...]:
     if not plan.dimensions:
         return ()
     target = plan.targets[name]
-    return (Pieces(tuple(filter(None, (*target.requirement_texts, features_cell(target)))), ", "),)
+    nominal, error = target.requirement_texts
+    texts = (f"{nominal},", *_split(error), features_cell(target) and f"({features_cell(target)})")
+    return (Pieces(tuple(filter(None, texts))),)
 
 
-def _interval(rate: SuccessRate | None) -> str:
+def _split(error: str) -> tuple[str, ...]:
+    """Return "error up to" and the rest, between which a narrow terminal may break."""
+    start = "error up to "
+    return (start.strip(), error.removeprefix(start))
+
+
+def _interval(rate: SuccessRate | None) -> Cell:
     """Return the frequency and its interval, and what they say of the prediction unless they confirm it."""
     if rate is None:
         return ""
-    told = "" if rate.verdict == CONFIRMED else f" {rate.verdict}"
-    return f"{frequency_text(rate.successes, rate.n)} ({interval_text(rate.low, rate.high, ' .. ')}){told}"
+    verdict_text = "" if rate.verdict == CONFIRMED else rate.verdict
+    frequency = frequency_text(rate.successes, rate.n)
+    interval = f"({interval_text(rate.low, rate.high, ' .. ')})"
+    return Pieces((frequency, interval, *verdict_text.split()))
 
 
 def _vector(values: Iterable[float], separator: str = " ", digits: int = 2) -> str:

@@ -78,7 +78,7 @@ class PlannedTarget(ABC):
 
     @property
     @abstractmethod
-    def requirement_texts(self) -> tuple[str, ...]:
+    def requirement_texts(self) -> tuple[str, str]:
         """What is measured, its tolerance if it has one, and the permitted error."""
 
     @property
@@ -146,9 +146,9 @@ class PlannedLength(PlannedTarget):
         return self.ends
 
     @property
-    def requirement_texts(self) -> tuple[str, ...]:
+    def requirement_texts(self) -> tuple[str, str]:
         """What is measured, and the permitted error."""
-        return (f"length, error up to {100 * (1 - self.accuracy):.3g} %",)
+        return "length", f"error up to {100 * (1 - self.accuracy):.3g} %"
 
     def permitted_error_px(self, cam2world: NDArray[np.float64], camera: Camera) -> float:
         """Return the share of the length of its image, px."""
@@ -229,7 +229,7 @@ class PlannedDimension(PlannedTarget):
         return self.permitted_error * scale
 
     @property
-    def requirement_texts(self) -> tuple[str, ...]:
+    def requirement_texts(self) -> tuple[str, str]:
         """What is measured, its tolerance if it has one, and the permitted error with its share of it."""
         nominal = f"{self.kind.replace('_', ' ')} {self.nominal:.6g} {self.unit}"
         error = f"error up to {self.permitted_error:.4g} {self.unit}"
@@ -240,7 +240,7 @@ class PlannedDimension(PlannedTarget):
         if lower == -upper:
             tolerance = f"±{upper:.4g}"
         else:
-            tolerance = f"{upper:+.4g}/{lower:+.4g}"
+            tolerance = "/".join(f"{limit:+.4g}" if limit else "0" for limit in (upper, lower))
         return f"{nominal} {tolerance}", f"{error} ({100 * self.permitted_error / half:.3g} %)"
 
     def to_dict(self) -> dict[str, Any]:
