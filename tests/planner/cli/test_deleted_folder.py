@@ -69,7 +69,7 @@ def test_a_plan_outlives_the_folder_its_process_is_in(tmp_path):
     ]
     # where the user looks for it, though the folder was deleted
     assert read_plan(out / "plan.json").complete
-    assert str(out / "plan.json") in lines
+    assert f"12 files in {out}/; open {out / 'report.html'}" in lines
     moved = read_plan(tmp_path / "moved" / "plan.json")
     assert (
         moved.settings[0].cam2world.tolist()
