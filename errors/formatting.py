@@ -1,4 +1,4 @@
-"""How probabilities are told: rounded to the side that promises nothing, and never as a bare 1."""
+"""Probabilities as text and in files: rounded to the safe side, and never 1."""
 
 from __future__ import annotations
 
@@ -7,22 +7,52 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 
 # four decimals tell what 10,000 simulated poses can
 _DIGITS = 4
+_LARGEST = math.nextafter(1.0, 0.0)
 
 
-def probability_text(value: float, required: float = 0.0) -> str:
-    """Return a probability rounded down; near 1 it is a least value, as no model and no count proves certainty.
+def below_one(value: float) -> float:
+    """Return a probability for a file: the largest number below 1 where rounding gave 1.
+
+    No model proves certainty, so 1 is an effect of rounding.
 
     Parameters
     ----------
     value : float
-        In [0, 1]; nan is told as such.
+        In [0, 1]; nan is kept.
+
+    Returns
+    -------
+    float
+        In [0, 1).
+    """
+    return _LARGEST if value >= 1.0 else value
+
+
+def is_nearly_one(value: float, required: float = 0.0) -> bool:
+    """Say whether `probability_text` gives no more than a bound such as ``"> 0.9999"``.
+
+    Parameters
+    ----------
+    value, required : float
+        As for `probability_text`.
+    """
+    return probability_text(value, required).startswith(">")
+
+
+def probability_text(value: float, required: float = 0.0) -> str:
+    """Return a probability rounded down; near 1 only a bound, because no model proves certainty.
+
+    Parameters
+    ----------
+    value : float
+        In [0, 1], or nan.
     required : float
-        A probability that the text must be able to tell the value from: beyond 0.999 more than four decimals are kept.
+        The text keeps enough decimals to show on which side of this the value is.
 
     Returns
     -------
     str
-        Such as ``"0.9512"`` or ``"0.9999 or more"``.
+        Such as ``"0.9512"`` or ``"> 0.9999"``.
     """
     if math.isnan(value):
         return "nan"
@@ -30,8 +60,10 @@ def probability_text(value: float, required: float = 0.0) -> str:
     if 0.0 < 1.0 - required < 1e-3:
         digits = 1 - math.floor(math.log10(1.0 - required) + 1e-9)
     unit = Decimal(1).scaleb(-digits)
-    told = min(_rounded(value, digits, ROUND_FLOOR), 1 - unit)
-    return f"{told} or more" if told == 1 - unit else str(told)
+    most = 1 - unit
+    if Decimal(repr(float(value))) > most:
+        return f"> {most}"
+    return str(_rounded(value, digits, ROUND_FLOOR))
 
 
 def frequency_text(successes: int, n: int) -> str:

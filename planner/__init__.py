@@ -208,22 +208,12 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Import a public name from its module; look up the version, which stands in pyproject.toml only."""
     if name == "__version__":
-        return _version()
+        return import_module("planner.identity.program").program_version()
     if name not in _HOMES:
         raise AttributeError(f"module 'planner' has no attribute {name!r}")
     value = getattr(import_module(_HOMES[name]), name)
     globals()[name] = value
     return value
-
-
-def _version() -> str:
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version("aspectgraph")
-    except PackageNotFoundError:
-        # run from its source without being installed
-        return "unknown"
 
 
 def __dir__() -> list[str]:

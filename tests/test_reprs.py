@@ -104,8 +104,7 @@ def test_setting(eag):
     worst = min(setting.probability.values())
     assert worst > 0.9999
     assert (
-        repr(setting)
-        == f"<SensorSetting: 2 entities from {place}, smallest probability 0.9999 or more>"
+        repr(setting) == f"<SensorSetting: 2 entities from {place}, smallest probability > 0.9999>"
     )
 
 
@@ -113,7 +112,7 @@ def test_plan_and_simulation(plan):
     worst = min(plan.inspected.values())
     found = "1 settings (at least 1 needed), 2 of 2 entities inspected"
     assert worst > 0.9999
-    assert repr(plan) == f"<InspectionPlan of 'box': {found}, smallest probability 0.9999 or more>"
+    assert repr(plan) == f"<InspectionPlan of 'box': {found}, smallest probability > 0.9999>"
     simulation = plan.simulate(1000)
     assert repr(simulation) == "<SimulationResult: 1 settings, 1000 poses each: 2 confirmed>"
 

@@ -54,7 +54,7 @@ class Spot(NamedTuple):
         return np.asarray(self.samples[len(self.samples) // 2])
 
 
-class _Layout(NamedTuple):
+class LabelLayout(NamedTuple):
     """Where labels go: corners of the picture, font, and centre (2,) of each label placed, by number of its spot."""
 
     low: _Array
@@ -81,7 +81,7 @@ def draw_labels(spots: Sequence[Spot], low: _Array, high: _Array, ax: Axes) -> i
     int
         How many labels had no room.
     """
-    layout = _layout(spots, low, high, _size_pt(ax))
+    layout = label_layout(spots, low, high, _size_pt(ax))
     ax.set_xlim(layout.low[0], layout.high[0])
     ax.set_ylim(layout.low[1], layout.high[1])
     box = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
@@ -118,7 +118,7 @@ def _room(text: str) -> _Array:
     return np.array([0.65 * len(text) + 0.45, 1.4])
 
 
-def _layout(spots: Sequence[Spot], low: _Array, high: _Array, size_pt: _Array) -> _Layout:
+def label_layout(spots: Sequence[Spot], low: _Array, high: _Array, size_pt: _Array) -> LabelLayout:
     """Take the largest font, and then the fewest rings of slots around the picture, that have room for all."""
     layout = None
     waiting = 0
@@ -139,7 +139,7 @@ def _layout(spots: Sequence[Spot], low: _Array, high: _Array, size_pt: _Array) -
         near, carried = _near(spots, font * unit_per_pt, (corners[0] + frame, corners[1] - frame))
         rest = [n for n in range(len(spots)) if n not in near]
         waiting = len(rest)
-        found = _Layout(
+        found = LabelLayout(
             *corners, font, {**near, **_matched(spots, rest, slots)}, frozenset(carried)
         )
         if layout is None or len(found.places) > len(layout.places):

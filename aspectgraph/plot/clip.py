@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import shapely
@@ -19,6 +20,10 @@ _ON = 1e-9
 _SNAP = 1e-7
 # largest lack to 1 of the cosine between parallel normals
 _PARALLEL = 1e-10
+# bounds the memory that cells of many sides take
+_CELLS_AT_ONCE = 256
+# a half-space that holds every point
+_EVERYTHING = np.array([0.0, 0.0, 0.0, -1.0])
 
 
 class Facet(NamedTuple):
@@ -35,41 +40,76 @@ class Facet(NamedTuple):
     triangles: np.ndarray
 
 
-def clip_polygon(corners: np.ndarray, half_spaces: np.ndarray) -> np.ndarray:
-    """Cut a convex polygon down to half-spaces (Sutherland and Hodgman 1974).
+def clip_polygons(polygons: np.ndarray, half_spaces: np.ndarray) -> list[np.ndarray]:
+    """Cut convex polygons down to half-spaces of their own (Sutherland and Hodgman 1974).
 
     Parameters
     ----------
-    corners : ndarray, shape (n, d)
-        In order; d is 2 or 3.
-    half_spaces : ndarray, shape (k, d + 1)
-        Rows (a, b) with a·x + b <= 0 inside.
+    polygons : ndarray, shape (f, n, d)
+        Corners of each, in order; d is 2 or 3.
+    half_spaces : ndarray, shape (f, k, d + 1)
+        Rows (a, b) of each polygon with a·x + b <= 0 inside.
 
     Returns
     -------
-    ndarray, shape (m, d)
-        Without rows if nothing is left.
+    list of ndarray, shape (m, d)
+        One per polygon, without rows if nothing is left.
     """
-    for row in half_spaces:
-        if not len(corners):
-            break
-        height = corners @ row[:-1] + row[-1]
-        height[np.abs(height) < _ON] = 0.0
-        if (height <= 0).all():
+    # a polygon with fewer corners than others repeats its first one, which also closes it
+    corners = np.array(polygons, float)
+    n = np.full(len(corners), corners.shape[1])
+    for row in np.moveaxis(half_spaces, 1, 0):
+        height = _heights(corners, row)
+        cut = np.flatnonzero((n > 0) & (height > 0).any(axis=1))
+        if not len(cut):
             continue
-        # by hand, as np.roll and np.stack take longer than all the rest of so few corners
-        after = np.concatenate([corners[1:], corners[:1]])
-        height_after = np.concatenate([height[1:], height[:1]])
-        crossed = height * height_after < 0
-        share = np.where(crossed, height / np.where(crossed, height - height_after, 1.0), 0.0)
-        both = np.empty((2 * len(corners), corners.shape[1]))
-        kept = np.empty(2 * len(corners), bool)
-        both[::2] = corners
-        both[1::2] = corners + share[:, None] * (after - corners)
-        kept[::2] = height <= 0
-        kept[1::2] = crossed
-        corners = both[kept]
-    return corners
+        left, n[cut] = _clip_once(corners[cut], n[cut], height[cut])
+        missing = left.shape[1] - corners.shape[1]
+        if missing > 0:
+            corners = np.concatenate([corners, corners[:, :1].repeat(missing, axis=1)], axis=1)
+        corners[cut, : left.shape[1]] = left
+        corners[cut, left.shape[1] :] = left[:, :1]
+    return [polygon[:count] for polygon, count in zip(corners, n.tolist(), strict=True)]
+
+
+def _heights(corners: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """Return the heights (f, n) of corners over a plane per polygon; 0 where they are rounding."""
+    height = (corners @ row[:, :-1, None])[..., 0] + row[:, None, -1]
+    height[np.abs(height) < _ON] = 0.0
+    return height
+
+
+def _clip_once(
+    corners: np.ndarray, n: np.ndarray, height: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Cut polygons with n corners each at height 0; return their new corners and numbers."""
+    after = np.roll(corners, -1, axis=1)
+    height_after = np.roll(height, -1, axis=1)
+    crossed = height * height_after < 0
+    share = np.where(crossed, height / np.where(crossed, height - height_after, 1.0), 0.0)
+    size, width, d = corners.shape
+    both = np.empty((size, 2 * width, d))
+    kept = np.empty((size, 2 * width), bool)
+    both[:, ::2] = corners
+    both[:, 1::2] = corners + share[..., None] * (after - corners)
+    kept[:, ::2] = (height <= 0) & (np.arange(width) < n[:, None])
+    kept[:, 1::2] = crossed
+    n_left = kept.sum(axis=1)
+    order = np.argsort(~kept, axis=1, kind="stable")[:, : max(n_left.max(), 1)]
+    left = np.take_along_axis(both, order[..., None], axis=1)
+    missing = np.arange(left.shape[1]) >= n_left[:, None]
+    return np.where(missing[..., None], left[:, :1], left), n_left
+
+
+def _stacked(half_spaces: Sequence[np.ndarray]) -> np.ndarray:
+    """Return sets of half-spaces as one array (f, k, d + 1), filled up with some that hold all."""
+    most = max(map(len, half_spaces))
+    everything = np.zeros(half_spaces[0].shape[1])
+    everything[-1] = -1.0
+    rows = np.tile(everything, (len(half_spaces), most, 1))
+    for k, own in enumerate(half_spaces):
+        rows[k, : len(own)] = own
+    return rows
 
 
 def box_half_spaces(box: np.ndarray) -> np.ndarray:
@@ -79,20 +119,55 @@ def box_half_spaces(box: np.ndarray) -> np.ndarray:
     return np.vstack([np.column_stack([unit, -high]), np.column_stack([-unit, low])])
 
 
-def clipped_facets(half_spaces: np.ndarray, box: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the facets of a convex cell cut down to a box, as (half-space it lies on, corners (n, 3)) pairs."""
-    rows = np.vstack([half_spaces, box_half_spaces(box)])
+def clipped_facets(
+    cells: Sequence[np.ndarray], box: np.ndarray
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return the facets of convex cells cut down to a box.
+
+    Parameters
+    ----------
+    cells : sequence of ndarray, shape (k, 4)
+        Half-spaces of each cell.
+    box : ndarray, shape (2, 3)
+
+    Returns
+    -------
+    list of tuple of ndarray
+        The half-space (4,) that a facet lies on, and its corners (n, 3).
+    """
+    return [
+        facet
+        for start in range(0, len(cells), _CELLS_AT_ONCE)
+        for facet in _some_facets(cells[start : start + _CELLS_AT_ONCE], box)
+    ]
+
+
+def _some_facets(
+    cells: Sequence[np.ndarray], box: np.ndarray
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return the facets of so few cells that they are cut down together."""
+    sides = box_half_spaces(box)
+    all_rows = _stacked([np.vstack([own, sides]) for own in cells])
+    n_rows = [len(own) + len(sides) for own in cells]
+    cell = np.repeat(np.arange(len(cells)), n_rows)
+    on = np.concatenate([np.arange(count) for count in n_rows])
+    row = all_rows[cell, on]
+    others = all_rows[cell]
+    # a facet lies on its own half-space, which must not cut it
+    others[np.arange(len(on)), on] = _EVERYTHING
+    corners = clip_polygons(_squares(row, box), others)
+    return [(plane, own) for plane, own in zip(row, corners, strict=True) if len(own) > 2]
+
+
+def _squares(rows: np.ndarray, box: np.ndarray) -> np.ndarray:
+    """Return squares (f, 4, 3) in planes (f, 4), each larger than the box."""
     centre = box.mean(axis=0)
     reach = 2.0 * float(np.linalg.norm(np.ptp(box, axis=0)))
-    facets = []
-    for k, row in enumerate(rows):
-        foot = centre - (row[:3] @ centre + row[3]) * row[:3]
-        u, v = plane_axes(row[:3])
-        square = foot + reach * np.array([-u - v, u - v, u + v, v - u])
-        corners = clip_polygon(square, np.delete(rows, k, axis=0))
-        if len(corners) > 2:
-            facets.append((row, corners))
-    return facets
+    axes = np.array([plane_axes(row[:3]) for row in rows])
+    u = axes[:, 0]
+    v = axes[:, 1]
+    foot = centre - (rows[:, :3] @ centre + rows[:, 3])[:, None] * rows[:, :3]
+    return foot[:, None] + reach * np.stack([-u - v, u - v, u + v, v - u], axis=1)
 
 
 def plane_axes(normal: np.ndarray) -> np.ndarray:
@@ -118,33 +193,78 @@ def domain_facets(cells: Iterable[Cell], solid: Solid, box: np.ndarray) -> list[
     list of Facet
     """
     size = float(np.ptp(box, axis=0).max())
-    sides: dict[tuple[float, ...], tuple[list[Any], list[Any]]] = {}
-    for cell in cells:
-        for row, corners in clipped_facets(cell.half_spaces, box):
-            key, sign = _plane_key(row)
-            axes = plane_axes(np.array(key[:3]))
-            sides.setdefault(key, ([], []))[sign].append(shapely.Polygon(corners @ axes.T))
+    grid = _SNAP * size
+    if solid not in _PLANES:
+        _PLANES[solid] = _FacePlanes(solid)
+    planes = _PLANES[solid]
     facets = []
-    for key, (behind, before) in sides.items():
-        grid = _SNAP * size
-        one = polygon_union(behind, grid)
-        other = polygon_union(before, grid)
-        wall = shapely.MultiPolygon(polygon_parts(one.symmetric_difference(other, grid_size=grid)))
-        wall = wall.difference(_solid_faces(solid, key, size), grid_size=grid)
+    for key, (behind, before) in _sides(cells, box).items():
+        wall = polygon_union(behind, grid).symmetric_difference(
+            polygon_union(before, grid), grid_size=grid
+        )
+        wall = shapely.MultiPolygon(polygon_parts(wall))
+        wall = wall.difference(planes.union(key, size), grid_size=grid)
         facets += [
             _lifted(part, key) for part in polygon_parts(wall) if part.area > (1e-4 * size) ** 2
         ]
     return facets
 
 
-def section_polygon(cell: Cell, axis: int, at: float, window: np.ndarray) -> np.ndarray:
-    """Cut a cell by the plane on which one coordinate has a value; corners inside a window (2, 2), shape (n, 2)."""
+def _sides(
+    cells: Iterable[Cell], box: np.ndarray
+) -> dict[tuple[float, ...], tuple[list[Any], list[Any]]]:
+    """Return the facets of cells by their plane, in its axes: those behind it and those before."""
+    sides: dict[tuple[float, ...], tuple[list[Any], list[Any]]] = {}
+    axes: dict[tuple[float, ...], np.ndarray] = {}
+    for row, corners in clipped_facets([cell.half_spaces for cell in cells], box):
+        key, sign = _plane_key(row)
+        if key not in sides:
+            sides[key] = ([], [])
+            axes[key] = plane_axes(np.array(key[:3])).T
+        sides[key][sign].append(corners @ axes[key])
+    return {key: (_polygons(behind), _polygons(before)) for key, (behind, before) in sides.items()}
+
+
+def _polygons(rings: Sequence[np.ndarray]) -> list[Any]:
+    """Return rings (n, 2) as polygons."""
+    if not rings:
+        return []
+    index = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
+    return list(shapely.polygons(shapely.linearrings(np.concatenate(rings), indices=index)))
+
+
+def section_polygons(
+    cells: Iterable[Cell], axis: int, at: float, window: np.ndarray
+) -> list[np.ndarray]:
+    """Cut cells by the plane on which one coordinate has a value.
+
+    Parameters
+    ----------
+    cells : iterable of Cell
+    axis : int
+        The coordinate.
+    at : float
+        Its value, mm.
+    window : ndarray, shape (2, 2)
+        What is kept of the plane.
+
+    Returns
+    -------
+    list of ndarray, shape (n, 2)
+        The corners of each cell's section; none of a cell that the plane misses.
+    """
     u, v = section_axes(axis)
-    rows = np.column_stack(
-        [cell.half_spaces[:, [u, v]], cell.half_spaces[:, axis] * at + cell.half_spaces[:, 3]]
-    )
+    rows = [
+        np.column_stack(
+            [cell.half_spaces[:, [u, v]], cell.half_spaces[:, axis] * at + cell.half_spaces[:, 3]]
+        )
+        for cell in cells
+    ]
+    if not rows:
+        return []
     (x0, y0), (x1, y1) = window
-    return clip_polygon(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], float), rows)
+    squares = np.tile(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], float), (len(rows), 1, 1))
+    return clip_polygons(squares, _stacked(rows))
 
 
 def section_axes(axis: int) -> tuple[int, int]:
@@ -198,22 +318,39 @@ def polygon_parts(geometry: shapely.Geometry) -> list[Any]:
     ]
 
 
-def _solid_faces(solid: Solid, key: tuple[float, ...], size: float) -> shapely.Geometry:
-    """Return the union of the solid's faces in a plane, in the plane's axes."""
-    normal = np.array(key[:3])
-    offset = key[3]
-    first = solid.vertices[[face.outer[0] for face in solid.faces]]
-    parallel = np.abs(np.abs(solid.normals @ normal) - 1.0) < _PARALLEL
-    in_plane = np.flatnonzero(parallel & (np.abs(first @ normal + offset) < 10 * _SNAP * size))
-    if not len(in_plane):
-        return shapely.MultiPolygon()
-    axes = plane_axes(normal)
-    corners = [
-        solid.vertices[triangle] @ axes.T
-        for face in in_plane
-        for triangle in solid.face_triangles[face]
-    ]
-    return polygon_union([shapely.Polygon(triangle) for triangle in corners], _SNAP * size)
+class _FacePlanes:
+    """The solid's faces by the plane they lie in: each union is made once, for all domains.
+
+    Parameters
+    ----------
+    solid : Solid
+    """
+
+    def __init__(self, solid: Solid) -> None:
+        # no reference to the solid, which is a weak key of these
+        self._normals = solid.normals
+        self._first = solid.vertices[[face.outer[0] for face in solid.faces]]
+        self._corners = [solid.vertices[triangles] for triangles in solid.face_triangles]
+        self._unions: dict[tuple[tuple[float, ...], float], shapely.Geometry] = {}
+
+    def union(self, key: tuple[float, ...], size: float) -> shapely.Geometry:
+        """Return the union of the faces in a plane, in the plane's axes."""
+        if (key, size) not in self._unions:
+            self._unions[key, size] = self._united(key, size)
+        return self._unions[key, size]
+
+    def _united(self, key: tuple[float, ...], size: float) -> shapely.Geometry:
+        normal = np.array(key[:3])
+        height = np.abs(self._first @ normal + key[3])
+        parallel = np.abs(np.abs(self._normals @ normal) - 1.0) < _PARALLEL
+        in_plane = np.flatnonzero(parallel & (height < 10 * _SNAP * size))
+        if not len(in_plane):
+            return shapely.MultiPolygon()
+        corners = np.concatenate([self._corners[face] for face in in_plane])
+        return polygon_union(_polygons(list(corners @ plane_axes(normal).T)), _SNAP * size)
+
+
+_PLANES: WeakKeyDictionary[Solid, _FacePlanes] = WeakKeyDictionary()
 
 
 def _lifted(polygon: shapely.Polygon, key: tuple[float, ...]) -> Facet:

@@ -17,7 +17,7 @@ from aspectgraph.plot.clip import (
     polygon_parts,
     polygon_union,
     section_axes,
-    section_polygon,
+    section_polygons,
 )
 from aspectgraph.plot.style import INK, list_colors, list_text, new_axes, text_extent
 
@@ -149,7 +149,7 @@ def section_domains(
     above = at + _NUDGE * size
     domains = {}
     for node in eag.graph:
-        pieces = [section_polygon(cell, axis, above, window) for cell in eag.cells(node)]
+        pieces = section_polygons(eag.cells(node), axis, above, window)
         polygons = [shapely.Polygon(piece) for piece in pieces if len(piece) > 2]
         union = polygon_union(polygons, 0.1 * _NUDGE * size)
         if union.area > (1e-4 * size) ** 2:

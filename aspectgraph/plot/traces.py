@@ -13,8 +13,10 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure, Mesh3d, Scatter3d
 
     from aspectgraph.plot.clip import Facet
+    from aspectgraph.solid.rims import Arc
     from aspectgraph.solid.solid import Solid
 
+_PARTS_OF_CIRCLE = 96
 _LIGHT = np.array([0.35, -0.5, 0.8])
 
 
@@ -36,11 +38,40 @@ def part_traces(solid: Solid) -> list[Any]:
         name="part",
         showlegend=True,
     )
-    sharp = [solid.edge_points(edge.id) for edge in solid.edges if is_feature(solid, edge)]
     return [
         faces,
-        line_trace(sharp, color=INK, width=2.5, name="edges", hoverinfo="skip", showlegend=False),
+        line_trace(
+            _sharp_lines(solid),
+            color=INK,
+            width=2.5,
+            name="edges",
+            hoverinfo="skip",
+            showlegend=False,
+        ),
     ]
+
+
+def _sharp_lines(solid: Solid) -> list[np.ndarray]:
+    """Return the sharp edges as polylines: circles and arcs as such, not as their chords."""
+    sharp = {edge.id: edge for edge in solid.edges if is_feature(solid, edge)}
+    lines = []
+    for curve in (*solid.rims(), *solid.arcs()):
+        # chords that are no features are not drawn, and then the curve is none either
+        if all(edge in sharp for edge in curve.edge_ids):
+            lines.append(_curve_line(curve))
+            for edge in curve.edge_ids:
+                del sharp[edge]
+    return [*lines, *(solid.edge_points(edge) for edge in sharp)]
+
+
+def _curve_line(curve: Arc) -> np.ndarray:
+    """Return points (n, 3) along a rim or arc, mm."""
+    span = curve.end_rad - curve.start_rad
+    n = max(len(curve.edge_ids), round(_PARTS_OF_CIRCLE * span / (2 * np.pi)))
+    angles = np.linspace(curve.start_rad, curve.end_rad, n + 1)[:, None]
+    u = curve.reference
+    v = np.cross(curve.axis, u)
+    return np.asarray(curve.centre + curve.radius_mm * (np.cos(angles) * u + np.sin(angles) * v))
 
 
 def line_trace(

@@ -1,4 +1,4 @@
-"""The code that decides about plans, as a digest."""
+"""The program: a digest of the code that decides about plans, and its version."""
 
 from __future__ import annotations
 
@@ -18,3 +18,13 @@ def program_digest() -> str:
     from aspectgraph.code_digest import code_digest
 
     return code_digest(_PACKAGES, _SHOW_ONLY)
+
+
+def program_version() -> str:
+    """Return the version of the installed program; ``"unknown"`` if it runs from its source."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("aspectgraph")
+    except PackageNotFoundError:
+        return "unknown"

@@ -16,7 +16,8 @@ from planner.exceptions import OutputError
 from planner.files import staged_folder
 from planner.output.pose_files import POSE_FILES, write_poses
 from planner.plan import InspectionPlan
-from planner.report.page import report_html
+from planner.report.page import add_graph, add_notes, report_html
+from planner.report.summary.facts import report_date
 from planner.report.wording import graph_sentence, regions_sentence
 from planner.request.target_space import Seen, TargetSpace
 from planner.resume import holds_plan
@@ -58,11 +59,11 @@ def write_outputs(
     *,
     graph_limit: int | None = None,
 ) -> Written:
-    """Write plan, graph, report and poses; they appear in the folder together, or not at all.
+    """Write plan, report and poses, which appear in the folder together or not at all; then the joint graph.
 
-    Of an earlier plan's files none stays; of a link in the place of one, the link is replaced and not what it leads to.
-    Beyond ``graph_limit`` entities their joint graph is left out; where that is
-    None, beyond 24 if it takes much memory, and so time.
+    Files of an earlier plan do not stay. A link in the place of a file is replaced, not the file it leads to. The joint
+    graph comes last because it takes the longest: with it the report is replaced by one that shows it. Beyond
+    ``graph_limit`` entities it is left out; if that is None, beyond 24 if it takes much memory, and so time.
 
     Returns
     -------
@@ -72,27 +73,29 @@ def write_outputs(
     Raises
     ------
     OutputError
-        If they cannot be written; the folder is as it was then.
+        If they cannot be written. The folder is then as it was, or holds the whole plan without its graph.
     """
     with staged_folder(folder, PLAN_FILES, "--out") as staging:
         found.write(staging / "plan.json")
-        graph, notes = _joint_graph(regions, graph_limit)
-        report = report_html(
-            found, _space(found, regions), progress=progress, notes=notes, graph=graph
-        )
-        (staging / "report.html").write_text(report, encoding="utf-8")
+        page = report_html(found, _space(found, regions), progress=progress, date=report_date())
+        (staging / "report.html").write_text(page, encoding="utf-8")
         # lines end as the format says, on every system
         (staging / "measurements.csv").write_bytes(found.to_csv().encode())
         written = ["plan.json", "report.html", "measurements.csv"]
+        poses = [str(path.relative_to(staging)) for path in write_poses(found, staging)]
+    graph, notes = _joint_graph(regions, graph_limit, progress)
+    page = add_notes(page, notes)
+    with staged_folder(folder, ("report.html", "graph.graphml"), "--out") as staging:
         if graph is not None:
+            page = add_graph(page, found, graph)
             write_graphml(graph, staging / "graph.graphml")
             written.append("graph.graphml")
-        written += [str(path.relative_to(staging)) for path in write_poses(found, staging)]
-    return Written([folder / name for name in written], notes)
+        (staging / "report.html").write_text(page, encoding="utf-8")
+    return Written([folder / name for name in (*written, *poses)], notes)
 
 
 def _joint_graph(
-    regions: VisibilityRegions, graph_limit: int | None
+    regions: VisibilityRegions, graph_limit: int | None, progress: Progress | None = None
 ) -> tuple[EntityAspectGraph | None, list[str]]:
     """Return the joint graph; or none, why it is left out, and what the regions say instead."""
     n = len(regions.entity_names)
@@ -100,9 +103,9 @@ def _joint_graph(
         return None, _instead(regions, graph_limit)
     limit = AFFORDABLE_BYTES if graph_limit is None and n > FEW_GRAPH_ENTITIES else None
     try:
-        return graph_of(regions, memory_limit_bytes=limit), []
+        return graph_of(regions, memory_limit_bytes=limit, progress=progress), []
     except MemoryLimitError as error:
-        # a plan that is done must not be lost for its picture
+        # the plan does without it
         return None, [f"graph.graphml is left out: {error}"] if limit is None else _instead(
             regions, None
         )

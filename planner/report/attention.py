@@ -1,4 +1,4 @@
-"""What a reader should look at first: what is not inspected, and what a measurement warns of; details follow below."""
+"""What a reader should look at first: targets that are not inspected, and warnings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from planner.rows.measured_rows import Row, WarningKind
 
 FEW = 6
-"""So many warnings of a kind, or entities without a setting, are told one by one at the head of the page."""
+"""Up to this many warnings of a kind, or targets without a setting, are listed one by one at the head of the page."""
 
 
 def attention(rows: Sequence[Sequence[Row]], unsharp: Sequence[int] = ()) -> str:
@@ -34,8 +34,8 @@ def attention(rows: Sequence[Sequence[Row]], unsharp: Sequence[int] = ()) -> str
     if unsharp:
         which = ", ".join(map(setting_link, unsharp))
         told.append(
-            f"<b>Little room in focus</b> in setting{'s' * (len(unsharp) > 1)} {which}: a point is less than "
-            "three standard deviations of its depth from a limit; a reserve of focus (--focus-margin-mm) keeps more"
+            f"<b>Narrow margin of focus</b> in setting{'s' * (len(unsharp) > 1)} {which}: a point is less than "
+            "three standard deviations of its depth from a limit. --focus-margin-mm sets a larger margin"
         )
     if not told:
         return ""
@@ -68,13 +68,13 @@ def not_inspected(reasons: Mapping[str, str], noun: str) -> str:
     reasons : mapping of str to str
         By name; a `Reason` has a kind.
     noun : str
-        What an item is called.
+        What a target is called.
     """
     if not reasons:
         return ""
     head = '<h2 class="bad">Not inspected</h2>'
     if len(reasons) <= FEW:
-        return head + '<p class="note">What is in no setting, and why.</p>' + _table(reasons, noun)
+        return head + _table(reasons, noun)
     kinds: dict[ReasonKind, list[str]] = {}
     for name, why in reasons.items():
         kinds.setdefault(kind_of(why), []).append(name)
@@ -82,12 +82,12 @@ def not_inspected(reasons: Mapping[str, str], noun: str) -> str:
         f"<li><b>{escape(kind.words)}</b> ({len(names)}): {escape(', '.join(names))}</li>"
         for kind, names in kinds.items()
     )
-    told = '<p class="note">What is in no setting. <a href="#reasons">Why, one by one</a></p>'
+    told = '<p class="note"><a href="#reasons">See the reason of each.</a></p>'
     return f'{head}{told}<ul class="warnings">{lines}</ul>'
 
 
 def reasons_section(reasons: Mapping[str, str], noun: str) -> str:
-    """Return why each is not inspected, where the head of the page tells only how many; else nothing.
+    """Return why each is not inspected, if the head of the page only counts them; otherwise nothing.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def reasons_section(reasons: Mapping[str, str], noun: str) -> str:
     """
     if len(reasons) <= FEW:
         return ""
-    return f'<h2 id="reasons">Why something is not inspected</h2>{_table(reasons, noun)}'
+    return f'<h2 id="reasons">Reasons for targets not inspected</h2>{_table(reasons, noun)}'
 
 
 def _table(reasons: Mapping[str, str], noun: str) -> str:

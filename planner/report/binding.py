@@ -11,19 +11,19 @@ if TYPE_CHECKING:
     from planner.setting.sensor_setting import SensorSetting
 
 _MEANS = {
-    "focus": "the distance is held by the depth of field",
-    "field of view": "what is measured would come too near to the sensor's side",
-    "resolution": "the camera must be so near that the image is long enough",
-    "workspace": "the camera stands at a wall of its workspace",
-    "clearance": "the camera stands as near to the part as it may",
-    "separation": "another line would come too near to an edge in the image",
-    "corner": "the lines at an end would leave it at too small an angle in the image",
-    "probability": "the pose is fixed by how sure the measurement must be",
+    "focus": "the depth of field fixes the distance",
+    "field of view": "a target is close to the side of the sensor",
+    "resolution": "farther away, the image of an edge would be too short",
+    "workspace": "the camera is at a wall of its workspace",
+    "clearance": "the camera is as close to the part as it may be",
+    "separation": "another line is close to an edge in the image",
+    "corner": "the lines at the end of an edge meet at a small angle in the image",
+    "probability": "the required probability fixes the pose",
 }
 
 
 class LimitShare(NamedTuple):
-    """How much a constraint leaves: its name, the share of its room (0: at its limit), and what that means."""
+    """A constraint: its name, which share of its room is left (0: at its limit), and what that means."""
 
     name: str
     share: float

@@ -1,4 +1,4 @@
-"""The part of the report that is about dimensions: how sure each is measured, and what that means for its tolerance."""
+"""The section of the report about dimensions: uncertainty, tolerance and acceptance limits of each."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from errors.formatting import interval_text, probability_text
 from errors.measurands import Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.fitted import is_short
 from planner.report.tables import COLOURS
-from planner.report.wording import features_cell
+from planner.report.wording import features_cell, tolerance_share
 from planner.verify.measurements import Measurement, measurements
 
 if TYPE_CHECKING:
@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from planner.wanted.planned import PlannedDimension
 
 _HEAD = (
-    "<th>Dimension</th><th>Nominal, tolerance</th><th>Permitted error</th><th>Setting</th><th>P</th>"
-    "<th>u</th><th>U (k = 2)</th><th>U/T</th><th>Budget of the variance</th><th>Accepted between</th><th>Binds</th>"
+    "<th>Dimension</th><th>Nominal, tolerance</th><th>U (k = 2)</th><th>U/T</th>"
+    "<th>Permitted error</th><th>Setting</th><th>P</th>"
+    "<th>u</th><th>Budget of the variance</th><th>Accept between</th><th>Binding</th>"
 )
 
 
@@ -47,7 +48,7 @@ def dimension_section(plan: InspectionPlan) -> str:
     order = list(plan.entities)
     rows.sort(key=lambda row: order.index(row[0]))
     return (
-        '<h2 id="tolerances">Dimensions and their tolerances</h2>'
+        '<h3 id="tolerances">Dimensions and their tolerances</h3>'
         f'<div class="scroll"><table id="dimensions"><tr>{_HEAD}</tr>'
         f"{''.join(html for _, html in rows)}</table></div>"
         + "".join(f'<p class="note">{escape(text)}</p>' for text in _notes(plan))
@@ -108,16 +109,19 @@ def _row(plan: InspectionPlan, k: int, name: str, one: Measurement) -> tuple[str
     ratio = "none stated"
     if dimension.tolerance is not None:
         ratio = f"{uncertainty_ratio(one.expanded_uncertainty, dimension.tolerance):.3f}"
+    share = tolerance_share(dimension)
+    if share:
+        share = f"<br><span class='note'>{share}</span>"
     cells = (
         f"{escape(name)}<br><span class='note'>{escape(dimension.kind.replace('_', ' '))} of "
         f"{escape(', '.join(dimension.entities))}{_share(dimension)}</span>",
         _nominal(dimension),
-        f"{dimension.permitted_error:.4g} {dimension.unit}{px}",
+        f"{one.expanded_uncertainty:.3g} {dimension.unit}",
+        f"<b>{ratio}</b>" if dimension.tolerance is not None else ratio,
+        f"±{dimension.permitted_error:.4g} {dimension.unit}{px}{share}",
         f'<a href="#setting-{k + 1}">{k + 1}</a>',
         _probability(plan, k, name),
         f"{one.standard_uncertainty:.3g}",
-        f"{one.expanded_uncertainty:.3g} {dimension.unit}",
-        ratio,
         _budget(dimension, one),
         _accepted(dimension, one),
         escape(one.binding),
@@ -176,20 +180,21 @@ def _notes(plan: InspectionPlan) -> list[str]:
     )
     rounded = any(one.localisation.model == "rounding" for one in plan.dimensions.values())
     return [
-        "P is the probability that the error of the measurement is at most the permitted one, given a "
-        "registered image in which what is measured is found. It is not the "
-        "probability that a part conforms, which depends on how parts vary, too (JCGM 106).",
+        "P is the probability that the measurement error is at most the permitted error, given a registered image in "
+        "which the targets are found. It is not the probability that a part conforms: that also depends on how parts "
+        "vary (JCGM 106).",
         f"Localisation of points in the image: {'; '.join(models)}."
         + (
-            " On whole pixels, points of one line or circle are taken to err independently."
+            " The model assumes that points of one line or circle on whole pixels have independent errors."
             if rounded
             else ""
         ),
-        "u is the standard uncertainty of the measured value and U = 2u; of an arc of less than half a circle they are "
-        "half the widths of the intervals that hold 68.27 and 95.45 % of the errors. The three sources of the budget "
-        "sum to u². T is the whole width of the tolerance. A part is accepted if its measured value lies "
-        "between the limits: the tolerance less a guard band of U at either side (ISO 14253-1).",
-        "The permitted error in px is that in mm times the scale of the image at the mean depth of the entities, "
-        "square to the optical axis. What binds has the smallest relative margin of: probability (of 1 less the "
-        "required one), focus (of half the depth of field) and field of view (of half the sensor's shorter side).",
+        "u is the standard uncertainty of the measured value, and U = 2u. Of an arc of less than half a circle, u and "
+        "U are half the widths of the intervals that hold 68.27 and 95.45 % of the errors. The three sources of the "
+        "budget sum to u². T is the whole width of the tolerance. Accept a part if its measured value lies between "
+        "the limits: the tolerance less a guard band of U on either side (ISO 14253-1).",
+        "The permitted error in px is the one in mm at the scale of the image, at the mean depth of the targets and "
+        "square to the optical axis. The last column names the constraint with the smallest relative margin: "
+        "probability (of 1 less the required one), focus (of half the depth of field) or field of view (of half the "
+        "sensor's shorter side).",
     ]

@@ -114,14 +114,11 @@ def graph_picture(
 def _note(drawn: int, n: int) -> str:
     of = f"All {n} viewing domains"
     if drawn < n:
-        of = (
-            f"{drawn} of {n} viewing domains: those with a camera, ways between them, and the largest around these, "
-            "first of those from which all that a setting measures can be seen"
-        )
+        of = f"{drawn} of {n} viewing domains: those with a camera, paths between them, and the largest neighbours"
     return (
-        f"The aspect graph. {of}. A line joins neighbours; the more is seen from a domain, the higher it tends to be. "
-        "A number: that camera is in it; a colour: all that this setting measures can be seen from there. Click on a "
-        "domain to show it in 3-D, again to hide it."
+        f"The aspect graph. {of}. A line joins neighbours. Domains that see more tend to be higher. A number names the "
+        "camera in a domain. A colour names a setting whose targets are all visible from the domain. Click on a domain "
+        "to show it in 3-D. Click again to hide it."
     )
 
 
@@ -205,8 +202,8 @@ def _surfaces(
 def _unseen(surface: dict[str, Any] | None) -> str:
     """Say why nothing is shown of a domain."""
     if surface is None:
-        return " It consists of too many cells to be shown."
-    return "" if surface["i"] else " It lies outside of the picture."
+        return " It has too many cells to be drawn."
+    return "" if surface["i"] else " It lies outside the picture."
 
 
 def _surface(graph: EntityAspectGraph, node: int, box: NDArray[np.float64]) -> dict[str, Any]:
@@ -228,20 +225,21 @@ def _text(plan: InspectionPlan, graph: EntityAspectGraph, node: int, shown: _Sho
     """Say what is seen from a domain, how large it is, and what the plan has to do with it."""
     data = graph.graph.nodes[node]
     listed = data[graph.regions.listed_as]
-    names = ", ".join(listed) if listed else "nothing that was asked for"
+    names = ", ".join(listed) if listed else "no target"
     place = ", ".join(f"{c:.4g}" for c in data["viewpoint"])
-    wall = ", and reaches the wall of the workspace" if data["unbounded"] else ""
-    told = (
+    wall = " and reaches the wall of the workspace" if data["unbounded"] else ""
+    text = (
         f"Domain {node} sees {len(listed)} of {len(graph.entity_names)}: {names}. It has {_volume(data['volume'])}"
-        f"{wall}; widest at ({place}) mm, {data['clearance']:.3g} mm from its nearest side."
+        f"{wall}. Its widest point is ({place}) mm, {data['clearance']:.3g} mm from its nearest side."
     )
     inside = shown.standing.get(node, [])
     if inside:
-        told += f" Camera{'s are' if len(inside) > 1 else ' is'} in it: {_numbers(inside)}."
+        text += f" Camera{'s' if len(inside) > 1 else ''} in it: {_numbers(inside)}."
     others = [k for k in shown.covering.get(node, []) if k not in inside]
-    return told + (
-        f" All that setting {_numbers(others)} measures can be seen from here." if others else ""
-    )
+    if not others:
+        return text
+    several = "settings" if len(others) > 1 else "setting"
+    return f"{text} All targets of {several} {_numbers(others)} are visible from here."
 
 
 def _volume(mm3: float) -> str:

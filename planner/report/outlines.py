@@ -1,4 +1,4 @@
-"""What is drawn of that which a plan measures: edges, and the lines and circles that are fitted."""
+"""Lines of pictures: edges of the part, its circles, and the lines and circles that a plan measures."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from errors.measurands import Circle
 
 if TYPE_CHECKING:
+    from aspectgraph import Arc, Solid
     from planner.plan import InspectionPlan
 
 _PARTS_OF_CIRCLE = 96
@@ -63,3 +64,41 @@ def drawn(plan: InspectionPlan, names: Iterable[str]) -> dict[str, NDArray[np.fl
         # the ends of an edge are marked
         found[name] = lines[0] if plan.targets[name].in_image else np.concatenate(pairs)
     return found
+
+
+def chord_circles(solid: Solid) -> dict[int, Arc]:
+    """Return the rim or arc of each chord, by the number of the edge in ``solid.edges``.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    """
+    number = {edge.id: k for k, edge in enumerate(solid.edges)}
+    curves = (*solid.rims(), *solid.arcs())
+    return {number[edge]: curve for curve in curves for edge in curve.edge_ids}
+
+
+def on_circle(
+    points_cam: NDArray[np.float64], circle: Arc, cam2world: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Move points along the radius of a circle onto it.
+
+    Parameters
+    ----------
+    points_cam : ndarray, shape (n, 3)
+        Points in the camera's frame, mm.
+    circle : Arc
+        A rim or arc of the part.
+    cam2world : ndarray, shape (4, 4)
+        Pose of the camera.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Points in the part's frame, mm.
+    """
+    from_centre = points_cam @ cam2world[:3, :3].T + cam2world[:3, 3] - circle.centre
+    across = from_centre - np.outer(from_centre @ circle.axis, circle.axis)
+    distance = np.linalg.norm(across, axis=1, keepdims=True)
+    return np.asarray(circle.centre + circle.radius_mm * across / np.maximum(distance, 1e-300))

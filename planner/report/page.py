@@ -18,6 +18,8 @@ from planner.report.figure import color_of, figure_views, plan_figure, scene_fra
 from planner.report.graph_picture import graph_picture
 from planner.report.setting_report import settings_section, settings_table
 from planner.report.setting_table import may_be_unsharp
+from planner.report.summary.facts import facts, sigma_text
+from planner.report.summary.overview import overview
 from planner.report.tables import download, results, robot
 from planner.report.views import view_buttons
 from planner.report.wording import (
@@ -44,8 +46,13 @@ if TYPE_CHECKING:
     from planner.plan import InspectionPlan
     from planner.progress import Progress
     from planner.request.space import Space
+    from planner.rows.measured_rows import Row
     from planner.verify.simulate_plan import SimulationResult
 
+# what a page holds in the place of the graph and of notes until they are there
+_GRAPH = "<!-- aspect graph -->"
+_NOTES = "<!-- notes -->"
+_DOMAINS = '<script type="application/json" id="domains">{}</script>'
 _EDGE = ("edge", "edges")
 _POSE = "camera pose"
 
@@ -57,6 +64,7 @@ def report_html(
     notes: Sequence[str] = (),
     *,
     graph: EntityAspectGraph | None = None,
+    date: str | None = None,
 ) -> str:
     """Return the report about a plan.
 
@@ -69,14 +77,16 @@ def report_html(
     progress : callable, optional
         ``progress(done, total, label)``.
     notes : sequence of str
-        What else the reader should know, such as a file that was not written.
+        Further sentences for the reader, such as a file that was left out.
     graph : EntityAspectGraph, optional
-        Of all the entities that the plan needs; its domains are drawn, and shown in 3-D when they are clicked on.
+        Joint graph of the entities that the plan needs. The report draws its domains, and shows one in 3-D on a click.
+    date : str, optional
+        When the plan was made, for the head of the page, such as ``"2026-03-01"``. Default: no date.
 
     Returns
     -------
     str
-        A page without references to anything outside it. The same plan gives the same page.
+        A page without references to anything outside it. The same arguments give the same page.
 
     Examples
     --------
@@ -93,19 +103,20 @@ def report_html(
     from plotly.offline import get_plotlyjs
 
     figure = plan_figure(plan, space.solid, space)
-    picture, domains = _graph(plan, graph)
     dimensions = dimension_section(plan)
     views = figure_views(plan, space.solid)
     rows = measured_rows(plan)
     template = Template(
         resources.files("planner.report").joinpath("report.html").read_text(encoding="utf-8")
     )
-    return template.substitute(
+    page = template.substitute(
         title=escape(f"Inspection plan: {plan.part}"),
         plotly=get_plotlyjs(),
         part=escape(plan.part or "part"),
         lead=escape(_lead(plan)),
         figures=_figures(plan),
+        facts=facts(plan, date),
+        overview=overview(plan, space.solid),
         scene=figure.to_html(
             full_html=False,
             include_plotlyjs=False,
@@ -117,52 +128,78 @@ def report_html(
         reasons=reasons_section(plan.uninspectable, _named(plan)[0]),
         views=json.dumps(views, sort_keys=True),
         buttons=view_buttons(views),
-        graph=picture,
-        domains=domains,
+        graph=_GRAPH,
         attention=attention(
             rows, [k for k, one in enumerate(plan.settings, 1) if may_be_unsharp(plan, one)]
         ),
-        results=results(plan, rows, _named(plan)[0]),
+        results=_results(plan, rows, dimensions),
         csv=download(plan.to_csv(), "measurements.csv", "measurements.csv"),
         robot=robot(plan),
         meaning=_meaning(plan),
-        dimensions=dimensions,
-        to_dimensions='<a href="#tolerances">Dimensions</a>' if dimensions else "",
         singular=_named(plan)[0],
         plural=_named(plan)[1],
         summary=settings_table(plan, _named(plan)),
         settings=settings_section(plan, space.solid, rows, _named(plan)[0], progress),
         request=_request(plan),
-        method=_method(plan) + "".join(f"<p>{escape(note)}</p>" for note in notes),
-        footer="Lengths in millimetres, in the part's own frame. Camera axes: x right, y down, z forward.",
+        method=_method(plan) + _NOTES,
+        footer="Lengths are in millimetres, in the part's frame. Camera axes: x right, y down, z forward.",
     )
+    page = add_notes(page, notes)
+    return page if graph is None else add_graph(page, plan, graph)
 
 
-def _graph(plan: InspectionPlan, graph: EntityAspectGraph | None) -> tuple[str, str]:
-    """Return the figure of the aspect graph, and its domains as JSON; nothing of none."""
-    if graph is None:
-        return "", "{}"
+def add_notes(page: str, notes: Sequence[str]) -> str:
+    """Return a page with further sentences for the reader.
+
+    Parameters
+    ----------
+    page : str
+        As of `report_html`.
+    notes : sequence of str
+        The sentences.
+    """
+    return page.replace(_NOTES, "".join(f"<p>{escape(note)}</p>" for note in notes) + _NOTES)
+
+
+def add_graph(page: str, plan: InspectionPlan, graph: EntityAspectGraph) -> str:
+    """Return a page with the picture of the joint graph, whose domains a click shows in 3-D.
+
+    Parameters
+    ----------
+    page : str
+        As of `report_html`, without a graph.
+    plan : InspectionPlan
+        The plan of the page.
+    graph : EntityAspectGraph
+        Joint graph of the entities that the plan needs.
+    """
     colors = [color_of(k) for k in range(len(plan.settings))]
     picture = graph_picture(plan, graph, scene_frame(plan, graph.solid).box, colors)
-    told = '<p id="domain" class="note" aria-live="polite"></p>'
-    return (
-        f"<figure>{picture.svg}{told}<figcaption>{picture.note}</figcaption></figure>",
-        picture.domains,
-    )
+    text = '<p id="domain" class="note" aria-live="polite"></p>'
+    figure = f"<figure>{picture.svg}{text}<figcaption>{picture.note}</figcaption></figure>"
+    domains = _DOMAINS.format(picture.domains)
+    return page.replace(_GRAPH, figure).replace(_DOMAINS.format("{}"), domains)
+
+
+def _results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], dimensions: str) -> str:
+    """Return the table of dimensions with U/T first, and that of all targets if some are edges."""
+    if dimensions and len(plan.dimensions) == len(plan.entities):
+        return dimensions
+    return dimensions + results(plan, rows, _named(plan)[0])
 
 
 def _named(plan: InspectionPlan) -> tuple[str, str]:
-    """Return what the report calls an item of the plan, and several."""
+    """Return what the report calls a target, and several."""
     return nouns(plan, _EDGE)
 
 
 def _meaning(plan: InspectionPlan) -> str:
-    """Say what P and the search window are."""
+    """Explain P and the search window."""
     return f"{promise_sentence(plan)} {window_sentence()}"
 
 
 def _lead(plan: InspectionPlan) -> str:
-    """Say what the plan does, what is proven and what the simulation made of it."""
+    """Say what the plan does, what is proven, and how the simulation agrees."""
     n = len(plan.settings)
     inspected = len(plan.inspected)
     asked = len(plan.entities)
@@ -173,13 +210,13 @@ def _lead(plan: InspectionPlan) -> str:
             f"{features}"
         ).rstrip()
     verb = "is" if inspected == 1 else "are"
-    told = "Not simulated."
+    simulated = "Not simulated."
     if plan.simulation is not None:
-        told = f"{simulation_sentence(plan.simulation)} {shown_sentence(plan.simulation.shown)}".rstrip()
+        simulated = f"{simulation_sentence(plan.simulation)} {shown_sentence(plan.simulation.shown)}".rstrip()
     return (
         f"{inspected} of {count(asked, *_named(plan))} {verb} measured from {count(n, _POSE)} "
         f"(setting{f's 1 to {n}' if n > 1 else ' 1'}). {features}{' ' if features else ''}"
-        f"{bound_sentence(plan, _named(plan), _POSE)} {told} {unfinished_sentence(plan)} {light_sentence(plan)}"
+        f"{bound_sentence(plan, _named(plan), _POSE)} {simulated} {unfinished_sentence(plan)} {light_sentence(plan)}"
     ).rstrip()
 
 
@@ -218,7 +255,6 @@ def _figures(plan: InspectionPlan) -> str:
 
 def _request(plan: InspectionPlan) -> str:
     camera = plan.camera
-    sigmas = plan.pose_uncertainty.sigmas
     near, far = camera.depth_of_field_mm
     field = np.array(camera.sensor_size_mm) / camera.image_distance_mm * camera.focus_distance_mm
     left, top, right, bottom = camera.field().inner
@@ -235,7 +271,7 @@ def _request(plan: InspectionPlan) -> str:
         "Focus": f"{camera.focus_distance_mm:g} mm; sharp from {near:.1f} mm "
         + (f"to {far:.1f} mm" if np.isfinite(far) else "on"),
         "Field of view": f"{field[0]:.0f} x {field[1]:.0f} mm in the plane of focus",
-        "Camera pose, std. deviations": f"{_list(sigmas[:3])} mm along x, y, z; {_list(sigmas[3:])} rad about x, y, z",
+        "Camera pose": f"{sigma_text(plan.pose_uncertainty.sigmas)} along and about x, y, z",
         "Workspace": f"({_list(plan.workspace[0], '.1f')}) to ({_list(plan.workspace[1], '.1f')}) mm",
         **requirement_rows(plan),
         "Seed": str(plan.seed),
@@ -248,13 +284,12 @@ def _request(plan: InspectionPlan) -> str:
 
 
 def _accuracy(plan: InspectionPlan) -> str:
-    """Say what the accuracy of the request holds for."""
+    """Say what the accuracy of the request means."""
     edges = f"error at most {100 * (1 - plan.accuracy):.3g} % of an edge's image"
     if not plan.dimensions:
         return f"{plan.accuracy:g} ({edges})"
-    own = "dimensions without a requirement of their own may be off by "
-    told = f"{own}{100 * (1 - plan.accuracy):.3g} % of the nominal value"
-    return f"{plan.accuracy:g} ({told}{'' if len(plan.dimensions) == len(plan.entities) else '; ' + edges})"
+    own = f"dimensions without a tolerance: error at most {100 * (1 - plan.accuracy):.3g} % of the nominal value"
+    return f"{plan.accuracy:g} ({own}{'' if len(plan.dimensions) == len(plan.entities) else '; ' + edges})"
 
 
 def _localisation(plan: InspectionPlan) -> str:
@@ -269,12 +304,10 @@ def _localisation(plan: InspectionPlan) -> str:
 
 def _method(plan: InspectionPlan) -> str:
     paragraphs = [
-        f"{_seen(plan)} can be seen from where was computed exactly from the part's geometry. Camera poses were "
-        "searched "
-        "by a genetic algorithm inside the viewing domains, subject to resolution, focus, field of view, visibility, "
-        f"clearance and workspace; of all poses found, a few that together inspect every {_named(plan)[0]} that any of "
-        "them inspects "
-        "were chosen by integer programming and exchange.",
+        f"The program computed exactly, from the part's geometry, where {_seen(plan)} are visible from. A genetic "
+        "algorithm searched these viewing domains for camera poses that satisfy resolution, focus, field of view, "
+        "visibility, clearance and workspace. Integer programming and exchange then chose a few of these poses, which "
+        f"together inspect every {_named(plan)[0]} that any of them inspects.",
         f"Lower bound. {plan.bound_proof} {_gap(plan)}",
     ]
     if plan.simulation is not None and plan.settings:
@@ -293,63 +326,62 @@ def _gap(plan: InspectionPlan) -> str:
     n = len(plan.settings)
     bound = plan.lower_bound
     if not n:
-        return "So there is nothing to prove."
+        return "Without settings there is nothing to prove."
     if plan.minimal:
-        return f"The plan has {count(n, 'setting')} and the bound is {bound}, so for what it inspects it is minimal."
-    return f"The plan has {count(n, 'setting')}; for what it inspects, the least number is from {bound} to {n}."
+        return f"The plan has {count(n, 'setting')} and the bound is {bound}: it is minimal for its targets."
+    return f"The plan has {count(n, 'setting')}. The smallest number for its targets is from {bound} to {n}."
 
 
 def _seen(plan: InspectionPlan) -> str:
-    return "Which edges, rims and arcs" if plan.dimensions else "Which edges"
+    return "edges, rims and arcs" if plan.dimensions else "edges"
 
 
 def _drawn_and_measured(plan: InspectionPlan) -> str:
     """Say what a simulation does at each displaced pose."""
     edges = (
-        "the edges projected, their ends rounded to pixels and measured. "
+        "projected the edges, rounded their ends to pixels and measured them. "
         "An end outside the image counts as a failure."
     )
     if not plan.dimensions:
         return edges
     own = (
-        "points of the entities projected, found with an error after the localisation model, carried back to the part "
-        "with the planned pose, and fitted. A point outside the image counts as a failure."
+        "projected points of the entities, added the error of the localisation model, carried them back to the part "
+        "with the planned pose, and fitted them. A point outside the image counts as a failure."
     )
     return (
         own
         if len(plan.dimensions) == len(plan.entities)
-        else f"{own} Of edges that are no dimensions: {edges}"
+        else f"{own} For edges that are not dimensions, it {edges}"
     )
 
 
 def _simulated(plan: InspectionPlan, simulation: SimulationResult) -> str:
     one = _named(plan)[0]
     return (
-        f"Simulation. For each setting {count(simulation.n, 'displaced pose')} were drawn, {_drawn_and_measured(plan)} "
-        f"All intervals hold together with {percent(simulation.confidence)} confidence. A stated probability is "
-        "confirmed when it is "
-        f"inside its interval, and conservative when it is below: the {one} is measured better than stated. Above the "
-        f"interval by at most {MODEL_TOLERANCE:g} it is within the model's tolerance, as the model is of second "
-        "order; above it by more, it is contradicted. The pixel grid lies at random in every draw: a probability is "
-        "the share of accurate measurements over displaced poses and over parts, whose edges may end anywhere within "
-        "a pixel."
+        f"Simulation. For each setting the program drew {count(simulation.n, 'displaced pose')}, "
+        f"{_drawn_and_measured(plan)} All intervals hold together with {percent(simulation.confidence)} confidence. A "
+        "stated probability inside its interval is confirmed. One below it is conservative: the "
+        f"{one} is measured better than stated. One above it by at most {MODEL_TOLERANCE:g} is within the tolerance of "
+        "the model, which is of second order. One above it by more is contradicted. Every draw shifts the pixel grid "
+        "at random: a probability is the share of accurate measurements over displaced poses and over parts, whose "
+        "edges may end anywhere within a pixel."
     )
 
 
 def _lit(light: LightPlan) -> str:
-    """Say what lamps rest on."""
+    """Say what the choice of lamps assumes."""
     return (
-        "Light. Where both faces of an edge are seen, its contrast is that between their shades; of a silhouette it is "
-        f"that with what is seen beside it, and the ground is taken as {light.ground}. The part is taken as matt and "
-        f"of one albedo, lamps as points, {_switched(light)}, and no face as lighting another; polished metal is "
-        f"out of scope. {light.bound_proof}"
+        "Light. If both faces of an edge are visible, its contrast is that between their shades. The contrast of a "
+        f"silhouette is that with its background; the model assumes a {light.ground} ground, a matt part of one "
+        f"albedo, point lamps {_switched(light)}, and no light from face to face. Polished metal is out of scope. "
+        f"{light.bound_proof}"
     )
 
 
 def _switched(light: LightPlan) -> str:
     if not light.together:
-        return "one of them on at a time"
-    return "of one strength and all on together, which was decided at nine points of every edge"
+        return "of which one is on at a time"
+    return "of one strength that are all on together (decided at nine points of every edge)"
 
 
 def _list(values: Iterable[float], spec: str = ".4g") -> str:

@@ -22,9 +22,10 @@ from aspectgraph.solid import RayScene
 from planner.camera.camera import Camera
 from planner.camera.imaging import image_of, tangents_of
 from planner.camera.pose import world_to_cam
+from planner.report.outlines import chord_circles, on_circle
 
 if TYPE_CHECKING:
-    from aspectgraph import Solid
+    from aspectgraph import Arc, Solid
 
 _STEP_PX = 5.0
 _NEAREST_MM = 1.0
@@ -40,6 +41,8 @@ _BRIGHTEST = 235
 # pieces a highlighted segment is bent into by distortion, and where points are put that have no image
 _BENDS = 32
 _FAR_PX = 1e5
+# a chord this near to its circle is drawn straight
+_STRAIGHT_PX = 0.2
 
 # what the report's style sheet says of its pictures, for one by itself
 _NAMESPACE = 'xmlns="http://www.w3.org/2000/svg"'
@@ -122,6 +125,7 @@ class PictureMaker:
         self._edge_vertices = np.array([edge.vertices for edge in solid.edges])
         self._edge_faces = np.array([edge.faces for edge in solid.edges])
         self._feature = np.array([is_feature(solid, edge) for edge in solid.edges])
+        self._circles = chord_circles(solid)
 
     def image_svg(
         self,
@@ -143,12 +147,23 @@ class PictureMaker:
         names = self._highlights(cam2world, entities, color, window)
         if outlined:
             names = self._highlights(cam2world, entities, color, named=False) + _frame(outlined)
-        shades = base64.b64encode(png_grey(self.shaded(cam2world, lamp, window=window))).decode()
+        shades = self._shades(cam2world, (x, y, width, height), lamp)
         return (
             f'<svg class="shot" viewBox="{x} {y} {width} {height}" role="img" aria-label="predicted image">'
-            f'<image href="data:image/png;base64,{shades}" x="{x}" y="{y}" width="{width}" height="{height}" '
+            f'{shades}<path class="edge" d="{lines}"/>{names}</svg>'
+        )
+
+    def background(self, cam2world: np.ndarray, window: Window) -> tuple[str, str]:
+        """Return shaded faces and visible edges as parts of an SVG picture, of a window of any place and size."""
+        edges = f'<path class="edge" d="{_path(self.edge_lines(cam2world))}"/>'
+        return self._shades(cam2world, window), edges
+
+    def _shades(self, cam2world: np.ndarray, window: Window, lamp: np.ndarray | None = None) -> str:
+        x, y, width, height = window
+        data = base64.b64encode(png_grey(self.shaded(cam2world, lamp, window=window))).decode()
+        return (
+            f'<image href="data:image/png;base64,{data}" x="{x}" y="{y}" width="{width}" height="{height}" '
             'preserveAspectRatio="none"/>'
-            f'<path class="edge" d="{lines}"/>{names}</svg>'
         )
 
     def window(self, cam2world: np.ndarray, entities: dict[str, Any]) -> Window:
@@ -225,16 +240,16 @@ class PictureMaker:
         return [self._bent(world_to_cam(np.asarray(ends), cam2world)) for ends in entities.values()]
 
     def _bent(self, points_cam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        uv = self._project(points_cam)
+        uv = self.project(points_cam)
         if self.camera.distortion is None:
             return uv, uv.reshape(-1, 2, 2)
         # a straight edge is imaged as a curve
         first, last = np.moveaxis(points_cam.reshape(-1, 2, 3), 1, 0)
         share = np.linspace(0.0, 1.0, _BENDS + 1)[:, None, None]
-        curve = self._project((1 - share) * first + share * last)
+        curve = self.project((1 - share) * first + share * last)
         return uv, np.stack([curve[:-1], curve[1:]], axis=2).reshape(-1, 2, 2)
 
-    def _project(self, points_cam: np.ndarray) -> np.ndarray:
+    def project(self, points_cam: np.ndarray) -> np.ndarray:
         """Return the images of points in px; a lens with distortion has none off the sensor, where they are put."""
         matrix = self.camera.matrix
         if self.camera.distortion is None:
@@ -259,22 +274,40 @@ class PictureMaker:
             > 0
         )
         outline = facing[:, 0] != facing[:, 1]
-        drawn = facing.any(axis=1) & (self._feature | outline)
+        drawn = np.flatnonzero(facing.any(axis=1) & (self._feature | outline))
         segments = world_to_cam(solid.vertices[self._edge_vertices[drawn]], cam2world)
-        samples = [s for s in map(self._sample, segments) if s is not None]
+        sampled = [(k, self._sample(s)) for k, s in zip(drawn.tolist(), segments, strict=True)]
+        samples = [s for _, s in sampled if s is not None]
+        circles = [self._circles.get(k) for k, s in sampled if s is not None]
         if not samples:
             return []
         visible = self._visible(cam2world, np.concatenate([s.points for s in samples]))
         starts = np.cumsum([0] + [len(s.points) for s in samples])
         pieces = []
-        for s, a, b in zip(samples, starts[:-1], starts[1:], strict=True):
+        for s, circle, a, b in zip(samples, circles, starts[:-1], starts[1:], strict=True):
             runs = _runs(visible[a:b])
-            if self.camera.distortion is None:
+            bent = self._curve(s, circle, cam2world)
+            if bent is None:
                 pieces += [s.pixels[[i, j]] for i, j in runs]
             else:
-                bent = self._project(s.points)
                 pieces += [bent[[k, k + 1]] for i, j in runs for k in range(i, j)]
         return pieces
+
+    def _curve(self, sampled: _Sampled, circle: Arc | None, cam2world: np.ndarray) -> Any:
+        """Return the image (n, 2) of an edge's samples if it is curved: a chord lies on its circle; else None."""
+        points = sampled.points
+        if circle is not None:
+            points = world_to_cam(on_circle(points, circle, cam2world), cam2world)
+            image = self.project(points)
+            chord = sampled.pixels
+            if self.camera.distortion is None and np.abs(image - chord).max() < _STRAIGHT_PX:
+                return None
+            return image
+        return None if self.camera.distortion is None else self.project(points)
+
+    def visible(self, cam2world: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Return which points (n, 3) on the part, mm, no face hides from the camera; (n,) bool."""
+        return self._visible(cam2world, world_to_cam(points, cam2world))
 
     def _sample(self, segment_cam: np.ndarray) -> _Sampled | None:
         """Clip a segment (2, 3) to the image and sample it evenly in pixels."""
@@ -386,7 +419,16 @@ def png_grey(image: np.ndarray) -> bytes:
 
 
 def _path(lines: Iterable[np.ndarray]) -> str:
-    return "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in lines)
+    """Return lines (2, 2) as the data of an SVG path; one that begins where the last ended continues it."""
+    parts = []
+    end = ""
+    for a, b in lines:
+        start = f"{a[0]:.1f} {a[1]:.1f}"
+        if start != end:
+            parts.append(f"M{start}")
+        end = f"{b[0]:.1f} {b[1]:.1f}"
+        parts.append(f"L{end}")
+    return "".join(parts)
 
 
 def _frame(window: Window) -> str:

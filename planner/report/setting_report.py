@@ -1,4 +1,4 @@
-"""The part of the report that is about settings: a table of all, then each with its predicted images."""
+"""The section of the report about settings: a table of all, then each with its predicted images."""
 
 from __future__ import annotations
 
@@ -8,12 +8,17 @@ from typing import TYPE_CHECKING
 
 from scipy.spatial.transform import Rotation
 
-from errors.formatting import probability_text
+from errors.formatting import is_nearly_one, probability_text
 from planner.progress import report
 from planner.report.figure import color_of
 from planner.report.outlines import drawn
 from planner.report.predicted_image import PictureMaker
-from planner.report.setting_table import binding_sentence, focus_note, setting_table
+from planner.report.setting_table import (
+    binding_sentence,
+    focus_note,
+    setting_table,
+    stance,
+)
 from planner.report.tables import cells, heads
 from planner.report.wording import lamp_texts, lamps_named, margin_texts
 
@@ -41,22 +46,32 @@ def settings_table(plan: InspectionPlan, named: tuple[str, str]) -> str:
         return '<p class="note">The plan has no settings.</p>'
     rows = []
     several = named[1].capitalize()
+    every = [p for setting in plan.settings for p in setting.probability.values()]
+    sure = all(is_nearly_one(p, plan.probability) for p in every)
     for k, setting in enumerate(plan.settings):
-        probabilities = setting.probability.values()
+        least = probability_text(min(setting.probability.values()), plan.probability)
+        stands = stance(plan, setting)
         position = " ".join(f"{x:.1f}" for x in setting.position)
         rows.append(
             cells(
                 {
                     "": f'<a href="#setting-{k + 1}">{_swatch(k)}{k + 1}</a>',
                     "n:Position (mm)": position,
-                    f"n:{several}": str(len(setting.entities)),
-                    "n:Smallest P": probability_text(min(probabilities), plan.probability),
-                    "Which": escape(", ".join(setting.entities)),
+                    "n:Distance (mm)": f"{stands.distance_mm:.0f}",
+                    "n:Tilt (°)": f"{stands.tilt_deg:.1f}",
+                    "n:µm/px": f"{stands.um_per_px:.3g}",
+                    **({} if sure else {"n:Smallest P": least}),
+                    several: escape(", ".join(setting.entities)),
                 }
             )
         )
-    head = heads(("Setting", "n:Position (mm)", f"n:{several}", "n:Smallest P", "Which"))
-    return f'<div class="scroll"><table class="stack">{head}<tbody>{"".join(rows)}</tbody></table></div>'
+    names = ["Setting", "n:Position (mm)", "n:Distance (mm)", "n:Tilt (°)", "n:µm/px"]
+    head = heads([*names, *([] if sure else ["n:Smallest P"]), several])
+    return (
+        f'<div class="scroll"><table class="stack">{head}<tbody>{"".join(rows)}</tbody></table></div>'
+        '<p class="note">Distance: from the front nodal point to the targets, along the optical axis. Tilt: angle '
+        "between the optical axis and the part's z axis. µm/px: size of a pixel at that distance.</p>"
+    )
 
 
 def settings_section(
@@ -66,7 +81,7 @@ def settings_section(
     noun: str,
     progress: Progress | None = None,
 ) -> str:
-    """Return each setting: pose, predicted images, how sure each measurement is, what binds, margins and lamps.
+    """Return each setting: pose, predicted images, probabilities, the binding constraint, margins and lamps.
 
     Parameters
     ----------
@@ -77,7 +92,7 @@ def settings_section(
     rows : sequence of sequence of Row
         As of `measured_rows`.
     noun : str
-        What an item is called.
+        What a target is called.
     progress : callable, optional
         ``progress(done, total, label)``.
     """
@@ -98,7 +113,7 @@ def _setting(plan: InspectionPlan, k: int, table: str, maker: PictureMaker) -> s
     )
     return (
         f'<section class="setting" id="setting-{k + 1}"><div class="head"><h3>{_swatch(k)}Setting {k + 1}</h3>'
-        f'<span class="note">camera at ({position}) mm, '
+        f'<span class="note">{escape(stance(plan, setting).text)}; camera at ({position}) mm, '
         f"quaternion x y z w = ({x:.6f}, {y:.6f}, {z:.6f}, {w:.6f})</span>"
         f'<button data-view="setting-{k + 1}">Show in 3-D</button></div>'
         f'<div class="shots">{_shots(plan, k, maker)}</div>'
@@ -109,7 +124,7 @@ def _setting(plan: InspectionPlan, k: int, table: str, maker: PictureMaker) -> s
 
 
 def _shots(plan: InspectionPlan, k: int, maker: PictureMaker) -> str:
-    """Return predicted image and edge map; beside each, enlarged, what is measured, where that is worth it."""
+    """Return predicted image and edge map; next to each the targets enlarged, if they are small in the image."""
     pose = plan.settings[k].cam2world
     entities = drawn(plan, plan.settings[k].entities)
     color = color_of(k)
@@ -125,14 +140,15 @@ def _shots(plan: InspectionPlan, k: int, maker: PictureMaker) -> str:
         return _figure(image, shaded) + _figure(
             maker.edge_map_svg(pose, entities), _map_caption(plan)
         )
-    told = f"the frame enlarged {times:.3g} times: {window[2]} x {window[3]} px"
+    enlarged = f"the frame enlarged {times:.3g} times ({window[2]} x {window[3]} px)"
     return (
         _figure(maker.image_svg(pose, entities, color, lamp, outlined=window), shaded)
         + _figure(
-            maker.image_svg(pose, entities, color, lamp, window=window), f"Predicted image, {told}"
+            maker.image_svg(pose, entities, color, lamp, window=window),
+            f"Predicted image: {enlarged}",
         )
         + _figure(maker.edge_map_svg(pose, entities), _map_caption(plan))
-        + _figure(maker.edge_map_svg(pose, entities, window=window), f"Edge map, {told}")
+        + _figure(maker.edge_map_svg(pose, entities, window=window), f"Edge map: {enlarged}")
     )
 
 
@@ -142,10 +158,10 @@ def _figure(picture: str, caption: str) -> str:
 
 def _map_caption(plan: InspectionPlan) -> str:
     if not plan.dimensions:
-        return "Edge map: the measured edges and their ends in bold"
+        return "Edge map: measured edges and their ends in bold"
     edges = len(plan.dimensions) < len(plan.entities)
-    told = "Edge map: the lines and circles that are measured in bold"
-    return told + (", edges with their ends" if edges else "")
+    text = "Edge map: measured lines and circles in bold"
+    return text + (", edges with their ends" if edges else "")
 
 
 def _swatch(k: int) -> str:

@@ -1,14 +1,15 @@
-"""What a report says of one setting: a table of probabilities, and which constraint fixes the pose."""
+"""One setting in a report: numbers of its camera, a table of its measurements, and the binding constraint."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from errors.formatting import frequency_text, interval_text, probability_text
+from errors.formatting import frequency_text, interval_text, is_nearly_one, probability_text
 from planner.camera.pose import world_to_cam
 from planner.report.binding import LimitShare, nearest_limits
 from planner.report.tables import budget_bar, cells, heads, permitted, warned
@@ -38,37 +39,89 @@ _STYLES = {
 }
 
 
-def setting_table(plan: InspectionPlan, told: Sequence[Row], noun: str) -> str:
-    """Return the table of a setting: permitted error, budget, probability, what simulation gave, and warnings.
+class Stance(NamedTuple):
+    """How a camera stands to its targets.
+
+    Attributes
+    ----------
+    distance_mm : float
+        Working distance: mean depth of the targets along the optical axis, from the front nodal point.
+    tilt_deg : float
+        Angle between the optical axis and the part's z axis, 0 to 90 degrees.
+    um_per_px : float
+        Size of a pixel at that distance, square to the optical axis; the larger of both sides, um.
+    """
+
+    distance_mm: float
+    tilt_deg: float
+    um_per_px: float
+
+    @property
+    def text(self) -> str:
+        """The three numbers in words."""
+        return (
+            f"working distance {self.distance_mm:.0f} mm, tilt {self.tilt_deg:.1f}°, "
+            f"{self.um_per_px:.3g} µm/px"
+        )
+
+
+def stance(plan: InspectionPlan, setting: SensorSetting) -> Stance:
+    """Return how the camera of a setting stands to its targets.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        Gives the camera and the targets.
+    setting : SensorSetting
+        One of its settings.
+    """
+    camera = plan.camera
+    distance = float(world_to_cam(_points(plan, setting), setting.cam2world)[:, 2].mean())
+    upright = min(abs(float(setting.cam2world[2, 2])), 1.0)
+    pixel = max(camera.pixel_pitch_mm) * distance / camera.image_distance_mm
+    return Stance(distance, math.degrees(math.acos(upright)), 1000 * pixel)
+
+
+def setting_table(plan: InspectionPlan, measured: Sequence[Row], noun: str) -> str:
+    """Return the table of a setting: permitted error, budget, probability, simulation and warnings.
 
     Parameters
     ----------
     plan : InspectionPlan
         The plan.
-    told : sequence of Row
+    measured : sequence of Row
         The rows of the setting.
     noun : str
         What an item is called.
     """
-    simulated = any(one.rate is not None for one in told)
+    simulated = any(one.rate is not None for one in measured)
+    sure = all(is_nearly_one(one.probability, plan.probability) for one in measured)
     what = "Nominal" if plan.dimensions else "Length (mm)"
-    names = [noun.capitalize(), f"n:{what}", "n:Permitted error", "Budget", "n:P"]
+    names = [
+        noun.capitalize(),
+        f"n:{what}",
+        "n:Permitted error",
+        "Budget",
+        *([] if sure else ["n:P"]),
+    ]
     names += ["n:Simulated", "Interval", ""] if simulated else []
-    rows = "".join(_rows(plan, one, what) for one in told)
-    windows = ", ".join(f"{one.name} ±{one.search_window_px:.3g} px" for one in told)
-    note = f'<p class="note">Search windows: {escape(windows)}.</p>'
+    rows = "".join(_rows(plan, one, what, with_probability=not sure) for one in measured)
+    windows = ", ".join(f"{one.name} ±{one.search_window_px:.3g} px" for one in measured)
+    least = probability_text(min(one.probability for one in measured), plan.probability)
+    sentence = f"P {least}{' for each target' if len(measured) > 1 else ''}. " if sure else ""
+    note = f'<p class="note">{escape(sentence)}Search windows: {escape(windows)}.</p>'
     return f'<table class="stack">{heads(names)}<tbody>{rows}</tbody></table>{note}'
 
 
-def _rows(plan: InspectionPlan, one: Row, what: str) -> str:
-    """Return the row of an item, and that of what it warns of."""
+def _rows(plan: InspectionPlan, one: Row, what: str, *, with_probability: bool) -> str:
+    """Return the row of a target, and the one of its warnings."""
     probability = probability_text(one.probability, plan.probability)
     values = {
         "": escape(one.name),
         f"n:{what}": _value(plan, one.name),
-        "n:Permitted error": permitted(one),
+        "n:Permitted error": permitted(one, plan.dimensions.get(one.name)),
         "Budget": budget_bar(one),
-        "n:P": probability,
+        **({"n:P": probability} if with_probability else {}),
         **({} if one.rate is None else _rate(one.rate, plan.probability)),
     }
     below = (
@@ -82,14 +135,14 @@ def _rows(plan: InspectionPlan, one: Row, what: str) -> str:
 def binding_sentence(plan: InspectionPlan, setting: SensorSetting) -> str:
     """Say which constraint fixes the pose, and what comes next."""
     first, *rest = nearest_limits(plan, setting)
-    told = f"Nearest to its limit: {first.name}, with {_share(first)} of its room left; {first.meaning}."
-    return told + (
+    text = f"Nearest to its limit: {first.name}, with {_share(first)} of its room left; {first.meaning}."
+    return text + (
         f" Next: {', '.join(f'{one.name} {_share(one)}' for one in rest)}." if rest else ""
     )
 
 
 def _share(one: LimitShare) -> str:
-    """Return a share in percent; further digits of what is as good as nothing say nothing."""
+    """Return a share in percent; a share close to 0 without its digits."""
     return "less than 0.01 %" if 0 <= one.share < 1e-4 else f"{100 * one.share:.3g} %"
 
 
@@ -107,7 +160,7 @@ def may_be_unsharp(plan: InspectionPlan, setting: SensorSetting) -> bool:
 
 
 def focus_note(plan: InspectionPlan, setting: SensorSetting) -> str:
-    """Say so where displaced poses may be out of focus.
+    """Return a warning if displaced poses may be out of focus; otherwise nothing.
 
     Parameters
     ----------
@@ -119,20 +172,24 @@ def focus_note(plan: InspectionPlan, setting: SensorSetting) -> str:
     if not may_be_unsharp(plan, setting):
         return ""
     return (
-        f"Focus: a point that is measured is only {_focus_sigmas(plan, setting):.2g} standard deviations of its depth "
-        "from a limit of the depth of field, so images from displaced poses may be less sharp than is asked for."
+        f"Focus: a measured point is only {_focus_sigmas(plan, setting):.2g} standard deviations of its depth from a "
+        "limit of the depth of field. Images from displaced poses may be less sharp than required."
     )
 
 
 def _focus_sigmas(plan: InspectionPlan, setting: SensorSetting) -> float:
     """Return how many standard deviations of its own depth the least sure point is from a limit of focus."""
-    points = [plan.targets[name].points for name in setting.entities]
-    local = world_to_cam(np.concatenate(points), setting.cam2world)
+    local = world_to_cam(_points(plan, setting), setting.cam2world)
     return sigmas_left(local, plan.camera, plan.pose_uncertainty)
 
 
+def _points(plan: InspectionPlan, setting: SensorSetting) -> np.ndarray:
+    """Return the points (n, 3) that a setting measures, mm."""
+    return np.concatenate([plan.targets[name].points for name in setting.entities])
+
+
 def _value(plan: InspectionPlan, name: str) -> str:
-    """Return what an item measures, with the unit where units differ."""
+    """Return the nominal value of a target, with its unit where units differ."""
     target = plan.targets[name]
     return target.value_text if plan.dimensions else f"{target.nominal:.3f}"
 
@@ -149,10 +206,10 @@ def _rate(rate: SuccessRate, threshold: float) -> dict[str, str]:
         f'<span class="bar"><i style="left:{place(rate.low):.1f}%;width:{width:.1f}%"></i>'
         f'<u style="left:calc({place(rate.predicted):.1f}% - 1px)"></u></span>'
     )
-    told = f'<span class="{_STYLES[rate.verdict]}">{escape(rate.verdict)}</span>'
+    word = f'<span class="{_STYLES[rate.verdict]}">{escape(rate.verdict)}</span>'
     interval = f"{interval_text(rate.low, rate.high)}{bar}"
     return {
         "n:Simulated": frequency_text(rate.successes, rate.n),
         "Interval": interval,
-        "Verdict": told,
+        "Verdict": word,
     }

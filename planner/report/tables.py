@@ -1,4 +1,4 @@
-"""Tables of a report as HTML: results by entity, and poses for the robot's programmer."""
+"""Tables of a report as HTML: results by target, and poses for the robot's programmer."""
 
 from __future__ import annotations
 
@@ -10,18 +10,20 @@ from typing import TYPE_CHECKING
 
 from scipy.spatial.transform import Rotation
 
-from errors.formatting import probability_text
+from errors.formatting import is_nearly_one, probability_text
+from planner.report.wording import tolerance_share
 from planner.rows.measured_rows import SOURCES, Row
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
+    from planner.wanted.planned import PlannedDimension
 
 COLOURS = {"translation": "#56b4e9", "rotation": "#d58a00", "localisation": "#7a8794"}
 """Of the sources of variance, in every bar."""
 
 
 def results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], noun: str) -> str:
-    """Return a table of what is measured, from where and how sure: the surest setting of each, in the order asked."""
+    """Return a table with a row per target: its setting with the largest probability, in the order of the request."""
     best: dict[str, Row] = {}
     for row in (row for setting in rows for row in setting):
         if row.name not in best or row.probability > best[row.name].probability:
@@ -32,41 +34,51 @@ def results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], noun: str) -> s
         name: [row.setting for setting in rows for row in setting if row.name == name]
         for name in best
     }
-    body = "".join(_result(best[name], where[name]) for name in plan.entities if name in best)
-    head = heads(
-        (
-            noun.capitalize(),
-            "What",
-            "n:Nominal",
-            "n:Permitted error",
-            "Setting",
-            "n:P",
-            "n:u",
-            "Budget of the variance",
-        )
-    )
+    sure = all(is_nearly_one(row.probability, plan.probability) for row in best.values())
+    lines = [
+        _result(plan, best[name], where[name], with_probability=not sure)
+        for name in plan.entities
+        if name in best
+    ]
+    names = [noun.capitalize(), "What", "n:Nominal", "n:Permitted error", "n:U (k = 2)"]
+    names += ["n:U / permitted", "Setting", *([] if sure else ["n:P"]), "Budget of the variance"]
     legend = " ".join(
         f'<span class="source"><i style="background:{COLOURS[s]}"></i>{s}</span>' for s in SOURCES
     )
     return (
-        f'<div class="scroll"><table class="stack results">{head}<tbody>{body}</tbody></table></div>'
-        f'<p class="note">{legend} &nbsp; u: standard uncertainty of the measured value. P and u are those of the '
-        "surest setting.</p>"
+        f'<div class="scroll"><table class="stack results">{heads(names)}<tbody>{"".join(lines)}</tbody>'
+        f'</table></div><p class="note">{legend} &nbsp; U = 2u, where u is the standard uncertainty of the measured '
+        f"value. U / permitted is the share of the permitted error that U takes.{_best_text(best, plan, sure)}</p>"
     )
 
 
-def _result(row: Row, where: Sequence[int]) -> str:
+def _best_text(best: Mapping[str, Row], plan: InspectionPlan, sure: bool) -> str:
+    """Say of which setting the numbers are, and how large P is where no column shows it."""
+    text = " Values are those of the setting with the largest P."
+    if not sure:
+        return text
+    least = probability_text(min(row.probability for row in best.values()), plan.probability)
+    return f"{text} P is {escape(least)} for {'each target' if len(best) > 1 else 'the target'}."
+
+
+def _result(plan: InspectionPlan, row: Row, where: Sequence[int], *, with_probability: bool) -> str:
     links = ", ".join(map(setting_link, where))
+    expanded = 2 * row.standard_uncertainty
     mark = f' <span class="bad" title="{escape(warned(row))}">!</span>' if row.warnings else ""
     return cells(
         {
             "": f"{escape(row.name)}{mark}",
             "What": escape(row.kind.replace("_", " ")),
             "n:Nominal": f"{row.nominal:.6g} {row.unit}",
-            "n:Permitted error": permitted(row),
+            "n:Permitted error": permitted(row, plan.dimensions.get(row.name)),
+            "n:U": f"{expanded:.3g} {row.unit}",
+            "n:U / permitted": f"{100 * expanded / row.permitted_error:.2g} %",
             "Setting": links,
-            "n:P": probability_text(row.probability),
-            "n:u": f"{row.standard_uncertainty:.3g} {row.unit}",
+            **(
+                {"n:P": probability_text(row.probability, plan.probability)}
+                if with_probability
+                else {}
+            ),
             "Budget": budget_bar(row),
         }
     )
@@ -74,8 +86,8 @@ def _result(row: Row, where: Sequence[int]) -> str:
 
 def heads(names: Sequence[str]) -> str:
     """Return the head of a table; names of columns of numbers start with ``n:``."""
-    told = "".join(f"<th{_kind(name)}>{_plain(name)}</th>" for name in names)
-    return f"<thead><tr>{told}</tr></thead>"
+    texts = "".join(f"<th{_kind(name)}>{_plain(name)}</th>" for name in names)
+    return f"<thead><tr>{texts}</tr></thead>"
 
 
 def cells(values: Mapping[str, str]) -> str:
@@ -100,14 +112,17 @@ def warned(row: Row) -> str:
     return "; ".join(warning.text for warning in row.warnings)
 
 
-def permitted(row: Row) -> str:
-    """Return the permitted error with its size in the image."""
-    px = "" if row.permitted_error_px is None else f" ({row.permitted_error_px:.3g} px)"
-    return f"±{row.permitted_error:.3g} {row.unit}{px}"
+def permitted(row: Row, dimension: PlannedDimension | None = None) -> str:
+    """Return the permitted error, its size in the image, and its share of the tolerance if there is one."""
+    more = [] if row.permitted_error_px is None else [f"{row.permitted_error_px:.3g} px"]
+    share = "" if dimension is None else tolerance_share(dimension)
+    more += [share] if share else []
+    text = f"±{row.permitted_error:.3g} {row.unit}"
+    return f"{text} ({', '.join(more)})" if more else text
 
 
 def budget_bar(row: Row) -> str:
-    """Return a bar of what the variance comes from, in shares; its title has the numbers."""
+    """Return a bar with the share of each source of variance; its title has the numbers."""
     total = sum(row.budget.values())
     if not total > 0:
         return ""
@@ -141,16 +156,16 @@ def robot(plan: InspectionPlan) -> str:
     head = "<th>Setting</th>" + "".join(f'<th class="n">{name}</th>' for name in names)
     return (
         f'<div class="scroll"><table class="poses"><thead><tr>{head}</tr></thead><tbody>{"".join(body)}</tbody></table>'
-        "</div><p class='note'>Camera to part: x, y, z of the front nodal point in mm, in the part's frame; quaternion "
-        "with w last; Rx, Ry, Rz: turns about the fixed axes x, y, z, turned in this order. The camera looks "
-        "along its own z axis, x to the right and y down in the image. The same poses are in "
+        "</div><p class='note'>Poses are camera to part: x, y, z are the front nodal point in the part's frame. The "
+        "quaternion has w last. Rx, Ry, Rz are rotations about the fixed axes x, y, z, in this order. The camera looks "
+        "along its own z axis; x points right and y down in the image. The same poses are in "
         "<code>poses_opencv.json</code>, <code>poses_ros.yaml</code>, <code>transforms.json</code>, "
-        "<code>poses_open3d.json</code> and <code>colmap/</code> beside this file.</p>"
+        "<code>poses_open3d.json</code> and <code>colmap/</code> next to this file.</p>"
     )
 
 
 def download(text: str, name: str, label: str) -> str:
-    """Return a link that saves a text without asking anything outside the page."""
+    """Return a link that saves a text; it needs nothing outside the page."""
     data = base64.b64encode(text.encode()).decode()
     return f'<a download="{escape(name)}" href="data:text/csv;charset=utf-8;base64,{data}">{escape(label)}</a>'
 

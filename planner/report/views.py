@@ -1,4 +1,4 @@
-"""Views of the 3-D figure: everything at first, the part, and each setting from where its camera stands.
+"""Views of the 3-D figure: everything at first, the part, and what each setting's camera sees.
 
 Plotly's scene is a box about the origin whose sides are the aspect ratios; its camera looks from `eye` to `centre`
 with a field of 45 degrees from top to bottom.
@@ -14,8 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.camera.pose import world_to_cam
+
 if TYPE_CHECKING:
+    from planner.camera.camera import Camera
     from planner.plan import InspectionPlan
+    from planner.setting.sensor_setting import SensorSetting
 
 _Array = NDArray[np.float64]
 
@@ -80,6 +84,30 @@ class SceneFrame:
         return {key: dict(zip("xyz", v.tolist(), strict=True)) for key, v in
                 (("eye", eye), ("center", middle), ("up", axes[1]))}  # fmt: skip
 
+    def eye_of(self, setting: SensorSetting, camera: Camera, depth: float) -> dict[str, Any]:
+        """Return plotly's camera that stands where a setting's camera does, and looks along its axis.
+
+        ``field`` holds the tangents of the largest angles to the axis that the sensor sees, across (x) and upwards (y):
+        the page sets the field of plotly's camera to these. The page cannot draw the lens distortion.
+
+        Parameters
+        ----------
+        setting : SensorSetting
+            Gives the pose.
+        camera : Camera
+            Gives the field.
+        depth : float
+            Where the axis meets what is measured, mm; the view turns about this point.
+        """
+        rotation = setting.cam2world[:3, :3]
+        ahead = setting.position + depth * rotation[:, 2]
+        eye, centre = self.placed([setting.position, ahead])
+        left, top, right, bottom = camera.field().outer
+        lines = (("eye", eye), ("center", centre), ("up", -rotation[:, 1]))
+        view: dict[str, Any] = {key: dict(zip("xyz", v.tolist(), strict=True)) for key, v in lines}
+        view["field"] = {"x": max(-left, right), "y": max(-top, bottom)}
+        return view
+
 
 def plan_views(
     plan: InspectionPlan, frame: SceneFrame, part: _Array, shown: _Array
@@ -102,9 +130,9 @@ def plan_views(
         "part": frame.camera(part, EVERYTHING, (0, 0, 1)),
     }
     for k, setting in enumerate(plan.settings, start=1):
-        looked_at = np.concatenate([np.asarray(plan.entities[name]) for name in setting.entities])
-        towards = setting.position - looked_at.mean(axis=0)
-        views[f"setting-{k}"] = frame.camera(part, towards, -setting.cam2world[:3, 1])
+        measured = np.concatenate([np.asarray(plan.entities[name]) for name in setting.entities])
+        depth = float(world_to_cam(measured, setting.cam2world)[:, 2].mean())
+        views[f"setting-{k}"] = frame.eye_of(setting, plan.camera, depth)
     return views
 
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from planner.plan import InspectionPlan
     from planner.verify.shown_images import ShownImages
     from planner.verify.simulate_plan import SimulationResult
-    from planner.wanted.planned import PlannedTarget
+    from planner.wanted.planned import PlannedDimension, PlannedTarget
 
 
 def count(n: int, singular: str, plural: str | None = None) -> str:
@@ -61,6 +61,19 @@ def features_sentence(plan: InspectionPlan) -> str:
 def features_cell(target: PlannedTarget) -> str:
     """Say that a target is measured on one feature of several; empty if it applies to one."""
     return f"1 of {target.n_features} features" if target.n_features > 1 else ""
+
+
+def tolerance_share(dimension: PlannedDimension) -> str:
+    """Say which share of the tolerance the permitted error is; empty without a tolerance.
+
+    Such as "25 % of ±0.05", and of an uneven tolerance of width T "25 % of T/2".
+    """
+    if dimension.tolerance is None:
+        return ""
+    lower, upper = dimension.tolerance
+    half = (upper - lower) / 2
+    width = f"±{half:.4g}" if lower == -upper else "T/2"
+    return f"{100 * dimension.permitted_error / half:.3g} % of {width}"
 
 
 def bound_sentence(
@@ -136,9 +149,9 @@ def promise_sentence(plan: InspectionPlan) -> str:
 def window_sentence() -> str:
     """Say what P follows from, and what a search window is."""
     return (
-        "It follows from the uncertainty of the camera's pose and of localising points in the image. The search window "
-        "is three standard deviations of how far the uncertainty of the pose moves the image: so far to either side of "
-        "its prediction what is measured has to be looked for."
+        "P follows from the uncertainty of the camera's pose and of points found in the image. The search window is "
+        "three standard deviations of the shift that the uncertain pose gives the image. Search this far on either "
+        "side of the predicted target."
     )
 
 
@@ -345,7 +358,7 @@ def calibration_rows(camera: Camera) -> dict[str, str]:
 
 
 def requirement_rows(plan: InspectionPlan) -> dict[str, str]:
-    """Say what every setting satisfies, and how much that is beside the pose uncertainty; nothing if not known."""
+    """Say what every setting satisfies, also in standard deviations of the pose; nothing if not known."""
     need = plan.requirements
     uncertainty = plan.pose_uncertainty
     if not need:
@@ -357,7 +370,7 @@ def requirement_rows(plan: InspectionPlan) -> dict[str, str]:
         )
     if need.get("surround_px"):
         asked["Surroundings"] = (
-            f"{need['surround_px']:g} px of the image around each end, beside the reserve"
+            f"{need['surround_px']:g} px of the image around each end, inside the margin"
         )
     if need.get("min_corner_deg"):
         asked["Corners"] = f"another line leaves each end at {need['min_corner_deg']:g}° or more"
@@ -367,11 +380,11 @@ def requirement_rows(plan: InspectionPlan) -> dict[str, str]:
         **asked,
         "Stand-off": f"at least {need['stand_off_mm']:g} mm from the part",
         "Image of an edge": f"at least {need['min_length_px']:g} px long",
-        "Reserve of the field of view": f"{need['field_margin_px']:.4g} px along the sensor's sides, in which nothing "
-        f"that is measured may lie{_in_sigmas(need['field_margin_px'], corner, 'an image point in the corners')}",
-        "Reserve of focus": _focus_reserve(need, float(uncertainty.sigmas[2])),
-        "Reserve of visibility": f"visible from {need['visibility_radius_mm']:.4g} mm around the camera too"
-        f"{_in_sigmas(need['visibility_radius_mm'], anyway, 'its place')}",
+        "Margin of the field of view": f"no target within {need['field_margin_px']:.4g} px of the sensor's sides"
+        f"{_in_sigmas(need['field_margin_px'], corner, 'an image point in the corners')}",
+        "Margin of focus": _focus_reserve(need, float(uncertainty.sigmas[2])),
+        "Margin of visibility": f"targets stay visible from every point within {need['visibility_radius_mm']:.4g} mm "
+        f"of the camera{_in_sigmas(need['visibility_radius_mm'], anyway, 'its position')}",
     }
 
 
@@ -385,15 +398,15 @@ def _focus_reserve(need: Mapping[str, float], along: float) -> str:
             f"{_in_sigmas(margin, along, 'the camera along its axis')}"
         )
     return (
-        f"{sigmas:g} standard deviations of the depth of each point at both ends of the depth of field, as the camera "
-        f"is moved and turned; in a narrow depth of field an eighth of it, and at least {LEAST_SIGMAS:g} of them. That "
-        f"is {margin:.4g} mm on the axis, and more off it"
+        f"{sigmas:g} standard deviations of each point's depth at both ends of the depth of field ({margin:.4g} mm on "
+        f"the optical axis, more off it); an eighth of a narrow depth of field, but at least {LEAST_SIGMAS:g} standard "
+        "deviations"
     )
 
 
 def _in_sigmas(value: float, sigma: float, of: str) -> str:
-    """Return a reserve in standard deviations of what the uncertain pose moves; nothing where there are none."""
-    return f"; {value / sigma:.2g} standard deviations of {of}" if sigma > 0 else ""
+    """Return a margin in standard deviations of what the uncertain pose moves; nothing where there are none."""
+    return f" ({value / sigma:.2g} standard deviations of {of})" if sigma > 0 else ""
 
 
 def margin_texts(margins: Mapping[str, float]) -> list[str]:

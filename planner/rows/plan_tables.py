@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from errors.formatting import below_one
 from planner.files import write_text
 from planner.request.argument_kinds import check_kinds
 from planner.wanted.feature_counts import features_text
@@ -236,7 +237,7 @@ def _values(row: Row, n_features: int) -> dict[str, Any]:
         "unit": row.unit,
         "n_features": n_features,
         "permitted_error_px": row.permitted_error_px,
-        "probability": row.probability,
+        "probability": below_one(row.probability),
         "simulated": None if rate is None else rate.frequency,
         "simulated_low": None if rate is None else rate.low,
         "simulated_high": None if rate is None else rate.high,

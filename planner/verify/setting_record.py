@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from errors.formatting import below_one
 from planner.detectability.conditions import asks_of_images
 from planner.detectability.search_window import search_window_px
 from planner.exceptions import PlanFileError
@@ -53,7 +54,9 @@ def setting_dict(plan: Any, setting: Any) -> dict[str, Any]:
     dict
         Its fields; in plans of dimensions `measurements`, and where edges must be found in images `search_window_px`.
     """
-    return {**setting.to_dict(), **_what_follows(plan, setting)}
+    fields = setting.to_dict()
+    fields["probability"] = {name: below_one(p) for name, p in fields["probability"].items()}
+    return {**fields, **_what_follows(plan, setting)}
 
 
 def own_fields(setting: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from errors.formatting import below_one
 from planner.progress import Progress, report
 from planner.verify.shown_images import ShownImages, count_shown
 from planner.verify.simulate_setting import (
@@ -98,7 +99,13 @@ class SimulationResult:
         dict
             Field names and values; each rate is a dict of its own fields.
         """
-        rates = [{name: asdict(rate) for name, rate in setting.items()} for setting in self.rates]
+        rates = [
+            {
+                name: {**asdict(rate), "predicted": below_one(rate.predicted)}
+                for name, rate in setting.items()
+            }
+            for setting in self.rates
+        ]
         shown = None if self.shown is None else self.shown.to_dict()
         return {
             "rates": rates,

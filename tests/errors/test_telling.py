@@ -6,7 +6,7 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from errors.formatting import frequency_text, interval_text, probability_text
+from errors.formatting import below_one, frequency_text, interval_text, probability_text
 
 
 @pytest.mark.parametrize(
@@ -17,9 +17,10 @@ from errors.formatting import frequency_text, interval_text, probability_text
         (0.9, "0.9000"),
         (0.89999, "0.8999"),
         (0.99989999, "0.9998"),
-        (0.9999, "0.9999 or more"),
-        (0.99999999, "0.9999 or more"),
-        (1.0, "0.9999 or more"),
+        (0.9999, "0.9999"),
+        (0.99990001, "> 0.9999"),
+        (0.99999999, "> 0.9999"),
+        (1.0, "> 0.9999"),
         (math.nan, "nan"),
     ],
 )
@@ -31,10 +32,16 @@ def test_a_probability_is_told_rounded_down_and_never_as_one(value, told):
     ("required", "least"), [(0.99, "0.9999"), (0.999, "0.9999"), (0.9999, "0.99999")]
 )
 def test_digits_tell_a_probability_from_the_required_one(required, least):
-    assert probability_text(1.0, required) == f"{least} or more"
-    assert Decimal(probability_text(1.0, required).split()[0]) > Decimal(repr(required))
+    assert probability_text(1.0, required) == f"> {least}"
+    assert Decimal(probability_text(1.0, required).removeprefix("> ")) > Decimal(repr(required))
     below = probability_text(required - 1e-9, required)
     assert Decimal(below) < Decimal(repr(required))
+
+
+def test_in_a_file_no_probability_is_one():
+    assert below_one(1.0) == 1.0 - 2.0**-53
+    assert below_one(0.5) == 0.5
+    assert math.isnan(below_one(math.nan))
 
 
 def test_frequencies_near_one_are_told_as_counts():
@@ -53,7 +60,7 @@ def test_intervals_are_rounded_outwards_and_do_not_end_at_one():
 
 def test_what_is_told_holds_for_any_number():
     for value in np.random.default_rng(3).beta(4, 0.4, 500).tolist():
-        least = Decimal(probability_text(value).removesuffix(" or more"))
+        least = Decimal(probability_text(value).removeprefix("> "))
         assert Decimal(repr(value)) - least >= 0
         assert least < 1
         low, high = (Decimal(x) for x in interval_text(value / 2, 0.99 * value).split(" to "))

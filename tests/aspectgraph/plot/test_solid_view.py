@@ -26,9 +26,10 @@ from aspectgraph import (
     plot_domains,
     plot_solid,
 )
+from aspectgraph.plot import clip
 from aspectgraph.plot.clip import (
     box_around,
-    clip_polygon,
+    clip_polygons,
     clipped_facets,
     domain_facets,
     plane_axes,
@@ -69,15 +70,25 @@ def n_crossed(p, q, triangles):
     return (inside & (volume(a, b, c, p) * volume(a, b, c, q) < 0)).sum(axis=1)
 
 
-def test_a_square_cut_by_a_diagonal_is_a_triangle():
+def test_squares_are_cut_each_by_its_own_lines():
+    everything = [0.0, 0.0, -1.0]
+    cuts = np.array(
+        [
+            [[1.0, 1.0, -1.0], everything],
+            [[1.0, 0.0, -0.25], everything],
+            [[1.0, 0.0, 1.0], [0.0, 1.0, 0.0]],
+            [[1.0, 0.0, -1.0], everything],
+            [[1.0, 1.0, -1.5], [-1.0, -1.0, 0.5]],
+        ]
+    )
     square = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], float)
-    left = clip_polygon(square, np.array([[1.0, 1.0, -1.0]]))
-    assert sorted(map(tuple, left)) == [(0, 0), (0, 1), (1, 0)]
-    assert sorted(map(tuple, clip_polygon(square, np.array([[1.0, 0.0, -0.25]])))) == [
-        (0, 0), (0, 1), (0.25, 0), (0.25, 1),
-    ]  # fmt: skip
-    assert len(clip_polygon(square, np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 0.0]]))) == 0
-    assert (clip_polygon(square, np.array([[1.0, 0.0, -1.0]])) == square).all()
+    triangle, strip, nothing, whole, hexagon = clip_polygons(np.tile(square, (5, 1, 1)), cuts)
+    assert sorted(map(tuple, triangle)) == [(0, 0), (0, 1), (1, 0)]
+    assert sorted(map(tuple, strip)) == [(0, 0), (0, 1), (0.25, 0), (0.25, 1)]
+    assert nothing.shape == (0, 2)
+    assert (whole == square).all()
+    # in the order of the square, beginning where its first corner was cut off
+    assert hexagon.tolist() == [[0.5, 0], [1, 0], [1, 0.5], [0.5, 1], [0, 1], [0, 0.5]]
 
 
 @pytest.mark.parametrize("normal", [(0, 0, 1), (0, -1, 0), (0.6, 0, 0.8), (1, 2, 3)])
@@ -90,11 +101,15 @@ def test_axes_of_a_plane(normal):
 
 def test_facets_of_a_cell_in_a_box():
     # x + y + z <= 1.5 cuts a corner off the unit cube: the cut is a regular hexagon with sides of sqrt(1/2)
-    half_space = np.array([[1.0, 1.0, 1.0, -1.5]]) / np.sqrt(3.0)
-    facets = clipped_facets(half_space, np.array([[0.0, 0, 0], [1, 1, 1]]))
+    # and a cell of fewer sides, in the same call, is the cube
+    half = np.array([[1.0, 1.0, 1.0, -1.5], [1.0, 0.0, 0.0, -2.0]])
+    half[0] /= np.sqrt(3.0)
+    box = np.array([[0.0, 0, 0], [1, 1, 1]])
+    facets = clipped_facets([half, np.array([[1.0, 0.0, 0.0, -2.0]])], box)
     row, hexagon = facets[0]
-    assert len(facets) == 7
-    assert (row == half_space[0]).all()
+    assert len(facets) == 7 + 6
+    assert all(len(corners) == 4 for _, corners in facets[7:])
+    assert (row == half[0]).all()
     sides = np.linalg.norm(hexagon - np.roll(hexagon, 1, axis=0), axis=1)
     assert sides == pytest.approx(np.full(6, np.sqrt(0.5)))
 
@@ -124,6 +139,24 @@ def test_the_surface_drawn_separates_a_domain_from_the_rest(solid, entities):
         changes = (start == node) != (end == node)
         assert (n_crossed(p, q, triangles) % 2 == changes).all()
     assert (start != end).sum() > 10
+
+
+def test_faces_in_a_plane_are_united_once_for_all_domains(monkeypatch):
+    solid = l_block()
+    eag = build_aspect_graph(solid, all_edges(solid))
+    box = box_around(solid, eag.workspace)
+    made = []
+    unite = clip._FacePlanes._united
+
+    def counted(planes, key, size):
+        made.append((key, size))
+        return unite(planes, key, size)
+
+    monkeypatch.setattr(clip._FacePlanes, "_united", counted)
+    for node in list(eag.graph)[:6]:
+        domain_facets(eag.cells(node), solid, box)
+    assert made
+    assert len(made) == len(set(made))
 
 
 def test_no_wall_inside_a_domain_and_none_on_the_part():

@@ -55,10 +55,10 @@ def test_many_warnings_of_a_kind_are_one_line_with_every_name_once():
 
 
 def test_settings_with_little_room_in_focus_are_named():
-    assert "Little room in focus in setting 2: a point is less than" in text(
+    assert "Narrow margin of focus in setting 2: a point is less than" in text(
         attention([[row(1, "a")]], [2])
     )
-    assert "Little room in focus in settings 2, 3: a point is less than" in text(
+    assert "Narrow margin of focus in settings 2, 3: a point is less than" in text(
         attention([], [2, 3])
     )
 

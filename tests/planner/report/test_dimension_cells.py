@@ -15,6 +15,7 @@ from planner.report.dimension_report import (
     budget_percents,
     localisation_text,
 )
+from planner.report.wording import tolerance_share
 from planner.verify.setting_record import _check_same
 
 
@@ -27,6 +28,15 @@ def dimension(**fields):
 def test_tolerances_are_told_with_their_signs():
     assert _nominal(dimension()) == "20 mm<br>+0.3<br>-0.1"
     assert _nominal(dimension(tolerance=None)) == "20 mm"
+
+
+def test_the_permitted_error_is_a_share_of_the_tolerance():
+    half = dimension(tolerance=(-0.05, 0.05), permitted_error=0.0125)
+    assert tolerance_share(half) == "25 % of ±0.05"
+    # half the width of -0.1 to +0.3 is 0.2
+    uneven = dimension(permitted_error=0.05)
+    assert tolerance_share(uneven) == "25 % of T/2"
+    assert tolerance_share(dimension(tolerance=None)) == ""
 
 
 def test_what_is_accepted_is_the_tolerance_less_the_uncertainty_on_both_sides():

@@ -77,7 +77,7 @@ def test_cameras_are_told_where_they_stand(graph):
     nodes = graph.domain_of([one.position for one in found.settings])
     for k, node in enumerate(nodes):
         assert re.search(rf'<g data-domain="{node}".*?<text[^>]*>[\d, ]*{k + 1}', picture.svg)
-        assert re.search(rf"Cameras? (is|are) in it: [\d, ]*{k + 1}", told[str(node)]["text"])
+        assert re.search(rf"Cameras? in it: [\d, ]*{k + 1}", told[str(node)]["text"])
     assert circles[nodes[0]][3] == COLORS[0]
     grey = [node for node in circles if not set(graph.graph.nodes[node]["observable"]) >= {"+z+x"}]
     assert {circles[node][3] for node in grey} == {"#c3cbd4"}
@@ -131,7 +131,7 @@ def test_surfaces_are_left_out_where_there_is_no_time_but_of_domains_with_camera
     assert {node for node, one in told.items() if one["i"]} == standing
     left_out = [one["text"] for node, one in told.items() if node not in standing]
     assert left_out
-    assert all(text.endswith("It consists of too many cells to be shown.") for text in left_out)
+    assert all(text.endswith("It has too many cells to be drawn.") for text in left_out)
 
 
 def test_a_domain_beyond_the_picture_is_said_to_be_there(graph):
@@ -139,9 +139,7 @@ def test_a_domain_beyond_the_picture_is_said_to_be_there(graph):
     below = np.array([[200.0, 200.0, -700.0], [400.0, 300.0, -200.0]])
     told = json.loads(graph_picture(box_plan(), graph, below, COLORS).domains)
     hidden = {
-        node
-        for node, one in told.items()
-        if one["text"].endswith("It lies outside of the picture.")
+        node for node, one in told.items() if one["text"].endswith("It lies outside the picture.")
     }
     assert hidden == {node for node, one in told.items() if not one["i"]}
     assert hidden >= {

@@ -1,4 +1,8 @@
 import base64
+import csv
+import datetime
+import io
+import math
 import re
 import struct
 import zlib
@@ -11,10 +15,14 @@ from grid_box import EDGES, BoxSpace
 from plan_examples import CAMERA, plan, setting
 from scipy.spatial.transform import Rotation
 
+import planner
 from planner import LightPlan, LitImage, look_at
+from planner.plan import InspectionPlan
 from planner.report.figure import color_of, plan_figure
 from planner.report.page import report_html
 from planner.report.predicted_image import PictureMaker, png_grey
+from planner.report.setting_table import stance
+from planner.report.summary.facts import facts, report_date
 from planner.report.wording import margin_texts, verdict
 
 SIZE = (80.0, 50.0, 60.0)
@@ -71,9 +79,9 @@ def test_page_is_well_formed_and_needs_nothing_from_outside(page):
     assert structure.open == []
     assert structure.references
     assert all(ref.startswith(("#", "data:")) for ref in structure.references)
-    # image and edge map of two settings, whole and enlarged
-    assert structure.counts["svg"] == 8
-    assert page.count("<figcaption>Predicted image, the frame enlarged") == 2
+    # image and edge map of two settings, whole and enlarged; and the part with its targets
+    assert structure.counts["svg"] == 8 + 1
+    assert page.count("<figcaption>Predicted image: the frame enlarged") == 2
     assert page.count('<rect class="frame"') == 2
     assert "url(http" not in page
 
@@ -115,12 +123,86 @@ def test_poses_for_the_robot_are_those_of_the_plan(page):
 def test_what_deserves_a_look_comes_first():
     page = report_html(box_plan(accuracy=0.9995), SPACE)
     text = re.sub(r"<script.*?</script>", "", page, flags=re.S)
-    assert text.index("Worth a look") < text.index("What is measured")
+    assert text.index("Worth a look") < text.index('id="results"')
     assert "<b>+z+x</b> (setting <a" in text
     assert "under two pixels" in text
     # all that its first setting measures is well in focus
     first = replace(box_plan(), settings=box_plan().settings[:1])
     assert "Worth a look" not in report_html(first, SPACE)
+
+
+def test_the_head_says_where_the_plan_comes_from():
+    made = box_plan(request={"part": {"digest": "0123456789abcdef" * 4}})
+    values = re.findall(r"<div><dt>([^<]*)</dt><dd>([^<]*)</dd></div>", facts(made, "2026-03-01"))
+    assert dict(values) == {
+        "Part": "block",
+        "Digest of the part": "0123456789ab",
+        "Camera": "test camera, f = 25 mm, f/8, focused at 600 mm",
+        "Camera pose": "σ = 0.05 mm and 0.001 rad",
+        "Program": f"aspectgraph {planner.__version__}",
+        "Date": "2026-03-01",
+    }
+    assert "<dt>Date</dt>" not in facts(made)
+
+
+def test_the_date_is_that_of_the_environment_or_today():
+    # one day after the first second of 1970
+    assert report_date({"SOURCE_DATE_EPOCH": "86400"}) == "1970-01-02"
+    today = datetime.datetime.now(datetime.timezone.utc).date()
+    for text in ("", "soon", "-5", "9" * 40):
+        day = datetime.date.fromisoformat(report_date({"SOURCE_DATE_EPOCH": text}))
+        assert 0 <= (day - today).days <= 1
+
+
+def test_a_probability_near_one_is_said_once_and_u_is_shown(page):
+    # one of two settings is less sure
+    assert '<th class="n">P</th>' in page
+    sure = replace(
+        box_plan(),
+        settings=tuple(
+            replace(one, probability=dict.fromkeys(one.entities, 1.0))
+            for one in box_plan().settings
+        ),
+    )
+    page = report_html(sure, SPACE)
+    assert '<th class="n">P</th>' not in page
+    assert "P is &gt; 0.9999 for each target." in page
+    assert "U / permitted" in page
+    assert "Smallest P" not in page
+
+
+def test_no_file_says_that_a_probability_is_one():
+    sure = replace(
+        box_plan(),
+        settings=tuple(
+            replace(one, probability=dict.fromkeys(one.entities, 1.0))
+            for one in box_plan().settings
+        ),
+    )
+    rows = csv.DictReader(io.StringIO(sure.to_csv()))
+    stated = [float(row["probability"]) for row in rows if row["probability"]]
+    stated += [p for one in sure.to_dict()["settings"] for p in one["probability"].values()]
+    simulated = sure.simulated(200).to_dict()["simulation"]["rates"]
+    stated += [rate["predicted"] for rates in simulated for rate in rates.values()]
+    assert len(stated) == 9
+    assert all(0.999 < p < 1 for p in stated)
+    assert InspectionPlan.from_dict(sure.to_dict()) == sure
+
+
+def test_a_setting_says_how_its_camera_stands():
+    """600 mm straight above a horizontal edge, one pixel is 3.5 um times 600 by the image distance."""
+    above = replace(
+        box_plan().settings[1], cam2world=look_at([(80.0, 25.0, 660.0)], (80.0, 25.0, 60.0))[0]
+    )
+    made = replace(box_plan(), settings=(above,), uninspectable={"-z+y": "so", "+z-y": "so"})
+    stands = stance(made, above)
+    assert stands.distance_mm == pytest.approx(600)
+    assert stands.tilt_deg == pytest.approx(0, abs=1e-5)
+    assert stands.um_per_px == pytest.approx(3.5 * 600 / CAMERA.image_distance_mm)
+    tilted = stance(box_plan(), box_plan().settings[1])
+    assert tilted.tilt_deg == pytest.approx(
+        math.degrees(math.acos(-box_plan().settings[1].cam2world[2, 2]))
+    )
 
 
 def test_page_is_the_same_for_the_same_plan(page):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from browser import Browser, needs_browser
 from grid_box import EDGES, BoxSpace
-from plan_examples import plan, setting
+from plan_examples import CAMERA, plan, setting
 
 from aspectgraph import build_aspect_graph
 from planner.report.figure import figure_views
@@ -75,6 +75,17 @@ def test_it_asks_for_nothing_and_complains_of_nothing(page):
     assert page.complaints == []
 
 
+def test_the_picture_in_space_is_as_wide_as_its_frame(page):
+    """On a desktop the graph stands beside it, which comes after the picture was drawn."""
+    widths = page.run(
+        "[plan3d.querySelector('svg.main-svg'), plan3d, plan3d.closest('.scene')]"
+        ".map((one) => one.getBoundingClientRect().width)"
+    )
+    assert widths[2] < 900
+    # the frame has a border of 1 px
+    assert widths[:2] == pytest.approx([widths[2] - 2] * 2, abs=1)
+
+
 def test_the_first_view_is_that_of_everything(page):
     wanted = figure_views(box_plan(), SPACE.solid)["everything"]["eye"]
     # a wide picture is filled to its height, so the eye is where it was computed
@@ -87,6 +98,19 @@ def test_a_click_moves_the_camera(page, name):
     wanted = figure_views(box_plan(), SPACE.solid)[name]["eye"]
     page.wait(f"Math.abs(plan3d.layout.scene.camera.eye.x - {wanted['x']}) < 1e-9")
     assert page.run(EYE) == pytest.approx([wanted[i] for i in "xyz"])
+
+
+def test_the_view_of_a_setting_has_the_field_of_its_camera(page):
+    fovy = "plan3d._fullLayout.scene._scene.glplot.fovy"
+    click(page, '.views [data-view="setting-1"]')
+    width, height = page.run("(({w, h}) => [w, h])(plan3d._fullLayout._size)")
+    # half the sensor over the image distance; the picture is wider than the sensor
+    half_height = 2048 / 2 * 0.0035 / CAMERA.image_distance_mm
+    assert width / height > 2448 / 2048
+    wanted = 2 * np.arctan(1.04 * half_height)
+    page.wait(f"Math.abs({fovy} - {wanted}) < 1e-9")
+    click(page, '.views [data-view="everything"]')
+    page.wait(f"{fovy} === Math.PI / 4")
 
 
 def test_a_setting_leads_to_its_view_in_space(page):
@@ -183,7 +207,7 @@ def test_a_phone_shows_it_without_scrolling_aside(browser, file):
     assert phone.run("document.documentElement.scrollWidth") == 400
     # a row of results tells its columns
     label = (
-        "getComputedStyle(document.querySelector('.results td:nth-child(6)'), '::before').content"
+        "getComputedStyle(document.querySelector('.results td:nth-child(8)'), '::before').content"
     )
     assert phone.run(label).startswith('"P')
     # the eye steps back, as the picture is higher than wide

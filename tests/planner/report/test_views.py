@@ -2,10 +2,11 @@
 
 import math
 
+import cv2
 import numpy as np
 import pytest
 from grid_box import EDGES, BoxSpace
-from plan_examples import plan, setting
+from plan_examples import CAMERA, plan, setting
 
 from planner.report.figure import figure_views, plan_figure, scene_frame
 from planner.report.views import SceneFrame, box_around
@@ -46,19 +47,22 @@ def test_the_first_view_holds_every_camera_and_the_part(made):
     assert (frame.box[0] < np.array([one.position for one in found.settings]).min(axis=0)).all()
 
 
-def test_a_setting_is_seen_from_its_cameras_side_and_the_right_way_up():
+def test_the_view_of_a_setting_is_its_cameras_image():
+    """Each corner of the part is where OpenCV projects it, as a share of the sensor's half height."""
     found = one_setting()
-    camera = figure_views(found, SPACE.solid)["setting-1"]
-    eye, centre = (np.array([camera[key][i] for i in "xyz"]) for key in ("eye", "center"))
-    towards = found.settings[0].position - [40.0, 0.0, 60.0]
-    assert (eye - centre) / np.linalg.norm(eye - centre) == pytest.approx(
-        towards / np.linalg.norm(towards)
-    )
-    # up in the image is -y of the camera
-    up = np.array([camera["up"][i] for i in "xyz"])
-    assert up @ -found.settings[0].cam2world[:3, 1] > 0.9
-    corners = scene_frame(found, SPACE.solid).placed(SPACE.solid.vertices)
-    assert np.abs(in_picture(camera, corners)).max() < 0.9
+    view = figure_views(found, SPACE.solid)["setting-1"]
+    corners = SPACE.solid.vertices
+    placed = scene_frame(found, SPACE.solid).placed(corners)
+    # the page sets the field of plotly's camera to the tangent of the sensor's half height
+    seen = in_picture(view, placed) * math.tan(math.radians(22.5)) / view["field"]["y"]
+    world2cam = np.linalg.inv(found.settings[0].cam2world)
+    turn = cv2.Rodrigues(world2cam[:3, :3])[0]
+    pixels = cv2.projectPoints(corners, turn, world2cam[:3, 3], CAMERA.matrix, np.zeros(5))[0][:, 0]
+    width, height = CAMERA.resolution
+    right = (pixels[:, 0] - (width - 1) / 2) / (width / 2)
+    up = ((height - 1) / 2 - pixels[:, 1]) / (height / 2)
+    wide = view["field"]["x"] / view["field"]["y"]
+    assert seen == pytest.approx(np.column_stack([right * wide, up]), abs=1e-6)
 
 
 def test_a_view_straight_along_up_is_a_view():

@@ -1,0 +1,245 @@
+"""The part with all targets called out: the first picture of a report.
+
+A picture shows the part from outside, hidden lines removed. Targets that the first one hides are
+called out in a second one, from another side. Only what both hide is dashed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aspectgraph.plot.callouts import Spot, label_layout
+from planner.camera.camera import Camera
+from planner.camera.pose import look_at, world_to_cam
+from planner.report.figure import color_of
+from planner.report.outlines import polylines
+from planner.report.predicted_image import PictureMaker
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+    from planner.plan import InspectionPlan
+
+_Array = NDArray[np.float64]
+
+NOT_INSPECTED = "#c0152f"
+"""Colour of targets that no setting measures."""
+
+MOST_NAMES = 120
+"""Of more targets the pictures hold no names, which would be too small to read."""
+
+_SIDES = tuple((x, y, z) for z in (0.75, -0.75) for x in (1.1, -1.1) for y in (-1.3, 1.3))
+# from the part's middle to the eye, in diagonals of its box: little perspective
+_DISTANCE = 4.0
+_RESOLUTION = 2400
+_FOCAL_MM = 10.0
+# the part's diagonal takes this share of the virtual sensor
+_FILLED = 0.8
+_SAMPLES = 9
+# a target is called out where at least this share of it is visible
+_VISIBLE = 0.5
+# larger side of the first picture and of the second one, pt
+_SIZES_PT = (800.0, 480.0)
+
+
+class OverviewView(NamedTuple):
+    """A picture: pose of its eye (4, 4), and the targets it calls out."""
+
+    cam2world: _Array
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Target:
+    """A target: its lines, mm, and points along them."""
+
+    lines: list[_Array]
+    samples: _Array
+
+
+def overview(plan: InspectionPlan, solid: Solid) -> str:
+    """Return the part with all targets called out, as HTML; nothing of a plan without targets.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    solid : Solid
+        Its part.
+    """
+    if not plan.entities:
+        return ""
+    targets = {name: _target(polylines(plan, name)) for name in plan.entities}
+    maker = PictureMaker(solid, _eye_camera(solid))
+    views = choose_views(maker, {name: one.samples for name, one in targets.items()})
+    colors = target_colors(plan)
+    seen = {name for view in views for name in view.names}
+    pictures = []
+    for k, view in enumerate(views):
+        hidden = [name for name in targets if name not in seen] if k == 0 else []
+        size_pt = _SIZES_PT[k]
+        pictures.append(_picture(maker, view, hidden, targets, colors, size_pt))
+    figures = "".join(f'<div class="scroll">{picture}</div>' for picture in pictures)
+    return (
+        f'<figure id="targets">{figures}'
+        f"<figcaption>{escape(_caption(plan, len(seen) < len(targets)))}</figcaption></figure>"
+    )
+
+
+def target_colors(plan: InspectionPlan) -> dict[str, str]:
+    """Return the colour of each target: of the setting with its largest probability.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    """
+    best: dict[str, tuple[float, int]] = {}
+    for k, setting in enumerate(plan.settings):
+        for name in setting.entities:
+            best[name] = max(best.get(name, (-1.0, 0)), (setting.probability[name], -k))
+    return {
+        name: color_of(-best[name][1]) if name in best else NOT_INSPECTED for name in plan.entities
+    }
+
+
+def choose_views(maker: PictureMaker, samples: Mapping[str, _Array]) -> list[OverviewView]:
+    """Return one view, or two if the first one hides targets that another one shows.
+
+    Parameters
+    ----------
+    maker : PictureMaker
+        Of the part.
+    samples : mapping of str to ndarray, shape (n, 3)
+        Points along each target, mm.
+    """
+    bounds = maker.solid.bounds
+    middle = bounds.mean(axis=0)
+    distance = _DISTANCE * float(np.linalg.norm(bounds[1] - bounds[0]))
+    names = list(samples)
+    points = np.concatenate(list(samples.values()))
+    owner = np.repeat(np.arange(len(names)), [len(one) for one in samples.values()])
+    total = np.bincount(owner, minlength=len(names))
+    poses = []
+    shows = []
+    for side in _SIDES:
+        towards = np.array(side) / np.linalg.norm(side)
+        pose = look_at((middle + distance * towards)[None], middle)[0]
+        visible = maker.visible(pose, points)
+        n_visible = np.bincount(owner, weights=visible, minlength=len(names))
+        poses.append(_upright(pose))
+        shows.append(n_visible >= _VISIBLE * total)
+    first = int(np.argmax([one.sum() for one in shows]))
+    views = [_view(poses[first], names, shows[first])]
+    more = [one & ~shows[first] for one in shows]
+    second = int(np.argmax([one.sum() for one in more]))
+    if more[second].any():
+        views.append(_view(poses[second], names, more[second]))
+    return views
+
+
+def _view(pose: _Array, names: Sequence[str], shown: NDArray[np.bool_]) -> OverviewView:
+    return OverviewView(
+        pose, tuple(name for name, one in zip(names, shown.tolist(), strict=True) if one)
+    )
+
+
+def _upright(pose: _Array) -> _Array:
+    """Return a pose turned about its axis so that z points up in the image."""
+    forward = pose[:3, 2]
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    upright = pose.copy()
+    upright[:3, 0] = right
+    upright[:3, 1] = np.cross(forward, right)
+    return upright
+
+
+def _eye_camera(solid: Solid) -> Camera:
+    """Return a camera that holds the part at the distance of the eye; sharpness does not matter."""
+    diagonal = float(np.linalg.norm(solid.bounds[1] - solid.bounds[0]))
+    distance = _DISTANCE * diagonal
+    focal = min(_FOCAL_MM, distance / 10)
+    image_distance = focal * distance / (distance - focal)
+    pitch = image_distance * diagonal / (distance * _FILLED * _RESOLUTION)
+    return Camera(focal, (pitch, pitch), (_RESOLUTION, _RESOLUTION), 8.0, distance)
+
+
+def _target(lines: list[_Array]) -> _Target:
+    share = (np.arange(_SAMPLES) + 0.5)[:, None] / _SAMPLES
+    pieces = []
+    for line in lines:
+        if len(line) == 2:
+            pieces.append((1 - share) * line[0] + share * line[1])
+        else:
+            pieces.append((line[:-1] + line[1:]) / 2)
+    return _Target(lines, np.concatenate(pieces))
+
+
+def _picture(
+    maker: PictureMaker,
+    view: OverviewView,
+    hidden: Sequence[str],
+    targets: Mapping[str, _Target],
+    colors: Mapping[str, str],
+    size_pt: float,
+) -> str:
+    """Return the picture of a view; its labels lie beside their targets or at the frame."""
+    pose = view.cam2world
+    drawn = [*view.names, *hidden]
+    corners = maker.project(world_to_cam(maker.solid.vertices, pose))
+    low = corners.min(axis=0)
+    high = corners.max(axis=0)
+    spots = []
+    paths = []
+    for name in drawn:
+        lines = [maker.project(world_to_cam(line, pose)) for line in targets[name].lines]
+        dash = ' stroke-dasharray="4 8"' if name in hidden else ""
+        d = "".join("M" + "L".join(f"{u:.1f} {v:.1f}" for u, v in line) for line in lines)
+        paths.append(f'<path class="entity" stroke="{colors[name]}"{dash} d="{d}"/>')
+        samples = maker.project(world_to_cam(targets[name].samples, pose))
+        spots.append(Spot(name, colors[name], samples))
+    size = (high - low) / (high - low).max() * size_pt
+    named = spots if len(targets) <= MOST_NAMES else []
+    layout = label_layout(named, low, high, size)
+    unit = float((layout.high - layout.low)[0] / size[0])
+    labels = []
+    for n, (x, y) in layout.places.items():
+        spot = named[n]
+        if n not in layout.carried:
+            u, v = spot.middle
+            labels.append(
+                f'<path class="leader" stroke="{spot.colour}" '
+                f'd="M{u:.1f} {v:.1f}L{x:.1f} {y:.1f}"/>'
+                f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{2 * unit:.1f}" fill="{spot.colour}"/>'
+            )
+        font = layout.font_pt * unit
+        labels.append(
+            f'<text x="{x:.1f}" y="{y:.1f}" dy="0.35em" font-size="{font:.1f}" '
+            f'text-anchor="middle" style="stroke-width:{0.3 * font:.1f}px" '
+            f'fill="{spot.colour}">{escape(spot.text)}</text>'
+        )
+    x0, y0 = np.floor(layout.low).astype(int).tolist()
+    width, height = np.ceil(layout.high - layout.low).astype(int).tolist()
+    shades, edges = maker.background(pose, (x0, y0, width, height))
+    return (
+        f'<svg class="shot overview" viewBox="{x0} {y0} {width} {height}" role="img" '
+        f'aria-label="the part with its targets">{shades}{edges}'
+        f"{''.join(paths)}{''.join(labels)}</svg>"
+    )
+
+
+def _caption(plan: InspectionPlan, any_hidden: bool) -> str:
+    sentences = ["Each target has the colour of the setting that measures it."]
+    if plan.uninspectable:
+        sentences.append("Red targets are not inspected.")
+    if any_hidden:
+        sentences.append("Dashed targets lie behind the part.")
+    if len(plan.entities) > MOST_NAMES:
+        sentences.append(f"Names are left out because there are more than {MOST_NAMES} targets.")
+    return " ".join(sentences)

@@ -1,0 +1,76 @@
+"""The part with all targets called out: each once, in its setting's colour, where it is visible."""
+
+import re
+
+import numpy as np
+import pytest
+from grid_box import EDGES, BoxSpace
+from plan_examples import plan, setting
+
+from planner.camera.camera import Camera
+from planner.report.figure import color_of
+from planner.report.predicted_image import PictureMaker
+from planner.report.summary.overview import (
+    NOT_INSPECTED,
+    choose_views,
+    overview,
+    target_colors,
+)
+
+SPACE = BoxSpace((80.0, 50.0, 60.0), [[-900.0] * 3, [900.0] * 3], EDGES)
+NAMES = tuple(SPACE.entities)
+
+
+def box_plan(names):
+    first, second, *rest = names
+    return plan(
+        entities={name: SPACE.entities[name].endpoints for name in names},
+        settings=(
+            setting((40.0, -180.0, 620.0), [first, second], probability=0.95),
+            setting((250.0, 40.0, 600.0), [second], probability=0.99),
+        ),
+        uninspectable=dict.fromkeys(rest, "no view"),
+    )
+
+
+def test_a_target_has_the_colour_of_the_setting_that_measures_it_best():
+    colors = target_colors(box_plan(NAMES[:3]))
+    assert list(colors.values()) == [color_of(0), color_of(1), NOT_INSPECTED]
+
+
+def test_every_target_is_named_once_and_drawn():
+    page = overview(box_plan(NAMES), SPACE.solid)
+    assert sorted(re.findall(r">([^<]*)</text>", page)) == sorted(NAMES)
+    assert page.count('class="entity"') == len(NAMES) == 12
+    assert "Red targets are not inspected." in page
+    assert (
+        overview(plan(entities={}, settings=(), uninspectable={}, lower_bound=0), SPACE.solid) == ""
+    )
+
+
+def test_two_views_from_opposite_corners_show_all_edges_of_a_box():
+    """From a corner a box shows nine edges, and from the opposite one the other three."""
+    camera = Camera(10.0, (0.002, 0.002), (2400, 2400), 8.0, 500.0)
+    maker = PictureMaker(SPACE.solid, camera)
+    share = np.linspace(0.1, 0.9, 9)[:, None]
+    samples = {
+        name: (1 - share) * one.endpoints[0] + share * one.endpoints[1]
+        for name, one in SPACE.entities.items()
+    }
+    views = choose_views(maker, samples)
+    assert [len(view.names) for view in views] == [9, 3]
+    assert set(views[0].names) | set(views[1].names) == set(NAMES)
+    # z points up in both, and the pose is one
+    for view in views:
+        turn = view.cam2world[:3, :3]
+        assert turn @ turn.T == pytest.approx(np.eye(3))
+        assert np.linalg.det(turn) == pytest.approx(1)
+        assert turn[2, 1] < 0
+        assert turn[2, 0] == pytest.approx(0)
+
+
+def test_names_cannot_smuggle_markup():
+    ends = SPACE.entities[NAMES[0]].endpoints
+    made = plan(entities={"<b>": ends}, settings=(), uninspectable={"<b>": "so"}, lower_bound=0)
+    assert "&lt;b&gt;" in overview(made, SPACE.solid)
+    assert "<b>" not in overview(made, SPACE.solid)
