@@ -59,7 +59,7 @@ def lead(handle: int, state: str, done: str, processes: int, *, ends_with_starte
     finally:
         executor.shutdown(cancel_futures=True)
     if not agenda.missing:
-        for old in Path(done).parent.glob(f"{PREFIX}*.done"):
+        for old in Path(done).parent.glob(f"{PREFIX}*"):
             old.unlink(missing_ok=True)
         Path(done).touch()
     Path(state).unlink(missing_ok=True)
