@@ -1,10 +1,11 @@
-.PHONY: demo test lint docs wheel versions loops fuzz coverage sbom setup-demo setup-test setup-docs clean
+.PHONY: demo test lint types style compile pages docs wheel versions loops fuzz coverage sbom setup-demo setup-test setup-docs clean
 VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO_OUT ?= demo-output
 # tests of a file share what they set up, so a file stays with one worker
 WORKERS ?= auto
-IN_PARALLEL := -n $(WORKERS) --dist loadfile
+# in the order of tests/conftest.py: what takes longest comes first, and no worker is left alone with it
+IN_PARALLEL := -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 setup-demo:
 	@VENV=$(VENV) .ci/setup step,plot
@@ -21,17 +22,30 @@ demo: setup-demo
 	$(BIN)/aspectgraph plan examples/nist_ctc_01_ap242.stp --dimensions all --camera examples/camera.toml \
 	    --accuracy 0.999 --probability 0.9 --sigma-mm 0.05 --sigma-rad 0.001 --out $(DEMO_OUT)/dimensions
 
+# side by side: mypy takes as long as all else, on one core
 lint: setup-test
+	@$(MAKE) --no-print-directory -j 2 --output-sync=target types style
+
+types:
+	$(BIN)/mypy
+
+style:
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
-	$(BIN)/mypy
+
+# two tests that run at once would both compile what they need
+compile:
+	$(BIN)/python -m compiled.leader
+
+pages:
+	$(BIN)/mkdocs build --strict --quiet
 
 docs: setup-docs
-	$(BIN)/mkdocs build --strict --quiet
+	@$(MAKE) --no-print-directory pages
 
-test: lint
-	$(BIN)/mkdocs build --strict --quiet
+test: setup-test
+	@$(MAKE) --no-print-directory -j 2 --output-sync=target types compile style pages
 	$(BIN)/python -m pytest $(IN_PARALLEL)
 	$(BIN)/python -m pytest $(IN_PARALLEL) --nbmake notebooks
 

@@ -7,6 +7,33 @@ from contextlib import suppress
 import numba
 import numpy as np
 
+# in this order they come first: a file of long tests that begins last would leave the other workers without work
+LONG_FILES = (
+    "tests/test_docs_run.py",
+    "tests/planner/cli/test_cli.py",
+    "tests/planner/test_resume.py",
+    "tests/planner/bound/test_lower_bound.py",
+    "tests/planner/test_inspection.py",
+    "tests/planner/cli/test_lamps.py",
+    "tests/test_edge_contrast.py",
+    "tests/errors/test_errors_joint.py",
+    "tests/planner/bound/boxes/test_linear_windows.py",
+    "tests/aspectgraph/visibility/test_visibility_regions.py",
+    "tests/test_docstrings.py",
+    "tests/test_readme.py",
+    "tests/planner/bound/test_dual_bound.py",
+    "tests/planner/setting/test_optimum.py",
+    "tests/compiled/test_linked.py",
+    "tests/compiled/test_cache.py",
+)
+
+
+def pytest_collection_modifyitems(items):
+    """Begin with the files of long tests; the order within a file, and of the others, stays."""
+    rank = {name: k for k, name in enumerate(LONG_FILES)}
+    items.sort(key=lambda item: rank.get(item.nodeid.partition("::")[0], len(rank)))
+
+
 if numba.config.DISABLE_JIT:
     from wide_integers import stand_in
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from planner.cover.exchange_search import exchange_columns
 from planner.cover.relaxation import columns_of_covers, core_columns
-from planner.cover.set_cover import min_cover
+from planner.cover.set_cover import bound_columns, min_cover
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,8 @@ def few_columns(
     """
     core = core_columns(membership)
     chosen = _cover(membership, core, nodes, quality)
-    while len(chosen) > 1:
+    fewest = bound_columns(membership)
+    while len(chosen) > fewest:
         found = exchange_columns(membership, len(chosen) - 1, steps=COVERING.exchanges, rng=rng)
         if found.missing:
             break

@@ -197,6 +197,38 @@ def greedy_cover(membership: np.ndarray) -> np.ndarray:
     return np.array(chosen, dtype=int)
 
 
+def bound_columns(membership: np.ndarray) -> int:
+    """Return a number of columns that no cover goes below, by two quick counts.
+
+    A cover needs a column for each of several entities of which no column contains two.
+    A greedy search finds some. Where no column contains all entities, a cover needs two.
+
+    Parameters
+    ----------
+    membership : array of bool, shape (c, e)
+        Every entity is in some column.
+
+    Returns
+    -------
+    int
+        0 where there is no entity.
+    """
+    if not membership.shape[1]:
+        return 0
+    # single precision counts far enough to tell none from some
+    contains = membership.astype(np.float32)
+    together = contains.T @ contains > 0
+    n_together = together.sum(axis=1)
+    free = np.ones(len(together), dtype=bool)
+    n_apart = 0
+    while free.any():
+        candidates = np.flatnonzero(free)
+        chosen = candidates[n_together[candidates].argmin()]
+        free &= ~together[chosen]
+        n_apart += 1
+    return max(n_apart, 1 if membership.all(axis=1).any() else 2)
+
+
 def maximal_columns(membership: np.ndarray) -> np.ndarray:
     """Return the indices of the columns contained in no other one; of equal columns the first.
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from planner.columns.candidates import derive_seed
 from planner.columns.pool import ColumnPool
 from planner.cover.exchange_search import exchange_columns
-from planner.cover.set_cover import greedy_cover
+from planner.cover.set_cover import bound_columns, greedy_cover
 from planner.setting.pose_setting import setting_at, without
 from planner.setting.sensor_setting import SensorSetting
 from planner.steps.run import Run
@@ -174,7 +174,8 @@ def _short_cover(
     if covered.sum() > known:
         chosen = np.array(greedy_cover(membership))
         fewer_than = len(chosen)
-    while fewer_than > 1:
+    fewest = bound_columns(membership)
+    while fewer_than > fewest:
         found = exchange_columns(membership, fewer_than - 1, steps=TRYING.exchanges, rng=rng)
         if found.missing:
             break

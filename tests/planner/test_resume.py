@@ -26,8 +26,8 @@ from planner.resume import PlanningState, holds_plan
 # a narrow field of view, so that column generation, sweeps of the proof and refutations all have something to do
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-NAMES = list(EDGES)[:8]
-EFFORT = Effort(viewpoints=4, pricing_rounds=3, refutations=2, bound_nodes=3000)
+NAMES = list(EDGES)[:6]
+EFFORT = Effort(viewpoints=2, pricing_rounds=3, refutations=2, bound_nodes=3000)
 
 
 class Stop(Exception):
@@ -45,6 +45,9 @@ def few_parts():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("planner.bound.pose_space.DIVISION", Division(parts=16))
         patch.setattr(import_module("planner.bound.lower_bound"), "COVERING", TreeGrowth(nodes=300))
+        # a step of this search leaves nothing in the state, so a tenth of them shows as much
+        few_columns = import_module("planner.cover.few_columns")
+        patch.setattr(few_columns, "COVERING", few_columns.Covering(exchanges=100))
         yield
 
 

@@ -50,7 +50,7 @@ def test_any_planes_cut_cells_that_tile_the_box_and_share_every_face(seed, n, de
     sizes = cell_sizes(cx, cells)[:, 0]
     assert sizes.min() > 0
     assert sizes.sum() == pytest.approx((2 * HALF) ** 3, rel=1e-9)
-    check_polyhedra(cx)
+    assert count_closed_polyhedra(cx) == len(cells)
     # every face inside the box lies between two cells, none on its walls does
     for f in range(cx.count[N_FACES]):
         beside = cx.face[f, SIDES : SIDES + 2]
@@ -62,11 +62,13 @@ def test_any_planes_cut_cells_that_tile_the_box_and_share_every_face(seed, n, de
 
 @pytest.mark.parametrize("degenerate", [False, True])
 def test_every_cell_is_a_closed_polyhedron(degenerate):
-    check_polyhedra(cut_box(random_planes(10, 5, degenerate)))
+    cx = cut_box(random_planes(10, 5, degenerate))
+    assert count_closed_polyhedra(cx) == len(leaves(cx)) > 20
 
 
-def check_polyhedra(cx):
-    """Check that each side of a cell's faces is shared by two, and Euler's formula."""
+def count_closed_polyhedra(cx):
+    """Count the cells of whose faces each side is shared by two, and which keep Euler's formula."""
+    closed = 0
     for c in leaves(cx):
         faces = [
             f
@@ -80,8 +82,9 @@ def check_polyhedra(cx):
             ]:
                 edges[int(e)] = edges.get(int(e), 0) + 1
         corners = {int(v) for e in edges for v in cx.edge[e, ENDS : ENDS + 2]}
-        assert set(edges.values()) == {2}
-        assert len(corners) - len(edges) + len(faces) == 2
+        shared = set(edges.values()) == {2}
+        closed += shared and len(corners) - len(edges) + len(faces) == 2
+    return closed
 
 
 def test_cells_lie_on_the_side_their_number_tells():

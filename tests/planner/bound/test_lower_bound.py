@@ -223,6 +223,18 @@ def test_for_a_fixed_rotation_the_limit_is_the_heaviest_pose(seed):
     assert y[inspected].sum() == pytest.approx(best, rel=0.02)
 
 
+def weights_on(points, least, y, view):
+    """Weights (n,) of the windows (m, 6) that contain the points (n, 3): no value is below its least."""
+    x, upward, z = points.T
+    beside = view.tan_x * z
+    above = view.tan_y * z
+    values = [x - beside, -x - beside, upward - above, -upward - above, -z, z]
+    inside = np.ones((len(points), len(y)), dtype=bool)
+    for value, limit in zip(values, least.T, strict=True):
+        inside &= value[:, None] >= limit
+    return inside @ y
+
+
 @pytest.mark.uncompiled
 def test_windows_meet_where_a_fine_grid_says():
     """Random windows: the heaviest point of a grid is never above what may meet, and the answer yes has a witness."""
@@ -242,7 +254,10 @@ def test_windows_meet_where_a_fine_grid_says():
         y = np.sort(rng.uniform(0.1, 1.0, m))[::-1]
         own = np.arange(m)
         w = np.empty(3)
-        best = max(weight_at(least, own, y, point, view) for point in grid[::7])
+        weights = weights_on(grid, least, y, view)
+        for k in (0, len(grid) // 2, weights.argmax()):
+            assert weight_at(least, own, y, grid[k], view) == pytest.approx(weights[k])
+        best = weights.max()
         assert may_exceed(least, own, y, best - 1e-9, room, view, w)
         if may_exceed(least, own, y, best + 0.05, room, view, w):
             n_yes += 1

@@ -1,3 +1,4 @@
+from importlib import import_module
 from itertools import combinations
 
 import numpy as np
@@ -5,7 +6,7 @@ import pytest
 
 from planner.cover.exchange_search import exchange_columns
 from planner.cover.few_columns import few_columns, sets_to_realise
-from planner.cover.set_cover import is_cover, maximal_columns, min_cover
+from planner.cover.set_cover import bound_columns, is_cover, maximal_columns, min_cover
 from planner.exceptions import CoverError
 
 
@@ -46,6 +47,36 @@ def test_as_few_are_missing_as_with_any_columns_of_that_number(seed, size):
     found = exchange_columns(membership, size, steps=300, rng=seed)
     assert found.missing == least_missing(membership, size)
     assert (~membership[found.chosen].any(axis=0)).sum() == found.missing
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_cover_goes_below_the_bound(seed):
+    membership = small(seed)
+    assert 1 <= bound_columns(membership) <= len(min_cover(membership).chosen)
+
+
+def test_bounds_known_by_hand():
+    """Of windows that overlap on a line, the first, the third and the last entity share no column."""
+    assert bound_columns(sets([[0, 1], [1, 2], [2, 3], [3, 4]], 5)) == 3
+    assert bound_columns(np.ones((2, 5), dtype=bool)) == 1
+    assert bound_columns(np.eye(4, dtype=bool)) == 4
+    assert bound_columns(np.zeros((3, 0), dtype=bool)) == 0
+    # any two of three share a column, but no column contains all
+    assert bound_columns(~np.eye(3, dtype=bool)) == 2
+
+
+def test_what_the_bound_excludes_is_not_searched_for(monkeypatch):
+    def search(*_, **__):
+        raise AssertionError
+
+    def ring(n):
+        return np.eye(n, dtype=bool) | np.roll(np.eye(n, dtype=bool), 1, axis=1)
+
+    monkeypatch.setattr(import_module("planner.cover.few_columns"), "exchange_columns", search)
+    assert len(few_columns(ring(6), 1000, rng())) == 3
+    # of five in a ring two share no column, and three columns are needed
+    with pytest.raises(AssertionError):
+        few_columns(ring(5), 1000, rng())
 
 
 @pytest.mark.parametrize("seed", range(20))

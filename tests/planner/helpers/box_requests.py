@@ -6,6 +6,7 @@ import weakref
 
 import numpy as np
 from grid_box import EDGES, BoxSpace
+from scipy.spatial.transform import Rotation
 
 from planner import Camera, PoseUncertainty
 from planner.bound.boxes.cells import Cells
@@ -66,6 +67,16 @@ def pose_of(view, chart, look, turn):
     return pose
 
 
+def poses_of(view, chart, looks, turns):
+    """What `pose_of` gives for each of n points and vectors (n, 3), by rotations of another library."""
+    turned = Rotation.from_quat(np.column_stack([turns, np.ones(len(turns))]))
+    half_turn = Rotation.from_rotvec([np.pi * chart, 0, 0])
+    poses = np.tile(np.eye(4), (len(turns), 1, 1))
+    poses[:, :3, :3] = (half_turn.inv() * turned).as_matrix()
+    poses[:, :3, 3] = looks - view.middle * poses[:, :3, 2]
+    return poses
+
+
 def box_around(rng, view, size, small):
     """A random box (4, 3) of poses near a part with a corner in the origin, and poses in it."""
     chart = int(rng.integers(2))
@@ -73,8 +84,8 @@ def box_around(rng, view, size, small):
     turn = rng.uniform(-1, 1, 3)
     box = np.array([look, np.full(3, 60.0 * small), turn, np.full(3, 0.2 * small)])
     at = rng.uniform(-1, 1, (400, 2, 3))
-    inside = [pose_of(view, chart, look + box[1] * d[0], turn + box[3] * d[1]) for d in at]
-    return (chart, box), np.array(inside)
+    inside = poses_of(view, chart, look + box[1] * at[:, 0], turn + box[3] * at[:, 1])
+    return (chart, box), inside
 
 
 def sets_of(tree):

@@ -133,11 +133,13 @@ class _Full:
     """A stream on a full disk."""
 
     encoding = "utf-8"
+    refused = 0
 
     def isatty(self):
         return False
 
     def write(self, _):
+        self.refused += 1
         raise OSError(28, "No space left on device")
 
     def flush(self):
@@ -145,6 +147,8 @@ class _Full:
 
 
 def test_a_full_disk_under_the_log_does_not_end_the_work():
-    with terminal_progress(_Full()) as progress:
+    full = _Full()
+    with terminal_progress(full) as progress:
         progress(1, 1, "first")
         progress(1, 1, "second")
+    assert full.refused
