@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from planner.camera.pose_uncertainty import PoseUncertainty
     from planner.cover.set_cover import Cover, is_cover, min_cover
     from planner.detectability.conditions import Detectability, Showing
+    from planner.effort.effort import Effort
+    from planner.effort.poses import Search
     from planner.exceptions import (
         CameraError,
         CoverError,
@@ -48,10 +50,8 @@ if TYPE_CHECKING:
     from planner.report.predicted_image import predicted_image
     from planner.request.constraints import Requirements
     from planner.request.defaults import default_workspace
-    from planner.request.effort import Effort
     from planner.request.reach import BoxRegion, MeshRegion, SphereRegion
     from planner.setting.plan_setting import plan_setting
-    from planner.setting.pose_search import Search
     from planner.setting.reason import Reason, ReasonKind
     from planner.setting.sensor_setting import SensorSetting
     from planner.travel import travel_order
@@ -117,7 +117,7 @@ _NAMES = {
     ),
     "planner.request.constraints": ("Requirements",),
     "planner.request.defaults": ("default_workspace",),
-    "planner.request.effort": ("Effort",),
+    "planner.effort.effort": ("Effort",),
     "planner.request.reach": (
         "BoxRegion",
         "MeshRegion",
@@ -125,7 +125,7 @@ _NAMES = {
     ),
     "planner.setting.plan_setting": ("plan_setting",),
     "planner.detectability.conditions": ("Detectability", "Showing"),
-    "planner.setting.pose_search": ("Search",),
+    "planner.effort.poses": ("Search",),
     "planner.setting.reason": ("Reason", "ReasonKind"),
     "planner.setting.sensor_setting": ("SensorSetting",),
     "planner.travel": ("travel_order",),

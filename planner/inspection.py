@@ -31,6 +31,7 @@ from planner.callbacks import REGIONS_SHARE, Callbacks, Deadline, TimeIsUpError
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.detectability.conditions import USUAL, Detectability
+from planner.effort.effort import Effort
 from planner.exceptions import RequestError
 from planner.identity.resolve_request import Promise, ResolvedRequest, resolve_request
 from planner.inspection_options import InspectionOptions
@@ -40,7 +41,6 @@ from planner.light.ring_space import RingSpace
 from planner.plan import InspectionPlan
 from planner.progress import labelled
 from planner.request.argument_kinds import ITEMS, check_kinds
-from planner.request.effort import Effort
 from planner.request.reach import Reach
 from planner.request.request import Request
 from planner.request.space import Space

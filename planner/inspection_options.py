@@ -14,6 +14,7 @@ from errors.measurands.localisation import Localisation
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.detectability.conditions import USUAL, Detectability
+from planner.effort.effort import Effort
 from planner.plan import InspectionPlan
 from planner.request.constraints import Requirements
 from planner.request.defaults import (
@@ -22,7 +23,6 @@ from planner.request.defaults import (
     corner_margin_px,
     position_margin_mm,
 )
-from planner.request.effort import Effort
 from planner.request.focus_reserve import NO_RESERVE, FocusReserve
 from planner.request.reach import Reach
 from planner.request.space import Space

@@ -11,13 +11,13 @@ from aspectgraph.entities.entity_rules import check_selection
 from aspectgraph.read.mesh import check_units
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.effort.effort import Effort
 from planner.exceptions import RequestError
 from planner.identity.inspection_request import InspectionRequest, digest_of
 from planner.identity.plain import plain_fields
 from planner.identity.resolve_request import Promise, promised
 from planner.inspection_options import InspectionOptions
 from planner.request.defaults import check_count, check_fraction
-from planner.request.effort import Effort
 
 _LIMITS = (
     "stand_off_mm",

@@ -26,66 +26,8 @@ from planner.bound.pose_space import Found, PoseSpace
 from planner.bound.weights import SLACK, limit_for, relieved, spread_weights
 from planner.callbacks import NOBODY, Callbacks
 from planner.checkpoint import Checkpoint
-
-
-@dataclass(frozen=True)
-class Sweeping:
-    """How many boxes of poses the parts of the space get; what is not decided gets more.
-
-    Attributes
-    ----------
-    first : int
-        Boxes looked at in a part, at first.
-    more : int
-        So many times more where that does not decide.
-    hard : int
-        After so many times as many as at first, the weights had better keep away, if there are others.
-    again : float
-        Times the boxes that a proof needed before, for other weights.
-    least_sweeps : int
-        So many sweeps of all parts must be possible.
-    found : int
-        Too heavy poses taken from one part at a time, at most.
-    """
-
-    first: int = 8000
-    more: int = 4
-    hard: int = 16
-    again: float = 1.5
-    least_sweeps: int = 8
-    found: int = 8
-
-
-@dataclass(frozen=True)
-class Aiming:
-    """Which number of settings is aimed at, and when it is given up for a smaller one.
-
-    Attributes
-    ----------
-    share_at_first : float
-        Of the boxes left, those for a number below which others are still to be proven.
-    share_of_next : float
-        Once one is proven, of all boxes those that may have been looked at when the next one is given up.
-    least_limit : float
-        No number is aimed at first that needs weights to be closer to the limit.
-    least_limit_of_next : float
-        Nor after one is proven.
-    near_one : float
-        A number is given up once poses found bring the limit this near to 1.
-    near_setting : float
-        Or one setting this near to a whole one.
-    """
-
-    share_at_first: float = 0.65
-    share_of_next: float = 0.6
-    least_limit: float = 1.15
-    least_limit_of_next: float = 1.06
-    near_one: float = 0.02
-    near_setting: float = 0.3
-
-
-SWEEPING = Sweeping()
-AIMING = Aiming()
+from planner.effort.bound import Sweeping
+from planner.effort.effort import NORMAL, Effort
 
 
 class _Parts:
@@ -94,11 +36,12 @@ class _Parts:
     Those that had one for earlier weights are likely to have one again, so they wait until the others are done.
     """
 
-    def __init__(self, n: int, first: int):
+    def __init__(self, n: int, first: int, sweeping: Sweeping):
         self.proven, self.waits = np.zeros((2, n), dtype=bool)
         # boxes to be looked at when a part is searched next
         self.worth = np.full(n, first)
         self.first = first
+        self._sweeping = sweeping
 
     def next_ones(self, affordable: int) -> tuple[NDArray[np.int_], NDArray[np.int_]] | None:
         """Return the parts to be searched next and how many boxes of each; None if that is more than affordable."""
@@ -117,15 +60,15 @@ class _Parts:
         proven = outcomes == PROVEN
         spent = outcomes == SPENT
         self.proven[parts] = proven
-        self.worth[parts[proven]] = np.maximum(SWEEPING.again * made[proven], self.first)
-        self.worth[parts[spent]] = SWEEPING.more * made[spent]
-        hard = spent & (made >= SWEEPING.hard * self.first)
+        self.worth[parts[proven]] = np.maximum(self._sweeping.again * made[proven], self.first)
+        self.worth[parts[spent]] = self._sweeping.more * made[spent]
+        hard = spent & (made >= self._sweeping.hard * self.first)
         self.worth[parts[hard]] = self.first
         return hard
 
     def insist(self, parts: NDArray[np.int_], made: NDArray[np.int_]) -> None:
         """Let hard parts be searched further: so many boxes were made of each."""
-        self.worth[parts] = SWEEPING.more * made
+        self.worth[parts] = self._sweeping.more * made
 
     def ease(self) -> None:
         """The limit is about to be raised: what is proven stays so, and the rest may take little."""
@@ -142,9 +85,9 @@ class _Parts:
         return {**arrays, "first": self.first}
 
     @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> _Parts:
+    def from_dict(cls, data: dict[str, Any], sweeping: Sweeping) -> _Parts:
         """Build from the result of `to_dict`."""
-        parts = cls(len(data["worth"]), data["first"])
+        parts = cls(len(data["worth"]), data["first"], sweeping)
         parts.proven = data["proven"]
         parts.waits = data["waits"]
         parts.worth = data["worth"]
@@ -184,9 +127,9 @@ class _Course:
         return {**self.__dict__, "y": self.y.copy(), "parts": self.parts.to_dict()}
 
     @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> _Course:
+    def from_dict(cls, data: dict[str, Any], sweeping: Sweeping) -> _Course:
         """Build from the result of `to_dict`."""
-        return cls(**{**data, "parts": _Parts.from_dict(data["parts"])})
+        return cls(**{**data, "parts": _Parts.from_dict(data["parts"], sweeping)})
 
 
 class LinearBound:
@@ -204,6 +147,8 @@ class LinearBound:
         Progress, and every number of settings that is proven, are reported to them.
     checkpoint : Checkpoint, optional
         Keeps how far this has got, at every sweep and part. If it holds an entry, this goes on from there.
+    effort : Effort
+        How much each part is searched, which number is aimed at, and how the weights are made.
 
     Attributes
     ----------
@@ -220,7 +165,9 @@ class LinearBound:
         improve: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None,
         checkpoint: Checkpoint | None = None,
         callbacks: Callbacks = NOBODY,
+        effort: Effort = NORMAL,
     ):
+        self.effort = effort
         self.space = space
         self.improve = improve
         self.checkpoint = checkpoint or Checkpoint()
@@ -238,6 +185,7 @@ class LinearBound:
         Looks at ``max_nodes`` boxes of poses at most. A large number of settings is aimed at first: what is found on
         the way counts for the smaller ones as well, and what is proven of a part holds for larger limits.
         """
+        aiming = self.effort.bound.aiming
         kept = self.checkpoint.get("linear")
         at = self._start(bound, n_settings, max_nodes) if kept is None else self._resume(kept)
         parts = at.parts
@@ -251,7 +199,7 @@ class LinearBound:
                 at.target = at.target - 1
                 at.undecided = False
                 at.allowed = self._share(max_nodes, at.target - at.bound)
-                at.limit = max(at.limit, limit_for(at.y, at.target))
+                at.limit = max(at.limit, limit_for(at.y, at.target, self.effort))
                 continue
             outcomes, made, sets, doubts = self._sweep(at, *asked, max_nodes)
             hard = parts.learn(asked[0], outcomes, made)
@@ -267,9 +215,9 @@ class LinearBound:
                 self.callbacks.bound(at.bound)
                 parts.renew()
                 at.target = min(at.bound + 1, n_settings)
-                at.allowed = AIMING.share_of_next * max_nodes
-                at.limit = limit_for(at.y, at.target)
-                at.least = AIMING.least_limit_of_next
+                at.allowed = aiming.share_of_next * max_nodes
+                at.limit = limit_for(at.y, at.target, self.effort)
+                at.least = aiming.least_limit_of_next
             else:
                 # boxes too small to be halved: more of them would not decide
                 at.undecided = not (outcomes == SPENT).any() and not parts.waits.any()
@@ -278,15 +226,17 @@ class LinearBound:
 
     def _start(self, bound: int, n_settings: int, max_nodes: int) -> _Course:
         """Return where to begin."""
+        aiming = self.effort.bound.aiming
+        sweeping = self.effort.bound.sweeping
         n_parts = len(self.space.parts)
-        parts = _Parts(
-            n_parts, min(SWEEPING.first, max_nodes // (SWEEPING.least_sweeps * n_parts) + 1)
-        )
+        affordable = max_nodes // (sweeping.least_sweeps * n_parts) + 1
+        parts = _Parts(n_parts, min(sweeping.first, affordable), sweeping)
         y = self._weights()
-        target = min(n_settings, max(bound, int(float(y.sum()) / AIMING.least_limit)) + 1)
-        least = 1.0 + min(AIMING.near_one, AIMING.near_setting / max(1, target - 1))
+        target = min(n_settings, max(bound, int(float(y.sum()) / aiming.least_limit)) + 1)
+        least = 1.0 + min(aiming.near_one, aiming.near_setting / max(1, target - 1))
         allowed = self._share(max_nodes, target - bound)
-        return _Course(bound, target, y, limit_for(y, target), least, allowed, False, parts)
+        limit = limit_for(y, target, self.effort)
+        return _Course(bound, target, y, limit, least, allowed, False, parts)
 
     def _resume(self, kept: dict[str, Any]) -> _Course:
         """Go on from what was told of a sweep; return where that is."""
@@ -295,19 +245,19 @@ class LinearBound:
         self._poses = [kept["poses"]] if len(kept["poses"]) else []
         self.space.regrow(kept["viewpoints"])
         self._swept = _unpacked(kept["swept"])
-        return _Course.from_dict(kept["course"])
+        return _Course.from_dict(kept["course"], self.effort.bound.sweeping)
 
     def _leaves_hope(self, at: _Course, sets: NDArray[np.bool_]) -> bool:
         """Tell whether there are weights for the number aimed at by which these sets are not too heavy either."""
-        if relieved(at.y, sets, at.limit).sum() > at.limit * (at.target - 1) + SLACK:
+        if relieved(at.y, sets, at.limit, self.effort).sum() > at.limit * (at.target - 1) + SLACK:
             return True
-        y = spread_weights(np.concatenate([self.columns, self.found, sets]))
-        return limit_for(y, at.target) > at.least
+        y = spread_weights(np.concatenate([self.columns, self.found, sets]), self.effort)
+        return limit_for(y, at.target, self.effort) > at.least
 
     def _make_room(self, at: _Course, sets: NDArray[np.bool_]) -> None:
         """Make the weights smaller where sets found exceed the limit; compute them anew if that is too much."""
         self.found = np.concatenate([self.found, sets])
-        lighter = relieved(at.y, sets, at.limit)
+        lighter = relieved(at.y, sets, at.limit, self.effort)
         if lighter.sum() > at.limit * (at.target - 1) + SLACK:
             # what is proven for larger weights is proven for these
             at.y = lighter
@@ -315,16 +265,17 @@ class LinearBound:
         self._improve()
         at.parts.renew()
         at.y = self._weights()
-        at.limit = limit_for(at.y, at.target)
+        at.limit = limit_for(at.y, at.target, self.effort)
 
     def _share(self, max_nodes: int, ahead: int) -> float:
         """Return how many boxes may have been looked at when a number of settings so far ahead is given up."""
-        return (
-            max_nodes if ahead <= 1 else self.made + AIMING.share_at_first * (max_nodes - self.made)
-        )
+        if ahead <= 1:
+            return max_nodes
+        share = self.effort.bound.aiming.share_at_first
+        return self.made + share * (max_nodes - self.made)
 
     def _weights(self) -> NDArray[np.float64]:
-        return spread_weights(np.concatenate([self.columns, self.found]))
+        return spread_weights(np.concatenate([self.columns, self.found]), self.effort)
 
     def _improve(self) -> None:
         """Tell of the poses found since the last time."""
@@ -349,8 +300,9 @@ class LinearBound:
         self._swept = []
         self.made += sum(found.made for found in done)
         left = slice(len(done), None)
+        most_found = self.effort.bound.sweeping.found
         search = self.space.search(
-            at.y, at.limit, most[left], tick, parts=parts[left], most=SWEEPING.found
+            at.y, at.limit, most[left], tick, parts=parts[left], most=most_found
         )
         with closing(search) as results:
             for found in results:

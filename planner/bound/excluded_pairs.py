@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,29 +24,10 @@ from planner.bound.boxes.cells import Cells
 from planner.bound.boxes.view import Segments
 from planner.bound.segments import frustum_of, segments_of, sensor_tangents
 from planner.camera.camera import Camera
+from planner.effort.effort import NORMAL, Effort
 from planner.executors import THREADS
 from planner.request.request import Request
 
-
-class Subdivision(NamedTuple):
-    """How far space is subdivided in search of a viewpoint that serves a pair.
-
-    Attributes
-    ----------
-    finest_mm : float
-        Smaller half sizes are not halved: the pair then counts as served.
-    boxes : int
-        Boxes looked at, at most, for two cells; after that the pair counts as served.
-    waiting : int
-        Boxes that wait, at most: one for each halving.
-    """
-
-    finest_mm: float = 0.5
-    boxes: int = 200_000
-    waiting: int = 256
-
-
-_SUBDIVISION = Subdivision()
 # of angles, rad
 _EPS_RAD = 1e-7
 # places of a box in the stack
@@ -55,7 +35,11 @@ _MIDDLE, _HALF = range(2)
 
 
 def find_conflicts(
-    request: Request, entity_idx: NDArray[np.int_], columns: ArrayLike, regions: Cells
+    request: Request,
+    entity_idx: NDArray[np.int_],
+    columns: ArrayLike,
+    regions: Cells,
+    effort: Effort = NORMAL,
 ) -> NDArray[np.bool_]:
     """Find the pairs of entities that exclude each other.
 
@@ -69,6 +53,8 @@ def find_conflicts(
         Sets known to be inspected by some pose; their pairs need no test.
     regions : Cells
         The cells of each entity's region.
+    effort : Effort
+        How far space is subdivided.
 
     Returns
     -------
@@ -85,9 +71,8 @@ def find_conflicts(
 
     def excludes(pair: NDArray[np.int_]) -> bool:
         a, b = pair
-        return not _share_viewpoint(
-            a, b, cells, Segments(*(values[pair] for values in segments)), frustum
-        )
+        both = Segments(*(values[pair] for values in segments))
+        return not _share_viewpoint(a, b, cells, both, frustum, effort.bound.subdivision)
 
     pairs = np.argwhere(np.triu(~conflict & ~together, k=1))
     with ThreadPoolExecutor(THREADS) as pool:
@@ -117,7 +102,7 @@ def too_far_apart(
 
 # threads run it side by side
 @entry_kernel(nogil=True)
-def _share_viewpoint(a, b, cells, pair, frustum):
+def _share_viewpoint(a, b, cells, pair, frustum, subdivision):
     """Tell whether some cell of entity a may meet some cell of entity b where the lens can take both at once.
 
     ``pair`` are the segments of the two.
@@ -125,14 +110,14 @@ def _share_viewpoint(a, b, cells, pair, frustum):
     planes = cells.planes
     plane_start = cells.plane_start
     entity_start = cells.entity_start
-    stack = np.empty((_SUBDIVISION.waiting, 2, 3))
+    stack = np.empty((subdivision.waiting, 2, 3))
     for i in range(entity_start[a], entity_start[a + 1]):
         for j in range(entity_start[b], entity_start[b + 1]):
             if not _overlap(cells.boxes, i, j, stack[0]):
                 continue
             if _apart(i, j, cells) or _apart(j, i, cells):
                 continue
-            if _search(stack, i, j, planes, plane_start, pair, frustum):
+            if _search(stack, i, j, planes, plane_start, pair, frustum, subdivision):
                 return True
     return False
 
@@ -151,10 +136,10 @@ def _overlap(boxes, i, j, common):
 
 
 @kernel
-def _search(stack, i, j, planes, plane_start, pair, frustum):
+def _search(stack, i, j, planes, plane_start, pair, frustum, subdivision):
     """Subdivide the box on the stack; true when a viewpoint is found or the effort is spent."""
     size = 1
-    for _ in range(_SUBDIVISION.boxes):
+    for _ in range(subdivision.boxes):
         if size == 0:
             return False
         size -= 1
@@ -165,7 +150,7 @@ def _search(stack, i, j, planes, plane_start, pair, frustum):
         if not _in_view(centre, math.sqrt(np.sum(half**2)), pair, frustum):
             continue
         axis = np.argmax(half)
-        if half[axis] < _SUBDIVISION.finest_mm or size + 2 > _SUBDIVISION.waiting:
+        if half[axis] < subdivision.finest_mm or size + 2 > subdivision.waiting:
             return True
         point = np.zeros(3)
         if _in_both(centre, point, i, j, planes, plane_start) and _in_view(

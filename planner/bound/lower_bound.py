@@ -29,7 +29,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +45,8 @@ from planner.callbacks import NOBODY, Callbacks
 from planner.checkpoint import Checkpoint
 from planner.cover.relaxation import fractional_cover
 from planner.cover.set_cover import cover_within, distinct_rows, maximal_columns
+from planner.effort.bound import DualRounds, TreeGrowth
+from planner.effort.effort import NORMAL, Effort
 from planner.executors import Shared, in_order
 from planner.request.request import Request
 
@@ -55,72 +56,12 @@ _GROWING = "growing"
 _SLACK = 1e-6
 
 
-@dataclass(frozen=True)
-class TreeGrowth:
-    """How far the tree of poses is grown, and how hard integer covers by its leaves are tried.
-
-    Attributes
-    ----------
-    nodes : int
-        Nodes that have boxes of positions, at most: what pairs that exclude each other decide is soon proven.
-    finest_rad : float
-        Nodes smaller than this angle, seen from the camera, are not split further.
-    batch : int
-        Nodes split at a time, at most, before it is asked again whether they suffice.
-    columns : int
-        Sets that an integer cover is asked for, at most; if there are more, it proves nothing.
-    cover_nodes : int
-        Nodes of the branch and bound of one integer cover.
-    cover_rounds : int
-        For each number of settings, one integer cover in each of so many rounds.
-    rounds_per_cover : int
-        Then one in every so many.
-    """
-
-    nodes: int = 32_000
-    finest_rad: float = 2e-3
-    batch: int = 6000
-    columns: int = 4000
-    cover_nodes: int = 2000
-    cover_rounds: int = 20
-    rounds_per_cover: int = 10
-
-
-@dataclass(frozen=True)
-class DualRounds:
-    """How the dual of the fractional cover over all leaves is found, by constraint generation.
-
-    Attributes
-    ----------
-    rounds : int
-        Linear programs, at most; what is wrong then is divided away.
-    tolerance : float
-        A leaf may weigh this much more than 1.
-    violated : int
-        Leaves looked at in a round, those that weigh most.
-    added : int
-        Constraints added in a round.
-    kept : float
-        Only constraints of leaves that weigh more than this are kept for the next time.
-    """
-
-    rounds: int = 60
-    tolerance: float = 1e-7
-    violated: int = 2000
-    added: int = 150
-    kept: float = 0.5
-
-
-COVERING = TreeGrowth()
-GENERATION = DualRounds()
-
-
 def lower_bound(
     request: Request,
     n_settings: int,
     columns: NDArray[np.bool_],
     *,
-    max_nodes: int,
+    effort: Effort,
     improve: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None,
     checkpoint: Checkpoint | None = None,
     executor: Executor | None = None,
@@ -136,8 +77,8 @@ def lower_bound(
         Size of the cover that is known; the proof stops when it gets there.
     columns : array of bool (c, e)
         Columns known to be realisable; they start the weights.
-    max_nodes : int
-        Boxes of poses, at most.
+    effort : Effort
+        Boxes of poses, at most, and how they are searched.
     improve : callable, optional
         Gets poses worth knowing, see `planner.bound.dual_bound.LinearBound`.
     checkpoint : Checkpoint, optional
@@ -167,7 +108,7 @@ def lower_bound(
     if first is None:
         grown = checkpoint.get(_GROWING)
         conflict = (
-            find_conflicts(request, entity_idx, columns, regions)
+            find_conflicts(request, entity_idx, columns, regions, effort)
             if grown is None
             else grown["conflict"]
         )
@@ -175,18 +116,17 @@ def lower_bound(
         # a pair excludes each other for a reason of its own; so do the pairs of a clique
         alone = max(1, len(large_clique(conflict)))
         callbacks.bound(min(alone, n_settings))
-        proven = _by_covers(
-            tree, columns, (alone, n_settings), max_nodes, _Growing(checkpoint, conflict), callbacks
-        )
+        growing = _Growing(checkpoint, conflict)
+        proven = _by_covers(tree, columns, (alone, n_settings), growing, effort, callbacks)
         first = {"conflict": conflict, "bound": proven, "made": tree.made, "alone": alone}
     checkpoint.put("covers", first)
     checkpoint.put(_GROWING, None)
     callbacks.bound(first["bound"])
-    space = PoseSpace(request, entity_idx, regions, first["conflict"])
-    linear = LinearBound(space, columns, improve, checkpoint, callbacks)
-    nodes = max(0, max_nodes - first["made"])
+    space = PoseSpace(request, entity_idx, regions, first["conflict"], effort)
+    linear = LinearBound(space, columns, improve, checkpoint, callbacks, effort)
+    nodes = max(0, effort.bound_nodes - first["made"])
     bound = linear.raise_from(first["bound"], n_settings, max_nodes=nodes)
-    callbacks.report(max_nodes, max_nodes, "lower bound")
+    callbacks.report(effort.bound_nodes, effort.bound_nodes, "lower bound")
     if bound <= first["alone"]:
         return bound, exclusion_proof(request, bound)
     return bound, _proof(
@@ -199,6 +139,7 @@ def exclusive_entities(
     entity_idx: NDArray[np.int_],
     columns: NDArray[np.bool_],
     executor: Executor | None = None,
+    effort: Effort = NORMAL,
 ) -> NDArray[np.int_]:
     """Find entities of which no two can be inspected together: a bound that takes seconds.
 
@@ -212,6 +153,8 @@ def exclusive_entities(
         Columns known to be realisable: their pairs are not asked about.
     executor : concurrent.futures.Executor, optional
         Computes the cells of entities' regions.
+    effort : Effort
+        How far pairs that exclude each other are looked for.
 
     Returns
     -------
@@ -219,7 +162,8 @@ def exclusive_entities(
         Columns of the request, ascending. Whatever inspects all of them needs n settings; `exclusion_proof` says why.
     """
     regions = _regions(request, entity_idx, executor)
-    return entity_idx[large_clique(find_conflicts(request, entity_idx, columns, regions))]
+    conflict = find_conflicts(request, entity_idx, columns, regions, effort)
+    return entity_idx[large_clique(conflict)]
 
 
 def exclusion_proof(request: Request, n: int) -> str:
@@ -244,26 +188,28 @@ def _by_covers(
     tree: PoseTree,
     columns: NDArray[np.bool_],
     between: tuple[int, int],
-    max_nodes: int,
     growing: _Growing,
+    effort: Effort,
     callbacks: Callbacks,
 ) -> int:
     """Return how many settings covers by leaves' sets prove; the tree is grown as far as they need it.
 
     ``between`` is the bound that is proven already, and the one that is aimed at in the end.
     """
-    weights = _Weights(np.asarray(columns, dtype=bool))
+    covering = effort.bound.covering
+    max_nodes = effort.bound_nodes
+    weights = _Weights(np.asarray(columns, dtype=bool), effort.bound.generation)
     known, n_settings = between
-    guide = fractional_cover(columns)[1]
+    guide = fractional_cover(columns, relaxation=effort.cover.relaxation)[1]
     target, rounds = growing.resume(tree, weights) or (known + 1, 0)
-    while target <= n_settings and tree.made < min(COVERING.nodes, max_nodes):
+    while target <= n_settings and tree.made < min(covering.nodes, max_nodes):
         growing.tell(tree, weights, target, rounds)
         rounds += 1
-        sets_first = rounds <= COVERING.cover_rounds or rounds % COVERING.rounds_per_cover == 0
+        sets_first = rounds <= covering.cover_rounds or rounds % covering.rounds_per_cover == 0
         heavy = (
-            _to_split(tree, weights.solve(tree.sets), target)
+            _to_split(tree, weights.solve(tree.sets), target, covering)
             if sets_first
-            else _above(tree, guide, target)
+            else _above(tree, guide, target, covering)
         )
         if heavy is None:
             callbacks.bound(target)
@@ -326,10 +272,12 @@ def _proof(boxes: int, pairs: int, what: str = "edges") -> str:
     )
 
 
-def _to_split(tree: PoseTree, y: NDArray[np.float64], target: int) -> NDArray[np.int_] | None:
+def _to_split(
+    tree: PoseTree, y: NDArray[np.float64], target: int, covering: TreeGrowth
+) -> NDArray[np.int_] | None:
     """Choose the nodes to split to prove ``target``; none if nothing is left to split, None if it is proven."""
     weight = tree.sets @ y
-    splittable = tree.size > COVERING.finest_rad
+    splittable = tree.size > covering.finest_rad
     # what a cover with fewer settings may waste
     spare = target - 1 - float(y.sum())
     if spare < -_SLACK:
@@ -337,21 +285,23 @@ def _to_split(tree: PoseTree, y: NDArray[np.float64], target: int) -> NDArray[np
     usable = np.flatnonzero(weight >= 1.0 - spare - _SLACK)
     first, of_distinct = distinct_rows(tree.sets[usable])
     distinct = tree.sets[usable[first]]
-    heaviest = np.argsort(-(distinct @ y), kind="stable")[: 4 * COVERING.columns]
-    kept = heaviest[maximal_columns(distinct[heaviest])][: COVERING.columns]
-    exhaustive = len(distinct) <= 4 * COVERING.columns and len(kept) < COVERING.columns
+    heaviest = np.argsort(-(distinct @ y), kind="stable")[: 4 * covering.columns]
+    kept = heaviest[maximal_columns(distinct[heaviest])][: covering.columns]
+    exhaustive = len(distinct) <= 4 * covering.columns and len(kept) < covering.columns
     if not distinct[kept].any(axis=0).all():
-        return None if exhaustive else _heaviest(usable[splittable[usable]], weight)
-    chosen, decided = cover_within(distinct[kept], target - 1, node_limit=COVERING.cover_nodes)
+        return None if exhaustive else _heaviest(usable[splittable[usable]], weight, covering)
+    chosen, decided = cover_within(distinct[kept], target - 1, node_limit=covering.cover_nodes)
     if exhaustive and chosen is None and decided:
         return None
     if chosen is None:
-        return _heaviest(usable[splittable[usable]], weight)
+        return _heaviest(usable[splittable[usable]], weight, covering)
     nodes = usable[np.isin(of_distinct, kept[chosen])]
-    return nodes[splittable[nodes]][: COVERING.batch]
+    return nodes[splittable[nodes]][: covering.batch]
 
 
-def _above(tree: PoseTree, y: NDArray[np.float64], target: int) -> NDArray[np.int_] | None:
+def _above(
+    tree: PoseTree, y: NDArray[np.float64], target: int, covering: TreeGrowth
+) -> NDArray[np.int_] | None:
     """Choose the nodes that weigh too much for the weights to prove ``target``, the heaviest first; None if none do."""
     limit = float(y.sum()) / (target - 1) - _SLACK
     nodes = np.flatnonzero(tree.sets @ y > limit)
@@ -360,35 +310,39 @@ def _above(tree: PoseTree, y: NDArray[np.float64], target: int) -> NDArray[np.in
     weight = weight[weight > limit]
     if not nodes.size:
         return None
-    fine = tree.size[nodes] > COVERING.finest_rad
-    return nodes[fine][np.argsort(-weight[fine], kind="stable")[: COVERING.batch]]
+    fine = tree.size[nodes] > covering.finest_rad
+    return nodes[fine][np.argsort(-weight[fine], kind="stable")[: covering.batch]]
 
 
-def _heaviest(nodes: NDArray[np.int_], weight: NDArray[np.float64]) -> NDArray[np.int_]:
-    return nodes[np.argsort(-weight[nodes], kind="stable")[: COVERING.batch]]
+def _heaviest(
+    nodes: NDArray[np.int_], weight: NDArray[np.float64], covering: TreeGrowth
+) -> NDArray[np.int_]:
+    return nodes[np.argsort(-weight[nodes], kind="stable")[: covering.batch]]
 
 
 class _Weights:
     """The dual of the fractional cover over all leaves, by constraint generation."""
 
-    def __init__(self, columns: NDArray[np.bool_]):
+    def __init__(self, columns: NDArray[np.bool_], generation: DualRounds):
+        self._generation = generation
         self._columns = columns[distinct_rows(columns)[0]]
         self.rows = self._columns[:0]
 
     def solve(self, sets: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the weights y (e,) of largest sum such that no leaf and no known column weighs more than 1."""
+        generation = self._generation
         self._forget(sets)
-        for _ in range(GENERATION.rounds):
+        for _ in range(generation.rounds):
             y = self._solve()
             weight = sets @ y
-            violated = np.flatnonzero(weight > 1.0 + GENERATION.tolerance)
+            violated = np.flatnonzero(weight > 1.0 + generation.tolerance)
             if not violated.size:
                 break
-            worst = violated[np.argsort(-weight[violated], kind="stable")[: GENERATION.violated]]
+            worst = violated[np.argsort(-weight[violated], kind="stable")[: generation.violated]]
             new = sets[worst[distinct_rows(sets[worst])[0]]]
-            new = new[np.argsort(-(new @ y), kind="stable")[: GENERATION.added]]
+            new = new[np.argsort(-(new @ y), kind="stable")[: generation.added]]
             self.rows = np.concatenate([self.rows, new])
-        self.rows = self.rows[self.rows @ y > GENERATION.kept]
+        self.rows = self.rows[self.rows @ y > generation.kept]
         return y / max(1.0, float((sets @ y).max(initial=0.0)))
 
     def _solve(self) -> NDArray[np.float64]:

@@ -10,7 +10,6 @@ import itertools
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,32 +20,10 @@ from planner.bound.boxes.search import FOUND, NEARLY, SPENT, search
 from planner.bound.boxes.view import HALF, LOOK, SPAN, TURN, Entities, SearchTask, Segments
 from planner.bound.boxes.viewpoint_tree import Viewpoints, viewpoints_for
 from planner.bound.segments import segments_of, view_of
+from planner.effort.effort import NORMAL, Effort
 from planner.executors import THREADS
 from planner.request.constraints import AROUND
 from planner.request.request import Request
-
-
-@dataclass(frozen=True)
-class Division:
-    """How the space of poses is divided among searches.
-
-    Attributes
-    ----------
-    parts : int
-        Parts searched one by one, some at a time: enough that what is proven of one outlives the weights of others.
-    tick_s : float
-        How often a search of parts looks up to be cancelled.
-    less : float
-        What a pose found inspects counts this share of the limit in its part from then on, so that the next one
-        inspects something else.
-    """
-
-    parts: int = 256
-    tick_s: float = 0.5
-    less: float = 0.999
-
-
-DIVISION = Division()
 
 
 class Found(NamedTuple):
@@ -86,6 +63,8 @@ class PoseSpace:
         The cells of each entity's region.
     conflict : array of bool (e, e)
         Pairs that exclude each other.
+    effort : Effort
+        How the space is divided, and how closely boxes are looked at.
     """
 
     def __init__(
@@ -94,7 +73,9 @@ class PoseSpace:
         entity_idx: NDArray[np.int_],
         regions: Cells,
         conflict: NDArray[np.bool_],
+        effort: Effort = NORMAL,
     ):
+        self.effort = effort.bound
         self.view = view_of(request)
         self.conflict = np.ascontiguousarray(conflict)
         segments = segments_of(request, entity_idx)
@@ -108,7 +89,8 @@ class PoseSpace:
         low = points.min(axis=0) - self.view.radius
         high = points.max(axis=0) + self.view.radius
         root = np.array([(low + high) / 2, (high - low) / 2, np.zeros(3), np.ones(3)])
-        self.parts = [(chart, part) for chart in (0, 1) for part in _cut(root, DIVISION.parts // 2)]
+        parts = _cut(root, self.effort.division.parts // 2)
+        self.parts = [(chart, part) for chart in (0, 1) for part in parts]
 
     def search(
         self,
@@ -143,6 +125,7 @@ class PoseSpace:
             What comes out of each part, in their order.
         """
         stop = np.zeros(1, dtype=bool)
+        tick_s = self.effort.division.tick_s
         tree = self._viewpoints(y, limit)
 
         def look(k: int, max_nodes: int) -> Found:
@@ -162,7 +145,7 @@ class PoseSpace:
                     pool.submit(look, *one) for one in itertools.islice(todo, 2 * THREADS)
                 )
                 while waiting:
-                    while tick is not None and not wait([waiting[0]], DIVISION.tick_s).done:
+                    while tick is not None and not wait([waiting[0]], tick_s).done:
                         tick()
                     yield waiting.popleft().result()
                     waiting.extend(pool.submit(look, *one) for one in itertools.islice(todo, 1))
@@ -180,7 +163,10 @@ class PoseSpace:
         return self._grow(y.copy(), limit, finest)
 
     def _grow(self, y: NDArray[np.float64], limit: float, finest: float | None) -> Viewpoints:
-        tree = viewpoints_for(self.nodal_points, self.entities, self.view, y, limit, finest)
+        growth = self.effort.boxes.growth
+        tree = viewpoints_for(
+            self.nodal_points, self.entities, self.view, y, limit, finest, growth=growth
+        )
         self._grown = tree, y, limit
         return tree
 
@@ -215,7 +201,7 @@ class PoseSpace:
             pose = np.eye(4)
             inspected = np.zeros(len(y), dtype=bool)
             order = np.argsort(-y, kind="stable")[: int((y > 0).sum())]
-            task = SearchTask(self.conflict, y, limit, max_nodes - made, stop)
+            task = SearchTask(self.conflict, y, limit, max_nodes - made, stop, self.effort.boxes)
             outcome, n = search(
                 part, chart, order, self.entities, self.view, tree, task, pose, inspected
             )
@@ -224,7 +210,7 @@ class PoseSpace:
             if outcome in (FOUND, NEARLY):
                 poses.append(pose)
                 sets.append(inspected)
-                y[inspected] *= DIVISION.less * limit / y[inspected].sum()
+                y[inspected] *= self.effort.division.less * limit / y[inspected].sum()
             if outcome not in (FOUND, NEARLY) or len(poses) == most or made >= max_nodes:
                 break
         found = np.array(poses).reshape(-1, 4, 4), np.array(sets, dtype=bool).reshape(-1, len(y))

@@ -47,6 +47,7 @@ from planner.cli.optics_ranking import rank_optics
 from planner.cli.parsing.camera import read_camera
 from planner.cli.process.exit_codes import DONE, INCOMPLETE
 from planner.cli.wanted import chosen_entities, localisation_text, read_request
+from planner.effort.effort import Effort
 from planner.exceptions import OutputError
 from planner.executors import leave_signals_to_the_parent, usable_cores
 from planner.files import absolute, check_file_place, output_folder, path_text
@@ -64,7 +65,6 @@ from planner.progress.text_table import print_text, words
 from planner.records.json_file import print_json
 from planner.report.wording import cost_sentence
 from planner.request.defaults import default_workspace
-from planner.request.effort import Effort
 from planner.verify.simulate_plan import simulate_plan
 
 if TYPE_CHECKING:

@@ -17,6 +17,7 @@ from planner.cli.naming import in_words_of_shell
 from planner.cli.parsing.camera import read_camera
 from planner.cli.wanted import Wanted, read_request
 from planner.detectability.conditions import Detectability
+from planner.effort.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.files import plan_file
 from planner.identity.inspection_request import SOURCE, InspectionRequest, PartRecord
@@ -27,7 +28,6 @@ from planner.inspection_options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import reading_shown
 from planner.request.defaults import default_workspace
-from planner.request.effort import Effort
 
 if TYPE_CHECKING:
     from aspectgraph import Solid

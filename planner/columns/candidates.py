@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 from concurrent.futures import Executor
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -23,60 +22,13 @@ from planner.columns.perturb import perturbed
 from planner.columns.pool import ColumnPool
 from planner.cover.exchange_search import exchange_columns
 from planner.cover.relaxation import fractional_cover
+from planner.effort.columns import Pricing
 from planner.executors import Shared, in_order
 from planner.request.space import cells_of
 from planner.setting.viewpoint_sampling import ViewpointSampler
 
 if TYPE_CHECKING:
     pass
-
-
-@dataclass(frozen=True)
-class Pricing:
-    """How candidate poses are drawn and improved; numbers of poses unless said otherwise.
-
-    Attributes
-    ----------
-    axes_per_viewpoint : int
-        Directions of view for every viewpoint drawn; the first looks at the entity itself.
-    parents : int
-        Poses a round breeds from, about: a quarter are drawn from the pool, a quarter are its best by price, half
-        nearly inspect more than they do.
-    children : int
-        Perturbations of every parent.
-    batch : int
-        Poses judged at a time, whoever judges them, as the last digits depend on it.
-    rounds_per_check : int
-        The relaxation is looked at every so many rounds.
-    checks : int
-        The search ends if so many looks gain too little.
-    least_gain : float
-        That is too little, as a share of the relaxation's value.
-    exchanges : int
-        Steps of the search for a cover that would end it.
-    whole : int
-        At the first glance, the whole part is looked at from so many times as many directions as an entity.
-    promising : float
-        A pose is bred for an entity only if it promises so much of it (1 is inspected).
-    uncovered : float
-        Price of an entity that no column has yet: more than a column may weigh, because a column of its own is worth a
-        setting.
-    """
-
-    axes_per_viewpoint: int = 6
-    parents: int = 64
-    children: int = 24
-    batch: int = 768
-    rounds_per_check: int = 10
-    checks: int = 5
-    least_gain: float = 2e-3
-    exchanges: int = 300
-    whole: int = 16
-    promising: float = 0.3
-    uncovered: float = 2.0
-
-
-PRICING = Pricing()
 
 
 def derive_seed(seed: int, labels: Iterable[str]) -> int:
@@ -111,7 +63,7 @@ def entity_poses(judge: Judge, name: str, n_viewpoints: int, seed: int) -> np.nd
     viewpoints = sampler.sample(n_viewpoints, rng)
     if not len(viewpoints):
         return np.zeros((0, 4, 4))
-    viewpoints = np.repeat(viewpoints, PRICING.axes_per_viewpoint, axis=0)
+    viewpoints = np.repeat(viewpoints, judge.effort.pricing.axes_per_viewpoint, axis=0)
     return look_at(
         viewpoints,
         _targets(judge, viewpoints, own, rng),
@@ -128,7 +80,7 @@ def first_poses(judge: Judge, n_directions: int, seed: int) -> np.ndarray:
     ----------
     judge : Judge
     n_directions : int
-        Poses for every entity; `PRICING.whole` times as many for the part.
+        Poses for every entity; as many times as many as `Pricing.whole` says for the part.
     seed : int
         The plan's seed.
 
@@ -138,6 +90,7 @@ def first_poses(judge: Judge, n_directions: int, seed: int) -> np.ndarray:
         Those in the workspace.
     """
     rng = np.random.default_rng(derive_seed(seed, ["first"]))
+    n_whole = judge.effort.pricing.whole
     low, high = np.asarray(judge.space.solid.bounds, dtype=float)
     radius = float(np.linalg.norm(high - low)) / 2
     (nearest, farthest) = judge.camera.depth_of_field_mm
@@ -145,10 +98,10 @@ def first_poses(judge: Judge, n_directions: int, seed: int) -> np.ndarray:
     # as close as all of the part is in focus, if it ever is
     whole = nearest + radius if nearest + 2 * radius <= farthest else focus
     targets = np.concatenate(
-        [judge.ends.mean(axis=1), np.repeat([(low + high) / 2], PRICING.whole, axis=0)]
+        [judge.ends.mean(axis=1), np.repeat([(low + high) / 2], n_whole, axis=0)]
     )
     distances = np.repeat(
-        np.append(np.full(len(judge.ends), focus), np.full(PRICING.whole, whole)), n_directions
+        np.append(np.full(len(judge.ends), focus), np.full(n_whole, whole)), n_directions
     )
     targets = np.repeat(targets, n_directions, axis=0)
     away = rng.normal(size=targets.shape)
@@ -181,7 +134,7 @@ def _targets(
     near = np.flatnonzero(np.linalg.norm(middles - middles[own], axis=1) < width)
     other = rng.choice(near, len(viewpoints))
     share = rng.uniform(0.0, 1.0, (len(viewpoints), 1))
-    share[:: PRICING.axes_per_viewpoint] = 0.0
+    share[:: judge.effort.pricing.axes_per_viewpoint] = 0.0
     return middles[own] + share * (middles[other] - middles[own])
 
 
@@ -261,8 +214,9 @@ def price_poses(
         Keeps after each round how far this has got. If it holds an entry, this goes on from there, with the pools of
         then.
     """
+    effort = shared.value.effort
     parents, coverable = warm_start or WarmStart()
-    breed = pools.realised.poses[:0] if parents is None else parents[: PRICING.parents]
+    breed = pools.realised.poses[:0] if parents is None else parents[: effort.pricing.parents]
     if parents is not None:
         pools.add(parents, shared.value(parents))
     rng = np.random.default_rng(derive_seed(seed, ["pricing"]))
@@ -289,16 +243,16 @@ def price_poses(
             not missing.any() and (not covered.any() or membership.all(axis=1).any())
         ):
             break
-        if done % PRICING.rounds_per_check == 0 and covered.any():
-            values = [*values, fractional_cover(membership)[0]]
-            if _is_settled(values, membership, rounds - done):
+        if done % effort.pricing.rounds_per_check == 0 and covered.any():
+            values = [*values, fractional_cover(membership, relaxation=effort.cover.relaxation)[0]]
+            if _is_settled(effort.pricing, values, membership, rounds - done):
                 break
         # the optimal prices are seldom unique: other ones every round keep the search from staring at one corner
         bias = 1.0 + 0.5 * rng.random(int(covered.sum()))
         guess = prices[covered] if done else None
         prices = np.zeros(len(covered))
-        prices[covered] = fractional_cover(membership, bias, guess)[1]
-        prices[missing] = PRICING.uncovered
+        prices[covered] = fractional_cover(membership, bias, guess, effort.cover.relaxation)[1]
+        prices[missing] = effort.pricing.uncovered
         breed = _improve(shared, pools, breed, prices, rng, executor)
         so_far = {
             "done": done + 1,
@@ -312,20 +266,20 @@ def price_poses(
     callbacks.report(rounds, rounds, "column generation")
 
 
-def _is_settled(values: list[float], membership: np.ndarray, left: int) -> bool:
+def _is_settled(pricing: Pricing, values: list[float], membership: np.ndarray, left: int) -> bool:
     """Tell whether more columns are not worth it: the relaxation's value no longer falls, or too slowly.
 
     Too slowly means that, with the gain of late, it would not get to the next whole number in the rounds that are left,
     and a cover of as few columns as the value allows is there already.
     """
-    if len(values) <= PRICING.checks:
+    if len(values) <= pricing.checks:
         return False
-    gain = values[-1 - PRICING.checks] - values[-1]
-    if gain <= PRICING.least_gain * values[-1]:
+    gain = values[-1 - pricing.checks] - values[-1]
+    if gain <= pricing.least_gain * values[-1]:
         return True
     fewest = int(np.ceil(values[-1] - 1e-6))
-    hopeless = values[-1] - gain * left / (PRICING.checks * PRICING.rounds_per_check) > fewest - 1
-    return hopeless and not exchange_columns(membership, fewest, steps=PRICING.exchanges).missing
+    hopeless = values[-1] - gain * left / (pricing.checks * pricing.rounds_per_check) > fewest - 1
+    return hopeless and not exchange_columns(membership, fewest, steps=pricing.exchanges).missing
 
 
 def _improve(
@@ -337,35 +291,38 @@ def _improve(
     executor: Executor | None,
 ) -> np.ndarray:
     """Breed from the most promising poses; return the next parents."""
+    pricing = shared.value.effort.pricing
     pool, near = pools
     at_random = (
-        pool.poses[rng.integers(len(pool), size=PRICING.parents // 4)] if len(pool) else pool.poses
+        pool.poses[rng.integers(len(pool), size=pricing.parents // 4)] if len(pool) else pool.poses
     )
     worthy = pool.poses[
-        np.argsort(-(pool.membership @ prices), kind="stable")[: PRICING.parents // 4]
+        np.argsort(-(pool.membership @ prices), kind="stable")[: pricing.parents // 4]
     ]
     # what is nearly inspected and worth more than 1 would improve the cover if only the pose were put right
     rows = np.flatnonzero(near.membership @ prices > 1.0)
-    hopeful = near.poses[rows[rng.permutation(len(rows))[: PRICING.parents // 2]]]
+    hopeful = near.poses[rows[rng.permutation(len(rows))[: pricing.parents // 2]]]
     parents = np.concatenate([breed, at_random, worthy, hopeful])
     children = perturbed(
-        np.repeat(parents, PRICING.children, axis=0), shared.value.camera.focus_distance_mm, rng
+        np.repeat(parents, pricing.children, axis=0), shared.value.camera.focus_distance_mm, rng
     )
     # batches of one size, whoever judges them: the last digits must not depend on the executor
     batches = [
-        (shared, children[i : i + PRICING.batch], prices)
-        for i in range(0, len(children), PRICING.batch)
+        (shared, children[i : i + pricing.batch], prices)
+        for i in range(0, len(children), pricing.batch)
     ]
     judged = Judgement.joined(list(in_order(executor, _judged, batches)))
     pools.add(children, judged)
-    return children[_champions(judged.promise, prices, rng)]
+    return children[_champions(pricing, judged.promise, prices, rng)]
 
 
-def _champions(promise: np.ndarray, prices: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _champions(
+    pricing: Pricing, promise: np.ndarray, prices: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
     """Choose poses of much promised worth, each for another entity, so that the search stays spread over the part."""
     worth = promise @ prices
-    entities = rng.permutation(np.flatnonzero(prices > 0))[: PRICING.parents // 2]
+    entities = rng.permutation(np.flatnonzero(prices > 0))[: pricing.parents // 2]
     best = [
-        int(np.argmax(np.where(promise[:, e] > PRICING.promising, worth, -1.0))) for e in entities
+        int(np.argmax(np.where(promise[:, e] > pricing.promising, worth, -1.0))) for e in entities
     ]
     return np.unique(best)

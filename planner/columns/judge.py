@@ -9,52 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
+from planner.effort.effort import NORMAL, Effort
 from planner.request.constraints import visibility_slacks
 from planner.request.request import Request
-
-
-@dataclass(frozen=True)
-class Nearness:
-    """How far a margin may miss for an entity still to count as nearly inspected: its tolerance.
-
-    Attributes
-    ----------
-    field : float
-        Of the field of view, as a share of the sensor's larger side.
-    length : float
-        Of the image's length, as a share of the smallest allowed.
-    focus : float
-        Of the depth, as a share of the depth of field (of at most nine times its near limit, as it may be infinite).
-    separation : float
-        Of the separation, as a share of what is asked for.
-    corner_deg : float
-        Of the angle of corners.
-    probability : float
-        Of the probability.
-    hopeless : float
-        Missing a constraint by so many tolerances, an entity is not looked at further: visibility, which costs most,
-        is not asked for.
-    first : int
-        Of so many entities of a pose, those worth most, it is asked first whether they have corners, which most lack.
-    batch : int
-        Poses judged at a time; bounds the memory.
-    """
-
-    field: float = 0.06
-    length: float = 0.1
-    focus: float = 0.1
-    separation: float = 0.5
-    corner_deg: float = 5.0
-    probability: float = 0.05
-    hopeless: float = 6.0
-    first: int = 2
-    batch: int = 2048
-
-
-NEARNESS = Nearness()
 
 
 @dataclass(frozen=True)
@@ -96,10 +57,14 @@ class Judge:
     ----------
     request : Request
         What is asked; its entities (k) are the columns of every result.
+    effort : Effort
+        How closely poses are judged; what works with a judge takes its own numbers from it, too.
     """
 
-    def __init__(self, request: Request):
+    def __init__(self, request: Request, effort: Effort = NORMAL):
         self.request = request
+        self.effort = effort
+        self._nearness = effort.nearness
         self.space = request.space
         self.names = request.names
         self.camera = request.camera
@@ -111,19 +76,19 @@ class Judge:
         nearest, farthest = self.camera.depth_of_field_mm
         depth = min(farthest, 10 * nearest) - nearest
         self._tolerance = {
-            "resolution_mm": NEARNESS.length * self.constraints.min_length_mm,
-            "focus_mm": NEARNESS.focus * depth,
-            "field_of_view_px": NEARNESS.field * max(self.camera.resolution),
-            "separation_px": NEARNESS.separation * self.requirements.showing.separation_px,
-            "corner_deg": NEARNESS.corner_deg,
+            "resolution_mm": self._nearness.length * self.constraints.min_length_mm,
+            "focus_mm": self._nearness.focus * depth,
+            "field_of_view_px": self._nearness.field * max(self.camera.resolution),
+            "separation_px": self._nearness.separation * self.requirements.showing.separation_px,
+            "corner_deg": self._nearness.corner_deg,
         }
 
-    def __getstate__(self) -> dict[str, Request]:
-        """Keep the request only: the rest is made from it again."""
-        return {"request": self.request}
+    def __getstate__(self) -> dict[str, Any]:
+        """Keep request and effort only: the rest is made from them again."""
+        return {"request": self.request, "effort": self.effort}
 
-    def __setstate__(self, state: dict[str, Request]) -> None:
-        self.__init__(state["request"])  # type: ignore[misc]
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(**state)  # type: ignore[misc]
 
     def __call__(self, cam2world: np.ndarray, prices: np.ndarray | None = None) -> Judgement:
         """Judge poses (n, 4, 4).
@@ -136,8 +101,8 @@ class Judge:
             inspect a worth of more than 1, the others inspect nothing.
         """
         parts = [
-            self._judge(cam2world[i : i + NEARNESS.batch], prices)
-            for i in range(0, len(cam2world), NEARNESS.batch)
+            self._judge(cam2world[i : i + self._nearness.batch], prices)
+            for i in range(0, len(cam2world), self._nearness.batch)
         ]
         if not parts:
             empty = np.zeros((0, len(self.names)))
@@ -151,7 +116,7 @@ class Judge:
         probability = np.zeros(nearly.shape)
         if nearly.any():
             probability[nearly] = self.request.objective.probability_where(cam2world, nearly)
-        nearly &= probability >= self.threshold - NEARNESS.probability
+        nearly &= probability >= self.threshold - self._nearness.probability
         self._mask_invisible_around(cam2world, nearly, probability)
         shown = self._detectable(cam2world, nearly, probability, prices)
         inspects = (missed == 0.0) & nearly & shown & (probability >= self.threshold)
@@ -165,7 +130,7 @@ class Judge:
         for name in self.constraints.constraint_names:
             if name in self.constraints.shows or name in self.constraints.of_image:
                 continue
-            left = np.flatnonzero((missed < NEARNESS.hopeless).any(axis=1))
+            left = np.flatnonzero((missed < self._nearness.hopeless).any(axis=1))
             if not left.size:
                 break
             if name == "visibility":
@@ -185,7 +150,7 @@ class Judge:
         """Ask for visibility, the costly constraint, only where the others leave hope."""
         positions = cam2world[:, :3, 3]
         for k, name in enumerate(self.names):
-            rows = np.flatnonzero(missed[:, k] < NEARNESS.hopeless)
+            rows = np.flatnonzero(missed[:, k] < self._nearness.hopeless)
             if rows.size:
                 hidden = visibility_slacks(self.space, positions[rows], [name])[:, 0, 0] < 0
                 missed[rows[hidden], k] = np.inf
@@ -215,7 +180,7 @@ class Judge:
         for name in self.constraints.shows if nearly.any() else ():
             image = self.constraints.image
             for some in _most_worthy_first(
-                nearly, prices, NEARNESS.first if name == "corner_deg" else 0
+                nearly, prices, self._nearness.first if name == "corner_deg" else 0
             ):
                 wanted = nearly & some
                 margin = (

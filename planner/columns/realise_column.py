@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,44 +16,11 @@ from planner.exceptions import InfeasibleError
 from planner.executors import Shared
 from planner.setting.infeasible import missing_corners
 from planner.setting.plan_setting import best_setting
-from planner.setting.pose_search import Search
 from planner.setting.pose_setting import setting_at, without
 from planner.setting.reason import Reason, ReasonKind
 from planner.setting.sensor_setting import SensorSetting
-from planner.verify.simulate_setting import MODEL_TOLERANCE, simulate_setting
+from planner.verify.simulate_setting import simulate_setting
 from planner.verify.simulated import Posed
-
-
-@dataclass(frozen=True)
-class Support:
-    """When simulation supports a pose, and how hard another is looked for if it does not.
-
-    Attributes
-    ----------
-    trial_poses : int
-        Displaced poses simulated to tell whether a pose is contradicted.
-    neighbours : int
-        Poses drawn near one that is.
-    batch : int
-        Of these, so many are judged at a time: often one of the first is supported.
-    most_trials : int
-        Of those that inspect the same, so many are simulated at most.
-    too_high : float
-        A promise that is too high by more than this is contradicted, as in the simulation of the whole plan.
-    sure_poses : int
-        Displaced poses simulated where the first ones contradict a promise: frequencies are known to a standard
-        error of 0.0025 or less then.
-    """
-
-    trial_poses: int = 4000
-    neighbours: int = 2000
-    batch: int = 250
-    most_trials: int = 100
-    too_high: float = MODEL_TOLERANCE
-    sure_poses: int = 40_000
-
-
-SUPPORT = Support()
 
 # what a failing constraint means to the person who reads the plan
 _MEANING = {
@@ -97,7 +64,7 @@ def realise(
     for objective in ("sum", "min"):
         try:
             # only of a single entity it is told why it is not inspected
-            search = Search(explain=len(names) == 1)
+            search = replace(judge.effort.search, explain=len(names) == 1)
             setting = best_setting(request, seed, objective=objective, search=search, start=start)
         except InfeasibleError as error:
             return Outcome(reason=Reason.of(meaning(error), error))
@@ -139,7 +106,8 @@ def best_supported(judge: Judge, options: Sequence[SensorSetting], seed: int) ->
     seed : int
         Of the poses tried and displaced.
     """
-    rng = np.random.default_rng([seed, SUPPORT.trial_poses])
+    support = judge.effort.support
+    rng = np.random.default_rng([seed, support.trial_poses])
     found: SensorSetting | PosedOnly = options[0]
     least = np.inf
     poses: Iterable[SensorSetting | PosedOnly] = itertools.chain(
@@ -150,7 +118,7 @@ def best_supported(judge: Judge, options: Sequence[SensorSetting], seed: int) ->
         if too_much < least:
             found = pose
             least = too_much
-        if least <= SUPPORT.too_high:
+        if least <= support.too_high:
             break
     if isinstance(found, SensorSetting):
         return found
@@ -171,10 +139,11 @@ def without_contradicted(
         Of the poses displaced.
     """
     settings = list(settings)
-    rng = np.random.default_rng([seed, SUPPORT.trial_poses])
+    support = judge.effort.support
+    rng = np.random.default_rng([seed, support.trial_poses])
     excess = [_excess(judge, setting, rng) for setting in settings]
     supported = [
-        {name for name, too_much in rates.items() if too_much <= SUPPORT.too_high}
+        {name for name, too_much in rates.items() if too_much <= support.too_high}
         for rates in excess
     ]
     result = []
@@ -189,16 +158,17 @@ def without_contradicted(
 
 def promised_too_much(judge: Judge, setting: Posed, seed: int) -> dict[str, float]:
     """Return the entities that simulation contradicts in a setting, and by how much they promise too much."""
-    excess = _excess(judge, setting, np.random.default_rng([seed, SUPPORT.trial_poses]))
-    suspected = tuple(name for name, too_much in excess.items() if too_much > SUPPORT.too_high)
+    support = judge.effort.support
+    excess = _excess(judge, setting, np.random.default_rng([seed, support.trial_poses]))
+    suspected = tuple(name for name, too_much in excess.items() if too_much > support.too_high)
     if not suspected:
         return {}
     some = PosedOnly(
         setting.cam2world, suspected, {name: setting.probability[name] for name in suspected}
     )
-    rng = np.random.default_rng([seed, SUPPORT.sure_poses])
-    excess = _excess(judge, some, rng, SUPPORT.sure_poses)
-    return {name: too_much for name, too_much in excess.items() if too_much > SUPPORT.too_high}
+    rng = np.random.default_rng([seed, support.sure_poses])
+    excess = _excess(judge, some, rng, support.sure_poses)
+    return {name: too_much for name, too_much in excess.items() if too_much > support.too_high}
 
 
 class PosedOnly(NamedTuple):
@@ -210,7 +180,7 @@ class PosedOnly(NamedTuple):
 
 
 def _excess(
-    judge: Judge, setting: Posed, rng: np.random.Generator, n: int = SUPPORT.trial_poses
+    judge: Judge, setting: Posed, rng: np.random.Generator, n: int | None = None
 ) -> dict[str, float]:
     """Simulate a setting; return by how much it promises too much for each entity."""
     rates = simulate_setting(
@@ -219,7 +189,7 @@ def _excess(
         judge.camera,
         judge.request.pose_uncertainty,
         accuracy=judge.accuracy,
-        n=n,
+        n=judge.effort.support.trial_poses if n is None else n,
         rng=rng,
     )
     return {name: rate.predicted - rate.frequency for name, rate in rates.items()}
@@ -227,8 +197,9 @@ def _excess(
 
 def _near(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> Iterator[PosedOnly]:
     """Yield poses near a setting that inspect the same entities."""
+    support = judge.effort.support
     poses = perturbed(
-        np.repeat(setting.cam2world[None], SUPPORT.neighbours, axis=0),
+        np.repeat(setting.cam2world[None], support.neighbours, axis=0),
         judge.camera.focus_distance_mm,
         rng,
     )
@@ -236,10 +207,10 @@ def _near(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> Ite
     tried = 0
     # worth more than 1 is only what nearly inspects all of them: no more is looked at of the others
     prices = own / (own.sum() - 0.5)
-    for first in range(0, len(poses), SUPPORT.batch):
-        some = poses[first : first + SUPPORT.batch]
+    for first in range(0, len(poses), support.batch):
+        some = poses[first : first + support.batch]
         judged = judge(some, prices)
-        for k in np.flatnonzero(judged.inspects[:, own].all(axis=1))[: SUPPORT.most_trials - tried]:
+        for k in np.flatnonzero(judged.inspects[:, own].all(axis=1))[: support.most_trials - tried]:
             tried += 1
             stated = dict(zip(judge.names, judged.probability[k].tolist(), strict=True))
             yield PosedOnly(

@@ -7,39 +7,21 @@ a cover of realised ones, by exchange; and a cover by realised and optimistic co
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from planner.cover.exchange_search import exchange_columns
 from planner.cover.relaxation import columns_of_covers, core_columns
 from planner.cover.set_cover import bound_columns, min_cover
-
-
-@dataclass(frozen=True)
-class Covering:
-    """How long few columns are looked for.
-
-    Attributes
-    ----------
-    quality_slack : float
-        Share of what better poses can gain in the cover that is not worth the solver's time.
-    exchanges : int
-        Steps of the exchange search for a cover of one column less.
-    at_once : int
-        Sets to be tried before the next exchange: what is realised of them changes what others are worth.
-    """
-
-    quality_slack: float = 0.3
-    exchanges: int = 1000
-    at_once: int = 4
-
-
-COVERING = Covering()
+from planner.effort.cover import Covering
+from planner.effort.effort import NORMAL
 
 
 def few_columns(
-    membership: np.ndarray, nodes: int, rng: np.random.Generator, quality: np.ndarray | None = None
+    membership: np.ndarray,
+    nodes: int,
+    rng: np.random.Generator,
+    quality: np.ndarray | None = None,
+    covering: Covering = NORMAL.cover,
 ) -> np.ndarray:
     """Choose few columns that cover every entity; the work is limited by counting: the choice is repeatable.
 
@@ -51,20 +33,22 @@ def few_columns(
     rng : numpy.random.Generator
     quality : array (c,), optional
         In [0, 1]; larger is better among covers of equal size.
+    covering : Covering
+        How long few columns are looked for.
 
     Returns
     -------
     array of int
         Column indices.
     """
-    core = core_columns(membership)
-    chosen = _cover(membership, core, nodes, quality)
+    core = core_columns(membership, covering.relaxation)
+    chosen = _cover(membership, core, nodes, quality, covering)
     fewest = bound_columns(membership)
     while len(chosen) > fewest:
-        found = exchange_columns(membership, len(chosen) - 1, steps=COVERING.exchanges, rng=rng)
+        found = exchange_columns(membership, len(chosen) - 1, steps=covering.exchanges, rng=rng)
         if found.missing:
             break
-        again = _cover(membership, np.union1d(core, found.chosen), nodes, quality)
+        again = _cover(membership, np.union1d(core, found.chosen), nodes, quality, covering)
         chosen = again if len(again) <= len(found.chosen) else np.sort(found.chosen)
     return chosen
 
@@ -76,6 +60,7 @@ def sets_to_realise(
     enough: int,
     nodes: int,
     rng: np.random.Generator,
+    covering: Covering = NORMAL.cover,
 ) -> list[np.ndarray]:
     """Choose sets of entities of which poses would make a cover of fewer columns than are enough, or nearly so.
 
@@ -88,6 +73,8 @@ def sets_to_realise(
     nodes : int
         Nodes of the integer programming solver's tree, at most.
     rng : numpy.random.Generator
+    covering : Covering
+        How long few columns are looked for.
 
     Returns
     -------
@@ -100,25 +87,30 @@ def sets_to_realise(
         if enough == 1:
             return []
         chosen, missing, wanted = exchange_columns(
-            realised, enough - 1, steps=COVERING.exchanges, rng=rng
+            realised, enough - 1, steps=covering.exchanges, rng=rng
         )
         enough = enough if missing else len(chosen)
     wanted = wanted[~_contain(wanted, refuted)]
     wanted = wanted[_contained(wanted, near)]
     if len(wanted):
-        return list(wanted[np.argsort(wanted.sum(axis=1), kind="stable")[: COVERING.at_once]])
-    return _of_cover(realised, near, enough, nodes)
+        return list(wanted[np.argsort(wanted.sum(axis=1), kind="stable")[: covering.at_once]])
+    return _of_cover(realised, near, enough, nodes, covering)
 
 
-def _of_cover(realised: np.ndarray, near: np.ndarray, enough: int, nodes: int) -> list[np.ndarray]:
+def _of_cover(
+    realised: np.ndarray, near: np.ndarray, enough: int, nodes: int, covering: Covering
+) -> list[np.ndarray]:
     """Choose a cover with optimistic columns; return what these are to inspect if it is small enough."""
     both = np.concatenate([realised, near])
-    usable = columns_of_covers(both, enough - 1)
+    usable = columns_of_covers(both, enough - 1, covering.relaxation)
     if not both[usable].any(axis=0).all():
         return []
     # of small covers one with many realised columns: the fewer are left to realise, the better the chances
-    core = np.union1d(usable[core_columns(both[usable])], core_columns(realised))
-    chosen = _cover(both, core, nodes, np.arange(len(both)) < len(realised))
+    core = np.union1d(
+        usable[core_columns(both[usable], covering.relaxation)],
+        core_columns(realised, covering.relaxation),
+    )
+    chosen = _cover(both, core, nodes, np.arange(len(both)) < len(realised), covering)
     if len(chosen) >= enough:
         return []
     left = ~both[chosen[chosen < len(realised)]].any(axis=0)
@@ -141,10 +133,14 @@ def _contained(sets: np.ndarray, columns: np.ndarray) -> np.ndarray:
 
 
 def _cover(
-    membership: np.ndarray, core: np.ndarray, nodes: int, quality: np.ndarray | None
+    membership: np.ndarray,
+    core: np.ndarray,
+    nodes: int,
+    quality: np.ndarray | None,
+    covering: Covering,
 ) -> np.ndarray:
     """Choose few of the core columns by integer programming."""
     quality = None if quality is None else quality[core]
-    slack = COVERING.quality_slack
+    slack = covering.quality_slack
     cover = min_cover(membership[core], quality, time_limit_s=np.inf, node_limit=nodes, slack=slack)
     return core[list(cover.chosen)]

@@ -5,52 +5,22 @@ heaviest of those that the weights break, too, until they break none.
 """
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
 from planner.cover.set_cover import check_membership
+from planner.effort.cover import Relaxation
+from planner.effort.effort import NORMAL
 from planner.executors import THREADS
 
 
-@dataclass(frozen=True)
-class Relaxation:
-    """How the linear relaxation is solved, and which columns it leaves out.
-
-    Attributes
-    ----------
-    fixing_bias, fixing_duals : float, int
-        Bias and number of the duals that columns are left out by: their mean is nearer to the middle of all optimal
-        duals than any one of them.
-    core_slack : float
-        A column stays if its reduced cost is no more than this.
-    core_of_entity : int
-        So many of the heaviest columns of every entity stay in any case.
-    first_columns, more_columns : int
-        Columns in the first linear program, and of those it breaks so many more at a time: few are ever needed.
-    broken : float
-        A constraint of the dual that is broken by less is rounding.
-    shares : int
-        Several duals are solved in so many shares, one thread each.
-    """
-
-    fixing_bias: float = 1.05
-    fixing_duals: int = 4
-    core_slack: float = 0.1
-    core_of_entity: int = 5
-    first_columns: int = 300
-    more_columns: int = 100
-    broken: float = 1e-9
-    shares: int = 2
-
-
-RELAXATION = Relaxation()
-
-
 def fractional_cover(
-    membership: np.ndarray, bias: np.ndarray | None = None, guess: np.ndarray | None = None
+    membership: np.ndarray,
+    bias: np.ndarray | None = None,
+    guess: np.ndarray | None = None,
+    relaxation: Relaxation = NORMAL.cover.relaxation,
 ) -> tuple[float, np.ndarray]:
     """Solve the linear relaxation and its dual.
 
@@ -62,6 +32,8 @@ def fractional_cover(
         value.
     guess : array_like, shape (e,), optional
         Weights of a similar problem; they make it quicker.
+    relaxation : Relaxation
+        How it is solved.
 
     Returns
     -------
@@ -80,12 +52,15 @@ def fractional_cover(
     if n_entities == 0:
         return 0.0, np.zeros(0)
     bias = np.ones(n_entities) if bias is None else np.asarray(bias, dtype=float)
-    weights = _dual(membership, bias, _first_columns(membership, guess))
+    active = _first_columns(membership, relaxation, guess)
+    weights = _dual(membership, bias, active, relaxation)
     weights /= max(1.0, float((membership @ weights).max()))
     return float(weights.sum()), weights
 
 
-def mean_dual(membership: np.ndarray, bias: float, n: int) -> np.ndarray:
+def mean_dual(
+    membership: np.ndarray, bias: float, n: int, relaxation: Relaxation = NORMAL.cover.relaxation
+) -> np.ndarray:
     """Return the mean (e,) of several duals of the fractional cover, no column weighing more than 1.
 
     A single one often rests on few entities, and gives nearly every column the same weight.
@@ -97,6 +72,8 @@ def mean_dual(membership: np.ndarray, bias: float, n: int) -> np.ndarray:
         Every dual maximises the weights times random factors from 1 to this; with 1, their sum.
     n : int
         Number of duals.
+    relaxation : Relaxation
+        How each is solved.
 
     Raises
     ------
@@ -110,14 +87,16 @@ def mean_dual(membership: np.ndarray, bias: float, n: int) -> np.ndarray:
     with ThreadPoolExecutor(THREADS) as pool:
         # in a fixed number of shares, so that the result does not depend on the machine
         weights = pool.map(
-            lambda k: _duals(membership, factors[k :: RELAXATION.shares]),
-            range(min(n, RELAXATION.shares)),
+            lambda k: _duals(membership, factors[k :: relaxation.shares], relaxation),
+            range(min(n, relaxation.shares)),
         )
         weights = np.mean(np.concatenate(list(weights)), axis=0)
     return weights / max(1.0, float((membership @ weights).max(initial=0.0)))
 
 
-def columns_of_covers(membership: np.ndarray, size: int) -> np.ndarray:
+def columns_of_covers(
+    membership: np.ndarray, size: int, relaxation: Relaxation = NORMAL.cover.relaxation
+) -> np.ndarray:
     """Return the columns that a cover of at most so many may use (reduced-cost fixing).
 
     With weights y that give no column more than 1, a cover with a column of weight 1 - r has at least sum(y) + r.
@@ -126,6 +105,8 @@ def columns_of_covers(membership: np.ndarray, size: int) -> np.ndarray:
     ----------
     membership : array_like of bool, shape (c, e)
     size : int
+    relaxation : Relaxation
+        By how many duals columns are left out.
 
     Returns
     -------
@@ -137,11 +118,13 @@ def columns_of_covers(membership: np.ndarray, size: int) -> np.ndarray:
     CoverError
         If some entity is in no column.
     """
-    weights = mean_dual(membership, RELAXATION.fixing_bias, RELAXATION.fixing_duals)
+    weights = _fixing_dual(membership, relaxation)
     return np.flatnonzero(membership @ weights >= 1.0 - (size - float(weights.sum())) - 1e-6)
 
 
-def core_columns(membership: np.ndarray) -> np.ndarray:
+def core_columns(
+    membership: np.ndarray, relaxation: Relaxation = NORMAL.cover.relaxation
+) -> np.ndarray:
     """Return the columns worth looking at for a small cover; they contain every entity.
 
     Those of least reduced cost (the core problem of large set covers; Caprara, Fischetti & Toth 1999). Integer
@@ -150,6 +133,8 @@ def core_columns(membership: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     membership : array_like of bool, shape (c, e)
+    relaxation : Relaxation
+        How many columns are worth looking at.
 
     Returns
     -------
@@ -161,31 +146,40 @@ def core_columns(membership: np.ndarray) -> np.ndarray:
         If some entity is in no column.
     """
     membership = check_membership(membership)
-    weight = membership @ mean_dual(membership, RELAXATION.fixing_bias, RELAXATION.fixing_duals)
-    kept = weight >= 1.0 - RELAXATION.core_slack
+    weight = membership @ _fixing_dual(membership, relaxation)
+    kept = weight >= 1.0 - relaxation.core_slack
     # of an entity in none of them, the heaviest columns there are
     for entity in np.flatnonzero(~membership[kept].any(axis=0)):
         own = np.flatnonzero(membership[:, entity])
-        kept[own[np.argsort(-weight[own], kind="stable")[: RELAXATION.core_of_entity]]] = True
+        kept[own[np.argsort(-weight[own], kind="stable")[: relaxation.core_of_entity]]] = True
     return np.flatnonzero(kept)
 
 
-def _duals(membership: np.ndarray, factors: np.ndarray) -> np.ndarray:
+def _fixing_dual(membership: np.ndarray, relaxation: Relaxation) -> np.ndarray:
+    """Return the weights (e,) that columns are left out by."""
+    return mean_dual(membership, relaxation.fixing_bias, relaxation.fixing_duals, relaxation)
+
+
+def _duals(membership: np.ndarray, factors: np.ndarray, relaxation: Relaxation) -> np.ndarray:
     """Solve the dual for each row (f, e) of factors; the columns of one are those that the next one starts with."""
-    active = _first_columns(membership)
-    return np.array([_dual(membership, factor, active) for factor in factors])
+    active = _first_columns(membership, relaxation)
+    return np.array([_dual(membership, factor, active, relaxation) for factor in factors])
 
 
-def _first_columns(membership: np.ndarray, guess: np.ndarray | None = None) -> np.ndarray:
+def _first_columns(
+    membership: np.ndarray, relaxation: Relaxation, guess: np.ndarray | None = None
+) -> np.ndarray:
     """Return which columns (c,) to start with: the heaviest by a guess or the largest, and one for every entity."""
     active = np.zeros(len(membership), dtype=bool)
     heavy = membership.sum(axis=1) if guess is None else membership @ np.asarray(guess, dtype=float)
-    active[np.argsort(-heavy, kind="stable")[: RELAXATION.first_columns]] = True
+    active[np.argsort(-heavy, kind="stable")[: relaxation.first_columns]] = True
     active[np.argmax(membership, axis=0)] = True
     return active
 
 
-def _dual(membership: np.ndarray, bias: np.ndarray, active: np.ndarray) -> np.ndarray:
+def _dual(
+    membership: np.ndarray, bias: np.ndarray, active: np.ndarray, relaxation: Relaxation
+) -> np.ndarray:
     """Return the dual (e,); ``active`` (c,) is changed to the columns it was solved with."""
     while True:
         result = linprog(
@@ -196,7 +190,7 @@ def _dual(membership: np.ndarray, bias: np.ndarray, active: np.ndarray) -> np.nd
         )
         weights = np.clip(result.x, 0.0, None)
         weight = membership @ weights
-        broken = np.flatnonzero((weight > 1.0 + RELAXATION.broken) & ~active)
+        broken = np.flatnonzero((weight > 1.0 + relaxation.broken) & ~active)
         if not broken.size:
             return weights
-        active[broken[np.argsort(-weight[broken], kind="stable")[: RELAXATION.more_columns]]] = True
+        active[broken[np.argsort(-weight[broken], kind="stable")[: relaxation.more_columns]]] = True

@@ -17,6 +17,7 @@ import numpy as np
 from errors.measurands.localisation import Localisation
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.effort.effort import Effort
 from planner.exceptions import RequestError
 from planner.identity.difference import first_difference
 from planner.identity.earlier import in_words_of_now
@@ -25,7 +26,6 @@ from planner.identity.program import program_digest
 from planner.identity.target_record import TargetRecord
 from planner.light.lighting import Lighting
 from planner.request.constraints import Requirements
-from planner.request.effort import Effort
 
 # beside the request in a plan file: how the part's file was read
 SOURCE = "source"

@@ -73,7 +73,7 @@ def plain_fields(record: Any) -> dict[str, Any]:
 
 
 def completed_value(kind: Any, value: Any) -> Any:
-    """Return plain values of a dataclass with the fields they lack, which have their defaults.
+    """Return plain values of a record with the fields they lack, which have their defaults.
 
     Parameters
     ----------
@@ -83,18 +83,12 @@ def completed_value(kind: Any, value: Any) -> Any:
         Plain values, such as an earlier program wrote: it did not know all fields.
     """
     kind = _without_none(kind)
-    if not (is_dataclass(kind) and isinstance(value, Mapping)):
+    if not (_is_record(kind) and isinstance(value, Mapping)):
         return value
     kinds = get_type_hints(kind)
-    complete = dict(value)
-    for field in fields(kind):
-        if field.name in value:
-            complete[field.name] = completed_value(kinds[field.name], value[field.name])
-        elif field.default is not MISSING:
-            complete[field.name] = plain_value(field.default, field.name)
-        elif field.default_factory is not MISSING:
-            complete[field.name] = plain_value(field.default_factory(), field.name)
-    return complete
+    known = {name: completed_value(kinds.get(name), item) for name, item in value.items()}
+    defaults = {name: plain_value(item, name) for name, item in _defaults(kind).items()}
+    return {**defaults, **known}
 
 
 def restored_value(kind: Any, value: Any) -> Any:
@@ -128,7 +122,7 @@ def restored_value(kind: Any, value: Any) -> Any:
         kind = _KINDS[name]
     if hasattr(kind, "from_dict"):
         return kind.from_dict(value)
-    if hasattr(kind, "_asdict") or is_dataclass(kind):
+    if _is_record(kind):
         kinds = get_type_hints(kind)
         return kind(**{name: restored_value(kinds[name], own) for name, own in value.items()})
     if get_origin(kind) is tuple:
@@ -136,6 +130,23 @@ def restored_value(kind: Any, value: Any) -> Any:
     if kind is np.ndarray:
         return np.array(value, dtype=np.float64)
     return float(value) if kind is float and isinstance(value, str) else value
+
+
+def _is_record(kind: Any) -> bool:
+    return is_dataclass(kind) or hasattr(kind, "_asdict")
+
+
+def _defaults(kind: Any) -> dict[str, Any]:
+    """Return the defaults of a dataclass or a named tuple, by field."""
+    if not is_dataclass(kind):
+        return dict(kind._field_defaults)
+    made = {
+        field.name: field.default_factory()
+        for field in fields(kind)
+        if field.default_factory is not MISSING
+    }
+    given = {field.name: field.default for field in fields(kind) if field.default is not MISSING}
+    return {**made, **given}
 
 
 def _without_none(kind: Any) -> Any:

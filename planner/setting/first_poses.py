@@ -12,38 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.effort.effort import NORMAL
+from planner.effort.poses import Repair
 from planner.request.constraints import Constraints
 from planner.setting.pose_bits import PoseEncoding
 from planner.setting.viewpoint_sampling import ViewpointSampler
-
-
-@dataclass(frozen=True)
-class Repair:
-    """How feasible poses are drawn, and found near those that miss least if draws are in vain.
-
-    Attributes
-    ----------
-    batch : int
-        Viewpoints drawn at a time.
-    pool : int
-        Poses kept from one round of the repair to the next: the least violating.
-    children : int
-        Poses tried near them in a round.
-    first_step, last_step : float
-        Size of the changes in the first and the last round, as shares of the parameters' ranges.
-    rounds : int
-        Rounds; the steps shrink by a constant factor.
-    """
-
-    batch: int = 512
-    pool: int = 32
-    children: int = 256
-    first_step: float = 0.2
-    last_step: float = 1e-3
-    rounds: int = 24
-
-
-REPAIR = Repair()
 
 
 @dataclass
@@ -74,6 +47,7 @@ def draw_start(
     rng: np.random.Generator,
     max_draws: int = 8192,
     known: np.ndarray | None = None,
+    repairing: Repair = NORMAL.search.repair,
 ) -> Start:
     """Return up to n feasible chromosomes: known poses (m, 4, 4) first, then draws, then the repair."""
     tried = [np.empty((0, 6)) if known is None else encoding.parameters_of(known)]
@@ -83,7 +57,7 @@ def draw_start(
     hits = int(ok.sum())
     given = hits
     while hits < n and drawn < max_draws:
-        positions = sampler.sample(REPAIR.batch, rng)
+        positions = sampler.sample(repairing.batch, rng)
         if not len(positions):
             break
         parameters = np.hstack([positions, encoding.draw_turns(len(positions), rng)])
@@ -92,13 +66,13 @@ def draw_start(
         hits += int(ok.sum())
         found.append(bits[ok])
         tried.append(parameters)
-        if len(positions) < REPAIR.batch:
+        if len(positions) < repairing.batch:
             # viewpoints are so rare that more draws would take long
             break
     nearest = np.concatenate(tried)
     if hits < n and len(nearest):
-        nearest = _least_violating(nearest, encoding, constraints)
-        repaired, nearest = repair(n - hits, nearest, encoding, constraints, rng)
+        nearest = _least_violating(nearest, encoding, constraints, repairing)
+        repaired, nearest = repair(n - hits, nearest, encoding, constraints, rng, repairing)
         found.append(repaired)
     return Start(np.concatenate(found)[:n], nearest, drawn, hits - given)
 
@@ -117,19 +91,20 @@ def repair(
     encoding: PoseEncoding,
     constraints: Constraints,
     rng: np.random.Generator,
+    repairing: Repair,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Move the least violating parameters towards feasibility; return up to n feasible bits, and the last pool."""
-    pool = tried[: REPAIR.pool]
+    pool = tried[: repairing.pool]
     found = []
     missed = _violation(pool, encoding, constraints)
-    for step in np.geomspace(REPAIR.first_step, REPAIR.last_step, REPAIR.rounds):
-        children = neighbours(pool, REPAIR.children, step, encoding, rng)
+    for step in np.geomspace(repairing.first_step, repairing.last_step, repairing.rounds):
+        children = neighbours(pool, repairing.children, step, encoding, rng)
         bits, ok = snap(children, encoding, constraints)
         found.append(bits[ok])
         if sum(map(len, found)) >= n:
             break
         both = np.concatenate([missed, _violation(children, encoding, constraints)])
-        best = np.argsort(both, kind="stable")[: REPAIR.pool]
+        best = np.argsort(both, kind="stable")[: repairing.pool]
         pool = np.concatenate([pool, children])[best]
         missed = both[best]
     return np.concatenate(found)[:n], pool
@@ -146,7 +121,7 @@ def neighbours(
 
 
 def _least_violating(
-    parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints
+    parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints, repairing: Repair
 ) -> np.ndarray:
     """Return those of the parameters (m, 6) whose poses violate least, sorted; at most so many as repair keeps.
 
@@ -154,11 +129,11 @@ def _least_violating(
     """
     at_least = constraints.violation(encoding.poses(parameters), images_only=True)
     best_first = np.argsort(at_least, kind="stable")
-    some = best_first[: REPAIR.children]
-    enough = np.sort(_violation(parameters[some], encoding, constraints))[: REPAIR.pool][-1]
+    some = best_first[: repairing.children]
+    enough = np.sort(_violation(parameters[some], encoding, constraints))[: repairing.pool][-1]
     hopeful = np.flatnonzero(at_least <= enough)
     violation = _violation(parameters[hopeful], encoding, constraints)
-    return parameters[hopeful[np.argsort(violation, kind="stable")[: REPAIR.pool]]]
+    return parameters[hopeful[np.argsort(violation, kind="stable")[: repairing.pool]]]
 
 
 def _violation(

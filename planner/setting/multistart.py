@@ -17,47 +17,14 @@ from typing import Any
 
 import numpy as np
 
+from planner.effort.effort import NORMAL
+from planner.effort.poses import Search, Starts
 from planner.request.constraints import Constraints
 from planner.request.objective import Objective
 from planner.setting.pose_bits import PoseEncoding
 from planner.setting.refine import approach, refine
 from planner.setting.viewpoint_sampling import ViewpointSampler
 
-
-@dataclass(frozen=True)
-class Starts:
-    """Which starts of the refinement are told apart, followed, and for how long.
-
-    Attributes
-    ----------
-    apart : float
-        Poses are apart by this share of the distance, or in rad, or of a parameter's range: nearer ones would be
-        refined to the same optimum.
-    pool : int
-        Positions drawn for each that is kept, so that those kept are spread.
-    followed : int
-        Ends that are refined at most.
-    promising : float
-        An end is followed if it reaches this share of the best one's merit.
-    steps, steps_mirrored : int
-        Steps from a start; a mirrored pose may have to go a long way.
-    onward_rounds : int
-        Refinements of one pose at most, the first in its cell.
-    onward_gain : float
-        One that gains no more than this share is the last.
-    """
-
-    apart: float = 0.1
-    pool: int = 8
-    followed: int = 3
-    promising: float = 0.98
-    steps: int = 8
-    steps_mirrored: int = 20
-    onward_rounds: int = 5
-    onward_gain: float = 1e-6
-
-
-STARTS = Starts()
 # turned views: shares of the encoded range of pan, tilt and roll
 _TURN = np.array([0.5, 0.5, 1.0])
 _MIRRORINGS = ((-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))
@@ -78,6 +45,8 @@ class Ascent:
         The best feasible pose so far.
     nfev : int
         Poses evaluated so far.
+    search : Search
+        Which starts are followed, and how they climb.
     """
 
     sampler: ViewpointSampler
@@ -88,6 +57,7 @@ class Ascent:
     cam2world: np.ndarray
     fitness: float
     nfev: int = 0
+    search: Search = NORMAL.search
 
     def consider(self, poses: np.ndarray) -> None:
         """Take the best of feasible poses (m, 4, 4) if it is better."""
@@ -115,26 +85,31 @@ class Ascent:
                 parameters = self.encoding.parameters_of(self.cam2world[None])
                 parameters[:, 3:5] *= signs
                 merit, pose = self._approach(
-                    self.encoding.poses(parameters)[0], _NO_WALLS, STARTS.steps_mirrored
+                    self.encoding.poses(parameters)[0], _NO_WALLS, self.search.starts.steps_mirrored
                 )
-                if merit > STARTS.promising * self.fitness and self._is_apart(
+                if merit > self.search.starts.promising * self.fitness and self._is_apart(
                     pose, [self.cam2world]
                 ):
                     self._follow(pose)
 
     def _approach(
-        self, pose: np.ndarray, walls: np.ndarray, steps: int = STARTS.steps
+        self, pose: np.ndarray, walls: np.ndarray, steps: int | None = None
     ) -> tuple[float, np.ndarray]:
-        pose, merit, nfev = approach(pose, walls, self.objective, self.constraints, steps)
+        if steps is None:
+            steps = self.search.starts.steps
+        pose, merit, nfev = approach(
+            pose, walls, self.objective, self.constraints, steps, self.search.climbing
+        )
         self.nfev += nfev
         return merit, pose
 
     def _promising(self, ends: list[Any]) -> list[np.ndarray]:
         """Return the best few poses of (merit, pose), nearly equally good and apart."""
+        starts = self.search.starts
         chosen: list[np.ndarray] = []
         ranked = sorted(ends, key=lambda end: -end[0])
         for merit, pose in ranked:
-            if merit < STARTS.promising * ranked[0][0] or len(chosen) == STARTS.followed:
+            if merit < starts.promising * ranked[0][0] or len(chosen) == starts.followed:
                 break
             if self._is_apart(pose, chosen):
                 chosen.append(pose)
@@ -142,27 +117,33 @@ class Ascent:
 
     def _is_apart(self, pose: np.ndarray, others: list[Any]) -> bool:
         """Whether position or direction of view, or both, differ by a tenth from those of all other poses."""
-        far = STARTS.apart * np.linalg.norm(pose[:3, 3] - self.constraints.sphere_centre)
+        apart = self.search.starts.apart
+        far = apart * np.linalg.norm(pose[:3, 3] - self.constraints.sphere_centre)
         return all(
             np.linalg.norm(pose[:3, 3] - other[:3, 3]) > far
-            or np.linalg.norm(pose[:3, 2] - other[:3, 2]) > STARTS.apart
+            or np.linalg.norm(pose[:3, 2] - other[:3, 2]) > apart
             for other in others
         )
 
     def _follow(self, pose: np.ndarray) -> None:
         """Refine a pose in its cell, and then again and again without walls while it gains."""
+        starts = self.search.starts
         fitness = -np.inf
         walls = self.sampler.cell_of(pose[:3, 3])
-        for _ in range(STARTS.onward_rounds):
+        for _ in range(starts.onward_rounds):
             if self.fitness >= self.enough:
                 return
             last = fitness
             pose, fitness, nfev = refine(
-                pose, _NO_WALLS if walls is None else walls, self.objective, self.constraints
+                pose,
+                _NO_WALLS if walls is None else walls,
+                self.objective,
+                self.constraints,
+                climbing=self.search.climbing,
             )
             self.nfev += nfev
             self._keep(pose, fitness)
-            if walls is None and fitness <= last * (1.0 + STARTS.onward_gain):
+            if walls is None and fitness <= last * (1.0 + starts.onward_gain):
                 return
             walls = None
 
@@ -172,7 +153,13 @@ class Ascent:
             self.fitness = fitness
 
 
-def best_apart(bits: np.ndarray, fitness: np.ndarray, encoding: PoseEncoding, n: int) -> np.ndarray:
+def best_apart(
+    bits: np.ndarray,
+    fitness: np.ndarray,
+    encoding: PoseEncoding,
+    n: int,
+    starts: Starts = NORMAL.search.starts,
+) -> np.ndarray:
     """Return up to n chromosomes, best first, that are apart from each other.
 
     Apart means by a tenth of some parameter's range: neighbours would be refined to the same optimum.
@@ -184,7 +171,7 @@ def best_apart(bits: np.ndarray, fitness: np.ndarray, encoding: PoseEncoding, n:
     chosen: list[int] = []
     for i in range(len(bits)):
         if len(chosen) < n and np.all(
-            np.abs(places[chosen] - places[i]).max(axis=1, initial=0.0) > STARTS.apart
+            np.abs(places[chosen] - places[i]).max(axis=1, initial=0.0) > starts.apart
         ):
             chosen.append(i)
     return bits[chosen]
@@ -211,13 +198,17 @@ def spread(positions: np.ndarray, n: int, first: int = 0) -> tuple[list[int], np
 
 
 def turned_views(
-    n: int, sampler: ViewpointSampler, encoding: PoseEncoding, rng: np.random.Generator
+    n: int,
+    sampler: ViewpointSampler,
+    encoding: PoseEncoding,
+    rng: np.random.Generator,
+    starts: Starts = NORMAL.search.starts,
 ) -> np.ndarray:
     """Draw up to n poses (m, 4, 4), feasible or not, in the covering domains.
 
     Positions are far apart; pan and tilt are at most half of what they may be, roll is anything.
     """
-    positions = sampler.sample(STARTS.pool * n, rng)
+    positions = sampler.sample(starts.pool * n, rng)
     if n == 0 or not len(positions):
         return np.empty((0, 4, 4))
     positions = positions[spread(positions, n)[0]]

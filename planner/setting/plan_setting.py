@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.detectability.conditions import NOT_ASKED, Detectability
+from planner.effort.poses import Search
 from planner.exceptions import RequestError
 from planner.request.argument_kinds import ITEMS, check_kinds
 from planner.request.constraints import Requirements
@@ -30,7 +31,7 @@ from planner.setting.infeasible import (
     check_resolvable,
     missing_corners,
 )
-from planner.setting.pose_search import Search, search_pose
+from planner.setting.pose_search import search_pose
 from planner.setting.sensor_setting import SensorSetting
 from planner.wanted.targets import check_is_edge
 

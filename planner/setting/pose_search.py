@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ga import GAResult, maximize
-from planner.exceptions import RequestError
+from planner.effort.poses import Search
 from planner.request.constraints import Constraints
-from planner.request.defaults import check_count
 from planner.request.objective import Objective
 from planner.setting.first_poses import draw_start
 from planner.setting.infeasible import explain_infeasible, explain_positions
@@ -24,182 +23,6 @@ if TYPE_CHECKING:
 
 # no pose is worth improving that misses the largest fitness there can be by so little, as a share
 _PERFECT = 1e-5
-_STARTS = ("refine_starts", "spread_starts", "turned_starts")
-
-
-@dataclass(frozen=True)
-class Search:
-    """How the pose is searched; see `ga.maximize` for the genetic algorithm's parameters.
-
-    Parameters
-    ----------
-    population : int
-        Individuals in every generation (N).
-    crossover : float
-        Probability P_c that a couple is crossed.
-    mutation : float
-        Probability P_m that a bit flips.
-    elitism : int
-        How many of the best pass unchanged to the next generation.
-    selection : {"roulette", "sus"}
-        How parents are drawn.
-    scaling : {"proportional", "window", "rank"}
-        Slots of the wheel.
-    attempts : int
-        Offspring drawn for a place at most.
-    epsilon : float
-        Converged when the total fitness changes by less than this in `patience` generations running.
-    patience : int
-        Generations for `epsilon`.
-    max_stall : int, optional
-        Also stop when the best fitness has not improved in so many generations.
-    max_generations : int
-        Cap on generations.
-    max_nfev : int, optional
-        Cap on the individuals that the genetic algorithm evaluates.
-    gene_bits : int
-        Bits per gene (M).
-    gray_code : bool
-        Gray code instead of plain binary.
-    refine_starts : int
-        How many of the last population's best individuals, apart from each other, to refine from.
-    spread_starts : int
-        How many of the first population's individuals, the best around positions as far from each other as can be, to
-        refine from: they reach optima that the population has left behind.
-    turned_starts : int
-        How many poses to refine from that are drawn in the covering domains with the view turned, feasible or not.
-        Without starts of any kind nothing is refined: the genetic algorithm's best is the outcome.
-    max_draws : int
-        Most poses drawn for the first population before the least violating ones are repaired.
-    stop_at_perfect : bool
-        Whether to end when all probabilities are 1 but for 0.001 %, as no pose can be better.
-    explain : bool
-        Whether to search for what it is that no pose meets, if none meets all; else the nearest pose is told of.
-    sampling : {"covering", "workspace"}
-        Where positions are drawn and encoded: in the covering domains where the lens can focus, or, for comparison, in
-        the whole workspace.
-
-    Raises
-    ------
-    RequestError
-        If a number of starts, `max_draws` or `sampling` breaks its rule; the others are checked by `ga`.
-
-    Examples
-    --------
-    >>> from planner import Search
-    >>> Search(population=50).population
-    50
-    """
-
-    population: int = 100
-    crossover: float = 0.9
-    mutation: float = 0.1
-    elitism: int = 2
-    selection: str = "roulette"
-    scaling: str = "window"
-    attempts: int = 6
-    epsilon: float = 1e-3
-    patience: int = 5
-    max_stall: int | None = 8
-    max_generations: int = 50
-    max_nfev: int | None = None
-    gene_bits: int = 16
-    gray_code: bool = True
-    refine_starts: int = 3
-    spread_starts: int = 5
-    turned_starts: int = 10
-    max_draws: int = 8192
-    stop_at_perfect: bool = True
-    explain: bool = True
-    sampling: str = "covering"
-
-    def __post_init__(self) -> None:
-        if self.sampling not in ("covering", "workspace"):
-            raise RequestError(
-                f"sampling must be 'covering' or 'workspace'. Got {self.sampling!r}."
-            )
-        for name, least in (
-            ("refine_starts", 0),
-            ("spread_starts", 0),
-            ("turned_starts", 0),
-            ("max_draws", 1),
-        ):
-            check_count(name, getattr(self, name), least)
-
-    @classmethod
-    def genetic(cls, **changes: Any) -> Search:
-        """Choose the default genetic algorithm alone, without refinement.
-
-        Parameters
-        ----------
-        **changes : int, float, bool or str
-            Fields to set otherwise.
-
-        Returns
-        -------
-        Search
-            With no starts of any kind to refine from, unless changed.
-
-        Raises
-        ------
-        RequestError
-            If a field breaks its rule.
-        """
-        return cls(**{**dict.fromkeys(_STARTS, 0), **changes})
-
-    @classmethod
-    def paper(cls, **changes: Any) -> Search:
-        """Choose the paper's plain algorithm: raw fitness, plain binary, no elitism, no refinement, no early end.
-
-        Parameters
-        ----------
-        **changes : int, float, bool or str
-            Fields to set otherwise.
-
-        Returns
-        -------
-        Search
-            The paper's choices, unless changed.
-
-        Raises
-        ------
-        RequestError
-            If a field breaks its rule.
-        """
-        plain = {
-            "elitism": 0,
-            "scaling": "proportional",
-            "max_stall": None,
-            "max_generations": 1000,
-            "gray_code": False,
-            "attempts": 20,
-            "stop_at_perfect": False,
-        }
-        return cls.genetic(**{**plain, **changes})
-
-    @property
-    def refines(self) -> bool:
-        """Whether there is any local refinement."""
-        return any(getattr(self, name) for name in _STARTS)
-
-    def ga_options(self) -> dict[str, Any]:
-        """Return the keyword arguments of `ga.maximize`.
-
-        Returns
-        -------
-        dict
-            Those of the fields that `ga.maximize` takes.
-        """
-        own = (
-            "gene_bits",
-            "gray_code",
-            "max_draws",
-            "stop_at_perfect",
-            "explain",
-            "sampling",
-            *_STARTS,
-        )
-        return {name: value for name, value in self.__dict__.items() if name not in own}
 
 
 @dataclass(frozen=True)
@@ -246,11 +69,7 @@ def search_pose(
         If no feasible pose is found; it says why.
     """
     known = np.empty((0, 4, 4)) if known is None else known
-    sampler = ViewpointSampler(cells, constraints.ends, constraints.camera)
-    if search.sampling == "workspace":
-        sampler = WorkspaceSampler(
-            cells, constraints.ends, constraints.camera, constraints.space.workspace
-        )
+    sampler = _sampler(cells, constraints, search)
     if sampler.empty:
         raise explain_positions(constraints, cells, rng)
     turn = constraints.camera.half_diagonal_rad
@@ -258,7 +77,14 @@ def search_pose(
         sampler.bounds, constraints.sphere_centre, turn, search.gene_bits, search.gray_code
     )
     start = draw_start(
-        search.population, sampler, encoding, constraints, rng, search.max_draws, known
+        search.population,
+        sampler,
+        encoding,
+        constraints,
+        rng,
+        search.max_draws,
+        known,
+        search.repair,
     )
     known = known[constraints.feasible(known)]
     if len(start.bits):
@@ -267,20 +93,13 @@ def search_pose(
     elif len(known):
         # feasible only between the steps of the encoding: what is left is to refine
         result = None
-        outcome = FoundPose(
-            known[0],
-            -np.inf,
-            0,
-            0,
-            "No encoded pose is feasible; the known poses were refined.",
-            (),
-        )
+        message = "No encoded pose is feasible; the known poses were refined."
+        outcome = FoundPose(known[0], -np.inf, 0, 0, message, ())
     else:
-        raise (
-            explain_infeasible(constraints, encoding, start.tried, rng if search.explain else None)
-            if len(start.tried)
-            else explain_positions(constraints, cells, rng)
-        )
+        if not len(start.tried):
+            raise explain_positions(constraints, cells, rng)
+        source = rng if search.explain else None
+        raise explain_infeasible(constraints, encoding, start.tried, source)
     ascent = Ascent(
         sampler,
         encoding,
@@ -289,6 +108,7 @@ def search_pose(
         _enough(objective),
         outcome.cam2world,
         outcome.fitness,
+        search=search,
     )
     ascent.consider(known)
     if search.refines and ascent.fitness < ascent.enough:
@@ -296,6 +116,14 @@ def search_pose(
         ascent.mirror()
     nfev = outcome.nfev + ascent.nfev
     return replace(outcome, cam2world=ascent.cam2world, fitness=ascent.fitness, nfev=nfev)
+
+
+def _sampler(cells: CellSet, constraints: Constraints, search: Search) -> ViewpointSampler:
+    """Return where positions are drawn."""
+    if search.sampling != "workspace":
+        return ViewpointSampler(cells, constraints.ends, constraints.camera)
+    workspace = constraints.space.workspace
+    return WorkspaceSampler(cells, constraints.ends, constraints.camera, workspace)
 
 
 def _starts(
@@ -307,11 +135,13 @@ def _starts(
 ) -> np.ndarray:
     """Return the poses (m, 4, 4) to refine from, given how the genetic algorithm ended and its first chromosomes."""
     encoding = ascent.encoding
-    poses = [turned_views(search.turned_starts, ascent.sampler, ascent.encoding, rng)]
+    poses = [
+        turned_views(search.turned_starts, ascent.sampler, ascent.encoding, rng, search.starts)
+    ]
     if result is not None:
         bits = np.vstack([result.x, result.population])
         fitness = np.append(result.fun, result.fitness)
-        best = best_apart(bits, fitness, encoding, search.refine_starts)
+        best = best_apart(bits, fitness, encoding, search.refine_starts, search.starts)
         first = encoding.decode(first)
         poses += [
             encoding.decode(best),

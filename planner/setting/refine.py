@@ -10,48 +10,15 @@ clearance, is left out far from the part, and put in if the pose found breaks it
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.optimize import minimize
 
 from planner.camera.pose import moved
+from planner.effort.effort import NORMAL
+from planner.effort.poses import Climbing
 from planner.request.constraints import Constraints
 from planner.request.objective import Objective
 
-
-@dataclass(frozen=True)
-class Climbing:
-    """How a pose climbs; lengths in units of its distance from the entities, turns in radians, both called a move.
-
-    Attributes
-    ----------
-    step : float
-        Half the step of the central differences.
-    tolerance : float
-        Where the solver stops: the change of the fitness, a probability or so, that no plan depends on.
-    back_off : float
-        Room left at every inequality: the solver takes those as satisfied that are broken by less than its tolerance in
-        all.
-    largest_move : float
-        The farthest a pose moves along each of the six directions; the cell that holds it ends sooner nearly always.
-    never_broken : float
-        The largest slack there is: a lens in focus to infinity leaves infinite room, of which there is no derivative.
-    most_slacks : int
-        Of all inequalities of one kind so many, the nearest to being broken, guide the way: the solver's time grows
-        with the square of their number.
-    """
-
-    step: float = 1e-4
-    tolerance: float = 1e-7
-    back_off: float = 2e-7
-    largest_move: float = 0.5
-    never_broken: float = 1e3
-    most_slacks: int = 24
-
-
-CLIMBING = Climbing()
-_AROUND = np.vstack([np.zeros(6), CLIMBING.step * np.eye(6), -CLIMBING.step * np.eye(6)])
 _SMOOTH = (
     "resolution_mm",
     "focus_mm",
@@ -72,7 +39,11 @@ class _Neighbourhood:
         half_spaces: np.ndarray,
         objective: Objective,
         constraints: Constraints,
+        climbing: Climbing,
     ) -> None:
+        self._climbing = climbing
+        step = climbing.step * np.eye(6)
+        self._around = np.vstack([np.zeros(6), step, -step])
         self.start = cam2world
         self.objective = objective
         self.constraints = constraints
@@ -99,7 +70,7 @@ class _Neighbourhood:
     def at(self, x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
         """Return (fitness, gradient (6,), slacks (m,), their Jacobian (m, 6)) at a move x (6,)."""
         if self._x is None or (x != self._x).any():
-            moves = x + _AROUND
+            moves = x + self._around
             poses = self.poses(moves)
             fitness = self.objective.fitness(poses)
             slacks = self._slacks(moves, poses)
@@ -107,9 +78,9 @@ class _Neighbourhood:
             self._x = x.copy()
             self._values = (
                 fitness[0],
-                (fitness[1:7] - fitness[7:]) / (2 * CLIMBING.step),
+                (fitness[1:7] - fitness[7:]) / (2 * self._climbing.step),
                 slacks[0],
-                (slacks[1:7] - slacks[7:]).T / (2 * CLIMBING.step),
+                (slacks[1:7] - slacks[7:]).T / (2 * self._climbing.step),
             )
         return self._values
 
@@ -122,18 +93,23 @@ class _Neighbourhood:
         inside = -(poses[:, :3, 3] @ self._normals.T + self._offsets) / self._scales
         slacks = (
             np.hstack(
-                [*columns, inside, CLIMBING.largest_move - moves, CLIMBING.largest_move + moves]
+                [
+                    *columns,
+                    inside,
+                    self._climbing.largest_move - moves,
+                    self._climbing.largest_move + moves,
+                ]
             )
-            - CLIMBING.back_off
+            - self._climbing.back_off
         )
-        return np.minimum(slacks, CLIMBING.never_broken)
+        return np.minimum(slacks, self._climbing.never_broken)
 
     def _nearest(self, name: str, slacks: np.ndarray) -> np.ndarray:
         """Return the columns of slacks (n, m) that were smallest when this was first asked."""
-        if slacks.shape[1] <= CLIMBING.most_slacks:
+        if slacks.shape[1] <= self._climbing.most_slacks:
             return slacks
         if name not in self._kept:
-            self._kept[name] = np.argsort(slacks[0], kind="stable")[: CLIMBING.most_slacks]
+            self._kept[name] = np.argsort(slacks[0], kind="stable")[: self._climbing.most_slacks]
         return slacks[:, self._kept[name]]
 
     def climb(self, max_iterations: int) -> np.ndarray:
@@ -148,7 +124,7 @@ class _Neighbourhood:
                 "jac": lambda x: self.at(x)[3],
             },
             method="SLSQP",
-            options={"maxiter": max_iterations, "ftol": CLIMBING.tolerance},
+            options={"maxiter": max_iterations, "ftol": self._climbing.tolerance},
         )
         return result.x if np.isfinite(result.x).all() else np.zeros(6)
 
@@ -159,6 +135,7 @@ def approach(
     objective: Objective,
     constraints: Constraints,
     iterations: int,
+    climbing: Climbing = NORMAL.search.climbing,
 ) -> tuple[np.ndarray, float, int]:
     """Take a few steps from a pose, feasible or not, towards the nearest local optimum.
 
@@ -168,6 +145,8 @@ def approach(
         As `refine`.
     iterations : int
         How many steps.
+    climbing : Climbing
+        How large they are.
 
     Returns
     -------
@@ -178,7 +157,7 @@ def approach(
     nfev : int
         Poses evaluated.
     """
-    near = _Neighbourhood(cam2world, half_spaces, objective, constraints)
+    near = _Neighbourhood(cam2world, half_spaces, objective, constraints, climbing)
     near.without("clearance_mm")
     x = near.climb(iterations)
     fitness, _, slacks, _ = near.at(x)
@@ -195,6 +174,7 @@ def refine(
     objective: Objective,
     constraints: Constraints,
     max_iterations: int = 60,
+    climbing: Climbing = NORMAL.search.climbing,
 ) -> tuple[np.ndarray, float, int]:
     """Improve a pose locally.
 
@@ -208,6 +188,8 @@ def refine(
         What is maximised, and what must hold.
     max_iterations : int
         Cap on iterations.
+    climbing : Climbing
+        How the pose climbs.
 
     Returns
     -------
@@ -218,10 +200,10 @@ def refine(
     nfev : int
         Poses evaluated.
     """
-    near = _Neighbourhood(cam2world, half_spaces, objective, constraints)
+    near = _Neighbourhood(cam2world, half_spaces, objective, constraints, climbing)
     evaluated = 0
     if _clearance(constraints, cam2world) > constraints.requirements.stand_off_mm:
-        far = _Neighbourhood(cam2world, half_spaces, objective, constraints)
+        far = _Neighbourhood(cam2world, half_spaces, objective, constraints, climbing)
         far.without("clearance_mm")
         x = far.climb(max_iterations)
         if _clearance(constraints, far.poses(x[None])[0]) >= 0:

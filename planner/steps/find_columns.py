@@ -9,7 +9,7 @@ import numpy as np
 from planner.columns.candidates import WarmStart, derive_seed, judged_poses, price_poses
 from planner.executors import in_order
 from planner.setting.reason import Reason
-from planner.steps.incumbents import IMPROVING, Incumbents
+from planner.steps.incumbents import Incumbents
 from planner.steps.run import Run
 
 # entities without a view are tried so many at a time: whole numbers of what several processes take at once
@@ -61,7 +61,7 @@ def _generate(run: Run, incumbents: Incumbents, rounds: int, seed: int) -> None:
     """Improve the pools, from where the state has got."""
 
     def offer(entries: dict[str, Any]) -> None:
-        if entries["pricing"]["done"] % IMPROVING.rounds == 0:
+        if entries["pricing"]["done"] % run.effort.stages.improving.rounds == 0:
             incumbents.offer(run)
 
     warm_start = WarmStart(coverable=~np.isin(run.names, list(run.state.uninspectable)))

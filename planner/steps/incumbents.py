@@ -7,7 +7,7 @@ that is watched ends with the same plan as one that is not.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,32 +20,13 @@ from planner.plan import InspectionPlan
 from planner.setting.sensor_setting import SensorSetting
 from planner.steps.assemble import assembled
 from planner.steps.run import Run
-from planner.steps.supported_columns import TRYING, SupportedColumns
+from planner.steps.supported_columns import SupportedColumns
 
 _TRIVIAL = "Fewer settings than one inspect nothing; the proof of a larger bound had not begun."
 _SO_FAR = (
     "Covering by optimistic columns, boxes of camera poses checked against necessary conditions (visibility, focus, "
     "sensor size, length of the image), as far as the proof had got."
 )
-
-
-@dataclass(frozen=True)
-class Improving:
-    """How often a better incumbent is looked for, and from how many poses the first ones are.
-
-    Attributes
-    ----------
-    rounds : int
-        Of column generation, from one look to the next.
-    directions : tuple of int
-        From so many each entity is looked at, at the first glances.
-    """
-
-    rounds: int = 5
-    directions: tuple[int, ...] = (4, 32)
-
-
-IMPROVING = Improving()
 
 
 class Incumbents:
@@ -72,7 +53,8 @@ class Incumbents:
 
     def glance(self, run: Run) -> None:
         """Make a plan of very few poses, so that there is one at once; the run does not take these poses in."""
-        for directions in IMPROVING.directions if self._callbacks.wants_plans else ():
+        improving = run.effort.stages.improving
+        for directions in improving.directions if self._callbacks.wants_plans else ():
             pool = ColumnPool(len(run.names))
             poses = first_poses(run.judge, directions, run.seed)
             judged = run.judge(poses)
@@ -86,7 +68,7 @@ class Incumbents:
             if self.best is not None:
                 self._callbacks.deadline.arm()
 
-    def _offer(self, run: Run, pool: ColumnPool, covers: int = TRYING.covers) -> None:
+    def _offer(self, run: Run, pool: ColumnPool, covers: int | None = None) -> None:
         """See whether the columns of a pool make a better plan."""
         found = self._columns.cover(
             run, pool, (0, 0) if self.best is None else _worth(self.best), covers

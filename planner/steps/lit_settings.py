@@ -8,7 +8,7 @@ of these, the settings are chosen once more, among the old ones and these, by wh
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -30,32 +30,6 @@ if TYPE_CHECKING:
     from planner.camera.camera import Camera
 
 
-@dataclass(frozen=True)
-class Looking:
-    """How hard a pose is looked for from which a lamp shows an entity.
-
-    Attributes
-    ----------
-    viewpoints : int
-        Drawn for each entity that no lamp shows, beside the poses of the pool.
-    around : int
-        Poses tried around each that was planned for it: what else the setting measures may stay with it.
-    tried : int
-        Poses of each entity that are lit by trial.
-    kept : int
-        Of those from which it shows, so many are candidates: those that inspect most, and that most surely.
-    places : int
-        Places of lamps that are tried beside the chosen ones, where lamps are placed.
-    """
-
-    viewpoints: int = 60
-    around: int = 400
-    tried: int = 48
-    kept: int = 8
-    places: int = 1000
-
-
-LOOKING = Looking()
 # multiples of it, without their whole parts, are spread evenly
 _GOLDEN = (5**0.5 - 1) / 2
 
@@ -92,7 +66,7 @@ def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan) -> Inspectio
     if found.light.complete or lighting.together:
         return found
     dark = _dark(found)
-    places = _places(lighting, found)
+    places = _places(run, lighting, found)
     others = _shown_from_elsewhere(run, lighting, found, (dark, places)) if dark else []
     settings = _chosen_among(run, found, others)
     if settings == list(found.settings):
@@ -125,7 +99,7 @@ def _dark(plan: InspectionPlan) -> list[str]:
     return [name for name in plan.entities if name in plan.inspected and name not in lit]
 
 
-def _places(lighting: Lighting, plan: InspectionPlan) -> NDArray[np.float64]:
+def _places(run: Run, lighting: Lighting, plan: InspectionPlan) -> NDArray[np.float64]:
     """Return places of lamps (n, 3) to try: those of the plan, and others if they may be placed; none of a ring."""
     assert plan.light is not None
     given = lighting.given
@@ -133,7 +107,7 @@ def _places(lighting: Lighting, plan: InspectionPlan) -> NDArray[np.float64]:
         return np.empty((0, 3))
     if isinstance(given, np.ndarray):
         return given
-    return np.concatenate([plan.light.lamps, given.places(LOOKING.places)])
+    return np.concatenate([plan.light.lamps, given.places(run.effort.stages.looking.places)])
 
 
 def _shown_from_elsewhere(
@@ -156,7 +130,7 @@ def _shown_from_elsewhere(
             axis=1
         )
         order = sorted(range(len(seen)), key=lambda i: (-more[i], -seen[i].fitness))
-        kept += [seen[i] for i in order[: LOOKING.kept]]
+        kept += [seen[i] for i in order[: run.effort.stages.looking.kept]]
         report(run.callbacks.progress, k + 1, len(names), "poses in the light")
     full = [one for one in map(_with_all(run), kept) if one.entities]
     lit = _shown(run, lighting, plan, full, places)
@@ -183,25 +157,26 @@ def _with_all(run: Run) -> Any:
 
 
 def _poses_that_inspect(run: Run, plan: InspectionPlan, name: str) -> NDArray[np.float64]:
-    """Return poses (n, 4, 4) that inspect an entity, `LOOKING.tried` at most: half inspect most, half are spread."""
+    """Return poses (n, 4, 4) that inspect an entity, `Looking.tried` at most: half inspect most, half are spread."""
+    looking = run.effort.stages.looking
     own = run.names.index(name)
     seed = derive_seed(run.seed, ["light", name])
     known = run.pool.poses[run.pool.membership[:, own]]
-    drawn = entity_poses(run.judge, name, LOOKING.viewpoints, seed)
+    drawn = entity_poses(run.judge, name, looking.viewpoints, seed)
     planned = np.array([one.cam2world for one in plan.settings if name in one.entities])
-    near = np.repeat(planned, LOOKING.around, axis=0)
+    near = np.repeat(planned, looking.around, axis=0)
     near = perturbed(near, run.request.camera.focus_distance_mm, np.random.default_rng(seed))
     poses = np.concatenate([known, drawn, near])
     inspects = run.judge(poses).inspects
     poses = poses[inspects[:, own]]
     more = inspects[inspects[:, own]].sum(axis=1)
-    if len(poses) <= LOOKING.tried:
+    if len(poses) <= looking.tried:
         return poses
     # of many that inspect as much, some from everywhere: neighbours in the list have the same viewpoint
     spread = np.modf(np.arange(len(poses)) * _GOLDEN)[0]
-    most = np.lexsort((spread, -more))[: LOOKING.tried // 2]
+    most = np.lexsort((spread, -more))[: looking.tried // 2]
     rest = np.setdiff1d(np.arange(len(poses)), most)
-    others = rest[np.linspace(0, len(rest) - 1, LOOKING.tried - len(most)).round().astype(int)]
+    others = rest[np.linspace(0, len(rest) - 1, looking.tried - len(most)).round().astype(int)]
     return np.asarray(poses[np.concatenate([most, others])])
 
 
@@ -250,5 +225,7 @@ def _chosen_among(
     columns = np.array([np.isin(run.names, setting.entities) for setting in options])
     covered = columns.any(axis=0)
     quality = np.array([setting.fitness / len(setting.entities) for setting in options])
-    chosen = few_columns(columns[:, covered], run.nodes(), run.rng("light"), quality)
+    chosen = few_columns(
+        columns[:, covered], run.nodes(), run.rng("light"), quality, run.effort.cover
+    )
     return [options[c] for c in chosen]

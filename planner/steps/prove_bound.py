@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -15,33 +15,7 @@ from planner.executors import Shared
 from planner.request.request import Request
 from planner.steps.incumbents import Incumbents
 from planner.steps.plan_state import empty_pools
-from planner.steps.run import SHARES, Run
-
-
-@dataclass(frozen=True)
-class Joining:
-    """How long the columns are improved from poses that the proof has come across.
-
-    Attributes
-    ----------
-    rounds : int
-        Rounds of column generation at least.
-    most_rounds : int
-        Rounds at most, while columns are few.
-    columns : int
-        Rounds times columns is about this: a round over many columns takes longer.
-    """
-
-    rounds: int = 5
-    most_rounds: int = 25
-    columns: int = 20_000
-
-    def rounds_for(self, n_columns: int) -> int:
-        """Return the rounds for a pool of so many columns."""
-        return min(max(self.rounds, self.columns // max(1, n_columns)), self.most_rounds)
-
-
-JOINING = Joining()
+from planner.steps.run import Run
 
 
 def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
@@ -72,7 +46,7 @@ def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
             run.request.restricted_to(run.names_of(inspected)),
             enough,
             columns.membership[:, inspected],
-            max_nodes=run.effort.bound_nodes,
+            effort=run.effort,
             improve=improve,
             checkpoint=checkpoint,
             executor=run.executor,
@@ -91,7 +65,9 @@ def _inspected(run: Run) -> np.ndarray:
         state.inspected = run.pool.inspected
         if state.inspected.any():
             membership = run.pool.membership[:, state.inspected]
-            state.known = len(few_columns(membership, run.nodes(SHARES.refuting), run.rng("known")))
+            nodes = run.nodes(run.effort.stages.shares.refuting)
+            chosen = few_columns(membership, nodes, run.rng("known"), covering=run.effort.cover)
+            state.known = len(chosen)
     return state.inspected
 
 
@@ -99,7 +75,8 @@ def find_incompatible(run: Run) -> None:
     """Find entities of which no setting inspects two: a bound long before the proof."""
     seen = np.flatnonzero(run.pool.inspected)
     if seen.size > 1:
-        found = exclusive_entities(run.request, seen, run.pool.membership[:, seen], run.executor)
+        columns = run.pool.membership[:, seen]
+        found = exclusive_entities(run.request, seen, columns, run.executor, run.effort)
         run.state.incompatible = tuple(np.array(run.names)[found].tolist())
 
 
@@ -148,7 +125,7 @@ class ProofColumns:
     def shared(self) -> Shared:
         """The judge of that request."""
         assert self.relaxed is not None
-        return Shared(Judge(self.relaxed))
+        return Shared(Judge(self.relaxed, self._run.effort))
 
     @property
     def _pools(self) -> Pools:
@@ -163,12 +140,13 @@ class ProofColumns:
     def join(self, poses: np.ndarray, seed: int) -> None:
         """Add what the proof came across to these columns, and to the plan's."""
         run = self._run
-        rounds = JOINING.rounds_for(len(run.pool))
+        joining = run.effort.stages.joining
+        rounds = joining.rounds_for(len(run.pool))
         silent = run.callbacks.silent
         start = WarmStart(poses)
         weighing = run.state.weighing
         # what is found without some conditions seldom meets them
-        own = rounds if weighing is None else JOINING.rounds
+        own = rounds if weighing is None else joining.rounds
         price_poses(run.shared, run.pools, seed, own, run.executor, silent, start)
         if weighing is not None:
             price_poses(self.shared, weighing, seed, rounds, run.executor, silent, start)

@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.cover.few_columns import few_columns, sets_to_realise
 from planner.steps.incumbents import Incumbents
-from planner.steps.run import SHARES, Run
+from planner.steps.run import Run
 
 
 def refute(run: Run, inspected: np.ndarray, bound: int, incumbents: Incumbents) -> None:
@@ -26,16 +26,18 @@ def refute(run: Run, inspected: np.ndarray, bound: int, incumbents: Incumbents) 
     left = run.effort.refutations
     enough = None
     rng = run.rng("refutation")
-    nodes = run.nodes(SHARES.refuting)
+    nodes = run.nodes(run.effort.stages.shares.refuting)
     impossible = np.zeros((0, len(run.names)), dtype=bool)
     while left > 0 and inspected.any():
         realised = run.pool.membership[:, inspected]
         if enough is None:
-            enough = len(few_columns(realised, nodes, rng))
+            enough = len(few_columns(realised, nodes, rng, covering=run.effort.cover))
         if enough <= 1 or bound >= run.callbacks.deadline.wanted_bound(enough):
             return
         near = run.pools.near.membership[:, inspected]
-        sets = sets_to_realise(realised, near, impossible[:, inspected], enough, nodes, rng)[:left]
+        sets = sets_to_realise(
+            realised, near, impossible[:, inspected], enough, nodes, rng, run.effort.cover
+        )[:left]
         if not sets:
             return
         left -= len(sets)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,29 +15,12 @@ from planner.columns.judge import Judge
 from planner.columns.outcome import Outcome
 from planner.columns.pool import ColumnPool
 from planner.columns.realise_column import PosedOnly, promised_too_much, realise
+from planner.effort.effort import Effort
 from planner.executors import Shared, in_order
-from planner.request.effort import Effort
 from planner.request.request import Request
 from planner.resume import PlanningState
 from planner.setting.sensor_setting import SensorSetting
 from planner.steps.plan_state import PlanState
-
-
-@dataclass(frozen=True)
-class CoverShares:
-    """Shares of `Effort.cover_nodes` for covers on the way to the last one.
-
-    Attributes
-    ----------
-    refuting : float
-        For each cover while optimistic columns are tried: there are many of them, and a cover that is not the best
-        costs no more than a run of the genetic algorithm.
-    """
-
-    refuting: float = 0.1
-
-
-SHARES = CoverShares()
 
 
 class Run:
@@ -76,7 +58,7 @@ class Run:
         callbacks: Callbacks = NOBODY,
     ):
         self.request = request
-        self.judge = Judge(request)
+        self.judge = Judge(request, effort)
         self.names = request.names
         self.shared = Shared(self.judge)
         self.seed = seed

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from planner.columns.candidates import derive_seed
@@ -12,22 +10,6 @@ from planner.cover.few_columns import few_columns
 from planner.setting.pose_setting import setting_at
 from planner.setting.sensor_setting import SensorSetting
 from planner.steps.run import Run
-
-
-@dataclass(frozen=True)
-class Preference:
-    """When the candidate pose is tried before the pose that the genetic algorithm found.
-
-    Attributes
-    ----------
-    fitness_gain : float
-        It is so much better in the sum of its probabilities: less is rounding.
-    """
-
-    fitness_gain: float = 1e-6
-
-
-PREFERENCE = Preference()
 
 
 def settle(run: Run, inspected: np.ndarray) -> list[SensorSetting]:
@@ -43,7 +25,11 @@ def settle(run: Run, inspected: np.ndarray) -> list[SensorSetting]:
     pool = run.pool
     request = run.request
     chosen = few_columns(
-        pool.membership[:, inspected], run.nodes(), run.rng("settings"), pool.quality
+        pool.membership[:, inspected],
+        run.nodes(),
+        run.rng("settings"),
+        pool.quality,
+        run.effort.cover,
     )
     sets = [run.names_of(pool.membership[c]) for c in chosen]
     settings = []
@@ -52,7 +38,10 @@ def settle(run: Run, inspected: np.ndarray) -> list[SensorSetting]:
         found = outcome.setting
         options = [setting_at(request, pool.poses[c], names, "candidate pose", seed=seed)]
         if found is not None and _holds(run, found, names):
-            options.insert(found.fitness < options[0].fitness - PREFERENCE.fitness_gain, found)
+            options.insert(
+                found.fitness < options[0].fitness - run.effort.stages.preference.fitness_gain,
+                found,
+            )
         settings.append(best_supported(run.judge, options, seed))
     return without_contradicted(run.judge, settings, run.seed)
 

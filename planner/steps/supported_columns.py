@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,28 +23,6 @@ from planner.setting.sensor_setting import SensorSetting
 from planner.steps.run import Run
 
 
-@dataclass(frozen=True)
-class Trying:
-    """How hard a cover is looked for that simulation supports.
-
-    Attributes
-    ----------
-    exchanges : int
-        Steps of the exchange search for a cover of one column less.
-    covers : int
-        Covers that are simulated at most, each with what was contradicted before taken out.
-    in_vain : int
-        An edge that simulation contradicts from so many candidate poses, and supports from none, is given up.
-    """
-
-    exchanges: int = 1000
-    covers: int = 20
-    in_vain: int = 4
-
-
-TRYING = Trying()
-
-
 class SupportedColumns:
     """What simulation supports of the candidate poses that were tried, each of them once."""
 
@@ -56,7 +33,7 @@ class SupportedColumns:
         self._in_vain: Counter[str] = Counter()
 
     def cover(
-        self, run: Run, pool: ColumnPool, beaten: tuple[int, int], covers: int = TRYING.covers
+        self, run: Run, pool: ColumnPool, beaten: tuple[int, int], covers: int | None = None
     ) -> list[SensorSetting] | None:
         """Choose few columns of a pool that simulation supports, for as many entities as possible.
 
@@ -68,15 +45,17 @@ class SupportedColumns:
         beaten : (int, int)
             Entities of a plan known, and minus its settings: what is not better is not looked for further.
         covers : int
-            Covers that are simulated at most.
+            Covers that are simulated at most. Default: as many as the effort says.
 
         Returns
         -------
         list of SensorSetting or None
             None if none better was found.
         """
+        trying = run.effort.stages.trying
+        covers = trying.covers if covers is None else covers
         membership, done = self._corrected(run, pool)
-        chosen = _short_cover(membership, beaten, run.rng("incumbent"))
+        chosen = _short_cover(membership, beaten, run.rng("incumbent"), trying.exchanges)
         for k in range(covers):
             if chosen is None:
                 return None
@@ -88,10 +67,9 @@ class SupportedColumns:
                 done[c] = True
             self._give_up(run, membership, done)
             if k + 1 < covers:
-                chosen = _short_cover(membership, beaten, run.rng("incumbent"))
-            own = _short_cover(
-                np.where(done[:, None], membership, False), beaten, run.rng("incumbent")
-            )
+                chosen = _short_cover(membership, beaten, run.rng("incumbent"), trying.exchanges)
+            known = np.where(done[:, None], membership, False)
+            own = _short_cover(known, beaten, run.rng("incumbent"), trying.exchanges)
             if k + 1 == covers or (
                 own is not None and chosen is not None and _as_good(membership, own, chosen)
             ):
@@ -111,7 +89,8 @@ class SupportedColumns:
 
     def _give_up(self, run: Run, membership: NDArray[np.bool_], done: NDArray[np.bool_]) -> None:
         """Clear the edges that no pose tried supports, although many promise them."""
-        often = np.array([self._in_vain[name] >= TRYING.in_vain for name in run.names])
+        in_vain = run.effort.stages.trying.in_vain
+        often = np.array([self._in_vain[name] >= in_vain for name in run.names])
         membership[:, often & ~membership[done].any(axis=0)] = False
 
     def _supported(self, run: Run, pool: ColumnPool, c: int) -> NDArray[np.bool_]:
@@ -158,11 +137,12 @@ def _entities(tried: SensorSetting | None) -> tuple[str, ...]:
 
 
 def _short_cover(
-    membership: NDArray[np.bool_], beaten: tuple[int, int], rng: np.random.Generator
+    membership: NDArray[np.bool_], beaten: tuple[int, int], rng: np.random.Generator, steps: int
 ) -> NDArray[np.int_] | None:
     """Return few columns that cover all that columns (c, k) contain, or None if that is not better than a plan known.
 
-    It is better if it has more entities, or as many in fewer columns. The greedy cover, and what exchanges make of it.
+    It is better if it has more entities, or as many in fewer columns. The greedy cover, and what
+    exchanges make of it in so many steps.
     """
     covered = membership.any(axis=0)
     membership = membership[:, covered]
@@ -176,7 +156,7 @@ def _short_cover(
         fewer_than = len(chosen)
     fewest = bound_columns(membership)
     while fewer_than > fewest:
-        found = exchange_columns(membership, fewer_than - 1, steps=TRYING.exchanges, rng=rng)
+        found = exchange_columns(membership, fewer_than - 1, steps=steps, rng=rng)
         if found.missing:
             break
         chosen = found.chosen

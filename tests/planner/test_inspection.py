@@ -25,10 +25,10 @@ from planner.columns.outcome import Outcome
 from planner.columns.perturb import perturbed
 from planner.columns.pool import ColumnPool
 from planner.columns.realise_column import best_supported, without_contradicted
+from planner.effort.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.inspection import plan_inspection
 from planner.request.defaults import default_workspace
-from planner.request.effort import Effort
 from planner.request.request import Request
 from planner.resume import PlanningState
 from planner.setting.pose_setting import setting_at
@@ -365,7 +365,7 @@ def test_bound_is_never_above_what_sampled_poses_reach(judge):
     pool = ColumnPool(len(EDGES))
     judged = judge(poses)
     pool.add(judged.inspects, poses, judged.probability)
-    bound, _ = lower_bound(judge.request, 12, pool.membership, max_nodes=3000)
+    bound, _ = lower_bound(judge.request, 12, pool.membership, effort=Effort(bound_nodes=3000))
     assert bound == 2
 
 

@@ -13,13 +13,13 @@ from grid_box import EDGES, BoxSpace
 from plan_examples import plan as plan_by_hand
 
 from planner import BoxRegion, Camera, MeshRegion, PoseUncertainty, SphereRegion, resume
-from planner.bound.lower_bound import TreeGrowth
-from planner.bound.pose_space import Division
 from planner.columns.outcome import Outcome
+from planner.effort.bound import BoundEffort, Division, TreeGrowth
+from planner.effort.cover import Covering
+from planner.effort.effort import Effort
 from planner.exceptions import OutputError, PlanFileError
 from planner.inspection import plan_inspection
 from planner.records.packing import packed, unpacked
-from planner.request.effort import Effort
 from planner.request.reach import reach_identity
 from planner.resume import PlanningState, holds_plan
 
@@ -27,7 +27,18 @@ from planner.resume import PlanningState, holds_plan
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
 NAMES = list(EDGES)[:6]
-EFFORT = Effort(viewpoints=2, pricing_rounds=3, refutations=2, bound_nodes=3000)
+# the space of poses has few parts, and soon: otherwise a small part has no sweeps, or long ones
+BOUND = BoundEffort(division=Division(parts=16), covering=TreeGrowth(nodes=300))
+# a step of this search leaves nothing in the state, so a tenth of them shows as much
+COVERING = Covering(exchanges=100)
+EFFORT = Effort(
+    viewpoints=2,
+    pricing_rounds=3,
+    refutations=2,
+    bound_nodes=3000,
+    bound=BOUND,
+    cover=COVERING,
+)
 
 
 class Stop(Exception):
@@ -37,18 +48,6 @@ class Stop(Exception):
 @pytest.fixture(scope="module")
 def space():
     return BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], NAMES)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def few_parts():
-    """Divide the space of poses into few parts, and soon: otherwise a small part has no sweeps, or long ones."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("planner.bound.pose_space.DIVISION", Division(parts=16))
-        patch.setattr(import_module("planner.bound.lower_bound"), "COVERING", TreeGrowth(nodes=300))
-        # a step of this search leaves nothing in the state, so a tenth of them shows as much
-        few_columns = import_module("planner.cover.few_columns")
-        patch.setattr(few_columns, "COVERING", few_columns.Covering(exchanges=100))
-        yield
 
 
 @pytest.fixture

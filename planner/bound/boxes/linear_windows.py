@@ -16,22 +16,6 @@ from compiled.decorators import kernel, kernel_without_refcounts, put
 NO, YES, UNDECIDED = range(3)
 
 
-class Shrinking(NamedTuple):
-    """How parts of a box are looked at.
-
-    Attributes
-    ----------
-    levels : int
-        Parts that wait, at most: one for each halving.
-    much : float
-        A part is looked at again where shrinking left less than this share of a coordinate: less would not pay.
-    """
-
-    levels: int = 64
-    much: float = 0.8
-
-
-_SHRINKING = Shrinking()
 # for rounding, as a share of the room there is
 _EPS = 1e-12
 
@@ -62,7 +46,7 @@ class Seat(NamedTuple):
 
 
 @kernel
-def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
+def may_meet(sides, members, limit, box, seat, effort, x, meets):
     """Tell whether members heavier than a limit may have all their sides satisfied at one point of a box.
 
     Parameters
@@ -73,8 +57,8 @@ def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
     box : tuple
         Lowest and highest coordinates, (6,) each.
     seat : Seat
-    max_parts : int
-        Parts of the box looked at, at most.
+    effort : BoxEffort
+        How many parts of the box are looked at, at most, and how.
     x : array (6,)
         The heaviest point that was tried is written here.
     meets : array of bool (m,)
@@ -90,11 +74,11 @@ def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
     group, y = members
     m = len(y)
     n_rows = len(sides.rhs)
-    low = np.empty((_SHRINKING.levels, 6))
-    high = np.empty((_SHRINKING.levels, 6))
-    live = np.empty((_SHRINKING.levels, n_rows), np.int32)
-    n_live = np.zeros(_SHRINKING.levels, np.int64)
-    alive = np.ones((_SHRINKING.levels, m), np.bool_)
+    low = np.empty((effort.shrinking.levels, 6))
+    high = np.empty((effort.shrinking.levels, 6))
+    live = np.empty((effort.shrinking.levels, n_rows), np.int32)
+    n_live = np.zeros(effort.shrinking.levels, np.int64)
+    alive = np.ones((effort.shrinking.levels, m), np.bool_)
     put(low[0], box[0])
     put(high[0], box[1])
     put(live[0], np.arange(n_rows))
@@ -116,14 +100,14 @@ def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
         again = True
         while again:
             made += 1
-            if made > max_parts:
+            if made > effort.small_turns.parts:
                 return UNDECIDED, made
             n_live[i] = _keep(sides, live[i], n_live[i], alive[i], low[i], high[i], y, scores)
             rows = live[i, : n_live[i]]
             total = _weight(alive[i], group, y, first, loss) if n_live[i] >= 0 else 0.0
             if total <= limit:
                 break
-            again = _shrink(sides, rows, alive[i], loss, total - limit, low[i], high[i])
+            again = _shrink(sides, rows, alive[i], loss, total - limit, low[i], high[i], effort)
         if total <= limit:
             continue
         _try(sides, live[i, : n_live[i]], alive[i], low[i], high[i], seat, tried, there)
@@ -135,7 +119,7 @@ def may_meet(sides, members, limit, box, seat, max_parts, x, meets):
         if here > limit:
             return YES, made
         axis = np.argmax(scores)
-        if size + 2 > _SHRINKING.levels:
+        if size + 2 > effort.shrinking.levels:
             answer = UNDECIDED
             continue
         for field in (low, high):
@@ -202,7 +186,7 @@ def _weight(alive, group, y, first, loss):
 
 
 @kernel_without_refcounts
-def _shrink(sides, live, alive, loss, spare, low, high):
+def _shrink(sides, live, alive, loss, spare, low, high, effort):
     """Shrink a part to where the sides of needed members can be satisfied; tell whether by much.
 
     Where they cannot, it is left such that the next look at it drops the member.
@@ -227,7 +211,7 @@ def _shrink(sides, live, alive, loss, spare, low, high):
                 high[j] = low[j] + room / a * (1.0 + _EPS)
             else:
                 low[j] = high[j] + room / a * (1.0 + _EPS)
-            much = much or high[j] - low[j] < _SHRINKING.much * wide
+            much = much or high[j] - low[j] < effort.shrinking.much * wide
     return much
 
 

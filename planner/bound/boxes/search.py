@@ -13,7 +13,6 @@ points is, or the turn if that blurs more. If it ends without, no pose does.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -47,70 +46,6 @@ PROVEN, FOUND, UNRESOLVED, SPENT, NEARLY = range(5)
 _EPS = 1e-12
 
 
-class Halving(NamedTuple):
-    """Along which coordinate boxes of poses are halved, and how far. None of it can make an answer wrong.
-
-    Attributes
-    ----------
-    look_share : float
-        Boxes of points looked at are first made as small as this share of half the view's width: before, hardly any
-        window is cut.
-    length_score : float
-        How much the length of s counts in the choice of the coordinate, beside the width of windows.
-    doubt_score : float
-        How much doubtful visibility counts.
-    most_short : float
-        The most that one image of doubtful length counts, as a multiple of half the depth of field.
-    finest : float
-        Boxes whose coordinates all do less than this, as a share of the weight, are not halved.
-    wide_turn : float
-        Unless the turn, in its own coordinates, is wider than this.
-    most_seen : float
-        Up to this share of nodal points from where enough is visible, their box is halved itself: it then tells much.
-    near_sides : float
-        Nor need they be so few in a box that is no wider than so many radii of visibility: it is near sides of cells.
-    eye_share : float
-        But not below this share of what points looked at and turn leave open: they must follow.
-    """
-
-    look_share: float = 0.5
-    length_score: float = 0.3
-    doubt_score: float = 1.0
-    most_short: float = 4.0
-    finest: float = 1e-4
-    wide_turn: float = 1e-2
-    most_seen: float = 0.3
-    near_sides: float = 8.0
-    eye_share: float = 0.2
-
-
-class Asking(NamedTuple):
-    """When the costlier questions are asked of a box. None of it can make an answer wrong.
-
-    Attributes
-    ----------
-    much_seen : float
-        Where enough is visible from more than this share of the nodal points, it is not asked again for a while: little
-        would be learnt.
-    pause : int
-        For so many halvings.
-    thin : float
-        Where the depth in focus is less than this share of the view's width, the turn is what loses: there windows are
-        made linear in it.
-    parts_per_box : int
-        So many parts of a box of small turns cost as much as a box, and count as one.
-    """
-
-    much_seen: float = 0.6
-    pause: int = 3
-    thin: float = 0.15
-    parts_per_box: int = 25
-
-
-_HALVING = Halving()
-_ASKING = Asking()
-
-
 @entry_kernel(nogil=True)
 def search(box, chart, order, entities, view, tree, task, pose, inspected):
     """Search a box of poses.
@@ -142,7 +77,13 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
     made : int
         Boxes looked at; those with parts count for several.
     """
-    conflict, y, limit, max_nodes, stop = task
+    y = task.y
+    limit = task.limit
+    max_nodes = task.max_nodes
+    stop = task.stop
+    effort = task.effort
+    halving = effort.halving
+    asking = effort.asking
     stack = planted(box, order, entities, tree.boxes[0])
     m = len(y)
     work = new_work(m)
@@ -150,7 +91,7 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
     x = np.zeros(6)
     meets = np.ones(m, np.bool_)
     trial = Trial(pose, inspected, np.zeros(3), look)
-    thin = view.far - view.near < _ASKING.thin * 2.0 * view.tan_x * view.middle
+    thin = view.far - view.near < asking.thin * 2.0 * view.tan_x * view.middle
     size = 1
     made = 0
     outcome = PROVEN
@@ -161,32 +102,30 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
         size = size - 1
         made = made + 1
         i = size
-        total, rest, doubt, short = _tighten(stack, i, chart, entities, view, y, work)
+        total, rest, doubt, short = _tighten(stack, i, chart, entities, view, y, work, halving)
         if total <= limit:
             continue
-        total, seen = _drop_unseen(stack, i, conflict, limit, tree, work, rest)
+        total, seen = _drop_unseen(stack, i, task, tree, work, rest)
         if total <= limit:
             continue
-        small = thin and is_small(stack, i)
+        small = thin and is_small(stack, i, effort.small_turns)
         if small:
-            answer, n_parts = may_see(
-                stack, i, entities, view, conflict, limit, work, rest, x, meets
-            )
-            made += n_parts // _ASKING.parts_per_box
+            answer, n_parts = may_see(stack, i, entities, view, task, work, rest, x, meets)
+            made += n_parts // asking.parts_per_box
         else:
-            answer = _may_see(stack, i, conflict, limit, view, work, x, meets)
+            answer = _may_see(stack, i, task, view, work, x, meets)
         if answer == NO:
             continue
         if try_pose(stack, i, chart, x, meets, entities, view, work, trial) > limit:
             return FOUND, made
         if small:
-            axis = nodal_or_turn(stack, i, rest, answer, trial.lost)
+            axis = nodal_or_turn(stack, i, rest, answer, trial.lost, effort.small_turns)
             if axis < 0:
                 _write_members(stack, i, inspected)
                 return NEARLY, made
         else:
-            _score(stack, i, work, rest, doubt, short, seen, entities.around)
-            axis = _axis_to_halve(stack, i, work, total, view)
+            _score(stack, i, work, rest, doubt, short, seen, entities.around, halving)
+            axis = _axis_to_halve(stack, i, work, total, view, halving)
         if size + 2 > LEVELS or axis < 0:
             outcome = UNRESOLVED
             continue
@@ -196,7 +135,7 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
 
 
 @kernel
-def _tighten(stack, i, chart, entities, view, y, work):
+def _tighten(stack, i, chart, entities, view, y, work, halving):
     """Drop the members that no pose of box i inspects; return the weight of the others. Fills ``work``.
 
     Also returns the remainder of the swings, the weight of which visibility is in doubt, and of which the length is, as
@@ -250,13 +189,13 @@ def _tighten(stack, i, chart, entities, view, y, work):
         at = _put_member(stack, i, kept, at, e, cells, n_cells)
         work.y[kept] = y[e]
         doubt += y[e] if n_cells > 0 else 0.0
-        short[0] += y[e] * min(opened[0] / deep, _HALVING.most_short)
-        short[1] += y[e] * min(opened[1] / deep, _HALVING.most_short)
+        short[0] += y[e] * min(opened[0] / deep, halving.most_short)
+        short[1] += y[e] * min(opened[1] / deep, halving.most_short)
         total += y[e]
         kept += 1
     stack.n_members[i] = kept
     stack.start[i, kept] = at
-    doubt *= _HALVING.doubt_score / (view.tan_x * view.middle)
+    doubt *= halving.doubt_score / (view.tan_x * view.middle)
     return total, rest, doubt, short
 
 
@@ -274,19 +213,19 @@ def _put_member(stack, i, kept, at, e, cells, n_cells):
 
 
 @kernel
-def _drop_unseen(stack, i, conflict, limit, tree, work, rest):
+def _drop_unseen(stack, i, task, tree, work, rest):
     """Drop members that are nowhere visible with more than the limit; return the weight left and the share seen."""
     m = stack.n_members[i]
     if stack.pause[i] > 0:
         stack.pause[i] -= 1
         return work.y[:m].sum(), 1.0
-    exclusive_groups(stack.members[i, :m], conflict, work.group)
+    exclusive_groups(stack.members[i, :m], task.conflict, work.group)
     live = np.zeros(tree.sets.shape[1], np.uint64)
-    asked = Asked(stack.members[i, :m], work.y[:m], work.group[:m], limit)
+    asked = Asked(stack.members[i, :m], work.y[:m], work.group[:m], task.limit)
     box = PosesBox(work.nodal, work.matrix, stack.half[i], work.swing, rest)
-    seen = heavy_members(tree, box, stack.eye[i], asked, live)
-    if seen > _ASKING.much_seen:
-        stack.pause[i] = _ASKING.pause
+    seen = heavy_members(tree, box, stack.eye[i], asked, live, task.effort.growth)
+    if seen > task.effort.asking.much_seen:
+        stack.pause[i] = task.effort.asking.pause
     return keep_members(stack, i, work, live), seen
 
 
@@ -299,13 +238,14 @@ def _write_members(stack, i, inspected):
 
 
 @kernel
-def _may_see(stack, i, conflict, limit, view, work, x, meets):
+def _may_see(stack, i, task, view, work, x, meets):
     """Answer whether windows heavier than the limit may meet in box i; if so, write where, with the middle rotation."""
     m = stack.n_members[i]
+    limit = task.limit
     w = x[:3]
     x[3:] = 0.0
     meets[:m] = True
-    exclusive_groups(stack.members[i, :m], conflict, work.group)
+    exclusive_groups(stack.members[i, :m], task.conflict, work.group)
     least = work.least[:m]
     group = work.group[:m]
     y = work.y[:m]
@@ -317,25 +257,26 @@ def _may_see(stack, i, conflict, limit, view, work, x, meets):
             w[k] = min(max(w[k], -work.room[k]), work.room[k])
         if weight_at(least, group, y, w, view) > limit:
             return YES
-    return YES if may_exceed(least, group, y, limit, work.room, view, w) else NO
+    meeting = task.effort.meeting
+    return YES if may_exceed(least, group, y, limit, work.room, view, w, meeting) else NO
 
 
 @kernel
-def _score(stack, i, work, rest, doubt, short, seen, around):
+def _score(stack, i, work, rest, doubt, short, seen, around, halving):
     """Add to the scores what each coordinate of box i leaves open of lengths and of visibility."""
     h = stack.half[i]
     u = stack.span[i]
     eye = stack.eye[i]
     for k in range(3):
         work.scores[OF_LOOK + k] = h[k] * (
-            _HALVING.length_score * work.scores[OF_LOOK + k] + short[0] / max(np.sum(h), _EPS)
+            halving.length_score * work.scores[OF_LOOK + k] + short[0] / max(np.sum(h), _EPS)
         )
         work.scores[OF_TURN + k] += short[1] * u[k] / np.sum(u)
     for axis in range(3):
         reach = h[axis] + np.abs(work.swing[:, axis]).sum() + rest
         half = (eye[1, axis] - eye[0, axis]) / 2
-        few = seen < _HALVING.most_seen or half < _HALVING.near_sides * around
-        if few and _HALVING.eye_share * reach < half < 0.99 * reach:
+        few = seen < halving.most_seen or half < halving.near_sides * around
+        if few and halving.eye_share * reach < half < 0.99 * reach:
             work.scores[OF_NODAL + axis] += doubt * half
             continue
         # the nodal point is known better than that
@@ -346,13 +287,13 @@ def _score(stack, i, work, rest, doubt, short, seen, around):
 
 
 @kernel_without_refcounts
-def _axis_to_halve(stack, i, work, total, view):
+def _axis_to_halve(stack, i, work, total, view, halving):
     """Return along which coordinate box i is to be halved; -1 if it is too small for that."""
     axis = np.argmax(work.scores)
     widest = np.argmax(stack.half[i])
-    if stack.half[i, widest] > _HALVING.look_share * view.tan_x * view.middle:
+    if stack.half[i, widest] > halving.look_share * view.tan_x * view.middle:
         return OF_LOOK + widest
-    if work.scores[axis] >= _HALVING.finest * total:
+    if work.scores[axis] >= halving.finest * total:
         return axis
     widest = np.argmax(stack.span[i])
-    return OF_TURN + widest if stack.span[i, widest] > _HALVING.wide_turn else -1
+    return OF_TURN + widest if stack.span[i, widest] > halving.wide_turn else -1

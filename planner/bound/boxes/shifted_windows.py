@@ -7,30 +7,10 @@ enough set of windows remains, the sides that most of them cut first.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from compiled.decorators import kernel, kernel_without_refcounts, put
 from planner.bound.boxes.view import BOTTOM, FAR, LEFT, NEAR, RIGHT, TOP
-
-
-class Meeting(NamedTuple):
-    """How closely it is asked whether windows meet.
-
-    Attributes
-    ----------
-    deepest : int
-        Halvings of the room, at most: ten along each axis leave a thousandth of its width.
-    doubtful : int
-        So many parts of that size are passed over in search of one where windows do meet, before the answer is yes.
-    """
-
-    deepest: int = 30
-    doubtful: int = 8
-
-
-_MEETING = Meeting()
 
 
 @kernel
@@ -53,18 +33,18 @@ def weight_at(least, group, y, w, view):
 
 
 @kernel
-def may_exceed(least, group, y, limit, room, view, w):
+def may_exceed(least, group, y, limit, room, view, w, meeting):
     """Tell whether windows (m, 6) heavier than a limit may meet in the room; if so, write where into ``w`` (3,).
 
     ``y`` (m,) descends; of each group only the first window counts. The answer no is a proof; with the answer yes they
-    meet at w, or nearly.
+    meet at w, or nearly. ``meeting`` says how closely this is asked.
     """
     m = len(y)
-    low = np.empty((_MEETING.deepest + 2, 3))
-    high = np.empty((_MEETING.deepest + 2, 3))
-    live = np.empty((_MEETING.deepest + 2, m), np.int16)
-    n_live = np.empty(_MEETING.deepest + 2, np.int64)
-    level = np.zeros(_MEETING.deepest + 2, np.int64)
+    low = np.empty((meeting.deepest + 2, 3))
+    high = np.empty((meeting.deepest + 2, 3))
+    live = np.empty((meeting.deepest + 2, m), np.int16)
+    n_live = np.empty(meeting.deepest + 2, np.int64)
+    level = np.zeros(meeting.deepest + 2, np.int64)
     stamp = np.zeros(m, np.int64)
     cuts = np.empty(3)
     n_live[0] = m
@@ -98,10 +78,10 @@ def may_exceed(least, group, y, limit, room, view, w):
         if cuts.max() <= 0.0 or weight_at(least, group, y, middle, view) > limit:
             put(w, middle)
             return True
-        if level[size] >= _MEETING.deepest:
+        if level[size] >= meeting.deepest:
             put(w, middle)
             n_doubtful += 1
-            if n_doubtful == _MEETING.doubtful:
+            if n_doubtful == meeting.doubtful:
                 return True
             continue
         axis = np.argmax(cuts)

@@ -6,8 +6,6 @@ The windows are linear in the point looked at and the turn together (`planner.bo
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from compiled.decorators import kernel
@@ -19,45 +17,15 @@ from planner.bound.boxes.view import OF_NODAL, OF_TURN
 from planner.bound.boxes.windows import most_turn, turned_back
 
 
-class SmallTurns(NamedTuple):
-    """When turns are small, and how boxes of small turns are halved.
-
-    Attributes
-    ----------
-    turn : float
-        Tangent of half the angle up to which a turn is small: its square, which windows linear in it leave out, is then
-        a hundredth.
-    parts : int
-        Parts of a box looked at, at most, before the box itself is halved.
-    turn_share : float
-        The turn is halved where what it leaves open of the nodal point at second order is more than this share of the
-        nodal points' box: the nodal points decide the rest.
-    least_turn : float
-        Boxes of turns, in their own coordinates, no wider than this are not halved: no camera is aimed so
-        finely.
-    least_mm : float
-        Nor are such boxes of nodal points, mm.
-    """
-
-    turn: float = 0.1
-    parts: int = 64
-    turn_share: float = 0.25
-    least_turn: float = 2e-3
-    least_mm: float = 0.05
-
-
-_SMALL = SmallTurns()
-
-
 @kernel
-def is_small(stack, i):
+def is_small(stack, i, small_turns):
     """Tell whether the turns of box i are small enough for linear windows."""
     v = stack.turn[i]
-    return most_turn(v, stack.span[i], 1.0 + np.sum(v * v))[0] <= _SMALL.turn
+    return most_turn(v, stack.span[i], 1.0 + np.sum(v * v))[0] <= small_turns.turn
 
 
 @kernel
-def may_see(stack, i, entities, view, conflict, limit, work, rest, x, meets):
+def may_see(stack, i, entities, view, task, work, rest, x, meets):
     """Answer whether windows heavier than the limit may meet in box i, and where; see `linear_windows.may_meet`."""
     m = stack.n_members[i]
     u = stack.span[i]
@@ -66,7 +34,7 @@ def may_see(stack, i, entities, view, conflict, limit, work, rest, x, meets):
     apart = work.apart[:m, :m]
     for a in range(m):
         for b in range(m):
-            apart[a, b] = conflict[stack.members[i, a], stack.members[i, b]]
+            apart[a, b] = task.conflict[stack.members[i, a], stack.members[i, b]]
     find_apart(work, n, u, apart)
     exclusive_groups(np.arange(m), apart, work.group[:m])
     sides = Sides(work.rows[:n], work.rhs[:n], work.owner[:n])
@@ -87,11 +55,11 @@ def may_see(stack, i, entities, view, conflict, limit, work, rest, x, meets):
     away = (eye[0] + eye[1]) / 2 - work.nodal
     point[0], point[1], point[2] = turned_back(work.matrix, away[0], away[1], away[2])
     seat = Seat(point, slope)
-    return may_meet(sides, members, limit, (low, high), seat, _SMALL.parts, x, meets[:m])
+    return may_meet(sides, members, task.limit, (low, high), seat, task.effort, x, meets[:m])
 
 
 @kernel
-def nodal_or_turn(stack, i, rest, answer, lost):
+def nodal_or_turn(stack, i, rest, answer, lost, small_turns):
     """Return along which coordinate box i is to be halved; -1 if it is too small for that.
 
     The nodal points decide visibility and length, and tie the points looked at to the turn. What the turn makes
@@ -99,8 +67,8 @@ def nodal_or_turn(stack, i, rest, answer, lost):
     """
     u = stack.span[i]
     half = (stack.eye[i, 1] - stack.eye[i, 0]) / 2
-    if rest > _SMALL.turn_share * half.max() or (
+    if rest > small_turns.turn_share * half.max() or (
         answer == YES and lost[VIEW] > max(lost[SIGHT], lost[LENGTH])
     ):
-        return OF_TURN + np.argmax(u) if u.max() > _SMALL.least_turn else -1
-    return OF_NODAL + np.argmax(half) if half.max() > _SMALL.least_mm else -1
+        return OF_TURN + np.argmax(u) if u.max() > small_turns.least_turn else -1
+    return OF_NODAL + np.argmax(half) if half.max() > small_turns.least_mm else -1

@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.effort.boxes import BoxEffort
+
 # rows of a box of poses (4, 3): the middle point looked at and the half sizes, the middle turn and its spans
 LOOK, HALF, TURN, SPAN = range(4)
 # the first coordinate along which a box of poses is halved: of the point looked at, of the turn, of the nodal point
@@ -48,7 +50,7 @@ class SearchTask(NamedTuple):
     """What a search is for: a pose whose entities weigh more than a limit.
 
     ``conflict`` (e, e) tells which entities exclude each other anyhow, ``y`` (e,) are the weights. It looks at
-    ``max_nodes`` boxes at most, and ends when another thread sets ``stop`` (1,).
+    ``max_nodes`` boxes at most, and ends when another thread sets ``stop`` (1,). ``effort`` says how closely it looks.
     """
 
     conflict: np.ndarray
@@ -56,6 +58,7 @@ class SearchTask(NamedTuple):
     limit: float
     max_nodes: int
     stop: np.ndarray
+    effort: BoxEffort
 
 
 class Segments(NamedTuple):

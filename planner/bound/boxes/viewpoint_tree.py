@@ -16,36 +16,9 @@ from compiled.decorators import entry_kernel, kernel, put, put_table
 from planner.bound.boxes.box_conditions import ends_out_of_focus, too_short
 from planner.bound.boxes.view import Entities, View
 from planner.bound.boxes.visibility import hidden_around, keep_cells
+from planner.effort.boxes import Growth
+from planner.effort.effort import NORMAL
 
-
-class Growth(NamedTuple):
-    """How far a tree is grown, and how closely it is asked.
-
-    Attributes
-    ----------
-    depth : int
-        Boxes that wait, at most: one for each halving.
-    enough : int
-        A tree is grown anew with boxes half as large until it has so many.
-    most : int
-        Boxes, at most; bounds the memory.
-    coarse : float
-        Boxes that are not halved are this wide at first, as a share of the whole.
-    fine : float
-        And no narrower than this.
-    effort : int
-        Boxes of the tree that one question may halve: what it gains must not take longer than the search.
-    """
-
-    depth: int = 64
-    enough: int = 25_000
-    most: int = 400_000
-    coarse: float = 2.0**-4
-    fine: float = 2.0**-10
-    effort: int = 1024
-
-
-_GROWTH = Growth()
 # for rounding, mm
 _EPS = 1e-9
 
@@ -97,6 +70,8 @@ def viewpoints_for(
     y: np.ndarray,
     limit: float,
     finest: float | None = None,
+    *,
+    growth: Growth = NORMAL.bound.boxes.growth,
 ) -> Viewpoints:
     """Grow a tree in a box that is fine enough where entities of more weight than a limit may be inspected.
 
@@ -111,32 +86,34 @@ def viewpoints_for(
     limit : float
     finest : float, optional
         Width of boxes to start with that are not halved further, mm.
+    growth : Growth
+        How far it is grown.
     """
     whole = float((root[1] - root[0]).max())
-    finest = finest or _GROWTH.coarse * whole
+    finest = finest or growth.coarse * whole
     while True:
-        boxes, second, sets = _grow(root, entities, view, y, limit, finest)
-        if len(second) >= _GROWTH.enough or finest < _GROWTH.fine * whole:
+        boxes, second, sets = _grow(root, entities, view, y, limit, finest, growth)
+        if len(second) >= growth.enough or finest < growth.fine * whole:
             return Viewpoints(boxes, second, sets, finest)
         finest /= 2
 
 
 # threads run it side by side
 @entry_kernel(nogil=True)
-def _grow(root, entities, view, y, limit, finest):
+def _grow(root, entities, view, y, limit, finest, growth):
     """Return boxes, second halves and sets of a tree."""
     m = len(entities.ends)
     n_cells = entities.entity_start[-1]
-    boxes = np.empty((_GROWTH.most, 2, 3))
-    second = np.zeros(_GROWTH.most, np.int32)
-    sets = np.zeros((_GROWTH.most, m // 64 + 1), np.uint64)
-    place = np.empty((_GROWTH.depth, 2, 3))
-    parent = np.full(_GROWTH.depth, -1)
-    count = np.zeros(_GROWTH.depth, np.int64)
-    members = np.empty((_GROWTH.depth, m), np.int64)
-    sure = np.zeros((_GROWTH.depth, m), np.bool_)
-    start = np.zeros((_GROWTH.depth, m + 1), np.int64)
-    cells = np.empty((_GROWTH.depth, n_cells), np.int32)
+    boxes = np.empty((growth.most, 2, 3))
+    second = np.zeros(growth.most, np.int32)
+    sets = np.zeros((growth.most, m // 64 + 1), np.uint64)
+    place = np.empty((growth.depth, 2, 3))
+    parent = np.full(growth.depth, -1)
+    count = np.zeros(growth.depth, np.int64)
+    members = np.empty((growth.depth, m), np.int64)
+    sure = np.zeros((growth.depth, m), np.bool_)
+    start = np.zeros((growth.depth, m + 1), np.int64)
+    cells = np.empty((growth.depth, n_cells), np.int32)
     put_table(place[0], root)
     count[0] = m
     put(members[0], np.arange(m))
@@ -163,8 +140,8 @@ def _grow(root, entities, view, y, limit, finest):
             doubt
             and total > limit
             and width[axis] > finest
-            and size + 2 <= _GROWTH.depth
-            and made + size + 2 < _GROWTH.most
+            and size + 2 <= growth.depth
+            and made + size + 2 < growth.most
         ):
             n = count[i]
             at = start[i, count[i]]
@@ -216,7 +193,7 @@ def _keep(box, members, sure, start, cells, entities, view):
 
 
 @kernel
-def heavy_members(tree, box, eye, asked, live):
+def heavy_members(tree, box, eye, asked, live, growth):
     """Find from where members heavier than a limit may be inspected.
 
     Parameters
@@ -228,6 +205,8 @@ def heavy_members(tree, box, eye, asked, live):
     asked : Asked
     live : array of uint64 (w,)
         Is set to the bits of the members inspected from there.
+    growth : Growth
+        How closely the tree is asked.
 
     Returns
     -------
@@ -236,12 +215,12 @@ def heavy_members(tree, box, eye, asked, live):
     """
     boxes = tree.boxes
     sets = tree.sets
-    nodes = np.empty(_GROWTH.effort + _GROWTH.depth, np.int64)
+    nodes = np.empty(growth.effort + growth.depth, np.int64)
     hull = np.empty((2, 3))
     volume = 0.0
     hull[0] = np.inf
     hull[1] = -np.inf
-    for i in range(_heavy_nodes(tree, box, eye, asked, nodes)):
+    for i in range(_heavy_nodes(tree, box, eye, asked, nodes, growth)):
         node = nodes[i]
         part = 1.0
         for word in range(len(live)):
@@ -259,7 +238,7 @@ def heavy_members(tree, box, eye, asked, live):
 
 
 @kernel
-def _heavy_nodes(tree, box, eye, asked, nodes):
+def _heavy_nodes(tree, box, eye, asked, nodes, growth):
     """Write the nodes, not halved further, from where enough may be inspected in a box; return how many."""
     members, y, group, limit = asked
     # arrays by their own names, and no calls: else most of the time goes into counting references
@@ -274,7 +253,7 @@ def _heavy_nodes(tree, box, eye, asked, nodes):
     after = np.zeros(m + 1)
     for a in range(m - 1, -1, -1):
         after[a] = after[a + 1] + y[a]
-    todo = np.zeros(_GROWTH.depth, np.int64)
+    todo = np.zeros(growth.depth, np.int64)
     seen = np.zeros(m, np.int64)
     size = 1
     looked = 0
@@ -305,7 +284,7 @@ def _heavy_nodes(tree, box, eye, asked, nodes):
                 total += y[a]
         if total <= limit:
             continue
-        if second[node] > 0 and looked < _GROWTH.effort:
+        if second[node] > 0 and looked < growth.effort:
             todo[size] = second[node]
             todo[size + 1] = node + 1
             size += 2

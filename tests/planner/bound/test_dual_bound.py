@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 from planner.bound.boxes.search import FOUND, PROVEN, SPENT, UNRESOLVED
-from planner.bound.dual_bound import AIMING, SWEEPING, LinearBound, _Parts
+from planner.bound.dual_bound import LinearBound, _Parts
 from planner.bound.pose_space import Found
 from planner.bound.weights import limit_for, relieved
 from planner.checkpoint import Checkpoint
 from planner.cover.relaxation import fractional_cover
 from planner.cover.set_cover import min_cover
+from planner.effort.effort import NORMAL
 from planner.records.packing import packed, unpacked
 
+SWEEPING = NORMAL.bound.sweeping
 # of 24 entities, a column for every two
 PAIRS = np.repeat(np.eye(12, dtype=bool), 2, axis=1)
 
@@ -138,7 +140,7 @@ def test_once_a_number_is_proven_the_next_one_does_not_get_all_boxes():
     """Weights of 12 in all prove eleven where no pose weighs 12 / 10; twelve would take more than there is."""
     linear = LinearBound(Costly(PAIRS, 7000, easy_from=1.15), PAIRS)
     assert linear.raise_from(1, 24, max_nodes=1_000_000) == 11
-    assert linear.made <= 1_000_000 * AIMING.share_of_next
+    assert linear.made <= 1_000_000 * NORMAL.bound.aiming.share_of_next
 
 
 class Doubtful(FewPoses):
@@ -165,7 +167,7 @@ def test_a_doubt_that_would_end_the_proof_is_looked_into():
 
 
 def test_parts_that_were_proven_wait_until_the_others_are():
-    parts = _Parts(3, 100)
+    parts = _Parts(3, 100, SWEEPING)
     assert parts.next_ones(299) is None
     asked, boxes = parts.next_ones(300)
     assert (asked.tolist(), boxes.tolist()) == ([0, 1, 2], [100, 100, 100])
@@ -184,7 +186,7 @@ def test_parts_that_were_proven_wait_until_the_others_are():
 
 
 def test_a_part_is_too_hard_after_so_many_times_as_many_boxes():
-    parts = _Parts(2, 100)
+    parts = _Parts(2, 100, SWEEPING)
     asked = np.arange(2)
     boxes = np.array([SWEEPING.hard * 100, SWEEPING.hard * 100 - 1])
     assert parts.learn(asked, np.array([SPENT, SPENT]), boxes).tolist() == [True, False]

@@ -14,8 +14,10 @@ from planner.bound.boxes.view import Frustum, Segments
 from planner.bound.boxes.viewpoint_tree import _grow
 from planner.bound.excluded_pairs import _in_view, _share_viewpoint, too_far_apart
 from planner.camera.pose import look_at
+from planner.effort.effort import NORMAL
 
 pytestmark = pytest.mark.uncompiled
+SUBDIVISION = NORMAL.bound.subdivision
 
 # a short distance and a wide aperture: 1 mm of depth
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 120.0)
@@ -117,10 +119,10 @@ def test_an_image_that_must_be_longer_than_it_can_be_excludes():
             ratios = np.zeros(2)
             ratios[which] = ratio
             both = Segments(np.array([ends, ends]), np.full(2, 4.0), ratios)
-            assert _in_view(np.zeros(3), 0.0, both, frustum()) == together
+            assert _in_view(np.zeros(3), 0.0, both, frustum(), SUBDIVISION) == together
     # from somewhere in a large ball it may be longer
     both = Segments(np.array([ends, ends]), np.full(2, 4.0), np.full(2, 1.1 * 4 / near))
-    assert _in_view(np.zeros(3), 20.0, both, frustum())
+    assert _in_view(np.zeros(3), 20.0, both, frustum(), SUBDIVISION)
 
 
 def test_what_is_wider_than_the_frustum_does_not_fit():
@@ -186,10 +188,15 @@ def test_a_viewpoint_is_shared_where_one_cell_of_each_meets_in_focus():
         ([before], [behind, aside], False),
     ):
         cells = Cells([own, other]).arrays
-        assert _share_viewpoint(0, 1, cells, both, frustum()) == shared
+        assert _share_viewpoint(0, 1, cells, both, frustum(), SUBDIVISION) == shared
         assert (
             _share_viewpoint(
-                1, 0, cells, Segments(*(values[::-1].copy() for values in both)), frustum()
+                1,
+                0,
+                cells,
+                Segments(*(values[::-1].copy() for values in both)),
+                frustum(),
+                SUBDIVISION,
             )
             == shared
         )
@@ -218,7 +225,7 @@ def test_a_viewpoint_is_found_and_refuted_in_parts_of_what_cells_share():
         ([-45, -45, -0.8 * near], [45, 45, 0.0], False),
     ):
         cells = Cells([[box(low, high)], [box(np.subtract(low, 1), np.add(high, 1))]]).arrays
-        assert _share_viewpoint(0, 1, cells, BOTH, view) == shared
+        assert _share_viewpoint(0, 1, cells, BOTH, view, SUBDIVISION) == shared
 
 
 @dataclass(frozen=True)
@@ -259,7 +266,7 @@ def test_cells_on_two_sides_of_a_slanted_plane_share_nothing_unless_they_touch(g
         heights = cell.vertices @ cell.half_spaces[:, :3].T + cell.half_spaces[:, 3]
         assert heights.max() == pytest.approx(0.0, abs=1e-9)
     arrays = Cells([[cell] for cell in cells]).arrays
-    assert _share_viewpoint(0, 1, arrays, BOTH, frustum()) == shared
+    assert _share_viewpoint(0, 1, arrays, BOTH, frustum(), SUBDIVISION) == shared
 
 
 def test_a_ball_about_a_point_itself_may_hold_an_eye_that_sees_it():

@@ -10,6 +10,7 @@ from planner import Camera, PoseUncertainty
 from planner.bound.lower_bound import lower_bound
 from planner.camera.pose import look_at
 from planner.columns.judge import Judge
+from planner.effort.effort import Effort
 from planner.request.request import Request
 
 PAIR = ("+z+y", "+z-y")
@@ -41,4 +42,5 @@ def test_a_viewpoint_in_a_slab_of_half_a_micrometre_serves_both_edges():
     pose = look_at([[60.0, 40.0, 460.00025]], [60.0, 40.0, 60.0])
     if not judge(pose).inspects.all():
         pytest.fail("the pose must inspect both edges", pytrace=False)
-    assert lower_bound(judge.request, 2, np.eye(2, dtype=bool), max_nodes=100_000)[0] == 1
+    effort = Effort(bound_nodes=100_000)
+    assert lower_bound(judge.request, 2, np.eye(2, dtype=bool), effort=effort)[0] == 1

@@ -14,13 +14,13 @@ from planner.camera.camera import Camera
 from planner.cli.arguments import add_asked, add_light, add_wanted, add_workspace
 from planner.cli.folder_owner import REGIONS_FOLDER, STATE_FILE, Leftovers, check_owner, option
 from planner.columns.outcome import Outcome
+from planner.effort.effort import Effort
 from planner.exceptions import OutputError, PlanFileError
 from planner.identity.difference import keyword
 from planner.identity.inspection_request import InspectionRequest, PartRecord
 from planner.identity.target_record import EntityRecord, TargetRecord
 from planner.light.lighting import Lighting
 from planner.request.constraints import Requirements
-from planner.request.effort import Effort
 from planner.resume import PlanningState
 
 LIMITS = dict.fromkeys(

@@ -54,13 +54,13 @@ def test_what_is_sought_is_found_and_joins_the_cover(judge, monkeypatch):
     pools = pools_of(judge, KNOWN)
     assert pools.realised.inspected.tolist() == [name in KNOWN for name in NAMES]
     asked = prices_asked(judge, monkeypatch, pools, WarmStart(coverable=np.ones(8, dtype=bool)), 12)
-    assert (asked[0][1::2] == candidates.PRICING.uncovered).all()
+    assert (asked[0][1::2] == judge.effort.pricing.uncovered).all()
     found = pools.realised.inspected
     assert found[1::2].sum() >= 2
     # what some column has is worth what the cover says, and no setting of its own
     joined = np.array(asked)[:, found]
     assert (joined[-1] <= 1.0 + 1e-9).all()
-    assert (np.array(asked)[:, ~found] == candidates.PRICING.uncovered).all()
+    assert (np.array(asked)[:, ~found] == judge.effort.pricing.uncovered).all()
 
 
 def test_what_is_given_up_is_not_sought(judge, monkeypatch):
@@ -68,7 +68,7 @@ def test_what_is_given_up_is_not_sought(judge, monkeypatch):
     sought = np.arange(8) != 7
     asked = prices_asked(judge, monkeypatch, pools, WarmStart(coverable=sought), 1)
     assert asked[0][7] == 0.0
-    assert (asked[0][1:7:2] == candidates.PRICING.uncovered).all()
+    assert (asked[0][1:7:2] == judge.effort.pricing.uncovered).all()
 
 
 def test_without_being_sought_they_are_worth_nothing(judge, monkeypatch):

@@ -16,6 +16,7 @@ from planner.bound.boxes.viewpoint_tree import viewpoints_for
 from planner.bound.boxes.windows import rotation
 from planner.bound.pose_space import PoseSpace
 from planner.columns.judge import Judge
+from planner.effort.effort import NORMAL
 from planner.request.request import Request
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
@@ -33,14 +34,15 @@ def random_poses(judge, n, seed=0):
     return poses[np.random.default_rng(seed).permutation(len(poses))[:n]]
 
 
-def request_for(size):
-    judge = Judge(Request(BoxSpace(size, WORKSPACE, EDGES), EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9))
+def request_for(size, effort=NORMAL):
+    space = BoxSpace(size, WORKSPACE, EDGES)
+    judge = Judge(Request(space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9), effort)
     return judge, Cells([judge.space.covering_cells([name]) for name in EDGES])
 
 
 def space_for(judge, regions, conflict=None):
     conflict = np.zeros((len(EDGES), len(EDGES)), dtype=bool) if conflict is None else conflict
-    return PoseSpace(judge.request, np.arange(len(EDGES)), regions, conflict)
+    return PoseSpace(judge.request, np.arange(len(EDGES)), regions, conflict, judge.effort)
 
 
 def found_in(space, part, y, limit, max_nodes=100_000):
@@ -51,7 +53,8 @@ def found_in(space, part, y, limit, max_nodes=100_000):
     order = np.argsort(-y, kind="stable")
     if space not in TREES:
         TREES[space] = viewpoints_for(space.nodal_points, space.entities, space.view, y, limit)
-    task = SearchTask(space.conflict, y, limit, max_nodes, np.zeros(1, dtype=bool))
+    stop = np.zeros(1, dtype=bool)
+    task = SearchTask(space.conflict, y, limit, max_nodes, stop, space.effort.boxes)
     return (
         *search(box, chart, order, space.entities, space.view, TREES[space], task, pose, inspected),
         pose,

@@ -23,13 +23,14 @@ from planner import (
     RequestError,
     SphereRegion,
 )
+from planner.effort.columns import Pricing
+from planner.effort.effort import Effort
 from planner.exceptions import PlanFileError
 from planner.identity.inspection_request import InspectionRequest
 from planner.identity.plain import plain_value
 from planner.identity.resolve_request import Promise, resolve_request
 from planner.identity.restore import restored_options, restored_request
 from planner.inspection_options import InspectionOptions
-from planner.request.effort import Effort
 from planner.request.reach import reach_identity
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 300.0)
@@ -239,8 +240,17 @@ def test_a_field_of_a_part_of_the_request_that_an_earlier_program_did_not_know_h
     earlier = request_of(block).identity()
     del earlier["effort"]["cover_nodes"]
     assert request_of(block).difference(earlier) is None
+    del earlier["effort"]["bound"]
+    assert request_of(block).difference(earlier) is None
     changed = request_of(block, effort=Effort(cover_nodes=7))
     assert "cover nodes was 1000 and is now 7" in changed.difference(earlier)
+
+
+def test_a_number_that_steers_the_search_tells_requests_apart(block):
+    first = request_of(block)
+    changed = request_of(block, effort=Effort(pricing=Pricing(parents=32)))
+    assert changed.difference(first) == ("effort changed: parents of pricing was 64 and is now 32")
+    assert changed.fingerprint() != first.fingerprint()
 
 
 @pytest.mark.parametrize(

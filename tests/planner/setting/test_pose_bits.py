@@ -5,8 +5,9 @@ from scipy.stats import chisquare
 
 from planner import Camera, SphereRegion
 from planner.camera.pose import look_at
+from planner.effort.effort import NORMAL
 from planner.request.constraints import Constraints, Requirements
-from planner.setting.first_poses import REPAIR, _least_violating, draw_start
+from planner.setting.first_poses import _least_violating, draw_start
 from planner.setting.pose_bits import PoseEncoding
 from planner.setting.viewpoint_sampling import ViewpointSampler
 
@@ -207,9 +208,12 @@ def test_the_least_violating_are_those_of_a_whole_sort():
     parameters = np.random.default_rng(4).uniform(encoding.low, encoding.high, (3000, 6))
     violation = constraints.violation(encoding.poses(parameters))
     assert (constraints.violation(encoding.poses(parameters), images_only=True) <= violation).all()
-    whole = parameters[np.argsort(violation, kind="stable")[: REPAIR.pool]]
-    assert np.array_equal(_least_violating(parameters, encoding, constraints), whole)
+    whole = parameters[np.argsort(violation, kind="stable")[: NORMAL.search.repair.pool]]
+    assert np.array_equal(
+        _least_violating(parameters, encoding, constraints, NORMAL.search.repair), whole
+    )
     few = parameters[:5]
     assert np.array_equal(
-        _least_violating(few, encoding, constraints), few[np.argsort(violation[:5], kind="stable")]
+        _least_violating(few, encoding, constraints, NORMAL.search.repair),
+        few[np.argsort(violation[:5], kind="stable")],
     )

@@ -9,10 +9,10 @@ import pytest
 from grid_box import EDGES, BoxSpace
 
 from planner import Camera, PoseUncertainty
+from planner.effort.effort import Effort
 from planner.exceptions import RequestError
 from planner.inspection import plan_inspection
 from planner.plan import InspectionPlan, read_plan
-from planner.request.effort import Effort
 
 # a narrow field of view, so that there is something to improve and to prove
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)

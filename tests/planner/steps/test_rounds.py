@@ -7,7 +7,7 @@ from grid_box import EDGES, BoxSpace
 
 from planner import Camera, PoseUncertainty
 from planner.callbacks import NOBODY
-from planner.request.effort import Effort
+from planner.effort.effort import Effort
 from planner.request.request import Request
 from planner.resume import PlanningState
 from planner.steps import prove_bound

@@ -37,7 +37,16 @@ def coarse_tree(space, y, limit, halvings=2):
     """A tree of viewpoints whose boxes are halved that often in each direction, at most."""
     finest = (space.nodal_points[1] - space.nodal_points[0]).max() / 2.0**halvings
     return Viewpoints(
-        *_grow(space.nodal_points, space.entities, space.view, y, limit, finest), finest
+        *_grow(
+            space.nodal_points,
+            space.entities,
+            space.view,
+            y,
+            limit,
+            finest,
+            space.effort.boxes.growth,
+        ),
+        finest,
     )
 
 

@@ -25,6 +25,7 @@ from planner.bound.boxes.viewpoint_tree import Asked, PosesBox, heavy_members, v
 from planner.bound.boxes.windows import most_turn, rotation, swings
 from planner.bound.pose_space import PoseSpace
 from planner.columns.judge import Judge
+from planner.effort.effort import NORMAL
 from planner.request.constraints import Requirements
 from planner.request.request import Request
 
@@ -121,7 +122,7 @@ def test_where_members_may_be_inspected_together_shrinks_to_what_weighs_enough()
         limit = rng.uniform(0.3, 3.0)
         asked = Asked(members, y, members, limit)
         around_it = PosesBox(nodal, matrix, box[1], swing, rest)
-        share = heavy_members(tree, around_it, eye, asked, live)
+        share = heavy_members(tree, around_it, eye, asked, live, NORMAL.bound.boxes.growth)
         inspects = judge(poses).inspects
         heavy = inspects @ y > limit
         at = poses[heavy, :3, 3]

@@ -1,0 +1,74 @@
+"""Checks of records of numbers, and of what is in them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import is_dataclass
+from numbers import Real
+from typing import Any, get_type_hints
+
+from planner.exceptions import RequestError
+from planner.request.defaults import check_count
+
+# numbers of things of which there may be none
+_MAY_BE_NONE = {
+    "around",
+    "cover_rounds",
+    "exchanges",
+    "most_trials",
+    "neighbours",
+    "nodes",
+    "pause",
+    "viewpoints",
+}
+
+
+def is_record(value: Any) -> bool:
+    """Tell whether a value is a dataclass or a named tuple."""
+    return is_dataclass(value) or hasattr(value, "_asdict")
+
+
+def fields_of(record: Any) -> Iterator[tuple[str, bool, Any]]:
+    """Yield of each field of a record its name, whether it holds floats, and its value."""
+    for name, kind in get_type_hints(type(record)).items():
+        yield name, kind is float, getattr(record, name)
+
+
+def check_record(owner: str, record: Any) -> None:
+    """Raise `RequestError` unless all numbers of a record, and of those in it, are of their kind and not negative.
+
+    Parameters
+    ----------
+    owner : str
+        Its name in messages, such as ``pricing``.
+    record : dataclass or named tuple
+        Its fields are numbers, tuples of numbers, or records.
+    """
+    for name, is_float, value in fields_of(record):
+        full = f"{owner}.{name}"
+        if is_record(value):
+            check_record(full, value)
+            continue
+        for number in value if isinstance(value, tuple) else (value,):
+            if is_float:
+                _check_finite(full, number)
+            else:
+                check_count(full, number, 0 if name in _MAY_BE_NONE else 1)
+
+
+def _check_finite(name: str, number: Any) -> None:
+    real = isinstance(number, Real) and not isinstance(number, bool)
+    if not real or not math.isfinite(number) or number < 0:
+        raise RequestError.of_rule(name, "must be a finite number, 0 or more", repr(number))
+
+
+def with_floats(record: Any) -> Any:
+    """Return a named tuple whose numbers are of the declared kinds: compiled loops are made for kinds of numbers."""
+    values = []
+    for _, is_float, value in fields_of(record):
+        if is_record(value):
+            values.append(with_floats(value))
+        else:
+            values.append(float(value) if is_float else int(value))
+    return type(record)(*values)
