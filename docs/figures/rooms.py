@@ -55,6 +55,7 @@ PLACES = {
         "cover": (0, "few columns for all entities"),
         "setting": (2, "one pose for one set"),
         "verify": (3.8, "promises, simulated"),
+        "effort": (0.9, "how to search, in numbers"),
         "request": (2.7, "constraints and probability"),
         "wanted": (1.4, "edges and dimensions"),
         "detectability": (2.9, "what an image needs"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import is_dataclass
+from functools import cache
 from numbers import Real
 from typing import Any, get_type_hints
 
@@ -31,8 +32,14 @@ def is_record(value: Any) -> bool:
 
 def fields_of(record: Any) -> Iterator[tuple[str, bool, Any]]:
     """Yield of each field of a record its name, whether it holds floats, and its value."""
-    for name, kind in get_type_hints(type(record)).items():
-        yield name, kind is float, getattr(record, name)
+    kind: Any = type(record)
+    for name, is_float in _kinds(kind).items():
+        yield name, is_float, getattr(record, name)
+
+
+@cache
+def _kinds(record: type) -> dict[str, bool]:
+    return {name: kind is float for name, kind in get_type_hints(record).items()}
 
 
 def check_record(owner: str, record: Any) -> None:

@@ -55,9 +55,6 @@ def test_every_value_tells_requests_apart_and_comes_back_from_a_file():
     assert len(CHANGED) > 120
     stored = {json.dumps(plain_fields(effort)) for effort in (NORMAL, *CHANGED.values())}
     assert len(stored) == 1 + len(CHANGED)
-    for text in stored:
-        again = restored_value(Effort, json.loads(text))
-        assert json.dumps(plain_fields(again)) == text
     for effort in CHANGED.values():
         assert restored_value(Effort, json.loads(json.dumps(plain_fields(effort)))) == effort
 
