@@ -14,6 +14,7 @@ from grid_box import EDGES, BoxSpace
 
 from planner import Camera, Effort, PartRequest, PoseUncertainty, inspection, read_plan
 from planner.batch import part_request
+from planner.cli import definitions
 from planner.cli import main as command_line
 from planner.cli.folder_owner import REGIONS_FOLDER
 from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE
@@ -50,13 +51,13 @@ def made_up(monkeypatch):
     for name in _OPTIONS:
         monkeypatch.setattr(import_module(name), "InspectionOptions", options)
     monkeypatch.setattr(part_request, "_LIMITS", (*part_request._LIMITS, "made_up"))
-    add_asked = command_line.add_asked
+    add_asked = definitions.add_asked
 
-    def add_more(parser):
-        add_asked(parser)
+    def add_more(parser, out=None):
+        add_asked(parser, out)
         parser.add_argument("--made-up", default="none")
 
-    monkeypatch.setattr(command_line, "add_asked", add_more)
+    monkeypatch.setattr(definitions, "add_asked", add_more)
 
 
 class Stop(Exception):
