@@ -247,7 +247,12 @@ def _planned(
         try:
             folder = Path(path_text(leftovers.folder))
             written = write_outputs(
-                found, regions, folder, progress, graph_limit=options.graph_limit
+                found,
+                regions,
+                folder,
+                progress,
+                graph_limit=options.graph_limit,
+                deadline=deadline.at(),
             )
         except OutputError as error:
             raise OutputError(f"{error} {rescue(found, state)}") from None

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -16,6 +18,7 @@ from planner.exceptions import OutputError
 from planner.files import staged_folder
 from planner.output.pose_files import POSE_FILES, write_poses
 from planner.plan import InspectionPlan
+from planner.progress import report
 from planner.report.page import add_graph, add_notes, report_html
 from planner.report.summary.facts import report_date
 from planner.report.wording import graph_sentence, regions_sentence
@@ -34,6 +37,10 @@ FEW_GRAPH_ENTITIES = 24
 AFFORDABLE_BYTES = 64 * 2**20
 # places drawn to tell how much is observable from where
 _PLACES = 10_000
+
+
+class _TimeIsUpError(Exception):
+    """The time limit has passed. It never leaves this module."""
 
 
 class Written(NamedTuple):
@@ -58,12 +65,14 @@ def write_outputs(
     progress: Progress | None = None,
     *,
     graph_limit: int | None = None,
+    deadline: float = math.inf,
 ) -> Written:
     """Write plan, report and poses, which appear in the folder together or not at all; then the joint graph.
 
     Files of an earlier plan do not stay. A link in the place of a file is replaced, not the file it leads to. The joint
     graph comes last because it takes the longest: with it the report is replaced by one that shows it. Beyond
-    ``graph_limit`` entities it is left out; if that is None, beyond 24 if it takes much memory, and so time.
+    ``graph_limit`` entities it is left out; if that is None, beyond 24 if it takes much memory, and so time. It is also
+    left out if it is not complete at the ``deadline``, a time as `time.time` gives it.
 
     Returns
     -------
@@ -83,7 +92,7 @@ def write_outputs(
         (staging / "measurements.csv").write_bytes(found.to_csv().encode())
         written = ["plan.json", "report.html", "measurements.csv"]
         poses = [str(path.relative_to(staging)) for path in write_poses(found, staging)]
-    graph, notes = _joint_graph(regions, graph_limit, progress)
+    graph, notes = _joint_graph(regions, graph_limit, _ended_at(deadline, progress))
     page = add_notes(page, notes)
     with staged_folder(folder, ("report.html", "graph.graphml"), "--out") as staging:
         if graph is not None:
@@ -103,12 +112,28 @@ def _joint_graph(
         return None, _instead(regions, graph_limit)
     limit = AFFORDABLE_BYTES if graph_limit is None and n > FEW_GRAPH_ENTITIES else None
     try:
+        report(progress, 0, n, "joint graph")
         return graph_of(regions, memory_limit_bytes=limit, progress=progress), []
+    except _TimeIsUpError:
+        return None, ["graph.graphml is left out: the time limit ended before it was complete."]
     except MemoryLimitError as error:
         # the plan does without it
         return None, [f"graph.graphml is left out: {error}"] if limit is None else _instead(
             regions, None
         )
+
+
+def _ended_at(deadline: float, progress: Progress | None) -> Progress | None:
+    """Return a progress that ends the work at a deadline."""
+    if deadline == math.inf:
+        return progress
+
+    def ended(done: int, total: int, label: str) -> None:
+        report(progress, done, total, label)
+        if time.time() > deadline:
+            raise _TimeIsUpError
+
+    return ended
 
 
 def _instead(regions: VisibilityRegions, graph_limit: int | None) -> list[str]:
@@ -129,12 +154,14 @@ def _observable_shares(regions: VisibilityRegions) -> tuple[dict[str, float], in
 
 
 def _space(found: InspectionPlan, regions: Space) -> Space:
-    """Return where the targets of a plan are observable from."""
+    """Return where the targets of a plan are observable from, without those whose regions were late."""
+    known = set(regions.entity_names)
     return TargetSpace(
         regions,
         {
             name: Seen([target.entities], found.entities[name])
             for name, target in found.targets.items()
+            if known.issuperset(target.entities)
         },
     )
 

@@ -119,10 +119,10 @@ def test_an_image_that_must_be_longer_than_it_can_be_excludes():
             ratios = np.zeros(2)
             ratios[which] = ratio
             both = Segments(np.array([ends, ends]), np.full(2, 4.0), ratios)
-            assert _in_view(np.zeros(3), 0.0, both, frustum(), SUBDIVISION) == together
+            assert _in_view(np.zeros(3), 0.0, both, frustum()) == together
     # from somewhere in a large ball it may be longer
     both = Segments(np.array([ends, ends]), np.full(2, 4.0), np.full(2, 1.1 * 4 / near))
-    assert _in_view(np.zeros(3), 20.0, both, frustum(), SUBDIVISION)
+    assert _in_view(np.zeros(3), 20.0, both, frustum())
 
 
 def test_what_is_wider_than_the_frustum_does_not_fit():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from aspectgraph import compute_regions, read_solid, resolve_entities
+from planner import read_plan
 from planner.output import plan_folder
 from planner.output.plan_folder import FEW_GRAPH_ENTITIES, _joint_graph
 
@@ -41,3 +42,25 @@ def test_a_limit_that_is_given_is_kept(regions):
     graph, notes = _joint_graph(regions, 25)
     assert graph is None
     assert "the limit is 25; --graph-limit changes it" in notes[0]
+
+
+def test_a_deadline_ends_it_between_two_entities(regions, monkeypatch):
+    """The clock goes on by a second with every look, which is one for every entity."""
+    seconds = iter(range(1000))
+    monkeypatch.setattr(plan_folder.time, "time", lambda: float(next(seconds)))
+    seen = []
+    ended = plan_folder._ended_at(3.0, lambda done, total, label: seen.append(done))
+    graph, notes = _joint_graph(regions, None, ended)
+    assert graph is None
+    assert notes == ["graph.graphml is left out: the time limit ended before it was complete."]
+    assert 1 < len(seen) < len(regions.entity_names)
+
+
+def test_a_report_of_targets_whose_regions_were_late(regions):
+    """The report shows what is known; the other targets are in its list with their reason."""
+    plan = read_plan("examples/two_pocket_block_plan.json")
+    names = list(plan.entities)
+    solid = read_solid("examples/two_pocket_block.off")
+    known = compute_regions(solid, {names[0]: plan.entities[names[0]]}, workspace=plan.workspace)
+    space = plan_folder._space(plan, known)
+    assert list(space.entity_names) == names[:1]
