@@ -181,7 +181,7 @@ def _wishes() -> list[int]:
 
 
 def compile_all(processes: int) -> None:
-    """Compile all listed loops, and wait for it; if another program compiles them already, return at once.
+    """Compile all listed loops, and wait for it, also where another program compiles them already.
 
     Parameters
     ----------
@@ -189,8 +189,11 @@ def compile_all(processes: int) -> None:
         How many compile at once.
     """
     files = state_files()
-    handle = None if files is None else taken(files[0])
-    if files is not None and handle is not None:
+    if files is None:
+        return
+    while (handle := taken(files[0])) is None and not files[1].exists():
+        time.sleep(_POLL_S)
+    if handle is not None:
         state, done = map(str, files)
         lead(handle, state, done, processes, ends_with_starter=False)
 
