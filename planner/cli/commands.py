@@ -209,7 +209,7 @@ def _print_planned(
     if text := localisation_text(options):
         print_text(text)
     if found.unfinished and leftovers:
-        print("The same command with --resume goes on from here.")
+        print("The same command with --resume continues from here.")
     for text in written.notes:
         print_text(text)
     report = next(path for path in files if path.endswith("report.html"))
@@ -327,9 +327,7 @@ def batch(options: argparse.Namespace) -> int:
                 progress=progress,
             )
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(
-            "the same command goes on with the parts that are not done"
-        ) from None
+        raise KeyboardInterrupt("the same command continues with the remaining parts") from None
     if options.json:
         print_json([asdict(one) for one in results])
     else:
@@ -380,7 +378,7 @@ def _unit_note(part: str, units: str | None) -> str:
     """Say which unit was assumed for a file that has none; nothing of others."""
     mesh = [suffix for suffix in Path(part).suffixes if suffix.lower() in MESH_SUFFIXES]
     if units is None and mesh and mesh[-1].lower() != ".glb":
-        return f"{mesh[-1][1:].upper()} files state no unit: mm is assumed; --units says otherwise"
+        return f"{mesh[-1][1:].upper()} files state no unit, so the program assumes mm. Use --units for another unit"
     return ""
 
 

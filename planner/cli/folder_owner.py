@@ -66,7 +66,7 @@ def check_owner(
     except PlanFileError as error:
         raise OutputError(f"{_RULE} Got {error}") from None
     if not stored:
-        raise OutputError(f"{_RULE} Got {path} of an earlier program, without its request.")
+        raise OutputError(f"{_RULE} Got {path} of an earlier version, without its request.")
     change = request.difference(stored, option, _SAME)
     if change is not None:
         raise OutputError(f"{_RULE} Got {path} of another request: {change}.")
@@ -136,7 +136,7 @@ class Leftovers:
         if not self:
             if resume and not quiet:
                 print(
-                    f"nothing to resume in {self.folder}: planned from the beginning",
+                    f"nothing to resume in {self.folder}: planning starts from the beginning",
                     file=sys.stderr,
                 )
         elif resume:
@@ -167,7 +167,7 @@ class Leftovers:
                 f"{self._place} of another request: {change}; that request with --resume continues it, "
                 "--force discards it"
             )
-        return f"{self._place} of this request: --resume continues it, --force begins anew"
+        return f"{self._place} of this request: --resume continues it, --force starts again"
 
     def _change(self, identity: dict[str, Any]) -> str | None:
         """Return in what the request of what is there differs; None if it does not, or nothing says so."""
@@ -204,9 +204,7 @@ class Leftovers:
                 yield
         except KeyboardInterrupt:
             if self:
-                raise KeyboardInterrupt(
-                    "'plan' continues from where it was with --resume"
-                ) from None
+                raise KeyboardInterrupt("'plan' with --resume continues from here") from None
             raise
 
     @contextmanager

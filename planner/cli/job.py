@@ -143,7 +143,7 @@ def _job_again(options: argparse.Namespace) -> Job:
     plan = read_plan(path)
     if not plan.request:
         raise PlanFileError(
-            f"{path}: plan file must hold its request. Got one of an earlier program; plan it from its part once more."
+            f"{path}: plan file must hold its request. Got one of an earlier version. Plan the part again."
         )
     try:
         asked = restored_request(plan.request)

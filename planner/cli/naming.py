@@ -26,7 +26,7 @@ _OPTIONS = {
 }
 
 # what helps at a shell, where that is not what helps in a call, of the error with this name
-_HINTS = {"MemoryLimitError": "Ask for fewer entities: a plan needs no joint graph"}
+_HINTS = {"MemoryLimitError": "Choose fewer entities: a plan needs no joint graph"}
 
 
 def option(name: str) -> str:

@@ -68,7 +68,9 @@ def _check_new_file(path: str) -> None:
 def _write_best(found: Sequence[OpticsProposal], path: str, *, quiet: bool) -> None:
     """Write the camera of the first row, unless it measures nothing."""
     if not found or not found[0].able:
-        text = f"{path} is not written: no camera measures anything with the required probability"
+        text = (
+            f"{path} was not written: no camera measures any target with the required probability"
+        )
     else:
         found[0].camera.write(path)
         text = f"wrote {found[0].camera.name} to {path}; give it to plan as --camera {path}"

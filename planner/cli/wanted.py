@@ -134,12 +134,12 @@ def localisation_text(options: Any) -> str:
         return ""
     if options.dimensions is None:
         return (
-            "note: points in the image are rounded to whole pixels, the default without --dimensions; "
-            "with --dimensions it is --localisation gaussian:0.1"
+            "note: points in the image are rounded to whole pixels, the default without --dimensions. "
+            "With --dimensions, the default is --localisation gaussian:0.1"
         )
     return (
-        "note: points in the image have errors of 0.1 px, --localisation gaussian:0.1, the default with "
-        "--dimensions; without it they are rounded to whole pixels"
+        "note: points in the image have errors of 0.1 px (--localisation gaussian:0.1), the default with "
+        "--dimensions. Without --dimensions, they are rounded to whole pixels"
     )
 
 

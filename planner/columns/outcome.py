@@ -41,7 +41,7 @@ class Outcome:
             return Reason.of(
                 ReasonKind.NO_FEASIBLE_VIEW,
                 f"the best pose found reaches P = {probability_text(best)}, "
-                "but breaks a constraint when judged anew.",
+                "but violates a constraint when checked again.",
             )
         # so many digits that it is seen to be below
         digits = next((n for n in range(4, 16) if round(best, n) < threshold), 16)

@@ -345,7 +345,7 @@ def check_lamps_given(lamps: Any) -> LampSpace | Array | str:
         if lamps == RING:
             return lamps
         raise RequestError.of_rule(
-            "lamps", f"must be places, a LampBox, a LampDome or {RING!r}", repr(lamps)
+            "lamps", f"must be positions, a LampBox, a LampDome or {RING!r}", repr(lamps)
         )
     return _numbers("lamps", lamps, (-1, 3))
 

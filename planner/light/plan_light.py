@@ -32,7 +32,7 @@ _TOGETHER_PLACES = 300
 # of what a `Lighting` holds
 _DEFAULTS = (DEFAULT_CONTRAST, DEFAULT_STEP, "dark", 0.0)
 # what else keeps an edge from being shown
-_SHADOW = ", or a shadow beside it"
+_SHADOW = ", or a shadow next to it"
 
 
 def plan_light(
@@ -213,20 +213,21 @@ def _ring(work: _Work, eyes: NDArray[np.float64]) -> LightPlan:
     ]
     lit = [[i for i in pairs if served.contrast[k, i] > 0] for k, pairs in enumerate(own)]
     dark = {
-        i: f"the ring light gives it too little contrast or light{_before(served, i)}, there or nearby."
+        i: f"the ring light, at the camera or nearby, {_too_little(served, i)}."
         for pairs, shown in zip(own, lit, strict=True)
         for i in pairs
         if i not in shown
     }
     images = [(k, k, pairs) for k, pairs in enumerate(lit) if pairs]
-    proof = "A ring light is where the camera is: one in each setting."
+    proof = "A ring light moves with the camera: each setting has its own."
     return work.result("ring", range(len(eyes)), images, len(eyes), proof, dark)
 
 
-def _before(served: Served, i: int) -> str:
-    told = " before what is behind" if served.pairs[i].backdrops else ""
-    told += ", or another line at an end" if served.needs_corners(i) else ""
-    return told + (_SHADOW if served.clear_beside(i) else "")
+def _too_little(served: Served, i: int) -> str:
+    text = "gives it too little contrast or light"
+    text += " against its background" if served.pairs[i].backdrops else ""
+    text += ", or shows no other line at an end" if served.needs_corners(i) else ""
+    return text + (", or casts a shadow next to it" if served.clear_beside(i) else "")
 
 
 def _fixed(work: _Work) -> LightPlan:
@@ -236,7 +237,10 @@ def _fixed(work: _Work) -> LightPlan:
     dark = {i: _why_dark(served, i) for i in range(len(served.pairs)) if not shown[:, i].any()}
     jobs = work.jobs(shown)
     chosen, images, bound = _covered(served, jobs)
-    proof = "All given lamps were tried on every setting; the least cover was found by integer programming."
+    proof = (
+        "The program tried every given lamp in every setting. Integer programming then found the "
+        "smallest number of lamps."
+    )
     return work.result("fixed", chosen, images, bound, proof, dark)
 
 
@@ -254,12 +258,14 @@ def _placed(work: _Work, space: LampSpace) -> LightPlan:
             none = served.search(space, [i])
             if not (served.contrast[:, i] > 0).any():
                 told = (
-                    "lights all of it" if not served.pairs[i].silhouette else "lights its seen face"
+                    "lights all of it"
+                    if not served.pairs[i].silhouette
+                    else "lights its visible face"
                 )
-                proven = "no place in" if none else "no place that was found in"
+                proven = "no position in" if none else "no position found in"
                 beside = ", and another line at each end" if served.needs_corners(i) else ""
-                beside += ", and no shadow beside it" if served.clear_beside(i) else ""
-                dark[i] = f"{proven} {space} {told} with contrast and step enough{beside}."
+                beside += ", and no shadow next to it" if served.clear_beside(i) else ""
+                dark[i] = f"{proven} {space} {told} with enough contrast and step{beside}."
     for k in {served.pairs[i].setting for i in dark}:
         rest = [i for i, pair in enumerate(served.pairs) if pair.setting == k and i not in dark]
         if rest and not (served.contrast[:, rest] > 0).all(axis=1).any():
@@ -276,8 +282,8 @@ def _placed(work: _Work, space: LampSpace) -> LightPlan:
     )
     chosen, images, _ = _covered(served, jobs)
     proof = (
-        f"For sets of settings, the exact light regions were intersected: where no cell of them meets {space}, no lamp "
-        "serves the set. No fewer sets that are left cover all."
+        f"The program intersected the exact light regions of sets of settings with {space}. Where no cell is left, "
+        "no lamp serves the set. A smaller number of the remaining sets does not cover all settings."
     )
     return work.result("placed", chosen, images, bound, proof, dark)
 
@@ -304,9 +310,9 @@ def _all_on(work: _Work, given: LampSpace | NDArray[np.float64]) -> LightPlan:
     )
     found = fewest_together(sets, served.least, served.least_step)
     lit = [i for i in every if found.contrast[i] > 0]
-    told = "of the given lamps" if fixed else f"of {len(places)} places in {given}"
+    told = "of the given lamps" if fixed else f"of {len(places)} positions in {given}"
     dark = {
-        i: f"no set that was tried {told} shows it together with the most others."
+        i: f"of the sets tried {told}, the one that shows the most targets does not show it."
         for i in every
         if i not in lit
     }
@@ -316,11 +322,11 @@ def _all_on(work: _Work, given: LampSpace | NDArray[np.float64]) -> LightPlan:
     if not isinstance(given, np.ndarray):
         alone = n > 1 and served.search(given, lit)
         bound = min(n, 1 + alone)
-        proof = "One lamp at least is needed."
+        proof = "At least one lamp is needed."
         if alone:
             proof = (
-                f"No single lamp in {given} lights all of it with the contrast: "
-                "the exact regions have no cell there."
+                f"No single lamp in {given} gives all targets enough contrast: "
+                "their exact light regions have no common cell there."
             )
     shots: list[list[LitImage]] = [[] for _ in range(work.n_settings)]
     for k in range(work.n_settings):
@@ -374,7 +380,7 @@ def _why_dark(served: Served, i: int) -> str:
     pair = served.pairs[i]
     n = len(served.places)
     if served.light is None or not pair.regions:
-        return "what is behind it is as bright."
+        return "its background is equally bright."
     entities = [served.light.entities[name] for name in pair.regions]
     raw = np.array([_formula(served.light, entity.name, served.places) for entity in entities]).min(
         axis=0
@@ -382,11 +388,12 @@ def _why_dark(served: Served, i: int) -> str:
     steps = np.array([served.steps(entity.name, served.places) for entity in entities]).min(axis=0)
     even = raw < served.least
     weak = ~even & (steps < served.least_step)
-    behind = ", or no contrast with what is behind" if pair.backdrops else ""
+    behind = ", or no contrast with its background" if pair.backdrops else ""
     behind += ", or no other line at an end" if served.needs_corners(i) else ""
     behind += _SHADOW if served.clear_beside(i) else ""
+    start = f"none of {n} lamps shows it" if n > 1 else "the lamp does not show it"
     return (
-        f"none of {n} lamps shows it: {even.sum()} with a contrast under {served.least:g}, {weak.sum()} with a step "
+        f"{start}: {even.sum()} with a contrast under {served.least:g}, {weak.sum()} with a step "
         f"under {served.least_step:g}, {n - (even | weak).sum()} not lighting all of it{behind}."
     )
 

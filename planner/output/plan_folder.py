@@ -115,10 +115,10 @@ def _joint_graph(
         report(progress, 0, n, "joint graph")
         return graph_of(regions, memory_limit_bytes=limit, progress=progress), []
     except _TimeIsUpError:
-        return None, ["graph.graphml is left out: the time limit ended before it was complete."]
+        return None, ["graph.graphml was not written: the time limit ended before it was complete."]
     except MemoryLimitError as error:
         # the plan does without it
-        return None, [f"graph.graphml is left out: {error}"] if limit is None else _instead(
+        return None, [f"graph.graphml was not written: {error}"] if limit is None else _instead(
             regions, None
         )
 
@@ -169,7 +169,7 @@ def _space(found: InspectionPlan, regions: Space) -> Space:
 def rescue(found: InspectionPlan, state: Path) -> str:
     """See that a plan that cannot be written is not lost; return where it is, in one sentence."""
     if holds_plan(state):
-        return f"The plan is kept in {state}: the same command with --resume writes it without planning again."
+        return f"The plan is saved in {state}. The same command with --resume writes it without planning again."
     return _kept_elsewhere("plan", found.write, "plan.json")
 
 
@@ -208,4 +208,4 @@ def _kept_elsewhere(what: str, write: Callable[[Path], object], name: str) -> st
                 folder.rmdir()
         else:
             return f"The {what} is in {folder / name} instead."
-    return f"The {what} cannot be kept anywhere else: {reason}"
+    return f"The {what} cannot be saved elsewhere either: {reason}"

@@ -135,7 +135,7 @@ def _rows(plan: InspectionPlan, one: Row, what: str, *, with_probability: bool) 
 def binding_sentence(plan: InspectionPlan, setting: SensorSetting) -> str:
     """Say which constraint fixes the pose, and what comes next."""
     first, *rest = nearest_limits(plan, setting)
-    text = f"Nearest to its limit: {first.name}, with {_share(first)} of its room left; {first.meaning}."
+    text = f"Tightest constraint: {first.name}, with {_share(first)} of its margin left: {first.meaning}."
     return text + (
         f" Next: {', '.join(f'{one.name} {_share(one)}' for one in rest)}." if rest else ""
     )

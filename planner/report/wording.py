@@ -114,8 +114,10 @@ def cost_sentence(about: JointEstimate, n: int) -> str:
         else "less than 0.5 GiB"
     )
     graph = f"joint graph of {count(n, 'entity', 'entities')}"
-    sure = "from the cells of the visible regions; either may be three times that, and a busy machine takes longer"
-    return f"{graph}: about {duration(about.seconds)} and {memory}, {sure}"
+    return (
+        f"{graph}: about {duration(about.seconds)} and {memory}, estimated from the cells of the visible regions. "
+        "Either may be up to three times as much. A busy machine takes longer."
+    )
 
 
 def unfinished_sentence(plan: InspectionPlan) -> str:
@@ -123,13 +125,13 @@ def unfinished_sentence(plan: InspectionPlan) -> str:
     if not plan.unfinished:
         return ""
     more = (
-        "find surer poses"
+        "find poses with a larger P"
         if plan.minimal and plan.complete
         else "need fewer settings or prove a larger bound"
     )
     if not plan.complete:
-        more = f"inspect more, {more}"
-    return f"The planning was ended before its end: a longer one may {more}."
+        more = f"inspect more targets, {more}"
+    return f"Planning stopped early. A longer run may {more}."
 
 
 def promise_sentence(plan: InspectionPlan) -> str:
@@ -140,9 +142,9 @@ def promise_sentence(plan: InspectionPlan) -> str:
     found = "the edge is found"
     if dimensions:
         error = "the permitted one"
-        found = "what is measured is found"
+        found = "the target is found"
         if dimensions < len(plan.entities):
-            error += f" (of an edge {share} of its image length)"
+            error += f" (for an edge, {share} of its image length)"
     return f"P is the probability that the error is at most {error}, given a registered image in which {found}."
 
 
@@ -205,13 +207,20 @@ def shown_sentence(images: ShownImages | None) -> str:
     counts = [found for setting in images.counts for found in setting.values()]
     always = sum(found == images.n for found in counts)
     n = len(counts)
-    told = f"From {count(images.n, 'displaced pose')} per setting, the conditions for an edge to be found in the image "
+    poses = f"the {count(images.n, 'displaced pose')} per setting"
     if always == n:
-        return told + (
-            "are met in every image." if n > 1 else "are met in every image by the edge measured."
-        )
-    kept = f"are met in every image by {always} of {count(n, 'measured edge')}"
-    return told + f"{kept}, and by each of the others in {min(counts)} of {images.n} at least."
+        edges = "The measured edge meets" if n == 1 else f"All {n} measured edges meet"
+        return f"{edges} the image conditions from each of {poses}."
+    least = f"the image conditions from at least {min(counts)} of {poses}."
+    if n == 1:
+        return f"The measured edge meets the image conditions from {counts[0]} of {poses}."
+    if not always:
+        return f"Each of {n} measured edges meets {least}"
+    others = "Each of the others" if n - always > 1 else "The other one"
+    return (
+        f"{always} of {count(n, 'measured edge')} {'meets' if always == 1 else 'meet'} the image conditions "
+        f"from each of {poses}. {others} meets them from at least {min(counts)} of {images.n}."
+    )
 
 
 def percent(share: float) -> str:
@@ -254,10 +263,10 @@ def graph_sentence(n_entities: int, most: int | None) -> str:
     """Say that the joint graph was left out, and what to do about it."""
     limit = f"the limit is {most}; --graph-limit changes it"
     if most is None:
-        limit = f"--graph-limit {n_entities} builds it all the same"
+        limit = f"--graph-limit {n_entities} builds it anyway"
     return (
-        f"graph.graphml was skipped: the joint graph of {n_entities} entities may take long to build and to draw "
-        f"({limit}). For a few of them: aspectgraph graph PART --entities IDS --graphml FILE."
+        f"graph.graphml was not written: the joint graph of {n_entities} entities may take long to build and to draw "
+        f"({limit}). For a few entities, run: aspectgraph graph PART --entities IDS --graphml FILE."
     )
 
 
@@ -267,9 +276,9 @@ def regions_sentence(shares: Mapping[str, float], most: int) -> str:
     largest = max(shares, key=shares.__getitem__)
     mean = sum(shares.values()) / len(shares)
     return (
-        f"Regions: each is observable as a whole from {100 * shares[least]:.2g} % ({least}) to "
-        f"{100 * shares[largest]:.2g} % ({largest}) of the workspace, in the mean from {100 * mean:.2g} %; from no "
-        f"place of 10,000 drawn more than {most} of {len(shares)}."
+        f"Regions: each entity is visible as a whole from {100 * shares[least]:.2g} % ({least}) to "
+        f"{100 * shares[largest]:.2g} % ({largest}) of the workspace, and from {100 * mean:.2g} % on average. None "
+        f"of 10,000 random viewpoints sees more than {most} of the {len(shares)} entities."
     )
 
 
@@ -280,22 +289,23 @@ def light_sentence(plan: InspectionPlan) -> str:
         return ""
     pairs = sum(len(setting.entities) for setting in plan.settings)
     dark = sum(map(len, light.unlit))
-    shown = f"{pairs - dark} of the {pairs} measurements" if dark else "all that is measured"
-    of = f"in its setting with a contrast of at least {light.contrast:g}"
+    measured = "every measurement" if pairs > 1 else "the measurement"
+    shown = f"{pairs - dark} of the {pairs} measurements" if dark else measured
+    contrast = f"a contrast of at least {light.contrast:g}"
     if light.kind == "ring":
-        return f"A ring light on the camera shows {shown} {of}."
+        return f"A ring light on the camera gives {shown} {contrast}."
     n = len(light.lamps)
-    lamps = f"{count(n, 'lamp')} of the given ones {'shows' if n == 1 else 'show'}"
+    lamps = f"{n} of the given lamps {'gives' if n == 1 else 'give'}"
     if light.kind == "placed":
-        lamps = f"{count(n, 'place')} of a lamp {'shows' if n == 1 else 'show'}"
+        lamps = f"{count(n, 'lamp position')} {'gives' if n == 1 else 'give'}"
     told = (
         "proven to be the fewest" if light.minimal else f"proven lower bound: {light.lower_bound}"
     )
     several = [len(images) for images in light.images if len(images) > 1]
-    taken = count(len(several), "setting takes", "settings take")
-    images = f" {taken} more than one image, {sum(several)} together." if several else ""
+    taken = count(len(several), "setting needs", "settings need")
+    images = f" {taken} more than one image, {sum(several)} in total." if several else ""
     switched = "all on together" if light.together else "one lamp at a time"
-    return f"{lamps} {shown} {of}, {switched}{f' ({told})' if n else ''}.{images}"
+    return f"{lamps} {shown} {contrast}, {switched}{f' ({told})' if n else ''}.{images}"
 
 
 def lamps_named(image: LitImage) -> str:
@@ -399,8 +409,8 @@ def _focus_reserve(need: Mapping[str, float], along: float) -> str:
         )
     return (
         f"{sigmas:g} standard deviations of each point's depth at both ends of the depth of field ({margin:.4g} mm on "
-        f"the optical axis, more off it); an eighth of a narrow depth of field, but at least {LEAST_SIGMAS:g} standard "
-        "deviations"
+        "the optical axis, more off it). Where the depth of field is narrow: an eighth of it, but at least "
+        f"{LEAST_SIGMAS:g} standard deviations"
     )
 
 

@@ -33,11 +33,11 @@ class WarningKind(Enum):
     """What a measurement warns of; the value is what a report says of many."""
 
     FEW_PIXELS = "tolerance under two pixels"
-    DIFFERS = "simulation differs from what is stated"
-    BETTER = "simulation is better than what is stated"
+    DIFFERS = "simulation differs from the stated probability"
+    BETTER = "simulation is better than the stated probability"
     LINE = "another line within the search window"
-    UNSHOWN = "not to be found in some displaced images"
-    UNLIT = "shown by no lamp"
+    UNSHOWN = "image conditions not met from some displaced poses"
+    UNLIT = "not visible under any lamp"
 
 
 class Warned(NamedTuple):
@@ -136,7 +136,9 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
             )
         if plan.light is not None and name in plan.light.unlit[k]:
             warnings = (
-                Warned(WarningKind.UNLIT, f"shown by no lamp: {plan.light.unlit[k][name]}"),
+                Warned(
+                    WarningKind.UNLIT, f"not visible under any lamp: {plan.light.unlit[k][name]}"
+                ),
                 *warnings,
             )
         # the quantiles of a short arc are no variance
@@ -170,8 +172,10 @@ def line_warning(line_px: float, window_px: float) -> str:
     window_px : float
         Half the width of the window, px.
     """
-    near = f"another visible line comes within {line_px:.3g} px, and the edge is looked for within {window_px:.3g} px"
-    return f"{near}: a detector may take the one for the other"
+    return (
+        f"another visible line comes within {line_px:.3g} px; a detector that searches ±{window_px:.3g} px may "
+        "confuse the two"
+    )
 
 
 def unshown_warning(shown: int, n: int) -> str:
@@ -182,7 +186,7 @@ def unshown_warning(shown: int, n: int) -> str:
     shown, n : int
         In so many of so many images.
     """
-    return f"the conditions for being found are met in {shown} of {n} images of displaced cameras"
+    return f"meets the image conditions from only {shown} of {n} displaced poses"
 
 
 def few_pixels_warning(permitted_px: float) -> str:
@@ -195,7 +199,7 @@ def few_pixels_warning(permitted_px: float) -> str:
     """
     return (
         f"tolerance of {permitted_px:.2g} px, under two pixels: P is the mean over parts whose edges end anywhere on "
-        "the pixel grid, and one part may be measured less often"
+        "the pixel grid, and may be lower for one part"
     )
 
 

@@ -1,6 +1,6 @@
 """Why a request is not met: which constraint, for which entity, by how much.
 
-What "cannot be met" is proven. What "was met by no pose tried" was searched for in vain.
+"Cannot be met" is proven. "No tried pose meets" is the result of a search.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ def check_observable(space: Space, names: Sequence[str]) -> CellSet:
     hidden = [name for name in names if not len(cells_of(space, [name]))]
     if hidden:
         raise InfeasibleError(
-            f"visibility cannot be met: entity {hidden[0]!r} is observable from nowhere in the workspace.",
+            f"visibility cannot be met: no viewpoint in the workspace sees all of entity {hidden[0]!r}.",
             constraint="visibility",
             entity=hidden[0],
             margin=-1.0,
             proven=True,
         )
     pair = _pair_never_seen_together(space, names)
-    who = f"entities {pair[0]!r} and {pair[1]!r}" if pair else f"the entities {', '.join(names)}"
+    who = f"entities {pair[0]!r} and {pair[1]!r}" if pair else f"entities {', '.join(names)}"
     raise InfeasibleError(
-        f"visibility cannot be met: {who} are observable together from nowhere in the workspace.",
+        f"visibility cannot be met: no viewpoint in the workspace sees all of {who}.",
         constraint="visibility",
         entity=pair[1] if pair else "",
         margin=-1.0,
@@ -84,9 +84,9 @@ def check_resolvable(constraints: Constraints) -> None:
     if margin < 0:
         pixel = max(camera.pixel_pitch_mm)
         raise InfeasibleError(
-            f"resolution_mm cannot be met for entity {name!r}: {lengths[worst]:.6g} mm long, its "
-            f"image is at most {longest / pixel:.4g} px where the lens focuses (nearest {nearest:.4g} mm), "
-            f"and must be at least {constraints.requirements.min_length_px:.4g} px.",
+            f"resolution_mm cannot be met for entity {name!r}: it is {lengths[worst]:.6g} mm long. Where "
+            f"the lens focuses (from {nearest:.4g} mm), its image is at most {longest / pixel:.4g} px long, "
+            f"but must be at least {constraints.requirements.min_length_px:.4g} px.",
             constraint="resolution_mm",
             entity=name,
             margin=margin,
@@ -120,8 +120,8 @@ def check_extent(constraints: Constraints) -> None:
             / min(camera.pixel_pitch_mm)
         )
         raise InfeasibleError(
-            f"field_of_view_px cannot be met for {who} ends are {apart[first, second]:.5g} mm apart, and where the "
-            f"lens focuses the image is at most {limit:.5g} mm across.",
+            f"field_of_view_px cannot be met for {who} ends are {apart[first, second]:.5g} mm apart, but where "
+            f"the lens focuses, the image covers at most {limit:.5g} mm.",
             constraint="field_of_view_px",
             entity=names[-1],
             margin=float(margin),
@@ -139,8 +139,8 @@ def missing_corners(constraints: Constraints) -> dict[str, InfeasibleError]:
             least = constraints.requirements.showing.min_corner_deg
             found[name] = InfeasibleError(
                 f"corner_deg cannot be met for entity {name!r}: at ({place}) mm the edge ends in a tangent "
-                "arc, so its length is undefined. Distances and angles are not affected. Its length is "
-                f"measured only where no corner is required (0 instead of {least:g} degrees).",
+                "arc, so its length is undefined. Distances and angles are not affected. To measure its "
+                f"length, require no corner (0 instead of {least:g} degrees).",
                 constraint="corner_deg",
                 entity=name,
                 margin=-least,
@@ -160,9 +160,9 @@ def explain_positions(
     best = int(np.argmax(slack.min(axis=1)))
     worst = int(np.argmin(slack[best]))
     return InfeasibleError(
-        f"focus_mm was met by no viewpoint tried for entity {constraints.names[worst]!r}: its ends must be "
-        f"{nearest:.5g} to {farthest:.5g} mm from the camera, and the best of {len(positions)} viewpoints that see "
-        f"what is to be inspected has {distance[best, worst].min():.5g} to {distance[best, worst].max():.5g} mm.",
+        f"no tried viewpoint meets focus_mm for entity {constraints.names[worst]!r}: its ends must be "
+        f"{nearest:.5g} to {farthest:.5g} mm from the camera. From the best of {len(positions)} viewpoints that see "
+        f"the targets, they are {distance[best, worst].min():.5g} to {distance[best, worst].max():.5g} mm away.",
         constraint="focus_mm",
         entity=constraints.names[worst],
         margin=float(slack[best, worst]),
@@ -198,7 +198,7 @@ def explain_infeasible(
                 else f": the best margin found is {_quantity(name, margin)}"
             )
             return InfeasibleError(
-                f"{name} was met by no pose tried{_for(entity)}{best}.",
+                f"no tried pose meets {name}{_for(entity)}{best}.",
                 constraint=name,
                 entity=entity,
                 margin=margin,
@@ -239,13 +239,9 @@ def _nearest_misses(margins: dict[str, np.ndarray], constraints: Constraints) ->
         f"{name} by {_quantity(name, -worst[name][0])}{_for(worst[name][1])}" for _, name in missed
     ]
     name = missed[0][1] if missed else ""
-    what = (
-        f"the nearest pose misses {', '.join(parts)}"
-        if parts
-        else "no pose was found that meets all of them"
-    )
+    what = f": the nearest pose misses {', '.join(parts)}" if parts else ""
     return InfeasibleError(
-        f"constraints were met together by no pose tried for {', '.join(constraints.names)}: {what}.",
+        f"no tried pose meets all constraints for {', '.join(constraints.names)}{what}.",
         constraint=name,
         entity=worst[name][1] if name else "",
         margin=worst[name][0] if name else float("nan"),

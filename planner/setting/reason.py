@@ -30,13 +30,14 @@ class ReasonKind(Enum):
 
 
 _WORDS = {
+    ReasonKind.IN_VIEW_FROM_NO_POSE_TRIED: "not in view from any tried pose",
     ReasonKind.TOO_SHORT: "too short for the resolution",
     ReasonKind.TOO_LARGE: "larger than the field of view",
-    ReasonKind.TOO_NEAR: "in view only too near the part",
-    ReasonKind.NO_CORNER: "without a corner to measure to",
-    ReasonKind.LINE_NEARBY: "too near to another line in the image",
-    ReasonKind.NOT_FOUND_YET: "no view was found yet",
-    ReasonKind.NOT_STATED: "for a reason of no stated kind",
+    ReasonKind.TOO_NEAR: "in view only from too close to the part",
+    ReasonKind.NO_CORNER: "no corner to measure to",
+    ReasonKind.LINE_NEARBY: "too close to another line in the image",
+    ReasonKind.NOT_FOUND_YET: "no view found yet",
+    ReasonKind.NOT_STATED: "other reasons",
 }
 
 

@@ -18,11 +18,11 @@ from planner.wanted.planned import PlannedDimension, planned
 from planner.wanted.targets import Target
 
 # of entities that have neither a pose nor a reason for that yet
-_NOT_YET = Reason.of(ReasonKind.NOT_FOUND_YET, "the planning had not come to its end.")
+_NOT_YET = Reason.of(ReasonKind.NOT_FOUND_YET, "planning stopped early.")
 
 _LATE = Reason.of(
     ReasonKind.NOT_FOUND_YET,
-    "the time limit ended before it was known from where it is observable.",
+    "the time limit ended before the program knew from where it is visible.",
 )
 
 

@@ -79,7 +79,7 @@ def test_a_part_that_changed_or_is_gone_is_told(planned, tmp_path, capsys):
     assert "request.colour must be known to this program" in refusal(capsys, *again)
     del data["request"]
     (moved / "plan" / "plan.json").write_text(json.dumps(data))
-    assert "plan file must hold its request. Got one of an earlier program" in refusal(
+    assert "plan file must hold its request. Got one of an earlier version" in refusal(
         capsys, *again
     )
     assert not (moved / "again").exists()

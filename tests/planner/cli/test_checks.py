@@ -125,7 +125,7 @@ def test_facts_of_cameras_have_sources(capsys):
 
 
 def test_the_assumed_unit_is_told(capsys):
-    note = "note: OFF files state no unit: mm is assumed; --units says otherwise"
+    note = "note: OFF files state no unit, so the program assumes mm. Use --units for another unit"
     assert main(["info", BLOCK]) == DONE
     assert note in capsys.readouterr().out.splitlines()
     assert main(["info", BLOCK, "--units", "inch"]) == DONE

@@ -116,7 +116,7 @@ def test_another_request_needs_force_and_the_option_is_named(tmp_path, case):
 def test_a_plan_of_an_earlier_program_is_not_replaced_unless_that_is_said(tmp_path):
     """It does not store its request, so nothing says that it is the same."""
     plan(requirements=LIMITS).write(tmp_path / "plan.json")
-    message = rf"--force replaces it\. Got {tmp_path}/plan\.json of an earlier program, without"
+    message = rf"--force replaces it\. Got {tmp_path}/plan\.json of an earlier version, without"
     with pytest.raises(OutputError, match=message):
         check_owner(tmp_path, request_(), force=False)
     check_owner(tmp_path, request_(), force=True)

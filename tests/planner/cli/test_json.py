@@ -39,7 +39,9 @@ def test_a_part(record):
     assert [edge["length"] for edge in found["edges"]] == [60.0] * 4
     assert found["bounds"] == [[0.0, 0.0, 0.0], [60.0, 60.0, 40.0]]
     assert found["curves"] == []
-    assert found["notes"] == ["OFF files state no unit: mm is assumed; --units says otherwise"]
+    assert found["notes"] == [
+        "OFF files state no unit, so the program assumes mm. Use --units for another unit"
+    ]
     assert record("info", BLOCK, "--units", "mm")[1]["notes"] == []
 
 

@@ -35,10 +35,7 @@ def test_lamps_to_be_placed_are_written_and_told(folder, capsys):
     assert main([*PLAN, *light]) == DONE
     told = " ".join(capsys.readouterr().out.split())
     assert "setting 1: lamp 1 at (" in told
-    assert (
-        "1 place of a lamp shows all that is measured in its setting with a contrast of at least 0.1"
-        in told
-    )
+    assert "1 lamp position gives every measurement a contrast of at least 0.1" in told
     found = read_plan(folder / "out" / "plan.json")
     assert found.light.minimal
     assert found.light.complete

@@ -84,7 +84,7 @@ def test_the_best_camera_is_written_for_plan(tmp_path, monkeypatch, capsys):
     )
     none = [*OPTICS, *SURE, "--min-length-px", "5000", "--write", "none.toml"]
     assert main(none) == INCOMPLETE
-    assert "none.toml is not written" in capsys.readouterr().out
+    assert "none.toml was not written" in capsys.readouterr().out
     assert not (tmp_path / "none.toml").exists()
     for name, message in (
         ("x.json", "must end in .toml"),

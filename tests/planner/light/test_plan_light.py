@@ -64,7 +64,7 @@ def test_what_no_place_shows_is_told():
     found = plan_light(side_plan(), block(), LampBox((90, -50, 0), (300, 90, 300)))
     assert not found.complete
     assert found.unlit[0] == {
-        "left": "no place in the box of lamps lights its seen face with contrast and step enough."
+        "left": "no position in the box of lamps lights its visible face with enough contrast and step."
     }
     assert found.images[0] == ()
     assert len(found.lamps) == found.lower_bound == 1
@@ -104,7 +104,7 @@ def test_what_hardly_any_light_falls_on_does_not_show():
     )
     grazing = [(5000.0, -40.0, 70.0)]
     assert plan_light(one, block(), grazing).unlit[0] == {
-        "top front": "none of 1 lamps shows it: 0 with a contrast under 0.1, 1 with a step under 0.1, "
+        "top front": "the lamp does not show it: 0 with a contrast under 0.1, 1 with a step under 0.1, "
         "0 not lighting all of it."
     }
     assert plan_light(one, block(), grazing, step=0.007).unlit[0]
@@ -138,7 +138,7 @@ def test_ring_light():
     assert (
         plan_light(one, block(), "ring", contrast=0.52)
         .unlit[0]["top front"]
-        .startswith("the ring light gives it")
+        .startswith("the ring light, at the camera or nearby, gives it")
     )
     # 30 mm beside it the heights may be 201 and 539: contrast 338 / 740 = 0.457
     near = plan(
@@ -156,7 +156,7 @@ def test_a_silhouette_needs_contrast_with_what_is_behind():
     beside = (-40.0, 20.0, 20.0)
     found = plan_light(ABOVE, step(), [above])
     assert found.unlit[0]["rim"].endswith(
-        "1 not lighting all of it, or no contrast with what is behind."
+        "1 not lighting all of it, or no contrast with its background."
     )
     # a lamp so low on the left leaves what is beside the rim in the shadow of the step
     found = plan_light(ABOVE, step(), [above, beside])
@@ -308,7 +308,7 @@ def test_opposite_faces_need_two_lamps_together_too():
     assert LightPlan.from_dict(fixed.to_dict()) == fixed
     dark = plan_light(side_plan(), block(), Lighting(places[:2], together=True))
     assert dark.unlit[1] == {
-        "right": "no set that was tried of the given lamps shows it together with the most others."
+        "right": "of the sets tried of the given lamps, the one that shows the most targets does not show it."
     }
 
 
@@ -350,7 +350,7 @@ def _light(one):
         (
             "torch",
             {},
-            "lamps must be places, a LampBox, a LampDome or 'ring'. Got 'torch'.",
+            "lamps must be positions, a LampBox, a LampDome or 'ring'. Got 'torch'.",
         ),
         ([], {}, "lamps must be finite numbers in mm, shape (n, 3). Got []."),
         ([[1, 2]], {}, "lamps must be finite numbers in mm, shape (n, 3). Got [[1, 2]]."),

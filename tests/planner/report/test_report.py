@@ -323,7 +323,7 @@ def test_lamps_are_drawn_and_told():
     assert (
         "Lamp 1 at (40.0, -300.0, 500.0) mm: contrast of +z-y 0.30, +z+x 1.00 (silhouette)" in page
     )
-    assert "2 places of a lamp show all that is measured in its setting" in page
+    assert "2 lamp positions give every measurement a contrast of at least" in page
     assert "(proven lower bound: 1)" in page
 
 

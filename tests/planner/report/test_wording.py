@@ -280,9 +280,9 @@ def test_a_graph_of_one_domain_and_one_entity_is_told_in_the_singular(capsys):
 
 def test_an_unfinished_plan_says_what_more_time_may_give():
     for made in plans():
-        assert "ended before its end" not in verdict(made)
+        assert "stopped early" not in verdict(made)
         text = verdict(replace(made, unfinished=True))
-        assert "The planning was ended before its end: a longer one may" in text
+        assert "Planning stopped early. A longer run may" in text
         assert ("inspect more" in text) == (not made.complete)
         assert ("need fewer settings" in text) == (not made.minimal or not made.complete)
 
@@ -324,10 +324,10 @@ def test_settings_that_take_several_images_are_counted_and_their_images():
     asked = plan(
         settings=(setting((0.0, 0.0, 300.0), ["top front", "top right"]),) * 3, light=light
     )
-    assert light_sentence(asked).endswith(" 2 settings take more than one image, 5 together.")
+    assert light_sentence(asked).endswith(" 2 settings need more than one image, 5 in total.")
     one = replace(light, images=(light.images[0], light.images[1], light.images[1]))
     assert light_sentence(replace(asked, light=one)).endswith(
-        " 1 setting takes more than one image, 3 together."
+        " 1 setting needs more than one image, 3 in total."
     )
     none = replace(light, images=(light.images[1],) * 3)
     assert "image" not in light_sentence(replace(asked, light=none))

@@ -131,5 +131,5 @@ def test_what_no_lamp_shows_is_warned_of():
         "top front": [],
         "top right": [WarningKind.UNLIT],
     }
-    assert first[1].warnings[0].text == "shown by no lamp: none of 2 lamps shows it."
+    assert first[1].warnings[0].text == "not visible under any lamp: none of 2 lamps shows it."
     assert not second[0].warnings

@@ -259,14 +259,14 @@ INFEASIBLE = [
         ["x00"],
         {"reach": SphereRegion((0, 0, 0), 400)},
         "reach",
-        r"(misses reach|reach was met by no pose tried)",
+        r"(misses reach|no tried pose meets reach)",
     ),
-    (["x00"], {"reach": lambda p: p[:, 0] > 1e6}, "reach", r"reach was met by no pose tried.* -1"),
+    (["x00"], {"reach": lambda p: p[:, 0] > 1e6}, "reach", r"no tried pose meets reach.* -1"),
     (
         ["x00"],
         {"field_margin_px": 1100},
         "field_of_view_px",
-        r"field_of_view_px was met by no pose tried for entity 'x00': the best margin found is -7[6-9].* px",
+        r"no tried pose meets field_of_view_px for entity 'x00': the best margin found is -7[6-9].* px",
     ),
 ]
 
@@ -285,7 +285,7 @@ def test_infeasible_requests_name_constraint_entity_and_amount(
 def test_without_a_search_for_the_reason_the_nearest_pose_is_told_of(box):
     with pytest.raises(
         InfeasibleError,
-        match=r"met together by no pose tried for x00: the nearest pose misses reach by 1",
+        match=r"no tried pose meets all constraints for x00: the nearest pose misses reach by 1",
     ):
         plan_setting(
             box, ["x00"], REAL, LOOSE, reach=lambda p: p[:, 0] > 1e6, search=Search(explain=False)
@@ -317,18 +317,23 @@ class JealousSpace(BoxSpace):
 @pytest.mark.parametrize(
     ("space", "names", "entity", "who"),
     [
-        (JealousSpace(), ["x00", "z10"], "z10", "entity 'z10' is observable from nowhere"),
+        (
+            JealousSpace(),
+            ["x00", "z10"],
+            "z10",
+            "no viewpoint in the workspace sees all of entity 'z10'",
+        ),
         (
             JealousSpace(),
             ["x00", "y11"],
             "y11",
-            "entities 'x00' and 'y11' are observable together from nowhere",
+            "no viewpoint in the workspace sees all of entities 'x00' and 'y11'",
         ),
         (
             JealousSpace(),
             ["y11", "x01", "x00"],
             "x00",
-            "entities 'y11' and 'x00' are observable together from nowhere",
+            "no viewpoint in the workspace sees all of entities 'y11' and 'x00'",
         ),
         # around a box every two of four parallel edges share a viewpoint, but not all four
         (
@@ -453,7 +458,7 @@ def test_a_known_pose_that_no_bits_can_express(box):
     def needle(positions):
         return np.linalg.norm(positions - good.position, axis=1) < 1e-3
 
-    with pytest.raises(InfeasibleError, match="reach was met by no pose tried"):
+    with pytest.raises(InfeasibleError, match="no tried pose meets reach"):
         plan_setting(box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0, reach=needle)
     kept = plan_setting(
         box, ["x00"], PAPER_CAMERA, PAPER, field_margin_px=0, reach=needle, start=[good.cam2world]

@@ -34,7 +34,7 @@ from planner.setting.reason import Reason, ReasonKind
         ),
         (
             0.95,
-            "no feasible view: the best pose found reaches P = 0.9500, but breaks a constraint when judged anew.",
+            "no feasible view: the best pose found reaches P = 0.9500, but violates a constraint when checked again.",
             ReasonKind.NO_FEASIBLE_VIEW,
         ),
     ],
@@ -110,11 +110,11 @@ def test_too_far_apart_names_one_entity_once(ends, who):
     ("facts", "words"),
     [
         ({"constraint": "visibility", "proven": True}, "unobservable"),
-        ({"constraint": "visibility"}, "in view from no pose tried"),
+        ({"constraint": "visibility"}, "not in view from any tried pose"),
         ({"constraint": "focus_mm", "together": True}, "no feasible view"),
         ({}, "no feasible view"),
         ({"constraint": "field_of_view_mm"}, "larger than the field of view"),
-        ({"constraint": "clearance_mm"}, "in view only too near the part"),
+        ({"constraint": "clearance_mm"}, "in view only from too close to the part"),
     ],
 )
 def test_words_before_a_reason_claim_no_more_than_is_known(facts, words):

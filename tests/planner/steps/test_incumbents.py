@@ -155,9 +155,7 @@ def test_what_has_no_view_yet_is_said_to_have_none_yet(space, monkeypatch):
     assert plan.complete
     first = told[0]
     assert first.uninspectable
-    assert set(first.uninspectable.values()) == {
-        "no view was found yet: the planning had not come to its end."
-    }
+    assert set(first.uninspectable.values()) == {"no view found yet: planning stopped early."}
     assert first.lower_bound == 1
 
 

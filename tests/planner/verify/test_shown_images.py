@@ -98,7 +98,7 @@ def test_another_part():
 def test_the_plan_keeps_and_tells_it():
     found = frontal(image_px()).simulated(500, solid=block())
     n = found.simulation.shown.counts[0]["top front"]
-    told = f"the conditions for being found are met in {n} of 200 images of displaced cameras"
+    told = f"meets the image conditions from only {n} of 200 displaced poses"
     assert (
         InspectionPlan.from_dict(json.loads(json.dumps(found.to_dict()))).simulation
         == found.simulation
@@ -107,10 +107,10 @@ def test_the_plan_keeps_and_tells_it():
     assert (WarningKind.UNSHOWN, told) in row.warnings
     assert unshown_texts(found.simulation.shown, 0) == [f"top front: {told}"]
     assert shown_sentence(found.simulation.shown).endswith(
-        f"by each of the others in {n} of 200 at least."
+        f"The measured edge meets the image conditions from {n} of the 200 displaced poses per setting."
     )
     assert shown_sentence(ShownImages(({"a": 200}, {"b": 200}), 200)).endswith(
-        "are met in every image."
+        "All 2 measured edges meet the image conditions from each of the 200 displaced poses per setting."
     )
     assert shown_sentence(None) == ""
 
