@@ -86,7 +86,7 @@ def add_output(parser: Options, out: str | None) -> None:
         metavar="DIR",
         required=out is None,
         default=out,
-        help="folder to write to; a plan of another request in it is kept",
+        help="folder to write to; the command refuses to replace a plan of another request",
     )
 
 

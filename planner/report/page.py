@@ -381,7 +381,7 @@ def _lit(light: LightPlan) -> str:
 def _switched(light: LightPlan) -> str:
     if not light.together:
         return "of which one is on at a time"
-    return "of one strength that are all on together (decided at nine points of every edge)"
+    return "of one strength that are all on together (checked at nine points of every edge)"
 
 
 def _list(values: Iterable[float], spec: str = ".4g") -> str:

@@ -196,7 +196,7 @@ def test_unfinished_work_of_the_same_request_is_continued_or_discarded_as_the_us
 ):
     left = unfinished(tmp_path, request_(), kind)
     with pytest.raises(
-        OutputError, match="of this request: --resume continues it, --force begins anew"
+        OutputError, match="of this request: --resume continues it, --force starts again"
     ):
         prepare(tmp_path, request_())
     prepare(tmp_path, request_(), resume=True)
@@ -219,7 +219,7 @@ def test_a_damaged_state_is_refused_and_stays(tmp_path):
 def test_regions_of_an_earlier_program_are_of_nobody_known(tmp_path):
     (tmp_path / REGIONS_FOLDER).mkdir()
     (tmp_path / REGIONS_FOLDER / "abc.npz").write_text("hours of work")
-    with pytest.raises(OutputError, match="--resume continues it, --force begins anew"):
+    with pytest.raises(OutputError, match="--resume continues it, --force starts again"):
         prepare(tmp_path, request_())
     assert prepare(tmp_path, request_(), resume=True)
 

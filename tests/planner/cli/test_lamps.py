@@ -44,7 +44,7 @@ def test_lamps_to_be_placed_are_written_and_told(folder, capsys):
     ]
     page = (folder / "out" / "report.html").read_text()
     assert "Predicted image, hidden lines removed, under lamp 1" in page
-    assert "polished metal is out of scope" in page
+    assert "Polished metal is out of scope" in page
     # what is planned anew must be asked for as before
     assert main([*PLAN, *light, "--contrast", "0.2"]) == BAD_INPUT
     assert "--contrast was 0.1 and is now 0.2." in capsys.readouterr().err
@@ -61,7 +61,9 @@ def test_lamps_that_are_on_together(folder, capsys):
     assert {image.lamps for images in found.light.images for image in images} == {
         tuple(range(len(found.light.lamps)))
     }
-    assert "of one strength and all on together" in (folder / "out" / "report.html").read_text()
+    assert (
+        "of one strength that are all on together" in (folder / "out" / "report.html").read_text()
+    )
 
 
 def test_a_ring_light_takes_part_in_the_planning(folder, capsys):

@@ -223,7 +223,7 @@ def test_lamps_stay_in_reach_of_a_robot():
     found = plan_light(side_plan(), block(), LampBox(AROUND.low, AROUND.high, reach=reach))
     assert (reach.margin(found.lamps) > 0).all()
     assert [sorted(unlit) for unlit in found.unlit] == [[], ["right"]]
-    assert found.unlit[1]["right"].startswith("no place that was found in the box of lamps")
+    assert found.unlit[1]["right"].startswith("no position found in the box of lamps")
     with pytest.raises(RequestError, match="reach must have a margin method"):
         LampBox((0, 0, 0), (1, 1, 1), reach="arm")
 
