@@ -35,7 +35,7 @@ def test_else_the_regions_are_summed_up(regions, monkeypatch):
     numbers = [float(one) / 100 for one in re.findall(r"([\d.]+) %", notes[1])]
     shares = seen.mean(axis=0)
     assert numbers == pytest.approx([shares.min(), shares.max(), shares.mean()], abs=0.02)
-    assert f"more than {seen.sum(axis=1).max()} of 26." in notes[1]
+    assert f"more than {seen.sum(axis=1).max()} of the 26 entities." in notes[1]
 
 
 def test_a_limit_that_is_given_is_kept(regions):
