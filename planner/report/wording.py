@@ -216,10 +216,12 @@ def shown_sentence(images: ShownImages | None) -> str:
         return f"The measured edge meets the image conditions from {counts[0]} of {poses}."
     if not always:
         return f"Each of {n} measured edges meets {least}"
-    others = "Each of the others" if n - always > 1 else "The other one"
+    others = "Each of the others meets them from at least"
+    if n - always == 1:
+        others = "The other one meets them from"
     return (
         f"{always} of {count(n, 'measured edge')} {'meets' if always == 1 else 'meet'} the image conditions "
-        f"from each of {poses}. {others} meets them from at least {min(counts)} of {images.n}."
+        f"from each of {poses}. {others} {min(counts)} of {images.n}."
     )
 
 
