@@ -85,28 +85,30 @@ def plan_inspection(
 ) -> InspectionPlan:
     """Plan the inspection of entities of a part.
 
-    **Guarantee.** Every entity is inspected by some setting with at least ``probability`` and all constraints met, or
-    is listed as uninspectable with the reason. The number of settings is at least ``lower_bound``, which is proven. The
-    plan depends on the request and the seed, not on the executor or on interruptions.
+    **Guarantee.** One of the settings inspects each entity with at least ``probability`` and meets
+    all constraints. Otherwise ``uninspectable`` lists the entity with the reason. ``lower_bound``
+    is a proven lower bound of the number of settings. The plan depends on the request and the seed,
+    not on the executor or on interruptions.
 
     Parameters
     ----------
     solid : Solid
         The part.
     entities : mapping or sequence
-        Name to an edge, a rim, an arc or a `Dimension`. An edge is an id or two end points, and its length is measured.
-        Of a rim (``"r3"``) the diameter is measured, of an arc (``"a0"``) the radius; 1 − A of it is permitted as
-        error. Ids without names, such as `select_entities` returns, are named ``"e<id>"``, ``"r<n>"`` or ``"a<n>"``.
+        Name to an edge, a rim, an arc or a `Dimension`. An edge is an id or two end points. The
+        plan measures the length of an edge, the diameter of a rim (``"r3"``) and the radius of an
+        arc (``"a0"``). The permitted error is 1 − A of the value. Ids without names, such as
+        `select_entities` returns, are named ``"e<id>"``, ``"r<n>"`` or ``"a<n>"``.
     camera : Camera
         The camera.
     pose_uncertainty : PoseUncertainty
-        How far its real pose may be from the planned one.
+        Uncertainty of its real pose about the planned one.
     accuracy : float
         Required accuracy A in (0, 1).
     probability : float
-        Required probability of it, in (0, 1).
+        Required probability, in (0, 1), that a measurement is accurate.
     rng : int or numpy.random.Generator
-        Seed; a generator is asked for one.
+        Seed. From a generator, the program draws a seed.
 
     Returns
     -------
@@ -116,53 +118,63 @@ def plan_inspection(
     Other Parameters
     ----------------
     workspace : array_like (2, 3), optional
-        Opposite corners of the box the camera may be in, mm. Default: as far around the part as the lens focuses.
+        Opposite corners of the box the camera may be in, mm. Default: `default_workspace`, which
+        extends around the part as far as the lens focuses.
     stand_off_mm, min_length_px : float
         Constraints, see `Requirements`.
     field_margin_px : float, optional
-        Strip along the sensor's sides to keep free. Default: four standard deviations of how far the pose uncertainty
-        moves an image point, in the corner where that is farthest, at most a quarter of the smaller side.
+        Width of the strip along the sensor's edges to keep free, px. Default: four standard
+        deviations of an image point's motion under the pose uncertainty. They are those of the
+        corner where the motion is largest. The default is at most a quarter of the smaller side.
     visibility_radius_mm : float, optional
         As in `plan_setting`.
     focus_margin_mm : float, optional
-        What both limits of the depth of field are narrowed by, so that a displaced camera is in focus still. Default:
-        for each end of an edge, three standard deviations of its depth as the camera is moved and turned; at most an
-        eighth of the depth of field, but never less than 1.645 of them.
+        Narrow both limits of the depth of field by this distance, mm, so that a displaced camera is
+        still in focus. Default: three standard deviations of the depth of each end of an edge, as
+        the camera moves and turns. The default is at most an eighth of the depth of field, but
+        never less than 1.645 standard deviations.
     showing : Detectability
-        What the image needs so that edges can be found in it. Edges that run on smoothly in an arc are not inspected
-        then; ``Detectability(0, 0, 0)`` asks for nothing, as the paper. Default: ``Detectability()``.
+        Conditions under which software can find edges in the image. With a corner condition, the
+        plan does not inspect edges that end in a tangent arc. ``Detectability(0, 0, 0)`` sets no
+        conditions, as in the paper. Default: ``Detectability()``.
     reach : ReachRegion or callable, optional
-        As in `plan_setting`. With ``state`` it must have a name that lasts: a lambda, a function inside another one, or
-        what cannot be pickled needs an attribute ``state_name`` that says what it permits.
+        As in `plan_setting`. With ``state`` it needs a permanent name. A lambda, a nested function
+        or an object that cannot be pickled needs an attribute ``state_name``, which describes what
+        it permits.
     lamps : array_like, shape (n, 3), or LampBox, LampDome, "ring" or Lighting, optional
-        Lamps that are to show what is measured, as in `plan_light`; the plan then has its ``light``. What no lamp shows
-        in any of the settings found is looked for from other poses. With "ring", the search keeps to where edges show.
+        Lamps that must light the targets, as in `plan_light`. The plan then has its ``light``. If
+        no lamp lights a target in any setting, the program searches for other poses. With "ring",
+        the search is restricted to viewpoints where the ring light makes edges visible.
     space : VisibilityRegions or EntityAspectGraph, optional
-        Visibility computed before, for these entities and this workspace. Or a `RingSpace` of them: then each edge
-        shows under a ring light on the camera, wherever it counts as observable.
+        Visibility computed before, for these entities and this workspace. With a `RingSpace`, an
+        edge counts as observable only where a ring light on the camera makes it visible. Default:
+        the program computes the visibility.
     effort : Effort, optional
-        How long to search. Default: ``Effort()``; where dimensions are planned, ``Effort.for_dimensions()``.
+        How long to search. Default: ``Effort()``, or ``Effort.for_dimensions()`` for dimensions.
     localisation : Localisation, optional
-        How well points are found in the image. Default: on whole pixels, as in the paper.
+        Model of the errors of image points. Default: rounding to whole pixels, as in the paper.
     time_limit_s : float, optional
-        Seconds until the planning ends with the best plan it has found, which is then ``unfinished``. Half of them may
-        go to computing from where targets are observable; a target that is late is left out, with the reason. The
-        first plan is waited for, and so is a run of the genetic algorithm that has begun in this process. Default: no
-        limit.
+        End the planning after this many seconds with the best plan so far, which is then
+        ``unfinished``. Visibility may take half of them. The plan omits a target whose visibility
+        is not complete by then, with the reason. Planning does not end before the first plan, nor
+        during a run of the genetic algorithm in this process. Default: no limit.
     gap : float
-        Share of the settings in [0, 1) that the bound may miss: the proof goes no further, and no saving is tried.
-        Default: as good as the effort allows.
+        Stop improving the plan and its bound at this gap, in [0, 1). The gap is the share of the
+        settings that the bound does not prove to be needed. Default: improve both as far as the
+        effort allows.
     on_incumbent : callable, optional
-        ``on_incumbent(plan)`` gets the best plan so far whenever it, or its bound, is better; the plan returned is the
-        last. An exception it raises cancels the work.
+        The program calls ``on_incumbent(plan)`` with the best plan so far, whenever the plan or its
+        bound improves. The last call gets the plan that is returned. An exception it raises cancels
+        the work.
     state : path, optional
-        File to resume from, if it exists, and to keep results in while planning. It stays when the plan is done, and
-        the same call then returns the plan at once: delete it when the plan is written. If it can no longer be saved,
-        a warning says so and the planning goes on.
+        File that stores results during the planning. If it exists, the planning resumes from it.
+        The file remains when the plan is done, and the same call then returns the plan at once.
+        Delete it after you have written the plan. If the program can no longer save it, it warns
+        and continues.
     executor : concurrent.futures.Executor, optional
         Runs the per-entity and per-column work.
     progress : callable, optional
-        ``progress(done, total, label)``; an exception it raises cancels the work.
+        The program calls ``progress(done, total, label)``. An exception it raises cancels the work.
 
     Raises
     ------

@@ -33,46 +33,50 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class InspectionOptions:
-    """Options of `plan_inspection`, which describes them, as one value.
+    """The options of `plan_inspection` as one value.
 
-    `plan_inspection` takes them as keywords. `predict` and `propose_optics` take this value, so that a pose or a lens
-    can be judged by what a plan will be asked for: both use the constraints, the workspace and the visibility.
+    `plan_inspection` takes them as keywords and describes them in full. `predict` and
+    `propose_optics` take this value. They judge a pose or a lens by the same constraints, workspace
+    and visibility as a plan.
 
     Parameters
     ----------
     workspace : array_like (2, 3), optional
-        Opposite corners of the box the camera may be in, mm. Default: as far around the part as the lens focuses.
+        Opposite corners of the box the camera may be in, mm. Default: `default_workspace`, which
+        extends around the part as far as the lens focuses.
     stand_off_mm : float
         Smallest distance between the front nodal point and the part, mm.
     min_length_px : float
-        Shortest image of an edge that is measured, px.
+        Smallest length of a measured edge in the image, px.
     field_margin_px : float, optional
-        Strip along the sensor's sides to keep free, px. Default: four standard deviations of the image's motion.
+        Width of the strip along the sensor's edges to keep free, px. Default: four standard
+        deviations of the image's motion.
     visibility_radius_mm : float, optional
-        All must be observable from so far around the camera, too, mm. Default: three standard deviations.
+        Targets must also be observable from all points up to this distance from the camera, mm.
+        Default: three standard deviations.
     focus_margin_mm : float, optional
-        What both limits of the depth of field are narrowed by, mm. Default: three standard deviations of each point's
-        depth, see `plan_inspection`.
+        Narrow both limits of the depth of field by this distance, mm. Default: three standard
+        deviations of each point's depth, see `plan_inspection`.
     showing : Detectability
-        What the image needs so that edges can be found in it.
+        Conditions under which software can find edges in the image.
     reach : ReachRegion or callable, optional
-        Where the front nodal point may be. Default: anywhere.
+        Region in which the front nodal point may be. Default: the whole workspace.
     lamps : array_like, shape (n, 3), or LampBox, LampDome, "ring" or Lighting, optional
-        Lamps that are to show what is measured. Default: no lamps.
+        Lamps that must light the targets. Default: no lamps.
     space : VisibilityRegions or EntityAspectGraph, optional
-        Visibility computed before. Default: it is computed.
+        Visibility computed before. Default: the program computes it.
     effort : Effort, optional
         How long to search.
     localisation : Localisation, optional
-        How well points are found in the image. Default: on whole pixels.
+        Model of the errors of image points. Default: rounding to whole pixels.
     time_limit_s : float, optional
-        Seconds until the planning ends with the best plan it has found. Default: no limit.
+        End the planning after this many seconds with the best plan so far. Default: no limit.
     gap : float
-        Share of the settings in [0, 1) that the bound may miss.
+        Stop at this gap between the plan and its bound, a share of the settings in [0, 1).
     on_incumbent : callable, optional
-        ``on_incumbent(plan)`` gets the best plan so far.
+        The program calls ``on_incumbent(plan)`` with each better plan.
     state : path, optional
-        File to resume from and to keep results in.
+        File that stores results, and from which the planning resumes.
     executor : concurrent.futures.Executor, optional
         Runs the work in parallel.
     progress : callable, optional
@@ -107,7 +111,7 @@ class InspectionOptions:
 
     @property
     def lighting(self) -> Lighting | None:
-        """What is asked of lamps, if any are."""
+        """The options of the lamps, or None without lamps."""
         from planner.light.lighting import Lighting
 
         return (
@@ -117,19 +121,19 @@ class InspectionOptions:
         )
 
     def requirements(self, camera: Camera, pose_uncertainty: PoseUncertainty) -> Requirements:
-        """Return the limits; where nothing is said, those that suit the pose uncertainty.
+        """Return the constraints, with defaults that suit the pose uncertainty.
 
         Parameters
         ----------
         camera : Camera
             Gives the depth of field and the image.
         pose_uncertainty : PoseUncertainty
-            Gives the reserves.
+            Gives the safety margins.
 
         Returns
         -------
         Requirements
-            What every setting satisfies.
+            The constraints that every setting must meet.
 
         Raises
         ------

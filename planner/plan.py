@@ -43,54 +43,56 @@ _UNITS = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class InspectionPlan(PlanTables):
-    """Sensor settings from which every entity that can be inspected is inspected.
+    """A plan: sensor settings that together inspect the entities of a part.
 
-    **Guarantee.** Every entity is either inspected by a setting with at least ``probability``, or listed in
-    ``uninspectable`` with the reason: no view of it was found. No plan that inspects the same entities, or more, under
-    the same request has fewer than ``lower_bound`` settings. Of a dimension that applies to several features, such as
-    the holes of a pattern, one feature is inspected; `n_features_not_planned` counts the others.
+    **Guarantee.** A setting inspects each entity with at least ``probability``, or
+    ``uninspectable`` lists the entity with the reason: no view of it was found. No plan for the
+    same request that inspects these entities, or more, has fewer than ``lower_bound`` settings.
+    Some dimensions apply to several features, such as the holes of a pattern. The plan then
+    inspects one feature, and `n_features_not_planned` counts the others.
 
     Attributes
     ----------
     settings : tuple of SensorSetting
         In the order of the robot's travel.
     lower_bound : int
-        Proven: so many settings are needed at least to inspect what this plan inspects; 0 if that is nothing.
+        Proven lower bound: at least this many settings are needed to inspect the same entities. It
+        is 0 if the plan inspects none.
     bound_proof : str
-        What the bound rests on, in one sentence.
+        How the bound was proven, in one sentence.
     uninspectable : mapping of str to Reason
-        Name of each entity that is not inspected, and why. A `Reason` is text that also has a ``kind``.
+        Name of each entity that is not inspected, and the reason. A `Reason` is text that also has
+        a ``kind``.
     entities : mapping of str to array (2, 3)
-        End points of every entity that was asked for, mm, in the part's frame.
+        End points of every requested entity, mm, in the part's frame.
     camera : Camera
         The camera.
     pose_uncertainty : PoseUncertainty
-        How far its real pose may be from the planned one.
+        Uncertainty of its real pose about the planned one.
     accuracy : float
-        Required accuracy A: an entity's measured image length may be off by (1 - A) of it.
+        Required accuracy A: the error of a measured image length may be at most (1 - A) of it.
     probability : float
-        Required probability of that.
+        Required probability that a measurement is accurate.
     workspace : array (2, 3)
         Opposite corners of the box the camera may be in, mm.
     part : str
         Name of the part.
     seed : int
-        Repeats the plan.
+        Seed that reproduces the plan.
     dimensions : mapping of str to PlannedDimension
-        What is measured of those entities that are dimensions; of the others, their length. The points in ``entities``
-        are two points of a dimension.
+        The dimensions by name; ``entities`` holds two points of each. Other entities are lengths.
     requirements : mapping of str to float
-        What every setting satisfies beside: least length of an image and strip kept free at the sensor's sides, px;
-        margin of focus, stand-off and radius of visibility, mm. Empty in plans of programs that did not store it.
+        Further constraints, by names that end with the unit; see `Requirements`. Empty in plans of
+        program versions that did not store them.
     request : mapping of str to value
-        All that the plan depends on, as `InspectionRequest.identity`; and ``source``, how the part's file was read, if
-        the command line read it. Empty in plans of programs that did not store it.
+        Everything the plan depends on. From the command line, ``source`` says how it read the
+        part's file. Empty in plans of program versions that did not store it.
     unfinished : bool
-        The planning was ended before its end: a longer one may need fewer settings, or prove a larger bound.
+        Whether the planning ended early; a longer one may save settings or raise the bound.
     simulation : SimulationResult or None
-        What drawing displaced poses gave, once `simulated` was called.
+        Result of the simulation with displaced poses, in a plan that `simulated` returned.
     light : LightPlan or None
-        Lamps for the settings, once they were chosen: ``dataclasses.replace(plan, light=plan_light(plan, ...))``.
+        Lamps for the settings. ``dataclasses.replace(plan, light=...)`` attaches another.
     """
 
     settings: tuple[SensorSetting, ...]
@@ -154,25 +156,25 @@ class InspectionPlan(PlanTables):
 
     @property
     def complete(self) -> bool:
-        """Whether every entity is inspected, and of every dimension one feature.
+        """Whether the plan inspects every entity, and one feature of every dimension.
 
-        A complete plan may leave out features of patterns: `n_features_not_planned` says how many.
+        A complete plan may omit features of patterns. `n_features_not_planned` counts them.
         """
         return not self.uninspectable
 
     @property
     def n_features(self) -> int:
-        """How many features of the part the dimensions apply to; each hole of a pattern is one."""
+        """Number of features to which the dimensions apply. Each hole of a pattern is one."""
         return sum(dimension.n_features for dimension in self.dimensions.values())
 
     @property
     def n_features_not_planned(self) -> int:
-        """How many of these features no setting is planned for: a plan measures one feature of each dimension."""
+        """Number of these features without a setting; a plan measures one per dimension."""
         return self.n_features - len(self.dimensions)
 
     @property
     def features_text(self) -> str:
-        """How many features are not planned, in words; empty if every dimension applies to one feature."""
+        """Sentence on the features not planned; empty if each dimension has one feature."""
         return features_text([dimension.n_features for dimension in self.dimensions.values()])
 
     def _features(self) -> dict[str, int]:
@@ -180,24 +182,24 @@ class InspectionPlan(PlanTables):
 
     @property
     def means(self) -> Means:
-        """What the targets are measured with, and how accurately."""
+        """The camera, its pose uncertainty and the required accuracy, as one value."""
         from planner.wanted.models import Means
 
         return Means(self.camera, self.pose_uncertainty, self.accuracy)
 
     @property
     def minimal(self) -> bool:
-        """Whether no plan that inspects the same entities has fewer settings; an empty plan is not called minimal."""
+        """Whether no plan for the same entities is shorter. An empty plan is not minimal."""
         return bool(self.settings) and len(self.settings) == self.lower_bound
 
     @property
     def gap(self) -> float:
-        """Share of the settings that the bound does not prove to be needed, in [0, 1); 0 if it is minimal."""
+        """Share of the settings, in [0, 1), that the bound does not prove to be needed."""
         return 1.0 - self.lower_bound / len(self.settings) if self.settings else 0.0
 
     @property
     def inspected(self) -> dict[str, float]:
-        """The best probability with which each inspected entity is measured, in the order of ``entities``."""
+        """Name to the best probability of measuring it accurately, in the order of ``entities``."""
         best = {
             name: max(
                 (s.probability[name] for s in self.settings if name in s.entities), default=math.nan
@@ -213,7 +215,7 @@ class InspectionPlan(PlanTables):
         progress: Progress | None = None,
         solid: Solid | None = None,
     ) -> SimulationResult:
-        """Draw displaced poses, measure, and count how often the accuracy is met.
+        """Measure from displaced poses, and count how often the measurement is accurate.
 
         Parameters
         ----------
@@ -229,7 +231,7 @@ class InspectionPlan(PlanTables):
         Returns
         -------
         SimulationResult
-            Per setting and entity the success frequency and its confidence interval.
+            Frequency of success and its confidence interval, per setting and entity.
         """
         from planner.verify.simulate_plan import simulate_plan
 
@@ -263,12 +265,13 @@ class InspectionPlan(PlanTables):
         return replace(self, simulation=self.simulate(n, rng, progress, solid))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the plan as plain Python values that JSON can hold without loss.
+        """Return the plan as plain Python values, which JSON stores without loss.
 
         Returns
         -------
         dict
-            What `write` writes, with format, version and units. A number that is not finite is a float here.
+            The content that `write` writes, with format, version and units. Numbers that are not
+            finite remain floats.
         """
         from planner.verify.setting_record import setting_dict
 
@@ -302,7 +305,7 @@ class InspectionPlan(PlanTables):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> InspectionPlan:
-        """Build from the result of `to_dict`.
+        """Build a plan from the result of `to_dict`.
 
         Parameters
         ----------
@@ -345,12 +348,12 @@ class InspectionPlan(PlanTables):
         return read_plan(path)
 
     def write(self, path: str | os.PathLike[str]) -> Path:
-        """Write the plan as JSON; the file appears whole or not at all.
+        """Write the plan as JSON. The file appears whole or not at all.
 
         Parameters
         ----------
         path : str or os.PathLike
-            The file; an existing one is replaced. Or a folder, for ``plan.json`` in it.
+            The file, or a folder for its ``plan.json``. An existing file is replaced.
 
         Returns
         -------
@@ -400,8 +403,8 @@ def read_plan(path: str | os.PathLike[str]) -> InspectionPlan:
     Raises
     ------
     PlanFileError
-        If the file cannot be read, is not JSON, is not a plan of a version this program knows, or has a field that is
-        wrong; the message names the file, and line and column of malformed JSON or the path of the field.
+        If the file cannot be read or is not JSON, the version of the plan is not known, or a field
+        is wrong. The message names the file, and the line and column or the field.
 
     Examples
     --------

@@ -28,36 +28,37 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PosePrediction:
-    """How sure one value is measured from a pose, and whether it is measured at all.
+    """The predicted measurement of one target from a pose: whether and how accurately.
 
-    That a target is not found in the image, and that its value is not sure enough, are two things. ``missed`` says of
-    the first, ``conditional_probability`` of the second, and ``probability`` is stated where the target is inspected.
+    Two things can fail. The image may not show the target; see ``missed``. Or its value may be too
+    uncertain; see ``conditional_probability``. ``probability`` is a number where the target is
+    inspected.
 
     Attributes
     ----------
     nominal : float
-        Nominal value, mm (angles: degrees), as everything here but the margins.
+        Nominal value, mm (angles: degrees). All values except the margins have this unit.
     unit : str
         "mm" or "deg".
     permitted_error : float
         Largest error that counts as accurate.
     observable : bool
-        Whether all its entities are observable from the pose as wholes.
+        Whether each of its entities is observable as a whole from the pose.
     probability : float
-        P(error at most the permitted one). It is nan if the target is not ``inspected``: of what is not found in the
-        image nothing is promised. nan is below no number, so ``probability >= 0.9`` is false then.
+        P(error at most the permitted one). It is nan if the target is not ``inspected``, because
+        the image may not show it. ``probability >= 0.9`` is then false.
     standard_uncertainty, expanded_uncertainty : float
         u, and U with k = 2.
     budget : dict of str to float
         Variance by "translation", "rotation" and "localisation".
     margins : dict of str to float
-        Margin of every constraint, in the unit its name ends with; negative is not met.
+        Margin of every constraint, in the unit its name ends with. A negative margin fails.
     conditional_probability : float
-        P(error at most the permitted one) if the target is found in the image, whatever the constraints say; nan if a
-        point of it is not in front of the camera.
+        P(error at most the permitted one) for a target found in the image, even if it breaks a
+        constraint. It is nan if a point of the target is behind the camera.
     missed : dict of str to float
-        Every constraint that is not met and by how much, in the unit its name ends with; 1 of what is met or missed
-        without an amount, such as "visibility". Empty if all are met.
+        Every constraint that fails and the amount, in the unit its name ends with. The amount is 1
+        for a constraint without a unit, such as "visibility". Empty if all are met.
     """
 
     nominal: float
@@ -89,7 +90,7 @@ def predict(
     localisation: Localisation | None = None,
     options: InspectionOptions | None = None,
 ) -> dict[str, PosePrediction]:
-    """Say how sure each dimension is measured from a given pose.
+    """Predict how accurately each target is measured from a given pose.
 
     Parameters
     ----------
@@ -102,18 +103,18 @@ def predict(
     camera : Camera
         The camera.
     pose_uncertainty : PoseUncertainty
-        How far its real pose may be from that.
+        Uncertainty of its real pose about the planned one.
     accuracy : float
-        Required accuracy A in (0, 1) where a dimension has no requirement of its own.
+        Required accuracy A in (0, 1) of targets without a requirement of their own.
     localisation : Localisation, optional
-        How well points are found in the image. Default: on whole pixels.
+        Model of the errors of image points. Default: rounding to whole pixels.
     options : InspectionOptions, optional
-        Constraints and workspace, as of `plan_inspection`. Default: ``InspectionOptions()``.
+        Constraints and workspace, as in `plan_inspection`. Default: ``InspectionOptions()``.
 
     Returns
     -------
     dict of str to PosePrediction
-        By name, in the order given. Of a target that is not inspected from the pose it says why.
+        By name, in the given order. Its ``missed`` says why the pose does not inspect a target.
 
     Raises
     ------

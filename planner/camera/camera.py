@@ -47,7 +47,7 @@ _LARGEST_PITCH_MM = 0.5
 
 @dataclass(frozen=True)
 class Camera:
-    """A thin-lens camera with square or rectangular pixels; calibrated ones may be off centre and distort.
+    """A thin-lens camera with rectangular pixels; a calibrated one may be off centre and distort.
 
     Parameters
     ----------
@@ -64,17 +64,18 @@ class Camera:
     largest_blur_mm : float, optional
         Diameter of the largest blur circle that still counts as sharp. Default: the smaller pixel pitch.
     name : str
-        For reports; the catalogue fills it in.
+        Name for reports. `named` sets it to the name in the catalogue.
     principal_point_px : tuple of float, optional
-        Where the optical axis meets the sensor, (c_x, c_y), the first pixel's centre being (0, 0). Default: the middle.
+        Point (c_x, c_y) on the optical axis; (0, 0) is the first pixel's centre. Default: the
+        middle.
     distortion : Distortion or sequence of float, optional
         Coefficients k1, k2, p1, p2, k3 as OpenCV states them. Default: none.
 
     Raises
     ------
     CameraError
-        If a number is not positive and of a sensible size, a count not a positive integer, the focus distance not
-        beyond f, the name no text, the principal point off the sensor, or the lens model folds on it.
+        If a field breaks its rule, the principal point is off the sensor, or the lens model folds
+        on the sensor.
 
     Examples
     --------
@@ -172,7 +173,7 @@ class Camera:
 
     @property
     def depth_of_field_text(self) -> str:
-        """The depth of field in mm, with digits enough to tell its two ends apart: ``249.8 to 250.2``."""
+        """Depth of field in mm, with enough digits, such as ``249.8 to 250.2``."""
         nearest, farthest = self.depth_of_field_mm
         if not math.isfinite(farthest):
             return f"{nearest:.4g} to infinity"
@@ -191,11 +192,11 @@ class Camera:
 
     @property
     def is_centred(self) -> bool:
-        """Whether the optical axis is in the sensor's middle and the lens does not distort."""
+        """Whether the optical axis meets the sensor's middle, without lens distortion."""
         return self.principal_point_px is None and self.distortion is None
 
     def field(self, margin_px: float = 0.0) -> Field:
-        """Return what the sensor holds of the undistorted image, less a strip along its sides.
+        """Return the part of the undistorted image on the sensor, without a strip along its edges.
 
         Parameters
         ----------
@@ -220,10 +221,10 @@ class Camera:
 
     @property
     def image_pitch_mm(self) -> tuple[float, float]:
-        """Pixel pitch in the undistorted image: with distortion the coarsest within the inner field, both ways.
+        """Pixel pitch in the undistorted image. With distortion, the coarsest in the inner field.
 
-        Rounding to pixels has the covariance J^-1 D^2 J^-1 / 12 there, which is at most the largest pitch squared over
-        the smallest eigenvalue of J squared, over 12.
+        Rounding there has the covariance J^-1 D^2 J^-1 / 12. It is at most the largest pitch
+        squared over the smallest eigenvalue of J squared, over 12.
         """
         if self.distortion is None:
             return self.pixel_pitch_mm
@@ -232,7 +233,7 @@ class Camera:
 
     @property
     def finest_pitch_mm(self) -> tuple[float, float]:
-        """Pixel pitch in the undistorted image that no pixel of the outer field is below."""
+        """Lower bound of the pixel pitch in the undistorted image, over the outer field."""
         most = self.field().most
         return self.pixel_pitch_mm[0] / most, self.pixel_pitch_mm[1] / most
 
@@ -264,17 +265,17 @@ class Camera:
         image_size: tuple[int, int],
         **lens: Any,
     ) -> Camera:
-        """Make a camera of what OpenCV's calibration found.
+        """Make a camera from the result of an OpenCV calibration.
 
-        A calibration knows focal lengths in pixels only. One number in mm, the sensor's pixel pitch, makes lengths of
-        them: d = f_x r_x, r_y = d / f_y, and f = 1 / (1/d + 1/s).
+        A calibration gives focal lengths in pixels only. The sensor's pixel pitch in mm converts
+        them to lengths: d = f_x r_x, r_y = d / f_y, and f = 1 / (1/d + 1/s).
 
         Parameters
         ----------
         matrix : array_like (3, 3)
             Camera matrix K in px, without skew; the first pixel's centre is (0, 0).
         distortion : array_like, Distortion or None
-            k1, k2, p1, p2 and k3 as ``cv2.calibrateCamera`` returns them, at the focus they were found at.
+            k1, k2, p1, p2 and k3 as ``cv2.calibrateCamera`` returns them, at its focus.
         image_size : tuple of int
             Width and height, px.
         **lens : float or str
@@ -289,7 +290,7 @@ class Camera:
         Raises
         ------
         CameraError
-            If K is no camera matrix, or a number is missing or wrong.
+            If K is not a camera matrix, or a number is missing or wrong.
 
         Examples
         --------
@@ -304,12 +305,12 @@ class Camera:
 
     @classmethod
     def named(cls, name: str, **changes: Any) -> Camera:
-        """Make a camera of the catalogue.
+        """Make a camera from the catalogue.
 
         Parameters
         ----------
         name : str
-            One of `camera_names()`; upper and lower case are the same.
+            One of `camera_names()`, in upper or lower case.
         **changes : float, tuple or str
             Fields to replace, such as ``focus_distance_mm`` or ``f_number``: choices, not data-sheet facts.
 
@@ -321,7 +322,8 @@ class Camera:
         Raises
         ------
         CameraError
-            If the name is unknown (the message offers the nearest names), or the lens cannot be set so.
+            If the name is unknown (the message offers the nearest), or the lens excludes the
+            setting.
 
         Examples
         --------
@@ -337,15 +339,15 @@ class Camera:
 
     @classmethod
     def from_calibration(cls, path: str | PathLike[str], **lens: Any) -> Camera:
-        """Make a camera of another program's calibration.
+        """Make a camera from another program's calibration file.
 
         Parameters
         ----------
         path : str or os.PathLike
-            What calibration programs of ROS (a CameraInfo message, too), OpenCV (YAML, XML, JSON),
-            Kalibr and Autoware write, or COLMAP's cameras.txt; of one camera. The content decides,
-            not the name. The camera is that of the raw image as it is delivered: a region of
-            interest and binning are taken into account.
+            A calibration file of one camera, from ROS (also a CameraInfo message), OpenCV (YAML,
+            XML, JSON), Kalibr or Autoware, or COLMAP's cameras.txt. The content decides, not the
+            name. The result describes the raw image as the camera delivers it, with region of
+            interest and binning.
         **lens : float or str
             As in `from_opencv`. The pixel pitch is the sensor's, without binning.
 
@@ -357,20 +359,20 @@ class Camera:
         Raises
         ------
         CameraError
-            If the file cannot be read, holds several cameras, another lens model or a key that is not
-            known, or a number is missing or wrong.
+            If the file cannot be read, or holds several cameras, another lens model or an unknown
+            key. If a number is missing or wrong.
         """
         return cls.from_dict(calibrated_fields(path, lens))
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> Camera:
-        """Read a camera from a TOML file whose top level holds the fields of this class.
+        """Read a camera from a TOML file with the fields of this class at its top level.
 
         Parameters
         ----------
         path : str or os.PathLike
-            The file. Instead of focal length, resolution and both pixel pitches it may name a ``calibration``, a file
-            for `from_calibration` beside it.
+            The file. Its ``calibration`` may name a file for `from_calibration` in the same folder.
+            It replaces focal length, resolution and both pixel pitches.
 
         Returns
         -------
@@ -380,7 +382,8 @@ class Camera:
         Raises
         ------
         CameraError
-            If the file cannot be read, is not TOML, or a field is missing, unknown or wrong; names file and line.
+            If the file cannot be read, is not TOML, or a field is missing, unknown or wrong. The
+            message names file and line.
         """
         path = Path(path)
         text, data = read_toml(path)

@@ -18,21 +18,22 @@ MAX_SIGMA_RAD = 1.0
 
 @dataclass(frozen=True, eq=False)
 class PoseUncertainty:
-    """How far the camera's real pose may be from the planned one.
+    """Uncertainty of a camera's real pose about the planned one.
 
-    The real pose is ``cam2world @ D`` with D the rotation by the vector (phi_x, phi_y, phi_z) and the translation
-    (dx, dy, dz): a displacement about the front nodal point, in the camera's own OpenCV axes, normal with mean zero.
+    The real pose is ``cam2world @ D``. D is a displacement about the front nodal point, in the
+    camera's own OpenCV axes. It rotates by the vector (phi_x, phi_y, phi_z) and translates by (dx,
+    dy, dz). The six numbers are normal with mean zero.
 
     Parameters
     ----------
     covariance : array (6, 6)
-        Over (dx, dy, dz, phi_x, phi_y, phi_z), in mm², mm·rad and rad².
+        Covariance of (dx, dy, dz, phi_x, phi_y, phi_z), in mm², mm·rad and rad².
 
     Raises
     ------
     UncertaintyError
-        If it is not (6, 6), finite, symmetric and positive semi-definite, or if a standard deviation exceeds 100 mm or
-        1 rad, which is the mark of wrong units.
+        If the covariance is not (6, 6), finite, symmetric and positive semi-definite. If a standard
+        deviation exceeds 100 mm or 1 rad, which indicates wrong units.
 
     Examples
     --------
@@ -48,7 +49,7 @@ class PoseUncertainty:
 
     @classmethod
     def isotropic(cls, *, translation_mm: float, rotation_rad: float) -> PoseUncertainty:
-        """Make an uncertainty that is independent and equal along and about the three axes.
+        """Make an uncertainty with independent errors, equal along and about the three axes.
 
         Parameters
         ----------
@@ -65,7 +66,7 @@ class PoseUncertainty:
         Raises
         ------
         UncertaintyError
-            If one is negative, not finite or so large that its unit must be wrong.
+            If a value is negative, not finite or so large that its unit must be wrong.
         """
         sigmas = np.repeat([translation_mm, rotation_rad], 3).astype(float)
         for name, value in (("translation_mm", translation_mm), ("rotation_rad", rotation_rad)):
@@ -83,7 +84,7 @@ class PoseUncertainty:
         hand_eye_rotation_rad: float,
         cam2flange: np.ndarray,
     ) -> PoseUncertainty:
-        """Combine the robot's repeatability at its flange with the uncertainty of the hand-eye calibration.
+        """Combine the robot's repeatability with the uncertainty of the hand-eye calibration.
 
         Parameters
         ----------

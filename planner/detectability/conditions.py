@@ -13,34 +13,36 @@ from planner.exceptions import RequestError
 
 @dataclass(frozen=True)
 class Detectability:
-    """Conditions for edges to be found in the image; each may be 0, which leaves it out.
+    """Conditions under which software can find edges in the image.
 
-    Without them a plan asks of an edge what Yang & Ciarallo (2001) ask: that it is not hidden. Images of plans made so
-    were rendered and measured with a line fit that finds points to a tenth of a pixel: of edges with another edge
-    within 3 px a quarter was measured as well as promised, of edges that run on smoothly in an arc a half.
+    The value 0 switches a condition off.
+
+    Without them a plan requires only that edges are not hidden, as Yang & Ciarallo (2001) do. We
+    rendered images of such plans and measured them with a line fit accurate to a tenth of a pixel.
+    A quarter of the edges with another edge within 3 px reached the predicted accuracy. A half of
+    the edges that end in a tangent arc reached it.
 
     Parameters
     ----------
     separation_px : float
-        No other visible edge and no occluding contour of a curved face comes so near to an edge in the image, its own
-        neighbours near a common end excepted. A line fit looks at about as many pixels on either side.
+        Keep this distance in the image between an edge and every other visible edge or occluding
+        contour of a curved face, px. Neighbours near a common end are exempt. A line fit uses about
+        as many pixels on either side.
     surround_px : float
-        So much of the image lies around each end, beside the reserve for displaced poses: a fit needs to see the faces
-        there and the other edges of the corner.
+        Keep each end at least this far inside the image, px, in addition to the safety margin for
+        displaced poses. A fit needs the faces there and the other edges of the corner.
     min_corner_deg : float
-        At each end another visible edge leaves the edge at this angle in the image at least, and none at a smaller one.
-        Lines at less than 17 degrees shift the corner by two pixels; where an edge runs on smoothly in an arc, there is
-        no point that its length could be measured to.
+        At each end another visible edge leaves at this angle or more in the image, degrees, and
+        none at a smaller angle. Lines at less than 17 degrees shift the corner by two pixels. An
+        edge that ends in a tangent arc has no corner there, so its length is undefined.
 
     Raises
     ------
     RequestError
         If a value is negative or not finite, or the angle is 90 degrees or more.
 
-    Notes
-    -----
-    Only the surroundings are necessary for the proven lower bound, as they narrow the picture; the others make plans
-    harder and leave the bound valid.
+    Notes ----- The proof of the lower bound uses only `surround_px`, because it narrows the
+    picture. The other conditions restrict plans further and leave the bound valid.
 
     Examples
     --------
@@ -68,7 +70,7 @@ class Detectability:
 
     @property
     def asks_nothing(self) -> bool:
-        """Whether all conditions are left out."""
+        """Whether all conditions are switched off."""
         return not any(astuple(self))
 
 

@@ -7,34 +7,37 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Pricing:
-    """How candidate poses are drawn and improved; numbers of poses unless said otherwise.
+    """How the program draws and improves candidate poses.
+
+    Numbers count poses unless stated otherwise.
 
     Attributes
     ----------
     axes_per_viewpoint : int
-        Directions of view for every viewpoint drawn; the first looks at the entity itself.
+        Viewing directions for each drawn viewpoint. The first looks at the entity itself.
     parents : int
-        Poses a round breeds from, about: a quarter are drawn from the pool, a quarter are its best by price, half
-        nearly inspect more than they do.
+        Approximate number of poses that a round starts from. A quarter are drawn from the pool, and
+        a quarter are its best by price. Half of them nearly inspect more entities than they do.
     children : int
-        Perturbations of every parent.
+        Number of perturbations of every parent.
     batch : int
-        Poses judged at a time, whoever judges them, as the last digits depend on it.
+        Poses evaluated at a time, in every process, because the last digits depend on it.
     rounds_per_check : int
-        The relaxation is looked at every so many rounds.
+        Rounds between two checks of the relaxation.
     checks : int
-        The search ends if so many looks gain too little.
+        The search ends after this many checks with too little gain.
     least_gain : float
-        That is too little, as a share of the relaxation's value.
+        Least sufficient gain, as a share of the relaxation's value.
     exchanges : int
-        Steps of the search for a cover that would end it.
+        Steps of the exchange search for a cover that would end the search.
     whole : int
-        At the first glance, the whole part is looked at from so many times as many directions as an entity.
+        At first, this many times as many directions look at the whole part as at an entity.
     promising : float
-        A pose is bred for an entity only if it promises so much of it (1 is inspected).
+        The search improves a pose for an entity only if it nearly inspects it to this degree (1:
+        inspected).
     uncovered : float
-        Price of an entity that no column has yet: more than a column may weigh, because a column of its own is worth a
-        setting.
+        Price of an entity without a column. It exceeds the weight of a column, because a column of
+        its own is worth a setting.
     """
 
     axes_per_viewpoint: int = 6
@@ -52,29 +55,31 @@ class Pricing:
 
 @dataclass(frozen=True)
 class Nearness:
-    """How far a margin may miss for an entity still to count as nearly inspected: its tolerance.
+    """Tolerances of the margins within which a pose nearly inspects an entity.
 
     Attributes
     ----------
     field : float
-        Of the field of view, as a share of the sensor's larger side.
+        Tolerance of the field of view, as a share of the sensor's larger side.
     length : float
-        Of the image's length, as a share of the smallest allowed.
+        Tolerance of the image's length, as a share of the smallest permitted length.
     focus : float
-        Of the depth, as a share of the depth of field (of at most nine times its near limit, as it may be infinite).
+        Tolerance of the depth, as a share of the depth of field. That counts up to nine times its
+        near limit, because it may be infinite.
     separation : float
-        Of the separation, as a share of what is asked for.
+        Tolerance of the separation, as a share of the required one.
     corner_deg : float
-        Of the angle of corners.
+        Tolerance of the angle of corners, degrees.
     probability : float
-        Of the probability.
+        Tolerance of the probability.
     hopeless : float
-        Missing a constraint by so many tolerances, an entity is not looked at further: visibility, which costs most,
-        is not asked for.
+        Skip an entity that misses a constraint by this many tolerances. The program then does not
+        compute its visibility, which costs most.
     first : int
-        Of so many entities of a pose, those worth most, it is asked first whether they have corners, which most lack.
+        Check corners first for this many entities of a pose, those of the highest price. Most of
+        them have none.
     batch : int
-        Poses judged at a time; bounds the memory.
+        Poses evaluated at a time. It limits the memory.
     """
 
     field: float = 0.06
@@ -90,23 +95,24 @@ class Nearness:
 
 @dataclass(frozen=True)
 class Support:
-    """When simulation supports a pose, and how hard another is looked for if it does not.
+    """When simulation confirms a pose, and how long to search for another one otherwise.
 
     Attributes
     ----------
     trial_poses : int
-        Displaced poses simulated to tell whether a pose is contradicted.
+        Displaced poses simulated to check a pose.
     neighbours : int
-        Poses drawn near one that is.
+        Poses drawn near a contradicted one.
     batch : int
-        Of these, so many are judged at a time: often one of the first is supported.
+        Neighbours evaluated at a time. Often simulation confirms one of the first.
     most_trials : int
-        Of those that inspect the same, so many are simulated at most.
+        Largest number of simulated neighbours that inspect the same entities.
     too_high : float
-        A promise that is too high by more than this is contradicted, as in the simulation of the whole plan.
+        Simulation contradicts a probability that is too high by more than this, as for the whole
+        plan.
     sure_poses : int
-        Displaced poses simulated where the first ones contradict a promise: frequencies are known to a standard
-        error of 0.0025 or less then.
+        Displaced poses simulated if the first ones contradict a probability. The standard error of
+        the frequency is then at most 0.0025.
     """
 
     trial_poses: int = 4000

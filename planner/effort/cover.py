@@ -7,23 +7,24 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Relaxation:
-    """How the linear relaxation is solved, and which columns it leaves out.
+    """How the program solves the linear relaxation, and which columns it omits.
 
     Attributes
     ----------
     fixing_bias, fixing_duals : float, int
-        Bias and number of the duals that columns are left out by: their mean is nearer to the middle of all optimal
-        duals than any one of them.
+        Bias and number of the duals that exclude columns. Their mean is nearer to the middle of all
+        optimal duals than a single one.
     core_slack : float
-        A column stays if its reduced cost is no more than this.
+        A column stays if its reduced cost is at most this.
     core_of_entity : int
-        So many of the heaviest columns of every entity stay in any case.
+        This many of the heaviest columns of every entity always stay.
     first_columns, more_columns : int
-        Columns in the first linear program, and of those it breaks so many more at a time: few are ever needed.
+        Columns in the first linear program, and violated columns added at a time. Few are ever
+        needed.
     broken : float
-        A constraint of the dual that is broken by less is rounding.
+        A smaller violation of a dual constraint is rounding.
     shares : int
-        Several duals are solved in so many shares, one thread each.
+        Number of threads that solve several duals.
     """
 
     fixing_bias: float = 1.05
@@ -38,16 +39,17 @@ class Relaxation:
 
 @dataclass(frozen=True)
 class Covering:
-    """How long few columns are looked for.
+    """How long the program searches for a cover with few columns.
 
     Attributes
     ----------
     quality_slack : float
-        Share of what better poses can gain in the cover that is not worth the solver's time.
+        The solver stops when better poses can gain at most this share in the cover.
     exchanges : int
         Steps of the exchange search for a cover of one column less.
     at_once : int
-        Sets to be tried before the next exchange: what is realised of them changes what others are worth.
+        Sets tried before the next exchange, because each realised set changes the value of the
+        others.
     relaxation : Relaxation
         How the linear relaxation is solved.
     """

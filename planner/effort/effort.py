@@ -16,40 +16,45 @@ from planner.request.defaults import check_count
 
 @dataclass(frozen=True)
 class Effort:
-    """How long to search; the defaults suit a hundred entities, and `named` knows shorter and longer ones.
+    """How long to search for a plan and its proof. The defaults suit a hundred entities.
+
+    `named` returns shorter and longer presets.
 
     Parameters
     ----------
     viewpoints : int
-        Viewpoints drawn for every entity.
+        Number of viewpoints drawn for each entity.
     pricing_rounds : int
-        Rounds of column generation at most.
+        Largest number of rounds of column generation.
     refutations : int
-        Optimistic columns that the genetic algorithm tries to realise, at most.
+        Largest number of optimistic columns that the genetic algorithm tries to realise.
     bound_nodes : int
-        Boxes of poses behind the lower bound, at most.
+        Largest number of boxes of poses for the proof of the lower bound.
     cover_nodes : int
-        Nodes of the integer programming solver for one cover, at most; a tenth while optimistic ones are tried.
+        Largest number of nodes of the integer programming solver for one cover. It is a tenth while
+        the program tries optimistic columns.
 
     pricing : Pricing
-        How candidate poses are drawn and improved. This and the rest seldom need another value than the default.
+        How the program draws and improves candidate poses. The default of this and the following
+        seldom needs a change.
     nearness : Nearness
         When a pose nearly inspects an entity.
     support : Support
         When simulation supports a pose.
     search : Search
-        How the pose of one column is searched for.
+        How the program searches for the pose of one column.
     cover : Covering
-        How few columns are chosen.
+        How the program chooses few columns.
     bound : BoundEffort
-        How the lower bound is proven.
+        How the program proves the lower bound.
     stages : StageEffort
-        How hard the stages of a plan try.
+        How long the stages of a plan search.
 
     Raises
     ------
     RequestError
-        If a number is not of its kind, or negative; of viewpoints and nodes of the solver there must be one at least.
+        If a number has the wrong type or is negative, or the viewpoints or nodes of the solver are
+        zero.
 
     Examples
     --------
@@ -82,13 +87,13 @@ class Effort:
         Parameters
         ----------
         name : {"quick", "standard", "thorough"}
-            Standard is the default. Quick ends after a short search and a short proof. Thorough searches four times as
-            long, and gives the proof five times as many boxes.
+            "standard" is the default. "quick" ends after a short search and a short proof.
+            "thorough" searches four times as long and gives the proof five times as many boxes.
 
         Raises
         ------
         RequestError
-            If there is none with this name.
+            If there is no preset with this name.
         """
         if name not in _PRESETS:
             rule = f"must be one of {', '.join(_PRESETS)}"
@@ -97,10 +102,10 @@ class Effort:
 
     @classmethod
     def for_dimensions(cls) -> Effort:
-        """Return the default where dimensions are planned: fewer boxes behind the bound.
+        """Return the default for dimensions: fewer boxes for the proof of the bound.
 
-        What of a dimension is necessary, excludes less than of an edge; on the part of the demo, five times as many
-        boxes raise the bound by one.
+        The necessary conditions of a dimension exclude fewer poses than those of an edge. On the
+        demo part, five times as many boxes raise the bound by one.
         """
         return cls(bound_nodes=1_500_000)
 

@@ -14,20 +14,20 @@ _STARTS = ("refine_starts", "spread_starts", "turned_starts")
 
 @dataclass(frozen=True)
 class Repair:
-    """How feasible poses are drawn, and found near those that miss least if draws are in vain.
+    """How the program draws feasible poses, and repairs the nearest ones if no draw is feasible.
 
     Attributes
     ----------
     batch : int
         Viewpoints drawn at a time.
     pool : int
-        Poses kept from one round of the repair to the next: the least violating.
+        Poses kept from one round of the repair to the next: those that violate least.
     children : int
-        Poses tried near them in a round.
+        Poses tried near them in each round.
     first_step, last_step : float
         Size of the changes in the first and the last round, as shares of the parameters' ranges.
     rounds : int
-        Rounds; the steps shrink by a constant factor.
+        Number of rounds. The steps shrink by a constant factor.
     """
 
     batch: int = 512
@@ -40,25 +40,25 @@ class Repair:
 
 @dataclass(frozen=True)
 class Starts:
-    """Which starts of the refinement are told apart, followed, and for how long.
+    """Which starts the refinement follows, and for how many steps.
 
     Attributes
     ----------
     apart : float
-        Poses are apart by this share of the distance, or in rad, or of a parameter's range: nearer ones would be
-        refined to the same optimum.
+        Starts differ by at least this share of the distance or of a parameter's range, or this
+        angle in rad. Nearer ones would be refined to the same optimum.
     pool : int
-        Positions drawn for each that is kept, so that those kept are spread.
+        Positions drawn for each one kept, so that those kept are spread out.
     followed : int
-        Ends that are refined at most.
+        Largest number of ends that are refined.
     promising : float
-        An end is followed if it reaches this share of the best one's merit.
+        The refinement follows an end that reaches this share of the best merit.
     steps, steps_mirrored : int
-        Steps from a start; a mirrored pose may have to go a long way.
+        Steps from a start, and from a mirrored pose, which may be far from its optimum.
     onward_rounds : int
-        Refinements of one pose at most, the first in its cell.
+        Largest number of refinements of one pose, the first in its cell.
     onward_gain : float
-        One that gains no more than this share is the last.
+        A refinement that gains no more than this share is the last.
     """
 
     apart: float = 0.1
@@ -73,23 +73,26 @@ class Starts:
 
 @dataclass(frozen=True)
 class Climbing:
-    """How a pose climbs; lengths in units of its distance from the entities, turns in radians, both called a move.
+    """How the local refinement moves a pose.
+
+    Lengths are in units of the distance from the entities, turns in radians; both are moves.
 
     Attributes
     ----------
     step : float
         Half the step of the central differences.
     tolerance : float
-        Where the solver stops: the change of the fitness, a probability or so, that no plan depends on.
+        The solver stops at this change of the fitness, on the scale of a probability.
     back_off : float
-        Room left at every inequality: the solver takes those as satisfied that are broken by less than its tolerance in
-        all.
+        Margin kept at every inequality, because the solver accepts violations below its tolerance.
     largest_move : float
-        The farthest a pose moves along each of the six directions; the cell that holds it ends sooner nearly always.
+        Largest move along each of the six directions. The cell of the pose nearly always ends
+        sooner.
     never_broken : float
-        The largest slack there is: a lens in focus to infinity leaves infinite room, of which there is no derivative.
+        Upper limit of every slack. A lens in focus to infinity has an infinite slack, without a
+        derivative.
     most_slacks : int
-        Of all inequalities of one kind so many, the nearest to being broken, guide the way: the solver's time grows
+        Number of inequalities of one kind that the solver uses, the tightest ones. Its time grows
         with the square of their number.
     """
 
@@ -103,30 +106,31 @@ class Climbing:
 
 @dataclass(frozen=True)
 class Search:
-    """How the pose is searched; see `ga.maximize` for the genetic algorithm's parameters.
+    """How to search for one pose; see `ga.maximize` for the genetic algorithm's parameters.
 
     Parameters
     ----------
     population : int
-        Individuals in every generation (N).
+        Number of individuals in every generation (N).
     crossover : float
-        Probability P_c that a couple is crossed.
+        Probability P_c of crossing a couple.
     mutation : float
         Probability P_m that a bit flips.
     elitism : int
-        How many of the best pass unchanged to the next generation.
+        Number of best individuals that pass unchanged to the next generation.
     selection : {"roulette", "sus"}
-        How parents are drawn.
+        How the algorithm draws parents.
     scaling : {"proportional", "window", "rank"}
-        Slots of the wheel.
+        How fitness determines the slots of the wheel.
     attempts : int
-        Offspring drawn for a place at most.
+        Largest number of offspring drawn for one member of the next generation.
     epsilon : float
-        Converged when the total fitness changes by less than this in `patience` generations running.
+        The run has converged when the total fitness changes by less than this in `patience`
+        consecutive generations.
     patience : int
-        Generations for `epsilon`.
+        Number of consecutive generations for `epsilon`.
     max_stall : int, optional
-        Also stop when the best fitness has not improved in so many generations.
+        Also stop after this many generations without a better best fitness.
     max_generations : int
         Cap on generations.
     max_nfev : int, optional
@@ -134,35 +138,39 @@ class Search:
     gene_bits : int
         Bits per gene (M).
     gray_code : bool
-        Gray code instead of plain binary.
+        Whether to use Gray code instead of plain binary.
     refine_starts : int
-        How many of the last population's best individuals, apart from each other, to refine from.
+        Number of distinct best individuals of the last population to refine from.
     spread_starts : int
-        How many of the first population's individuals, the best around positions as far from each other as can be, to
-        refine from: they reach optima that the population has left behind.
+        Number of individuals of the first population to refine from. They are the best around
+        positions as far apart as possible. They reach optima that the population has left.
     turned_starts : int
-        How many poses to refine from that are drawn in the covering domains with the view turned, feasible or not.
-        Without starts of any kind nothing is refined: the genetic algorithm's best is the outcome.
+        Number of poses to refine from that are drawn in the covering domains with the view turned,
+        feasible or not. Without starts of any kind there is no refinement, and the result is the
+        genetic algorithm's best.
     max_draws : int
-        Most poses drawn for the first population before the least violating ones are repaired.
+        Largest number of poses drawn for the first population. After that, the program repairs the
+        poses that violate least.
     stop_at_perfect : bool
-        Whether to end when all probabilities are 1 but for 0.001 %, as no pose can be better.
+        Whether to end when all probabilities are within 0.001 % of 1, because no pose can be
+        better.
     explain : bool
-        Whether to search for what it is that no pose meets, if none meets all; else the nearest pose is told of.
+        If no pose meets all constraints, whether to search for the constraint that none can meet.
+        Otherwise the message describes the nearest pose.
     sampling : {"covering", "workspace"}
-        Where positions are drawn and encoded: in the covering domains where the lens can focus, or, for comparison, in
-        the whole workspace.
+        Region in which positions are drawn and encoded. "covering" is the covering domains where
+        the lens can focus. "workspace", for comparison, is the whole workspace.
     repair : Repair
-        How feasible poses are drawn and found.
+        How the program draws and repairs poses.
     starts : Starts
-        Which starts of the refinement are followed.
+        Which starts the refinement follows.
     climbing : Climbing
         How a pose climbs.
 
     Raises
     ------
     RequestError
-        If a number of starts, `max_draws` or `sampling` breaks its rule; the others are checked by `ga`.
+        If a number of starts, `max_draws` or `sampling` breaks its rule. `ga` checks the others.
 
     Examples
     --------
@@ -213,7 +221,7 @@ class Search:
 
     @classmethod
     def genetic(cls, **changes: Any) -> Search:
-        """Choose the default genetic algorithm alone, without refinement.
+        """Return the default genetic algorithm alone, without refinement.
 
         Parameters
         ----------
@@ -234,7 +242,9 @@ class Search:
 
     @classmethod
     def paper(cls, **changes: Any) -> Search:
-        """Choose the paper's plain algorithm: raw fitness, plain binary, no elitism, no refinement, no early end.
+        """Return the paper's algorithm: raw fitness, plain binary, and no refinement.
+
+        It has neither elitism nor an early end.
 
         Parameters
         ----------
@@ -264,7 +274,7 @@ class Search:
 
     @property
     def refines(self) -> bool:
-        """Whether there is any local refinement."""
+        """Whether the search includes local refinement."""
         return any(getattr(self, name) for name in _STARTS)
 
     def ga_options(self) -> dict[str, Any]:
@@ -273,7 +283,7 @@ class Search:
         Returns
         -------
         dict
-            Those of the fields that `ga.maximize` takes.
+            The fields that `ga.maximize` takes.
         """
         own = (
             "gene_bits",

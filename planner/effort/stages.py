@@ -1,4 +1,4 @@
-"""How hard the stages of a plan try."""
+"""How long the stages of a plan search."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Preference:
-    """When the candidate pose is tried before the pose that the genetic algorithm found.
+    """When the program tries the candidate pose before that of the genetic algorithm.
 
     Attributes
     ----------
     fitness_gain : float
-        It is so much better in the sum of its probabilities: less is rounding.
+        Least gain in the sum of the probabilities. A smaller gain is rounding.
     """
 
     fitness_gain: float = 1e-6
@@ -20,16 +20,16 @@ class Preference:
 
 @dataclass(frozen=True)
 class Joining:
-    """How long the columns are improved from poses that the proof has come across.
+    """How long the program improves columns from poses that the proof found.
 
     Attributes
     ----------
     rounds : int
-        Rounds of column generation at least.
+        Smallest number of rounds of column generation.
     most_rounds : int
-        Rounds at most, while columns are few.
+        Largest number of rounds, for few columns.
     columns : int
-        Rounds times columns is about this: a round over many columns takes longer.
+        Rounds times columns is about this, because a round over many columns takes longer.
     """
 
     rounds: int = 5
@@ -37,20 +37,20 @@ class Joining:
     columns: int = 20_000
 
     def rounds_for(self, n_columns: int) -> int:
-        """Return the rounds for a pool of so many columns."""
+        """Return the number of rounds for a pool of this many columns."""
         return min(max(self.rounds, self.columns // max(1, n_columns)), self.most_rounds)
 
 
 @dataclass(frozen=True)
 class Improving:
-    """How often a better incumbent is looked for, and from how many poses the first ones are.
+    """How often the program searches for a better plan, and how it finds the first ones.
 
     Attributes
     ----------
     rounds : int
-        Of column generation, from one look to the next.
+        Rounds of column generation between two searches.
     directions : tuple of int
-        From so many each entity is looked at, at the first glances.
+        Number of viewing directions per entity, for each of the first plans.
     """
 
     rounds: int = 5
@@ -59,16 +59,17 @@ class Improving:
 
 @dataclass(frozen=True)
 class Trying:
-    """How hard a cover is looked for that simulation supports.
+    """How long the program searches for a cover that simulation confirms.
 
     Attributes
     ----------
     exchanges : int
         Steps of the exchange search for a cover of one column less.
     covers : int
-        Covers that are simulated at most, each with what was contradicted before taken out.
+        Largest number of covers that are simulated. Each omits the edges contradicted before.
     in_vain : int
-        An edge that simulation contradicts from so many candidate poses, and supports from none, is given up.
+        Drop an edge that simulation contradicts from this many candidate poses and confirms from
+        none.
     """
 
     exchanges: int = 1000
@@ -83,8 +84,8 @@ class CoverShares:
     Attributes
     ----------
     refuting : float
-        For each cover while optimistic columns are tried: there are many of them, and a cover that is not the best
-        costs no more than a run of the genetic algorithm.
+        Share for each cover while the program tries optimistic columns. There are many, and a cover
+        that is not the best costs no more than a run of the genetic algorithm.
     """
 
     refuting: float = 0.1
@@ -92,20 +93,22 @@ class CoverShares:
 
 @dataclass(frozen=True)
 class Looking:
-    """How hard a pose is looked for from which a lamp shows an entity.
+    """How long the program searches for a pose from which a lamp lights an entity.
 
     Attributes
     ----------
     viewpoints : int
-        Drawn for each entity that no lamp shows, beside the poses of the pool.
+        Viewpoints drawn for each unlit entity, in addition to the poses of the pool.
     around : int
-        Poses tried around each that was planned for it: what else the setting measures may stay with it.
+        Poses tried around each planned pose of the entity, which may keep the other targets of the
+        setting.
     tried : int
-        Poses of each entity that are lit by trial.
+        Poses of each entity whose light is computed.
     kept : int
-        Of those from which it shows, so many are candidates: those that inspect most, and that most surely.
+        Of the poses where the entity is lit, keep this many as candidates: those that inspect most
+        entities with the highest probability.
     places : int
-        Places of lamps that are tried beside the chosen ones, where lamps are placed.
+        Lamp positions tried in addition to the chosen ones, if the program places lamps.
     """
 
     viewpoints: int = 60
@@ -117,22 +120,22 @@ class Looking:
 
 @dataclass(frozen=True)
 class StageEffort:
-    """How hard the stages of a plan try.
+    """How long the stages of a plan search.
 
     Attributes
     ----------
     improving : Improving
-        How often a better plan is looked for on the way.
+        How often the program searches for a better plan.
     trying : Trying
-        How hard a cover is looked for that simulation supports.
+        How long the program searches for a cover that simulation confirms.
     joining : Joining
-        How long columns are improved from poses of the proof.
+        How long the program improves columns from poses of the proof.
     shares : CoverShares
         Shares of the nodes for covers on the way.
     preference : Preference
-        When a candidate pose is preferred.
+        When the program prefers a candidate pose.
     looking : Looking
-        How hard poses are looked for that lamps show.
+        How long the program searches for poses with light.
     """
 
     improving: Improving = field(default_factory=Improving)

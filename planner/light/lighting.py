@@ -29,21 +29,21 @@ _ROOM = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Lighting:
-    """What is asked of lamps; see `plan_light`, which describes the fields.
+    """The options of the lamps of a plan; `plan_light` describes them in full.
 
     Parameters
     ----------
     lamps : array_like, shape (n, 3), or LampBox, LampDome or "ring"
-        Where lamps are or may be, mm.
+        Positions of the lamps, mm, or the region where lamps may be, or a ring light.
     contrast, step : float
         Least contrast, and least step of grey values.
     ground : str
         "dark" or "bright".
     tolerance_mm : float
-        How far lamps may be from their places.
+        Largest distance of a lamp from its position, mm.
     together : bool
-        Whether all lamps are on in every image, as in a cell without switches; they have one strength. Otherwise one is
-        on at a time.
+        Whether all lamps are on in every image, as in a cell without switches. They then have equal
+        strength. Otherwise one lamp is on at a time.
 
     Raises
     ------
@@ -96,7 +96,7 @@ class Lighting:
 
     @property
     def given(self) -> LampSpace | NDArray[np.float64] | None:
-        """Places (n, 3) of fixed lamps, mm, or where lamps may be placed, or None for a ring light."""
+        """Positions (n, 3) of fixed lamps, mm, or their region, or None for a ring light."""
         return None if self.is_ring else self.lamps
 
     @property
@@ -106,7 +106,7 @@ class Lighting:
 
     @property
     def is_fixed(self) -> bool:
-        """Whether the lamps are those of a cell."""
+        """Whether the lamps have fixed positions."""
         return isinstance(self.lamps, np.ndarray)
 
     def check_part(self, solid: Solid) -> None:
@@ -126,12 +126,12 @@ class Lighting:
             check_lamps(solid, self.given)
 
     def served(self, plan: PlanToLight, solid: Solid, progress: Progress | None = None) -> Served:
-        """Return what tells which places of lamps show what a plan measures; it holds no places yet.
+        """Return a record of lamp positions that light the targets; it is empty at first.
 
         Parameters
         ----------
         plan : PlanToLight
-            Settings and what they measure.
+            Settings and their targets.
         solid : Solid
             The part.
         progress : callable, optional

@@ -46,20 +46,24 @@ def plan_light(
     tolerance_mm: float = 0.0,
     progress: Progress | None = None,
 ) -> LightPlan:
-    """Choose lamps that make all that a plan measures show, in every setting: one lamp at a time, or all together.
+    """Choose lamps that light all targets of a plan, in every setting.
 
-    The part is matt and of one albedo, lamps are points, and no face lights another; polished metal is another matter.
-    Where the camera sees both faces of an edge, the lamp must light all of it with the contrast between the faces.
-    Where it sees one, the edge is a silhouette: that face must be lit, and be brighter or darker by the contrast than
-    what is seen beside it; this is checked by rays at nine points of the edge. Where the plan asks for corners, another
-    line must show at each end; where it asks for separation, no shadow may end so near to the edge or that line.
+    One lamp is on at a time, or all are on together.
 
-    The light of lamps that are on together (`Lighting.together`) adds up. Then this is decided at nine points of every
-    edge, for lamps of one strength; see `planner.light.together`.
+    The model assumes a matt part of one albedo, point lamps, and no light between faces. It does
+    not hold for polished metal. If the camera sees both faces of an edge, the lamp must light the
+    whole edge with the contrast between the faces. If it sees one face, the edge is a silhouette.
+    The lamp must light that face, and the contrast to the background next to the edge must suffice.
+    Rays at nine points of the edge check this. If the plan requires corners, another line must be
+    visible at each end. If it requires separation, no shadow may end within that distance of the
+    edge or that line.
 
-    **Guarantee.** Every setting has an image for each name it measures, or the name is in ``unlit`` with the reason.
-    No choice of lamps shows as much with fewer than ``lower_bound`` lamps, one lamp for all of a setting where one is
-    enough.
+    The light of lamps that are on together (`Lighting.together`) adds up. The program then checks
+    nine points of every edge, for lamps of equal strength; see `planner.light.together`.
+
+    **Guarantee.** Every setting has an image for each target, or ``unlit`` lists the target with
+    the reason. No choice of fewer than ``lower_bound`` lamps lights as many targets, with one lamp
+    for a whole setting where one is enough.
 
     Parameters
     ----------
@@ -68,17 +72,20 @@ def plan_light(
     solid : Solid
         Its part.
     lamps : array_like, shape (n, 3), or LampBox, LampDome, "ring" or Lighting
-        Places of the lamps of a cell, mm; or where lamps may be placed; or a ring light on the camera. A `Lighting`
-        holds the other options, too; then they are not given here.
+        Positions of the lamps of a cell, mm, or the region where lamps may be, or a ring light on
+        the camera. A `Lighting` also holds the other options; then omit them here.
     contrast : float
         Least contrast, strictly between 0 and 1; see `aspectgraph.contrast`.
     step : float
-        Least step of the grey values of the two sides, in [0, 1): a share of the grey value of a face that the lamp
-        lights frontally. Two faces that hardly any light falls on have a contrast, but no step.
+        Least step of the grey values across an edge, in [0, 1), as a share of the grey value of a
+        face that the lamp lights frontally. Two faces with hardly any light have a contrast, but no
+        step.
     ground : str
-        What is behind the part: "dark", or "bright" by a back light, before which silhouettes show whatever the lamp.
+        Background of the part: "dark", or "bright" with a back light. Silhouettes in front of a
+        back light are visible with every lamp.
     tolerance_mm : float
-        How far lamps may be from their places: all shows from there, too (26 places around are tried).
+        Largest distance of a lamp from its position, mm. Targets must also be lit from there; the
+        program checks 26 points around the lamp.
     progress : callable, optional
         ``progress(done, total, label)``.
 

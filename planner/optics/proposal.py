@@ -14,20 +14,23 @@ from planner.camera.camera import Camera
 
 @dataclass(frozen=True, repr=False)
 class OpticsProposal:
-    """A body, a lens and their setting, and how well they measure each item from the best pose that was tried.
+    """A camera with a lens and its settings, and how well it measures each target.
+
+    The values are those of the best pose tried for each target.
 
     Attributes
     ----------
     body, lens : str
-        Names of the catalogue.
+        Names of camera and lens in the catalogue.
     camera : Camera
-        The two, set: aperture, and focus at the working distance.
+        Both together, with the aperture set and the focus at the working distance.
     required : float
         The required probability.
     probability : dict of str to float
-        By item, P(error at most the permitted one); 0 where no pose tried meets every constraint.
+        Per target, P(error at most the permitted one). It is 0 if no pose tried meets every
+        constraint.
     share : dict of str to float
-        By item that a pose was found for, expanded uncertainty U (k = 2) over the permitted error.
+        Ratio of the expanded uncertainty U (k = 2) to the permitted error, per target with a pose.
     poses : dict of str to array (4, 4)
         Those poses, cam2world, mm.
     """
@@ -52,17 +55,17 @@ class OpticsProposal:
 
     @property
     def able(self) -> tuple[str, ...]:
-        """Items measured with the required probability."""
+        """Targets measured with the required probability."""
         return tuple(name for name, p in self.probability.items() if p >= self.required)
 
     @property
     def worst_share(self) -> float:
-        """Largest share of the permitted error that uncertainty takes of an item of `able`; inf without any."""
+        """Largest ratio of U to the permitted error among `able`; inf without any."""
         return max((self.share[name] for name in self.able), default=float("inf"))
 
     @property
     def field_mm(self) -> tuple[float, float]:
-        """Width and height of what is seen at the working distance."""
+        """Width and height of the field of view at the working distance."""
         left, top, right, bottom = self.camera.field().inner
         return (right - left) * self.working_distance_mm, (bottom - top) * self.working_distance_mm
 
@@ -92,13 +95,14 @@ def optics_table(proposals: Sequence[OpticsProposal], most: int = 10) -> str:
     proposals : sequence of OpticsProposal
         In the order of `propose_optics`: the best first.
     most : int
-        Rows, at most.
+        Largest number of rows.
 
     Returns
     -------
     str
-        A line per proposal: how many of the items it measures as required, the largest U over the permitted error among
-        them, body, lens, f-number, working distance, depth of field and field of view.
+        A line per proposal. It lists how many targets it measures as required, and the largest
+        ratio of U to the permitted error among them. Then follow camera, lens, f-number, working
+        distance, depth of field and field of view.
 
     Examples
     --------

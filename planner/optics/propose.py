@@ -77,7 +77,7 @@ def propose_optics(
     distances_mm: Sequence[float] = DISTANCES_MM,
     options: InspectionOptions | None = None,
 ) -> tuple[OpticsProposal, ...]:
-    """Rank bodies and lenses of the catalogue by how well they measure what is wanted.
+    """Rank cameras and lenses of the catalogue by how well they measure the targets.
 
     Parameters
     ----------
@@ -86,24 +86,24 @@ def propose_optics(
     wanted : mapping
         Name to `Dimension`, or to an edge, rim or arc: its length, diameter or radius is measured.
     pose_uncertainty : PoseUncertainty
-        How far the camera's real pose may be from the planned one.
+        Uncertainty of the camera's real pose about the planned one.
     bodies : sequence of str, optional
-        Bodies of the catalogue. Default: all.
+        Names of cameras in the catalogue. Default: all.
     accuracy : float
-        Required accuracy A in (0, 1) where a dimension has no requirement of its own.
+        Required accuracy A in (0, 1) of targets without a requirement of their own.
     probability : float
-        Required probability of it, in (0, 1).
+        Required probability, in (0, 1), that a measurement is accurate.
     distances_mm : sequence of float
-        Working distances to be tried, from the front nodal point to the middle of an item.
+        Working distances to try, mm, from the front nodal point to the middle of a target.
     options : InspectionOptions, optional
-        Constraints, workspace and localisation, as of `plan_inspection`.
+        Constraints, workspace and localisation, as in `plan_inspection`.
 
     Returns
     -------
     tuple of OpticsProposal
-        Of each body and lens that fit each other the best working distance. First is what measures most items as
-        required; among equals, whose largest U over the permitted error is smallest. What is not able from the poses
-        tried may be from others.
+        The best working distance of each camera and lens that fit each other. The first proposal
+        measures most targets as required. Among equals, the largest ratio of U to the permitted
+        error is smallest. Poses that were not tried may measure further targets.
 
     Raises
     ------

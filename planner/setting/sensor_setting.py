@@ -13,7 +13,7 @@ from planner.records.json_file import number
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SensorSetting:
-    """A camera pose from which a set of entities is inspected.
+    """A camera pose and the entities it inspects.
 
     Attributes
     ----------
@@ -22,25 +22,26 @@ class SensorSetting:
     entities : tuple of str
         Names of the inspected entities.
     probability : dict of str to float
-        Per entity, the probability P that the error of its measured length is at most what the accuracy permits, given
-        a registered image in which it is found.
+        Per entity, the probability P that the error of its measured length is at most the permitted
+        error. P assumes a registered image in which the entity is found.
     margins : dict of str to float
-        Per constraint, the smallest margin over the entities; 0 or more is satisfied. The key ends with the unit.
+        Per constraint, the smallest margin over the entities. A constraint is met at 0 or more. The
+        key ends with the unit.
     fitness : float
-        What the search maximised: the sum (or the smallest) of the probabilities.
+        Objective of the search: the sum (or the smallest) of the probabilities.
     nfev : int
-        Poses evaluated by the search.
+        Number of poses the search evaluated.
     generations : int
-        Generations of the genetic algorithm.
+        Number of generations of the genetic algorithm.
     message : str
         Why the search stopped.
     seed : int or None
-        Seed that repeats the run; None if a generator was passed in.
+        Seed that reproduces the run. None if the caller passed a generator.
     history : tuple of float
         Best fitness after each generation.
     lines_in_window_px : dict of str to float
-        Of plans that ask for edges to be found in the image: edges with another visible line where they have to be
-        looked for, and how near it comes, px.
+        Edges with another visible line in their search window, and the distance of that line, px.
+        Only plans with conditions on the image have it.
     """
 
     cam2world: np.ndarray
@@ -83,7 +84,7 @@ class SensorSetting:
         Returns
         -------
         dict
-            Field names and values; the pose as nested lists.
+            Field names and values. The pose is a list of lists.
         """
         return {
             "cam2world": self.cam2world.tolist(),
@@ -105,12 +106,12 @@ class SensorSetting:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> SensorSetting:
-        """Build from the result of `to_dict`, also as files have it.
+        """Build a setting from the result of `to_dict`, or from its JSON.
 
         Parameters
         ----------
         data : mapping of str to value
-            The fields; ``history`` may be missing, and so may ``seed``.
+            The fields. ``history`` and ``seed`` may be missing.
 
         Returns
         -------
