@@ -14,13 +14,13 @@ class PlannerError(Exception):
     Attributes
     ----------
     parameter : str
-        The parameter that breaks its rule; empty if the error is of none.
+        The parameter that breaks its rule; empty if there is none.
     rule : str
         The rule, beginning with its verb.
     got : str
         The value that breaks it.
     hint : str
-        What helps, without a full stop.
+        Advice, without a full stop.
     """
 
     parameter: str = ""
@@ -74,7 +74,7 @@ class InfeasibleError(PlannerError, RuntimeError):
     Parameters
     ----------
     message : str
-        What to tell the user.
+        Message for the user.
 
     Attributes
     ----------
@@ -83,11 +83,11 @@ class InfeasibleError(PlannerError, RuntimeError):
     entity : str
         Entity for which it fails, or an empty string when it does not depend on the entity.
     margin : float
-        Largest margin that was found (negative), in the unit the constraint's name ends with.
+        Largest margin found (negative), in the unit the constraint's name ends with.
     proven : bool
-        Whether no pose at all meets the constraint; otherwise none was found that does.
+        Whether it is proven that no pose meets the constraint. Otherwise the search found none.
     together : bool
-        Whether each constraint can be met by itself, so that `constraint` is only the one missed by most.
+        Whether poses meet each constraint alone. Then `constraint` is the one that fails by most.
     """
 
     def __init__(

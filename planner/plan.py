@@ -226,7 +226,7 @@ class InspectionPlan(PlanTables):
         progress : callable, optional
             ``progress(done, total, label)``.
         solid : Solid, optional
-            The part: then it is counted, too, in how many images of displaced cameras edges can be found.
+            The part. With it, also count the images in which software can find the edges.
 
         Returns
         -------
@@ -255,7 +255,7 @@ class InspectionPlan(PlanTables):
         progress : callable, optional
             ``progress(done, total, label)``.
         solid : Solid, optional
-            The part: then it is counted, too, in how many images of displaced cameras edges can be found.
+            The part. With it, also count the images in which software can find the edges.
 
         Returns
         -------

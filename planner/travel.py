@@ -52,15 +52,16 @@ def path_length(distances: np.ndarray, order: Sequence[int]) -> float:
 def travel_order(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM) -> tuple[int, ...]:
     """Order poses so that the robot's travel is short.
 
-    **Guarantee.** A permutation of all poses; the shortest open path for up to 12 poses; beyond, a path that no
-    reversal or relocation of a piece shortens. It starts at the end with the smaller index.
+    **Guarantee.** The result is a permutation of all poses. For up to 12 poses, it is the shortest
+    open path. For more, no reversal or relocation of a piece shortens the path. It starts at the
+    end with the smaller index.
 
     Parameters
     ----------
     cam2worlds : array_like, shape (n, 4, 4)
         Poses, mm.
     radian_mm : float
-        Travel in mm that a turn of one radian is worth.
+        Travel in mm that counts the same as a turn of one radian.
 
     Returns
     -------

@@ -16,20 +16,24 @@ _MODELS = ("rounding", "gaussian", "fit")
 
 @dataclass(frozen=True)
 class Localisation:
-    """A named model of the error with which points of an edge are found; make it by one of its class methods.
+    """A model of the errors of image points on an edge.
+
+    Make it with one of its class methods.
 
     Attributes
     ----------
     model : {"rounding", "gaussian", "fit"}
         Its name.
     sigma_px : float
-        Standard deviation of a point's place, px along each axis of the image; 1 / sqrt(12) of rounding.
+        Standard deviation of a point's position along each axis of the image, px. For rounding it
+        is 1 / sqrt(12).
     points : int
-        Independent points on a fitted line or circle; of ``fit`` their number follows from the image's length.
+        Number of independent points on a fitted line or circle. For ``fit`` it follows from the
+        image's length.
     correlation_px : float
-        Length of image within which errors are not independent, px.
+        Length in the image within which errors are correlated, px.
     floor_px : float
-        Standard deviation that no fit gets below, however long the image is, px.
+        Smallest standard deviation of a fit, however long the image is, px.
 
     Raises
     ------
@@ -71,12 +75,12 @@ class Localisation:
 
     @classmethod
     def rounding(cls, points: int = POINTS) -> Localisation:
-        """Return the paper's model: every point on a whole pixel. It is right for binary images.
+        """Return the paper's model: points rounded to whole pixels. It suits binary images.
 
         Parameters
         ----------
         points : int
-            Points that are found on a line or circle.
+            Number of points found on a line or circle.
 
         Returns
         -------
@@ -89,8 +93,8 @@ class Localisation:
     def gaussian(cls, sigma_px: float = 0.1, points: int = POINTS) -> Localisation:
         """Return independent normal errors of every end or point.
 
-        0.1 px is what sub-pixel line fits and corner detectors reached in rendered images (.04 to .11 px measured,
-        see the documentation on measurement error).
+        Sub-pixel line fits and corner detectors reached 0.04 to 0.11 px in rendered images; see the
+        documentation on measurement error.
 
         Parameters
         ----------
@@ -117,9 +121,9 @@ class Localisation:
         sigma_px : float
             Standard deviation of a point along each axis of the image, px.
         correlation_px : float
-            Length of image per independent point, px.
+            Length in the image per independent point, px.
         floor_px : float
-            Standard deviation that no fit gets below, px.
+            Smallest standard deviation of a fit, px.
 
         Returns
         -------

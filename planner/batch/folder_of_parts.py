@@ -31,27 +31,30 @@ def plan_folder(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> list[PartResult]:
-    """Plan every part of a folder, each in a folder of its own.
+    """Plan every part of a folder, and write each plan to a folder of its own.
 
-    **Guarantee.** There is a result for every part: a plan, or one reason. What is done stays, whatever happens then:
-    the same call finds it again, as long as file, request and program are the same. The plans do not depend on the
-    executor.
+    **Guarantee.** Every part has a result: a plan, or one reason. Finished results remain after an
+    interruption. The same call reuses them while file, request and program are the same. The plans
+    do not depend on the executor.
 
     Parameters
     ----------
     folder : path
-        Its part files, and those of the folders in it.
+        Folder of the part files. Subfolders are included.
     out : path
-        Where ``results.json``, ``results.csv`` and, for every part, a folder with the name of its file are written.
+        Folder for ``results.json``, ``results.csv`` and a folder for every part, named after its
+        file.
     request : PartRequest
-        What is asked for every part.
+        The options for every part.
     jobs : int
-        Processes of this machine. One that dies is replaced; a part on which it dies alone is given up.
+        Number of processes on this machine. A process that dies is replaced. A part that alone
+        kills its process fails.
     executor : concurrent.futures.Executor, optional
-        Plans the parts instead: ``dask.distributed.Client(...).get_executor()``. Its workers must see both folders
-        under the same names.
+        Plans the parts instead of local processes, such as
+        ``dask.distributed.Client(...).get_executor()``. Its workers must reach both folders under
+        the same names.
     progress : callable, optional
-        ``progress(done, total, "parts")``; an exception it raises ends the work.
+        The program calls ``progress(done, total, "parts")``. An exception it raises ends the work.
 
     Returns
     -------

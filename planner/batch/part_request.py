@@ -33,40 +33,42 @@ _LIMITS = (
 
 @dataclass(frozen=True)
 class PartRequest:
-    """What is asked for every part of a folder; `plan_inspection` says more of most of it.
+    """The options for planning every part of a folder.
+
+    `plan_inspection` describes most of them in full.
 
     Parameters
     ----------
     camera : Camera
         The camera.
     pose_uncertainty : PoseUncertainty
-        How far its real pose may be from the planned one.
+        Uncertainty of its real pose about the planned one.
     accuracy, probability : float
-        What is required, in (0, 1).
+        Required accuracy, and required probability of reaching it, in (0, 1).
     seed : int
-        Same seed, same plans.
+        The same seed gives the same plans.
     select : str, optional
-        Rule for the entities, as `aspectgraph.select_entities` takes it. Default: all sharp straight edges. Of rims the
-        diameter is measured, of arcs the radius.
+        Rule for the entities, as `aspectgraph.select_entities` takes it. Default: all sharp
+        straight edges. The plans measure the diameter of rims and the radius of arcs.
     units : str, optional
-        Of mesh files.
+        Unit of the coordinates of mesh files.
     simulate : int
-        Displaced poses per setting that check each plan.
+        Number of displaced poses per setting that check each plan.
     graph_limit : int
-        The joint graph is written for up to so many entities.
+        Write the joint graph for at most this many entities.
     effort : Effort
         How long to search.
     limits : mapping
-        ``stand_off_mm``, ``min_length_px``, ``field_margin_px``, ``visibility_radius_mm``, ``focus_margin_mm``,
-        ``showing``, ``time_limit_s`` and ``gap`` as `plan_inspection` takes them, where not the default;
-        the time is per part.
+        ``stand_off_mm``, ``min_length_px``, ``field_margin_px``, ``visibility_radius_mm``,
+        ``focus_margin_mm``, ``showing``, ``time_limit_s`` and ``gap`` as `plan_inspection` takes
+        them. The time limit applies to each part.
 
     Raises
     ------
     RequestError
-        If one breaks its rule.
+        If an option breaks its rule.
     EntityError, ReadError
-        If the rule for the entities means nothing, or the unit is not known.
+        If the rule for the entities is not valid, or the unit is not known.
 
     Examples
     --------
@@ -111,16 +113,16 @@ class PartRequest:
 
     @cached_property
     def request(self) -> InspectionRequest:
-        """What is asked of any part: the request without a part, its targets and its workspace."""
+        """The request that applies to every part, without part, targets and workspace."""
         promise = Promise(self.accuracy, self.probability, self.seed)
         known = promised(self.camera, self.pose_uncertainty, promise, self.options)
         return InspectionRequest(part=None, targets=None, workspace=None, ring=None, **known)
 
     @property
     def fingerprint(self) -> str:
-        """Digest of the request and of the program: equal for equal plans of a file.
+        """Digest of the request and the program. Equal digests mean equal plans of a file.
 
-        All fields count: those that are no field of an `InspectionRequest`, too.
+        All fields count, also those that an `InspectionRequest` lacks.
         """
         asked = {one.name for one in fields(InspectionRequest)}
         own = {name: value for name, value in plain_fields(self).items() if name not in asked}

@@ -25,23 +25,25 @@ FAILED = "failed"
 
 @dataclass(frozen=True)
 class PartResult:
-    """What came of a part.
+    """The result of planning one part of a folder.
 
     Attributes
     ----------
     part : str
-        Its file, relative to the folder of the parts.
+        Its file, relative to the folder of parts.
     status : {"planned", "incomplete", "refused", "failed"}
-        Incomplete: some entity cannot be inspected, or the simulation contradicts the plan. Refused: the part or the
-        request breaks a rule, and would again. Failed: something else went wrong; the next call tries again.
+        "incomplete": some entity cannot be inspected, or the simulation contradicts the plan.
+        "refused": the part or the request breaks a rule, and would break it again. "failed":
+        another error occurred, and the next call tries again.
     reason : str
-        Why there is no plan, or what it lacks; else empty.
+        Why there is no plan, or what it lacks. Otherwise empty.
     entities, settings, lower_bound : int
         Numbers of the plan, 0 without one.
     seconds : float
-        What it took.
+        Time of the planning, in seconds.
     file_sha256, request, plan_sha256 : str
-        Digests of the part file, the request and ``plan.json``: they say whether the result is still valid.
+        Digests of the part file, the request and ``plan.json``. They decide whether the result is
+        still valid.
     """
 
     part: str
@@ -56,12 +58,12 @@ class PartResult:
     plan_sha256: str = ""
 
     def write(self, folder: Path) -> None:
-        """Write the record beside the plan.
+        """Write the record next to the plan.
 
         Parameters
         ----------
         folder : Path
-            Of the part's plan.
+            Folder of the part's plan.
         """
         write_text(folder / RECORD, json.dumps(asdict(self), indent=1) + "\n")
 

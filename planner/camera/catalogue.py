@@ -20,12 +20,12 @@ _BODY = ("pixel_pitch_mm", "resolution")
 
 
 def camera_names() -> tuple[str, ...]:
-    """Return the names of the catalogue, sorted.
+    """Return the names of the cameras in the catalogue, sorted.
 
     Returns
     -------
     tuple of str
-        Names for `Camera.named`, each of a body and a lens.
+        Names for `Camera.named`. Each is a camera with a lens.
 
     Examples
     --------

@@ -18,12 +18,12 @@ _RESIDUAL = 1e-12
 
 @dataclass(frozen=True)
 class Distortion:
-    """Radial (k1, k2, k3) and tangential (p1, p2) coefficients, without unit, in the sense of OpenCV.
+    """Lens distortion as in OpenCV: radial (k1, k2, k3) and tangential (p1, p2) coefficients.
 
     Parameters
     ----------
     k1, k2, p1, p2, k3 : float
-        Coefficients in OpenCV's order; all zero is a lens without distortion.
+        Coefficients without unit. All zero means no distortion.
 
     Raises
     ------
@@ -55,13 +55,13 @@ class Distortion:
         Parameters
         ----------
         values : Distortion, array_like or None
-            k1, k2, p1, p2 and, if there are five, k3. More must be zero: of OpenCV's rational, thin-prism and tilted
-            models nothing is known here.
+            k1, k2, p1, p2 and an optional fifth, k3. Further values must be zero, because OpenCV's
+            rational, thin-prism and tilted models are not supported.
 
         Returns
         -------
         Distortion or None
-            None stands for a lens without distortion.
+            None means a lens without distortion.
 
         Raises
         ------
@@ -122,7 +122,7 @@ class Distortion:
         return np.stack([np.stack([xx, xy], -1), np.stack([xy, yy], -1)], -2)
 
     def undistort(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Return the ideal points whose images are given, by Newton's method.
+        """Return the ideal points of distorted images, by Newton's method.
 
         Parameters
         ----------

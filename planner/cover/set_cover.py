@@ -22,14 +22,14 @@ _PREFERENCE = 0.5
 
 @dataclass(frozen=True)
 class Cover:
-    """Columns that cover every entity.
+    """A set of columns that covers every entity.
 
     Attributes
     ----------
     chosen : tuple of int
         Indices of the chosen columns, ascending.
     lower_bound : int
-        No cover by these columns has fewer.
+        Proven lower bound of the number of columns.
     """
 
     chosen: tuple[int, ...]
@@ -51,23 +51,24 @@ def min_cover(
 ) -> Cover:
     """Find the fewest columns that cover every entity, by integer programming (HiGHS).
 
-    **Guarantee.** The result covers every entity; ``lower_bound`` is proven; among covers of the same size the total
-    preference is the largest, but for ``slack``. The result depends on the arguments only, unless the time limit
-    strikes.
+    **Guarantee.** The result covers every entity, and ``lower_bound`` is proven. Among covers of
+    the same size, it has the largest total preference up to ``slack``. The result depends only on
+    the arguments, unless the time limit ends the search.
 
     Parameters
     ----------
     membership : array_like of bool, shape (c, e)
         ``membership[c, e]``: column c contains entity e.
     preference : array_like, shape (c,), optional
-        Numbers in [0, 1]; between covers of equal size larger is better.
+        Numbers in [0, 1]. Between covers of equal size, a larger sum is better.
     time_limit_s : float
-        When it strikes, the best cover so far is returned with the bound proven so far.
+        After this many seconds, return the best cover and the bound so far.
     node_limit : int, optional
-        The same in nodes of the solver's tree, which makes the result repeatable.
+        The same limit in nodes of the solver's tree. It makes the result reproducible.
     slack : float
-        In [0, 0.4]. Most of the solver's time goes into the preferences; above 0 it may stop when they cannot gain
-        more than this share of all that preferences can make. The size of the cover is the least all the same.
+        Permitted loss of preference, as a share of its whole possible effect, in [0, 0.4]. Most of
+        the solver's time goes into preferences, and it may stop sooner above 0. The size of the
+        cover is the smallest in any case.
 
     Returns
     -------
@@ -152,7 +153,7 @@ def cover_within(
 
 
 def is_cover(membership: np.ndarray, chosen: Sequence[int] | np.ndarray) -> bool:
-    """Tell whether the chosen columns contain every entity, however they were found.
+    """Return whether the chosen columns together contain every entity.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ class LampSpace(Protocol):
 
 @dataclass(frozen=True)
 class LampBox:
-    """A box that lamps may be placed in.
+    """A box in which the program may place lamps.
 
     Parameters
     ----------
@@ -64,7 +64,8 @@ class LampBox:
     clearance_mm : float
         Distance that lamps keep from the part.
     reach : ReachRegion or callable, optional
-        What of the box a robot with the lamp reaches, as in `plan_setting`. The proof of the bound takes the whole box.
+        Part of the box that a robot with the lamp reaches, as in `plan_setting`. The proof of the
+        bound uses the whole box.
 
     Raises
     ------
@@ -102,7 +103,7 @@ class LampBox:
         return np.array([self.low, self.high], dtype=np.float64)
 
     def places(self, n: int) -> Array:
-        """Return those of n places of a Halton sequence that are reached.
+        """Return the reachable ones of n points of a Halton sequence.
 
         Parameters
         ----------
@@ -112,14 +113,14 @@ class LampBox:
         Returns
         -------
         array, shape (n, 3)
-            The same in every call, mm.
+            Positions in mm, the same in every call.
         """
         low, high = self.bounds
         drawn = qmc.Halton(3, scramble=True, rng=np.random.default_rng(0)).random(n)
         return self._reached(np.asarray(low + drawn * (high - low)))
 
     def misses(self, cell: Cell) -> bool:
-        """Tell whether a plane of either body parts them, or no point is inside all planes.
+        """Return whether a convex cell lies outside the box.
 
         Parameters
         ----------
@@ -129,7 +130,7 @@ class LampBox:
         Returns
         -------
         bool
-            False where it is not sure.
+            False if this is not certain.
         """
         low, high = self.bounds
         apart = _APART * float(np.linalg.norm(high - low))
@@ -144,7 +145,7 @@ class LampBox:
         return bool(self._deepest(cell)[1] < -apart)
 
     def places_in(self, cell: Cell) -> Array:
-        """Return the centre of the largest ball in the box and the cell, and places drawn from there (hit and run).
+        """Return points in the box and the cell: the centre of the largest ball, and random ones.
 
         Parameters
         ----------
@@ -154,7 +155,7 @@ class LampBox:
         Returns
         -------
         array, shape (m, 3)
-            In mm; there may be none though the cell is not missed.
+            In mm. It may be empty although the cell contains lamp positions.
         """
         place, depth = self._deepest(cell)
         if depth <= 0:
@@ -197,7 +198,7 @@ class LampBox:
 
 @dataclass(frozen=True)
 class LampDome:
-    """A sphere around the part, above a height, that lamps may be placed on.
+    """A sphere around the part, above a height, on which the program may place lamps.
 
     Parameters
     ----------
@@ -213,7 +214,8 @@ class LampDome:
     Raises
     ------
     RequestError
-        If a number is not finite, the radius is not positive, the clearance is negative, or no place is so high.
+        If a number is not finite, the radius is not positive, or the clearance is negative. If the
+        sphere has no point at the least height.
 
     Examples
     --------
@@ -250,7 +252,7 @@ class LampDome:
         return np.array(self.centre, dtype=np.float64) + np.array([low, np.full(3, self.radius_mm)])
 
     def places(self, n: int) -> Array:
-        """Return n places of a spiral that gives each the same area.
+        """Return n points of a spiral, spread evenly over the area.
 
         Parameters
         ----------
@@ -260,7 +262,7 @@ class LampDome:
         Returns
         -------
         array, shape (n, 3)
-            The same in every call, mm.
+            Positions in mm, the same in every call.
         """
         lowest = max(self.lowest_mm / self.radius_mm, -1.0)
         height = lowest + (1.0 - lowest) * (np.arange(n) + 0.5) / n
@@ -271,7 +273,7 @@ class LampDome:
         )
 
     def misses(self, cell: Cell) -> bool:
-        """Tell whether the cell is inside the sphere, beyond a plane that is outside of it, or too low.
+        """Return whether a convex cell misses the dome.
 
         Parameters
         ----------
@@ -281,7 +283,7 @@ class LampDome:
         Returns
         -------
         bool
-            False where it is not sure.
+            False if this is not certain.
         """
         own = cell.vertices - np.array(self.centre)
         apart = _APART * self.radius_mm
@@ -294,7 +296,7 @@ class LampDome:
         )
 
     def places_in(self, cell: Cell) -> Array:
-        """Return those of many places that are in the cell.
+        """Return points of a dense spiral that are in the cell.
 
         Parameters
         ----------
@@ -304,7 +306,7 @@ class LampDome:
         Returns
         -------
         array, shape (m, 3)
-            In mm; there may be none though the cell is not missed.
+            In mm. It may be empty although the cell contains lamp positions.
         """
         places = self.places(_DOME_POINTS)
         inside = (places @ cell.half_spaces[:, :3].T + cell.half_spaces[:, 3] < 0).all(axis=1)

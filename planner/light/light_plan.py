@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class LitImage:
-    """One image of a setting.
+    """One image to take in a setting, with its lamps.
 
     Attributes
     ----------
     lamps : tuple of int
-        Numbers of the lamps that are on, in rising order: one, or all of those that are on together.
+        Numbers of the lamps that are on, in ascending order.
     contrast : dict of str to float
-        What it shows by name: least contrast of its edges, see `aspectgraph.contrast`; of silhouettes, that with what
-        is behind them.
+        Per target, the least contrast of its edges, see `aspectgraph.contrast`. Of a silhouette, it
+        is the contrast with the background.
     silhouettes : tuple of str
-        Names whose edges the camera sees, at least one of them, as silhouettes.
+        Names of targets with at least one edge that the camera sees as a silhouette.
     """
 
     lamps: tuple[int, ...]
@@ -32,7 +32,7 @@ class LitImage:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LightPlan:
-    """Lamps that make what a plan measures show.
+    """Lamps that light the targets of a plan.
 
     Attributes
     ----------
@@ -41,19 +41,19 @@ class LightPlan:
     contrast : float
         Least contrast.
     step : float
-        Least step of grey values, as a share of the value of a face that is lit frontally.
+        Least step of grey values, as a share of the value of a face lit frontally.
     ground : str
         "dark", or "bright" for a back light.
     lamps : array (n, 3)
-        Places of the lamps that are used, mm; one is on at a time, or all are.
+        Positions of the lamps in use, mm. One is on at a time, or all are.
     images : tuple of tuple of LitImage
-        Per setting, the images to take; one, unless no lamp shows everything at once.
+        Per setting, the images to take. There is one, unless no single lamp lights all targets.
     unlit : tuple of dict of str to str
-        Per setting, what no lamp shows, and why.
+        Per setting, the unlit targets and the reasons.
     lower_bound : int
-        Proven: so many lamps are needed at least.
+        Proven lower bound of the number of lamps.
     bound_proof : str
-        What the bound rests on.
+        How the bound was proven.
     together : bool
         Whether all lamps are on in every image.
     """
@@ -83,12 +83,12 @@ class LightPlan:
 
     @property
     def complete(self) -> bool:
-        """Whether everything shows in every setting."""
+        """Whether all targets are lit in every setting."""
         return not any(self.unlit)
 
     @property
     def minimal(self) -> bool:
-        """Whether fewer lamps are proven not to be enough."""
+        """Whether the bound proves that fewer lamps are not enough."""
         return bool(len(self.lamps)) and len(self.lamps) == self.lower_bound
 
     def to_dict(self) -> dict[str, Any]:

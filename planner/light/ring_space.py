@@ -21,11 +21,14 @@ Array = NDArray[np.float64]
 
 
 class RingSpace:
-    """Where entities show to a camera with a ring light; for ``space=`` of `plan_inspection`.
+    """Viewpoints from which a camera with a ring light sees entities.
 
-    The exact light regions, in which the contrast of the faces suffices, and for each viewpoint besides: the step of
-    the grey values, and for silhouettes the contrast with what is seen beside them, by rays at nine points of the edge.
-    The covering cells are those of the regions alone, so that a lower bound proven with them stays valid.
+    Use it as ``space`` of `plan_inspection`.
+
+    It uses the exact light regions, in which the contrast of the faces suffices. For each viewpoint
+    it also checks the step of the grey values. For silhouettes, rays at nine points of the edge
+    check the contrast with the background. The covering cells are those of the regions alone, so a
+    lower bound proven with them stays valid.
 
     Parameters
     ----------
@@ -77,7 +80,7 @@ class RingSpace:
 
     @property
     def workspace(self) -> Array:
-        """Lowest and highest corner of where the camera may be, mm; (2, 3)."""
+        """Lowest and highest corner (2, 3) of the box the camera may be in, mm."""
         return self.light.workspace
 
     @property
@@ -96,7 +99,7 @@ class RingSpace:
         return self.light.contrast
 
     def covering_cells(self, names: Sequence[str]) -> CellSet:
-        """Return from where the contrast of the faces of all named entities suffices.
+        """Return the viewpoints where the face contrast of all named entities suffices.
 
         Parameters
         ----------
@@ -128,14 +131,14 @@ class RingSpace:
         return found
 
     def observable(self, points: Array, names: Sequence[str] | None = None) -> NDArray[np.bool_]:
-        """Whether entities show from viewpoints.
+        """Whether entities are lit and visible from viewpoints.
 
         Parameters
         ----------
         points : array_like, shape (n, 3)
             Viewpoints in mm, inside the workspace.
         names : sequence of str, optional
-            Entities asked for. Default: all.
+            The entities. Default: all.
 
         Returns
         -------

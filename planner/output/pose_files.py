@@ -50,19 +50,19 @@ _OPENCV_TO_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 def write_poses(plan: InspectionPlan, folder: str | os.PathLike[str]) -> list[Path]:
-    """Write the poses of a plan in every format.
+    """Write the poses of a plan in all formats.
 
     Parameters
     ----------
     plan : InspectionPlan
-        Its settings' poses and its camera are written.
+        The plan with the poses and the camera.
     folder : str or os.PathLike
         An existing folder.
 
     Returns
     -------
     list of pathlib.Path
-        The files written, sorted.
+        The written files, sorted.
 
     Raises
     ------

@@ -48,16 +48,18 @@ def color_of(setting_idx: int) -> str:
 def plan_figure(
     plan: InspectionPlan, solid: Solid | None = None, space: Space | None = None
 ) -> go.Figure:
-    """Draw a plan: part, entities, camera frusta, the robot's path and (hidden until asked for) covering domains.
+    """Draw a plan in 3-D: part, entities, camera frusta, the robot's path and domains.
+
+    The covering domains are hidden until you click them in the legend.
 
     Parameters
     ----------
     plan : InspectionPlan
-        What is drawn.
+        The plan.
     solid : Solid, optional
-        Its part. Without it only what is measured is drawn, and no domains.
+        Its part. Without it, the figure shows only the targets, cameras and path.
     space : VisibilityRegions or EntityAspectGraph, optional
-        Gives the domains; without it none are drawn.
+        Gives the domains. Without it, the figure shows none.
 
     Returns
     -------

@@ -66,22 +66,22 @@ def report_html(
     graph: EntityAspectGraph | None = None,
     date: str | None = None,
 ) -> str:
-    """Return the report about a plan.
+    """Return the report of a plan as an HTML page.
 
     Parameters
     ----------
     plan : InspectionPlan
-        With or without the result of its simulation.
+        The plan, with or without the result of its simulation.
     space : VisibilityRegions or EntityAspectGraph
         Gives the part and the viewing domains.
     progress : callable, optional
         ``progress(done, total, label)``.
     notes : sequence of str
-        Further sentences for the reader, such as a file that was left out.
+        Further sentences for the reader, for example on an omitted file.
     graph : EntityAspectGraph, optional
         Joint graph of the entities that the plan needs. The report draws its domains, and shows one in 3-D on a click.
     date : str, optional
-        When the plan was made, for the head of the page, such as ``"2026-03-01"``. Default: no date.
+        Date of the plan for the head of the page, such as ``"2026-03-01"``. Default: no date.
 
     Returns
     -------

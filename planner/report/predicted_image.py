@@ -67,7 +67,7 @@ def predicted_image(
     color: str = "#0072b2",
     lamp: ArrayLike | None = None,
 ) -> str:
-    """Draw what a camera will see of a part: shaded faces, visible edges, and the entities in a colour.
+    """Draw the image that a camera will take: shaded faces, visible edges, marked entities.
 
     Parameters
     ----------
@@ -78,17 +78,18 @@ def predicted_image(
     cam2world : array_like, shape (4, 4)
         Its pose, OpenCV axes, mm.
     entities : mapping of str to array_like (2, 3) or (s, 2, 3), optional
-        Ends of an edge, or segments of a dimension's lines and circles, that are to be highlighted, mm, by name.
+        Entities to highlight, by name: ends of an edge, or segments of a dimension's lines and
+        circles, mm.
     color : str
-        The highlights' colour, as SVG names it.
+        Colour of the highlights, as an SVG colour.
     lamp : array_like, shape (3,) or (n, 3), optional
-        Place of the lamp, or of lamps of one strength that are on together, mm: matt faces with cast shadows.
-        Default: shades that only tell faces apart.
+        Position of the lamp, or of lamps of equal strength that are on together, mm. The faces are
+        then matt and cast shadows. Default: shades that only distinguish faces.
 
     Returns
     -------
     str
-        An SVG picture in pixels of the sensor, a file by itself, such as ``IPython.display.SVG`` shows in a notebook.
+        A complete SVG file in pixels of the sensor. ``IPython.display.SVG`` shows it in a notebook.
 
     Examples
     --------

@@ -127,28 +127,31 @@ def enclosing_sphere(points: np.ndarray) -> tuple[np.ndarray, float]:
 
 @dataclass(frozen=True)
 class Requirements:
-    """What is asked of a sensor setting beside the accuracy.
+    """The constraints that a sensor setting must meet in addition to the accuracy.
 
     Parameters
     ----------
     min_length_px : float
-        Shortest image of an entity, in pixels of the larger pitch (L_min of eq 16).
+        Smallest length of an entity in the image, in pixels of the larger pitch (L_min of eq 16).
     field_margin_px : float
-        Strip along the sensor's sides that no entity's image may enter. Ignored by the cone.
+        Width of the strip along the sensor's edges to keep free, px. The cone ignores it.
     field_of_view : {"exact", "cone"}
-        Both ends inside the rectangular sensor, or the paper's conservative cone.
+        "exact": both ends are inside the rectangular sensor. "cone": the paper's conservative cone.
     stand_off_mm : float
         Smallest distance between the front nodal point and the part.
     reach : ReachRegion or callable, optional
-        Where the front nodal point may be, see `planner.request.reach`.
+        Region in which the front nodal point may be, see `planner.request.reach`.
     visibility_radius_mm : float
-        Distance around the front nodal point from which the entities must be observable too.
+        Entities must also be observable from all points up to this distance from the front nodal
+        point.
     focus_margin_mm : float
-        What both limits of the depth of field are narrowed by, so that a displaced camera is still in focus.
+        Narrow both limits of the depth of field by this distance, so that a displaced camera is
+        still in focus.
     focus_reserve : FocusReserve
-        What they are narrowed by for each end, as far from the axis as that is, if it is more than the margin.
+        Further narrowing for each end, by its distance from the axis, where this exceeds the
+        margin.
     showing : Detectability
-        What the image needs so that edges can be found in it.
+        Conditions under which software can find edges in the image.
 
     Raises
     ------
@@ -203,7 +206,7 @@ class Requirements:
 
     @property
     def border_px(self) -> float:
-        """Strip along the sensor's sides that nothing measured may enter: the reserve, and what surrounds an end."""
+        """Width of the sensor's edge strip without targets: safety margin plus surround, px."""
         return self.field_margin_px + self.showing.surround_px
 
 

@@ -23,20 +23,21 @@ MOST_SEED = 10**300
 
 
 def default_workspace(solid: Solid, camera: Camera) -> np.ndarray:
-    """Return the box around a part from whose walls the lens can just focus on it.
+    """Return the default workspace: a box around a part, as large as the lens can focus.
 
     Parameters
     ----------
     solid : Solid
         The part.
     camera : Camera
-        Its depth of field and field of view say how far away the part can be sharp.
+        Its depth of field and field of view limit the distance from the part.
 
     Returns
     -------
     array, shape (2, 3)
-        Lowest and highest corner, mm: the part's box and room on every side. The room is the far limit of the depth of
-        field in the image's corners, at most ten focus distances, at least the part's diagonal.
+        Lowest and highest corner, mm. The box extends beyond the part's box by the same distance in
+        all directions. This is the far limit of the depth of field in the image's corners. It is at
+        most ten focus distances and at least the part's diagonal.
 
     Examples
     --------

@@ -44,7 +44,7 @@ class PlanTables:
 
     @cached_property
     def targets(self) -> dict[str, PlannedTarget]:
-        """What is measured, by name: of an edge the length, of a dimension its value."""
+        """The targets by name: the length of an edge, or the value of a dimension."""
         from planner.wanted.planned import PlannedLength
 
         return {
@@ -53,22 +53,25 @@ class PlanTables:
         }
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return all that is measured, one row per setting and entity; ``pandas.DataFrame(plan.rows())`` takes them.
+        """Return all measurements as rows, one per setting and entity.
+
+        ``pandas.DataFrame(plan.rows())`` makes a table of them.
 
         Returns
         -------
         list of dict
-            ``setting`` (from 1), ``name``, ``kind``, ``nominal``, ``permitted_error`` and ``unit``; ``n_features``, how
-            many features of the part it applies to, of which one is measured; and
-            ``permitted_error_px``, its size in the image (None of angles); ``probability``; of a simulation the
-            frequency ``simulated``, its interval ``simulated_low`` and ``simulated_high`` and the ``verdict``, None
-            without one; ``standard_uncertainty`` u of the measured value, and what u² consists of,
-            ``variance_translation``, ``variance_rotation`` and ``variance_localisation`` (None of short arcs);
-            ``search_window_px``, within how many pixels of its prediction it is to be looked for in the image;
-            ``warnings``, sentences about what to look at, or None; ``reason``, None here; the camera's place ``x``,
-            ``y``, ``z`` in mm and its turn ``rx``, ``ry``, ``rz`` in degrees (rotation vector, camera to part); and
-            ``margin_`` with the name of each constraint, the smallest margin of the setting. Entities that are not
-            inspected follow with their reason; what is not known is None. All rows have the same keys.
+            A row has ``setting`` (from 1), ``name``, ``kind``, ``nominal``, ``permitted_error`` and
+            ``unit``. ``n_features`` counts the features of the target, of which one is measured.
+            ``permitted_error_px`` is the error in the image (None for angles). ``probability`` is
+            the predicted one. ``simulated``, ``simulated_low``, ``simulated_high`` and ``verdict``
+            come from the simulation, or are None. ``standard_uncertainty`` is u of the measured
+            value. ``variance_translation``, ``variance_rotation`` and ``variance_localisation`` add
+            up to u² (None for short arcs). ``search_window_px`` is the distance to search on either
+            side of the prediction. ``warnings`` holds sentences or None. ``reason`` is None in
+            these rows. ``x``, ``y``, ``z`` are the camera's position in mm. ``rx``, ``ry``, ``rz``
+            are its rotation vector, camera to part, in degrees. ``margin_`` with a constraint's
+            name is the smallest margin of the setting. Rows of entities that are not inspected
+            follow, with their reason. Unknown values are None. All rows have the same keys.
         """
         from planner.rows.measured_rows import measured_rows
 
@@ -116,14 +119,14 @@ class PlanTables:
         return pandas.DataFrame(self.rows())
 
     def plot(self, solid: Solid | None = None, space: Space | None = None) -> go.Figure:
-        """Draw the plan in 3-D: part, entities, cameras and their order; as `plan_figure`.
+        """Draw the plan in 3-D, like `plan_figure`: part, entities, and cameras in order.
 
         Parameters
         ----------
         solid : Solid, optional
-            The part of the plan. Without it only what is measured is drawn.
+            The part of the plan. Without it, the figure shows only the targets and cameras.
         space : VisibilityRegions or EntityAspectGraph, optional
-            Gives the viewing domains; they are hidden until a click in the legend.
+            Gives the viewing domains. They are hidden until you click them in the legend.
 
         Returns
         -------
@@ -146,7 +149,7 @@ class PlanTables:
         return figure.plan_figure(self, solid, space)
 
     def to_csv(self, path: str | os.PathLike[str] | None = None) -> str:
-        """Return `rows` as comma-separated values with a heading (RFC 4180), and write them if a file is named.
+        """Return `rows` as CSV text with a heading (RFC 4180), and write it to a file if given.
 
         Parameters
         ----------
@@ -156,9 +159,9 @@ class PlanTables:
         Returns
         -------
         str
-            The text. What is None in `rows` is empty; numbers are written without loss. Text that a
-            spreadsheet would run, such as the name ``=1+1``, begins with an apostrophe. A CSV file
-            of entities is read so, too: the name comes back.
+            The text. None becomes an empty cell, and numbers are written without loss. Text that a
+            spreadsheet would run, such as the name ``=1+1``, begins with an apostrophe.
+            `read_entities` removes it again.
 
         Raises
         ------

@@ -58,23 +58,23 @@ def plan_setting(
     start: ArrayLike | None = None,
     callback: Callable[..., Any] | None = None,
 ) -> SensorSetting:
-    """Find the pose from which a set of entities is inspected with the highest probability of success.
+    """Find the pose that inspects a set of entities with the highest probability.
 
-    Guarantee: the setting satisfies every constraint, every individual of every population lay in the covering domains,
-    and the same arguments with the same integer `rng` give the same setting.
+    Guarantee: the setting meets every constraint. Every individual of every population lies in the
+    covering domains. The same arguments with the same integer `rng` give the same setting.
 
     Parameters
     ----------
     space : VisibilityRegions or EntityAspectGraph
-        Where the entities are observable from.
+        Viewpoints from which the entities are observable.
     names : sequence of str
         The entities to inspect together.
     camera : Camera
         The camera.
     pose_uncertainty : PoseUncertainty
-        How far the camera's real pose may be from the planned one.
+        Uncertainty of the camera's real pose about the planned one.
     accuracy : float
-        Required accuracy A in (0, 1): an error of the fraction 1 − A of the length is allowed.
+        Required accuracy A in (0, 1). The permitted error is the fraction 1 − A of the length.
     rng : int, numpy.random.Generator or None
         Seed or source of chance; None takes a fresh seed, reported in the setting.
 
@@ -88,23 +88,26 @@ def plan_setting(
     stand_off_mm : float
         Smallest distance between the front nodal point and the part, mm.
     min_length_px : float
-        Shortest image of an entity, in pixels of the larger pitch (L_min of eq 16).
+        Smallest length of an entity in the image, in pixels of the larger pitch (L_min of eq 16).
     field_margin_px : float, optional
-        Strip along the sensor's sides to keep free. Default: three standard deviations of how far the pose uncertainty
-        moves the image of a point on the axis, so that no end leaves the image.
+        Width of the strip along the sensor's edges to keep free, px, so that no end leaves the
+        image. Default: three standard deviations of the motion of a point on the axis under the
+        pose uncertainty.
     field_of_view : {"exact", "cone"}
-        Both ends inside the rectangular sensor, or the paper's conservative cone.
+        "exact": both ends are inside the rectangular sensor. "cone": the paper's conservative cone.
     visibility_radius_mm : float, optional
-        Distance around the pose from which the entities must be observable too. Default: three standard deviations of
-        the position, so that no entity is hidden from a displaced camera.
+        Entities must also be observable from all points up to this distance from the pose, mm, so
+        that a displaced camera sees them. Default: three standard deviations of the position.
     focus_margin_mm : float
-        What both limits of the depth of field are narrowed by, so that a displaced camera is in focus still; four
-        standard deviations of its position make blurred images rare. Default: nothing.
+        Narrow both limits of the depth of field by this distance, mm, so that a displaced camera is
+        still in focus. With four standard deviations of its position, blurred images are rare.
+        Default: 0.
     showing : Detectability
-        What the image needs so that edges can be found in it. Default: nothing, as in the paper.
+        Conditions under which software can find edges in the image. Default: none, as in the paper.
     reach : ReachRegion or callable, optional
-        Where the front nodal point may be: a `BoxRegion`, `SphereRegion`, `MeshRegion` or anything else with a method
-        ``margin``, or ``callable(positions) -> bool`` of shape (n,). Default: anywhere.
+        Region in which the front nodal point may be. It is a `BoxRegion`, `SphereRegion`,
+        `MeshRegion` or another object with a method ``margin``, or ``callable(positions) -> bool``
+        of shape (n,). Default: the whole workspace.
     objective : {"sum", "min"}
         Maximise the sum of the probabilities (the paper) or the smallest.
     model : {"joint", "independent", "montecarlo"}
@@ -112,7 +115,8 @@ def plan_setting(
     search : Search, optional
         How to search; `Search.paper()` is the paper's plain algorithm.
     start : array (m, 4, 4), optional
-        Poses to begin with, cam2world. The setting found is never worse than the best feasible one of them.
+        Poses cam2world to start from. The setting is never worse than the best feasible one of
+        them.
     callback : callable, optional
         ``callback(ga.Generation)`` after every generation; a true return value stops the search.
 
@@ -121,7 +125,8 @@ def plan_setting(
     RequestError
         If an argument breaks its rule.
     InfeasibleError
-        If no setting can be found that satisfies the constraints; it names constraint, entity and amount.
+        If the search finds no setting that meets the constraints. The error names constraint,
+        entity and amount.
 
     Examples
     --------

@@ -7,7 +7,7 @@ from enum import Enum
 
 
 class ReasonKind(Enum):
-    """What keeps an item from being inspected; the values are those of the files."""
+    """Kinds of reasons why a plan does not inspect an item. The values are those of the files."""
 
     UNOBSERVABLE = "unobservable"
     IN_VIEW_FROM_NO_POSE_TRIED = "in view from no pose tried"
@@ -25,7 +25,7 @@ class ReasonKind(Enum):
 
     @property
     def words(self) -> str:
-        """The kind as a person reads it."""
+        """The kind in words."""
         return _WORDS.get(self, self.value)
 
 
@@ -42,14 +42,14 @@ _WORDS = {
 
 
 class Reason(str):
-    """The text of a reason, which also knows its kind.
+    """The text of a reason, with its kind.
 
     Parameters
     ----------
     text : str
         The whole sentence.
     kind : ReasonKind
-        Default: that of a text from elsewhere, such as the plan of an earlier program.
+        Kind of the reason. Default: that of a text from elsewhere, such as an older plan file.
 
     Examples
     --------

@@ -33,7 +33,7 @@ def promises_too_much(rate: SuccessRate) -> bool:
 
 @dataclass(frozen=True, repr=False)
 class SimulationResult:
-    """How often each setting measured each of its entities accurately.
+    """Result of a simulation: how often each setting measured each entity accurately.
 
     Attributes
     ----------
@@ -42,12 +42,12 @@ class SimulationResult:
     n : int
         Displaced poses per setting.
     seed : int or None
-        Repeats the simulation.
+        Seed that reproduces the simulation.
     confidence : float
         Probability that every interval contains the true probability of success.
     shown : ShownImages or None
-        In how many images of displaced cameras the edges can be found; None where that was not asked, or the part was
-        not given.
+        Number of images of displaced cameras in which software can find the edges. None if the plan
+        sets no conditions on the image, or the call had no part.
     """
 
     rates: tuple[dict[str, SuccessRate], ...]
@@ -63,7 +63,7 @@ class SimulationResult:
 
     @property
     def broken(self) -> tuple[tuple[int, str], ...]:
-        """Setting index and entity wherever the prediction promises too much."""
+        """Setting index and entity of each prediction that is too high."""
         return tuple(
             (k, name)
             for k, rates in enumerate(self.rates)
@@ -73,13 +73,16 @@ class SimulationResult:
 
     @property
     def verdicts(self) -> dict[str, int]:
-        """How many predictions were confirmed, how many conservative and so on; see `SuccessRate.verdict`."""
+        """Number of predictions per verdict; see `SuccessRate.verdict`."""
         found = [rate.verdict for rates in self.rates for rate in rates.values()]
         return {verdict: found.count(verdict) for verdict in VERDICTS}
 
     @property
     def confirmed(self) -> bool:
-        """Whether every probability is stated and none contradicted; of a plan without settings, it is true."""
+        """Whether every setting states its probabilities and none is contradicted.
+
+        It is true for a plan without settings.
+        """
         kinds = self.verdicts
         return not kinds[CONTRADICTED] and not kinds[UNSTATED]
 
@@ -117,7 +120,7 @@ class SimulationResult:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> SimulationResult:
-        """Build from the result of `to_dict`.
+        """Build a result from the output of `to_dict`.
 
         Parameters
         ----------
@@ -146,7 +149,7 @@ def simulate_plan(
     progress: Progress | None = None,
     solid: Solid | None = None,
 ) -> SimulationResult:
-    """Measure every entity of every setting from n displaced poses.
+    """Simulate a plan: measure every entity of every setting from n displaced poses.
 
     Parameters
     ----------
@@ -155,17 +158,18 @@ def simulate_plan(
     n : int
         Displaced poses per setting.
     rng : int or numpy.random.Generator
-        With an integer, setting i uses the seed (rng, i), so that it does not depend on the other settings.
+        Seed. With an integer, setting i uses the seed (rng, i), so that settings are independent of
+        each other.
     progress : callable, optional
         ``progress(done, total, label)``.
     solid : Solid, optional
-        The plan's part: then it is counted, too, in how many images of displaced cameras edges meet the conditions for
-        showing (`planner.verify.shown_images`).
+        The plan's part. With it, the simulation also counts the images of displaced cameras in
+        which edges meet the conditions on the image (`planner.verify.shown_images`).
 
     Returns
     -------
     SimulationResult
-        Per setting and entity the success frequency and its confidence interval.
+        Frequency of success and its confidence interval, per setting and entity.
 
     Raises
     ------

@@ -46,7 +46,7 @@ VERDICTS = (CONFIRMED, CONSERVATIVE, TOLERATED, CONTRADICTED, UNSTATED)
 
 @dataclass(frozen=True)
 class SuccessRate:
-    """How often an entity was measured accurately.
+    """How often a simulation measured an entity accurately.
 
     Attributes
     ----------
@@ -57,9 +57,10 @@ class SuccessRate:
     confidence : float
         Its confidence level.
     outside : int
-        Poses from which an end was outside the image; they count as failures unless the sensor's limits are ignored.
+        Number of poses with an end outside the image. They count as failures unless
+        ``sensor_limits`` is False.
     predicted : float
-        The probability the setting promises; nan if it promises none.
+        The probability that the setting states; nan if it states none.
     """
 
     successes: int
@@ -82,11 +83,12 @@ class SuccessRate:
 
     @property
     def verdict(self) -> str:
-        """What the simulation says of the prediction, one of `VERDICTS`.
+        """Verdict of the simulation on the prediction, one of `VERDICTS`.
 
-        "confirmed": it is inside the interval. "conservative": below it, so the entity is measured better than stated.
-        "within the model's tolerance": above the interval, by no more than `MODEL_TOLERANCE`. "contradicted": above it
-        by more. "not stated": there is none.
+        "confirmed": the prediction is inside the interval. "conservative": it is below, so the
+        measurement is better than stated. "within the model's tolerance": it is above by at most
+        `MODEL_TOLERANCE`. "contradicted": it is above by more. "not stated": there is no
+        prediction.
         """
         if math.isnan(self.predicted):
             return UNSTATED
@@ -109,7 +111,7 @@ def simulate_setting(
     confidence: float = 0.99,
     sensor_limits: bool = True,
 ) -> dict[str, SuccessRate]:
-    """Measure the entities of a setting from n displaced poses.
+    """Simulate one setting: measure its entities from n displaced poses.
 
     Parameters
     ----------
@@ -120,7 +122,7 @@ def simulate_setting(
     camera : Camera
         The camera.
     pose_uncertainty : PoseUncertainty
-        Where displacements are drawn from.
+        Distribution of the displacements.
     accuracy : float
         Required accuracy A in (0, 1).
     n : int
@@ -131,7 +133,8 @@ def simulate_setting(
     Returns
     -------
     dict of str to SuccessRate
-        One per entity of the setting. An entity behind the displaced camera is a failure in any case.
+        One per entity of the setting. An entity behind the displaced camera always counts as a
+        failure.
 
     Other Parameters
     ----------------

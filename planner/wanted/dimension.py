@@ -19,30 +19,33 @@ Target = Any
 
 @dataclass(frozen=True)
 class Dimension:
-    """A quantity to be measured in one image, and the error its measurement may have.
+    """A quantity to measure in one image, with the permitted error.
 
-    At most one of ``tolerance``, ``max_error`` and ``accuracy`` is given; without any, the accuracy of the call holds.
+    Give at most one of ``tolerance``, ``max_error`` and ``accuracy``. Without any, the accuracy of
+    the call applies.
 
     Parameters
     ----------
     kind : str
-        "length", "distance", "angle", "diameter", "radius", "centre_distance" or "centre_to_edge", or another kind
-        that is registered with `errors.measurands`.
+        "length", "distance", "angle", "diameter", "radius", "centre_distance" or "centre_to_edge",
+        or another kind registered with `errors.measurands`.
     entities : tuple
-        What must be seen: ids (``17``, ``"r3"``, ``"a0"``), `Edge`, `Rim` or `Entity` objects, or two end points in mm.
+        Entities that must be visible: ids (``17``, ``"r3"``, ``"a0"``), `Edge`, `Rim` or `Entity`
+        objects, or two end points in mm.
     tolerance : (float, float), optional
         Lower and upper deviation from the nominal value that the drawing allows, mm (angles: degrees).
     max_error : float, optional
         Largest permitted error of the measurement, mm (angles: degrees).
     accuracy : float, optional
-        A in (0, 1): an error of the fraction 1 − A of the nominal value is permitted, as in the paper.
+        A in (0, 1). The permitted error is the fraction 1 − A of the nominal value, as in the
+        paper.
     share : float
-        The part of the tolerance's half width that is permitted as error.
+        Permitted error as a share of half the tolerance's width.
     direction : (float, float, float), optional
         Direction of a distance in the part's frame. Default: across the two lines.
     n_features : int
-        How many features of the part it applies to, as the holes of a pattern; the entities measure one of them. Plans
-        and reports count the others as not planned.
+        Number of features to which the dimension applies, such as the holes of a pattern. The
+        entities measure one of them. Plans and reports count the others as not planned.
 
     Raises
     ------
@@ -108,7 +111,7 @@ class Dimension:
         Returns
         -------
         Dimension
-            What is to be measured.
+            The new dimension.
         """
         return cls("length", (edge,), **_in_mm(asked))
 
@@ -126,7 +129,7 @@ class Dimension:
         Returns
         -------
         Dimension
-            What is to be measured.
+            The new dimension.
         """
         return cls("distance", (first, second), **_in_mm(asked))
 
@@ -144,7 +147,7 @@ class Dimension:
         Returns
         -------
         Dimension
-            What is to be measured.
+            The new dimension.
         """
         return cls("angle", (first, second), **_renamed(asked, "deg"))
 
@@ -162,7 +165,7 @@ class Dimension:
         Returns
         -------
         Dimension
-            What is to be measured.
+            The new dimension.
 
         Raises
         ------
@@ -185,7 +188,7 @@ class Dimension:
         Returns
         -------
         Dimension
-            What is to be measured.
+            The new dimension.
         """
         return cls("radius", (rim,), **_in_mm(asked))
 
@@ -203,7 +206,7 @@ class Dimension:
         Returns
         -------
         Dimension
-            What is to be measured.
+            The new dimension.
         """
         return cls("centre_distance", (first, second), **_in_mm(asked))
 
@@ -223,7 +226,7 @@ class Dimension:
         Returns
         -------
         Dimension
-            What is to be measured.
+            The new dimension.
         """
         return cls("centre_to_edge", (rim, edge), **_in_mm(asked))
 
@@ -238,7 +241,7 @@ class Dimension:
         Returns
         -------
         Dimension
-            Itself, if it has one.
+            The same dimension, if it has a requirement.
         """
         if self.tolerance is not None or self.max_error is not None or self.accuracy is not None:
             return self

@@ -41,15 +41,15 @@ class PlannedTarget(ABC):
     Attributes
     ----------
     kind : str
-        What is measured, see `Dimension`.
+        Kind of the dimension, see `Dimension`.
     entities : tuple of str
-        Ids of what must be seen.
+        Ids of the entities that must be visible.
     geometry : tuple of Line or Circle
         Their lines and circles, mm, in the part's frame.
     permitted_error : float
         Largest permitted error, mm (angles: degrees).
     localisation : Localisation
-        How well points are found.
+        Model of the errors of image points.
     """
 
     kind: str
@@ -159,26 +159,26 @@ class PlannedLength(PlannedTarget):
 
 @dataclass(frozen=True)
 class PlannedDimension(PlannedTarget):
-    """A dimension on the part.
+    """A dimension as a plan stores it.
 
     Attributes
     ----------
     kind : str
-        What is measured, see `Dimension`.
+        Kind of the dimension, see `Dimension`.
     entities : tuple of str
-        Ids of what must be seen.
+        Ids of the entities that must be visible.
     geometry : tuple of Line or Circle
         Their lines and circles, mm, in the part's frame.
     permitted_error : float
         Largest permitted error, mm (angles: degrees).
     localisation : Localisation
-        How well points are found.
+        Model of the errors of image points.
     tolerance : (float, float) or None
         Lower and upper deviation that the drawing allows, mm (angles: degrees).
     direction : (float, float, float) or None
         Direction of a distance.
     n_features : int
-        How many features of the part it applies to; the entities measure one of them.
+        Number of features to which it applies. The entities measure one of them.
     """
 
     tolerance: tuple[float, float] | None = None
@@ -187,19 +187,19 @@ class PlannedDimension(PlannedTarget):
 
     @classmethod
     def of(cls, target: DimensionTarget, localisation: Localisation | None) -> PlannedDimension:
-        """Return what a plan keeps of a dimension that was resolved on the part.
+        """Return the stored form of a dimension that was resolved on the part.
 
         Parameters
         ----------
         target : DimensionTarget
             The dimension.
         localisation : Localisation or None
-            How well points are found; None is on whole pixels.
+            Model of the errors of image points; None is rounding to whole pixels.
 
         Returns
         -------
         PlannedDimension
-            Without the part.
+            The dimension without the part.
         """
         return cls(
             target.measurand.kind,
@@ -218,9 +218,21 @@ class PlannedDimension(PlannedTarget):
         return measurand(self.kind, self.geometry, self.direction)
 
     def permitted_error_px(self, cam2world: NDArray[np.float64], camera: Camera) -> float | None:
-        """Return the permitted error times the image's scale d / (z r); None of an angle.
+        """Return the permitted error in the image of a pose, px; None for an angle.
 
-        z is the mean depth of the entities, r the larger pixel pitch.
+        The scale is d / (z r). z is the mean depth of the entities, r the larger pixel pitch.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            The pose.
+        camera : Camera
+            The camera.
+
+        Returns
+        -------
+        float or None
+            In px of the larger pitch.
         """
         if self.unit != "mm":
             return None
@@ -230,7 +242,7 @@ class PlannedDimension(PlannedTarget):
 
     @property
     def requirement_texts(self) -> tuple[str, str]:
-        """What is measured, its tolerance if it has one, and the permitted error with its share of it."""
+        """The target, its tolerance if it has one, and the permitted error with its share of it."""
         nominal = f"{self.kind.replace('_', ' ')} {self.nominal:.6g} {self.unit}"
         error = f"error up to {self.permitted_error:.4g} {self.unit}"
         if self.tolerance is None:
